@@ -1,0 +1,1 @@
+"""Table 1's columns, figures and a report for a trained run."""

@@ -1,0 +1,111 @@
+"""What a report shows of one example: its layers and the photo rendered anew, as sRGB images."""
+
+import io
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib import image as png_writer
+
+from lime_keras import colour, shading
+from lime_keras.compositing import compose
+
+from .examples import Example
+
+_WHITE_PERCENTILE = 99.0
+_LEAST_WHITE = 1e-4
+"""Radiance; a layer that is black throughout stays black."""
+
+
+@dataclass(frozen=True)
+class Pair:
+    """One kind of picture, true and estimated, sRGB in [0, 1], `(H, W, 3)` each."""
+
+    title: str
+    truth: np.ndarray
+    estimate: np.ndarray
+
+
+def pairs(example: Example) -> list[Pair]:
+    """Mask, S, M and the photo rendered anew, each true and estimated."""
+    truth, estimate = example.truth, example.estimate
+    return [
+        Pair("Mask", _grey(truth["mask"]), _grey(estimate["mask"])),
+        _hdr_pair("Specular shading S", "specular_shading", example),
+        _hdr_pair("Mirror image M", "mirror", example),
+        Pair("Rendered with the material", true_render(example), estimated_render(example)),
+    ]
+
+
+def true_render(example: Example) -> np.ndarray:
+    """Eq. 4 from the record's own material and layers, over the photo's background, sRGB."""
+    truth = example.truth
+    return _over_background(
+        truth, truth["diffuse_albedo"], truth["specular_albedo"], truth["specular_shading"]
+    )
+
+
+def estimated_render(example: Example) -> np.ndarray:
+    """Eq. 4 with the estimated m_d, m_s and s under the true light, on the true shape, sRGB.
+
+    S is summed anew over the record's environment at the estimated exponent; D, m_a and the mask
+    are the true ones, so what differs from `true_render` is the material alone.
+    """
+    truth, estimate = example.truth, example.estimate
+    shape = truth["mask"].shape
+    inside = truth["mask"][..., 0] > 0
+    view = shading.view_directions(truth["camera"], *shape[:2]).astype(np.float32)
+    specular = np.zeros(shape, np.float32)
+    light, energy = shading.texels(truth["environment"][..., 0])
+    specular[inside, 0] = shading.specular(
+        truth["normal"][inside], view[inside], example.exponent, light, energy
+    )
+    if example.literal:
+        specular *= np.float32(shading.literal_scale(example.exponent)[1])
+    return _over_background(
+        truth, estimate["diffuse_albedo"], estimate["specular_albedo"], specular
+    )
+
+
+def tonemap(radiance: np.ndarray, white: float) -> np.ndarray:
+    """Grey radiance `(H, W, 1)` as sRGB `(H, W, 3)`; `white` and all above become 1."""
+    return _grey(colour.linear_to_srgb(np.clip(radiance / white, 0.0, 1.0)))
+
+
+def png(image_srgb: np.ndarray) -> bytes:
+    """PNG of an image `(H, W, 3)`, sRGB in [0, 1]."""
+    buffer = io.BytesIO()
+    png_writer.imsave(buffer, np.clip(image_srgb, 0.0, 1.0), format="png")
+    return buffer.getvalue()
+
+
+def _hdr_pair(title: str, name: str, example: Example) -> Pair:
+    """A layer tonemapped by one scale: the truth's 99th percentile in the mask becomes white."""
+    true = example.truth[name] * example.truth["mask"]
+    inside = true[example.truth["mask"] >= 0.5]
+    white = float(np.percentile(inside, _WHITE_PERCENTILE)) if inside.size else 1.0
+    white = max(white, _LEAST_WHITE)
+    return Pair(title, tonemap(true, white), tonemap(example.estimate[name], white))
+
+
+def _over_background(
+    truth: dict[str, np.ndarray],
+    diffuse_albedo: np.ndarray,
+    specular_albedo: np.ndarray,
+    specular_shading: np.ndarray,
+) -> np.ndarray:
+    """The object under Eq. 4, clipped at 1 as a camera does, before the photo's background."""
+    radiance = compose(
+        diffuse_albedo,
+        np.asarray(specular_albedo),
+        truth["ambient"],
+        truth["diffuse_shading"][None],
+        specular_shading[None],
+    )[0]
+    photo = colour.srgb_to_linear(truth["image"])
+    mask = truth["mask"]
+    mixed = np.clip(radiance, 0.0, 1.0) * mask + photo * (1 - mask)
+    return np.clip(colour.linear_to_srgb(mixed), 0.0, 1.0)
+
+
+def _grey(values: np.ndarray) -> np.ndarray:
+    return np.repeat(np.clip(values, 0.0, 1.0), 3, axis=-1)

@@ -1,0 +1,170 @@
+"""One self-contained HTML page about a trained run: numbers, figures, examples."""
+
+import base64
+import json
+from collections.abc import Mapping
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import keras
+import numpy as np
+import tensorflow as tf
+
+from lime_keras import colour, shininess
+from lime_keras.version import __version__
+
+from . import figures, pictures, table
+from .evaluate import Evaluation
+from .examples import Example, bin_label
+from .measures import MEASURES
+
+_TEMPLATES = Path(__file__).parent / "templates"
+_HEADLINES = {
+    "mask_iou": "Mask IoU",
+    "exponent_exact": "Exponent, right bin",
+    "log_exponent_mae": "Exponent, error of log10 s",
+    "diffuse_albedo_mae": "Diffuse albedo, MAE",
+    "specular_albedo_mae": "Specular albedo, MAE",
+}
+
+
+def render(
+    evaluation: Evaluation,
+    summary: Mapping[str, Any],
+    examples: list[Example],
+    *,
+    command: str,
+    corpus: Path,
+    run: Path,
+) -> str:
+    """The report as HTML; needs no other file and no network.
+
+    Args:
+        evaluation: rows and confusion matrix.
+        summary: of `measures.summarise`.
+        examples: to be shown, of `examples.read`.
+        command: that made the report, as typed.
+        corpus: folder that was evaluated on.
+        run: folder of the weights; its `config.json` and `curves/` are shown where they exist.
+
+    Raises:
+        ValueError: if a file of loss curves is not a table of numbers.
+    """
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(_TEMPLATES),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template("report.html").render(
+        command=command,
+        corpus=corpus.name or str(corpus),
+        run=run.name or str(run),
+        made=date.today().isoformat(),
+        versions=f"lime_keras {__version__}, TensorFlow {tf.__version__}, "
+        f"Keras {keras.__version__}",
+        summary=summary,
+        tiles=[_tile(name, title, summary) for name, title in _HEADLINES.items()],
+        header=table.HEADER,
+        rows=table.rows(summary),
+        constants=_constants(summary),
+        confusion=_both_themes(lambda theme: figures.confusion(evaluation.confusion, theme)),
+        albedos=_both_themes(lambda theme: figures.albedos(evaluation.rows, theme)),
+        curves=_both_themes(lambda theme: figures.loss_curves(run / "curves", theme)),
+        examples=[_card(example) for example in examples],
+        config=_pretty_json(run / "config.json"),
+        manifest=_pretty_json(corpus / "test" / "manifest.json"),
+    )
+
+
+def _tile(name: str, title: str, summary: Mapping[str, Any]) -> dict[str, Any]:
+    """A headline number and its place between chance (0 %) and a perfect answer (100 %)."""
+    measure = MEASURES[name]
+    perfect = 1.0 if measure.more_is_better else measure.floor or 0.0
+    chance = summary["chance"].get(name, summary["constant"].get(name))
+
+    def place(value: float | None) -> float | None:
+        if value is None or chance == perfect:
+            return None
+        return round(100 * float(np.clip((value - chance) / (perfect - chance), 0, 1)), 1)
+
+    return {
+        "title": title,
+        "value": table.number(summary[name], is_share=measure.is_share),
+        "paper": table.number(measure.paper, is_share=measure.is_share),
+        "ours_at": place(summary[name]),
+        "paper_at": place(measure.paper),
+        "oracle_at": place(summary["oracle"].get(name)),
+    }
+
+
+def _constants(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """What the best constant answers reach on this split, titled and ready to print."""
+    return [
+        (MEASURES[name].title, table.number(value, is_share=MEASURES[name].is_share))
+        for name, value in summary["constant"].items()
+    ]
+
+
+def _card(example: Example) -> dict[str, Any]:
+    """One example for the template."""
+    truth, estimate = example.truth, example.estimate
+    probabilities = estimate["exponent_bin_probabilities"]
+    true_bin = int(shininess.bin_of(truth["shininess"]))
+    return {
+        "reason": example.choice.reason,
+        "source": f"{truth['shape'].decode()} under {truth['light'].decode()}, "
+        f"seed {truth['seed']}, index {truth['index']}",
+        "photo": _data_uri(pictures.png(truth["image"])),
+        "pairs": [
+            {
+                "title": pair.title,
+                "truth": _data_uri(pictures.png(pair.truth)),
+                "estimate": _data_uri(pictures.png(pair.estimate)),
+            }
+            for pair in pictures.pairs(example)
+        ],
+        "diffuse": [_swatch(material["diffuse_albedo"]) for material in (truth, estimate)],
+        "specular": [f"{float(m['specular_albedo'].item()):.2f}" for m in (truth, estimate)],
+        "exponent": [f"{s:.1f}" for s in (float(truth["shininess"]), example.exponent)],
+        "bars": [
+            {"height": round(100 * float(p), 1), "label": bin_label(k), "is_true": k == true_bin}
+            for k, p in enumerate(probabilities)
+        ],
+    }
+
+
+def _swatch(albedo_linear: np.ndarray) -> dict[str, str]:
+    """An albedo as a CSS colour and as text."""
+    srgb = np.clip(colour.linear_to_srgb(albedo_linear), 0, 1)
+    red, green, blue = np.round(255 * srgb).astype(int).tolist()
+    return {
+        "css": f"rgb({red}, {green}, {blue})",
+        "text": " ".join(f"{value:.2f}" for value in albedo_linear),
+    }
+
+
+def _both_themes(draw: Any) -> dict[str, str] | None:
+    """The figure for a light and for a dark page as data URIs; None if there is none to draw."""
+    drawn = {"light": draw(figures.LIGHT), "dark": draw(figures.DARK)}
+    if drawn["light"] is None:
+        return None
+    return {name: _data_uri(data) for name, data in drawn.items()}
+
+
+def _data_uri(data: bytes) -> str:
+    return f"data:image/png;base64,{base64.b64encode(data).decode()}"
+
+
+def _pretty_json(path: Path) -> str | None:
+    """The file's JSON, indented; as it stands if it is none; None if there is no file."""
+    if not path.is_file():
+        return None
+    text = path.read_text(encoding="utf-8", errors="replace")
+    try:
+        return json.dumps(json.loads(text), indent=2, ensure_ascii=False)
+    except json.JSONDecodeError:
+        return text

@@ -1,0 +1,78 @@
+"""Table 1 as text: the same rows for Markdown, the terminal and the report."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from .measures import MEASURES, Measure
+
+HEADER = ("Measure", "Ours (± 95 % interval)", "Oracle", "Paper", "Chance", "Floor")
+_ABSENT = "–"
+
+
+@dataclass(frozen=True)
+class Row:
+    """One measure, its numbers ready to print; what does not exist is a dash."""
+
+    name: str
+    title: str
+    ours: str
+    oracle: str
+    paper: str
+    chance: str
+    floor: str
+
+    def cells(self) -> tuple[str, ...]:
+        """The cells below `HEADER`."""
+        return (self.title, self.ours, self.oracle, self.paper, self.chance, self.floor)
+
+
+def rows(summary: Mapping[str, Any]) -> list[Row]:
+    """The table's rows of `measures.summarise`."""
+    return [_row(name, measure, summary) for name, measure in MEASURES.items()]
+
+
+def markdown(summary: Mapping[str, Any]) -> str:
+    """The table in Markdown, columns aligned so that it also reads well in a terminal."""
+    lines = [HEADER, *(row.cells() for row in rows(summary))]
+    widths = [max(len(line[column]) for line in lines) for column in range(len(HEADER))]
+    text = [_line(line, widths) for line in lines]
+    rule = "|".join(["", "-" * (widths[0] + 2), *("-" * (width + 1) + ":" for width in widths[1:])])
+    return "\n".join([text[0], rule + "|", *text[1:], "", _note(summary)]) + "\n"
+
+
+def number(value: float | None, *, is_share: bool) -> str:
+    """A measure to print: shares in per cent with two decimals, others with four."""
+    if value is None:
+        return _ABSENT
+    return f"{100 * value:.2f} %" if is_share else f"{value:.4f}"
+
+
+def _row(name: str, measure: Measure, summary: Mapping[str, Any]) -> Row:
+    compared = {
+        kind: number(summary[kind].get(name), is_share=measure.is_share)
+        for kind in ("oracle", "paper", "chance", "floor")
+    }
+    low, high = summary["interval"][name]
+    half = (high - low) / 2
+    if measure.is_share:
+        ours = f"{100 * summary[name]:.2f} ± {100 * half:.2f} %"
+    else:
+        ours = f"{summary[name]:.4f} ± {half:.4f}"
+    arrow = {True: " ↑", False: " ↓", None: ""}[measure.more_is_better]
+    return Row(name, measure.title + arrow, ours, **compared)
+
+
+def _line(cells: tuple[str, ...], widths: list[int]) -> str:
+    """One line: the first column flush left, the numbers flush right."""
+    padded = [cells[0].ljust(widths[0])]
+    padded += [cell.rjust(width) for cell, width in zip(cells[1:], widths[1:], strict=True)]
+    return f"| {' | '.join(padded)} |"
+
+
+def _note(summary: Mapping[str, Any]) -> str:
+    return (
+        f"{summary['count']} test images. Oracle: ExponentNet and AlbedoNet given the true mask, "
+        "S and M. Chance: an answer that knows nothing. Floor: what perfect classification into "
+        "bins still errs by."
+    )

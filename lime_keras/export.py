@@ -1,0 +1,137 @@
+"""SavedModel and ONNX, each proved to agree with Keras before it is called done."""
+
+import shutil
+from collections.abc import Collection
+from pathlib import Path
+
+import keras
+import numpy as np
+import tensorflow as tf
+
+from lime_keras import weights
+from lime_keras.networks import assemble
+from lime_keras.networks.system import OUTPUTS
+
+TOLERANCE = 1e-3
+"""Largest accepted difference from Keras: absolute, and relative for values above 1."""
+_OPSET = 17
+_PROOF_IMAGES = 4
+
+
+class ParityError(RuntimeError):
+    """An exported model that does not answer as Keras does."""
+
+
+def export(
+    folder: Path, model_format: str, weights_folder: Path, only: Collection[str] = OUTPUTS
+) -> dict[str, float]:
+    """Write a model and compare it with Keras on images it has never seen.
+
+    Args:
+        folder: written to: `saved_model/` or `lime.onnx` inside it.
+        model_format: `savedmodel` or `onnx`.
+        weights_folder: run of `lime-train`, or folder of `lime_keras.weights.save`.
+        only: names of outputs, out of `lime_keras.networks.system.OUTPUTS`.
+
+    Returns:
+        The largest difference from Keras of each output (relative above 1).
+
+    Raises:
+        FileNotFoundError: if there is no trained model.
+        ParityError: if the written model differs from Keras by more than `TOLERANCE`; nothing is
+            left in its place.
+    """
+    architecture, subnetworks = weights.load(weights_folder)
+    network = assemble(subnetworks, only)
+    folder.mkdir(parents=True, exist_ok=True)
+    images = proof_images(architecture.size)
+    expected = {name: np.array(value) for name, value in network(images).items()}
+    write, target, run = {
+        "savedmodel": (_write_saved_model, folder / "saved_model", run_saved_model),
+        "onnx": (_write_onnx, folder / "lime.onnx", run_onnx),
+    }[model_format]
+    partial = target.with_name(f"partial-{target.name}")
+    _remove(partial)
+    write(network, partial)
+    differences = compare(expected, run(partial, images))
+    wrong = {name: value for name, value in differences.items() if not value <= TOLERANCE}
+    if wrong:
+        _remove(partial)
+        raise ParityError(f"the {model_format} model differs from Keras: {wrong}")
+    _remove(target)
+    partial.rename(target)
+    return differences
+
+
+def proof_images(size: int) -> np.ndarray:
+    """Images `(4, size, size, 3)` in [0, 1]: smooth, noisy, black and white."""
+    rng = np.random.default_rng(0)
+    coarse = rng.uniform(size=(1, 8, 8, 3)).astype(np.float32)
+    smooth = np.array(tf.image.resize(coarse, (size, size)))
+    noisy = rng.uniform(size=(1, size, size, 3)).astype(np.float32)
+    return np.concatenate([smooth, noisy, np.zeros_like(noisy), np.ones_like(noisy)])
+
+
+def compare(expected: dict[str, np.ndarray], answer: dict[str, np.ndarray]) -> dict[str, float]:
+    """Largest difference of each output, relative where the expected value is above 1.
+
+    Raises:
+        ParityError: if names or shapes differ.
+    """
+    shapes = {name: value.shape for name, value in expected.items()}
+    found = {name: value.shape for name, value in answer.items()}
+    if shapes != found:
+        raise ParityError(f"outputs {found}, expected {shapes}")
+    return {
+        name: float(np.max(np.abs(answer[name] - value) / np.maximum(np.abs(value), 1)))
+        for name, value in expected.items()
+    }
+
+
+def run_saved_model(path: Path, images: np.ndarray) -> dict[str, np.ndarray]:
+    """Answers of a SavedModel's `serving_default` signature."""
+    served = tf.saved_model.load(str(path)).signatures["serving_default"]
+    return {name: value.numpy() for name, value in served(image=tf.constant(images)).items()}
+
+
+def run_onnx(path: Path, images: np.ndarray) -> dict[str, np.ndarray]:
+    """Answers of an ONNX model under ONNX Runtime."""
+    import onnxruntime
+
+    session = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
+    names = [output.name for output in session.get_outputs()]
+    return dict(zip(names, session.run(names, {"image": images}), strict=True))
+
+
+def _served(network: keras.Model) -> tf.types.experimental.PolymorphicFunction:
+    """The model as a function of `image` `(B, S, S, 3)` with named outputs."""
+    signature = tf.TensorSpec((None, *network.input_shape[1:]), tf.float32, name="image")
+
+    @tf.function(input_signature=[signature])
+    def serve(image: tf.Tensor) -> dict[str, tf.Tensor]:
+        answer = network(image, training=False)
+        return {name: tf.identity(value, name=name) for name, value in answer.items()}
+
+    return serve
+
+
+def _write_saved_model(network: keras.Model, path: Path) -> None:
+    module = tf.Module()
+    module.network = network
+    module.serve = _served(network)
+    tf.saved_model.save(module, str(path), signatures={"serving_default": module.serve})
+
+
+def _write_onnx(network: keras.Model, path: Path) -> None:
+    import tf2onnx
+
+    serve = _served(network)
+    tf2onnx.convert.from_function(
+        serve, input_signature=serve.input_signature, opset=_OPSET, output_path=str(path)
+    )
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir():
+        shutil.rmtree(path)
+    path.unlink(missing_ok=True)

@@ -1,0 +1,78 @@
+"""The paper's losses (section 5.3 and Eq. 5), each one number per example: shape `(B,)`.
+
+The reduction over the batch, and the weights between the terms, are the caller's.
+"""
+
+from typing import Any
+
+from keras import ops
+
+from lime_keras import colour
+from lime_keras.compositing import compose
+from lime_keras.dynamic_range import compress, expand
+from lime_keras.masking import masked_mean
+
+SATURATED = 0.999
+"""sRGB level from which a channel counts as clipped by the camera."""
+
+
+def mask_l2(mask: Any, predicted: Any) -> Any:
+    """Mean squared error of the mask over the whole image; both `(B, H, W, 1)` in [0, 1]."""
+    return ops.mean(ops.square(predicted - mask), axis=(1, 2, 3))
+
+
+def shading_l1(shading: Any, predicted_compressed: Any, mask: Any) -> Any:
+    """Masked ℓ1 on S or M, both compressed (`dynamic_range`).
+
+    Args:
+        shading: true linear shading `(B, H, W, 1)`.
+        predicted_compressed: what the network answers, `(B, H, W, 1)`.
+        mask: coverage `(B, H, W, 1)`.
+    """
+    return masked_mean(ops.abs(predicted_compressed - compress(shading)), mask)
+
+
+def albedo_l2(albedo: Any, predicted: Any) -> Any:
+    """Mean squared error of an albedo `(B, C)` in [0, 1]."""
+    return ops.mean(ops.square(predicted - albedo), axis=-1)
+
+
+def exponent_cross_entropy(exponent_bin: Any, probabilities: Any) -> Any:
+    """Cross-entropy in nats of the true class `(B,)` under `(B, 8)` probabilities."""
+    least = 1e-7
+    chosen = ops.take_along_axis(probabilities, ops.expand_dims(exponent_bin, -1), axis=-1)
+    return -ops.log(ops.maximum(chosen[:, 0], least))
+
+
+def compositing_l1(
+    image_srgb: Any,
+    mask: Any,
+    diffuse_albedo: Any,
+    specular_albedo: Any,
+    ambient: Any,
+    diffuse_shading: Any,
+    specular_compressed: Any,
+) -> Any:
+    """Eq. 5: the image recomposed from predicted m_d, m_s, S and true D, m_a, against the photo.
+
+    A clipped channel says only that the radiance was at least 1, so there the error is how far the
+    prediction falls short of 1, and overshoot is free; elsewhere it is the distance in linear
+    radiance. The prediction itself is never clipped, or an overshoot would lose its gradient.
+
+    Args:
+        image_srgb: `(B, H, W, 3)` in [0, 1], sRGB.
+        mask: coverage `(B, H, W, 1)`; pixels of partial coverage show background and do not count.
+        diffuse_albedo: predicted m_d `(B, 3)`.
+        specular_albedo: predicted m_s `(B, 1)`.
+        ambient: true m_a `(B,)`.
+        diffuse_shading: true D `(B, H, W, 1)`.
+        specular_compressed: predicted S `(B, H, W, 1)`, compressed.
+    """
+    specular_shading = expand(specular_compressed)
+    composed = compose(diffuse_albedo, specular_albedo, ambient, diffuse_shading, specular_shading)
+    image = colour.srgb_to_linear(image_srgb)
+    error = ops.where(
+        image_srgb >= SATURATED, ops.maximum(1.0 - composed, 0.0), ops.abs(composed - image)
+    )
+    full = ops.cast(mask >= 1.0, error.dtype)
+    return masked_mean(error, full)

@@ -1,0 +1,40 @@
+"""What an estimate is."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Material:
+    """A Blinn–Phong material with the layers it was read from; fields not asked for are None.
+
+    Attributes:
+        diffuse_albedo: m_d, `(3,)` linear RGB in [0, 1].
+        specular_albedo: m_s in [0, 1]; multiplies the furnace-normalised S.
+        exponent: shininess s, from the expected log10 s over the eight classes.
+        exponent_bin_probabilities: `(8,)`, summing to 1.
+        mask_coverage: share of the image that the object covers, in [0, 1].
+        exponent_entropy: bits, from 0 (certain) to 3 (nothing known).
+        layers: images by name, each at the estimate's size: `mask` `(H, W, 1)` in [0, 1];
+            `specular_shading` and `mirror` `(H, W, 1)` linear radiance; `diffuse` `(H, W, 3)`, the
+            photo less m_s · S, linear radiance.
+    """
+
+    diffuse_albedo: np.ndarray | None = None
+    specular_albedo: float | None = None
+    exponent: float | None = None
+    exponent_bin_probabilities: np.ndarray | None = None
+    mask_coverage: float | None = None
+    exponent_entropy: float | None = None
+    layers: dict[str, np.ndarray] = field(default_factory=dict)
+
+    def to_json(self) -> dict[str, object]:
+        """The numbers without the layers, ready for `json.dumps`; what is None is left out."""
+        numbers = {name: getattr(self, name) for name in self.__dataclass_fields__}
+        del numbers["layers"]
+        return {
+            name: value.tolist() if isinstance(value, np.ndarray) else value
+            for name, value in numbers.items()
+            if value is not None
+        }

@@ -1,0 +1,6 @@
+"""The five subnetworks of section 5.2, each a functional Keras model, and their assembly."""
+
+from lime_keras.networks.architecture import PRESETS, Architecture
+from lime_keras.networks.system import SUBNETWORKS, assemble, build
+
+__all__ = ["PRESETS", "SUBNETWORKS", "Architecture", "assemble", "build"]

@@ -1,0 +1,111 @@
+"""Shards → parsed, resized, shuffled, batched `tf.data`.
+
+A dataset's elements are dictionaries named as in `records`, batched along the first axis, with
+`exponent_bin` `(B,)` added.
+"""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import tensorflow as tf
+
+from lime_keras import corpus as corpus_files
+from lime_keras import records, shininess
+
+_SHUFFLE = 2048
+"""Serialised examples held for shuffling: some 400 MB at 256 × 256."""
+_LAYERS = ("diffuse_shading", "specular_shading", "mirror", "normal")
+_CHANNELS = {"image": 3, "mask": 1} | dict.fromkeys(_LAYERS, 1) | {"normal": 3}
+
+
+def training_shards(corpus: Path) -> tuple[list[Path], list[Path]]:
+    """Split the train split's shards into those for training and the last tenth for validation.
+
+    Raises:
+        FileNotFoundError: if the split is incomplete.
+        ValueError: if there are fewer than two shards.
+    """
+    paths = corpus_files.shard_paths(corpus, "train")
+    if len(paths) < 2:
+        raise ValueError(
+            f"{corpus}/train has {len(paths)} shard; training needs at least 2, one of them for "
+            "validation: render more examples or pass a smaller --shard-size"
+        )
+    held_out = max(1, len(paths) // 10)
+    return paths[:-held_out], paths[-held_out:]
+
+
+def training(
+    shards: list[Path], *, size: int, batch_size: int, seed: int, first_step: int = 0
+) -> tf.data.Dataset:
+    """Endless shuffled batches; the same seed gives the same order, from any `first_step` on.
+
+    Args:
+        shards: files to read.
+        size: height and width of the images; a divisor of the stored size.
+        batch_size: examples a batch.
+        seed: of the order.
+        first_step: batches to pass over without decoding them, when training is resumed.
+    """
+    dataset = tf.data.Dataset.from_tensor_slices([str(path) for path in shards])
+    dataset = dataset.shuffle(len(shards), seed=seed, reshuffle_each_iteration=True)
+    dataset = dataset.interleave(tf.data.TFRecordDataset, cycle_length=4, deterministic=True)
+    dataset = dataset.shuffle(_SHUFFLE, seed=seed, reshuffle_each_iteration=True).repeat()
+    dataset = dataset.skip(first_step * batch_size)
+    dataset = dataset.map(_prepare(size), num_parallel_calls=tf.data.AUTOTUNE, deterministic=True)
+    return dataset.batch(batch_size, drop_remainder=True).prefetch(2)
+
+
+def evaluation(shards: list[Path], *, size: int, batch_size: int) -> tf.data.Dataset:
+    """Every example once, in order; the last batch may be smaller."""
+    dataset = tf.data.TFRecordDataset([str(path) for path in shards])
+    dataset = dataset.map(_prepare(size), num_parallel_calls=tf.data.AUTOTUNE, deterministic=True)
+    return dataset.batch(batch_size).prefetch(2)
+
+
+def resize(example: dict[str, tf.Tensor], size: int) -> dict[str, tf.Tensor]:
+    """Bring an example's images to `size` × `size` by area averaging.
+
+    Layers are averaged over the covered part of each area, so a silhouette stays as bright as the
+    object; the camera is scaled along.
+
+    Raises:
+        tf.errors.InvalidArgumentError: if `size` does not divide the stored size.
+    """
+    stored = tf.shape(example["mask"])[0]
+    divides = tf.debugging.assert_equal(
+        stored % size, 0, f"the stored images cannot be averaged to {size}: pass a divisor"
+    )
+    with tf.control_dependencies([divides] if divides is not None else []):
+        factor = stored // size
+
+    def area_mean(name: str, image: tf.Tensor) -> tf.Tensor:
+        blocks = tf.reshape(image, (size, factor, size, factor, _CHANNELS[name]))
+        return tf.reduce_mean(blocks, axis=(1, 3))
+
+    out = dict(example)
+    out["image"] = area_mean("image", example["image"])
+    out["mask"] = area_mean("mask", example["mask"])
+    for name in _LAYERS:
+        covered = area_mean(name, example[name] * example["mask"])
+        out[name] = tf.math.divide_no_nan(covered, out["mask"])
+    # l2_normalize leaves the zero normals outside the mask at zero.
+    out["normal"] = tf.math.l2_normalize(out["normal"], axis=-1)
+    out["camera"] = example["camera"] / tf.cast(factor, tf.float32)
+    return out
+
+
+def _prepare(size: int) -> Callable[[tf.Tensor], dict[str, tf.Tensor]]:
+    """The map function: bytes → example of that size, with its exponent's class."""
+    edges = tf.constant(shininess.LOG_EDGES[1:-1], tf.float32)
+
+    def prepare(serialized: tf.Tensor) -> dict[str, tf.Tensor]:
+        example = resize(records.parse(serialized), size)
+        log = tf.math.log(tf.maximum(example["shininess"], 1.0)) / math.log(10.0)
+        # The same slack as shininess.bin_of.
+        above = log + shininess.BIN_WIDTH * 1e-6 >= edges
+        example["exponent_bin"] = tf.reduce_sum(tf.cast(above, tf.int32))
+        return example
+
+    return prepare

@@ -1,0 +1,1 @@
+"""Mitsuba-rendered corpora: shapes, rooms, G-buffers, shading integrals, TFRecord shards."""

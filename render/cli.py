@@ -1,0 +1,153 @@
+"""`lime-render`: render a corpus."""
+
+import argparse
+import os
+import sys
+from pathlib import Path
+
+from lime_keras import console
+from lime_keras.version import __version__
+
+_EXAMPLE = """
+examples:
+  lime-render corpus --split train --count 512
+  lime-render corpus --split test --count 128
+  lime-render corpus --split train --count 10000 --shapes meshes/ --environments hdris/
+
+An interrupted command, run again, goes on where it stopped; the same seed gives the same bytes
+whatever the number of workers.
+"""
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command's options."""
+    out = argparse.ArgumentParser(
+        prog="lime-render",
+        description="Render images of single objects with their mask, diffuse and specular shading, "
+        "mirror image, normals, environment and material, as TFRecords.",
+        epilog=_EXAMPLE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    out.add_argument("out", type=Path, metavar="OUT", help="folder of the corpus")
+    out.add_argument("--split", choices=("train", "test"), required=True)
+    out.add_argument("--count", type=_positive, required=True, help="number of examples")
+    out.add_argument("--seed", type=_seed, default=0, help="of everything random (default: 0)")
+    out.add_argument(
+        "--shapes",
+        type=Path,
+        metavar="DIR",
+        help="folder of meshes (OBJ, PLY, STL, GLB) instead of the built-in shapes",
+    )
+    out.add_argument(
+        "--environments",
+        type=Path,
+        metavar="DIR",
+        help="folder of environment maps (HDR, EXR; equirectangular) instead of built-in rooms; "
+        "of both folders a fifth of the files is kept for the test split, or the subfolders train "
+        "and test are used if there are such",
+    )
+    out.add_argument(
+        "--backgrounds",
+        type=Path,
+        metavar="DIR",
+        help="folder of pictures to put behind the objects instead of random textures",
+    )
+    out.add_argument(
+        "--shading",
+        choices=("furnace", "literal"),
+        default="furnace",
+        help="normalise shading to the white furnace, or store Eqs. 2 and 3 as printed "
+        "(default: furnace)",
+    )
+    out.add_argument(
+        "--size", type=_size, default=256, help="height and width in pixels (default: 256)"
+    )
+    out.add_argument(
+        "--shard-size", type=_positive, default=512, help="examples in a file (default: 512)"
+    )
+    out.add_argument(
+        "--workers", type=_positive, default=os.cpu_count(), help="processes (default: all cores)"
+    )
+    out.add_argument("--version", action="version", version=__version__)
+    return out
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Render one split of a corpus; returns the exit status."""
+    options = parser().parse_args(argv)
+    return console.run(
+        lambda: _render(options), "the same command goes on with the shards that are missing"
+    )
+
+
+def _render(options: argparse.Namespace) -> int:
+    from tqdm import tqdm
+
+    from . import shards, variants
+
+    choice = variants.choose()
+    print(choice.explain(), file=sys.stderr)
+    folders = {
+        name: str(folder.resolve()) if (folder := getattr(options, name)) else None
+        for name in ("shapes", "environments", "backgrounds")
+    }
+    description = shards.Description(
+        split=options.split,
+        count=options.count,
+        seed=options.seed,
+        size=options.size,
+        shard_size=options.shard_size,
+        shading=options.shading,
+        variant=choice.variant,
+        **folders,
+    )
+    with (
+        tqdm(desc="rooms", unit="room", delay=1, dynamic_ncols=True) as room_bar,
+        tqdm(desc=options.split, unit="example", dynamic_ncols=True) as example_bar,
+    ):
+        manifest = shards.render_split(
+            options.out,
+            description,
+            choice,
+            workers=min(options.workers, description.shards),
+            on_room=_follow(room_bar),
+            on_example=_follow(example_bar),
+        )
+    for failure in manifest["failures"]:
+        print(f"replaced: example {failure['index']}: {failure['error']}", file=sys.stderr)
+    print(f"{manifest['examples']} examples in {options.out / options.split}")
+    return 0
+
+
+def _follow(bar):
+    """A callback that moves a progress bar; what was there before does not count for its rate."""
+
+    def move(done: int, total: int) -> None:
+        if bar.total is None:
+            bar.initial = bar.n = done
+            bar.total = total
+        bar.update(done - bar.n)
+        bar.refresh()
+
+    return move
+
+
+def _positive(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{text} is not at least 1")
+    return value
+
+
+def _seed(text: str) -> int:
+    value = int(text)
+    if not 0 <= value < 2**63:
+        raise argparse.ArgumentTypeError(f"{text} is not in 0 … 2^63 − 1")
+    return value
+
+
+def _size(text: str) -> int:
+    value = int(text)
+    if value < 32 or value % 32:
+        raise argparse.ArgumentTypeError(f"{text} is not a multiple of 32")
+    return value

@@ -1,0 +1,125 @@
+"""An environment map, made ready to light many scenes.
+
+Everything that depends on the map alone is computed once: its energy at falling resolutions, its
+irradiance, where its strong light is. A scene rotates its own normals into the map's frame.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from lime_keras import environment, shading
+
+from . import environments
+
+MEAN_RADIANCE = 0.4
+"""Spherical mean to which every map is scaled: the exposure (docs/decisions.md)."""
+_COARSEST, _FINEST = 32, 256
+_IRRADIANCE_HEIGHT = 32
+# A light is split while energy share × (its extent / lobe width)² is above this (docs/decisions.md).
+_SPLIT_ABOVE = 2e-3
+
+
+@dataclass(frozen=True)
+class Level:
+    """A map's energy gathered into `(H, W)` texels.
+
+    Attributes:
+        energy: radiance times solid angle of each texel, `(H, W)`.
+        direction: unit energy-weighted mean direction of what each texel holds, `(H, W, 3)`: the
+            first moment is kept, so a lamp stays where it is at every resolution.
+    """
+
+    energy: np.ndarray
+    direction: np.ndarray
+
+
+@dataclass(frozen=True)
+class Light:
+    """One map in its own frame, scaled to a spherical mean.
+
+    Attributes:
+        name: file or room it came from.
+        radiance: `(H, W)`, the finest resolution.
+        levels: energies by height, 256 (or the map's own, if lower) down to 32.
+        diffuse_shading: `(32, 64)`, D for a normal in the direction of each texel.
+        strong_direction: `(3,)` unit, towards the texel of most energy.
+    """
+
+    name: str
+    radiance: np.ndarray
+    levels: dict[int, Level]
+    diffuse_shading: np.ndarray
+    strong_direction: np.ndarray
+
+    def cut(self, exponent: float) -> tuple[np.ndarray, np.ndarray]:
+        """The map as lights for a lobe of this exponent: directions `(T, 3)`, energies `(T,)`.
+
+        A cut through the pyramid: bright or wide texels are split until the error that their
+        extent makes in the lobe is small, dim ones are taken whole.
+        """
+        directions, energies = [], []
+        height = min(self.levels)
+        total = float(np.sum(self.levels[height].energy))
+        # Share of the sphere's energy that a lobe of this exponent sees from an even light.
+        seen = min(1.0, 4.0 / (exponent + 2.0))
+        open_texels = np.ones(self.levels[height].energy.shape, bool)
+        while height in self.levels:
+            level = self.levels[height]
+            extent = math.pi / height
+            if 2 * height in self.levels:
+                error = level.energy / (total * seen) * (extent**2 * (exponent + 2.0))
+                split = open_texels & (error > _SPLIT_ABOVE)
+            else:
+                split = np.zeros_like(open_texels)
+            whole = open_texels & ~split & (level.energy > 0)
+            directions.append(level.direction[whole])
+            energies.append(level.energy[whole])
+            open_texels = np.repeat(np.repeat(split, 2, axis=0), 2, axis=1)
+            height *= 2
+        return np.concatenate(directions), np.concatenate(energies)
+
+
+def prepare(name: str, radiance: np.ndarray, mean: float = MEAN_RADIANCE) -> Light:
+    """Scale a map `(H, W)` to the spherical mean and precompute what scenes need.
+
+    Raises:
+        ValueError: if the map is black or not finite.
+    """
+    average = environment.spherical_mean(radiance)
+    if not np.isfinite(average) or average <= 0:
+        raise ValueError(f"{name}: the map's mean radiance is {average}; a light must shine")
+    scaled = radiance.astype(np.float64) * (mean / average)
+    levels = _levels(environments.pyramid(scaled)[0])
+    normals = environment.directions(_IRRADIANCE_HEIGHT, 2 * _IRRADIANCE_HEIGHT).reshape(-1, 3)
+    middle = levels[2 * _IRRADIANCE_HEIGHT]
+    lights = middle.direction.reshape(-1, 3), middle.energy.reshape(-1)
+    flat = shading.diffuse(normals.astype(np.float32), *lights)
+    brightest = np.argmax(levels[_COARSEST].energy)
+    return Light(
+        name=name,
+        radiance=scaled.astype(np.float32),
+        levels=levels,
+        diffuse_shading=flat.reshape(_IRRADIANCE_HEIGHT, 2 * _IRRADIANCE_HEIGHT),
+        strong_direction=levels[_COARSEST].direction.reshape(-1, 3)[brightest],
+    )
+
+
+def _levels(radiance: np.ndarray) -> dict[int, Level]:
+    """Gather a map's energy and its first moment into ever larger texels."""
+    energy = radiance * environment.solid_angles(*radiance.shape)
+    moment = energy[..., None] * environment.directions(*radiance.shape)
+    levels = {}
+    while len(energy) >= _COARSEST:
+        length = np.linalg.norm(moment, axis=-1, keepdims=True)
+        centres = environment.directions(*energy.shape)
+        direction = np.where(length > 0, moment / np.maximum(length, 1e-300), centres)
+        levels[len(energy)] = Level(energy.astype(np.float32), direction.astype(np.float32))
+        energy, moment = _halve(energy), _halve(moment)
+    return levels
+
+
+def _halve(values: np.ndarray) -> np.ndarray:
+    """Sums over 2 × 2 texels of `(H, W)` or `(H, W, C)`."""
+    return values[0::2, 0::2] + values[1::2, 0::2] + values[0::2, 1::2] + values[1::2, 1::2]

@@ -1,0 +1,348 @@
+"""A corpus split: independent shards, written atomically by worker processes.
+
+A shard's bytes depend on the corpus' description and the shard's number alone: not on the number of
+workers, nor on interruptions. A finished shard is never written again.
+"""
+
+import dataclasses
+import functools
+import hashlib
+import importlib.metadata
+import json
+import multiprocessing
+import os
+import queue
+import signal
+from collections.abc import Callable
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from pathlib import Path
+
+from lime_keras import console, corpus
+from lime_keras.version import __version__
+
+from . import examples, scenes, sources, variants
+
+_TRIES = 20
+_CACHED_TRACERS, _CACHED_LIGHTS = 64, 64
+_SHARDS_PER_WORKER = 64
+"""A worker is replaced after so many, because Mitsuba keeps memory of every scene it loaded."""
+_THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+_PACKAGES = ("mitsuba", "drjit", "numpy", "OpenImageIO", "tensorflow")
+
+
+@dataclasses.dataclass(frozen=True)
+class Description:
+    """Everything that a split's bytes depend on, apart from the software.
+
+    Attributes:
+        split: `train` or `test`.
+        count: number of examples.
+        seed: of everything random; 0 is a seed.
+        size: height and width of the images in pixels.
+        shard_size: examples in a shard.
+        shading: `furnace` or `literal`.
+        shapes: folder of meshes, or None for the built-in ones.
+        environments: folder of maps, or None for the built-in rooms.
+        backgrounds: folder of pictures, or None for random textures.
+        variant: Mitsuba's.
+    """
+
+    split: str
+    count: int
+    seed: int
+    size: int
+    shard_size: int
+    shading: str
+    shapes: str | None
+    environments: str | None
+    backgrounds: str | None
+    variant: str
+
+    @property
+    def shards(self) -> int:
+        """Number of shards."""
+        return -(-self.count // self.shard_size)
+
+    def indices(self, shard: int) -> range:
+        """Indices of the examples in a shard."""
+        first = shard * self.shard_size
+        return range(first, min(first + self.shard_size, self.count))
+
+
+def render_split(
+    out: Path,
+    description: Description,
+    choice: variants.Choice,
+    *,
+    workers: int,
+    on_room: Callable[[int, int], None],
+    on_example: Callable[[int, int], None],
+) -> dict:
+    """Render what is missing of a split and write its manifest.
+
+    Args:
+        out: folder of the corpus.
+        description: of the split.
+        choice: Mitsuba's variant and library.
+        workers: processes.
+        on_room: called with (done, total) as the built-in rooms are rendered.
+        on_example: called with (done, total) as examples are; finished shards count at once.
+
+    Returns:
+        The manifest.
+
+    Raises:
+        ValueError: if the folder holds a split of another description, or an input is unusable.
+        RuntimeError: if a worker died; finished shards stay.
+    """
+    folder = out / description.split
+    folder.mkdir(parents=True, exist_ok=True)
+    _claim(folder, description)
+    for partial in [*folder.glob("partial-*"), *(folder / "rooms").glob("partial-*")]:
+        partial.unlink()
+    # Read now: a folder that cannot be used should fail before a worker is started.
+    job = _Job(out, description, choice)
+    job.shapes.names()
+    rooms = [] if description.environments else job.lights.names()
+    missing_rooms = [name for name in rooms if not (job.lights.cache / name).is_file()]
+    missing = [n for n in range(description.shards) if not _sidecar(job, n).is_file()]
+    done = description.count - sum(len(description.indices(shard)) for shard in missing)
+    with _Workers(job, workers if missing else 0) as pool:
+        if missing_rooms:
+            finished = len(rooms) - len(missing_rooms)
+            pool.run(_render_room, missing_rooms, finished, len(rooms), on_room)
+        on_example(done, description.count)
+        pool.run(_render_shard, missing, done, description.count, on_example)
+    return _write_manifest(job)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Job:
+    """What a worker needs to know."""
+
+    out: Path
+    description: Description
+    choice: variants.Choice
+
+    @property
+    def folder(self) -> Path:
+        return self.out / self.description.split
+
+    @property
+    def shapes(self) -> sources.ShapeSource:
+        folder = self.description.shapes
+        return sources.ShapeSource(
+            Path(folder) if folder else None, self.description.split, self.description.seed
+        )
+
+    @property
+    def lights(self) -> sources.LightSource:
+        folder = self.description.environments
+        return sources.LightSource(
+            Path(folder) if folder else None,
+            self.description.split,
+            self.description.seed,
+            self.folder / "rooms",
+        )
+
+    @property
+    def backgrounds(self) -> sources.BackgroundSource:
+        folder = self.description.backgrounds
+        return sources.BackgroundSource(Path(folder) if folder else None)
+
+
+class _Workers:
+    """A pool of renderers whose progress is seen and whose death is told."""
+
+    def __init__(self, job: _Job, count: int):
+        self._count = count
+        if not count:
+            return
+        # One thread of linear algebra a worker: more would fight for the cores, and sum in an order
+        # that depends on their number. Children inherit it; this process computes nothing.
+        os.environ |= dict.fromkeys(_THREAD_VARIABLES, "1")
+        context = multiprocessing.get_context("spawn")
+        self._ticks = context.Queue()
+        self._pool = ProcessPoolExecutor(
+            count,
+            mp_context=context,
+            initializer=_start_worker,
+            initargs=(job, self._ticks),
+            max_tasks_per_child=_SHARDS_PER_WORKER,
+        )
+
+    def __enter__(self) -> "_Workers":
+        return self
+
+    def __exit__(self, kind: type | None, *_: object) -> None:
+        if not self._count:
+            return
+        if kind:
+            # Workers ignore Ctrl-C; end them now, and with them only unfinished, partial files.
+            for process in multiprocessing.active_children():
+                process.terminate()
+        self._pool.shutdown(wait=True, cancel_futures=True)
+
+    def run(
+        self,
+        task: Callable,
+        items: list,
+        done: int,
+        total: int,
+        tell: Callable[[int, int], None],
+    ) -> None:
+        """Run `task` on each item, telling of every tick that the workers send."""
+        pending: set[Future] = {self._pool.submit(task, item) for item in items}
+        while pending:
+            finished, pending = wait(pending, timeout=0.2, return_when=FIRST_COMPLETED)
+            try:
+                while True:
+                    done += self._ticks.get_nowait()
+                    tell(done, total)
+            except queue.Empty:
+                pass
+            for future in finished:
+                future.result()
+        tell(total, total)
+
+
+def _start_worker(job: _Job, ticks: multiprocessing.Queue) -> None:
+    """Set up one worker process."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    variants.activate(job.choice, threads=1)
+    console.import_tensorflow()
+    global _worker
+    _worker = _Worker(job, ticks)
+
+
+class _Worker:
+    """A renderer with its caches."""
+
+    def __init__(self, job: _Job, ticks: multiprocessing.Queue):
+        self.job = job
+        self.ticks = ticks
+        self.shape_names = job.shapes.names()
+        self.light_names = job.lights.names()
+        self.mesh = functools.lru_cache(_CACHED_TRACERS)(self._mesh)
+        self.light = functools.lru_cache(_CACHED_LIGHTS)(job.lights.load)
+
+    def _mesh(self, name: str):
+        from .gbuffer import Tracer
+
+        mesh = self.job.shapes.load(name)
+        return mesh, Tracer(mesh, self.job.description.size)
+
+    def example(self, index: int) -> tuple[dict, list[dict]]:
+        """The example of that index, and what failed before it came out.
+
+        Raises:
+            RuntimeError: if no scene of many was usable.
+        """
+        description = self.job.description
+        failures: list[dict] = []
+        for attempt in range(_TRIES):
+            rng = sources.generator(
+                description.seed, description.split, "example", index, attempt
+            )
+            shape = self.shape_names[rng.integers(len(self.shape_names))]
+            light_name = self.light_names[rng.integers(len(self.light_names))]
+            mesh, tracer = self.mesh(shape)
+            light = self.light(light_name)
+            try:
+                features = examples.render(
+                    tracer,
+                    light,
+                    scenes.sample_pose(rng, mesh.vertices, description.size),
+                    scenes.sample_light_rotation(rng, light.strong_direction),
+                    scenes.sample_material(rng),
+                    self.job.backgrounds.sample(rng, description.size),
+                    literal=description.shading == "literal",
+                )
+            except examples.SceneError as error:
+                failures.append({"index": index, "attempt": attempt, "error": str(error)})
+                continue
+            names = {"shape": shape, "light": light_name}
+            return features | names | {"seed": description.seed, "index": index}, failures
+        raise RuntimeError(
+            f"example {index} of seed {description.seed} failed {_TRIES} times, last: "
+            f"{failures[-1]['error']}: look at the meshes"
+        )
+
+
+def _render_room(name: str) -> None:
+    _worker.job.lights.render_room(name)
+    _worker.ticks.put(1)
+
+
+def _render_shard(shard: int) -> None:
+    """Write one shard and, last, the sidecar that says it is whole."""
+    import tensorflow as tf
+
+    from lime_keras import records
+
+    job = _worker.job
+    path = corpus.shard_path(job.out, job.description.split, shard)
+    partial = path.with_name(f"partial-{os.getpid()}-{path.name}")
+    failures: list[dict] = []
+    with tf.io.TFRecordWriter(str(partial)) as writer:
+        for index in job.description.indices(shard):
+            example, failed = _worker.example(index)
+            writer.write(records.encode(example))
+            failures += failed
+            _worker.ticks.put(1)
+    digest = hashlib.sha256(partial.read_bytes()).hexdigest()
+    os.replace(partial, path)
+    sidecar = {
+        "examples": len(job.description.indices(shard)),
+        "sha256": digest,
+        "failures": failures,
+    }
+    _write_json(_sidecar(job, shard), sidecar)
+
+
+def _sidecar(job: _Job, shard: int) -> Path:
+    return corpus.shard_path(job.out, job.description.split, shard).with_suffix(".json")
+
+
+def _claim(folder: Path, description: Description) -> None:
+    """Record what the folder is for; refuse one that is for something else."""
+    path = folder / "description.json"
+    wanted = dataclasses.asdict(description)
+    if path.is_file():
+        held = json.loads(path.read_text(encoding="utf-8"))
+        differing = sorted(key for key in wanted | held if wanted.get(key) != held.get(key))
+        if differing:
+            raise ValueError(
+                f"{folder} holds another split: "
+                + ", ".join(f"{key} {held.get(key)} there, {wanted.get(key)} asked" for key in differing)
+                + ". Pass another folder, the same options, or remove it"
+            )
+    else:
+        _write_json(path, wanted)
+
+
+def _write_manifest(job: _Job) -> dict:
+    """Gather the sidecars: the split is complete."""
+    sidecars = [
+        json.loads(_sidecar(job, shard).read_text(encoding="utf-8"))
+        for shard in range(job.description.shards)
+    ]
+    manifest = {
+        "version": __version__,
+        "packages": {name: importlib.metadata.version(name) for name in _PACKAGES},
+        "description": dataclasses.asdict(job.description),
+        "shards": job.description.shards,
+        "examples": job.description.count,
+        "sha256": [sidecar["sha256"] for sidecar in sidecars],
+        "failures": [failure for sidecar in sidecars for failure in sidecar["failures"]],
+        "shapes": job.shapes.names(),
+        "lights": job.lights.names(),
+    }
+    _write_json(corpus.manifest_path(job.out, job.description.split), manifest)
+    return manifest
+
+
+def _write_json(path: Path, value: dict) -> None:
+    partial = path.with_name(f"partial-{path.name}")
+    partial.write_text(json.dumps(value, indent=1) + "\n", encoding="utf-8")
+    os.replace(partial, path)

@@ -1,0 +1,64 @@
+"""Packaging of `lime_keras`: four folders, one import name."""
+
+from pathlib import Path
+
+from setuptools import setup
+
+HERE = Path(__file__).parent
+ABOUT: dict[str, str] = {}
+exec((HERE / "lime_keras" / "version.py").read_text(encoding="utf-8"), ABOUT)
+
+setup(
+    name="lime-keras",
+    version=ABOUT["__version__"],
+    description="Live Intrinsic Material Estimation (LIME, CVPR 2018) in TensorFlow and Keras",
+    long_description=(HERE / "README.md").read_text(encoding="utf-8"),
+    long_description_content_type="text/markdown",
+    license="MIT",
+    license_files=["LICENSE"],
+    python_requires=">=3.11,<3.14",
+    package_dir={
+        "lime_keras": "lime_keras",
+        "lime_keras.networks": "lime_keras/networks",
+        "lime_keras.render": "render",
+        "lime_keras.train": "train",
+        "lime_keras.eval": "eval",
+    },
+    packages=[
+        "lime_keras",
+        "lime_keras.networks",
+        "lime_keras.render",
+        "lime_keras.train",
+        "lime_keras.eval",
+    ],
+    package_data={"lime_keras": ["py.typed"], "lime_keras.eval": ["templates/*.html"]},
+    install_requires=[
+        "tensorflow>=2.20,<2.22",
+        "keras>=3.13,<3.16",
+        "numpy>=2.0,<3",
+        # 3.10 renames the parameters of meshes.
+        "mitsuba>=3.8,<3.10",
+        "OpenImageIO>=3.0,<4",
+        # tf2onnx has no maintainer: only the release that the parity tests ran on is taken.
+        "tf2onnx>=1.17,<1.18",
+        "onnx>=1.17,<2",
+        "onnxruntime>=1.20,<2",
+        "trimesh>=4.5,<6",
+        "scikit-image>=0.24,<1",
+        "matplotlib>=3.9,<4",
+        "jinja2>=3.1,<4",
+        "tqdm>=4.66,<5",
+    ],
+    extras_require={
+        "dev": ["pytest>=8,<10", "pytest-timeout>=2.3,<3", "hypothesis>=6.100,<7", "ruff==0.17.6", "mypy>=1.13,<3"],
+    },
+    entry_points={
+        "console_scripts": [
+            "lime-render = lime_keras.render.cli:main",
+            "lime-train = lime_keras.train.cli:main",
+            "lime-eval = lime_keras.eval.cli:main",
+            "lime-estimate = lime_keras.estimate_cli:main",
+            "lime-export = lime_keras.export_cli:main",
+        ]
+    },
+)

@@ -1,0 +1,156 @@
+"""Aggregates against numbers worked out by hand."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from lime_keras.eval import measures
+from lime_keras.eval.evaluate import Evaluation
+
+from lime_keras import shininess
+
+
+def _evaluation(**changes):
+    """Four examples: bins 0, 0, 3 and 7; found 0, 1, 5 and 6."""
+    rows = {
+        "bin": np.array([0, 0, 3, 7]),
+        "predicted_bin": np.array([0, 1, 5, 6]),
+        "bin_distance": np.array([0, 1, 2, 1]),
+        "log_exponent": np.array([0.0, 0.2, 1.2, 3.0]),
+        "diffuse_albedo": np.array([[0.0, 0, 0], [1, 0, 0], [0, 0, 0], [1, 0, 0]]),
+        "specular_albedo": np.array([0.0, 0.0, 1.0, 1.0]),
+        "iou": np.array([1.0, 0.5, 1.0, 0.5]),
+        "intersection": np.array([30.0, 5, 30, 5]),
+        "union": np.array([30.0, 10, 30, 10]),
+        "coverage": np.array([0.3, 0.1, 0.3, 0.1]),
+        "log_error": np.array([0.1, 0.2, 0.3, 0.4]),
+        "log_error_winning": np.array([0.0, 0.2, 0.4, 0.6]),
+        "diffuse_absolute": np.array([0.1, 0.1, 0.1, 0.1]),
+        "diffuse_squared": np.array([0.01, 0.01, 0.01, 0.01]),
+        "specular_absolute": np.array([0.0, 0.0, 0.0, 0.4]),
+        "specular_squared": np.array([0.0, 0.0, 0.0, 0.16]),
+        "specular_shading_relative": np.array([0.5, 0.5, 0.0, 1.0]),
+        "mirror_relative": np.array([1.0, 1.0, 1.0, 3.0]),
+    } | changes
+    names = [name for name in rows if name.startswith(("bin_d", "log_error", "diffuse_", "specul"))]
+    oracle = {name: rows[name] / 2 for name in names} | {"bin_distance": np.array([0, 1, 0, 4])}
+    return Evaluation(rows, oracle, np.zeros((8, 8), np.int64))
+
+
+def test_the_means_are_those_of_hand_arithmetic():
+    summary = measures.summarise(_evaluation())
+    expected = {
+        "mask_iou": 0.75,
+        "mask_iou_pooled": 70 / 80,
+        "exponent_exact": 0.25,
+        "exponent_adjacent": 0.5,
+        "exponent_within_one": 0.75,
+        "log_exponent_mae": 0.25,
+        "log_exponent_mae_winning": 0.3,
+        "diffuse_albedo_mae": 0.1,
+        "diffuse_albedo_rmse": 0.1,
+        "specular_albedo_mae": 0.1,
+        "specular_albedo_rmse": 0.2,
+        "specular_shading_relative": 0.5,
+        "mirror_relative": 1.5,
+    }
+    assert {name: summary[name] for name in measures.MEASURES} == pytest.approx(expected)
+    assert summary["count"] == 4
+
+
+def test_exact_and_adjacent_add_up_to_within_one():
+    summary = measures.summarise(_evaluation())
+    for part in (summary, summary["oracle"], summary["paper"], summary["chance"]):
+        total = part["exponent_exact"] + part["exponent_adjacent"]
+        assert total == pytest.approx(part["exponent_within_one"])
+
+
+def test_the_oracle_is_summarised_from_its_own_columns():
+    oracle = measures.summarise(_evaluation())["oracle"]
+    assert oracle["log_exponent_mae"] == pytest.approx(0.125)
+    assert oracle["specular_albedo_rmse"] == pytest.approx(math.sqrt(0.02))
+    assert "mask_iou" not in oracle and "mirror_relative" not in oracle
+
+
+def test_chance_is_what_uniform_draws_give():
+    rng = np.random.default_rng(0)
+    drawn = rng.uniform(size=200_000)
+    chance = measures.summarise(_evaluation())["chance"]
+    assert np.mean(np.abs(drawn - 0.5)) == pytest.approx(chance["specular_albedo_mae"], rel=0.01)
+    rmse = np.sqrt(np.mean((drawn - 0.5) ** 2))
+    assert rmse == pytest.approx(chance["diffuse_albedo_rmse"], rel=0.01)
+    log_error = np.mean(np.abs(3 * drawn - 1.5))
+    assert log_error == pytest.approx(chance["log_exponent_mae"], rel=0.01)
+
+
+def test_the_floor_is_what_a_perfect_classifier_errs():
+    log = np.random.default_rng(0).uniform(0, 3, size=200_000)
+    error = np.abs(log - shininess.LOG_MEANS[shininess.bin_of(10**log)])
+    floor = measures.summarise(_evaluation())["floor"]
+    assert np.mean(error) == pytest.approx(floor["log_exponent_mae_winning"], rel=0.01)
+
+
+def test_constant_answers_beat_every_other_constant():
+    rows = _evaluation().rows
+    constant = measures.constant_answers(rows)
+    assert constant["exponent_exact"] == 0.5
+    # Bin 1 has two examples beside it, in bin 0.
+    assert constant["exponent_adjacent"] == 0.5
+    assert constant["exponent_within_one"] == 0.5
+    assert constant["mask_iou"] == pytest.approx(0.2)
+    assert constant["diffuse_albedo_rmse"] == pytest.approx(math.sqrt(0.25 / 3))
+    for guess in np.linspace(0, 3, 31):
+        error = np.mean(np.abs(rows["log_exponent"] - guess))
+        assert constant["log_exponent_mae"] <= error + 1e-12
+
+
+def test_the_interval_is_that_of_the_normal_limit():
+    rng = np.random.default_rng(1)
+    error = rng.exponential(size=4000)
+    columns = {name: np.ones(4000) for name in _needed()} | {"log_error": error}
+    low, high = measures.intervals(columns)["log_exponent_mae"]
+    half = 1.96 * np.std(error) / math.sqrt(4000)
+    assert low == pytest.approx(np.mean(error) - half, abs=half / 5)
+    assert high == pytest.approx(np.mean(error) + half, abs=half / 5)
+
+
+def test_intervals_hold_the_mean_and_repeat():
+    first, again = measures.summarise(_evaluation()), measures.summarise(_evaluation())
+    assert first == again
+    for name, (low, high) in first["interval"].items():
+        assert low - 1e-9 <= first[name] <= high + 1e-9
+
+
+def test_one_example_has_an_interval_of_no_width():
+    rows = {name: column[:1] for name, column in _evaluation().rows.items()}
+    summary = measures.summarise(_evaluation(**rows))
+    assert summary["interval"]["mask_iou"] == [1.0, 1.0]
+
+
+def test_extremes_stay_finite_and_become_strict_json():
+    huge = np.array([0.0, 1e20, 4e21, 0.0])
+    none = np.zeros(4)
+    changes = {"mirror_relative": huge, "union": none, "intersection": none, "coverage": none}
+    summary = measures.summarise(_evaluation(**changes))
+    assert summary["mask_iou_pooled"] == 1.0
+    assert json.loads(json.dumps(summary, allow_nan=False)) == summary
+
+
+def test_paper_row_is_the_full_approach():
+    paper = measures.summarise(_evaluation())["paper"]
+    assert paper == {
+        "mask_iou": 0.9983,
+        "exponent_exact": 0.4507,
+        "exponent_adjacent": 0.4012,
+        "exponent_within_one": 0.8519,
+        "log_exponent_mae": 0.3073,
+        "log_exponent_mae_winning": 0.3073,
+        "diffuse_albedo_mae": 0.0674,
+        "specular_albedo_mae": 0.2158,
+    }
+
+
+def _needed():
+    rows = _evaluation().rows
+    return ["exact", "adjacent", "within_one", *rows]

@@ -1,0 +1,43 @@
+"""The table as text."""
+
+import numpy as np
+import pytest
+from lime_keras.eval import table
+from lime_keras.eval.measures import MEASURES
+
+
+@pytest.fixture
+def summary():
+    numbers = dict.fromkeys(MEASURES, 0.25)
+    return numbers | {
+        "count": 7,
+        "interval": {name: [0.2, 0.3] for name in MEASURES},
+        "oracle": {"exponent_exact": 0.6},
+        "paper": {"exponent_exact": 0.4507, "specular_albedo_mae": 0.2158},
+        "chance": {"exponent_exact": 0.125},
+        "floor": {"log_exponent_mae_winning": 0.09375},
+    }
+
+
+def test_shares_are_per_cent_and_errors_are_not(summary):
+    rows = {row.name: row for row in table.rows(summary)}
+    exact = ("Exponent, right bin ↑", "25.00 ± 5.00 %", "60.00 %", "45.07 %", "12.50 %", "–")
+    assert rows["exponent_exact"].cells() == exact
+    specular = ("Specular albedo, MAE ↓", "0.2500 ± 0.0500", "–", "0.2158", "–", "–")
+    assert rows["specular_albedo_mae"].cells() == specular
+    assert rows["exponent_adjacent"].title == "Exponent, neighbouring bin"
+    assert rows["log_exponent_mae_winning"].floor == "0.0938"
+
+
+def test_markdown_is_a_rectangular_table(summary):
+    lines = [line for line in table.markdown(summary).splitlines() if line.startswith("|")]
+    assert len(lines) == len(MEASURES) + 2
+    # No cell holds a bar, which would split it in two.
+    assert {line.count("|") for line in lines} == {len(table.HEADER) + 1}
+    assert len({len(line) for line in lines}) == 1
+    assert "7 test images" in table.markdown(summary)
+
+
+def test_number_of_nothing_is_a_dash():
+    assert table.number(None, is_share=True) == "–"
+    assert table.number(np.float32(0.5), is_share=True) == "50.00 %"
