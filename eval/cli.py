@@ -58,10 +58,12 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _evaluate(options: argparse.Namespace, command: str) -> int:
-    """Evaluate, write the four files, print the table."""
+    """Evaluate, write the files and the photos of the report's examples, print the table."""
     out = options.out or options.weights / "eval"
     _check_writable(out)
     console.import_tensorflow()
+    from lime_keras import photo
+
     from . import examples, figures, measures, report, table
     from .evaluate import evaluate
 
@@ -76,6 +78,9 @@ def _evaluate(options: argparse.Namespace, command: str) -> int:
     _write(out / "table1.md", table.markdown(summary).encode())
     _write(out / "confusion.png", figures.confusion(evaluation.confusion))
     _write(out / "report.html", page.encode())
+    (out / "examples").mkdir(exist_ok=True)
+    for example in chosen:
+        photo.write(out / "examples" / f"{example.choice.position:05d}.png", example.photo_srgb)
     print(table.markdown(summary), end="")
     print(f"wrote {out / 'report.html'}", file=sys.stderr)
     return 0

@@ -35,12 +35,14 @@ class Example:
         truth: the record, resized to the model's size: arrays, and names as bytes.
         estimate: the system's outputs for this image, without the batch axis.
         literal: whether the corpus holds S as Eq. 3 is printed, without furnace normalisation.
+        photo_srgb: the input image at its stored size, sRGB in [0, 1].
     """
 
     choice: Choice
     truth: dict[str, Any]
     estimate: dict[str, np.ndarray]
     literal: bool = False
+    photo_srgb: np.ndarray | None = None
 
     @property
     def exponent(self) -> float:
@@ -85,11 +87,14 @@ def read(model_dir: Path, corpus: Path, choices: list[Choice]) -> list[Example]:
     system = assemble(subnetworks)
     wanted = {choice.position for choice in choices}
     found: dict[int, dict[str, Any]] = {}
+    photos: dict[int, np.ndarray] = {}
     shards = tf.data.TFRecordDataset([str(path) for path in test_shards(corpus)])
     for position, serialized in enumerate(shards):
         # Only the wanted ones are decoded.
         if position in wanted:
-            example = pipeline.resize(records.parse(serialized), architecture.size)
+            stored = records.parse(serialized)
+            photos[position] = stored["image"].numpy()
+            example = pipeline.resize(stored, architecture.size)
             found[position] = {name: value.numpy() for name, value in example.items()}
         if len(found) == len(wanted):
             break
@@ -100,7 +105,13 @@ def read(model_dir: Path, corpus: Path, choices: list[Choice]) -> list[Example]:
     literal = description.get("shading") == "literal"
     estimates = system.predict_on_batch(np.stack([truth["image"] for truth in truths]))
     return [
-        Example(choice, truth, {name: values[row] for name, values in estimates.items()}, literal)
+        Example(
+            choice,
+            truth,
+            {name: values[row] for name, values in estimates.items()},
+            literal,
+            photos[choice.position],
+        )
         for row, (choice, truth) in enumerate(zip(choices, truths, strict=True))
     ]
 

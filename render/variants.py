@@ -5,10 +5,13 @@ kernel (15 and 16 do, with Dr.Jit 1.5), so each candidate library is tried in a 
 Without a usable one, `scalar_rgb` traces rays and NumPy shades.
 """
 
+import contextlib
+import ctypes
 import os
 import re
 import subprocess
 import sys
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,10 +19,12 @@ FAST, SLOW = "llvm_ad_rgb", "scalar_rgb"
 _LIBRARY_VARIABLE = "DRJIT_LIBLLVM_PATH"
 _PROBE_SECONDS = 120
 
-# What aborted with a bad library: a float minimum, a loop, a traced ray; the answer is checked.
+# What aborted with a bad library: a float minimum; then a traced ray. Answers are checked.
 _PROBE = """
 import resource
 resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+from lime_keras.render import variants
+variants.load_companions()
 import drjit as dr, mitsuba as mi
 mi.set_variant("llvm_ad_rgb")
 x = dr.linspace(mi.Float, -1, 1, 9)
@@ -51,16 +56,16 @@ class Choice:
         found = f" (found but unusable: {', '.join(map(str, self.tried))})" if self.tried else ""
         return (
             f"rendering with {self.variant}: no usable libLLVM{found}. This works, many times "
-            "slower.\nFor the fast variant: `make llvm` in a checkout, or `apt-get install "
-            f"libllvm19`, or set {_LIBRARY_VARIABLE} to a libLLVM of version 17 or later"
+            "slower.\nFor the fast variant: `python -m lime_keras.render.fetch_llvm`, or `apt-get "
+            f"install libllvm19`, or set {_LIBRARY_VARIABLE} to a libLLVM of version 17 or later"
         )
 
 
 def choose() -> Choice:
     """Find the fastest variant that works here; takes a second or two.
 
-    The environment variable `DRJIT_LIBLLVM_PATH` is tried first, then the libraries of the virtual
-    environment (`make llvm` puts one there), then the system's, newest first.
+    The environment variable `DRJIT_LIBLLVM_PATH` is tried first, then the library of the virtual
+    environment (`fetch_llvm` puts one there), then the system's, newest first.
     """
     tried = []
     for library in candidates():
@@ -72,15 +77,19 @@ def choose() -> Choice:
 
 def candidates() -> list[Path]:
     """libLLVM files on this machine, each once, in the order in which to try them."""
-    folders = [Path(sys.prefix) / "llvm", Path("/usr/lib"), Path("/usr/local/lib")]
-    listed = _linker_cache()
-    found = [path for folder in folders for path in folder.glob("llvm*/lib/libLLVM*.so*")]
-    found += [path for path in folders[0].rglob("libLLVM*.so*")]
-    ordered = sorted({path.resolve() for path in [*listed, *found]}, key=_version, reverse=True)
-    chosen = os.environ.get(_LIBRARY_VARIABLE)
-    if chosen:
-        ordered = [Path(chosen), *(path for path in ordered if path != Path(chosen).resolve())]
-    return ordered
+    named = os.environ.get(_LIBRARY_VARIABLE)
+    system = [*Path("/usr/lib").glob("llvm*/lib/libLLVM*.so*"), *_linker_cache()]
+    ordered = [
+        *([Path(named).resolve()] if named else []),
+        *_newest_first(own_folder().rglob("libLLVM*.so*")),
+        *_newest_first(system),
+    ]
+    return list(dict.fromkeys(ordered))
+
+
+def own_folder() -> Path:
+    """Where this environment keeps a libLLVM of its own, if it has one."""
+    return Path(sys.prefix) / "llvm"
 
 
 def works(library: Path) -> bool:
@@ -117,11 +126,30 @@ def activate(choice: Choice, threads: int) -> None:
         )
     if choice.library:
         os.environ[_LIBRARY_VARIABLE] = str(choice.library)
+        load_companions()
     import drjit
     import mitsuba
 
     mitsuba.set_variant(choice.variant)
     drjit.set_thread_count(threads)
+
+
+def load_companions() -> None:
+    """Load the libraries unpacked beside this environment's own libLLVM, which it is linked to.
+
+    The dynamic linker does not look there, but takes what is loaded already.
+    """
+    waiting = [
+        path
+        for path in own_folder().rglob("*.so.*")
+        if not path.is_symlink() and not path.name.startswith("libLLVM")
+    ]
+    for _ in range(len(waiting)):
+        for path in list(waiting):
+            # One may need another: those that do not load yet are tried again.
+            with contextlib.suppress(OSError):
+                ctypes.CDLL(str(path), mode=ctypes.RTLD_GLOBAL)
+                waiting.remove(path)
 
 
 def _linker_cache() -> list[Path]:
@@ -135,6 +163,10 @@ def _linker_cache() -> list[Path]:
     return [Path(path) for path in re.findall(r"libLLVM\S* .*=> (\S+)", listing)]
 
 
-def _version(path: Path) -> tuple[int, ...]:
-    """The numbers in a library's file name: libLLVM.so.19.1 → (19, 1)."""
-    return tuple(int(number) for number in re.findall(r"\d+", path.name))
+def _newest_first(libraries: Iterable[Path]) -> list[Path]:
+    """Sort by the numbers in the files' names: libLLVM.so.19.1 before libLLVM-15.so.1."""
+    return sorted(
+        {path.resolve() for path in libraries},
+        key=lambda path: [int(number) for number in re.findall(r"\d+", path.name)],
+        reverse=True,
+    )

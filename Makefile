@@ -1,0 +1,54 @@
+# `make quickstart`: from nothing to an estimated material. `make test`: lint and the suite.
+# Both make .venv and install into it what they need; nothing outside this folder is touched.
+
+PYTHON ?= $(shell command -v python3.11 || command -v python3)
+BIN := .venv/bin
+RUN := runs/quickstart
+CORPUS := $(RUN)/corpus
+TRAIN_COUNT := 640
+TEST_COUNT := 160
+
+.PHONY: quickstart test test-slow lint llvm clean
+.DELETE_ON_ERROR:
+
+quickstart: llvm
+	$(BIN)/lime-render $(CORPUS) --split train --count $(TRAIN_COUNT) --shard-size 32
+	$(BIN)/lime-render $(CORPUS) --split test --count $(TEST_COUNT) --shard-size 32
+	$(BIN)/lime-train $(CORPUS) --out $(RUN) --preset smoke
+	$(BIN)/lime-eval $(CORPUS) --weights $(RUN) --out $(RUN)
+	$(BIN)/lime-export $(RUN)/exported --format savedmodel --weights $(RUN)
+	$(BIN)/lime-export $(RUN)/exported --format onnx --weights $(RUN)
+	$(BIN)/lime-estimate $(RUN)/examples/*.png --weights $(RUN) --out $(RUN)/materials
+	@echo "Open $(RUN)/report.html in a browser."
+
+test: lint
+	$(BIN)/python -m pytest
+
+test-slow: .venv/development
+	$(BIN)/python -m pytest -m slow
+
+lint: .venv/development
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy lime_keras
+
+# The fast renderer needs a libLLVM; where none works, one is unpacked into .venv (see docs).
+llvm: .venv/installed
+	$(BIN)/python -m lime_keras.render.fetch_llvm
+
+.venv/installed: setup.py
+	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))' \
+	  || { echo "error: $(PYTHON) is not Python 3.11 to 3.13: install one, or pass PYTHON=..."; exit 1; }
+	@$(PYTHON) -c 'import ensurepip' 2>/dev/null \
+	  || { echo "error: $(PYTHON) cannot make environments: apt-get install python3-venv"; exit 1; }
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --upgrade pip
+	$(BIN)/python -m pip install --editable .
+	@touch $@
+
+.venv/development: .venv/installed
+	$(BIN)/python -m pip install --quiet --editable '.[dev]'
+	@touch $@
+
+clean:
+	rm -rf .venv build *.egg-info

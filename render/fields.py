@@ -1,0 +1,124 @@
+"""Implicit fields: what is inside a composition of primitives, or a blend of blobs.
+
+The families follow the procedural shapes of Xu et al., "Deep image-based relighting from optimal
+sparse samples" (2018), and Li et al., "Learning to reconstruct shape and spatially-varying
+reflectance from a single image" (2018): displaced primitives joined at random. Metaballs are added
+to them for necks.
+
+Letters: `p` points (3, N); `d` (N,) approximate signed distance, negative inside.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+Field = Callable[[np.ndarray], np.ndarray]
+
+
+def composition(rng: np.random.Generator) -> tuple[Field, float]:
+    """Primitives grown out of one another, displaced: a field, and a radius that holds it."""
+    parts, centres, sizes = [], [np.zeros(3)], []
+    for k in range(rng.choice([1, 2, 3, 4, 5], p=(0.15, 0.25, 0.25, 0.2, 0.15))):
+        size = rng.uniform(0.35, 0.7) if k else 0.7
+        if k:
+            parent = rng.integers(k)
+            reach = rng.uniform(0.5, 1.0) * sizes[parent]
+            centres.append(centres[parent] + reach * _direction(rng))
+        sizes.append(size)
+        parts.append(_primitive(rng, size, centres[k]))
+    softness = rng.choice([0.0, rng.uniform(0.02, 0.3)], p=(0.35, 0.65))
+    waves = _displacement(rng)
+
+    def field(p: np.ndarray) -> np.ndarray:
+        d = parts[0](p)
+        for part in parts[1:]:
+            d = _join(d, part(p), softness)
+        return d - waves(p)
+
+    return field, max(np.linalg.norm(c) + 1.8 * s for c, s in zip(centres, sizes, strict=True))
+
+
+def blobs(rng: np.random.Generator) -> tuple[Field, float]:
+    """Balls on a random walk, blended and stretched, often mirrored left to right."""
+    count = int(rng.integers(3, 10))
+    radii = rng.uniform(0.12, 0.45, count).astype(np.float32)
+    radii[0] = rng.uniform(0.3, 0.5)
+    centres = np.zeros((count, 3), np.float32)
+    for k in range(1, count):
+        parent = rng.integers(max(0, k - 3), k)
+        reach = rng.uniform(0.6, 0.95) * (radii[parent] + radii[k])
+        centres[k] = centres[parent] + reach * _direction(rng)
+    mirrored = rng.random() < 0.4
+    softness = np.float32(np.exp(rng.uniform(np.log(0.02), np.log(0.12))))
+    balls = list(zip(centres, radii, strict=True))
+    stretch = rng.uniform(0.6, 1.4, (3, 1)).astype(np.float32)
+    waves = _displacement(rng)
+
+    def field(p: np.ndarray) -> np.ndarray:
+        q = p * stretch
+        if mirrored:
+            q[0] = np.abs(q[0])
+        distances = (np.sqrt(((q - c[:, None]) ** 2).sum(0)) - r for c, r in balls)
+        total = sum(np.exp(np.minimum(-d / softness, 80)) for d in distances)
+        return -softness * np.log(total + np.float32(1e-37)) - waves(p)
+
+    reach = np.max(np.linalg.norm(centres, axis=1) + radii)
+    return field, float(reach / stretch.min()) + 0.5
+
+
+def _primitive(rng: np.random.Generator, size: float, centre: np.ndarray) -> Field:
+    """A superquadric, rounded box or torus, turned at random, of half extents up to `size`."""
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0].astype(np.float32)
+    a = (size * rng.uniform(0.35, 1.0, 3)).astype(np.float32)[:, None]
+    centre = centre.astype(np.float32)[:, None]
+    kind = rng.choice(3, p=(0.55, 0.3, 0.15))
+    if kind == 0:
+        e1, e2 = (float(e) for e in rng.choice([0.25, 0.6, 1.0, 1.0, 1.6], 2))
+        return lambda p: _superquadric(turn @ (p - centre), a, e1, e2)
+    if kind == 1:
+        rounding = float(a.min()) * rng.uniform(0.05, 0.6)
+        return lambda p: _box(turn @ (p - centre), a, rounding)
+    ring, tube = 0.7 * size, size * rng.uniform(0.15, 0.3)
+    return lambda p: _torus(turn @ (p - centre), ring, tube)
+
+
+def _superquadric(p: np.ndarray, a: np.ndarray, e1: float, e2: float) -> np.ndarray:
+    """Radial distance to a superquadric: |p| (1 - F^(-e1/2)), F its inside-outside function."""
+    x, y, z = np.abs(p / a) + np.float32(1e-6)
+    level = (x ** (2 / e2) + y ** (2 / e2)) ** (e2 / e1) + z ** (2 / e1)
+    return np.sqrt((p * p).sum(0)) * (1 - (level + np.float32(1e-30)) ** (-e1 / 2))
+
+
+def _box(p: np.ndarray, a: np.ndarray, rounding: float) -> np.ndarray:
+    q = np.abs(p) - (a - np.float32(rounding))
+    outside = np.sqrt((np.maximum(q, 0) ** 2).sum(0))
+    return outside + np.minimum(q.max(0), 0) - np.float32(rounding)
+
+
+def _torus(p: np.ndarray, ring: float, tube: float) -> np.ndarray:
+    return np.hypot(np.hypot(p[0], p[2]) - np.float32(ring), p[1]) - np.float32(tube)
+
+
+def _join(d: np.ndarray, other: np.ndarray, softness: float) -> np.ndarray:
+    """The union, blended over `softness` by a quadratic; 0 leaves a sharp edge."""
+    if softness == 0:
+        return np.minimum(d, other)
+    overlap = np.maximum(np.float32(softness) - np.abs(d - other), 0)
+    return np.minimum(d, other) - overlap * overlap / np.float32(4 * softness)
+
+
+def _displacement(rng: np.random.Generator) -> Field:
+    """Plane waves of one band, often none; the slope is bounded so that nothing tears off."""
+    if rng.random() < 0.4:
+        return lambda p: np.float32(0)
+    frequency = np.exp(rng.uniform(np.log(4), np.log(22)))
+    amplitude = np.float32(rng.uniform(0.1, 0.55) / frequency)
+    waves = np.stack([_direction(rng) for _ in range(5)]) * frequency
+    waves = (waves * rng.uniform(0.7, 1.3, (5, 1))).astype(np.float32)
+    phases = rng.uniform(0, 2 * np.pi, (5, 1)).astype(np.float32)
+    return lambda p: amplitude * np.sin(waves @ p + phases).sum(0) / np.float32(np.sqrt(5))
+
+
+def _direction(rng: np.random.Generator) -> np.ndarray:
+    vector = rng.normal(size=3)
+    return vector / np.linalg.norm(vector)

@@ -1,0 +1,151 @@
+"""What rooms are made of, panels and solids, and their triangles.
+
+Metres; Y up.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+Vector = tuple[float, float, float]
+
+Pattern = tuple[tuple[float, ...], ...]
+
+Piece = tuple[np.ndarray, ...]  # vertices, normals, faces; the faces' albedo and roughness
+
+
+@dataclass(frozen=True)
+class Panel:
+    """A rectangle divided into cells, visible from the side of `across` x `up`.
+
+    Attributes:
+        corner: Its corner at the lower left.
+        across: The edge to the right.
+        up: The upward edge.
+        cells: Rows from the bottom, the albedo of each cell; of lights ((0,),).
+    """
+
+    corner: Vector
+    across: Vector
+    up: Vector
+    cells: Pattern
+
+
+@dataclass(frozen=True)
+class Solid:
+    """A box, a cylinder upright or lying ("tube"), or an ellipsoid.
+
+    Attributes:
+        kind: "box", "cylinder", "tube" or "sphere".
+        centre: Of its bounding box.
+        extent: Half extents along its own axes.
+        turn: Rotation about the vertical, radians.
+        albedo: Between 0 and 1; of lamps 0.
+        roughness: Of a glossy coat, between 0 and 1, or None for a matte solid.
+    """
+
+    kind: str
+    centre: Vector
+    extent: Vector
+    turn: float
+    albedo: float
+    roughness: float | None = None
+
+
+def panel_piece(panel: Panel) -> Piece:
+    """Two triangles a cell."""
+    cells = np.array(panel.cells)
+    rows, columns = cells.shape
+    across, up = np.array(panel.across), np.array(panel.up)
+    i, j = np.mgrid[:rows, :columns].reshape(2, -1, 1)
+    v = np.stack([i, i, i + 1, i + 1], 1) / rows
+    u = np.stack([j, j + 1, j + 1, j], 1) / columns
+    vertices = (np.array(panel.corner) + u * across + v * up).reshape(-1, 3)
+    normal = np.cross(across, up)
+    normals = np.broadcast_to(normal / np.linalg.norm(normal), vertices.shape)
+    first = 4 * np.arange(cells.size)[:, None, None]
+    faces = (first + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3)
+    albedo = np.repeat(cells.ravel(), 2)
+    return vertices, normals, faces, albedo, np.ones(len(faces))
+
+
+def solid_piece(solid: Solid) -> Piece:
+    """The unit solid, scaled, turned and put in its place."""
+    vertices, normals, faces = _unit(solid.kind)
+    c, s = np.cos(solid.turn), np.sin(solid.turn)
+    turn = np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]])
+    normals = normals / np.array(solid.extent)
+    normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    vertices = (vertices * solid.extent) @ turn + solid.centre
+    roughness = 1.0 if solid.roughness is None else solid.roughness
+    surface = np.full((2, len(faces)), [[solid.albedo], [roughness]])
+    return vertices, normals @ turn, faces, *surface
+
+
+@lru_cache
+def _unit(kind: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Vertices, normals and faces of a solid of half extents 1."""
+    if kind == "box":
+        sides = [Panel((-1, -1, 1), (2, 0, 0), (0, 2, 0), ((0,),))]
+        sides = [panel_piece(side)[:3] for side in sides]
+        turns = [np.eye(3)[list(p)] * np.array(q)[:, None] for p, q in _BOX_TURNS]
+        return merged([(v @ t.T, n @ t.T, f) for v, n, f in sides for t in turns])
+    columns = 24
+    if kind == "sphere":
+        angle = np.linspace(0, np.pi, 13)
+        rings = np.stack([np.sin(angle), -np.cos(angle)], 1)
+        return _lathed(rings, rings, columns)
+    rim, zero, one = np.array([1.0, 1.0]), np.zeros(2), np.array([[0.0, 1.0]])
+    wall = _lathed(np.array([[1.0, -1.0], rim]), np.array([[1.0, 0.0]] * 2), columns)
+    top = _lathed(np.array([rim, zero + one[0]]), np.repeat(one, 2, 0), columns)
+    bottom = _lathed(np.array([-one[0], [1.0, -1.0]]), np.repeat(-one, 2, 0), columns)
+    vertices, normals, faces = merged([wall, top, bottom])
+    if kind == "tube":  # lies along x
+        axes = [1, 2, 0]
+        return vertices[:, axes], normals[:, axes], faces
+    return vertices, normals, faces
+
+_BOX_TURNS = (
+    ((0, 1, 2), (1, 1, 1)),
+    ((0, 1, 2), (-1, 1, -1)),
+    ((2, 1, 0), (1, 1, -1)),
+    ((2, 1, 0), (-1, 1, 1)),
+    ((0, 2, 1), (1, 1, -1)),
+    ((0, 2, 1), (1, -1, 1)),
+)  # permutation and signs of the rotations that carry the front of a box to its sides
+
+
+def _lathed(rings: np.ndarray, slopes: np.ndarray, columns: int) -> tuple[np.ndarray, ...]:
+    """Revolves points `(K, 2)` of radius and height and their normals about y."""
+    angle = 2 * np.pi * np.arange(columns) / columns
+    around = np.stack([np.cos(angle), np.ones(columns), -np.sin(angle)], 1)
+    vertices = (rings[:, None, [0, 1, 0]] * around).reshape(-1, 3)
+    normals = (slopes[:, None, [0, 1, 0]] * around).reshape(-1, 3)
+    i, j = np.mgrid[: len(rings) - 1, :columns].reshape(2, -1)
+    a, b = i * columns + j, i * columns + (j + 1) % columns
+    lower = np.stack([a, b, b + columns], 1)[rings[i, 0] > 1e-9]
+    upper = np.stack([a, b + columns, a + columns], 1)[rings[i + 1, 0] > 1e-9]
+    return vertices, normals, np.concatenate([lower, upper])
+
+
+def merged(pieces: list[tuple[np.ndarray, ...]]) -> tuple[np.ndarray, ...]:
+    """Joins pieces; whatever follows vertices, normals and faces is joined along its rows."""
+    vertices, normals, faces, *values = zip(*pieces, strict=True)
+    starts = np.cumsum([0] + [len(v) for v in vertices[:-1]])
+    faces = [f + start for f, start in zip(faces, starts, strict=True)]
+    return tuple(np.concatenate(part) for part in (vertices, normals, faces, *values))
+
+
+def area(piece: Piece) -> float:
+    vertices, _, faces, _, _ = piece
+    a, b, c = vertices[faces].swapaxes(0, 1)
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+
+
+def vector(values: np.ndarray) -> Vector:
+    return tuple(float(value) for value in values)
+
+
+def cells(values: np.ndarray) -> Pattern:
+    return tuple(vector(row) for row in values)
