@@ -21,7 +21,7 @@ quickstart: llvm
 	$(BIN)/lime-estimate $(RUN)/examples/*.png --weights $(RUN) --out $(RUN)/materials
 	@echo "Open $(RUN)/report.html in a browser."
 
-test: lint
+test: llvm lint
 	$(BIN)/python -m pytest
 
 test-slow: .venv/development

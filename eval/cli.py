@@ -19,6 +19,7 @@ example:
     table1.md      the paper's Table 1 with this run's column
     confusion.png  which exponent bin is taken for which
     report.html    all of it with loss curves and examples, in one file to mail
+    examples/      the photos of the report's examples, to try lime-estimate on
 
 The table also goes to standard output, progress to standard error.
 Exit status: 0 done, 1 something failed, 2 wrong usage, 130 interrupted.

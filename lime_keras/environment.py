@@ -51,22 +51,22 @@ def lookup(radiance: np.ndarray, direction: np.ndarray) -> np.ndarray:
     return upper * (1 - bottom_share) + lower * bottom_share
 
 
-def rotate(
-    radiance: np.ndarray, rotation: np.ndarray, height: int, width: int, supersampling: int = 4
-) -> np.ndarray:
+def rotate(radiance: np.ndarray, rotation: np.ndarray, height: int, width: int) -> np.ndarray:
     """Resample a map into a rotated frame, box-filtered.
+
+    Each texel is the mean of at least as many look-ups as it holds texels of the source, so that no
+    lamp falls between two.
 
     Args:
         radiance: `(H, W)` map in the source frame.
         rotation: `(3, 3)` taking source directions to the new frame's.
         height: rows of the result.
         width: columns of the result.
-        supersampling: look-ups per texel and axis; with `height · supersampling ≥ H` no lamp of
-            the source falls between two look-ups.
 
     Returns:
         `(height, width)` map in the new frame.
     """
+    supersampling = max(1, -(-len(radiance) // height))
     fine = directions(height * supersampling, width * supersampling) @ rotation
     values = lookup(radiance, fine)
     weights = solid_angles(height * supersampling, width * supersampling)

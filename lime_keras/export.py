@@ -52,14 +52,16 @@ def export(
     }[model_format]
     partial = target.with_name(f"partial-{target.name}")
     _remove(partial)
-    write(network, partial)
-    differences = compare(expected, run(partial, images))
-    wrong = {name: value for name, value in differences.items() if not value <= TOLERANCE}
-    if wrong:
+    try:
+        write(network, partial)
+        differences = compare(expected, run(partial, images))
+        wrong = {name: value for name, value in differences.items() if not value <= TOLERANCE}
+        if wrong:
+            raise ParityError(f"the {model_format} model differs from Keras: {wrong}")
+        _remove(target)
+        partial.rename(target)
+    finally:
         _remove(partial)
-        raise ParityError(f"the {model_format} model differs from Keras: {wrong}")
-    _remove(target)
-    partial.rename(target)
     return differences
 
 

@@ -1,4 +1,4 @@
-"""The paper's losses (section 5.3 and Eq. 5), each one number per example: shape `(B,)`.
+"""The paper's losses (section 5, with Eq. 5), each one number per example: shape `(B,)`.
 
 The reduction over the batch, and the weights between the terms, are the caller's.
 """

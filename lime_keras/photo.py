@@ -22,6 +22,8 @@ def read_srgb(path: Path) -> np.ndarray:
     image = oiio.ImageBuf(str(path))
     if image.has_error or not image.read(force=True, convert=oiio.FLOAT):
         raise ValueError(f"{path} cannot be read as a picture: {image.geterror()}")
+    # Reorienting makes a new image, which no longer knows its format.
+    is_linear = image.file_format_name in _LINEAR_FORMATS
     image = oiio.ImageBufAlgo.reorient(image)
     pixels = image.get_pixels(oiio.FLOAT)
     if pixels is None or pixels.size == 0:
@@ -30,7 +32,7 @@ def read_srgb(path: Path) -> np.ndarray:
     pixels = pixels[..., :3] if pixels.shape[-1] >= 3 else np.repeat(pixels[..., :1], 3, axis=-1)
     if not np.all(np.isfinite(pixels)):
         raise ValueError(f"{path} holds NaN or infinite pixels: repair or convert it")
-    if image.file_format_name in _LINEAR_FORMATS:
+    if is_linear:
         pixels = colour.linear_to_srgb(np.clip(pixels, 0, 1))
     return np.clip(pixels, 0, 1).astype(np.float32)
 

@@ -47,10 +47,14 @@ def training(
         batch_size: examples a batch.
         seed: of the order.
         first_step: batches to pass over without decoding them, when training is resumed.
+
+    Raises:
+        ValueError: if a shard is cut off.
     """
+    _check_whole(shards)
     dataset = tf.data.Dataset.from_tensor_slices([str(path) for path in shards])
     dataset = dataset.shuffle(len(shards), seed=seed, reshuffle_each_iteration=True)
-    dataset = dataset.interleave(tf.data.TFRecordDataset, cycle_length=4, deterministic=True)
+    dataset = dataset.interleave(tf.data.TFRecordDataset, cycle_length=4)
     dataset = dataset.shuffle(_SHUFFLE, seed=seed, reshuffle_each_iteration=True).repeat()
     dataset = dataset.skip(first_step * batch_size)
     dataset = dataset.map(_prepare(size), num_parallel_calls=tf.data.AUTOTUNE, deterministic=True)
@@ -58,7 +62,12 @@ def training(
 
 
 def evaluation(shards: list[Path], *, size: int, batch_size: int) -> tf.data.Dataset:
-    """Every example once, in order; the last batch may be smaller."""
+    """Every example once, in order; the last batch may be smaller.
+
+    Raises:
+        ValueError: if a shard is cut off.
+    """
+    _check_whole(shards)
     dataset = tf.data.TFRecordDataset([str(path) for path in shards])
     dataset = dataset.map(_prepare(size), num_parallel_calls=tf.data.AUTOTUNE, deterministic=True)
     return dataset.batch(batch_size).prefetch(2)
@@ -94,6 +103,26 @@ def resize(example: dict[str, tf.Tensor], size: int) -> dict[str, tf.Tensor]:
     out["normal"] = tf.math.l2_normalize(out["normal"], axis=-1)
     out["camera"] = example["camera"] / tf.cast(factor, tf.float32)
     return out
+
+
+def _check_whole(shards: list[Path]) -> None:
+    """Refuse a shard whose records do not end where the file does.
+
+    TensorFlow's own error names no file, and of a record cut off within its first 12 bytes it says
+    nothing at all. Only the lengths are read; what lies between is checked as it is decoded.
+    """
+    for path in shards:
+        size, end = path.stat().st_size, 0
+        with path.open("rb") as file:
+            while end < size:
+                file.seek(end)
+                # Length (8 bytes), its checksum (4), the record, its checksum (4).
+                end += 16 + int.from_bytes(file.read(8), "little")
+        if end != size:
+            raise ValueError(
+                f"{path} is broken: it has {size} bytes, its records end at {end}; delete it and "
+                "its .json, and run the same `lime-render` command again"
+            )
 
 
 def _prepare(size: int) -> Callable[[tf.Tensor], dict[str, tf.Tensor]]:

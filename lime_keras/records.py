@@ -118,19 +118,19 @@ def parse(serialized: Any) -> dict[str, tf.Tensor]:
 
 def _check(example: Mapping[str, Any]) -> None:
     """Refuse an example that does not fit the schema."""
+    where = f"seed {example.get('seed')}, index {example.get('index')}"
     if set(example) != set(FEATURES):
         missing, unknown = set(FEATURES) - set(example), set(example) - set(FEATURES)
         raise ValueError(
             f"an example needs exactly the features of records.FEATURES: missing "
-            f"{sorted(missing)}, unknown {sorted(unknown)}"
+            f"{sorted(missing)}, unknown {sorted(unknown)} ({where})"
         )
-    height, width = np.shape(example["mask"])[:2]
+    size = max((*np.shape(example["image"]), 1)[0], 1)
     expected: dict[str, tuple[int, ...]] = {
-        name: (height, width, channels) for name, channels in (_BYTE_IMAGES | _HALF_IMAGES).items()
+        name: (size, size, channels) for name, channels in (_BYTE_IMAGES | _HALF_IMAGES).items()
     }
     expected["environment"] = (*STORED_SHAPE, 1)
     expected |= _VECTORS | dict.fromkeys(_SCALARS, ())
-    where = f"seed {example['seed']}, index {example['index']}"
     for name, shape in expected.items():
         value = np.asarray(example[name])
         if value.shape != shape:

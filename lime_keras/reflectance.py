@@ -8,7 +8,8 @@ from typing import Any
 
 from lime_keras.arrays import namespace
 
-_TINY = 1e-30
+_TINY = 1e-15
+"""Cosines below count as this one: steeper gradients, squared by Adam, would leave float32."""
 
 
 def lobe(cosine: Any, exponent: Any) -> Any:

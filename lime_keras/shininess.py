@@ -1,4 +1,4 @@
-"""Exponent to bin and back: the eight classes of ExponentNet (section 5.2).
+"""Exponent to bin and back: the eight classes of ExponentNet.
 
 The paper's figure with the ranges is lost; equal widths of 0.375 decades in log10 s from 1 to 1000
 reproduce four rows of its Table 1 (docs/decisions.md).

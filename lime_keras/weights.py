@@ -32,7 +32,7 @@ def load(model: Path) -> tuple[Architecture, dict[str, keras.Model]]:
 
     Raises:
         FileNotFoundError: if the folder holds no complete model.
-        ValueError: if its architecture is not of this version.
+        ValueError: if a file is broken, or not of this version.
     """
     model = Path(model)
     if (model / "model").is_dir():
@@ -46,11 +46,16 @@ def load(model: Path) -> tuple[Architecture, dict[str, keras.Model]]:
         )
     try:
         architecture = Architecture(**json.loads(description.read_text(encoding="utf-8")))
-    except (TypeError, json.JSONDecodeError) as error:
+        subnetworks = build(architecture)
+    except (TypeError, ValueError) as error:
         raise ValueError(f"{description} is not of this version: {error}; train again") from error
-    subnetworks = build(architecture)
     for name, subnetwork in subnetworks.items():
-        subnetwork.load_weights(_weights_path(model, name))
+        path = _weights_path(model, name)
+        try:
+            subnetwork.load_weights(path)
+        except (OSError, ValueError) as error:
+            reason = str(error).partition("\n")[0]
+            raise ValueError(f"{path} cannot be read: {reason}; train again") from error
     return architecture, subnetworks
 
 

@@ -23,8 +23,8 @@ def parser() -> argparse.ArgumentParser:
     """The command's options."""
     out = argparse.ArgumentParser(
         prog="lime-render",
-        description="Render images of single objects with their mask, diffuse and specular shading, "
-        "mirror image, normals, environment and material, as TFRecords.",
+        description="Render images of single objects with their mask, diffuse and specular "
+        "shading, mirror image, normals, environment and material, as TFRecords.",
         epilog=_EXAMPLE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )

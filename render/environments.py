@@ -1,10 +1,9 @@
 """Environment maps: read from files, and brought to sizes without losing light.
 
 A map is `(H, W)` float32 radiance of one channel, W about 2 H, equirectangular: rows are equal
-steps of the polar angle from the zenith, columns equal steps of the azimuth. A texel of row r
-covers the solid angle (2 pi / W) (cos(pi r / H) - cos(pi (r + 1) / H)). Whenever a map changes its
-size, every new texel is the mean of what it covers, weighted by solid angle; so the integral over
-the sphere stays, wherever the light is.
+steps of the polar angle from the zenith, columns equal steps of the azimuth. Whenever a map
+changes its size, every new texel is the mean of what it covers, weighted by solid angle; so the
+integral over the sphere stays, wherever the light is.
 """
 
 import warnings
@@ -14,11 +13,11 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 
+from lime_keras import colour
+
 EXTENSIONS = (".hdr", ".exr")
 
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)  # of linear Rec. 709
 ASPECT = 0.02  # by which share W may differ from 2 H
-SMALLEST = 16  # rows of a pyramid's last level
 
 
 def load(path: str | Path) -> np.ndarray:
@@ -56,7 +55,7 @@ def load(path: str | Path) -> np.ndarray:
             f"convert it to an equirectangular panorama of the whole sphere."
         )
     texels = _repaired(texels[..., : min(channels, 3)], path)
-    radiance = texels[..., 0] if channels == 1 else texels @ LUMINANCE
+    radiance = texels[..., 0] if channels == 1 else colour.luminance(texels)
     if not radiance.any():
         raise ValueError(f"{path}: is black everywhere, expected some light; use another map.")
     return np.ascontiguousarray(radiance, np.float32)
@@ -74,15 +73,6 @@ def _repaired(texels: np.ndarray, path: str | Path) -> np.ndarray:
     )
     largest = np.where(overflowed | invalid, 0, texels).max()
     return np.where(overflowed, largest, np.where(invalid, 0, texels))
-
-
-def solid_angles(height: int) -> np.ndarray:
-    """Solid angles of the texels of a map of `height` rows and twice as many columns.
-
-    Returns:
-        `(height,)` float64 steradians, one for each row; times 2 * height they sum to 4 pi.
-    """
-    return np.pi / height * -np.diff(np.cos(np.linspace(0, np.pi, height + 1)))
 
 
 def resized(radiance: np.ndarray, height: int) -> np.ndarray:
@@ -120,34 +110,3 @@ def _averaged(values: np.ndarray, edges: np.ndarray, coarse: np.ndarray) -> np.n
         overlap = np.diff(np.clip(edges[first : last + 1], low, high))
         means[k] = overlap @ values[first:last].astype(float) / (high - low)
     return means
-
-
-def pyramid(radiance: np.ndarray, *, height: int = 256) -> tuple[np.ndarray, ...]:
-    """A map at halving sizes, each texel the mean of the four below it by solid angle.
-
-    Args:
-        radiance: `(H, W)` map of any size from 16x32 up, W about 2 H.
-        height: Rows of the largest level: 16, 32, 64, 128, 256 or 512. A smaller map starts
-            at the largest of these that it fills.
-
-    Returns:
-        Maps `(h, 2 h)` float32, the largest first, the last 16x32; all have the same integral over
-        the sphere.
-
-    Raises:
-        ValueError: If `height` is none of those, or the map is smaller than 16x32.
-    """
-    heights = [SMALLEST << k for k in range(6)]
-    if height not in heights:
-        raise ValueError(f"height is {height}, expected one of {heights}; choose the nearest.")
-    rows, columns = radiance.shape
-    fitting = [h for h in heights if h <= height and h <= rows and 2 * h <= columns]
-    if not fitting:
-        raise ValueError(
-            f"the map is {columns}x{rows}, expected at least {2 * SMALLEST}x{SMALLEST}; "
-            f"use one of a higher resolution."
-        )
-    levels = [resized(radiance, fitting[-1])]
-    while len(levels[-1]) > SMALLEST:
-        levels.append(resized(levels[-1], len(levels[-1]) // 2))
-    return tuple(levels)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .shapes import Mesh
+from .meshes import Mesh
 
 SUBSAMPLES = 3
 _LEAST_COSINE = 0.02
@@ -47,7 +47,7 @@ class GBuffer:
         return (total[self.covered_pixels] / count[self.covered_pixels]).astype(np.float32)
 
     def image(self, pixel_values: np.ndarray) -> np.ndarray:
-        """Put values `(P,)` or `(P, C)` of the covered pixels into an `(S, S, C)` image of zeros."""
+        """Put values `(P,)` or `(P, C)` of the covered pixels into an `(S, S, C)` image."""
         values = pixel_values.reshape(len(pixel_values), -1)
         flat = np.zeros((self.coverage.size, values.shape[1]), np.float32)
         flat[self.covered_pixels] = values
@@ -123,9 +123,7 @@ class Tracer:
         to_world[:3, :3] = rotation.T @ np.diag([-1.0, 1.0, -1.0])
         to_world[:3, 3] = -rotation.T @ translation
         parameters = self._parameters
-        parameters["sensor.to_world"] = self._mi.Transform4f(
-            self._mi.ScalarTransform4f(to_world)
-        )
+        parameters["sensor.to_world"] = self._mi.Transform4f(self._mi.ScalarTransform4f(to_world))
         parameters["sensor.x_fov"] = 2 * math.degrees(math.atan(self._size / 2 / fx))
         parameters["sensor.principal_point_offset_x"] = 0.5 - cx / self._size
         parameters["sensor.principal_point_offset_y"] = 0.5 - cy / self._size

@@ -6,10 +6,15 @@ import numpy as np
 
 from .meshes import Mesh, normalised
 
-CORNER = np.radians(33)  # the same for the profile of a surface of revolution
+CORNER = np.radians(33)  # profiles that bend by more get separate normals on either side
 
 
-def profile(rng: np.random.Generator) -> np.ndarray:
+def sample(rng: np.random.Generator) -> Mesh:
+    """A turned piece: upright, closed, at times fluted or hollow."""
+    return turned(_profile(rng), rng)
+
+
+def _profile(rng: np.random.Generator) -> np.ndarray:
     """A polyline `(K, 2)` of radius and height, from the axis at the bottom back to the axis."""
     kind = rng.choice(3)
     if kind == 0:

@@ -17,7 +17,7 @@ MEAN_RADIANCE = 0.4
 """Spherical mean to which every map is scaled: the exposure (docs/decisions.md)."""
 _COARSEST, _FINEST = 32, 256
 _IRRADIANCE_HEIGHT = 32
-# A light is split while energy share × (its extent / lobe width)² is above this (docs/decisions.md).
+# A light is split while energy share × (its extent / lobe width)² exceeds it (docs/decisions.md).
 _SPLIT_ABOVE = 2e-3
 
 
@@ -84,16 +84,30 @@ class Light:
 def prepare(name: str, radiance: np.ndarray, mean: float = MEAN_RADIANCE) -> Light:
     """Scale a map `(H, W)` to the spherical mean and precompute what scenes need.
 
+    Args:
+        name: to be told with the light, and in errors.
+        radiance: `(H, W)`, W about 2 H, at least 32 rows.
+        mean: the spherical mean of the result.
+
     Raises:
-        ValueError: if the map is black or not finite.
+        ValueError: if the map is black, not finite or too small.
     """
+    rows, columns = radiance.shape
+    if min(rows, columns // 2) < _COARSEST:
+        raise ValueError(
+            f"{name}: the map is {columns}x{rows}, expected at least {2 * _COARSEST}x{_COARSEST}; "
+            "use one of a higher resolution"
+        )
     average = environment.spherical_mean(radiance)
     if not np.isfinite(average) or average <= 0:
         raise ValueError(f"{name}: the map's mean radiance is {average}; a light must shine")
     scaled = radiance.astype(np.float64) * (mean / average)
-    levels = _levels(environments.pyramid(scaled)[0])
+    finest = _COARSEST
+    while 2 * finest <= min(rows, columns // 2, _FINEST):
+        finest *= 2
+    levels = _levels(environments.resized(scaled, finest))
     normals = environment.directions(_IRRADIANCE_HEIGHT, 2 * _IRRADIANCE_HEIGHT).reshape(-1, 3)
-    middle = levels[2 * _IRRADIANCE_HEIGHT]
+    middle = levels[min(2 * _IRRADIANCE_HEIGHT, finest)]
     lights = middle.direction.reshape(-1, 3), middle.energy.reshape(-1)
     flat = shading.diffuse(normals.astype(np.float32), *lights)
     brightest = np.argmax(levels[_COARSEST].energy)

@@ -9,9 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 Vector = tuple[float, float, float]
-
 Pattern = tuple[tuple[float, ...], ...]
-
 Piece = tuple[np.ndarray, ...]  # vertices, normals, faces; the faces' albedo and roughness
 
 
@@ -106,6 +104,7 @@ def _unit(kind: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         return vertices[:, axes], normals[:, axes], faces
     return vertices, normals, faces
 
+
 _BOX_TURNS = (
     ((0, 1, 2), (1, 1, 1)),
     ((0, 1, 2), (-1, 1, -1)),
@@ -138,14 +137,17 @@ def merged(pieces: list[tuple[np.ndarray, ...]]) -> tuple[np.ndarray, ...]:
 
 
 def area(piece: Piece) -> float:
+    """Of all faces together."""
     vertices, _, faces, _, _ = piece
     a, b, c = vertices[faces].swapaxes(0, 1)
     return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
 
 
-def vector(values: np.ndarray) -> Vector:
+def as_vector(values: np.ndarray) -> Vector:
+    """Three numbers as plain, comparable data."""
     return tuple(float(value) for value in values)
 
 
-def cells(values: np.ndarray) -> Pattern:
-    return tuple(vector(row) for row in values)
+def as_pattern(values: np.ndarray) -> Pattern:
+    """Rows of numbers as plain, comparable data."""
+    return tuple(as_vector(row) for row in values)

@@ -14,11 +14,8 @@ from .room_meshes import Piece, Vector, area, merged, panel_piece, solid_piece
 from .rooms import LIGHTS, Light, Room
 
 FACES = {"matte": 16384, "glossy": 8192, "light": 640}  # of each mesh of the scene
-
 BOUNCES = 4  # depth of the path tracer: enough to lift the shadows, too short for caustics
-
 SUBDIVISION = 8  # directions across and down a texel that are looked up in the views
-
 VIEWS = (
     ((0, 0, -1), (0, 1, 0)),
     ((1, 0, 0), (0, 1, 0)),

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from . import furniture
-from .room_meshes import Panel, Pattern, Solid, Vector, area, cells, solid_piece, vector
+from .room_meshes import Panel, Pattern, Solid, Vector, area, as_pattern, as_vector, solid_piece
 
 LIGHTS = 11  # emitters of the scene: up to three windows of sky and ground, and five lamps
 
@@ -57,8 +57,8 @@ def sample(rng: np.random.Generator) -> Room:
     lights += [_lamp(rng, size, viewpoint) for _ in range(rng.integers(1, 6))]
     pictures = [_picture(rng, walls[k]) for k in order[glazed:] if rng.random() < 0.6]
     return Room(
-        size=vector(size),
-        viewpoint=vector(viewpoint),
+        size=as_vector(size),
+        viewpoint=as_vector(viewpoint),
         panels=(*walls, *frames, *pictures),
         solids=tuple(furniture.sample(rng, size, viewpoint)),
         lights=tuple(lights),
@@ -77,9 +77,9 @@ def _walls(rng: np.random.Generator, size: np.ndarray) -> list[Panel]:
     plain = [0.55] * 4 + [0.4, 0.85]
     return [
         Panel(
-            vector(np.array(corner) / 2),
-            vector(across),
-            vector(up),
+            as_vector(np.array(corner) / 2),
+            as_vector(across),
+            as_vector(up),
             ((float(tone),),) if rng.random() < share else _pattern(rng, tone),
         )
         for corner, (across, up), tone, share in zip(corners, edges, tones, plain, strict=True)
@@ -102,7 +102,7 @@ def _pattern(rng: np.random.Generator, tone: float) -> Pattern:
         share = i[:, :1] < rows * rng.uniform(0.2, 0.5)
     else:
         share = rng.random((rows, columns))
-    return cells(tone + (other - tone) * share)
+    return as_pattern(tone + (other - tone) * share)
 
 
 def _on_wall(wall: Panel, rect: np.ndarray, lift: float, cells: Pattern) -> Panel:
@@ -110,7 +110,7 @@ def _on_wall(wall: Panel, rect: np.ndarray, lift: float, cells: Pattern) -> Pane
     across, up = np.array(wall.across), np.array(wall.up)
     u, v = across / np.linalg.norm(across), up / np.linalg.norm(up)
     corner = np.array(wall.corner) + rect[0] * u + rect[1] * v + lift * np.cross(u, v)
-    return Panel(vector(corner), vector(rect[2] * u), vector(rect[3] * v), cells)
+    return Panel(as_vector(corner), as_vector(rect[2] * u), as_vector(rect[3] * v), cells)
 
 
 def _place(rng: np.random.Generator, wall: Panel, width: tuple, height: tuple) -> np.ndarray:
@@ -145,7 +145,7 @@ def _picture(rng: np.random.Generator, wall: Panel) -> Panel:
     """A picture, a door or a poster: a framed patchwork."""
     rect = _place(rng, wall, (0.4, 1.8), (0.4, 1.4))
     cells = np.pad(rng.uniform(0.03, 0.95, rng.integers(1, 8, 2)), 1, constant_values=rng.random())
-    return _on_wall(wall, rect, 0.015, cells(cells))
+    return _on_wall(wall, rect, 0.015, as_pattern(cells))
 
 
 def _lamp(rng: np.random.Generator, size: np.ndarray, viewpoint: np.ndarray) -> Light:
@@ -167,6 +167,6 @@ def _lamp(rng: np.random.Generator, size: np.ndarray, viewpoint: np.ndarray) -> 
         x, z = rng.uniform(-1, 1, 2) * reach[[0, 2]]
         if np.linalg.norm([x - viewpoint[0], y - viewpoint[1], z - viewpoint[2]]) > 1.2:
             break
-    solid = Solid(shape, vector((x, y, z)), vector(extent), float(rng.uniform(0, np.pi)), 0.0)
+    solid = Solid(shape, as_vector((x, y, z)), as_vector(extent), float(rng.uniform(0, np.pi)), 0.0)
     flux = np.exp(rng.uniform(np.log(3), np.log(60)))
     return Light(float(flux / (np.pi * area(solid_piece(solid)))), solids=(solid,))

@@ -109,8 +109,8 @@ def sample_light_rotation(rng: np.random.Generator, strong_direction: np.ndarray
     """Rotation `(3, 3)` from the map's frame to camera space with the strong light in front.
 
     The map turns about its vertical and is tilted as a camera is; draws that leave the strong light
-    behind the object (z < 0 in camera space) are rejected. For a light at the zenith or nadir, which
-    no turn brings to the front, the last draw is taken.
+    behind the object (z < 0 in camera space) are rejected. For a light at the zenith or nadir,
+    which no turn brings to the front, the last draw is taken.
 
     Args:
         rng: source of all randomness.

@@ -22,5 +22,5 @@ def procedural(rng: np.random.Generator) -> Mesh:
     if family == 0:
         return solids.polygonise(*fields.composition(rng))
     if family == 1:
-        return lathe.turned(lathe.profile(rng), rng)
+        return lathe.sample(rng)
     return solids.polygonise(*fields.blobs(rng))

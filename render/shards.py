@@ -241,9 +241,7 @@ class _Worker:
         description = self.job.description
         failures: list[dict] = []
         for attempt in range(_TRIES):
-            rng = sources.generator(
-                description.seed, description.split, "example", index, attempt
-            )
+            rng = sources.generator(description.seed, description.split, "example", index, attempt)
             shape = self.shape_names[rng.integers(len(self.shape_names))]
             light_name = self.light_names[rng.integers(len(self.light_names))]
             mesh, tracer = self.mesh(shape)
@@ -314,7 +312,9 @@ def _claim(folder: Path, description: Description) -> None:
         if differing:
             raise ValueError(
                 f"{folder} holds another split: "
-                + ", ".join(f"{key} {held.get(key)} there, {wanted.get(key)} asked" for key in differing)
+                + ", ".join(
+                    f"{key} {held.get(key)} there, {wanted.get(key)} asked" for key in differing
+                )
                 + ". Pass another folder, the same options, or remove it"
             )
     else:

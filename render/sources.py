@@ -1,7 +1,8 @@
 """Where shapes, lights and backgrounds come from: built in, or the user's folders.
 
 Training and test never share a shape or a light. Built-in ones are seeded by split; the files of a
-folder are dealt out by a hash of their names, or by its subfolders `train` and `test` if it has them.
+folder are dealt out by a hash of their names, or by its subfolders `train` and `test` if it has
+them.
 """
 
 import hashlib
@@ -131,9 +132,12 @@ class LightSource:
 
     def render_room(self, name: str) -> None:
         """Render one built-in room into the cache; needs Mitsuba's variant to be set."""
+        # Imports Mitsuba, which must not happen before `variants.activate` chose its library.
+        from . import room_renderer
+
         index = int(name.removeprefix("room-").removesuffix(".exr"))
         rng = generator(self.seed, self.split, "room", index)
-        radiance = rooms.render(rooms.sample(rng), seed=int(rng.integers(2**31)))
+        radiance = room_renderer.render(rooms.sample(rng), seed=int(rng.integers(2**31)))
         self.cache.mkdir(parents=True, exist_ok=True)
         partial = self.cache / f"partial-{os.getpid()}-{name}"
         height, width = radiance.shape

@@ -117,7 +117,8 @@ def activate(choice: Choice, threads: int) -> None:
             byte, reproducible.
 
     Raises:
-        RuntimeError: if TensorFlow was imported before Mitsuba, which ends in a segmentation fault.
+        RuntimeError: if TensorFlow was imported before Mitsuba, which ends in a segmentation fault,
+            or Mitsuba before its library was chosen, which takes the system's first.
     """
     if "tensorflow" in sys.modules and "drjit" not in sys.modules:
         raise RuntimeError(
@@ -125,6 +126,11 @@ def activate(choice: Choice, threads: int) -> None:
             "`import mitsuba` before the first import of tensorflow or keras"
         )
     if choice.library:
+        if "drjit" in sys.modules and os.environ.get(_LIBRARY_VARIABLE) != str(choice.library):
+            raise RuntimeError(
+                "Mitsuba was imported before its libLLVM was chosen: call `variants.activate` "
+                f"before the first `import mitsuba`, or set {_LIBRARY_VARIABLE} yourself"
+            )
         os.environ[_LIBRARY_VARIABLE] = str(choice.library)
         load_companions()
     import drjit

@@ -136,7 +136,7 @@ def _train_stage(
     curve = _Curve(run / "curves" / f"{number}-{stage.name}.csv", step)
     interval = max(1, stage.steps // _CURVE_POINTS)
     if step == 0:
-        curve.add(0, {}, model.evaluate(validation, return_dict=True, verbose=0))
+        curve.add(0, {}, _validate(model, validation))
     model.reset_metrics()
     iterator = iter(batches(step))
     saved = time.monotonic()
@@ -147,11 +147,19 @@ def _train_stage(
         _refuse_non_finite(stage, step, logs)
         tell(stage, step, logs)
         if step % interval == 0 or step == stage.steps:
-            curve.add(step, logs, model.evaluate(validation, return_dict=True, verbose=0))
+            curve.add(step, logs, _validate(model, validation))
             model.reset_metrics()
         if step == stage.steps or time.monotonic() - saved > _SECONDS_BETWEEN_CHECKPOINTS:
             checkpoint.save(step)
             saved = time.monotonic()
+
+
+def _validate(model: StageModel, validation) -> dict[str, float]:
+    """Mean losses over the held-out batches."""
+    model.reset_metrics()
+    for batch in validation:
+        logs = model.test_on_batch(batch, return_dict=True)
+    return logs
 
 
 def _refuse_non_finite(stage: Stage, step: int, logs: dict[str, float]) -> None:
@@ -200,7 +208,7 @@ class _Curve:
         if path.is_file():
             with path.open(newline="", encoding="utf-8") as file:
                 rows = [dict(row) for row in csv.DictReader(file)]
-            self._rows = [row for row in rows if int(row["step"]) <= step]
+            self._rows = [row for row in rows if step > 0 and int(row["step"]) <= step]
         self._earlier = float(self._rows[-1]["seconds"]) if self._rows else 0.0
 
     def add(self, step: int, training: dict[str, float], validation: dict[str, float]) -> None:

@@ -1,4 +1,4 @@
-"""The five subnetworks of section 5.2, each a functional Keras model, and their assembly."""
+"""The five subnetworks of section 5, each a functional Keras model, and their assembly."""
 
 from lime_keras.networks.architecture import PRESETS, Architecture
 from lime_keras.networks.system import SUBNETWORKS, assemble, build

@@ -1,0 +1,24 @@
+"""What the renderer's tests look at: a sphere in closed form, and a light like a photographed one."""
+
+import numpy as np
+import trimesh
+from lime_keras.render import meshes
+
+
+def sphere(subdivisions=5):
+    """The unit sphere, as a mesh."""
+    ball = trimesh.creation.icosphere(subdivisions=subdivisions)
+    return meshes.normalised(ball.vertices, ball.faces, ball.vertices)
+
+
+def photographed(height=256, seed=0):
+    """A dim, mottled surround `(H, 2 H)` with a window and three lamps of a few texels."""
+    rng = np.random.default_rng(seed)
+    coarse = rng.exponential(0.2, (height // 16, height // 8))
+    radiance = np.kron(coarse, np.ones((16, 16))) + rng.uniform(0, 0.1, (height, 2 * height))
+    window = slice(height // 3, height // 2), slice(height // 5, height // 3)
+    radiance[window] += 8.0
+    for row, column, strength in ((0.2, 0.7, 900.0), (0.3, 0.1, 3000.0), (0.55, 0.9, 400.0)):
+        top, left = int(row * height), int(column * 2 * height)
+        radiance[top : top + 2, left : left + 2] += strength
+    return radiance

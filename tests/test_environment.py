@@ -1,0 +1,157 @@
+"""Equirectangular maps: the convention, its seams and poles, and energy under rotation."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lime_keras import environment
+
+SHAPES = [(1, 1), (1, 2), (3, 5), (16, 32), (64, 128)]
+ANGLE = st.floats(-10, 10)
+
+
+def noise(height, width, seed=0):
+    return np.random.default_rng(seed).exponential(size=(height, width))
+
+
+def rotation(seed):
+    q, r = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))
+    q *= np.sign(np.diag(r))
+    return q * np.linalg.det(q)
+
+
+def bilinear(radiance, direction):
+    """One look-up, by the definition of u and v, with explicit neighbours."""
+    height, width = radiance.shape
+    x, y, z = direction / np.linalg.norm(direction)
+    u, v = np.arctan2(x, -z) / (2 * np.pi) % 1, np.arccos(np.clip(y, -1, 1)) / np.pi
+    total = 0.0
+    for row in range(-1, height + 1):
+        for column in range(-1, width + 1):
+            share_v = max(0, 1 - abs(v * height - 0.5 - row))
+            share_u = max(0, 1 - abs(u * width - 0.5 - column))
+            clamped = min(max(row, 0), height - 1)
+            total += share_v * share_u * radiance[clamped, column % width]
+    return total
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_directions_are_mitsubas(shape):
+    height, width = shape
+    found = environment.directions(height, width)
+    for row, column in np.ndindex(shape):
+        v, u = (row + 0.5) / height, (column + 0.5) / width
+        expected = [
+            np.sin(np.pi * v) * np.sin(2 * np.pi * u),
+            np.cos(np.pi * v),
+            -np.sin(np.pi * v) * np.cos(2 * np.pi * u),
+        ]
+        np.testing.assert_allclose(found[row, column], expected, atol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(found, axis=-1), 1)
+
+
+def test_the_top_row_is_up_and_the_middle_column_faces_the_camera():
+    found = environment.directions(64, 128)
+    assert found[0, 0, 1] > 0.999 and found[-1, 0, 1] < -0.999
+    assert found[32, 64, 2] > 0.99 and found[32, 0, 2] < -0.99 and found[32, 32, 0] > 0.99
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_solid_angles_cover_the_sphere(shape):
+    found = environment.solid_angles(*shape)
+    assert found.shape == shape and (found > 0).all()
+    assert found.sum() == pytest.approx(4 * np.pi)
+    assert environment.spherical_mean(np.full(shape, 3.5)) == pytest.approx(3.5)
+
+
+def test_solid_angles_are_integrals_of_the_sine():
+    theta = (np.arange(1000) + 0.5) / 1000 * np.pi / 7
+    expected = np.sin(theta).sum() * np.pi / 7 / 1000 * 2 * np.pi / 3
+    assert environment.solid_angles(7, 3)[0, 0] == pytest.approx(expected, rel=1e-6)
+
+
+def test_spherical_mean_in_single_precision():
+    radiance = np.full((256, 512), 1e4, np.float32)
+    assert environment.spherical_mean(radiance) == pytest.approx(1e4, rel=1e-6)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_looking_at_texel_centres_gives_the_texels(shape):
+    radiance = noise(*shape)
+    found = environment.lookup(radiance, environment.directions(*shape))
+    np.testing.assert_allclose(found, radiance, rtol=1e-9)
+
+
+@given(ANGLE, ANGLE, st.sampled_from(SHAPES[:3]))
+def test_look_ups_are_bilinear(theta, phi, shape):
+    direction = np.array([np.sin(theta) * np.cos(phi), np.cos(theta), np.sin(theta) * np.sin(phi)])
+    radiance = noise(*shape)
+    found = environment.lookup(radiance, direction)
+    assert found == pytest.approx(bilinear(radiance, direction), rel=1e-6)
+
+
+@given(st.tuples(*[st.floats(-1e3, 1e3)] * 3))
+def test_look_ups_stay_between_the_darkest_and_the_brightest(direction):
+    radiance = noise(5, 9)
+    found = environment.lookup(radiance, np.array(direction))
+    assert radiance.min() - 1e-9 <= found <= radiance.max() + 1e-9
+
+
+def test_the_seam_behind_and_the_poles_are_continuous():
+    radiance = noise(8, 16)
+    for y in (-0.9, 0.0, 0.3):
+        sides = np.array([[1e-9, y, -1], [-1e-9, y, -1]])
+        left, right = environment.lookup(radiance, sides)
+        assert left == pytest.approx(right, rel=1e-6)
+    for pole, row in ((1.0, 0), (-1.0, -1)):
+        # Axes and signed zeros included.
+        directions = np.array([[0, pole, 0], [-0.0, pole, -0.0], [1e-30, pole, 0]])
+        values = environment.lookup(radiance, directions)
+        assert radiance[row].min() <= values.min() and values.max() <= radiance[row].max()
+
+
+def test_length_and_shape_of_directions_do_not_matter():
+    radiance, directions = noise(8, 16), environment.directions(3, 4)
+    found = environment.lookup(radiance, directions)
+    assert found.shape == (3, 4)
+    np.testing.assert_allclose(environment.lookup(radiance, directions * 7), found, rtol=1e-6)
+    single = environment.lookup(radiance.astype(np.float32), directions.astype(np.float32))
+    np.testing.assert_allclose(single, found, rtol=1e-4)
+
+
+def test_rotating_by_nothing_changes_nothing():
+    radiance = noise(16, 32)
+    np.testing.assert_allclose(environment.rotate(radiance, np.eye(3), 16, 32), radiance)
+
+
+@pytest.mark.parametrize("texels", [1, 5, 16, 31])
+def test_turning_about_the_vertical_shifts_the_columns(texels):
+    radiance, phi = noise(16, 32), 2 * np.pi * texels / 32
+    # u grows from −z towards +x.
+    turn = np.array([[np.cos(phi), 0, -np.sin(phi)], [0, 1, 0], [np.sin(phi), 0, np.cos(phi)]])
+    found = environment.rotate(radiance, turn, 16, 32)
+    np.testing.assert_allclose(found, np.roll(radiance, texels, axis=1), rtol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_lamp_goes_where_the_rotation_takes_it_with_its_energy(seed):
+    turn = rotation(seed)
+    assert np.linalg.det(turn) == pytest.approx(1)
+    lamp = np.zeros((64, 128))
+    row, column = np.random.default_rng(seed).integers([10, 0], [54, 128])
+    lamp[row, column] = 1e4
+    found = environment.rotate(lamp, turn, 32, 64)
+    energy = found * environment.solid_angles(32, 64)
+    centre = np.sum(energy[..., None] * environment.directions(32, 64), axis=(0, 1))
+    expected = turn @ environment.directions(64, 128)[row, column]
+    np.testing.assert_allclose(centre / np.linalg.norm(centre), expected, atol=0.02)
+    before = lamp[row, column] * environment.solid_angles(64, 128)[row, column]
+    assert energy.sum() == pytest.approx(before, rel=0.05)
+
+
+@pytest.mark.parametrize("size", [(16, 32), (64, 128), (5, 3)])
+def test_a_constant_stays_constant_under_rotation(size):
+    found = environment.rotate(np.full((33, 70), 2.5), rotation(0), *size)
+    assert found.shape == size
+    np.testing.assert_allclose(found, 2.5)

@@ -1,0 +1,146 @@
+"""The G-buffer of a sphere in closed form, and of other shapes by their projected vertices."""
+
+import mitsuba
+import numpy as np
+import pytest
+from lime_keras.render import gbuffer, meshes, scenes, shapes
+from lime_keras.shading import view_directions
+from render_scenes import sphere
+
+SIZE = 64
+CENTRED = np.array([0.0, 0.0, -6.0]), np.array([150.0, 150.0, 32.0, 32.0])
+PLACES = [
+    CENTRED,
+    (np.array([0.7, -0.4, -6.0]), np.array([140.0, 140.0, 17.0, 22.5])),
+    (np.array([-1.5, 1.0, -5.0]), np.array([95.0, 95.0, 60.0, 50.0])),
+]
+"""Translations and cameras that keep the unit sphere in the image."""
+
+
+@pytest.fixture(scope="module")
+def ball(mitsuba_choice):
+    return gbuffer.Tracer(sphere(), SIZE)
+
+
+def look(tracer, place, seed=0):
+    rotation = scenes.sample_rotation(np.random.default_rng(seed))
+    return tracer.trace(rotation, *place)
+
+
+def projected_area(centre, focal):
+    """In pixels, of the unit sphere: the ellipse that its tangent cone cuts out of the image."""
+    squared = centre @ centre - 1
+    return np.pi * focal**2 * np.sqrt(squared) / (centre[2] ** 2 - 1) ** 1.5
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_coverage_of_a_sphere_is_its_projected_area(ball, place):
+    centre, camera = place
+    coverage = look(ball, place).coverage
+    np.testing.assert_allclose(coverage.sum(), projected_area(centre, camera[0]), rtol=0.01)
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_view_directions_are_those_of_the_camera(ball, place):
+    seen = look(ball, place)
+    expected = view_directions(place[1], SIZE, SIZE).reshape(-1, 3)[seen.covered_pixels]
+    whole = seen.coverage.ravel()[seen.covered_pixels] == 1
+    assert whole.sum() > 500
+    np.testing.assert_allclose(seen.view[seen.representative][whole], expected[whole], atol=2e-5)
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_normals_of_a_sphere_are_its_radii(ball, place):
+    seen, centre = look(ball, place), place[0]
+    away = -seen.view.astype(float) @ centre  # along the ray to the sphere's middle
+    inside = away**2 - (centre @ centre - 1)  # half the chord, squared
+    chosen = inside > 0.05
+    point = (away - np.sqrt(np.where(chosen, inside, 0)))[:, None] * -seen.view - centre
+    np.testing.assert_allclose(seen.normal[chosen], point[chosen], atol=5e-3)
+
+
+def test_edges_are_covered_in_part_and_the_middle_wholly(ball):
+    coverage = look(ball, CENTRED).coverage
+    assert coverage.dtype == np.float32
+    assert coverage[32, 32] == 1 and coverage[0, 0] == 0
+    partly = coverage[(coverage > 0) & (coverage < 1)]
+    samples = gbuffer.SUBSAMPLES**2
+    np.testing.assert_allclose(partly * samples, np.round(partly * samples), atol=1e-5)
+    assert len(np.unique(partly)) > samples / 2
+
+
+def test_samples_average_to_their_pixels_and_land_in_them(ball):
+    seen = look(ball, PLACES[1])
+    assert (np.diff(seen.pixel) >= 0).all()
+    np.testing.assert_allclose(seen.pixel_means(seen.pixel.astype(float)), seen.covered_pixels)
+    image = seen.image(seen.covered_pixels + 1.0)
+    expected = np.where(seen.coverage > 0, np.arange(SIZE**2).reshape(SIZE, SIZE) + 1, 0)
+    np.testing.assert_array_equal(image, expected[..., None])
+    counts = np.bincount(seen.pixel, minlength=SIZE**2).reshape(SIZE, SIZE)
+    np.testing.assert_allclose(seen.coverage * gbuffer.SUBSAMPLES**2, counts, rtol=1e-5)
+
+
+def test_pixel_means_are_plain_means(ball):
+    seen = look(ball, CENTRED)
+    values = np.random.default_rng(0).normal(size=len(seen.pixel))
+    pixels = seen.covered_pixels[::97]
+    expected = [values[seen.pixel == pixel].mean() for pixel in pixels]
+    np.testing.assert_allclose(seen.pixel_means(values)[::97], expected, rtol=1e-5)
+
+
+@pytest.mark.parametrize(("shift", "expected"), [((0.5, 0, 0), (32, 41.4)), ((0, 0.5, 0), (22.6, 32))])
+def test_up_is_up_and_right_is_right(ball, shift, expected):
+    camera = np.array([110.0, 110.0, 32.0, 32.0])
+    rows, columns = np.nonzero(look(ball, (CENTRED[0] + shift, camera)).coverage)
+    np.testing.assert_allclose([rows.mean() + 0.5, columns.mean() + 0.5], expected, atol=0.2)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_posed_shape_covers_the_box_of_its_projected_vertices(mitsuba_choice, seed):
+    rng = np.random.default_rng(seed)
+    mesh = shapes.procedural(rng)
+    pose = scenes.sample_pose(rng, mesh.vertices, SIZE)
+    seen = gbuffer.Tracer(mesh, SIZE).trace(pose.rotation, pose.translation, pose.camera)
+    fx, fy, cx, cy = pose.camera
+    x, y, z = pose.rotation @ mesh.vertices.T + pose.translation[:, None]
+    column, row = cx - fx * x / z, cy + fy * y / z
+    rows, columns = np.nonzero(seen.coverage)
+    found = [rows.min(), rows.max() + 1, columns.min(), columns.max() + 1]
+    np.testing.assert_allclose(found, [row.min(), row.max(), column.min(), column.max()], atol=1.4)
+
+
+def test_a_tracer_remembers_nothing_of_the_last_look(ball):
+    first = look(ball, PLACES[1])
+    look(ball, PLACES[2])
+    again = look(ball, PLACES[1])
+    np.testing.assert_array_equal(first.normal, again.normal)
+    np.testing.assert_array_equal(first.coverage, again.coverage)
+
+
+@pytest.mark.parametrize("garbled", [False, True])
+def test_every_normal_faces_the_viewer(mitsuba_choice, garbled):
+    rng = np.random.default_rng(3)
+    mesh = shapes.procedural(rng)
+    if garbled:
+        noise = rng.normal(size=mesh.normals.shape).astype(np.float32)
+        noise /= np.linalg.norm(noise, axis=1, keepdims=True)
+        mesh = meshes.Mesh(mesh.vertices, mesh.faces, noise)
+    seen = look(gbuffer.Tracer(mesh, SIZE), CENTRED)
+    assert (np.sum(seen.normal * seen.view, axis=1) > 0.015).all()
+    np.testing.assert_allclose(np.linalg.norm(seen.normal, axis=1), 1, atol=1e-5)
+
+
+def test_both_variants_see_the_same(ball, mitsuba_choice):
+    if mitsuba_choice.variant == "scalar_rgb":
+        pytest.skip("only one variant works here")
+    fast = look(ball, PLACES[1])
+    mitsuba.set_variant("scalar_rgb")
+    try:
+        slow = look(gbuffer.Tracer(sphere(), SIZE), PLACES[1])
+    finally:
+        mitsuba.set_variant(mitsuba_choice.variant)
+    assert np.abs(fast.coverage - slow.coverage).sum() < 2
+    both = np.intersect1d(fast.covered_pixels, slow.covered_pixels)
+    views = [s.image(s.normal[s.representative]).reshape(-1, 3)[both] for s in (fast, slow)]
+    np.testing.assert_allclose(np.median(np.abs(views[0] - views[1])), 0, atol=1e-5)
+    assert (np.abs(views[0] - views[1]).max(axis=1) < 1e-3).mean() > 0.99

@@ -1,0 +1,48 @@
+"""A material as JSON."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+
+from lime_keras import Material
+
+
+@pytest.fixture
+def material():
+    return Material(
+        diffuse_albedo=np.array([0.5, 0.25, 0.0], np.float32),
+        specular_albedo=0.0,
+        exponent=12.5,
+        exponent_bin_probabilities=np.full(8, 0.125, np.float32),
+        mask_coverage=0.0,
+        exponent_entropy=3.0,
+        layers={"mask": np.ones((2, 2, 1), np.float32)},
+    )
+
+
+def test_json_holds_every_number_and_no_layer(material):
+    numbers = json.loads(json.dumps(material.to_json(), allow_nan=False))
+    assert numbers == {
+        "diffuse_albedo": [0.5, 0.25, 0.0],
+        "specular_albedo": 0.0,
+        "exponent": 12.5,
+        "exponent_bin_probabilities": [0.125] * 8,
+        "mask_coverage": 0.0,
+        "exponent_entropy": 3.0,
+    }
+
+
+def test_what_was_not_asked_for_is_left_out_and_zero_is_not(material):
+    assert Material().to_json() == {}
+    assert Material(mask_coverage=0.0).to_json() == {"mask_coverage": 0.0}
+    partial = dataclasses.replace(material, exponent=None, diffuse_albedo=None)
+    assert not {"exponent", "diffuse_albedo"} & set(partial.to_json())
+
+
+def test_materials_cannot_be_changed_and_share_no_layers(material):
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        material.exponent = 1.0
+    Material().layers["mask"] = np.zeros(1)
+    assert Material().layers == {}

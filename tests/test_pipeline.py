@@ -1,0 +1,251 @@
+"""Shards to batches: order, resumption, averaging, classes, and broken files."""
+
+import itertools
+
+import numpy as np
+import pytest
+import tensorflow as tf
+from sphere_corpus import example, write_split
+
+from lime_keras import pipeline, records, shading, shininess
+from lime_keras.corpus import shard_paths
+
+SIZE = 16
+COUNT = 12
+
+
+def write_shard(path, examples):
+    with tf.io.TFRecordWriter(str(path)) as writer:
+        for features in examples:
+            writer.write(records.encode(features))
+    return path
+
+
+@pytest.fixture(scope="module")
+def shards(tmp_path_factory):
+    """Three shards of four examples."""
+    folder = tmp_path_factory.mktemp("corpus")
+    return [
+        write_shard(
+            folder / f"{shard:05d}.tfrecord",
+            [example(index, size=SIZE) for index in range(4 * shard, 4 * shard + 4)],
+        )
+        for shard in range(3)
+    ]
+
+
+def order(shards, steps, batch_size=2, seed=0, first_step=0):
+    """Indices of the examples of so many training batches, `(steps, batch_size)`."""
+    dataset = pipeline.training(
+        shards, size=8, batch_size=batch_size, seed=seed, first_step=first_step
+    )
+    return np.array([batch["index"] for batch in itertools.islice(iter(dataset), steps)])
+
+
+# Order.
+
+
+def test_the_seed_decides_the_order(shards):
+    first, again, other = (order(shards, 12, seed=seed) for seed in (0, 0, 1))
+    np.testing.assert_array_equal(first, again)
+    assert not np.array_equal(first, other)
+
+
+def test_every_epoch_holds_every_example_once_in_another_order(shards):
+    epochs = order(shards, 18).reshape(3, COUNT)
+    for epoch in epochs:
+        assert sorted(epoch) == list(range(COUNT))
+    assert not np.array_equal(epochs[0], epochs[1])
+    assert not np.array_equal(epochs[1], epochs[2])
+    assert not np.array_equal(epochs[0], np.arange(COUNT))
+
+
+def test_batches_are_whole_and_cross_epochs(shards):
+    found = order(shards, 12, batch_size=5).reshape(-1)
+    assert found.shape == (60,)
+    for epoch in found.reshape(5, COUNT):
+        assert sorted(epoch) == list(range(COUNT))
+
+
+@pytest.mark.parametrize("first_step", [0, 1, 5, 6, 7, 13])
+@pytest.mark.parametrize("batch_size", [2, 5])
+def test_resuming_carries_on_where_an_uninterrupted_order_would_be(shards, first_step, batch_size):
+    whole = order(shards, 20, batch_size)
+    resumed = order(shards, 20 - first_step, batch_size, first_step=first_step)
+    np.testing.assert_array_equal(resumed, whole[first_step:])
+
+
+def test_evaluation_takes_every_example_once_in_order(shards):
+    batches = list(pipeline.evaluation(shards, size=8, batch_size=5))
+    assert [len(batch["index"]) for batch in batches] == [5, 5, 2]
+    assert np.concatenate([batch["index"] for batch in batches]).tolist() == list(range(COUNT))
+
+
+def test_batches_hold_every_feature_and_the_class(shards):
+    [batch] = pipeline.evaluation(shards[:1], size=8, batch_size=4)
+    assert set(batch) == {*records.FEATURES, "exponent_bin"}
+    assert batch["image"].shape == (4, 8, 8, 3) and batch["mirror"].shape == (4, 8, 8, 1)
+    assert batch["environment"].shape == (4, 64, 128, 1)
+    for name, value in batch.items():
+        if value.dtype.is_floating:
+            assert value.dtype == tf.float32 and np.isfinite(value).all(), name
+
+
+# Classes.
+
+
+def test_classes_agree_with_bin_of_at_the_edges(tmp_path):
+    edges = (10.0**shininess.LOG_EDGES).astype(np.float32)
+    near = [edges, np.nextafter(edges, 0), np.nextafter(edges, np.float32(1e9)), edges * 0.9999]
+    further = [[0, 1e-30, 0.5, 1e6, 1e30], 10.0**shininess.LOG_MEANS]
+    exponents = np.concatenate([*near, *further]).astype(np.float32)
+    sphere = example(0, size=4)
+    path = write_shard(tmp_path / "s.tfrecord", [sphere | {"shininess": s} for s in exponents])
+    [batch] = pipeline.evaluation([path], size=4, batch_size=len(exponents))
+    assert batch["exponent_bin"].dtype == tf.int32
+    np.testing.assert_array_equal(batch["exponent_bin"], shininess.bin_of(exponents))
+
+
+# Averaging.
+
+
+@pytest.fixture
+def rough():
+    """A parsed example of random layers under fractional coverage, a quarter of it empty."""
+    rng = np.random.default_rng(0)
+    mask = rng.uniform(size=(SIZE, SIZE, 1)) * (rng.uniform(size=(SIZE, SIZE, 1)) > 0.5)
+    mask[:8, :8] = 0
+    normal = rng.normal(size=(SIZE, SIZE, 3)) + [0, 0, 2]
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    layers = {
+        name: rng.exponential(size=mask.shape)
+        for name in ("diffuse_shading", "specular_shading", "mirror")
+    }
+    changes = {"mask": mask, "image": rng.uniform(size=(SIZE, SIZE, 3)), "normal": normal}
+    return records.parse(records.encode(example(0, size=SIZE) | layers | changes))
+
+
+@pytest.mark.parametrize("size", [16, 8, 4, 1])
+def test_layers_are_averaged_over_the_covered_part(rough, size):
+    found, factor = pipeline.resize(rough, size), SIZE // size
+    for y, x in np.ndindex(size, size):
+        block = np.s_[y * factor : (y + 1) * factor, x * factor : (x + 1) * factor]
+        image, mask = (rough[name].numpy()[block] for name in ("image", "mask"))
+        np.testing.assert_allclose(found["image"][y, x], image.mean((0, 1)), rtol=1e-5)
+        np.testing.assert_allclose(found["mask"][y, x], mask.mean((0, 1)), rtol=1e-5)
+        for name in ("diffuse_shading", "specular_shading", "mirror"):
+            layer = rough[name].numpy()[block]
+            expected = np.sum(layer * mask) / np.sum(mask) if mask.any() else 0
+            np.testing.assert_allclose(found[name][y, x, 0], expected, rtol=1e-4)
+        normal = np.sum(rough["normal"].numpy()[block] * mask, axis=(0, 1))
+        expected = normal / np.linalg.norm(normal) if mask.any() else np.zeros(3)
+        np.testing.assert_allclose(found["normal"][y, x], expected, atol=1e-4)
+
+
+@pytest.mark.parametrize("size", [16, 8, 4, 2])
+def test_averaging_conserves_light_and_length(rough, size):
+    found, factor = pipeline.resize(rough, size), SIZE // size
+    for name in ("diffuse_shading", "specular_shading", "mirror"):
+        total = np.sum(found[name] * found["mask"]) * factor**2
+        assert total == pytest.approx(np.sum(rough[name] * rough["mask"]), rel=1e-4)
+    length = np.linalg.norm(found["normal"], axis=-1)
+    np.testing.assert_allclose(length, (found["mask"].numpy() > 0)[..., 0], atol=1e-5)
+    for name in ("environment", "shininess", "diffuse_albedo", "index"):
+        np.testing.assert_array_equal(found[name], rough[name])
+
+
+def test_a_silhouette_stays_as_bright_as_the_object():
+    sphere = example(0, size=SIZE)
+    mask = sphere["mask"]
+    covered = sphere | {name: 3.0 * mask for name in ("diffuse_shading", "mirror")}
+    found = pipeline.resize(records.parse(records.encode(covered)), 4)
+    edge = (found["mask"].numpy() > 0) & (found["mask"].numpy() < 1)
+    assert edge.any()
+    np.testing.assert_allclose(found["mirror"].numpy()[edge], 3, rtol=1e-5)
+
+
+def test_the_camera_is_scaled_along(rough):
+    """A large pixel is seen along the corner that its four small ones share."""
+    small = pipeline.resize(rough, SIZE // 2)
+    coarse = shading.view_directions(small["camera"].numpy(), SIZE // 2, SIZE // 2)
+    fine = shading.view_directions(rough["camera"].numpy(), SIZE, SIZE)
+    slopes = (fine / fine[..., 2:]).reshape(SIZE // 2, 2, SIZE // 2, 2, 3).mean((1, 3))
+    np.testing.assert_allclose(coarse / coarse[..., 2:], slopes, atol=1e-6)
+
+
+@pytest.mark.parametrize("size", [3, 5, 15, 17, 32])
+def test_sizes_that_do_not_divide_are_refused(rough, shards, size):
+    with pytest.raises(tf.errors.InvalidArgumentError, match=f"averaged to {size}"):
+        pipeline.resize(rough, size)
+    with pytest.raises(tf.errors.InvalidArgumentError, match=f"averaged to {size}"):
+        list(pipeline.evaluation(shards[:1], size=size, batch_size=1))
+
+
+# Files.
+
+
+def open_either_way(path):
+    shards, options = [path], {"size": 8, "batch_size": 1}
+    yield lambda: pipeline.evaluation(shards, **options)
+    yield lambda: pipeline.training(shards, **options, seed=0)
+
+
+@pytest.mark.parametrize("kept", [-1, -5, 5, 11, 12, 20])
+def test_a_shard_cut_off_is_named(shards, tmp_path, kept):
+    path = tmp_path / "broken.tfrecord"
+    path.write_bytes(shards[0].read_bytes()[:kept])
+    for opened in open_either_way(path):
+        with pytest.raises(ValueError, match=r"broken\.tfrecord is broken.*lime-render"):
+            opened()
+
+
+def test_a_header_cut_off_is_named(shards, tmp_path):
+    """TensorFlow alone would silently take what comes before for the whole shard."""
+    path = tmp_path / "broken.tfrecord"
+    path.write_bytes(shards[0].read_bytes() + bytes(5))
+    for opened in open_either_way(path):
+        with pytest.raises(ValueError, match=r"broken\.tfrecord is broken"):
+            opened()
+
+
+def test_what_is_no_shard_is_named(tmp_path):
+    path = tmp_path / "text.tfrecord"
+    path.write_text("this is no shard, but it is long enough to be one", encoding="utf-8")
+    for opened in open_either_way(path):
+        with pytest.raises(ValueError, match=r"text\.tfrecord is broken"):
+            opened()
+        with pytest.raises(FileNotFoundError, match=r"text\.tfrecord"):
+            path.unlink(missing_ok=True)
+            opened()
+        path.write_text("this is no shard, but it is long enough to be one", encoding="utf-8")
+
+
+def test_corrupt_contents_are_not_taken_for_an_example(shards, tmp_path):
+    data = bytearray(shards[0].read_bytes())
+    data[len(data) // 2] ^= 0xFF
+    path = tmp_path / "flipped.tfrecord"
+    path.write_bytes(data)
+    with pytest.raises(tf.errors.DataLossError, match="corrupted record"):
+        list(pipeline.evaluation([path], size=8, batch_size=1))
+
+
+# The split for validation.
+
+
+@pytest.mark.parametrize("count, held_out", [(2, 1), (3, 1), (19, 1), (20, 2), (35, 3)])
+def test_the_last_tenth_is_held_out(tmp_path, count, held_out):
+    write_split(tmp_path, "train", [range(0)] * count)
+    training, validation = pipeline.training_shards(tmp_path)
+    assert training + validation == shard_paths(tmp_path, "train")
+    assert len(validation) == held_out and len(training) == count - held_out
+
+
+def test_one_shard_cannot_be_split(tmp_path):
+    write_split(tmp_path, "train", [range(0)])
+    with pytest.raises(ValueError, match=r"1 shard.*--shard-size"):
+        pipeline.training_shards(tmp_path)
+
+
+def test_an_incomplete_corpus_is_refused(tmp_path):
+    with pytest.raises(FileNotFoundError, match="lime-render"):
+        pipeline.training_shards(tmp_path)

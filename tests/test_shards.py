@@ -1,0 +1,196 @@
+"""A split's bytes: the same whatever the number of workers and interruptions."""
+
+import json
+import multiprocessing
+import os
+import signal
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+import tensorflow as tf
+import trimesh
+from lime_keras import corpus, records
+from lime_keras.render import shards
+from render_scenes import photographed
+
+
+@pytest.fixture(autouse=True)
+def environment_kept(monkeypatch):
+    """`render_split` sets these for its workers."""
+    for name in shards._THREAD_VARIABLES:
+        monkeypatch.setenv(name, "1")
+
+
+@pytest.fixture(scope="module")
+def inputs(tmp_path_factory):
+    """A folder of two meshes and one of two maps: a file for each split."""
+    folder = tmp_path_factory.mktemp("inputs")
+    (folder / "shapes").mkdir()
+    (folder / "environments").mkdir()
+    trimesh.creation.icosphere(subdivisions=3).export(folder / "shapes" / "ball.ply")
+    trimesh.creation.capsule(count=[16, 16]).export(folder / "shapes" / "capsule.ply")
+    for seed in range(2):
+        image = oiio.ImageBuf(oiio.ImageSpec(128, 64, 1, oiio.HALF))
+        image.set_pixels(oiio.ROI(), photographed(64, seed)[..., None].astype(np.float32))
+        assert image.write(str(folder / "environments" / f"map{seed}.exr"))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def description(inputs, mitsuba_choice):
+    return shards.Description(
+        split="train",
+        count=5,
+        seed=0,
+        size=64,
+        shard_size=2,
+        shading="furnace",
+        shapes=str(inputs / "shapes"),
+        environments=str(inputs / "environments"),
+        backgrounds=None,
+        variant=mitsuba_choice.variant,
+    )
+
+
+def nothing(done, total):
+    """Follows no progress."""
+
+
+def render(out, description, choice, workers, on_example=nothing):
+    return shards.render_split(
+        out, description, choice, workers=workers, on_room=nothing, on_example=on_example
+    )
+
+
+def contents(out):
+    return {path.name: path.read_bytes() for path in (out / "train").glob("*.tfrecord")}
+
+
+@pytest.fixture(scope="module")
+def rendered(tmp_path_factory, description, mitsuba_choice):
+    """The corpus of one worker, uninterrupted, with what progress was told."""
+    out, told = tmp_path_factory.mktemp("rendered"), []
+    manifest = render(out, description, mitsuba_choice, 1, lambda *told_: told.append(told_))
+    return out, manifest, told
+
+
+def test_a_split_is_whole_and_its_manifest_tells_all(rendered, description):
+    out, manifest, told = rendered
+    assert manifest == corpus.read_manifest(out, "train")
+    assert (manifest["shards"], manifest["examples"], manifest["failures"]) == (3, 5, [])
+    assert shards.Description(**manifest["description"]) == description
+    assert {"mitsuba", "numpy", "tensorflow"} <= set(manifest["packages"])
+    assert told[0] == (0, 5) and told[-1] == (5, 5)
+    names = {path.name for path in (out / "train").iterdir()}
+    assert not [name for name in names if name.startswith("partial")]
+
+
+def test_examples_are_in_order_and_tell_where_they_come_from(rendered):
+    out, manifest, _ = rendered
+    data = tf.data.TFRecordDataset([str(path) for path in corpus.shard_paths(out, "train")])
+    examples = [records.parse(serialized) for serialized in data]
+    assert [int(example["index"]) for example in examples] == list(range(5))
+    for example in examples:
+        assert example["image"].shape == (64, 64, 3) and int(example["seed"]) == 0
+        assert example["shape"].numpy().decode() in manifest["shapes"]
+        assert example["light"].numpy().decode() in manifest["lights"]
+    assert len({float(example["shininess"]) for example in examples}) == 5
+
+
+def test_two_workers_one_of_them_killed_give_the_same_bytes(
+    rendered, description, mitsuba_choice, tmp_path
+):
+    def kill(done, total):
+        if done > 0:
+            os.kill(multiprocessing.active_children()[0].pid, signal.SIGKILL)
+
+    with pytest.raises(RuntimeError):
+        render(tmp_path, description, mitsuba_choice, 2, kill)
+    assert not corpus.manifest_path(tmp_path, "train").exists()
+    before = contents(tmp_path)
+    (tmp_path / "train" / "partial-1-00002.tfrecord").write_bytes(b"cut off")
+    assert render(tmp_path, description, mitsuba_choice, 2) == rendered[1]
+    assert len(before) < 3
+    assert contents(tmp_path) == contents(rendered[0])
+    assert not list((tmp_path / "train").glob("partial-*"))
+
+
+def test_a_finished_split_is_left_alone(rendered, description, mitsuba_choice):
+    out, manifest, _ = rendered
+    times = {path: path.stat().st_mtime_ns for path in (out / "train").glob("*.tfrecord")}
+    told = []
+    assert render(out, description, mitsuba_choice, 1, lambda *a: told.append(a)) == manifest
+    assert {path: path.stat().st_mtime_ns for path in times} == times
+    assert told[0] == (5, 5)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"seed": 1}, "seed 0 there, 1 asked"),
+        ({"shading": "literal", "size": 32}, "shading furnace .* literal .* size 64 there, 32"),
+        ({"shapes": None}, "shapes .* there, None asked"),
+    ],
+)
+def test_other_options_in_the_same_folder_are_refused(
+    rendered, description, mitsuba_choice, changes, message
+):
+    out = rendered[0]
+    before = contents(out)
+    other = shards.Description(**(vars(description) | changes))
+    with pytest.raises(ValueError, match=f"holds another split: {message}"):
+        render(out, other, mitsuba_choice, 1)
+    assert contents(out) == before
+
+
+def test_another_seed_gives_other_bytes(rendered, description, mitsuba_choice, monkeypatch):
+    """In this process, as a worker does it."""
+
+    class Ticks:
+        def put(self, _):
+            pass
+
+    def serialized(seed, index):
+        other = shards.Description(**(vars(description) | {"seed": seed}))
+        job = shards._Job(rendered[0], other, mitsuba_choice)
+        return records.encode(shards._Worker(job, Ticks()).example(index)[0])
+
+    first_shard = corpus.shard_path(rendered[0], "train", 0)
+    stored = next(iter(tf.data.TFRecordDataset(str(first_shard)))).numpy()
+    assert serialized(0, 0) == stored
+    assert serialized(1, 0) != stored != serialized(0, 1)
+
+
+def test_a_scene_that_fails_is_drawn_anew_and_told(
+    rendered, description, mitsuba_choice, monkeypatch
+):
+    worker = shards._Worker(shards._Job(rendered[0], description, mitsuba_choice), None)
+    usable, calls = shards.examples.render, []
+
+    def fails_once(*arguments, **options):
+        calls.append(arguments)
+        if len(calls) == 1:
+            raise shards.examples.SceneError("the object covers 0.1% of the image")
+        return usable(*arguments, **options)
+
+    monkeypatch.setattr(shards.examples, "render", fails_once)
+    example, failures = worker.example(3)
+    assert example["index"] == 3 and len(calls) == 2
+    assert failures == [
+        {"index": 3, "attempt": 0, "error": "the object covers 0.1% of the image"}
+    ]
+    monkeypatch.setattr(shards, "_TRIES", 1)
+    calls.clear()
+    with pytest.raises(RuntimeError, match=r"example 3 of seed 0 failed 1 times.*look at the mesh"):
+        worker.example(3)
+
+
+def test_a_shard_count_that_does_not_divide_is_rounded_up(description):
+    ranges = [description.indices(shard) for shard in range(description.shards)]
+    assert [list(indices) for indices in ranges] == [[0, 1], [2, 3], [4]]
+
+
+def test_the_claim_is_plain_json(rendered, description):
+    text = (rendered[0] / "train" / "description.json").read_text(encoding="utf-8")
+    assert json.loads(text) == vars(description)

@@ -1,0 +1,159 @@
+"""Each stage trains its own subnetworks, and can."""
+
+
+import keras
+import numpy as np
+import pytest
+import tensorflow as tf
+from sphere_corpus import write_split
+
+from lime_keras import pipeline
+from lime_keras.corpus import shard_paths
+from lime_keras.dynamic_range import compress
+from lime_keras.losses import mask_l2
+from lime_keras.networks import Architecture, build
+from lime_keras.train.stage_model import WEIGHTS, StageModel
+from lime_keras.train.stages import SCHEDULES, SINGLE
+
+SMALL = Architecture(size=64, unet_width=6, unet_depth=3, encoder_width=8, dense_width=32)
+STAGES = [stage.subnetworks for stage in SCHEDULES["paper"].stages()]
+
+
+@pytest.fixture(scope="module")
+def four_images(tmp_path_factory):
+    corpus = write_split(tmp_path_factory.mktemp("four"), "test", [range(4)])
+    batches = pipeline.evaluation(shard_paths(corpus, "test"), size=64, batch_size=4)
+    return next(iter(batches))
+
+
+def _compiled(names, learning_rate=2e-3):
+    keras.utils.set_random_seed(1)
+    subnetworks = build(SMALL)
+    model = StageModel({name: subnetworks[name] for name in names})
+    model.compile(optimizer=keras.optimizers.Adam(learning_rate))
+    return subnetworks, model
+
+
+@pytest.mark.parametrize("names", STAGES, ids="+".join)
+def test_a_stage_moves_only_its_own_weights(names, four_images):
+    subnetworks, model = _compiled(names)
+    before = {name: network.get_weights() for name, network in subnetworks.items()}
+    for _ in range(2):
+        model.train_on_batch(four_images)
+    for name, network in subnetworks.items():
+        moved = [
+            not np.array_equal(old, new)
+            for old, new in zip(before[name], network.get_weights(), strict=True)
+        ]
+        if name in names:
+            assert np.mean(moved) > 0.8, name
+        else:
+            assert not any(moved), name
+
+
+# Share of the first loss that is left after so many steps on the same four images.
+OVERFIT = {
+    "segmentation": (150, 0.1),
+    "specular": (200, 0.35),
+    "mirror": (250, 0.5),
+    "albedo": (150, 0.15),
+    "exponent": (100, 0.05),
+}
+
+
+@pytest.mark.parametrize("name", SINGLE)
+def test_a_subnetwork_overfits_four_images(name, four_images):
+    _, model = _compiled([name])
+    first = model.test_on_batch(four_images, return_dict=True)["loss"]
+    steps, share = OVERFIT[name]
+    for _ in range(steps):
+        model.reset_metrics()
+        loss = model.train_on_batch(four_images, return_dict=True)["loss"]
+    assert loss < share * first
+
+
+def test_joint_training_lowers_every_term(four_images):
+    _, model = _compiled(STAGES[-1], learning_rate=1e-3)
+    first = model.test_on_batch(four_images, return_dict=True)
+    for _ in range(100):
+        model.reset_metrics()
+        last = model.train_on_batch(four_images, return_dict=True)
+    assert set(last) == {"loss", *(set(WEIGHTS) - {"mask"})}
+    for term, value in last.items():
+        assert value < 0.8 * first[term], term
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_no_head_dies(seed, four_images):
+    """Under ℓ1 on mostly black layers, networks have died to all black within a few steps."""
+    keras.utils.set_random_seed(seed)
+    subnetworks = build(SMALL)
+    model = StageModel({name: subnetworks[name] for name in ("specular", "mirror")})
+    model.compile(optimizer=keras.optimizers.Adam(1e-3))
+    for _ in range(40):
+        model.train_on_batch(four_images)
+    answer = model(four_images)
+    inside = np.array(four_images["mask"]) >= 1
+    for name in ("specular", "mirror"):
+        values = np.array(answer[name])[inside]
+        assert values.max() > 0.1
+        assert values.std() > 0.01
+
+
+def test_the_loss_is_the_weighted_sum_of_its_terms(four_images):
+    _, model = _compiled(STAGES[-1])
+    logs = model.test_on_batch(four_images, return_dict=True)
+    total = logs.pop("loss")
+    assert total == pytest.approx(sum(WEIGHTS[term] * value for term, value in logs.items()), 1e-4)
+
+
+def test_a_lone_subnetwork_sees_the_truth(four_images):
+    subnetworks, model = _compiled(["mirror"])
+    true_shading = compress(four_images["specular_shading"]) * four_images["mask"]
+    expected = subnetworks["mirror"](true_shading)
+    assert np.allclose(model(four_images)["mirror"], expected, atol=1e-6)
+
+
+def test_a_joined_subnetwork_sees_the_others_answer(four_images):
+    subnetworks, model = _compiled(["specular", "mirror"])
+    masked = four_images["image"] * four_images["mask"]
+    shading = subnetworks["specular"](masked) * four_images["mask"]
+    expected = subnetworks["mirror"](shading)
+    assert np.allclose(model(four_images)["mirror"], expected, atol=1e-5)
+
+
+EXTREMES = {
+    "empty mask": {"mask": 0.0},
+    "full mask": {"mask": 1.0},
+    "black image": {"image": 0.0},
+    "saturated image": {"image": 1.0},
+    "no specular albedo": {"specular_albedo": 0.0},
+    "no diffuse albedo": {"diffuse_albedo": 0.0},
+    "lowest bin": {"exponent_bin": 0},
+    "highest bin": {"exponent_bin": 7},
+    "blinding layers": {"specular_shading": 65504.0, "mirror": 65504.0, "diffuse_shading": 65504.0},
+    "black layers": {"specular_shading": 0.0, "mirror": 0.0, "diffuse_shading": 0.0},
+}
+LARGEST_GRADIENT = 1e15
+"""Adam squares gradients in float32."""
+
+
+@pytest.mark.parametrize("extreme", EXTREMES)
+def test_extreme_batches_have_finite_loss_and_gradients(extreme, four_images):
+    batch = dict(four_images)
+    for name, value in EXTREMES[extreme].items():
+        batch[name] = tf.fill(tf.shape(batch[name]), tf.cast(value, batch[name].dtype))
+    _, model = _compiled(STAGES[-1])
+    with tf.GradientTape() as tape:
+        loss = model.compute_loss(x=batch, y_pred=model(batch))
+    gradients = tape.gradient(loss, model.trainable_variables)
+    assert np.isfinite(loss)
+    for gradient in gradients:
+        assert np.all(np.abs(gradient) < LARGEST_GRADIENT)
+
+
+def test_the_mask_loss_counts_the_background_too():
+    mask = np.zeros((1, 4, 4, 1), np.float32)
+    assert mask_l2(mask, mask + 1.0)[0] == 1.0
+
+
