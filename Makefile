@@ -5,7 +5,7 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 BIN := .venv/bin
 RUN := runs/quickstart
 CORPUS := $(RUN)/corpus
-TRAIN_COUNT := 640
+TRAIN_COUNT := 960
 TEST_COUNT := 160
 
 .PHONY: quickstart test test-slow lint llvm clean

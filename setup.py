@@ -50,7 +50,13 @@ setup(
         "tqdm>=4.66,<5",
     ],
     extras_require={
-        "dev": ["pytest>=8,<10", "pytest-timeout>=2.3,<3", "hypothesis>=6.100,<7", "ruff==0.17.6", "mypy>=1.13,<3"],
+        "dev": [
+            "pytest>=8,<10",
+            "pytest-timeout>=2.3,<3",
+            "hypothesis>=6.100,<7",
+            "ruff==0.17.6",
+            "mypy>=1.13,<3",
+        ],
     },
     entry_points={
         "console_scripts": [

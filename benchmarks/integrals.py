@@ -2,8 +2,9 @@
 
     python benchmarks/integrals.py --environments DIR --shapes DIR
 
-Each map lights one mesh; S of `lime_keras.render.integrals` is compared with the sum over every texel
-of the 512-row map in float64, at 400 random pixels. Without folders, built-in shapes and rooms serve.
+Each map lights one mesh; S of `lime_keras.render.integrals` is compared with the sum over every
+texel of the 512-row map in float64, at 400 random pixels. Without folders,
+built-in shapes and rooms serve.
 """
 
 import argparse

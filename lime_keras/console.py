@@ -26,6 +26,13 @@ def run(command: Callable[[], int], interrupted: str) -> int:
     except _EXPECTED as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
+    except Exception as error:
+        # TensorFlow's own, told by name so that it need not be imported: a damaged record, say.
+        if not type(error).__module__.startswith("tensorflow"):
+            raise
+        first_line = str(error).splitlines()[0]
+        print(f"error: TensorFlow: {first_line} ({type(error).__name__})", file=sys.stderr)
+        return 1
 
 
 def import_tensorflow() -> None:

@@ -66,7 +66,7 @@ def rotate(radiance: np.ndarray, rotation: np.ndarray, height: int, width: int) 
     Returns:
         `(height, width)` map in the new frame.
     """
-    supersampling = max(1, -(-len(radiance) // height))
+    supersampling = max(4, -(-len(radiance) // height))
     fine = directions(height * supersampling, width * supersampling) @ rotation
     values = lookup(radiance, fine)
     weights = solid_angles(height * supersampling, width * supersampling)

@@ -1,5 +1,6 @@
 """From one photo to its material: the public Python interface.
 
+Example:
     from lime_keras import Estimator
     from lime_keras.photo import read_srgb
 
@@ -9,6 +10,7 @@
 
 from collections.abc import Collection
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -74,7 +76,8 @@ class Estimator:
 
     def _material(self, square: np.ndarray, answer: dict[str, np.ndarray]) -> Material:
         """Gather what was asked for."""
-        only, fields = self._only, {}
+        only = self._only
+        fields: dict[str, Any] = {}
         layers = {"mask": answer["mask"]}
         if "specular" in only:
             layers["specular_shading"] = answer["specular_shading"]

@@ -31,9 +31,7 @@ def parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     out.add_argument("photos", type=Path, nargs="+", metavar="PHOTO")
-    out.add_argument(
-        "--weights", type=Path, required=True, metavar="RUN", help="run of lime-train"
-    )
+    out.add_argument("--weights", type=Path, required=True, metavar="RUN", help="run of lime-train")
     out.add_argument(
         "--out", type=Path, default=Path("materials"), metavar="DIR", help="(default: materials)"
     )

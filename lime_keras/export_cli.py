@@ -35,9 +35,7 @@ def parser() -> argparse.ArgumentParser:
     )
     out.add_argument("out", type=Path, metavar="OUT", help="folder to write to")
     out.add_argument("--format", choices=("savedmodel", "onnx"), required=True)
-    out.add_argument(
-        "--weights", type=Path, required=True, metavar="RUN", help="run of lime-train"
-    )
+    out.add_argument("--weights", type=Path, required=True, metavar="RUN", help="run of lime-train")
     out.add_argument(
         "--only",
         type=_names,

@@ -66,5 +66,6 @@ def fit_square(image: np.ndarray, size: int) -> np.ndarray:
     source = oiio.ImageBuf(oiio.ImageSpec(side, side, channels, oiio.FLOAT))
     source.set_pixels(oiio.ROI(), np.ascontiguousarray(square, np.float32))
     # Lanczos rings below 0 and above 1; the caller's range is kept.
-    resized = oiio.ImageBufAlgo.resize(source, roi=oiio.ROI(0, size, 0, size, 0, 1, 0, channels))
-    return np.clip(resized.get_pixels(oiio.FLOAT), image.min(), image.max())
+    region = oiio.ROI(0, size, 0, size, 0, 1, 0, channels)
+    resized = np.asarray(oiio.ImageBufAlgo.resize(source, roi=region).get_pixels(oiio.FLOAT))
+    return np.clip(resized, image.min(), image.max())

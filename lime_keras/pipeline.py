@@ -45,7 +45,7 @@ def training(
         shards: files to read.
         size: height and width of the images; a divisor of the stored size.
         batch_size: examples a batch.
-        seed: of the order.
+        seed: of the order, beside TensorFlow's global one.
         first_step: batches to pass over without decoding them, when training is resumed.
 
     Raises:

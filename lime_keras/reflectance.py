@@ -1,27 +1,9 @@
-"""The Blinn–Phong lobe of Eq. 3 and its furnace normalisation.
-
-Letters: `s` is the exponent (shininess, at least 0), `cosine` is h·n.
-"""
+"""The furnace normalisation of Eq. 3's Blinn–Phong lobe (h·n)^s; `shading` sums the lobe itself."""
 
 import math
 from typing import Any
 
 from lime_keras.arrays import namespace
-
-_TINY = 1e-15
-"""Cosines below count as this one: steeper gradients, squared by Adam, would leave float32."""
-
-
-def lobe(cosine: Any, exponent: Any) -> Any:
-    """`max(cosine, 0) ** exponent`, with 0 for every cosine at or below 0, even at exponent 0.
-
-    Two selects keep the gradient finite at `cosine = 0`, where the power's own is infinite for
-    exponents below 1. There is no cosine factor: the lobe of Eq. 3 has none.
-    """
-    xp = namespace(cosine, exponent)
-    lit = cosine > 0
-    safe = xp.maximum(xp.where(lit, cosine, 1.0), _TINY)
-    return xp.where(lit, xp.exp(exponent * xp.log(safe)), 0.0)
 
 
 def normaliser(exponent: Any) -> Any:

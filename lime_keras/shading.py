@@ -1,8 +1,8 @@
 """Eqs. 1–3 by direct sums over an environment map's texels: D, S and M.
 
-Letters as in the paper: `n` surface normal, `o` direction to the viewer, both unit, `(N, 3)`, in the
-map's frame; `i` direction to the light; `h` half vector; `s` exponent. Shading is normalised to the
-white furnace: for E ≡ 1, D = 1, M = 1 and, at n = o, S = 1. `literal_scale` undoes it.
+Letters as in the paper: `n` surface normal, `o` direction to the viewer, both unit, `(N, 3)`, in
+the map's frame; `i` direction to the light; `h` half vector; `s` exponent. Shading is normalised to
+the white furnace: for E ≡ 1, D = 1, M = 1 and, at n = o, S = 1. `literal_scale` undoes it.
 
 NumPy, in the precision of the arrays given: the reference that the fast renderer is tested against,
 and what runs where no fast renderer can.
@@ -20,7 +20,13 @@ _CHUNK = 2**16
 
 
 def view_directions(camera: np.ndarray, height: int, width: int) -> np.ndarray:
-    """o for each pixel centre, `(height, width, 3)`, from camera = (fx, fy, cx, cy) in pixels."""
+    """Directions o to the viewer, `(height, width, 3)`, one for each pixel centre.
+
+    Args:
+        camera: fx, fy, cx, cy in pixels.
+        height: of the image.
+        width: of the image.
+    """
     fx, fy, cx, cy = (float(value) for value in camera)
     x = (np.arange(width) + 0.5 - cx) / fx
     y = -(np.arange(height) + 0.5 - cy) / fy

@@ -81,8 +81,6 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _render(options: argparse.Namespace) -> int:
-    from tqdm import tqdm
-
     from . import shards, variants
 
     choice = variants.choose()
@@ -101,17 +99,14 @@ def _render(options: argparse.Namespace) -> int:
         variant=choice.variant,
         **folders,
     )
-    with (
-        tqdm(desc="rooms", unit="room", delay=1, dynamic_ncols=True) as room_bar,
-        tqdm(desc=options.split, unit="example", dynamic_ncols=True) as example_bar,
-    ):
+    with _Bar("rooms", "room") as rooms, _Bar(options.split, "example") as rendered:
         manifest = shards.render_split(
             options.out,
             description,
             choice,
             workers=min(options.workers, description.shards),
-            on_room=_follow(room_bar),
-            on_example=_follow(example_bar),
+            on_room=rooms.move,
+            on_example=rendered.move,
         )
     for failure in manifest["failures"]:
         print(f"replaced: example {failure['index']}: {failure['error']}", file=sys.stderr)
@@ -119,17 +114,30 @@ def _render(options: argparse.Namespace) -> int:
     return 0
 
 
-def _follow(bar):
-    """A callback that moves a progress bar; what was there before does not count for its rate."""
+class _Bar:
+    """A progress bar that appears with the first news; what was done before does not count."""
 
-    def move(done: int, total: int) -> None:
-        if bar.total is None:
-            bar.initial = bar.n = done
-            bar.total = total
-        bar.update(done - bar.n)
-        bar.refresh()
+    def __init__(self, title: str, unit: str):
+        self._title, self._unit, self._bar = title, unit, None
 
-    return move
+    def __enter__(self) -> "_Bar":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._bar is not None:
+            self._bar.close()
+
+    def move(self, done: int, total: int) -> None:
+        """Show that `done` of `total` are there."""
+        from tqdm import tqdm
+
+        if self._bar is None:
+            self._bar = tqdm(
+                desc=self._title, unit=self._unit, initial=done, total=total, dynamic_ncols=True
+            )
+        self._bar.update(done - self._bar.n)
+        if done == total:
+            self._bar.close()
 
 
 def _positive(text: str) -> int:

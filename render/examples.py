@@ -61,7 +61,7 @@ def render(
     )[0]
     background = colour.srgb_to_linear(background_srgb)
     linear = coverage * np.clip(composed, 0, 1) + (1 - coverage) * background
-    stored_light = environment.rotate(light.radiance, light_rotation, *environment.STORED_SHAPE)
+    stored_light = environment.rotate(light.coarse(), light_rotation, *environment.STORED_SHAPE)
     return {
         "image": np.clip(colour.linear_to_srgb(linear), 0, 1),
         "mask": coverage,

@@ -4,6 +4,7 @@ Every pixel is sampled on a regular `SUBSAMPLES` × `SUBSAMPLES` grid. Its cover
 samples that hit the object; its representative is the covered sample nearest its centre.
 """
 
+import functools
 import math
 from dataclasses import dataclass
 
@@ -68,32 +69,8 @@ class Tracer:
     def __init__(self, mesh: Mesh, size: int):
         import mitsuba as mi
 
-        self._mi = mi
         self._size = size
-        film_size = size * SUBSAMPLES
-        self._scene = mi.load_dict(
-            {
-                "type": "scene",
-                "shape": mitsuba_mesh(mesh),
-                "integrator": {"type": "aov", "aovs": "p:position,n:sh_normal,g:geo_normal"},
-                "sensor": {
-                    "type": "perspective",
-                    "near_clip": 0.01,
-                    "far_clip": 1000.0,
-                    "film": {
-                        "type": "hdrfilm",
-                        "width": film_size,
-                        "height": film_size,
-                        "rfilter": {"type": "box"},
-                        "pixel_format": "rgb",
-                        "component_format": "float32",
-                    },
-                    # Without jitter, one sample falls on each pixel's centre.
-                    "sampler": {"type": "stratified", "sample_count": 1, "jitter": False},
-                },
-            }
-        )
-        self._parameters = mi.traverse(self._scene)
+        self._scene = mi.load_dict({"type": "scene", "shape": mitsuba_mesh(mesh)})
 
     def trace(self, rotation: np.ndarray, translation: np.ndarray, camera: np.ndarray) -> GBuffer:
         """Look at the mesh.
@@ -103,8 +80,7 @@ class Tracer:
             translation: `(3,)`, the object's origin in camera space; its z is negative.
             camera: (fx, fy, cx, cy) in pixels, with fx = fy.
         """
-        self._place_camera(rotation, translation, camera)
-        layers = np.array(self._mi.render(self._scene, spp=1))
+        layers = _camera(self._size).take(self._scene, rotation, translation, camera)
         position, shading_normal, geometric = (layers[..., k : k + 3] for k in (0, 3, 6))
         hit = np.sum(geometric * geometric, axis=-1) > 0.5
         # To camera space; there the viewer is the origin, so o = −p / |p|.
@@ -114,20 +90,61 @@ class Tracer:
         normal = _facing(shading_normal[hit] @ to_camera, geometric[hit] @ to_camera, view)
         return _gather(hit, normal, view, self._size)
 
-    def _place_camera(
-        self, rotation: np.ndarray, translation: np.ndarray, camera: np.ndarray
-    ) -> None:
+
+@functools.cache
+def _camera(size: int) -> "_Camera":
+    """The process' one camera of that size: a film for every mesh would fill the memory."""
+    return _Camera(size)
+
+
+class _Camera:
+    """A perspective sensor that can be moved, with the integrator that reads the surface off."""
+
+    def __init__(self, size: int):
+        import mitsuba as mi
+
+        self._mi = mi
+        self._size = size
+        self._integrator = mi.load_dict(
+            {"type": "aov", "aovs": "p:position,n:sh_normal,g:geo_normal"}
+        )
+        self._sensor = mi.load_dict(
+            {
+                "type": "perspective",
+                "near_clip": 0.01,
+                "far_clip": 1000.0,
+                "film": {
+                    "type": "hdrfilm",
+                    "width": size * SUBSAMPLES,
+                    "height": size * SUBSAMPLES,
+                    "rfilter": {"type": "box"},
+                    "pixel_format": "rgb",
+                    "component_format": "float32",
+                },
+                # Without jitter, one sample falls on each pixel's centre.
+                "sampler": {"type": "stratified", "sample_count": 1, "jitter": False},
+            }
+        )
+        self._parameters = mi.traverse(self._sensor)
+
+    def take(
+        self, scene, rotation: np.ndarray, translation: np.ndarray, camera: np.ndarray
+    ) -> np.ndarray:
+        """Position, shading normal and geometric normal of each sample, `(H, W, 9)`."""
         fx, _, cx, cy = (float(value) for value in camera)
         to_world = np.eye(4)
         # Mitsuba's camera looks along +z with x to the left: ours turned by half a turn about y.
         to_world[:3, :3] = rotation.T @ np.diag([-1.0, 1.0, -1.0])
         to_world[:3, 3] = -rotation.T @ translation
         parameters = self._parameters
-        parameters["sensor.to_world"] = self._mi.Transform4f(self._mi.ScalarTransform4f(to_world))
-        parameters["sensor.x_fov"] = 2 * math.degrees(math.atan(self._size / 2 / fx))
-        parameters["sensor.principal_point_offset_x"] = 0.5 - cx / self._size
-        parameters["sensor.principal_point_offset_y"] = 0.5 - cy / self._size
+        parameters["to_world"] = self._mi.Transform4f(self._mi.ScalarTransform4f(to_world))
+        parameters["x_fov"] = 2 * math.degrees(math.atan(self._size / 2 / fx))
+        parameters["principal_point_offset_x"] = 0.5 - cx / self._size
+        parameters["principal_point_offset_y"] = 0.5 - cy / self._size
         parameters.update()
+        return np.array(
+            self._mi.render(scene, sensor=self._sensor, integrator=self._integrator, spp=1)
+        )
 
 
 def mitsuba_mesh(mesh: Mesh):

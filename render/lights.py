@@ -53,6 +53,12 @@ class Light:
     diffuse_shading: np.ndarray
     strong_direction: np.ndarray
 
+    def coarse(self) -> np.ndarray:
+        """The map at twice the rows that a record keeps, or its own if it has fewer: `(H, W)`."""
+        height = min(2 * environment.STORED_SHAPE[0], max(self.levels))
+        energy = self.levels[height].energy
+        return energy / environment.solid_angles(*energy.shape)
+
     def cut(self, exponent: float) -> tuple[np.ndarray, np.ndarray]:
         """The map as lights for a lobe of this exponent: directions `(T, 3)`, energies `(T,)`.
 

@@ -11,22 +11,18 @@ import importlib.metadata
 import json
 import multiprocessing
 import os
-import queue
 import signal
 from collections.abc import Callable
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from pathlib import Path
 
 from lime_keras import console, corpus
 from lime_keras.version import __version__
 
 from . import examples, scenes, sources, variants
+from .workers import Workers
 
 _TRIES = 20
 _CACHED_TRACERS, _CACHED_LIGHTS = 64, 64
-_SHARDS_PER_WORKER = 64
-"""A worker is replaced after so many, because Mitsuba keeps memory of every scene it loaded."""
-_THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 _PACKAGES = ("mitsuba", "drjit", "numpy", "OpenImageIO", "tensorflow")
 
 
@@ -96,19 +92,22 @@ def render_split(
         RuntimeError: if a worker died; finished shards stay.
     """
     folder = out / description.split
+    # Read now: an input that cannot be used should fail before the folder is claimed for it, and
+    # before a worker is started.
+    job = _Job(out, description, choice)
+    job.shapes.names()
+    lights = job.lights.names()
+    job.backgrounds.pictures()
     folder.mkdir(parents=True, exist_ok=True)
     _claim(folder, description)
     for partial in [*folder.glob("partial-*"), *(folder / "rooms").glob("partial-*")]:
         partial.unlink()
-    # Read now: a folder that cannot be used should fail before a worker is started.
-    job = _Job(out, description, choice)
-    job.shapes.names()
-    rooms = [] if description.environments else job.lights.names()
+    rooms = [] if description.environments else lights
     missing_rooms = [name for name in rooms if not (job.lights.cache / name).is_file()]
-    missing = [n for n in range(description.shards) if not _sidecar(job, n).is_file()]
+    missing = [n for n in range(description.shards) if not _is_finished(job, n)]
     done = description.count - sum(len(description.indices(shard)) for shard in missing)
-    with _Workers(job, workers if missing else 0) as pool:
-        if missing_rooms:
+    with Workers(workers if missing else 0, _start_worker, job) as pool:
+        if missing and missing_rooms:
             finished = len(rooms) - len(missing_rooms)
             pool.run(_render_room, missing_rooms, finished, len(rooms), on_room)
         on_example(done, description.count)
@@ -149,61 +148,6 @@ class _Job:
     def backgrounds(self) -> sources.BackgroundSource:
         folder = self.description.backgrounds
         return sources.BackgroundSource(Path(folder) if folder else None)
-
-
-class _Workers:
-    """A pool of renderers whose progress is seen and whose death is told."""
-
-    def __init__(self, job: _Job, count: int):
-        self._count = count
-        if not count:
-            return
-        # One thread of linear algebra a worker: more would fight for the cores, and sum in an order
-        # that depends on their number. Children inherit it; this process computes nothing.
-        os.environ |= dict.fromkeys(_THREAD_VARIABLES, "1")
-        context = multiprocessing.get_context("spawn")
-        self._ticks = context.Queue()
-        self._pool = ProcessPoolExecutor(
-            count,
-            mp_context=context,
-            initializer=_start_worker,
-            initargs=(job, self._ticks),
-            max_tasks_per_child=_SHARDS_PER_WORKER,
-        )
-
-    def __enter__(self) -> "_Workers":
-        return self
-
-    def __exit__(self, kind: type | None, *_: object) -> None:
-        if not self._count:
-            return
-        if kind:
-            # Workers ignore Ctrl-C; end them now, and with them only unfinished, partial files.
-            for process in multiprocessing.active_children():
-                process.terminate()
-        self._pool.shutdown(wait=True, cancel_futures=True)
-
-    def run(
-        self,
-        task: Callable,
-        items: list,
-        done: int,
-        total: int,
-        tell: Callable[[int, int], None],
-    ) -> None:
-        """Run `task` on each item, telling of every tick that the workers send."""
-        pending: set[Future] = {self._pool.submit(task, item) for item in items}
-        while pending:
-            finished, pending = wait(pending, timeout=0.2, return_when=FIRST_COMPLETED)
-            try:
-                while True:
-                    done += self._ticks.get_nowait()
-                    tell(done, total)
-            except queue.Empty:
-                pass
-            for future in finished:
-                future.result()
-        tell(total, total)
 
 
 def _start_worker(job: _Job, ticks: multiprocessing.Queue) -> None:
@@ -296,6 +240,12 @@ def _render_shard(shard: int) -> None:
         "failures": failures,
     }
     _write_json(_sidecar(job, shard), sidecar)
+
+
+def _is_finished(job: _Job, shard: int) -> bool:
+    """Whether a shard and the sidecar that vouches for it are both there."""
+    path = corpus.shard_path(job.out, job.description.split, shard)
+    return path.is_file() and _sidecar(job, shard).is_file()
 
 
 def _sidecar(job: _Job, shard: int) -> Path:

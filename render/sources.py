@@ -154,17 +154,30 @@ class BackgroundSource:
 
     folder: Path | None
 
+    def pictures(self) -> list[Path]:
+        """The user's pictures, sorted by name; none without a folder.
+
+        Raises:
+            ValueError: if the folder is missing or holds no picture.
+        """
+        if not self.folder:
+            return []
+        if not self.folder.is_dir():
+            raise ValueError(f"{self.folder} is no folder: pass one with pictures")
+        pictures = _matching(self.folder, (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp"))
+        if not pictures:
+            raise ValueError(f"{self.folder} holds no picture (PNG, JPEG, TIFF or WebP)")
+        return pictures
+
     def sample(self, rng: np.random.Generator, size: int) -> np.ndarray:
         """A background `(size, size, 3)`, sRGB in [0, 1].
 
         Raises:
             ValueError: if the folder holds no picture, or a picture cannot be read.
         """
-        if not self.folder:
-            return backgrounds.procedural(rng, size)
-        pictures = _matching(self.folder, (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp"))
+        pictures = self.pictures()
         if not pictures:
-            raise ValueError(f"{self.folder} holds no picture (PNG, JPEG, TIFF or WebP)")
+            return backgrounds.procedural(rng, size)
         return backgrounds.photograph(pictures[rng.integers(len(pictures))], rng, size)
 
 

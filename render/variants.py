@@ -76,7 +76,7 @@ def choose() -> Choice:
 
 
 def candidates() -> list[Path]:
-    """libLLVM files on this machine, each once, in the order in which to try them."""
+    """Files of libLLVM on this machine, each once, in the order in which to try them."""
     named = os.environ.get(_LIBRARY_VARIABLE)
     system = [*Path("/usr/lib").glob("llvm*/lib/libLLVM*.so*"), *_linker_cache()]
     ordered = [
@@ -159,7 +159,7 @@ def load_companions() -> None:
 
 
 def _linker_cache() -> list[Path]:
-    """libLLVM files known to the dynamic linker; none where there is no `ldconfig`."""
+    """Files of libLLVM that the dynamic linker knows; none where there is no `ldconfig`."""
     try:
         listing = subprocess.run(
             ["/sbin/ldconfig", "-p"], capture_output=True, text=True, timeout=20

@@ -1,7 +1,8 @@
-"""What the renderer's tests look at: a sphere in closed form, and a light like a photographed one."""
+"""What the renderer's tests look at: a sphere, and a light like a photographed one."""
 
 import numpy as np
 import trimesh
+
 from lime_keras.render import meshes
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+
 from lime_keras.render import backgrounds
 
 

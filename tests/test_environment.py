@@ -120,18 +120,24 @@ def test_length_and_shape_of_directions_do_not_matter():
     np.testing.assert_allclose(single, found, rtol=1e-4)
 
 
+def smooth(height, width):
+    """A map that a box filter barely changes, unlike in every direction."""
+    x, y, z = np.moveaxis(environment.directions(height, width), -1, 0)
+    return 2 + x + 0.5 * y * z - 0.3 * z
+
+
 def test_rotating_by_nothing_changes_nothing():
-    radiance = noise(16, 32)
-    np.testing.assert_allclose(environment.rotate(radiance, np.eye(3), 16, 32), radiance)
+    radiance = smooth(16, 32)
+    np.testing.assert_allclose(environment.rotate(radiance, np.eye(3), 16, 32), radiance, rtol=0.01)
 
 
 @pytest.mark.parametrize("texels", [1, 5, 16, 31])
 def test_turning_about_the_vertical_shifts_the_columns(texels):
-    radiance, phi = noise(16, 32), 2 * np.pi * texels / 32
+    radiance, phi = smooth(16, 32), 2 * np.pi * texels / 32
     # u grows from −z towards +x.
     turn = np.array([[np.cos(phi), 0, -np.sin(phi)], [0, 1, 0], [np.sin(phi), 0, np.cos(phi)]])
     found = environment.rotate(radiance, turn, 16, 32)
-    np.testing.assert_allclose(found, np.roll(radiance, texels, axis=1), rtol=1e-9)
+    np.testing.assert_allclose(found, np.roll(radiance, texels, axis=1), rtol=0.01)
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -139,15 +145,15 @@ def test_a_lamp_goes_where_the_rotation_takes_it_with_its_energy(seed):
     turn = rotation(seed)
     assert np.linalg.det(turn) == pytest.approx(1)
     lamp = np.zeros((64, 128))
-    row, column = np.random.default_rng(seed).integers([10, 0], [54, 128])
-    lamp[row, column] = 1e4
-    found = environment.rotate(lamp, turn, 32, 64)
-    energy = found * environment.solid_angles(32, 64)
-    centre = np.sum(energy[..., None] * environment.directions(32, 64), axis=(0, 1))
-    expected = turn @ environment.directions(64, 128)[row, column]
-    np.testing.assert_allclose(centre / np.linalg.norm(centre), expected, atol=0.02)
-    before = lamp[row, column] * environment.solid_angles(64, 128)[row, column]
-    assert energy.sum() == pytest.approx(before, rel=0.05)
+    row, column = np.random.default_rng(seed).integers([10, 1], [54, 127])
+    lamp[row - 1 : row + 2, column - 1 : column + 2] = 1e4
+    energy = lamp * environment.solid_angles(64, 128)
+    found = environment.rotate(lamp, turn, 32, 64) * environment.solid_angles(32, 64)
+    assert found.sum() == pytest.approx(energy.sum(), rel=0.05)
+    before = turn @ np.sum(energy[..., None] * environment.directions(64, 128), axis=(0, 1))
+    after = np.sum(found[..., None] * environment.directions(32, 64), axis=(0, 1))
+    before, after = (sums / np.linalg.norm(sums) for sums in (before, after))
+    np.testing.assert_allclose(after, before, atol=0.02)
 
 
 @pytest.mark.parametrize("size", [(16, 32), (64, 128), (5, 3)])

@@ -9,16 +9,16 @@ import keras
 import numpy as np
 import pytest
 import tensorflow as tf
-from lime_keras.eval import cli, examples, measures
-from lime_keras.eval.evaluate import evaluate
 
 from lime_keras import environment, records, shading, shininess, weights
+from lime_keras.eval import cli, examples, measures
+from lime_keras.eval.evaluate import evaluate
 from lime_keras.networks import Architecture, build
 
 SIZE = 64
 COUNT = 7
 TINY = Architecture(size=SIZE, unet_width=2, unet_depth=2, encoder_width=2, dense_width=4)
-FILES = ["confusion.png", "metrics.json", "report.html", "table1.md"]
+FILES = ["confusion.png", "examples", "metrics.json", "report.html", "table1.md"]
 
 
 def _example(index):

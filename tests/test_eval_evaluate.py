@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from lime_keras.eval.evaluate import measure
 
 from lime_keras import shininess
+from lime_keras.eval.evaluate import measure
 
 
 def _batch():

@@ -4,8 +4,9 @@ import io
 
 import numpy as np
 import pytest
-from lime_keras.eval import figures
 from matplotlib import image as png_reader
+
+from lime_keras.eval import figures
 
 
 def _pixels(png):

@@ -5,10 +5,10 @@ import math
 
 import numpy as np
 import pytest
-from lime_keras.eval import measures
-from lime_keras.eval.evaluate import Evaluation
 
 from lime_keras import shininess
+from lime_keras.eval import measures
+from lime_keras.eval.evaluate import Evaluation
 
 
 def _evaluation(**changes):

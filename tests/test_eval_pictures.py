@@ -5,11 +5,11 @@ import io
 
 import numpy as np
 import pytest
-from lime_keras.eval import pictures
-from lime_keras.eval.examples import Choice, Example
 from matplotlib import image as png_reader
 
 from lime_keras import colour, environment, shading, shininess
+from lime_keras.eval import pictures
+from lime_keras.eval.examples import Choice, Example
 from lime_keras.reflectance import normaliser
 
 SIZE = 16

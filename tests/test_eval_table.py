@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from lime_keras.eval import table
 from lime_keras.eval.measures import MEASURES
 

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from render_scenes import photographed, sphere
+
 from lime_keras import colour, environment, records, shading
 from lime_keras.compositing import compose
 from lime_keras.reflectance import normaliser
 from lime_keras.render import examples, gbuffer, lights, scenes
-from render_scenes import photographed, sphere
 
 SIZE = 64
 POSE = scenes.Pose(

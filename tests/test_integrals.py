@@ -1,11 +1,14 @@
 """Fast D, S and M against plain sums over every texel, and in closed form."""
 
+import itertools
+
 import numpy as np
 import pytest
+from render_scenes import photographed
+
 from lime_keras import environment, shading, shininess
 from lime_keras.reflectance import normaliser
 from lime_keras.render import integrals, lights
-from render_scenes import photographed
 
 BINS = 10.0 ** shininess.LOG_MEANS[[0, 3, 7]]
 FURNACE = np.ones((128, 256))
@@ -91,9 +94,7 @@ def test_a_furnace_is_white(exponent):
     normal, view = sphere(60)
     np.testing.assert_allclose(integrals.diffuse(normal, light), 1, rtol=2e-3)
     np.testing.assert_allclose(integrals.mirror(normal, view, light), 1, rtol=1e-5)
-    np.testing.assert_allclose(
-        integrals.specular(normal, normal, exponent, light), 1, rtol=0.02
-    )
+    np.testing.assert_allclose(integrals.specular(normal, normal, exponent, light), 1, rtol=0.02)
 
 
 def test_a_furnace_falls_off_as_the_cosine_for_shiny_lobes():
@@ -129,7 +130,7 @@ def test_a_single_texel_is_a_delta_light(exponent):
 def test_the_support_of_a_lobe():
     assert integrals.support_angle(0.0) == np.pi
     angles = [integrals.support_angle(10.0**k) for k in range(-3, 6)]
-    assert all(a >= b > 0 for a, b in zip(angles, angles[1:], strict=False))
+    assert all(a >= b > 0 for a, b in itertools.pairwise(angles))
     for exponent in (50.0, 1e4):
         angle = integrals.support_angle(exponent)
         assert np.cos(angle / 2) ** exponent == pytest.approx(integrals._NEGLIGIBLE, rel=1e-6)

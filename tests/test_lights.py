@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from render_scenes import photographed
+
 from lime_keras import environment, shininess
 from lime_keras.render import lights
-from render_scenes import photographed
 
 EXPONENTS = 10.0**shininess.LOG_MEANS
 

@@ -44,6 +44,21 @@ def test_several_parts_become_one_mesh(tmp_path):
     np.testing.assert_allclose(mesh.vertices.max(0), [1, 1 / 3, 1 / 3], atol=1e-3)
 
 
+def test_a_mirrored_part_still_faces_outwards(tmp_path):
+    scene = trimesh.Scene()
+    scene.add_geometry(trimesh.creation.icosphere(subdivisions=2))
+    mirror = np.diag([-0.5, 0.5, 0.5, 1.0])
+    mirror[0, 3] = 4
+    scene.add_geometry(trimesh.creation.icosphere(subdivisions=2), transform=mirror)
+    scene.export(tmp_path / "mirrored.glb")
+    mesh = meshes.load(tmp_path / "mirrored.glb")
+    middles = mesh.vertices[mesh.faces].mean(1)
+    right = middles[:, :1] > 0.3
+    centres = np.where(right, (1 - 0.5 / 2.75, 0, 0), (1 / 2.75 - 1, 0, 0))
+    assert 0 < right.sum() < len(right)
+    assert ((flat_normals(mesh) * (middles - centres)).sum(1) > 0).all()
+
+
 OBJ = """
 v 0 0 0
 v 1 0 0

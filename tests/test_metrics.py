@@ -30,7 +30,8 @@ def test_iou_by_hand():
         (full, empty, 0),
         (half, full, 0.5),
         (half, 1 - half, 0),
-        (full * 0.5, full, 1),
+        (full * 0.5, full * 0.5, 1),
+        (full, full * 0.5, 1),
         (full, full * 0.49, 0),
         (full, full * np.nan, 0),
     ):

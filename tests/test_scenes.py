@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from scipy import stats
+
 from lime_keras import shininess
 from lime_keras.render import scenes, shapes
-from scipy import stats
 
 PLAUSIBLE = 1e-3  # p-value, at fixed seeds
 

@@ -220,8 +220,9 @@ def test_single_precision_and_chunks_change_little(exponent, monkeypatch):
     double = shading.diffuse(normal, *lights), shading.specular(normal, view, exponent, *lights)
     arrays = [array.astype(np.float32) for array in (normal, view, *lights)]
     monkeypatch.setattr(shading, "_CHUNK", 7 * len(lights[0]))
-    single = shading.diffuse(arrays[0], *arrays[2:]), shading.specular(
-        *arrays[:2], exponent, *arrays[2:]
+    single = (
+        shading.diffuse(arrays[0], *arrays[2:]),
+        shading.specular(*arrays[:2], exponent, *arrays[2:]),
     )
     for found, expected in zip(single, double, strict=True):
         assert found.dtype == np.float32
@@ -263,7 +264,9 @@ def test_texels_leave_out_the_dark_and_keep_the_energy():
     radiance[:10] = 0
     light, energy = shading.texels(radiance)
     assert len(light) == radiance.size - 10 * 128 and light.dtype == energy.dtype == np.float32
-    assert energy.sum() == pytest.approx(4 * math.pi * environment.spherical_mean(radiance), rel=1e-4)
+    assert energy.sum() == pytest.approx(
+        4 * math.pi * environment.spherical_mean(radiance), rel=1e-4
+    )
     assert light[:, 1].max() < math.cos(math.pi * 10 / 64)
 
 

@@ -4,21 +4,24 @@ import json
 import multiprocessing
 import os
 import signal
+import threading
+import time
 
 import numpy as np
 import OpenImageIO as oiio
 import pytest
 import tensorflow as tf
 import trimesh
-from lime_keras import corpus, records
-from lime_keras.render import shards
 from render_scenes import photographed
+
+from lime_keras import corpus, records
+from lime_keras.render import shards, workers
 
 
 @pytest.fixture(autouse=True)
 def environment_kept(monkeypatch):
     """`render_split` sets these for its workers."""
-    for name in shards._THREAD_VARIABLES:
+    for name in workers._THREAD_VARIABLES:
         monkeypatch.setenv(name, "1")
 
 
@@ -98,22 +101,36 @@ def test_examples_are_in_order_and_tell_where_they_come_from(rendered):
     assert len({float(example["shininess"]) for example in examples}) == 5
 
 
-def test_two_workers_one_of_them_killed_give_the_same_bytes(
+def test_two_workers_give_the_same_bytes_even_after_interruptions(
     rendered, description, mitsuba_choice, tmp_path
 ):
-    def kill(done, total):
+    def interrupt(done, total):
         if done > 0:
-            os.kill(multiprocessing.active_children()[0].pid, signal.SIGKILL)
+            raise InterruptedError("in the middle")
 
-    with pytest.raises(RuntimeError):
-        render(tmp_path, description, mitsuba_choice, 2, kill)
+    with pytest.raises(InterruptedError):
+        render(tmp_path, description, mitsuba_choice, 2, interrupt)
     assert not corpus.manifest_path(tmp_path, "train").exists()
-    before = contents(tmp_path)
-    (tmp_path / "train" / "partial-1-00002.tfrecord").write_bytes(b"cut off")
+    (tmp_path / "train" / "00002.json").unlink(missing_ok=True)
+    for name in ("partial-1-00002.tfrecord", "00002.tfrecord"):  # neither is vouched for
+        (tmp_path / "train" / name).write_bytes(b"cut off")
     assert render(tmp_path, description, mitsuba_choice, 2) == rendered[1]
-    assert len(before) < 3
     assert contents(tmp_path) == contents(rendered[0])
     assert not list((tmp_path / "train").glob("partial-*"))
+
+
+def test_the_death_of_a_worker_is_told(description, mitsuba_choice, tmp_path):
+    def kill_the_first():
+        while not (workers := multiprocessing.active_children()):
+            time.sleep(0.01)
+        os.kill(workers[0].pid, signal.SIGKILL)
+
+    assassin = threading.Thread(target=kill_the_first)
+    assassin.start()
+    with pytest.raises(RuntimeError, match="a worker died"):
+        render(tmp_path, description, mitsuba_choice, 1)
+    assassin.join()
+    assert not corpus.manifest_path(tmp_path, "train").exists()
 
 
 def test_a_finished_split_is_left_alone(rendered, description, mitsuba_choice):
@@ -177,9 +194,7 @@ def test_a_scene_that_fails_is_drawn_anew_and_told(
     monkeypatch.setattr(shards.examples, "render", fails_once)
     example, failures = worker.example(3)
     assert example["index"] == 3 and len(calls) == 2
-    assert failures == [
-        {"index": 3, "attempt": 0, "error": "the object covers 0.1% of the image"}
-    ]
+    assert failures == [{"index": 3, "attempt": 0, "error": "the object covers 0.1% of the image"}]
     monkeypatch.setattr(shards, "_TRIES", 1)
     calls.clear()
     with pytest.raises(RuntimeError, match=r"example 3 of seed 0 failed 1 times.*look at the mesh"):

@@ -7,6 +7,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 import trimesh
+
 from lime_keras.render import room_renderer, sources
 
 EXTENSIONS = (".obj", ".ply")
@@ -67,8 +68,14 @@ def test_generators_are_independent_of_one_another():
         (seed, split, kind, *indices)
         for seed in (0, 1, 2**62)
         for split in ("train", "test")
-        for kind, indices in (("example", (0, 0)), ("example", (0, 1)), ("example", (1, 0)),
-                              ("shape", (0,)), ("shape", (1,)), ("room", (0,)))
+        for kind, indices in (
+            ("example", (0, 0)),
+            ("example", (0, 1)),
+            ("example", (1, 0)),
+            ("shape", (0,)),
+            ("shape", (1,)),
+            ("room", (0,)),
+        )
     ]
     draws = [sources.generator(*thing).random(64) for thing in things]
     for first, second in itertools.combinations(draws, 2):
@@ -88,7 +95,11 @@ def test_a_built_in_shape_depends_on_seed_split_and_number():
     meshes = [
         sources.ShapeSource(None, split, seed).load(f"{split}-{index:04d}")
         for split, seed, index in (
-            ("train", 0, 0), ("train", 0, 0), ("train", 0, 1), ("train", 1, 0), ("test", 0, 0)
+            ("train", 0, 0),
+            ("train", 0, 0),
+            ("train", 0, 1),
+            ("train", 1, 0),
+            ("test", 0, 0),
         )
     ]
     np.testing.assert_array_equal(meshes[0].vertices, meshes[1].vertices)

@@ -1,6 +1,5 @@
 """Each stage trains its own subnetworks, and can."""
 
-
 import keras
 import numpy as np
 import pytest
@@ -155,5 +154,3 @@ def test_extreme_batches_have_finite_loss_and_gradients(extreme, four_images):
 def test_the_mask_loss_counts_the_background_too():
     mask = np.zeros((1, 4, 4, 1), np.float32)
     assert mask_l2(mask, mask + 1.0)[0] == 1.0
-
-

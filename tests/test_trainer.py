@@ -85,9 +85,10 @@ def test_an_interrupted_run_ends_with_the_same_weights(
     trainer.train(corpus, tmp_path, config, _ignore)
     assert _same(_weights(tmp_path), _weights(finished))
     for path in (finished / "curves").iterdir():
-        with path.open(encoding="utf-8") as file, (tmp_path / "curves" / path.name).open(
-            encoding="utf-8"
-        ) as other:
+        with (
+            path.open(encoding="utf-8") as file,
+            (tmp_path / "curves" / path.name).open(encoding="utf-8") as other,
+        ):
             expected = [row["step"] for row in csv.DictReader(file)]
             assert [row["step"] for row in csv.DictReader(other)] == expected
 

@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 import pytest
+
 from lime_keras.render import variants
 
 
@@ -50,9 +51,7 @@ def test_a_file_that_is_no_library_and_a_missing_one_do_not_work(tmp_path, exist
 
 
 @pytest.mark.parametrize("probe", ["import os; os.abort()", "raise SystemExit(1)"])
-def test_a_library_that_aborts_or_miscalculates_gives_the_slow_variant(
-    machine, monkeypatch, probe
-):
+def test_a_library_that_aborts_or_miscalculates_gives_the_slow_variant(machine, monkeypatch, probe):
     library = _touch(machine / "own" / "libLLVM.so.19.1")
     monkeypatch.setattr(variants, "_PROBE", probe)
     choice = variants.choose()
@@ -86,15 +85,22 @@ def test_the_fast_variant_is_told_with_its_library():
     assert "llvm_ad_rgb" in explanation and "/lib/libLLVM.so.19" in explanation
 
 
-def test_mitsuba_after_tensorflow_is_refused():
+@pytest.mark.parametrize(
+    ("imported", "choice", "message"),
+    [
+        ("tensorflow", "'scalar_rgb', None", "TensorFlow was imported before Mitsuba"),
+        ("drjit", "'llvm_ad_rgb', 'libLLVM.so'", "Mitsuba was imported before its libLLVM"),
+    ],
+)
+def test_activation_after_a_wrong_import_is_refused(imported, choice, message):
     code = (
         "import sys, types\n"
-        "sys.modules['tensorflow'] = types.ModuleType('tensorflow')\n"
+        f"sys.modules[{imported!r}] = types.ModuleType({imported!r})\n"
         "from lime_keras.render import variants\n"
-        "variants.activate(variants.Choice('scalar_rgb', None), 1)"
+        f"variants.activate(variants.Choice({choice}), 1)"
     )
     child = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert "RuntimeError: TensorFlow was imported before Mitsuba" in child.stderr
+    assert f"RuntimeError: {message}" in child.stderr
     assert child.returncode == 1
 
 

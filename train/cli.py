@@ -43,9 +43,7 @@ def parser() -> argparse.ArgumentParser:
 def main(argv: list[str] | None = None) -> int:
     """Train a run; returns the exit status."""
     options = parser().parse_args(argv)
-    return console.run(
-        lambda: _train(options), "the same command goes on from the last checkpoint"
-    )
+    return console.run(lambda: _train(options), "the same command goes on from the last checkpoint")
 
 
 def _train(options: argparse.Namespace) -> int:

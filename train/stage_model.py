@@ -35,8 +35,8 @@ _TERMS = {
 class StageModel(keras.Model):
     """Subnetworks trained together on batches of records.
 
-    A subnetwork's input comes from another one of the stage if that is present, else from the truth;
-    the true mask cuts out the object throughout.
+    A subnetwork's input comes from another one of the stage if that is present, else from the
+    truth; the true mask cuts out the object throughout.
 
     Args:
         subnetworks: by name; only these are trained.

@@ -1,7 +1,7 @@
 """All stages of a run, one after another, each resumable.
 
-`RUN/config.json` says what the run is; `RUN/stages/N-name/` holds a stage's state while it trains and
-its weights when it is done; `RUN/curves/N-name.csv` its losses; `RUN/model/` the trained model.
+`RUN/config.json` says what the run is; `RUN/stages/N-name.npz` holds a stage's weights, optimiser
+state and step; `RUN/curves/N-name.csv` its losses; `RUN/model/` the trained model.
 """
 
 import csv
@@ -28,7 +28,8 @@ from .stage_model import StageModel
 from .stages import Schedule, Stage
 
 _SECONDS_BETWEEN_CHECKPOINTS = 60
-_CURVE_POINTS = 20
+_CURVE_POINTS, _LONGEST_INTERVAL = 10, 500
+"""How often the held-out losses are taken: so many times a stage, or every so many batches."""
 _FEATURES_USED = (
     "image",
     "mask",
@@ -134,7 +135,7 @@ def _train_stage(
     if step == stage.steps:
         return
     curve = _Curve(run / "curves" / f"{number}-{stage.name}.csv", step)
-    interval = max(1, stage.steps // _CURVE_POINTS)
+    interval = min(max(1, stage.steps // _CURVE_POINTS), _LONGEST_INTERVAL)
     if step == 0:
         curve.add(0, {}, _validate(model, validation))
     model.reset_metrics()

@@ -14,9 +14,7 @@ def exponent_net(architecture: Architecture) -> keras.Model:
     shading = keras.Input((size, size, 1), name="specular_shading")
     mirror = keras.Input((size, size, 1), name="mirror")
     both = layers.Concatenate(name="layers")([shading, mirror])
-    features = encoder(
-        both, width=architecture.encoder_width, dense_width=architecture.dense_width
-    )
+    features = encoder(both, width=architecture.encoder_width, dense_width=architecture.dense_width)
     logits = layers.Dense(BIN_COUNT, dtype="float32", name="logits")(features)
     probabilities = layers.Softmax(dtype="float32", name="exponent_bin_probabilities")(logits)
     return keras.Model([shading, mirror], probabilities, name="exponent_net")

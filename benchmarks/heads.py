@@ -1,0 +1,73 @@
+"""Which output head learns: a linear one, against the sigmoid or softplus one would expect.
+
+    python benchmarks/heads.py CORPUS
+
+Trains SegmentationNet (ℓ2 on the mask) and SpecularNet (masked ℓ1 on log(1 + S)) of the smoke
+preset for 100 batches from three seeds; prints the held-out loss beside that of answering nothing.
+"""
+
+import argparse
+from pathlib import Path
+
+import keras
+from keras import ops
+
+from lime_keras import pipeline
+from lime_keras.networks import PRESETS, SUBNETWORKS
+from lime_keras.train.stage_model import StageModel
+from lime_keras.train.stages import SCHEDULES
+
+STEPS, SEEDS, VALIDATION_BATCHES = 100, 3, 3
+HEADS = {
+    "segmentation": {"linear": None, "sigmoid": ops.sigmoid},
+    "specular": {"linear": None, "softplus": ops.softplus},
+}
+
+
+def main() -> None:
+    """Print the table."""
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("corpus", type=Path)
+    corpus = options.parse_args().corpus
+    training, held_out = pipeline.training_shards(corpus)
+    size, batch = PRESETS["smoke"].size, SCHEDULES["smoke"].batch_size
+    held_out = list(pipeline.evaluation(held_out, size=size, batch_size=batch))[:VALIDATION_BATCHES]
+    print("| subnetwork | head | nothing | " + " | ".join(f"seed {s}" for s in range(SEEDS)) + " |")
+    for name, heads in HEADS.items():
+        for head, function in heads.items():
+            losses = []
+            for seed in range(SEEDS):
+                batches = iter(pipeline.training(training, size=size, batch_size=batch, seed=seed))
+                losses.append(_train(name, function, seed, batches, held_out))
+            print(f"| {name} | {head} | {_nothing(name, held_out):.3f} | ", end="")
+            print(" | ".join(f"{loss:.3f}" for loss in losses) + " |", flush=True)
+
+
+def _train(name, function, seed, batches, held_out) -> float:
+    keras.utils.set_random_seed(seed)
+    network = SUBNETWORKS[name](PRESETS["smoke"])
+    if function is not None:
+        network = keras.Model(network.input, function(network.output))
+    model = StageModel({name: network})
+    model.compile(optimizer=keras.optimizers.Adam(SCHEDULES["smoke"].single_learning_rate))
+    for _ in range(STEPS):
+        model.train_on_batch(next(batches))
+    return _mean_loss(model, held_out)
+
+
+def _nothing(name, held_out) -> float:
+    network = SUBNETWORKS[name](PRESETS["smoke"])
+    model = StageModel({name: keras.Model(network.input, 0.0 * network.output)})
+    model.compile()
+    return _mean_loss(model, held_out)
+
+
+def _mean_loss(model, held_out) -> float:
+    model.reset_metrics()
+    for batch in held_out:
+        logs = model.test_on_batch(batch, return_dict=True)
+    return float(logs["loss"])
+
+
+if __name__ == "__main__":
+    main()

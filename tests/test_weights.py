@@ -1,0 +1,110 @@
+"""Weights on disk: a round trip, and an error that names the file for everything else."""
+
+import dataclasses
+import json
+import shutil
+
+import keras
+import numpy as np
+import pytest
+
+from lime_keras import weights
+from lime_keras.networks import SUBNETWORKS, Architecture, build
+
+NAMES = [field.name for field in dataclasses.fields(Architecture)]
+FILES = ["architecture.json", *(f"{name}.weights.h5" for name in SUBNETWORKS)]
+
+
+@pytest.fixture
+def model(tiny_model, tmp_path):
+    """A copy that a test may break."""
+    return shutil.copytree(tiny_model, tmp_path / "copy")
+
+
+def assert_same(found, expected):
+    assert set(found) == set(expected) == set(SUBNETWORKS)
+    for name in SUBNETWORKS:
+        pairs = zip(found[name].get_weights(), expected[name].get_weights(), strict=True)
+        assert all(np.array_equal(a, b) for a, b in pairs), name
+
+
+def test_round_trip(tiny, tmp_path):
+    keras.utils.set_random_seed(5)
+    subnetworks = build(tiny)
+    weights.save(tmp_path / "deep" / "model", tiny, subnetworks)
+    assert sorted(path.name for path in (tmp_path / "deep" / "model").iterdir()) == sorted(FILES)
+    architecture, found = weights.load(tmp_path / "deep" / "model")
+    assert architecture == tiny
+    assert_same(found, subnetworks)
+
+
+def test_saving_again_replaces_everything(tiny, model):
+    wider = dataclasses.replace(tiny, unet_width=3)
+    subnetworks = build(wider)
+    weights.save(model, wider, subnetworks)
+    architecture, found = weights.load(model)
+    assert architecture == wider
+    assert_same(found, subnetworks)
+    assert sorted(path.name for path in model.iterdir()) == sorted(FILES)
+
+
+def test_a_run_is_taken_for_its_model(tiny, model, tmp_path):
+    (tmp_path / "run").mkdir()
+    model.rename(tmp_path / "run" / "model")
+    for folder in (tmp_path / "run", str(tmp_path / "run" / "model")):
+        assert weights.load(folder)[0] == tiny
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_missing_file_is_named(name, model):
+    (model / name).unlink()
+    with pytest.raises(FileNotFoundError, match=rf"{name} is missing.*lime-train"):
+        weights.load(model)
+
+
+def test_a_folder_that_holds_nothing_or_is_not_there(tmp_path):
+    for folder in (tmp_path, tmp_path / "none"):
+        with pytest.raises(FileNotFoundError, match=r"architecture\.json is missing"):
+            weights.load(folder)
+
+
+@pytest.mark.parametrize("name", FILES[1:])
+@pytest.mark.parametrize("kept", [0, -500])
+def test_a_file_cut_off_is_named(name, kept, model):
+    path = model / name
+    path.write_bytes(path.read_bytes()[:kept])
+    with pytest.raises(ValueError, match=rf"{name} cannot be read: .*; train again$"):
+        weights.load(model)
+
+
+@pytest.mark.parametrize("name, other", [("mirror", "specular"), ("albedo", "exponent")])
+def test_another_subnetworks_file_is_named(name, other, model):
+    shutil.copy(model / f"{other}.weights.h5", model / f"{name}.weights.h5")
+    with pytest.raises(ValueError, match=rf"{name}\.weights\.h5 cannot be read: .*; train again$"):
+        weights.load(model)
+
+
+def test_another_architectures_weights_are_named(tiny, model):
+    text = json.dumps(dataclasses.asdict(tiny) | {"unet_width": 3})
+    (model / "architecture.json").write_text(text, encoding="utf-8")
+    with pytest.raises(ValueError, match=r"segmentation\.weights\.h5 cannot be read"):
+        weights.load(model)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "{",
+        "[]",
+        "3",
+        '{"size": 32}',
+        json.dumps(dict.fromkeys([*NAMES, "another"], 32)),
+        json.dumps(dict.fromkeys(NAMES, 4) | {"size": "32"}),
+        json.dumps(dict.fromkeys(NAMES, 4) | {"size": 30}),
+    ],
+)
+def test_an_architecture_of_another_version_is_named(text, model):
+    (model / "architecture.json").write_text(text, encoding="utf-8")
+    with pytest.raises(ValueError, match=r"architecture\.json is not of this version.*train again"):
+        weights.load(model)
