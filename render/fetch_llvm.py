@@ -1,7 +1,8 @@
 """`python -m lime_keras.render.fetch_llvm`: a libLLVM for the fast renderer, without root.
 
-Does nothing where a usable one is found. Else downloads Debian's or Ubuntu's package, with the
-libraries it needs, and unpacks them into the virtual environment, where `variants` looks first.
+Does nothing where a usable one is found. Else downloads Debian's or Ubuntu's package, with what it
+and Mitsuba need and this system lacks, and unpacks all into the virtual environment, where
+`variants` looks first.
 """
 
 import os
@@ -15,8 +16,9 @@ from lime_keras import console
 from . import variants
 
 _VERSIONS = ("20", "19", "18", "17")
-_COMPANIONS = ("libz3-4", "libedit2", "libbsd0", "libmd0", "libxml2", "libffi8", "libzstd1")
-"""What libLLVM is linked to and a small system may lack."""
+_NEEDED_BY_MITSUBA = "libatomic1"
+_NEVER_UNPACKED = ("libc6_", "libgcc-s1_", "libstdc++6_")
+"""The running process has these loaded; a second copy would break it."""
 
 
 def main() -> int:
@@ -25,65 +27,55 @@ def main() -> int:
 
 
 def _fetch() -> int:
-    choice = variants.choose()
-    if choice.library is None:
+    if not any(variants.works(library) for library in variants.candidates()):
         print("no usable libLLVM here: fetching one into the virtual environment", file=sys.stderr)
         try:
             _unpack(variants.own_folder())
-        except (OSError, subprocess.CalledProcessError) as error:
+        except (OSError, subprocess.SubprocessError) as error:
             print(f"could not fetch one: {error}", file=sys.stderr)
-        choice = variants.choose()
-    print(choice.explain(), file=sys.stderr)
+    print(variants.choose().explain(), file=sys.stderr)
     return 0
 
 
 def _unpack(target: Path) -> None:
-    """Download the newest packaged libLLVM and unpack its files into a folder.
+    """Download the newest packaged libLLVM, with what it lacks here, and unpack it into a folder.
 
     Raises:
         OSError: if there is no `apt-get`, or no package of a usable version.
-        CalledProcessError: if a package cannot be unpacked.
+        subprocess.SubprocessError: if a package cannot be downloaded in time or unpacked.
     """
     with tempfile.TemporaryDirectory() as scratch:
         apt = _apt(Path(scratch))
-        packages = next(
-            (found for version in _VERSIONS if (found := _download(apt, version, scratch))), []
-        )
-        if not packages:
+        archives = Path(scratch) / "cache" / "archives"
+        if not any(_download(apt, version) for version in _VERSIONS):
             raise OSError(f"apt-get has no libllvm{_VERSIONS[-1]} … libllvm{_VERSIONS[0]}")
-        for package in packages:
-            subprocess.run(["dpkg", "-x", package, target], check=True)
+        for package in archives.glob("*.deb"):
+            if not package.name.startswith(_NEVER_UNPACKED):
+                subprocess.run(["dpkg", "-x", package, target], check=True)
 
 
 def _apt(scratch: Path) -> list[str]:
     """An `apt-get` with lists and cache of its own, which an ordinary user may update."""
     for folder in ("lists/partial", "cache/archives/partial"):
         (scratch / folder).mkdir(parents=True)
-    apt = [
-        "apt-get",
-        "-qq",
-        "-o",
-        f"Dir::State::Lists={scratch / 'lists'}",
-        "-o",
-        f"Dir::Cache={scratch / 'cache'}",
-        "-o",
-        "APT::Sandbox::User=",
-    ]
+    options = {
+        "Dir::State::Lists": scratch / "lists",
+        "Dir::Cache": scratch / "cache",
+        "APT::Sandbox::User": "",
+        "Debug::NoLocking": "true",
+    }
+    apt = ["apt-get", "-qq", *(f"-o{name}={value}" for name, value in options.items())]
     subprocess.run([*apt, "update"], check=True, capture_output=True, timeout=300)
     return apt
 
 
-def _download(apt: list[str], version: str, folder: str) -> list[Path]:
-    """The package of a version with its companions, or nothing if there is none."""
-    got = subprocess.run(
-        [*apt, "download", f"libllvm{version}"], cwd=folder, capture_output=True, timeout=600
+def _download(apt: list[str], version: str) -> bool:
+    """Download what installing a version would take here; False if there is no such version."""
+    command = [*apt, "install", "--yes", "--download-only", "--no-install-recommends"]
+    answer = subprocess.run(
+        [*command, f"libllvm{version}", _NEEDED_BY_MITSUBA], capture_output=True, timeout=600
     )
-    if got.returncode:
-        return []
-    for companion in _COMPANIONS:
-        # One that this release names otherwise is on the system already, or the probe will tell.
-        subprocess.run([*apt, "download", companion], cwd=folder, capture_output=True, timeout=600)
-    return sorted(path for path in Path(folder).iterdir() if path.suffix == ".deb")
+    return answer.returncode == 0
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -32,6 +32,12 @@ assert abs(dr.sum(dr.minimum(dr.maximum(x, 0), dr.exp2(x)))[0] - 2.5) < 1e-5
 scene = mi.load_dict({"type": "scene", "shape": {"type": "sphere"}})
 hit = scene.ray_intersect(mi.Ray3f(mi.Point3f(0.5 * x, 0, 4), mi.Vector3f(0, 0, -1)))
 assert dr.all(hit.is_valid())
+"""
+_SCALAR_PROBE = """
+from lime_keras.render import variants
+variants.load_companions()
+import mitsuba
+mitsuba.set_variant("scalar_rgb")
 """
 
 
@@ -66,12 +72,21 @@ def choose() -> Choice:
 
     The environment variable `DRJIT_LIBLLVM_PATH` is tried first, then the library of the virtual
     environment (`fetch_llvm` puts one there), then the system's, newest first.
+
+    Raises:
+        RuntimeError: if Mitsuba cannot be loaded at all, naming what it lacks.
     """
     tried = []
     for library in candidates():
         if works(library):
             return Choice(FAST, library, tuple(tried))
         tried.append(library)
+    missing = _failure(_SCALAR_PROBE, os.environ)
+    if missing is not None:
+        raise RuntimeError(
+            f"Mitsuba cannot be loaded: {missing or 'no reason given'}. On Debian or Ubuntu, "
+            "`python -m lime_keras.render.fetch_llvm` or `apt-get install libatomic1` may mend it"
+        )
     return Choice(SLOW, None, tuple(tried))
 
 
@@ -94,18 +109,25 @@ def own_folder() -> Path:
 
 def works(library: Path) -> bool:
     """Whether Mitsuba's LLVM variant computes rightly with this libLLVM, tried in a child."""
-    environment = os.environ | {_LIBRARY_VARIABLE: str(library)}
+    return _failure(_PROBE, os.environ | {_LIBRARY_VARIABLE: str(library)}) is None
+
+
+def _failure(probe: str, environment: Mapping[str, str]) -> str | None:
+    """Run code in a child; None if it succeeded, else the reason as far as it can be told."""
     try:
         child = subprocess.run(
-            [sys.executable, "-c", _PROBE],
+            [sys.executable, "-c", probe],
             env=environment,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
             timeout=_PROBE_SECONDS,
         )
     except subprocess.TimeoutExpired:
-        return False
-    return child.returncode == 0
+        return f"it did not answer within {_PROBE_SECONDS} s"
+    if child.returncode == 0:
+        return None
+    reasons = [line for line in child.stderr.splitlines() if line.startswith("ImportError: ")]
+    return reasons[0].removeprefix("ImportError: ") if reasons else ""
 
 
 def activate(choice: Choice, threads: int) -> None:
@@ -132,7 +154,7 @@ def activate(choice: Choice, threads: int) -> None:
                 f"before the first `import mitsuba`, or set {_LIBRARY_VARIABLE} yourself"
             )
         os.environ[_LIBRARY_VARIABLE] = str(choice.library)
-        load_companions()
+    load_companions()
     import drjit
     import mitsuba
 
@@ -141,7 +163,7 @@ def activate(choice: Choice, threads: int) -> None:
 
 
 def load_companions() -> None:
-    """Load the libraries unpacked beside this environment's own libLLVM, which it is linked to.
+    """Load the libraries that this environment keeps for libLLVM and Mitsuba to be linked to.
 
     The dynamic linker does not look there, but takes what is loaded already.
     """

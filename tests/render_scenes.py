@@ -1,6 +1,9 @@
 """What the renderer's tests look at: a sphere, and a light like a photographed one."""
 
+from pathlib import Path
+
 import numpy as np
+import OpenImageIO as oiio
 import trimesh
 
 from lime_keras.render import meshes
@@ -23,3 +26,20 @@ def photographed(height=256, seed=0):
         top, left = int(row * height), int(column * 2 * height)
         radiance[top : top + 2, left : left + 2] += strength
     return radiance
+
+
+def write_inputs(folder: Path) -> Path:
+    """Fill a folder with two meshes in `shapes/` and two maps in `environments/`.
+
+    One file of each for either split.
+    """
+    (folder / "shapes").mkdir()
+    (folder / "environments").mkdir()
+    trimesh.creation.icosphere(subdivisions=3).export(folder / "shapes" / "ball.ply")
+    trimesh.creation.capsule(count=[16, 16]).export(folder / "shapes" / "capsule.ply")
+    for seed in range(2):
+        image = oiio.ImageBuf(oiio.ImageSpec(128, 64, 1, oiio.HALF))
+        image.set_pixels(oiio.ROI(), photographed(64, seed)[..., None].astype(np.float32))
+        if not image.write(str(folder / "environments" / f"map{seed}.exr")):
+            raise OSError(image.geterror())
+    return folder

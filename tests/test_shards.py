@@ -7,12 +7,9 @@ import signal
 import threading
 import time
 
-import numpy as np
-import OpenImageIO as oiio
 import pytest
 import tensorflow as tf
-import trimesh
-from render_scenes import photographed
+from render_scenes import write_inputs
 
 from lime_keras import corpus, records
 from lime_keras.render import shards, workers
@@ -27,17 +24,7 @@ def environment_kept(monkeypatch):
 
 @pytest.fixture(scope="module")
 def inputs(tmp_path_factory):
-    """A folder of two meshes and one of two maps: a file for each split."""
-    folder = tmp_path_factory.mktemp("inputs")
-    (folder / "shapes").mkdir()
-    (folder / "environments").mkdir()
-    trimesh.creation.icosphere(subdivisions=3).export(folder / "shapes" / "ball.ply")
-    trimesh.creation.capsule(count=[16, 16]).export(folder / "shapes" / "capsule.ply")
-    for seed in range(2):
-        image = oiio.ImageBuf(oiio.ImageSpec(128, 64, 1, oiio.HALF))
-        image.set_pixels(oiio.ROI(), photographed(64, seed)[..., None].astype(np.float32))
-        assert image.write(str(folder / "environments" / f"map{seed}.exr"))
-    return folder
+    return write_inputs(tmp_path_factory.mktemp("inputs"))
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,90 @@
+"""The README's first command in its smallest form: every command, one after another."""
+
+import json
+
+import OpenImageIO as oiio
+import pytest
+from render_scenes import write_inputs
+
+from lime_keras import estimate_cli, export_cli
+from lime_keras.corpus import read_manifest
+from lime_keras.eval import cli as eval_cli
+from lime_keras.render import cli as render_cli
+from lime_keras.render import workers
+from lime_keras.train import cli as train_cli
+from lime_keras.train import stages
+
+BRIEF = stages.Schedule(
+    batch_size=2,
+    single_steps=dict.fromkeys(stages.SINGLE, 2),
+    single_learning_rate=1e-3,
+    joint_steps=2,
+    joint_learning_rate=1e-4,
+    validation_examples=2,
+)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """A folder in which every command has succeeded."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name in workers._THREAD_VARIABLES:
+            patch.setenv(name, "1")
+        patch.setitem(stages.SCHEDULES, "smoke", BRIEF)
+        run = tmp_path_factory.mktemp("quickstart")
+        inputs = write_inputs(tmp_path_factory.mktemp("inputs"))
+        corpus = str(run / "corpus")
+        render = [corpus, "--size", "128", "--shard-size", "3", "--workers", "1"]
+        render += ["--shapes", str(inputs / "shapes")]
+        render += ["--environments", str(inputs / "environments")]
+        assert render_cli.main([*render, "--split", "train", "--count", "6"]) == 0
+        assert render_cli.main([*render, "--split", "test", "--count", "3"]) == 0
+        assert train_cli.main([corpus, "--out", str(run), "--preset", "smoke"]) == 0
+        assert eval_cli.main([corpus, "--weights", str(run), "--out", str(run)]) == 0
+        for model_format in ("savedmodel", "onnx"):
+            export = [str(run / "exported"), "--format", model_format, "--weights", str(run)]
+            assert export_cli.main(export) == 0
+        photos = sorted(map(str, (run / "examples").glob("*.png")))
+        estimate = [*photos, "--weights", str(run), "--out", str(run / "materials")]
+        assert estimate_cli.main(estimate) == 0
+    return run
+
+
+def test_everything_promised_is_there(run):
+    for name in (
+        "report.html",
+        "metrics.json",
+        "table1.md",
+        "confusion.png",
+        "config.json",
+        "model/architecture.json",
+        "exported/saved_model",
+        "exported/lime.onnx",
+    ):
+        assert (run / name).exists(), name
+    assert not list(run.rglob("partial-*"))
+
+
+def test_training_and_test_share_no_shape_and_no_light(run):
+    train, test = (read_manifest(run / "corpus", split) for split in ("train", "test"))
+    assert not set(train["shapes"]) & set(test["shapes"])
+    assert not set(train["lights"]) & set(test["lights"])
+
+
+def test_a_picture_goes_in_and_a_material_comes_out(run):
+    photo = sorted((run / "examples").glob("*.png"))[0]
+    material = json.loads((run / "materials" / f"{photo.stem}.json").read_text(encoding="utf-8"))
+    assert len(material["diffuse_albedo"]) == 3
+    assert all(0 <= value <= 1 for value in material["diffuse_albedo"])
+    assert 0 <= material["specular_albedo"] <= 1
+    assert 1 <= material["exponent"] <= 1000
+    assert sum(material["exponent_bin_probabilities"]) == pytest.approx(1, abs=1e-5)
+    for layer in ("mask.png", "diffuse.png", "specular_shading.exr", "mirror.exr", "mirror.png"):
+        image = oiio.ImageBuf(str(run / "materials" / f"{photo.stem}-{layer}"))
+        assert not image.has_error
+        assert (image.spec().width, image.spec().height) == (128, 128)
+
+
+def test_the_report_counts_the_test_split(run):
+    metrics = json.loads((run / "metrics.json").read_text(encoding="utf-8"))
+    assert metrics["count"] == 3
