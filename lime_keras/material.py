@@ -30,11 +30,18 @@ class Material:
     layers: dict[str, np.ndarray] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, object]:
-        """The numbers without the layers, ready for `json.dumps`; what is None is left out."""
+        """The numbers without the layers, ready for `json.dumps`; what is None is left out.
+
+        Six significant digits are kept: more than an estimate has, and as many as float32 holds.
+        """
         numbers = {name: getattr(self, name) for name in self.__dataclass_fields__}
         del numbers["layers"]
         return {
-            name: value.tolist() if isinstance(value, np.ndarray) else value
+            name: [_rounded(x) for x in value] if np.ndim(value) else _rounded(value)
             for name, value in numbers.items()
             if value is not None
         }
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.6g}")

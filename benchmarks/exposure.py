@@ -1,0 +1,56 @@
+"""How much of the objects a camera would clip, by the light's spherical mean.
+
+    python benchmarks/exposure.py CORPUS
+
+Recomposes the train split's first examples from their layers with the light made brighter or
+dimmer, and prints the share of fully covered pixels with a clipped channel, and their median level.
+"""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+import tensorflow as tf
+
+from lime_keras import colour, records
+from lime_keras.compositing import compose
+from lime_keras.corpus import shard_paths
+from lime_keras.render.lights import MEAN_RADIANCE
+
+MEANS = (0.2, 0.3, 0.4, 0.55, 0.7, 1.0)
+EXAMPLES = 300
+
+
+def main() -> None:
+    """Print the table."""
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("corpus", type=Path)
+    shards = [str(path) for path in shard_paths(options.parse_args().corpus, "train")]
+    clipped: dict[float, list[float]] = {mean: [] for mean in MEANS}
+    median: dict[float, list[float]] = {mean: [] for mean in MEANS}
+    for serialized in tf.data.TFRecordDataset(shards).take(EXAMPLES):
+        example = {name: value.numpy() for name, value in records.parse(serialized).items()}
+        inside = example["mask"][..., 0] >= 1
+        for mean in MEANS:
+            scale = mean / MEAN_RADIANCE
+            linear = compose(
+                example["diffuse_albedo"],
+                example["specular_albedo"],
+                example["ambient"],
+                example["diffuse_shading"][None] * scale,
+                example["specular_shading"][None] * scale,
+            )[0][inside]
+            clipped[mean].append(float(np.mean(linear.max(axis=-1) >= 1)))
+            median[mean].append(float(np.median(colour.linear_to_srgb(np.minimum(linear, 1)))))
+    print("| spherical mean | clipped pixels | objects half clipped or more | median sRGB level |")
+    print("|---:|---:|---:|---:|")
+    for mean in MEANS:
+        shares = np.array(clipped[mean])
+        print(
+            f"| {mean:g} | {shares.mean():.1%} | {np.mean(shares >= 0.5):.1%} "
+            f"| {np.mean(median[mean]):.2f} |"
+        )
+
+
+if __name__ == "__main__":
+    main()
