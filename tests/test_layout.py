@@ -95,6 +95,19 @@ def test_help_needs_neither_tensorflow_nor_mitsuba(module):
     assert "example" in answer.stdout
 
 
+def test_the_commands_offer_what_the_library_has():
+    """They repeat names, because asking the library would import TensorFlow for `--help`."""
+    from lime_keras import estimate, estimate_cli, export_cli
+    from lime_keras.networks import PRESETS
+    from lime_keras.networks.system import OUTPUTS
+    from lime_keras.train.cli import parser
+
+    assert estimate_cli._ONLY == tuple(estimate.NEEDED)
+    assert export_cli._OUTPUTS == OUTPUTS
+    preset = next(action for action in parser()._actions if action.dest == "preset")
+    assert set(preset.choices) == set(PRESETS)
+
+
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory):
     folder = tmp_path_factory.mktemp("wheel")

@@ -11,6 +11,7 @@ from sphere_corpus import write_split
 from lime_keras import weights
 from lime_keras.networks import SUBNETWORKS, Architecture
 from lime_keras.train import cli, trainer
+from lime_keras.train.config import Config, corpus_sha256
 from lime_keras.train.stages import SINGLE, Schedule
 
 TINY = Architecture(size=32, unet_width=2, unet_depth=2, encoder_width=2, dense_width=4)
@@ -31,7 +32,7 @@ def corpus(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def config(corpus):
-    return trainer.Config("tiny", TINY, BRIEF, 0, trainer.corpus_sha256(corpus))
+    return Config("tiny", TINY, BRIEF, 0, corpus_sha256(corpus))
 
 
 @pytest.fixture(scope="module")

@@ -51,14 +51,15 @@ def _train(options: argparse.Namespace) -> int:
     from lime_keras.networks import PRESETS
 
     from . import trainer
+    from .config import Config, corpus_sha256
     from .stages import SCHEDULES
 
-    config = trainer.Config(
+    config = Config(
         preset=options.preset,
         architecture=PRESETS[options.preset],
         schedule=SCHEDULES[options.preset],
         seed=options.seed,
-        corpus_sha256=trainer.corpus_sha256(options.corpus),
+        corpus_sha256=corpus_sha256(options.corpus),
     )
     with _Progress() as progress:
         trainer.train(options.corpus, options.out, config, progress.tell)

@@ -1,0 +1,67 @@
+"""What a stage leaves on disk as it goes: checkpoints and loss curves, replaced atomically."""
+
+import csv
+import os
+import time
+from pathlib import Path
+
+import keras
+import numpy as np
+
+from .stage_model import StageModel
+
+
+class Checkpoint:
+    """A stage's weights, optimiser state and step in one file, replaced atomically."""
+
+    def __init__(self, path: Path, model: StageModel):
+        self._path = path
+        model.optimizer.build(model.trainable_variables)
+        self._variables = [*model.weights, *model.optimizer.variables]
+
+    def save(self, step: int) -> None:
+        """Write the state after `step` batches."""
+        self._path.parent.mkdir(parents=True, exist_ok=True)
+        values = [keras.ops.convert_to_numpy(variable) for variable in self._variables]
+        partial = self._path.with_name(f"partial-{self._path.name}")
+        np.savez(partial, *values, step=step)
+        os.replace(partial, self._path)
+
+    def restore(self) -> int:
+        """Load the state if there is one; the number of batches it has seen."""
+        if not self._path.is_file():
+            return 0
+        with np.load(self._path) as stored:
+            for index, variable in enumerate(self._variables):
+                variable.assign(stored[f"arr_{index}"])
+            return int(stored["step"])
+
+
+class Curve:
+    """Losses by step in a CSV file; rows from after the restored step are dropped."""
+
+    def __init__(self, path: Path, step: int):
+        self._path = path
+        self._began = time.monotonic()
+        self._rows: list[dict[str, object]] = []
+        if path.is_file():
+            with path.open(newline="", encoding="utf-8") as file:
+                rows = [dict(row) for row in csv.DictReader(file)]
+            self._rows = [row for row in rows if step > 0 and int(row["step"]) <= step]
+        self._earlier = float(self._rows[-1]["seconds"]) if self._rows else 0.0
+
+    def add(self, step: int, training: dict[str, float], validation: dict[str, float]) -> None:
+        """Append a row and write the file."""
+        seconds = self._earlier + time.monotonic() - self._began
+        row: dict[str, object] = {"step": step, "seconds": f"{seconds:.1f}"}
+        row |= {f"train_{name}": f"{value:.6g}" for name, value in training.items()}
+        row |= {f"validation_{name}": f"{value:.6g}" for name, value in validation.items()}
+        self._rows.append(row)
+        self._path.parent.mkdir(parents=True, exist_ok=True)
+        columns = dict.fromkeys(name for one in self._rows for name in one)
+        partial = self._path.with_name(f"partial-{self._path.name}")
+        with partial.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.DictWriter(file, list(columns))
+            writer.writeheader()
+            writer.writerows(self._rows)
+        os.replace(partial, self._path)
