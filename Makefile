@@ -1,5 +1,6 @@
 # `make quickstart`: from nothing to an estimated material. `make test`: lint and the suite.
-# Both make .venv and install into it what they need; nothing outside this folder is touched.
+# Both make .venv and install into it what they need; outside this folder only caches are written
+# (pip's, and Dr.Jit's kernels in ~/.drjit).
 
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 BIN := .venv/bin
@@ -12,14 +13,14 @@ TEST_COUNT := 160
 .DELETE_ON_ERROR:
 
 quickstart: llvm
-	$(BIN)/lime-render $(CORPUS) --split train --count $(TRAIN_COUNT) --shard-size 32
-	$(BIN)/lime-render $(CORPUS) --split test --count $(TEST_COUNT) --shard-size 32
+	$(BIN)/lime-render $(CORPUS) --split train --count $(TRAIN_COUNT)
+	$(BIN)/lime-render $(CORPUS) --split test --count $(TEST_COUNT)
 	$(BIN)/lime-train $(CORPUS) --out $(RUN) --preset smoke
 	$(BIN)/lime-eval $(CORPUS) --weights $(RUN) --out $(RUN)
 	$(BIN)/lime-export $(RUN)/exported --format savedmodel --weights $(RUN)
 	$(BIN)/lime-export $(RUN)/exported --format onnx --weights $(RUN)
 	$(BIN)/lime-estimate $(RUN)/examples/*.png --weights $(RUN) --out $(RUN)/materials
-	@echo "Open $(RUN)/report.html in a browser."
+	@echo "Open $(RUN)/report.html in a browser. For the commands: source .venv/bin/activate"
 
 test: llvm lint
 	$(BIN)/python -m pytest

@@ -45,6 +45,7 @@ setup(
         "onnxruntime>=1.20,<2",
         "trimesh>=4.5,<6",
         "scikit-image>=0.24,<1",
+        "scipy>=1.13,<2",
         "matplotlib>=3.9,<4",
         "jinja2>=3.1,<4",
         "tqdm>=4.66,<5",

@@ -80,6 +80,8 @@ def _evaluate(options: argparse.Namespace, command: str) -> int:
     _write(out / "confusion.png", figures.confusion(evaluation.confusion))
     _write(out / "report.html", page.encode())
     (out / "examples").mkdir(exist_ok=True)
+    for stale in (out / "examples").glob("[0-9]*.png"):
+        stale.unlink()
     for example in chosen:
         photo.write(out / "examples" / f"{example.choice.position:05d}.png", example.photo_srgb)
     print(table.markdown(summary), end="")

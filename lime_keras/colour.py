@@ -1,5 +1,6 @@
 """sRGB and linear radiance, RGB and YUV. The only place that knows 0.0031308."""
 
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -8,6 +9,9 @@ from lime_keras.arrays import namespace
 
 _KNEE_LINEAR = 0.0031308
 _KNEE_SRGB = 0.04045
+
+CLIPPED = 0.999
+"""sRGB level from which a channel counts as clipped by the camera."""
 
 LUMINANCE_WEIGHTS = np.array([0.2126, 0.7152, 0.0722], np.float32)
 """Rec. 709 luminance of linear RGB."""
@@ -26,20 +30,24 @@ YUV_HIGH = np.array([1.0, 0.886 * 0.492, 0.701 * 0.877])
 """The smallest box in YUV that holds the RGB cube."""
 
 
-def srgb_to_linear(srgb: Any) -> Any:
+def srgb_to_linear(srgb: Any, xp: ModuleType | None = None) -> Any:
     """Decode sRGB to linear radiance (IEC 61966-2-1), any shape.
 
     Values outside [0, 1] follow the curve's own extension (linear below 0, the power above 1), so
     the function is monotone everywhere and its gradient is finite.
+
+    Args:
+        srgb: array or tensor.
+        xp: module with NumPy's names to compute with; by default that of the argument.
     """
-    xp = namespace(srgb)
+    xp = xp or namespace(srgb)
     high = ((xp.maximum(srgb, _KNEE_SRGB) + 0.055) / 1.055) ** 2.4
     return xp.where(srgb <= _KNEE_SRGB, srgb / 12.92, high)
 
 
-def linear_to_srgb(linear: Any) -> Any:
+def linear_to_srgb(linear: Any, xp: ModuleType | None = None) -> Any:
     """Encode linear radiance as sRGB; the inverse of `srgb_to_linear`. Does not clip."""
-    xp = namespace(linear)
+    xp = xp or namespace(linear)
     high = 1.055 * xp.maximum(linear, _KNEE_LINEAR) ** (1.0 / 2.4) - 0.055
     return xp.where(linear <= _KNEE_LINEAR, linear * 12.92, high)
 

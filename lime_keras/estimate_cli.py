@@ -72,6 +72,11 @@ def _estimate(options: argparse.Namespace) -> int:
             failed += 1
             tqdm.write(f"error: {path}: {error}", file=sys.stderr)
             continue
+        if material.mask_coverage == 0:
+            tqdm.write(
+                f"warning: {path}: no object was found; its numbers mean nothing",
+                file=sys.stderr,
+            )
         numbers = json.dumps({"photo": str(path)} | material.to_json(), indent=1)
         tqdm.write(numbers)
         _write_layers(options.out, name, material)

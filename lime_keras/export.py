@@ -15,7 +15,6 @@ from lime_keras.networks.system import OUTPUTS
 TOLERANCE = 1e-3
 """Largest accepted difference from Keras: absolute, and relative for values above 1."""
 _OPSET = 17
-_PROOF_IMAGES = 4
 
 
 class ParityError(RuntimeError):
@@ -66,12 +65,28 @@ def export(
 
 
 def proof_images(size: int) -> np.ndarray:
-    """Images `(4, size, size, 3)` in [0, 1]: smooth, noisy, black and white."""
+    """Images `(6, size, size, 3)` in [0, 1]: shaded balls, smooth, noisy, black and white.
+
+    The balls, one dull and one shiny, are there because a trained mask is empty without an object,
+    and everything behind an empty mask would agree for nothing.
+    """
     rng = np.random.default_rng(0)
     coarse = rng.uniform(size=(1, 8, 8, 3)).astype(np.float32)
     smooth = np.array(tf.image.resize(coarse, (size, size)))
     noisy = rng.uniform(size=(1, size, size, 3)).astype(np.float32)
-    return np.concatenate([smooth, noisy, np.zeros_like(noisy), np.ones_like(noisy)])
+    balls = [_ball(size, exponent)[None] for exponent in (3.0, 300.0)]
+    return np.concatenate([*balls, smooth, noisy, np.zeros_like(noisy), np.ones_like(noisy)])
+
+
+def _ball(size: int, exponent: float) -> np.ndarray:
+    """A lit ball with a highlight before stripes, `(size, size, 3)` in [0, 1]."""
+    x, y = np.meshgrid(*[np.linspace(-1.25, 1.25, size)] * 2)
+    z = np.sqrt(np.maximum(1 - x**2 - y**2, 0))
+    towards_light = np.maximum(0.4 * x - 0.5 * y + 0.77 * z, 0)[..., None]
+    highlight = np.maximum(0.21 * x - 0.27 * y + 0.94 * z, 0)[..., None] ** exponent
+    ball = np.array([0.5, 0.3, 0.2]) * towards_light + 0.5 * highlight
+    stripes = 0.4 + 0.2 * np.sin(12 * x + 5 * y)[..., None] * np.array([1.0, 0.5, -1.0])
+    return np.clip(np.where(z[..., None] > 0, ball, stripes), 0, 1).astype(np.float32)
 
 
 def compare(expected: dict[str, np.ndarray], answer: dict[str, np.ndarray]) -> dict[str, float]:

@@ -12,9 +12,6 @@ from lime_keras.compositing import compose
 from lime_keras.dynamic_range import compress, expand
 from lime_keras.masking import masked_mean
 
-SATURATED = 0.999
-"""sRGB level from which a channel counts as clipped by the camera."""
-
 
 def mask_l2(mask: Any, predicted: Any) -> Any:
     """Mean squared error of the mask over the whole image; both `(B, H, W, 1)` in [0, 1]."""
@@ -52,12 +49,14 @@ def compositing_l1(
     ambient: Any,
     diffuse_shading: Any,
     specular_compressed: Any,
+    clipped: Any = None,
 ) -> Any:
     """Eq. 5: the image recomposed from predicted m_d, m_s, S and true D, m_a, against the photo.
 
-    A clipped channel says only that the radiance was at least 1, so there the error is how far the
-    prediction falls short of 1, and overshoot is free; elsewhere it is the distance in linear
-    radiance. The prediction itself is never clipped, or an overshoot would lose its gradient.
+    A clipped channel says only that the radiance was at least what the photo shows, so there the
+    error is how far the prediction falls short of it, and overshoot is free; elsewhere it is the
+    distance in linear radiance. The prediction itself is never clipped, or an overshoot would
+    lose its gradient.
 
     Args:
         image_srgb: `(B, H, W, 3)` in [0, 1], sRGB.
@@ -67,12 +66,14 @@ def compositing_l1(
         ambient: true m_a `(B,)`.
         diffuse_shading: true D `(B, H, W, 1)`.
         specular_compressed: predicted S `(B, H, W, 1)`, compressed.
+        clipped: `(B, H, W, 3)`, above 0 where a channel, or a part of the pixel before the photo
+            was made smaller, was clipped; by default the channels at `colour.CLIPPED` and above.
     """
+    if clipped is None:
+        clipped = ops.cast(image_srgb >= colour.CLIPPED, image_srgb.dtype)
     specular_shading = expand(specular_compressed)
     composed = compose(diffuse_albedo, specular_albedo, ambient, diffuse_shading, specular_shading)
     image = colour.srgb_to_linear(image_srgb)
-    error = ops.where(
-        image_srgb >= SATURATED, ops.maximum(1.0 - composed, 0.0), ops.abs(composed - image)
-    )
+    error = ops.where(clipped > 0, ops.maximum(image - composed, 0.0), ops.abs(composed - image))
     full = ops.cast(mask >= 1.0, error.dtype)
     return masked_mean(error, full)

@@ -51,21 +51,24 @@ def write(path: Path, image: np.ndarray) -> None:
         raise OSError(f"{path} cannot be written: {buffer.geterror()}")
 
 
-def fit_square(image: np.ndarray, size: int) -> np.ndarray:
-    """Centre an image `(H, W, C)` in a square of its longer side and resample to `size`.
+def fit_square(image_srgb: np.ndarray, size: int) -> np.ndarray:
+    """Centre a photo `(H, W, 3)`, sRGB, in a square of its longer side and resample to `size`.
 
-    What lies beyond its edges repeats the edge.
+    What lies beyond its edges repeats the edge. Made smaller, it is averaged over areas in linear
+    light, as the training images are (`pipeline.resize`).
     """
+    image = colour.srgb_to_linear(image_srgb)
     height, width, channels = image.shape
     side = max(height, width)
     top, left = (side - height) // 2, (side - width) // 2
     margins = ((top, side - height - top), (left, side - width - left), (0, 0))
     square = np.pad(image, margins, mode="edge")
     if side == size:
-        return square
+        return np.pad(image_srgb, margins, mode="edge")
     source = oiio.ImageBuf(oiio.ImageSpec(side, side, channels, oiio.FLOAT))
     source.set_pixels(oiio.ROI(), np.ascontiguousarray(square, np.float32))
-    # Lanczos rings below 0 and above 1; the caller's range is kept.
     region = oiio.ROI(0, size, 0, size, 0, 1, 0, channels)
-    resized = np.asarray(oiio.ImageBufAlgo.resize(source, roi=region).get_pixels(oiio.FLOAT))
-    return np.clip(resized, image.min(), image.max())
+    kernel = "box" if side > size else "triangle"
+    resized = oiio.ImageBufAlgo.resize(source, filtername=kernel, roi=region)
+    linear = np.asarray(resized.get_pixels(oiio.FLOAT))
+    return np.clip(colour.linear_to_srgb(linear), image_srgb.min(), image_srgb.max())

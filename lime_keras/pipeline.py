@@ -1,7 +1,7 @@
 """Shards → parsed, resized, shuffled, batched `tf.data`.
 
 A dataset's elements are dictionaries named as in `records`, batched along the first axis, with
-`exponent_bin` `(B,)` added.
+`exponent_bin` `(B,)` and `clipped` `(B, S, S, 3)` added.
 """
 
 import math
@@ -9,9 +9,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import tensorflow as tf
+import tensorflow.experimental.numpy as tnp
 
+from lime_keras import colour, records, shininess
 from lime_keras import corpus as corpus_files
-from lime_keras import records, shininess
 
 _SHUFFLE = 2048
 """Serialised examples held for shuffling: some 400 MB at 256 × 256."""
@@ -76,8 +77,10 @@ def evaluation(shards: list[Path], *, size: int, batch_size: int) -> tf.data.Dat
 def resize(example: dict[str, tf.Tensor], size: int) -> dict[str, tf.Tensor]:
     """Bring an example's images to `size` × `size` by area averaging.
 
-    Layers are averaged over the covered part of each area, so a silhouette stays as bright as the
-    object; the camera is scaled along.
+    The image is averaged in linear light, and `clipped` `(size, size, 3)` added: 1 where any part
+    of the area was clipped, whose mean is then only a lower bound. Layers are averaged over the
+    covered part of each area, so a silhouette stays as bright as the object; the camera is scaled
+    along.
 
     Raises:
         tf.errors.InvalidArgumentError: if `size` does not divide the stored size.
@@ -89,12 +92,17 @@ def resize(example: dict[str, tf.Tensor], size: int) -> dict[str, tf.Tensor]:
     with tf.control_dependencies([divides] if divides is not None else []):
         factor = stored // size
 
+    def blocks(name: str, image: tf.Tensor) -> tf.Tensor:
+        return tf.reshape(image, (size, factor, size, factor, _CHANNELS[name]))
+
     def area_mean(name: str, image: tf.Tensor) -> tf.Tensor:
-        blocks = tf.reshape(image, (size, factor, size, factor, _CHANNELS[name]))
-        return tf.reduce_mean(blocks, axis=(1, 3))
+        return tf.reduce_mean(blocks(name, image), axis=(1, 3))
 
     out = dict(example)
-    out["image"] = area_mean("image", example["image"])
+    linear = area_mean("image", _as_float(colour.srgb_to_linear(example["image"], tnp)))
+    out["image"] = _as_float(colour.linear_to_srgb(linear, tnp))
+    clipped = tf.cast(example["image"] >= colour.CLIPPED, tf.float32)
+    out["clipped"] = tf.reduce_max(blocks("image", clipped), axis=(1, 3))
     out["mask"] = area_mean("mask", example["mask"])
     for name in _LAYERS:
         covered = area_mean(name, example[name] * example["mask"])
@@ -103,6 +111,11 @@ def resize(example: dict[str, tf.Tensor], size: int) -> dict[str, tf.Tensor]:
     out["normal"] = tf.math.l2_normalize(out["normal"], axis=-1)
     out["camera"] = example["camera"] / tf.cast(factor, tf.float32)
     return out
+
+
+def _as_float(values: tf.Tensor) -> tf.Tensor:
+    """float32 again, which TensorFlow's NumPy functions widen."""
+    return tf.cast(values, tf.float32)
 
 
 def _check_whole(shards: list[Path]) -> None:

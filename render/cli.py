@@ -36,13 +36,15 @@ def parser() -> argparse.ArgumentParser:
         "--shapes",
         type=Path,
         metavar="DIR",
-        help="folder of meshes (OBJ, PLY, STL, GLB) instead of the built-in shapes",
+        help="folder of meshes (OBJ, PLY, STL, GLB) instead of the built-in shapes, of which there "
+        "are 400 for training and 100 for test",
     )
     out.add_argument(
         "--environments",
         type=Path,
         metavar="DIR",
-        help="folder of environment maps (HDR, EXR; equirectangular) instead of built-in rooms; "
+        help="folder of environment maps (HDR, EXR; equirectangular) instead of the built-in rooms "
+        "(40 for training, 12 for test); "
         "of both folders a fifth of the files is kept for the test split, or the subfolders train "
         "and test are used if there are such",
     )
@@ -56,14 +58,17 @@ def parser() -> argparse.ArgumentParser:
         "--shading",
         choices=("furnace", "literal"),
         default="furnace",
-        help="normalise shading to the white furnace, or store Eqs. 2 and 3 as printed "
-        "(default: furnace)",
+        help="normalise shading to the white furnace, or store Eqs. 2 and 3 as printed; a model "
+        "gives specular albedos in the unit of its corpus (default: furnace)",
     )
     out.add_argument(
         "--size", type=_size, default=256, help="height and width in pixels (default: 256)"
     )
     out.add_argument(
-        "--shard-size", type=_positive, default=512, help="examples in a file (default: 512)"
+        "--shard-size",
+        type=_positive,
+        metavar="N",
+        help="examples in a file (default: a twentieth of the count, at most 512)",
     )
     out.add_argument(
         "--workers", type=_positive, default=os.cpu_count(), help="processes (default: all cores)"
@@ -84,6 +89,9 @@ def _render(options: argparse.Namespace) -> int:
     from . import shards, variants
 
     choice = variants.choose()
+    if shards.held_variant(options.out, options.split) == variants.SLOW:
+        # Begun without a libLLVM: its shards go on as they began.
+        choice = variants.Choice(variants.SLOW, None)
     print(choice.explain(), file=sys.stderr)
     folders = {
         name: str(folder.resolve()) if (folder := getattr(options, name)) else None
@@ -94,7 +102,7 @@ def _render(options: argparse.Namespace) -> int:
         count=options.count,
         seed=options.seed,
         size=options.size,
-        shard_size=options.shard_size,
+        shard_size=options.shard_size or min(512, -(-options.count // 20)),
         shading=options.shading,
         variant=choice.variant,
         **folders,
@@ -104,7 +112,7 @@ def _render(options: argparse.Namespace) -> int:
             options.out,
             description,
             choice,
-            workers=min(options.workers, description.shards),
+            workers=options.workers,
             on_room=rooms.move,
             on_example=rendered.move,
         )

@@ -5,7 +5,6 @@ and Mitsuba need and this system lacks, and unpacks all into the virtual environ
 `variants` looks first.
 """
 
-import os
 import subprocess
 import sys
 import tempfile
@@ -79,5 +78,4 @@ def _download(apt: list[str], version: str) -> bool:
 
 
 if __name__ == "__main__":
-    os.environ.pop("DRJIT_LIBLLVM_PATH", None)
     sys.exit(main())

@@ -59,7 +59,8 @@ def sample_material(rng: np.random.Generator) -> Material:
 def sample_diffuse_albedo(rng: np.random.Generator) -> np.ndarray:
     """Uniform over those YUV colours that are RGB colours: `(3,)` linear RGB in [0, 1].
 
-    Others are rejected; clipping them would pile a quarter of all albedos onto the cube's faces.
+    Others are rejected; clipping them would pile three quarters of all albedos onto the faces of
+    the cube.
     """
     while True:
         rgb = colour.yuv_to_rgb(rng.uniform(colour.YUV_LOW, colour.YUV_HIGH))

@@ -11,7 +11,6 @@ import importlib.metadata
 import json
 import multiprocessing
 import os
-import signal
 from collections.abc import Callable
 from pathlib import Path
 
@@ -95,23 +94,26 @@ def render_split(
     # Read now: an input that cannot be used should fail before the folder is claimed for it, and
     # before a worker is started.
     job = _Job(out, description, choice)
-    job.shapes.names()
     lights = job.lights.names()
-    job.backgrounds.pictures()
+    recorded = job.recorded()
+    _refuse_shared_inputs(job)
     folder.mkdir(parents=True, exist_ok=True)
-    _claim(folder, description)
+    _claim(folder, recorded)
     for partial in [*folder.glob("partial-*"), *(folder / "rooms").glob("partial-*")]:
         partial.unlink()
     rooms = [] if description.environments else lights
     missing_rooms = [name for name in rooms if not (job.lights.cache / name).is_file()]
     missing = [n for n in range(description.shards) if not _is_finished(job, n)]
     done = description.count - sum(len(description.indices(shard)) for shard in missing)
-    with Workers(workers if missing else 0, _start_worker, job) as pool:
-        if missing and missing_rooms:
-            finished = len(rooms) - len(missing_rooms)
-            pool.run(_render_room, missing_rooms, finished, len(rooms), on_room)
+    if not missing and corpus.manifest_path(out, description.split).is_file():
         on_example(done, description.count)
-        pool.run(_render_shard, missing, done, description.count, on_example)
+        return corpus.read_manifest(out, description.split)
+    pool = Workers(workers, _start_worker, job)
+    if missing and missing_rooms:
+        finished = len(rooms) - len(missing_rooms)
+        pool.run(_render_room, missing_rooms, finished, len(rooms), on_room)
+    on_example(done, description.count)
+    pool.run(_render_shard, missing, done, description.count, on_example)
     return _write_manifest(job)
 
 
@@ -122,6 +124,19 @@ class _Job:
     out: Path
     description: Description
     choice: variants.Choice
+
+    def recorded(self) -> dict:
+        """The description as it is written down, with a hash of the names of all files used.
+
+        Folders are told by name: where they lie on this machine changes no byte.
+        """
+        record = dataclasses.asdict(self.description)
+        for name in ("shapes", "environments", "backgrounds"):
+            record[name] = Path(record[name]).name if record[name] else None
+        pictures = [path.name for path in self.backgrounds.pictures()]
+        names = [self.shapes.names(), self.lights.names(), pictures]
+        record["inputs_sha256"] = hashlib.sha256(json.dumps(names).encode()).hexdigest()
+        return record
 
     @property
     def folder(self) -> Path:
@@ -152,7 +167,6 @@ class _Job:
 
 def _start_worker(job: _Job, ticks: multiprocessing.Queue) -> None:
     """Set up one worker process."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     variants.activate(job.choice, threads=1)
     console.import_tensorflow()
     global _worker
@@ -252,10 +266,34 @@ def _sidecar(job: _Job, shard: int) -> Path:
     return corpus.shard_path(job.out, job.description.split, shard).with_suffix(".json")
 
 
-def _claim(folder: Path, description: Description) -> None:
+def held_variant(out: Path, split: str) -> str | None:
+    """The variant with which a split was begun, None if it was not."""
+    path = out / split / "description.json"
+    return json.loads(path.read_text(encoding="utf-8"))["variant"] if path.is_file() else None
+
+
+def _refuse_shared_inputs(job: _Job) -> None:
+    """Keep training and test apart even if files came or went between their rendering."""
+    other = next(split for split in corpus.SPLITS if split != job.description.split)
+    if not corpus.manifest_path(job.out, other).is_file():
+        return
+    manifest = corpus.read_manifest(job.out, other)
+    for kind, folder, names in (
+        ("shapes", job.description.shapes, job.shapes.names()),
+        ("lights", job.description.environments, job.lights.names()),
+    ):
+        shared = sorted(set(names) & set(manifest[kind])) if folder else []
+        if shared:
+            raise ValueError(
+                f"{folder}: {', '.join(shared[:5])} {'is' if len(shared) == 1 else 'are'} in the "
+                f"{other} split already, because files came or went since it was rendered: render "
+                "both splits anew, or sort the files into subfolders train and test"
+            )
+
+
+def _claim(folder: Path, wanted: dict) -> None:
     """Record what the folder is for; refuse one that is for something else."""
     path = folder / "description.json"
-    wanted = dataclasses.asdict(description)
     if path.is_file():
         held = json.loads(path.read_text(encoding="utf-8"))
         differing = sorted(key for key in wanted | held if wanted.get(key) != held.get(key))
@@ -280,7 +318,7 @@ def _write_manifest(job: _Job) -> dict:
     manifest = {
         "version": __version__,
         "packages": {name: importlib.metadata.version(name) for name in _PACKAGES},
-        "description": dataclasses.asdict(job.description),
+        "description": job.recorded(),
         "shards": job.description.shards,
         "examples": job.description.count,
         "sha256": [sidecar["sha256"] for sidecar in sidecars],

@@ -1,15 +1,18 @@
 """Processes that render: one thread each, ended with their parent, their progress seen."""
 
+import contextlib
 import multiprocessing
 import os
 import queue
-from collections.abc import Callable
+import signal
+import threading
+from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
-_TASKS_PER_PROCESS = 64
-"""A process is replaced after so many, because Mitsuba keeps memory of every scene it loaded."""
+_TASKS_PER_PROCESS = 16
+"""Processes are replaced after so many shards, as Mitsuba keeps memory of every scene it loaded."""
 _THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 
@@ -17,7 +20,7 @@ class Workers:
     """A pool of processes whose progress is seen and whose death is told.
 
     Args:
-        count: of processes; 0 if there is nothing to run.
+        count: of processes.
         start: called in each process with `arguments` and the queue on which it tells of progress
             by putting the number of things done.
         arguments: for `start`.
@@ -25,32 +28,13 @@ class Workers:
 
     def __init__(self, count: int, start: Callable[..., None], *arguments: Any):
         self._count = count
-        if not count:
-            return
         # One thread of linear algebra a worker: more would fight for the cores, and sum in an order
         # that depends on their number. Children inherit it; this process computes nothing.
         os.environ |= dict.fromkeys(_THREAD_VARIABLES, "1")
-        context = multiprocessing.get_context("spawn")
-        self._ticks = context.Queue()
-        self._pool = ProcessPoolExecutor(
-            count,
-            mp_context=context,
-            initializer=start,
-            initargs=(*arguments, self._ticks),
-            max_tasks_per_child=_TASKS_PER_PROCESS,
-        )
-
-    def __enter__(self) -> "Workers":
-        return self
-
-    def __exit__(self, kind: type | None, *_: object) -> None:
-        if not self._count:
-            return
-        if kind:
-            # Workers ignore Ctrl-C; end them now, and with them only unfinished, partial files.
-            for process in multiprocessing.active_children():
-                process.terminate()
-        self._pool.shutdown(wait=True, cancel_futures=True)
+        self._context = multiprocessing.get_context("spawn")
+        self._ticks = self._context.Queue()
+        self._initialiser = start
+        self._arguments = (*arguments, self._ticks)
 
     def run(
         self,
@@ -72,21 +56,54 @@ class Workers:
         Raises:
             RuntimeError: if a process died. What a task raises is raised here.
         """
-        pending: set[Future] = {self._pool.submit(task, item) for item in items}
-        while pending:
-            finished, pending = wait(pending, timeout=0.2, return_when=FIRST_COMPLETED)
-            try:
-                while True:
-                    done += self._ticks.get_nowait()
-                    tell(done, total)
-            except queue.Empty:
-                pass
-            for future in finished:
-                try:
-                    future.result()
-                except BrokenProcessPool as error:
-                    raise RuntimeError(
-                        "a worker died: killed, out of memory, or a crash told above. Finished "
-                        "shards are kept; the same command goes on, with --workers 1 if need be"
-                    ) from error
+        share = self._count * _TASKS_PER_PROCESS
+        for first in range(0, len(items), share):
+            for _ in self._finished(task, items[first : first + share]):
+                with contextlib.suppress(queue.Empty):
+                    while True:
+                        done += self._ticks.get_nowait()
+                        tell(done, total)
         tell(total, total)
+
+    def _finished(self, task: Callable, items: list) -> Iterator[None]:
+        """Run items in processes made for them; yield a few times a second until all are done."""
+        # Not `max_tasks_per_child`, with which Python 3.11's pool can wait for ever.
+        pool = ProcessPoolExecutor(
+            min(self._count, len(items)),
+            mp_context=self._context,
+            initializer=_begin,
+            initargs=(self._initialiser, *self._arguments),
+        )
+        try:
+            pending: set[Future] = {pool.submit(task, item) for item in items}
+            while pending:
+                finished, pending = wait(pending, timeout=0.2, return_when=FIRST_COMPLETED)
+                yield
+                for future in finished:
+                    future.result()
+        except BrokenProcessPool as error:
+            raise RuntimeError(
+                "a worker died: killed, out of memory, or a crash told above. Finished shards are "
+                "kept; the same command goes on, with --workers 1 if need be"
+            ) from error
+        except BaseException:
+            # Workers ignore Ctrl-C; end them now, and with them only unfinished, partial files.
+            for process in multiprocessing.active_children():
+                process.terminate()
+            raise
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _begin(start: Callable[..., None], *arguments: Any) -> None:
+    """Set up a process that ignores Ctrl-C, which its parent handles, and ends with its parent."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+    start(*arguments)
+
+
+def _end_with(parent: multiprocessing.process.BaseProcess) -> None:
+    parent.join()
+    os._exit(1)

@@ -182,7 +182,7 @@ def test_differences_are_relative_above_one():
 @pytest.mark.parametrize("size", [32, 64])
 def test_proof_images_are_photos(size):
     images = export.proof_images(size)
-    assert images.shape == (4, size, size, 3) and images.dtype == np.float32
+    assert images.shape == (6, size, size, 3) and images.dtype == np.float32
     assert images.min() == 0 and images.max() == 1
     np.testing.assert_array_equal(images, export.proof_images(size))
     smooth, noisy = (np.abs(np.diff(image, axis=0)).mean() for image in images[:2])

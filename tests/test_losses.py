@@ -266,3 +266,25 @@ def test_gradients_of_compositing_are_those_of_finite_differences(differentiate)
             moved[number][index] += sign * step
             ends.append(differentiate(losses.compositing_l1, *moved)[0].sum())
         assert gradients[number][index] == pytest.approx((ends[0] - ends[1]) / (2 * step), rel=1e-4)
+
+
+def test_the_truth_costs_little_after_the_photo_was_made_smaller():
+    """Highlights clipped in a part of a pixel are a lower bound there, not an observation."""
+    import tensorflow as tf
+    from sphere_corpus import example
+
+    from lime_keras import pipeline, records
+
+    for index in range(6):
+        truth = pipeline.resize(records.parse(records.encode(example(index))), 32)
+        batch = {name: tf.expand_dims(value, 0) for name, value in truth.items()}
+        arguments = (
+            batch["image"],
+            batch["mask"],
+            batch["diffuse_albedo"],
+            batch["specular_albedo"],
+            batch["ambient"],
+            batch["diffuse_shading"],
+            compress(batch["specular_shading"]),
+        )
+        assert losses.compositing_l1(*arguments, batch["clipped"]) < 2e-3

@@ -180,4 +180,17 @@ def test_the_aspect_is_kept():
 
 def test_shrinking_averages():
     image = np.indices((128, 128)).sum(0)[..., None] % 2 * np.ones(3, np.float32)
-    np.testing.assert_allclose(photo.fit_square(image.astype(np.float32), 16), 0.5, atol=0.02)
+    found = photo.fit_square(image.astype(np.float32), 16)
+    np.testing.assert_allclose(found, colour.linear_to_srgb(0.5), atol=1e-3)
+
+
+@pytest.mark.parametrize("factor", [2, 4])
+def test_photos_are_made_smaller_as_training_images_are(factor):
+    from sphere_corpus import example
+
+    from lime_keras import pipeline, records
+
+    record = records.parse(records.encode(example(0)))
+    size = record["image"].shape[0] // factor
+    expected = pipeline.resize(record, size)["image"]
+    np.testing.assert_allclose(photo.fit_square(record["image"].numpy(), size), expected, atol=2e-5)

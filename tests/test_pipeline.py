@@ -7,7 +7,7 @@ import pytest
 import tensorflow as tf
 from sphere_corpus import example, write_split
 
-from lime_keras import pipeline, records, shading, shininess
+from lime_keras import colour, pipeline, records, shading, shininess
 from lime_keras.corpus import shard_paths
 
 SIZE = 16
@@ -83,7 +83,7 @@ def test_evaluation_takes_every_example_once_in_order(shards):
 
 def test_batches_hold_every_feature_and_the_class(shards):
     [batch] = pipeline.evaluation(shards[:1], size=8, batch_size=4)
-    assert set(batch) == {*records.FEATURES, "exponent_bin"}
+    assert set(batch) == {*records.FEATURES, "exponent_bin", "clipped"}
     assert batch["image"].shape == (4, 8, 8, 3) and batch["mirror"].shape == (4, 8, 8, 1)
     assert batch["environment"].shape == (4, 64, 128, 1)
     for name, value in batch.items():
@@ -131,7 +131,10 @@ def test_layers_are_averaged_over_the_covered_part(rough, size):
     for y, x in np.ndindex(size, size):
         block = np.s_[y * factor : (y + 1) * factor, x * factor : (x + 1) * factor]
         image, mask = (rough[name].numpy()[block] for name in ("image", "mask"))
-        np.testing.assert_allclose(found["image"][y, x], image.mean((0, 1)), rtol=1e-5)
+        linear = colour.srgb_to_linear(image).mean((0, 1))
+        np.testing.assert_allclose(colour.srgb_to_linear(found["image"][y, x]), linear, rtol=1e-4)
+        some_clipped = (image >= colour.CLIPPED).any((0, 1))
+        np.testing.assert_array_equal(found["clipped"][y, x], some_clipped)
         np.testing.assert_allclose(found["mask"][y, x], mask.mean((0, 1)), rtol=1e-5)
         for name in ("diffuse_shading", "specular_shading", "mirror"):
             layer = rough[name].numpy()[block]

@@ -46,7 +46,7 @@ def test_the_options_reach_the_renderer(render, monkeypatch, tmp_path):
     assert status == 0 and printed == f"9 examples in {tmp_path / 'corpus' / 'train'}\n"
     assert "replaced: example 4: the object covers" in progress
     [(out, description, workers)] = calls
-    assert out == tmp_path / "corpus" and workers == 3  # one a shard is enough
+    assert out == tmp_path / "corpus" and workers == 8
     expected = ("train", 9, 3, 64, 4, "literal", str(tmp_path / "meshes"), None, None)
     assert tuple(vars(description).values())[:-1] == expected
 

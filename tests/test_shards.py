@@ -3,6 +3,7 @@
 import json
 import multiprocessing
 import os
+import shutil
 import signal
 import threading
 import time
@@ -69,7 +70,11 @@ def test_a_split_is_whole_and_its_manifest_tells_all(rendered, description):
     out, manifest, told = rendered
     assert manifest == corpus.read_manifest(out, "train")
     assert (manifest["shards"], manifest["examples"], manifest["failures"]) == (3, 5, [])
-    assert shards.Description(**manifest["description"]) == description
+    recorded = dict(manifest["description"])
+    assert len(recorded.pop("inputs_sha256")) == 64
+    # Folders are told by name alone: a corpus may be passed on.
+    assert (recorded.pop("shapes"), recorded.pop("environments")) == ("shapes", "environments")
+    assert recorded.items() <= vars(description).items()
     assert {"mitsuba", "numpy", "tensorflow"} <= set(manifest["packages"])
     assert told[0] == (0, 5) and told[-1] == (5, 5)
     names = {path.name for path in (out / "train").iterdir()}
@@ -134,7 +139,7 @@ def test_a_finished_split_is_left_alone(rendered, description, mitsuba_choice):
     [
         ({"seed": 1}, "seed 0 there, 1 asked"),
         ({"shading": "literal", "size": 32}, "shading furnace .* literal .* size 64 there, 32"),
-        ({"shapes": None}, "shapes .* there, None asked"),
+        ({"shapes": None}, "inputs_sha256 .* shapes shapes there, None asked"),
     ],
 )
 def test_other_options_in_the_same_folder_are_refused(
@@ -195,4 +200,28 @@ def test_a_shard_count_that_does_not_divide_is_rounded_up(description):
 
 def test_the_claim_is_plain_json(rendered, description):
     text = (rendered[0] / "train" / "description.json").read_text(encoding="utf-8")
-    assert json.loads(text) == vars(description)
+    assert json.loads(text) == rendered[1]["description"]
+
+
+def test_files_that_moved_to_the_other_split_are_refused(
+    rendered, description, mitsuba_choice, inputs, tmp_path
+):
+    """Training has seen them: they may not be tested on, whatever came or went since."""
+    moved = tmp_path / "shapes"
+    moved.mkdir()
+    (moved / "train").mkdir()
+    shutil.copytree(inputs / "shapes", moved / "test")
+    shutil.copy(inputs / "shapes" / "ball.ply", moved / "train")
+    out = tmp_path / "corpus"
+    shutil.copytree(rendered[0], out)
+    changes = {"split": "test", "shapes": str(moved)}
+    with pytest.raises(ValueError, match="in the train split already"):
+        render(out, shards.Description(**(vars(description) | changes)), mitsuba_choice, 1)
+
+
+def test_workers_are_replaced_without_waiting_for_ever(
+    rendered, description, mitsuba_choice, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(workers, "_TASKS_PER_PROCESS", 1)
+    render(tmp_path, description, mitsuba_choice, 1)
+    assert contents(tmp_path) == contents(rendered[0])

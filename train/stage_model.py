@@ -112,4 +112,5 @@ def _term(term: str, batch: Mapping[str, Any], answer: Mapping[str, Any]) -> Any
         batch["ambient"],
         batch["diffuse_shading"],
         answer["specular_seen"],
+        batch["clipped"],
     )

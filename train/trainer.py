@@ -11,6 +11,7 @@ from pathlib import Path
 
 import keras
 
+from lime_keras import corpus as corpus_files
 from lime_keras import pipeline, weights
 from lime_keras.networks import build
 
@@ -31,6 +32,7 @@ _FEATURES_USED = (
     "diffuse_albedo",
     "specular_albedo",
     "ambient",
+    "clipped",
     "exponent_bin",
 )
 
@@ -52,6 +54,7 @@ def train(corpus: Path, run: Path, config: Config, tell: Tell) -> None:
         RuntimeError: if a loss is not finite.
     """
     training_shards, validation_shards = pipeline.training_shards(corpus)
+    _check_size(corpus, config.architecture.size)
     claim(run, config)
     keras.utils.set_random_seed(config.seed)
     subnetworks = build(config.architecture)
@@ -76,6 +79,16 @@ def train(corpus: Path, run: Path, config: Config, tell: Tell) -> None:
 
         _train_stage(run, number, stage, subnetworks, batches, validation, tell)
     weights.save(run / "model", config.architecture, subnetworks)
+
+
+def _check_size(corpus: Path, size: int) -> None:
+    """Refuse images that cannot be averaged to the networks' size."""
+    stored = corpus_files.read_manifest(corpus, "train").get("description", {}).get("size", size)
+    if stored % size:
+        raise ValueError(
+            f"{corpus} holds images of {stored} pixels, which cannot be averaged to the {size} "
+            f"that this preset takes: render with --size {size} or a multiple of it"
+        )
 
 
 def _used(example: dict) -> dict:
@@ -135,5 +148,5 @@ def _refuse_non_finite(stage: Stage, step: int, logs: dict[str, float]) -> None:
     if broken:
         raise RuntimeError(
             f"stage {stage.name}, step {step}: {', '.join(broken)} not finite; the run's last "
-            "checkpoint is from before. Lower the learning rate, or check the corpus"
+            "checkpoint is from before. Check the corpus for broken examples, or try another --seed"
         )

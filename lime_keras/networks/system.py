@@ -66,7 +66,7 @@ def assemble(
 
 
 class _Graph:
-    """The system of figure 2, each tensor made when first needed and once."""
+    """Who feeds whom (section 5), each tensor made when first needed and once."""
 
     def __init__(self, subnetworks: Mapping[str, keras.Model], image: KerasTensor):
         self._subnetworks = subnetworks
