@@ -16,6 +16,7 @@ from lime_keras import pipeline
 from lime_keras.networks import PRESETS, SUBNETWORKS
 from lime_keras.train.stage_model import StageModel
 from lime_keras.train.stages import SCHEDULES
+from lime_keras.train.state import MeanLosses
 
 STEPS, SEEDS, VALIDATION_BATCHES = 100, 3, 3
 HEADS = {
@@ -63,10 +64,10 @@ def _nothing(name, held_out) -> float:
 
 
 def _mean_loss(model, held_out) -> float:
-    model.reset_metrics()
+    losses = MeanLosses()
     for batch in held_out:
-        logs = model.test_on_batch(batch, return_dict=True)
-    return float(logs["loss"])
+        losses.add(model.test_on_batch(batch, return_dict=True))
+    return losses.means()["loss"]
 
 
 if __name__ == "__main__":

@@ -12,7 +12,8 @@ from lime_keras import weights
 from lime_keras.networks import SUBNETWORKS, Architecture
 from lime_keras.train import cli, trainer
 from lime_keras.train.config import Config, corpus_sha256
-from lime_keras.train.stages import SINGLE, Schedule
+from lime_keras.train.stages import SINGLE, Schedule, Stage
+from lime_keras.train.state import MeanLosses
 
 TINY = Architecture(size=32, unet_width=2, unet_depth=2, encoder_width=2, dense_width=4)
 BRIEF = Schedule(
@@ -94,6 +95,27 @@ def test_an_interrupted_run_ends_with_the_same_weights(
             assert [row["step"] for row in csv.DictReader(other)] == expected
 
 
+def test_curves_hold_means_over_their_interval(corpus, config, tmp_path, monkeypatch):
+    """Not the last batch's losses, which is what Keras tells."""
+    monkeypatch.setattr(trainer, "_CURVE_POINTS", 1)
+    seen = []
+    one_stage = dataclasses.replace(config.schedule, single_steps={"segmentation": 4})
+    monkeypatch.setattr(type(one_stage), "stages", lambda self: [Stage(("segmentation",), 4, 0.1)])
+    trainer.train(
+        corpus,
+        tmp_path,
+        dataclasses.replace(config, schedule=one_stage),
+        lambda stage, step, losses: seen.append(losses.get("mask")),
+    )
+    with (tmp_path / "curves" / "1-segmentation.csv").open(encoding="utf-8") as file:
+        last = list(csv.DictReader(file))[-1]
+    # What is told after each step is the mean so far; undo it to have each batch's loss.
+    means = np.array(seen[1:], float)
+    batches = np.diff(means * np.arange(1, 5), prepend=0)
+    assert float(last["train_mask"]) == pytest.approx(batches.mean(), rel=1e-4)
+    assert batches.std() > 1e-6
+
+
 def test_a_finished_run_is_not_trained_again(corpus, config, finished):
     seen = []
     trainer.train(corpus, finished, config, lambda *told: seen.append(told))
@@ -139,3 +161,10 @@ def test_the_command_names_what_is_missing(tmp_path, capsys):
     status = cli.main([str(tmp_path), "--out", str(tmp_path / "run"), "--preset", "smoke"])
     assert status == 1
     assert "lime-render" in capsys.readouterr().err
+
+
+def test_mean_losses():
+    losses = MeanLosses()
+    for value in (1.0, 2.0, 6.0):
+        losses.add({"mask": value})
+    assert losses.means() == {"mask": 3.0}

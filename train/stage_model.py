@@ -82,11 +82,6 @@ class StageModel(keras.Model):
             total = total + WEIGHTS[term] * value
         return total
 
-    @property
-    def metrics(self) -> list[keras.metrics.Metric]:
-        """The running mean of each term, besides the total."""
-        return [*super().metrics, *self._means.values()]
-
 
 def _term(term: str, batch: Mapping[str, Any], answer: Mapping[str, Any]) -> Any:
     """One loss term, `(B,)`."""

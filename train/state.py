@@ -3,6 +3,7 @@
 import csv
 import os
 import time
+from collections.abc import Mapping
 from pathlib import Path
 
 import keras
@@ -35,6 +36,24 @@ class Checkpoint:
             for index, variable in enumerate(self._variables):
                 variable.assign(stored[f"arr_{index}"])
             return int(stored["step"])
+
+
+class MeanLosses:
+    """Running means of several batches' losses; Keras' `train_on_batch` tells the last batch's."""
+
+    def __init__(self):
+        self._sums: dict[str, float] = {}
+        self._count = 0
+
+    def add(self, losses: Mapping[str, float]) -> None:
+        """Take in one batch."""
+        self._count += 1
+        for name, value in losses.items():
+            self._sums[name] = self._sums.get(name, 0.0) + float(value)
+
+    def means(self) -> dict[str, float]:
+        """Mean of each loss over the batches so far."""
+        return {name: total / self._count for name, total in self._sums.items()}
 
 
 class Curve:

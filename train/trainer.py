@@ -18,7 +18,7 @@ from lime_keras.networks import build
 from .config import Config, claim
 from .stage_model import StageModel
 from .stages import Stage
-from .state import Checkpoint, Curve
+from .state import Checkpoint, Curve, MeanLosses
 
 _SECONDS_BETWEEN_CHECKPOINTS = 60
 _CURVE_POINTS, _LONGEST_INTERVAL = 10, 500
@@ -117,18 +117,17 @@ def _train_stage(
     interval = min(max(1, stage.steps // _CURVE_POINTS), _LONGEST_INTERVAL)
     if step == 0:
         curve.add(0, {}, _validate(model, validation))
-    model.reset_metrics()
-    iterator = iter(batches(step))
+    iterator, interval_losses = iter(batches(step)), MeanLosses()
     saved = time.monotonic()
     while step < stage.steps:
-        # The running means since the last reset, not the last batch's.
-        logs = model.train_on_batch(next(iterator), return_dict=True)
+        losses = model.train_on_batch(next(iterator), return_dict=True)
         step += 1
-        _refuse_non_finite(stage, step, logs)
-        tell(stage, step, logs)
+        _refuse_non_finite(stage, step, losses)
+        interval_losses.add(losses)
+        tell(stage, step, interval_losses.means())
         if step % interval == 0 or step == stage.steps:
-            curve.add(step, logs, _validate(model, validation))
-            model.reset_metrics()
+            curve.add(step, interval_losses.means(), _validate(model, validation))
+            interval_losses = MeanLosses()
         if step == stage.steps or time.monotonic() - saved > _SECONDS_BETWEEN_CHECKPOINTS:
             checkpoint.save(step)
             saved = time.monotonic()
@@ -136,10 +135,10 @@ def _train_stage(
 
 def _validate(model: StageModel, validation) -> dict[str, float]:
     """Mean losses over the held-out batches."""
-    model.reset_metrics()
+    losses = MeanLosses()
     for batch in validation:
-        logs = model.test_on_batch(batch, return_dict=True)
-    return logs
+        losses.add(model.test_on_batch(batch, return_dict=True))
+    return losses.means()
 
 
 def _refuse_non_finite(stage: Stage, step: int, logs: dict[str, float]) -> None:
