@@ -34,6 +34,7 @@ def main() -> None:
     size, batch = PRESETS["smoke"].size, SCHEDULES["smoke"].batch_size
     held_out = list(pipeline.evaluation(held_out, size=size, batch_size=batch))[:VALIDATION_BATCHES]
     print("| subnetwork | head | nothing | " + " | ".join(f"seed {s}" for s in range(SEEDS)) + " |")
+    print("|---|---|" + "---:|" * (SEEDS + 1))
     for name, heads in HEADS.items():
         for head, function in heads.items():
             losses = []
