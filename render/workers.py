@@ -6,7 +6,7 @@ import os
 import queue
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any
@@ -58,14 +58,16 @@ class Workers:
         """
         share = self._count * _TASKS_PER_PROCESS
         for first in range(0, len(items), share):
-            for _ in self._finished(task, items[first : first + share]):
-                with contextlib.suppress(queue.Empty):
-                    while True:
-                        done += self._ticks.get_nowait()
-                        tell(done, total)
+            # Closed at once on Ctrl-C, not when the traceback is let go; that ends the processes.
+            with contextlib.closing(self._finished(task, items[first : first + share])) as turns:
+                for _ in turns:
+                    with contextlib.suppress(queue.Empty):
+                        while True:
+                            done += self._ticks.get_nowait()
+                            tell(done, total)
         tell(total, total)
 
-    def _finished(self, task: Callable, items: list) -> Iterator[None]:
+    def _finished(self, task: Callable, items: list) -> Generator[None, None, None]:
         """Run items in processes made for them; yield a few times a second until all are done."""
         # Not `max_tasks_per_child`, with which Python 3.11's pool can wait for ever.
         pool = ProcessPoolExecutor(
