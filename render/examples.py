@@ -60,7 +60,8 @@ def render(
         specular[None],
     )[0]
     background = colour.srgb_to_linear(background_srgb)
-    linear = coverage * np.clip(composed, 0, 1) + (1 - coverage) * background
+    # The sensor clips what a pixel has gathered, object and background together.
+    linear = np.clip(coverage * composed + (1 - coverage) * background, 0, 1)
     stored_light = environment.rotate(light.coarse(), light_rotation, *environment.STORED_SHAPE)
     return {
         "image": np.clip(colour.linear_to_srgb(linear), 0, 1),
@@ -68,7 +69,7 @@ def render(
         "diffuse_shading": diffuse,
         "specular_shading": specular,
         "mirror": mirror,
-        "normal": gbuffer.image(gbuffer.normal[gbuffer.representative]),
+        "normal": gbuffer.image(gbuffer.normal[gbuffer.central]),
         "camera": pose.camera,
         "environment": (stored_light / (np.pi if literal else 1))[..., None],
         "diffuse_albedo": material.diffuse_albedo,
@@ -83,13 +84,13 @@ def _layers(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """D, S and M `(S, S, 1)`.
 
-    D and M are means over each pixel's samples; S, which a lobe has already blurred, is taken at
-    the pixel's representative.
+    D and M are means over each pixel's samples; S, which a lobe has already blurred, over its
+    cells.
     """
-    to_map = light_rotation.astype(np.float32)
+    to_map = light_rotation.astype(light.quality.precision)
     normal, view = gbuffer.normal @ to_map, gbuffer.view @ to_map
-    first = gbuffer.representative
+    cells = gbuffer.cells
     diffuse = gbuffer.pixel_means(integrals.diffuse(normal, light))
     mirror = gbuffer.pixel_means(integrals.mirror(normal, view, light))
-    specular = integrals.specular(normal[first], view[first], exponent, light)
+    specular = gbuffer.cell_means(integrals.specular(normal[cells], view[cells], exponent, light))
     return tuple(gbuffer.image(layer) for layer in (diffuse, specular, mirror))

@@ -12,8 +12,6 @@ from lime_keras import environment, shading
 
 from .lights import Light
 
-_NEGLIGIBLE = 1e-6
-"""Lobe value below which a light is passed over: a lamp 1,000 times the mean still adds < 0.1 %."""
 _WIDE = math.radians(75)
 """A lobe that reaches further sees too much of the sphere for groups to pay."""
 _CELL_ROWS = 9
@@ -30,15 +28,15 @@ def mirror(normal: np.ndarray, view: np.ndarray, light: Light) -> np.ndarray:
 
 
 def specular(normal: np.ndarray, view: np.ndarray, exponent: float, light: Light) -> np.ndarray:
-    """S(n, o, s), `(N,)`; n and o unit, `(N, 3)` float32."""
+    """S(n, o, s), `(N,)`; n and o unit, `(N, 3)`, in the precision of the light."""
     directions, energies = light.cut(exponent)
-    support = support_angle(exponent)
+    support = support_angle(exponent, light.quality.negligible)
     if support > _WIDE:
         return shading.specular(normal, view, exponent, directions, energies)
-    cells = environment.directions(_CELL_ROWS, 2 * _CELL_ROWS).reshape(-1, 3).astype(np.float32)
+    cells = environment.directions(_CELL_ROWS, 2 * _CELL_ROWS).reshape(-1, 3).astype(normal.dtype)
     mirrored = shading.reflect(normal, view)
     cell = np.argmax(mirrored @ cells.T, axis=1)
-    out = np.empty(len(normal), np.float32)
+    out = np.empty(len(normal), normal.dtype)
     for index in np.unique(cell):
         rows = np.flatnonzero(cell == index)
         radius = math.acos(float(np.clip(np.min(mirrored[rows] @ cells[index]), -1, 1)))
@@ -50,12 +48,12 @@ def specular(normal: np.ndarray, view: np.ndarray, exponent: float, light: Light
     return out
 
 
-def support_angle(exponent: float) -> float:
+def support_angle(exponent: float, negligible: float) -> float:
     """Angle about the mirror direction beyond which the lobe is negligible, at most π radians.
 
-    h leaves n by the θ at which cos(θ)^s falls to the threshold, and i leaves the mirror direction
+    h leaves n by the θ at which cos(θ)^s falls to `negligible`, and i leaves the mirror direction
     by at most 2θ.
     """
     if exponent <= 0:
         return math.pi
-    return min(2 * math.acos(_NEGLIGIBLE ** (1.0 / exponent)), math.pi)
+    return min(2 * math.acos(negligible ** (1.0 / exponent)), math.pi)

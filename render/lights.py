@@ -12,13 +12,11 @@ import numpy as np
 from lime_keras import environment, shading
 
 from . import environments
+from .quality import FAST, Quality
 
 MEAN_RADIANCE = 0.4
 """Spherical mean to which every map is scaled: the exposure (docs/decisions.md)."""
-_COARSEST, _FINEST = 32, 256
-_IRRADIANCE_HEIGHT = 32
-# A light is split while energy share × (its extent / lobe width)² exceeds it (docs/decisions.md).
-_SPLIT_ABOVE = 2e-3
+_COARSEST = 32
 
 
 @dataclass(frozen=True)
@@ -42,9 +40,10 @@ class Light:
     Attributes:
         name: file or room it came from.
         radiance: `(H, W)`, the finest resolution.
-        levels: energies by height, 256 (or the map's own, if lower) down to 32.
-        diffuse_shading: `(32, 64)`, D for a normal in the direction of each texel.
+        levels: energies by height, the quality's finest (or the map's own, if lower) down to 32.
+        diffuse_shading: `(R, 2 R)`, D for a normal in the direction of each texel.
         strong_direction: `(3,)` unit, towards the texel of most energy.
+        quality: how finely it lights.
     """
 
     name: str
@@ -52,6 +51,7 @@ class Light:
     levels: dict[int, Level]
     diffuse_shading: np.ndarray
     strong_direction: np.ndarray
+    quality: Quality
 
     def coarse(self) -> np.ndarray:
         """The map at twice the rows that a record keeps, or its own if it has fewer: `(H, W)`."""
@@ -76,7 +76,7 @@ class Light:
             extent = math.pi / height
             if 2 * height in self.levels:
                 error = level.energy / (total * seen) * (extent**2 * (exponent + 2.0))
-                split = open_texels & (error > _SPLIT_ABOVE)
+                split = open_texels & (error > self.quality.split_above)
             else:
                 split = np.zeros_like(open_texels)
             whole = open_texels & ~split & (level.energy > 0)
@@ -87,13 +87,16 @@ class Light:
         return np.concatenate(directions), np.concatenate(energies)
 
 
-def prepare(name: str, radiance: np.ndarray, mean: float = MEAN_RADIANCE) -> Light:
+def prepare(
+    name: str, radiance: np.ndarray, mean: float = MEAN_RADIANCE, quality: Quality = FAST
+) -> Light:
     """Scale a map `(H, W)` to the spherical mean and precompute what scenes need.
 
     Args:
         name: to be told with the light, and in errors.
         radiance: `(H, W)`, W about 2 H, at least 32 rows.
         mean: the spherical mean of the result.
+        quality: how finely it is to light.
 
     Raises:
         ValueError: if the map is black, not finite or too small.
@@ -109,24 +112,25 @@ def prepare(name: str, radiance: np.ndarray, mean: float = MEAN_RADIANCE) -> Lig
         raise ValueError(f"{name}: the map's mean radiance is {average}; a light must shine")
     scaled = radiance.astype(np.float64) * (mean / average)
     finest = _COARSEST
-    while 2 * finest <= min(rows, columns // 2, _FINEST):
+    while 2 * finest <= min(rows, columns // 2, quality.finest):
         finest *= 2
-    levels = _levels(environments.resized(scaled, finest))
-    normals = environment.directions(_IRRADIANCE_HEIGHT, 2 * _IRRADIANCE_HEIGHT).reshape(-1, 3)
-    middle = levels[min(2 * _IRRADIANCE_HEIGHT, finest)]
-    lights = middle.direction.reshape(-1, 3), middle.energy.reshape(-1)
-    flat = shading.diffuse(normals.astype(np.float32), *lights)
+    levels = _levels(environments.resized(scaled, finest), quality.precision)
+    rows = quality.irradiance_rows
+    normals = environment.directions(rows, 2 * rows).reshape(-1, 3).astype(quality.precision)
+    middle = levels[min(2 * rows, finest)]
+    flat = shading.diffuse(normals, middle.direction.reshape(-1, 3), middle.energy.reshape(-1))
     brightest = np.argmax(levels[_COARSEST].energy)
     return Light(
         name=name,
-        radiance=scaled.astype(np.float32),
+        radiance=scaled.astype(quality.precision),
         levels=levels,
-        diffuse_shading=flat.reshape(_IRRADIANCE_HEIGHT, 2 * _IRRADIANCE_HEIGHT),
+        diffuse_shading=flat.reshape(rows, 2 * rows),
         strong_direction=levels[_COARSEST].direction.reshape(-1, 3)[brightest],
+        quality=quality,
     )
 
 
-def _levels(radiance: np.ndarray) -> dict[int, Level]:
+def _levels(radiance: np.ndarray, precision: type[np.floating]) -> dict[int, Level]:
     """Gather a map's energy and its first moment into ever larger texels."""
     energy = radiance * environment.solid_angles(*radiance.shape)
     moment = energy[..., None] * environment.directions(*radiance.shape)
@@ -135,7 +139,7 @@ def _levels(radiance: np.ndarray) -> dict[int, Level]:
         length = np.linalg.norm(moment, axis=-1, keepdims=True)
         centres = environment.directions(*energy.shape)
         direction = np.where(length > 0, moment / np.maximum(length, 1e-300), centres)
-        levels[len(energy)] = Level(energy.astype(np.float32), direction.astype(np.float32))
+        levels[len(energy)] = Level(energy.astype(precision), direction.astype(precision))
         energy, moment = _halve(energy), _halve(moment)
     return levels
 

@@ -18,10 +18,12 @@ from lime_keras import console, corpus
 from lime_keras.version import __version__
 
 from . import examples, scenes, sources, variants
+from .quality import QUALITIES
 from .workers import Workers
 
 _TRIES = 20
-_CACHED_TRACERS, _CACHED_LIGHTS = 64, 64
+_SHAPES_PER_SHARD, _LIGHTS_PER_SHARD = 64, 64
+"""A shard draws from so many at most: what a worker can hold, so each is read once a shard."""
 _PACKAGES = ("mitsuba", "drjit", "numpy", "OpenImageIO", "tensorflow")
 
 
@@ -35,6 +37,7 @@ class Description:
         seed: of everything random; 0 is a seed.
         size: height and width of the images in pixels.
         shard_size: examples in a shard.
+        quality: name of one of `QUALITIES`.
         shading: `furnace` or `literal`.
         shapes: folder of meshes, or None for the built-in ones.
         environments: folder of maps, or None for the built-in rooms.
@@ -47,6 +50,7 @@ class Description:
     seed: int
     size: int
     shard_size: int
+    quality: str
     shading: str
     shapes: str | None
     environments: str | None
@@ -179,49 +183,66 @@ class _Worker:
     def __init__(self, job: _Job, ticks: multiprocessing.Queue):
         self.job = job
         self.ticks = ticks
+        self.quality = QUALITIES[job.description.quality]
         self.shape_names = job.shapes.names()
         self.light_names = job.lights.names()
-        self.mesh = functools.lru_cache(_CACHED_TRACERS)(self._mesh)
-        self.light = functools.lru_cache(_CACHED_LIGHTS)(job.lights.load)
+        self.mesh = functools.lru_cache(_SHAPES_PER_SHARD)(self._mesh)
+        self.light = functools.lru_cache(_LIGHTS_PER_SHARD)(self._light)
+        self.drawn = functools.lru_cache(1)(self._drawn)
 
     def _mesh(self, name: str):
         from .gbuffer import Tracer
 
         mesh = self.job.shapes.load(name)
-        return mesh, Tracer(mesh, self.job.description.size)
+        return mesh, Tracer(mesh, self.job.description.size, self.quality)
 
-    def example(self, index: int) -> tuple[dict, list[dict]]:
-        """The example of that index, and what failed before it came out.
+    def _light(self, name: str):
+        return self.job.lights.load(name, self.quality)
+
+    def _drawn(self, shard: int) -> tuple[list[str], list[str]]:
+        """Names of the shapes and of the lights that a shard draws from."""
+        description = self.job.description
+        rng = sources.generator(description.seed, description.split, "shard", shard)
+        return (
+            sources.some(rng, self.shape_names, _SHAPES_PER_SHARD),
+            sources.some(rng, self.light_names, _LIGHTS_PER_SHARD),
+        )
+
+    def record(self, index: int) -> tuple[bytes, list[dict]]:
+        """The serialised example of that index, and what failed before it came out.
 
         Raises:
             RuntimeError: if no scene of many was usable.
         """
+        from lime_keras import records
+
         description = self.job.description
+        shapes, lights = self.drawn(index // description.shard_size)
         failures: list[dict] = []
         for attempt in range(_TRIES):
             rng = sources.generator(description.seed, description.split, "example", index, attempt)
-            shape = self.shape_names[rng.integers(len(self.shape_names))]
-            light_name = self.light_names[rng.integers(len(self.light_names))]
+            shape, light_name = shapes[rng.integers(len(shapes))], lights[rng.integers(len(lights))]
             mesh, tracer = self.mesh(shape)
             light = self.light(light_name)
+            scene = (
+                scenes.sample_pose(rng, mesh.vertices, description.size),
+                scenes.sample_light_rotation(rng, light.strong_direction),
+                scenes.sample_material(rng),
+                self.job.backgrounds.sample(rng, description.size),
+            )
+            names = {"shape": shape, "light": light_name}
+            numbers = {"seed": description.seed, "index": index}
             try:
                 features = examples.render(
-                    tracer,
-                    light,
-                    scenes.sample_pose(rng, mesh.vertices, description.size),
-                    scenes.sample_light_rotation(rng, light.strong_direction),
-                    scenes.sample_material(rng),
-                    self.job.backgrounds.sample(rng, description.size),
-                    literal=description.shading == "literal",
+                    tracer, light, *scene, literal=description.shading == "literal"
                 )
-            except examples.SceneError as error:
-                failures.append({"index": index, "attempt": attempt, "error": str(error)})
-                continue
-            names = {"shape": shape, "light": light_name}
-            return features | names | {"seed": description.seed, "index": index}, failures
+                return records.encode(features | names | numbers), failures
+            except ValueError as error:  # a scene that shows too little, or is not finite
+                failures.append({"index": index, "attempt": attempt, "error": str(error)} | names)
         raise RuntimeError(
-            f"example {index} of seed {description.seed} failed {_TRIES} times, last: "
-            f"{failures[-1]['error']}: look at the meshes"
+            f"example {index} of seed {description.seed} failed {_TRIES} times, last of "
+            f"{failures[-1]['shape']} under {failures[-1]['light']}: {failures[-1]['error']}; look "
+            "at these files"
         )
 
 
@@ -231,29 +252,38 @@ def _render_room(name: str) -> None:
 
 
 def _render_shard(shard: int) -> None:
-    """Write one shard and, last, the sidecar that says it is whole."""
-    import tensorflow as tf
+    """Write one shard and, last, the sidecar that says it is whole.
 
-    from lime_keras import records
+    Raises:
+        RuntimeError: if it cannot be written, as on a full disk.
+    """
+    import tensorflow as tf
 
     job = _worker.job
     path = corpus.shard_path(job.out, job.description.split, shard)
     partial = path.with_name(f"partial-{os.getpid()}-{path.name}")
     failures: list[dict] = []
-    with tf.io.TFRecordWriter(str(partial)) as writer:
-        for index in job.description.indices(shard):
-            example, failed = _worker.example(index)
-            writer.write(records.encode(example))
-            failures += failed
-            _worker.ticks.put(1)
-    digest = hashlib.sha256(partial.read_bytes()).hexdigest()
-    os.replace(partial, path)
-    sidecar = {
-        "examples": len(job.description.indices(shard)),
-        "sha256": digest,
-        "failures": failures,
-    }
-    _write_json(_sidecar(job, shard), sidecar)
+    try:
+        with tf.io.TFRecordWriter(str(partial)) as writer:
+            for index in job.description.indices(shard):
+                serialized, failed = _worker.record(index)
+                writer.write(serialized)
+                failures += failed
+                _worker.ticks.put(1)
+        digest = hashlib.sha256(partial.read_bytes()).hexdigest()
+        os.replace(partial, path)
+        sidecar = {
+            "examples": len(job.description.indices(shard)),
+            "sha256": digest,
+            "failures": failures,
+        }
+        _write_json(_sidecar(job, shard), sidecar)
+    except (tf.errors.OpError, OSError) as error:
+        partial.unlink(missing_ok=True)  # it may fill the disk
+        raise RuntimeError(
+            f"{path} cannot be written ({error}): make room or mend the folder. Finished shards "
+            "are kept, and the same command goes on"
+        ) from error
 
 
 def _is_finished(job: _Job, shard: int) -> bool:

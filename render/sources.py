@@ -17,17 +17,25 @@ from lime_keras.corpus import SPLITS
 
 from . import backgrounds, environments, rooms, shapes
 from .lights import Light, prepare
+from .quality import FAST, Quality
 
 TEST_SHARE = 0.2
 PROCEDURAL_SHAPES = {"train": 400, "test": 100}
 PROCEDURAL_ROOMS = {"train": 40, "test": 12}
-_KINDS = {"example": 0, "shape": 1, "room": 2}
+_KINDS = {"example": 0, "shape": 1, "room": 2, "shard": 3}
 
 
 def generator(seed: int, split: str, kind: str, *indices: int) -> np.random.Generator:
     """The random generator of one thing in a corpus, independent of every other thing's."""
     key = (SPLITS.index(split), _KINDS[kind], *indices)
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
+
+
+def some(rng: np.random.Generator, names: list[str], most: int) -> list[str]:
+    """All names, or a random choice of `most` of them, in their order."""
+    if len(names) <= most:
+        return names
+    return [names[k] for k in sorted(rng.choice(len(names), most, replace=False))]
 
 
 def files(folder: Path, split: str, extensions: tuple[str, ...]) -> list[Path]:
@@ -113,7 +121,7 @@ class LightSource:
             return [path.name for path in files(self.folder, self.split, environments.EXTENSIONS)]
         return [f"room-{index:04d}.exr" for index in range(PROCEDURAL_ROOMS[self.split])]
 
-    def load(self, name: str) -> Light:
+    def load(self, name: str, quality: Quality = FAST) -> Light:
         """The map of that name, ready to light; a room is rendered when first asked for.
 
         Raises:
@@ -128,7 +136,7 @@ class LightSource:
         radiance = environments.load(path)
         if len(radiance) > _LARGEST_MAP:
             radiance = environments.resized(radiance, _LARGEST_MAP)
-        return prepare(name, radiance)
+        return prepare(name, radiance, quality=quality)
 
     def render_room(self, name: str) -> None:
         """Render one built-in room into the cache; needs Mitsuba's variant to be set."""

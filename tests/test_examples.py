@@ -8,6 +8,7 @@ from lime_keras import colour, environment, records, shading
 from lime_keras.compositing import compose
 from lime_keras.reflectance import normaliser
 from lime_keras.render import examples, gbuffer, lights, scenes
+from lime_keras.render.quality import QUALITIES
 
 SIZE = 64
 POSE = scenes.Pose(
@@ -48,15 +49,18 @@ def example(tracer, light, turn):
     return parsed(tracer, light, turn)
 
 
-def recomposed(example):
-    linear = compose(
+def radiance(example):
+    return compose(
         example["diffuse_albedo"],
         example["specular_albedo"],
         example["ambient"],
         example["diffuse_shading"][None],
         example["specular_shading"][None],
     )[0]
-    return colour.linear_to_srgb(np.clip(linear, 0, 1))
+
+
+def recomposed(example):
+    return colour.linear_to_srgb(np.clip(radiance(example), 0, 1))
 
 
 @pytest.mark.parametrize("literal", [False, True])
@@ -76,13 +80,34 @@ def test_outside_the_mask_lies_the_background(example):
     assert difference.max() <= 0.51 / 255
 
 
-def test_the_edge_mixes_linear_light(example):
+@pytest.mark.parametrize("specular_albedo", [0.4, 1.0])
+def test_the_edge_mixes_linear_light_and_the_sensor_clips_the_mixture(
+    tracer, light, turn, specular_albedo
+):
+    material = scenes.Material(np.ones(3), specular_albedo, 3.0, 0.05)
+    example = parsed(tracer, light, turn, material)
     mask = example["mask"]
     edge = (mask[..., 0] > 0) & (mask[..., 0] < 1)
-    inside = colour.srgb_to_linear(recomposed(example))
+    inside = radiance(example)
+    assert (inside[edge] > 1).mean() > 0.02  # some are bright enough to outshine the background
     expected = mask * inside + (1 - mask) * colour.srgb_to_linear(BACKGROUND)
-    difference = np.abs(colour.linear_to_srgb(expected) - example["image"])[edge]
+    expected = colour.linear_to_srgb(np.clip(expected, 0, 1))
+    difference = np.abs(expected - example["image"])[edge]
     assert edge.sum() > 50 and difference.max() <= 3 / 255
+
+
+def test_reference_quality_sees_the_same_scene(light, turn, tracer, example):
+    reference = QUALITIES["reference"]
+    fine_light = lights.prepare("photographed", photographed(128), quality=reference)
+    fine = parsed(gbuffer.Tracer(sphere(4), SIZE, reference), fine_light, turn)
+    both = (fine["mask"][..., 0] == 1) & (example["mask"][..., 0] == 1)
+    for name, median, most in (
+        ("diffuse_shading", 0.01, 0.05),
+        ("specular_shading", 0.02, 0.2),
+        ("mirror", 0.1, 2.0),  # 3 × 3 samples of a 64-pixel image see much of a map at once
+    ):
+        errors = np.abs(example[name] - fine[name])[both] / np.maximum(fine[name][both], 1e-3)
+        assert np.median(errors) < median and np.percentile(errors, 99) < most, name
 
 
 def test_layers_are_black_outside_and_normals_unit_inside(example):

@@ -6,6 +6,7 @@ import pytest
 from render_scenes import sphere
 
 from lime_keras.render import gbuffer, meshes, scenes, shapes
+from lime_keras.render.quality import FAST, QUALITIES
 from lime_keras.shading import view_directions
 
 SIZE = 64
@@ -47,7 +48,7 @@ def test_view_directions_are_those_of_the_camera(ball, place):
     expected = view_directions(place[1], SIZE, SIZE).reshape(-1, 3)[seen.covered_pixels]
     whole = seen.coverage.ravel()[seen.covered_pixels] == 1
     assert whole.sum() > 500
-    np.testing.assert_allclose(seen.view[seen.representative][whole], expected[whole], atol=2e-5)
+    np.testing.assert_allclose(seen.view[seen.central][whole], expected[whole], atol=2e-5)
 
 
 @pytest.mark.parametrize("place", PLACES)
@@ -65,7 +66,7 @@ def test_edges_are_covered_in_part_and_the_middle_wholly(ball):
     assert coverage.dtype == np.float32
     assert coverage[32, 32] == 1 and coverage[0, 0] == 0
     partly = coverage[(coverage > 0) & (coverage < 1)]
-    samples = gbuffer.SUBSAMPLES**2
+    samples = FAST.subsamples**2
     np.testing.assert_allclose(partly * samples, np.round(partly * samples), atol=1e-5)
     assert len(np.unique(partly)) > samples / 2
 
@@ -78,7 +79,7 @@ def test_samples_average_to_their_pixels_and_land_in_them(ball):
     expected = np.where(seen.coverage > 0, np.arange(SIZE**2).reshape(SIZE, SIZE) + 1, 0)
     np.testing.assert_array_equal(image, expected[..., None])
     counts = np.bincount(seen.pixel, minlength=SIZE**2).reshape(SIZE, SIZE)
-    np.testing.assert_allclose(seen.coverage * gbuffer.SUBSAMPLES**2, counts, rtol=1e-5)
+    np.testing.assert_allclose(seen.coverage * FAST.subsamples**2, counts, rtol=1e-5)
 
 
 def test_pixel_means_are_plain_means(ball):
@@ -87,6 +88,44 @@ def test_pixel_means_are_plain_means(ball):
     pixels = seen.covered_pixels[::97]
     expected = [values[seen.pixel == pixel].mean() for pixel in pixels]
     np.testing.assert_allclose(seen.pixel_means(values)[::97], expected, rtol=1e-5)
+
+
+def test_the_central_sample_is_the_one_nearest_the_pixels_centre(ball):
+    """Where the pixel is covered, it is the ray through the centre; else the nearest that hit."""
+    seen = look(ball, PLACES[1])
+    rays = view_directions(PLACES[1][1], SIZE, SIZE).reshape(-1, 3)[seen.pixel]
+    away = np.linalg.norm(seen.view - rays, axis=1)
+    nearest = np.full(SIZE**2, np.inf)
+    np.minimum.at(nearest, seen.pixel, away)
+    np.testing.assert_allclose(away[seen.central], nearest[seen.covered_pixels], atol=1e-4)
+    assert (np.diff(seen.covered_pixels) > 0).all()
+
+
+@pytest.mark.parametrize("quality", QUALITIES.values(), ids=QUALITIES)
+def test_cells_stand_for_every_sample_once(mitsuba_choice, quality):
+    tracer = gbuffer.Tracer(sphere(), SIZE, quality)
+    seen = look(tracer, PLACES[0])
+    assert seen.cell_weights.sum() == len(seen.pixel)
+    assert seen.cell_weights.max() == (quality.subsamples // quality.lobe_samples) ** 2
+    whole = np.bincount(seen.pixel[seen.cells])[seen.covered_pixels]
+    assert whole.max() == quality.lobe_samples**2
+    # A quantity that is linear over the image has the same mean over samples and over cells.
+    x = seen.view[:, 0] / seen.view[:, 2]
+    inside = seen.coverage.ravel()[seen.covered_pixels] == 1
+    means = seen.pixel_means(x)[inside], seen.cell_means(x[seen.cells])[inside]
+    np.testing.assert_allclose(*means, atol=1e-5)
+
+
+def test_more_samples_a_pixel_see_the_same_sphere(ball, mitsuba_choice):
+    fine = look(gbuffer.Tracer(sphere(), SIZE, QUALITIES["reference"]), PLACES[1])
+    coarse = look(ball, PLACES[1])
+    np.testing.assert_allclose(fine.coverage, coarse.coverage, atol=0.25)
+    np.testing.assert_allclose(
+        fine.coverage.sum(), projected_area(*PLACES[1][:1], 140.0), rtol=2e-3
+    )
+    both = np.intersect1d(fine.covered_pixels, coarse.covered_pixels)
+    normals = [s.image(s.normal[s.central]).reshape(-1, 3)[both] for s in (fine, coarse)]
+    assert np.median(np.abs(normals[0] - normals[1])) < 1e-6  # both look through the centre
 
 
 @pytest.mark.parametrize(
@@ -146,6 +185,6 @@ def test_both_variants_see_the_same(ball, mitsuba_choice):
         gbuffer._camera.cache_clear()
     assert np.abs(fast.coverage - slow.coverage).sum() < 2
     both = np.intersect1d(fast.covered_pixels, slow.covered_pixels)
-    views = [s.image(s.normal[s.representative]).reshape(-1, 3)[both] for s in (fast, slow)]
+    views = [s.image(s.normal[s.central]).reshape(-1, 3)[both] for s in (fast, slow)]
     np.testing.assert_allclose(np.median(np.abs(views[0] - views[1])), 0, atol=1e-5)
     assert (np.abs(views[0] - views[1]).max(axis=1) < 1e-3).mean() > 0.99

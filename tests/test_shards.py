@@ -5,6 +5,8 @@ import multiprocessing
 import os
 import shutil
 import signal
+import subprocess
+import sys
 import threading
 import time
 
@@ -13,7 +15,7 @@ import tensorflow as tf
 from render_scenes import write_inputs
 
 from lime_keras import corpus, records
-from lime_keras.render import shards, workers
+from lime_keras.render import shards, sources, workers
 
 
 @pytest.fixture(autouse=True)
@@ -36,6 +38,7 @@ def description(inputs, mitsuba_choice):
         seed=0,
         size=64,
         shard_size=2,
+        quality="fast",
         shading="furnace",
         shapes=str(inputs / "shapes"),
         environments=str(inputs / "environments"),
@@ -163,7 +166,7 @@ def test_another_seed_gives_other_bytes(rendered, description, mitsuba_choice, m
     def serialized(seed, index):
         other = shards.Description(**(vars(description) | {"seed": seed}))
         job = shards._Job(rendered[0], other, mitsuba_choice)
-        return records.encode(shards._Worker(job, Ticks()).example(index)[0])
+        return shards._Worker(job, Ticks()).record(index)[0]
 
     first_shard = corpus.shard_path(rendered[0], "train", 0)
     stored = next(iter(tf.data.TFRecordDataset(str(first_shard)))).numpy()
@@ -184,13 +187,83 @@ def test_a_scene_that_fails_is_drawn_anew_and_told(
         return usable(*arguments, **options)
 
     monkeypatch.setattr(shards.examples, "render", fails_once)
-    example, failures = worker.example(3)
-    assert example["index"] == 3 and len(calls) == 2
-    assert failures == [{"index": 3, "attempt": 0, "error": "the object covers 0.1% of the image"}]
+    serialized, [failure] = worker.record(3)
+    assert int(records.parse(serialized)["index"]) == 3 and len(calls) == 2
+    assert failure.pop("shape") in rendered[1]["shapes"]
+    assert failure.pop("light") in rendered[1]["lights"]
+    assert failure == {"index": 3, "attempt": 0, "error": "the object covers 0.1% of the image"}
     monkeypatch.setattr(shards, "_TRIES", 1)
     calls.clear()
-    with pytest.raises(RuntimeError, match=r"example 3 of seed 0 failed 1 times.*look at the mesh"):
-        worker.example(3)
+    with pytest.raises(RuntimeError, match=r"example 3 of seed 0 failed 1 times, last of .*0\.1%"):
+        worker.record(3)
+
+
+def test_an_example_that_no_record_can_hold_is_drawn_anew_and_told(
+    rendered, description, mitsuba_choice, monkeypatch
+):
+    worker = shards._Worker(shards._Job(rendered[0], description, mitsuba_choice), None)
+    usable, calls = shards.examples.render, []
+
+    def not_finite_once(*arguments, **options):
+        calls.append(arguments)
+        features = usable(*arguments, **options)
+        if len(calls) == 1:
+            features["mirror"][5, 5] = float("nan")
+        return features
+
+    monkeypatch.setattr(shards.examples, "render", not_finite_once)
+    serialized, [failure] = worker.record(3)
+    assert "mirror is not finite" in failure["error"]
+    assert bool((records.parse(serialized)["mirror"] >= 0).numpy().all())
+
+
+def test_a_shard_draws_from_a_part_of_many_files_and_the_split_from_all(
+    rendered, description, mitsuba_choice, monkeypatch
+):
+    many = [f"{number:03d}.ply" for number in range(200)]
+    monkeypatch.setattr(sources.ShapeSource, "names", lambda self: many)
+    worker = shards._Worker(shards._Job(rendered[0], description, mitsuba_choice), None)
+    drawn = [worker.drawn(shard)[0] for shard in range(30)]
+    for names in drawn:
+        assert len(set(names)) == shards._SHAPES_PER_SHARD and names == sorted(names)
+    assert set().union(*drawn) == set(many)
+    again = shards._Worker(shards._Job(rendered[0], description, mitsuba_choice), None)
+    assert again.drawn(7)[0] == drawn[7] != drawn[8]
+    assert worker.drawn(0)[1] == rendered[1]["lights"]  # few: all of them
+
+
+def test_a_full_disk_is_told_and_loses_no_finished_shard(
+    rendered, description, mitsuba_choice, tmp_path
+):
+    """A limit on the size of files stands for the disk."""
+    code = (
+        "import json, resource, sys; from pathlib import Path\n"
+        "from lime_keras.render import shards, variants\n"
+        "if __name__ == '__main__':\n"
+        "    out, limit, record = Path(sys.argv[1]), int(sys.argv[2]), json.loads(sys.argv[3])\n"
+        "    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, resource.RLIM_INFINITY))\n"
+        "    told = lambda done, total: None\n"
+        "    shards.render_split(out, shards.Description(**record), variants.choose(),\n"
+        "                        workers=1, on_room=told, on_example=told)\n"
+    )
+    script = tmp_path / "script.py"
+    script.write_text(code)
+    out = tmp_path / "corpus"
+    sizes = [len(held) for _, held in sorted(contents(rendered[0]).items())]
+    shutil.copytree(rendered[0], out)
+    for gone in ("00001.tfrecord", "00001.json", "manifest.json"):
+        (out / "train" / gone).unlink()
+    before = contents(out)
+    arguments = [str(out), str(min(sizes) // 2), json.dumps(vars(description))]
+    answer = subprocess.run(
+        [sys.executable, str(script), *arguments], capture_output=True, text=True
+    )
+    assert answer.returncode != 0
+    last = answer.stderr.strip().splitlines()[-1]
+    assert "00001.tfrecord cannot be written" in last and "Finished shards are kept" in last
+    assert contents(out) == before and not list((out / "train").glob("partial-*"))
+    render(out, description, mitsuba_choice, 1)
+    assert contents(out) == contents(rendered[0])
 
 
 def test_a_shard_count_that_does_not_divide_is_rounded_up(description):
