@@ -15,7 +15,7 @@ import numpy as np
 from lime_keras import environment
 from lime_keras.reflectance import normaliser
 
-_CHUNK = 2**16
+_CHUNK = 2**17
 """Pixel-light pairs computed at once: few enough that all stays in the processor's cache."""
 
 

@@ -48,7 +48,7 @@ def render(
     coverage = gbuffer.coverage[..., None]
     if coverage.mean() < LEAST_COVERAGE:
         raise SceneError(f"the object covers {coverage.mean():.1%} of the image")
-    diffuse, specular, mirror = _layers(gbuffer, light, light_rotation, material.exponent)
+    diffuse, specular, mirror = layers(gbuffer, light, light_rotation, material.exponent)
     if literal:
         diffuse_factor, specular_factor = literal_scale(material.exponent)
         specular, mirror = specular * specular_factor / diffuse_factor, mirror / diffuse_factor
@@ -79,18 +79,15 @@ def render(
     }
 
 
-def _layers(
+def layers(
     gbuffer: GBuffer, light: Light, light_rotation: np.ndarray, exponent: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """D, S and M `(S, S, 1)`.
-
-    D and M are means over each pixel's samples; S, which a lobe has already blurred, over its
-    cells.
-    """
+    """D, S and M `(S, S, 1)`, furnace-normalised: means over what each pixel sees of the object."""
     to_map = light_rotation.astype(light.quality.precision)
     normal, view = gbuffer.normal @ to_map, gbuffer.view @ to_map
-    cells = gbuffer.cells
     diffuse = gbuffer.pixel_means(integrals.diffuse(normal, light))
     mirror = gbuffer.pixel_means(integrals.mirror(normal, view, light))
-    specular = gbuffer.cell_means(integrals.specular(normal[cells], view[cells], exponent, light))
+    chosen, weights = gbuffer.lobe_samples(light.quality.lobe_rough_above / (exponent + 2))
+    blurred = integrals.specular(normal[chosen], view[chosen], exponent, light)
+    specular = gbuffer.pixel_means(blurred, chosen, weights)
     return tuple(gbuffer.image(layer) for layer in (diffuse, specular, mirror))

@@ -1,15 +1,18 @@
 """What each pixel sees: coverage, normals and view directions, traced by Mitsuba.
 
-Every pixel is sampled on a regular grid (`Quality.subsamples` across). Its coverage is the share of
-samples that hit the object. For what varies slowly, a pixel is divided into cells
-(`Quality.lobe_samples` across), each represented by its covered sample nearest the cell's centre.
+Every pixel is sampled on a regular grid. Where it sees an edge, or a surface that bends so much
+that mirror directions spread, it is rough and sampled again on a finer one. What a lobe blurs needs
+fewer samples: a pixel is divided into cells, each represented by its covered sample nearest its
+middle.
 """
 
-import functools
-import math
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import ndimage
+
+from lime_keras.shading import reflect
 
 from .meshes import Mesh
 from .quality import FAST, Quality
@@ -26,9 +29,10 @@ class GBuffer:
         coverage: `(S, S)` in [0, 1].
         normal: `(N, 3)` unit normals of all samples that hit the object.
         view: `(N, 3)` unit directions from them to the viewer.
-        pixel: `(N,)` row-major pixel of each sample, ascending.
-        central: `(P,)` the sample nearest the centre of each covered pixel, pixels ascending.
-        cells: `(Q,)` the sample standing for each covered cell, pixels ascending.
+        pixel: `(N,)` row-major pixel of each sample.
+        central: `(P,)` the sample nearest the centre of each covered pixel.
+        spread: `(P,)` variance of the mirror directions in each covered pixel, 0 … 1.
+        cells: `(Q,)` the sample standing for each covered cell.
         cell_weights: `(Q,)` how many covered samples it stands for.
     """
 
@@ -37,6 +41,7 @@ class GBuffer:
     view: np.ndarray
     pixel: np.ndarray
     central: np.ndarray
+    spread: np.ndarray
     cells: np.ndarray
     cell_weights: np.ndarray
 
@@ -45,19 +50,29 @@ class GBuffer:
         """`(P,)` row-major indices of the pixels with any coverage."""
         return self.pixel[self.central]
 
-    def pixel_means(self, values: np.ndarray) -> np.ndarray:
-        """Mean of per-sample `values` `(N,)` over each covered pixel's samples, `(P,)`."""
-        return self._means(self.pixel, values, np.ones(len(values)))
+    def pixel_means(
+        self,
+        values: np.ndarray,
+        samples: np.ndarray | slice = slice(None),
+        weights: np.ndarray | None = None,
+    ) -> np.ndarray:
+        """Weighted mean over each covered pixel of values at some, by default all, samples: `(P,)`.
 
-    def cell_means(self, values: np.ndarray) -> np.ndarray:
-        """Mean of per-cell `values` `(Q,)` over each covered pixel's samples, `(P,)`."""
-        return self._means(self.pixel[self.cells], values, self.cell_weights)
+        Every covered pixel needs a sample.
+        """
+        return _means(self.pixel[samples], values, weights, self.coverage.size)[self.covered_pixels]
 
-    def _means(self, pixel: np.ndarray, values: np.ndarray, weights: np.ndarray) -> np.ndarray:
-        size = self.coverage.size
-        total = np.bincount(pixel, weights=values * weights, minlength=size)
-        weight = np.bincount(pixel, weights=weights, minlength=size)
-        return (total[self.covered_pixels] / weight[self.covered_pixels]).astype(np.float32)
+    def lobe_samples(self, most: float) -> tuple[np.ndarray, np.ndarray]:
+        """Samples for what a lobe blurs, and their weights.
+
+        The central one of each pixel whose spread is at most `most`, else those of its cells.
+        """
+        rough = np.zeros(self.coverage.size, bool)
+        rough[self.covered_pixels] = self.spread > most
+        cells = rough[self.pixel[self.cells]]
+        smooth = self.central[self.spread <= most]
+        weights = np.concatenate([np.ones(len(smooth)), self.cell_weights[cells]])
+        return np.concatenate([smooth, self.cells[cells]]), weights
 
     def image(self, pixel_values: np.ndarray) -> np.ndarray:
         """Put values `(P,)` or `(P, C)` of the covered pixels into an `(S, S, C)` image."""
@@ -65,6 +80,21 @@ class GBuffer:
         flat = np.zeros((self.coverage.size, values.shape[1]), np.float32)
         flat[self.covered_pixels] = values
         return flat.reshape(*self.coverage.shape, -1)
+
+    def part(self, kept: np.ndarray) -> "GBuffer":
+        """Only what lies in the pixels where `kept` `(S · S,)` is true."""
+        samples, pixels = kept[self.pixel], kept[self.covered_pixels]
+        cells, place = kept[self.pixel[self.cells]], np.cumsum(samples) - 1
+        return GBuffer(
+            coverage=self.coverage * kept.reshape(self.coverage.shape),
+            normal=self.normal[samples],
+            view=self.view[samples],
+            pixel=self.pixel[samples],
+            central=place[self.central[pixels]],
+            spread=self.spread[pixels],
+            cells=place[self.cells[cells]],
+            cell_weights=self.cell_weights[cells],
+        )
 
 
 class Tracer:
@@ -74,7 +104,7 @@ class Tracer:
     structure serve every image of a mesh, and no kernel is compiled twice.
 
     Args:
-        mesh: closed surface in its own frame.
+        mesh: surface in its own frame.
         size: height and width of the images in pixels.
         quality: how finely pixels are sampled.
     """
@@ -84,6 +114,7 @@ class Tracer:
 
         self._size = size
         self._quality = quality
+        self._vertices = mesh.vertices
         self._scene = mi.load_dict({"type": "scene", "shape": mitsuba_mesh(mesh)})
 
     def trace(self, rotation: np.ndarray, translation: np.ndarray, camera: np.ndarray) -> GBuffer:
@@ -92,75 +123,75 @@ class Tracer:
         Args:
             rotation: `(3, 3)`, object to camera space.
             translation: `(3,)`, the object's origin in camera space; its z is negative.
-            camera: (fx, fy, cx, cy) in pixels, with fx = fy.
+            camera: (fx, fy, cx, cy) in pixels.
         """
-        camera_of_that_size = _camera(self._size, self._quality.subsamples)
-        layers = camera_of_that_size.take(self._scene, rotation, translation, camera)
-        grid = _Grid(self._size, self._quality)
-        hit = grid.hits(np.sum(layers[:, 6:9] * layers[:, 6:9], axis=-1) > 0.5)
-        seen = layers[grid.samples(hit)]
-        position, shading_normal, geometric = seen[:, 0:3], seen[:, 3:6], seen[:, 6:9]
-        # To camera space; there the viewer is the origin, so o = −p / |p|.
-        to_camera = rotation.T.astype(np.float32)
-        position = position @ to_camera + translation.astype(np.float32)
-        view = -position / np.linalg.norm(position, axis=-1, keepdims=True)
-        normal = _facing(shading_normal @ to_camera, geometric @ to_camera, view)
-        return grid.gather(hit, normal, view)
+        place = rotation, translation, camera
+        quality = self._quality
+        seen = self._look(*place, self._in_sight(*place), quality.subsamples)
+        if quality.refined == quality.subsamples:
+            return seen
+        rough = _edges(seen.coverage)
+        rough[seen.covered_pixels[seen.spread > quality.rough_above]] = True
+        again = self._look(*place, np.flatnonzero(rough), quality.refined)
+        return _joined(seen.part(~rough), again)
 
-
-@functools.cache
-def _camera(size: int, subsamples: int) -> "_Camera":
-    """The process' one camera of that size: a film for every mesh would fill the memory."""
-    return _Camera(size, subsamples)
-
-
-class _Camera:
-    """A perspective sensor that can be moved, with the integrator that reads the surface off."""
-
-    def __init__(self, size: int, subsamples: int):
-        import mitsuba as mi
-
-        self._mi = mi
-        self._size = size
-        self._integrator = mi.load_dict(
-            {"type": "aov", "aovs": "p:position,n:sh_normal,g:geo_normal"}
+    def _in_sight(self, rotation, translation, camera) -> np.ndarray:
+        """Row-major pixels of the box around the projected vertices."""
+        fx, fy, cx, cy = camera
+        x, y, z = rotation @ self._vertices.T + translation[:, None]
+        if z.max() >= 0:  # partly behind the camera
+            return np.arange(self._size**2)
+        columns, rows = cx - fx * x / z, cy + fy * y / z
+        top, bottom, left, right = (
+            int(np.clip(edge, 0, self._size))
+            for edge in (rows.min(), rows.max() + 1, columns.min(), columns.max() + 1)
         )
-        self._sensor = mi.load_dict(
-            {
-                "type": "perspective",
-                "near_clip": 0.01,
-                "far_clip": 1000.0,
-                "film": {
-                    "type": "hdrfilm",
-                    "width": size * subsamples,
-                    "height": size * subsamples,
-                    "rfilter": {"type": "box"},
-                    "pixel_format": "rgb",
-                    "component_format": "float32",
-                },
-                # Without jitter, one sample falls on each pixel's centre.
-                "sampler": {"type": "stratified", "sample_count": 1, "jitter": False},
-            }
-        )
-        self._parameters = mi.traverse(self._sensor)
+        row, column = np.mgrid[top:bottom, left:right]
+        return (row * self._size + column).ravel()
 
-    def take(
-        self, scene, rotation: np.ndarray, translation: np.ndarray, camera: np.ndarray
-    ) -> np.ndarray:
-        """Position, shading normal and geometric normal of each sample, `(N, 9)`, row-major."""
-        fx, _, cx, cy = (float(value) for value in camera)
-        to_world = np.eye(4)
-        # Mitsuba's camera looks along +z with x to the left: ours turned by half a turn about y.
-        to_world[:3, :3] = rotation.T @ np.diag([-1.0, 1.0, -1.0])
-        to_world[:3, 3] = -rotation.T @ translation
-        parameters = self._parameters
-        parameters["to_world"] = self._mi.Transform4f(self._mi.ScalarTransform4f(to_world))
-        parameters["x_fov"] = 2 * math.degrees(math.atan(self._size / 2 / fx))
-        parameters["principal_point_offset_x"] = 0.5 - cx / self._size
-        parameters["principal_point_offset_y"] = 0.5 - cy / self._size
-        parameters.update()
-        image = self._mi.render(scene, sensor=self._sensor, integrator=self._integrator, spp=1)
-        return np.array(image).reshape(-1, 9)
+    def _look(self, rotation, translation, camera, pixels: np.ndarray, across: int) -> GBuffer:
+        """Sample some pixels, each on a grid of `across` × `across`."""
+        grid = _Grid(across, self._quality.cells)
+        fx, fy, cx, cy = camera
+        row, column = np.divmod(pixels, self._size)
+        x = (column[:, None] + grid.x - cx) / fx
+        y = (cy - row[:, None] - grid.y) / fy
+        rays = np.stack([x, y, np.full_like(x, -1.0)], axis=-1).astype(np.float32).reshape(-1, 3)
+        rays /= _length(rays)
+        turn = rotation.astype(np.float32)  # rows times it: from camera to object space
+        hit, shading_normal, geometric = _intersect(
+            self._scene, -rotation.T @ translation, rays @ turn
+        )
+        view = -rays[hit]
+        normal = _facing(shading_normal @ turn.T, geometric @ turn.T, view)
+        return grid.gather(self._size, pixels, hit.reshape(-1, across**2), normal, view)
+
+
+def _intersect(
+    scene, origin: np.ndarray, directions: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """First hits of rays from one point: which `(R,)` hit, and shading and geometric normals.
+
+    The normals are those of the rays that hit, `(N, 3)`, in the scene's frame.
+    """
+    import drjit as dr
+    import mitsuba as mi
+
+    if "scalar" in mi.variant():
+        found = [scene.ray_intersect(mi.Ray3f(origin, direction)) for direction in directions]
+        hit = np.array([surface.is_valid() for surface in found], bool)
+        normals = [(surface.sh_frame.n, surface.n) for surface in found if surface.is_valid()]
+        shading_normal, geometric = np.array(normals, np.float32).reshape(-1, 2, 3).swapaxes(0, 1)
+        return hit, shading_normal, geometric
+    if not len(directions):
+        return np.zeros(0, bool), np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32)
+    start, towards = mi.Point3f(origin), mi.Vector3f(*map(mi.Float, directions.T))
+    dr.make_opaque(start)  # literals would compile a new kernel for every image
+    surface = scene.ray_intersect(mi.Ray3f(start, towards))
+    valid, shading_normal, geometric = surface.is_valid(), surface.sh_frame.n, surface.n
+    dr.eval(valid, shading_normal, geometric)
+    hit = np.array(valid)
+    return hit, np.array(shading_normal).T[hit], np.array(geometric).T[hit]
 
 
 def mitsuba_mesh(mesh: Mesh):
@@ -176,65 +207,102 @@ def mitsuba_mesh(mesh: Mesh):
     return shape
 
 
+def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Of rows, `(N, 1)`."""
+    return np.einsum("ij,ij->i", a, b)[:, None]
+
+
+def _length(vectors: np.ndarray) -> np.ndarray:
+    return np.sqrt(_dot(vectors, vectors))
+
+
 def _facing(normal: np.ndarray, geometric: np.ndarray, view: np.ndarray) -> np.ndarray:
     """Unit normals on the viewer's side of the surface, at least `_LEAST_COSINE` towards it."""
-    behind = np.sum(geometric * view, axis=-1, keepdims=True) < 0
-    normal = np.where(behind, -normal, normal)
-    cosine = np.sum(normal * view, axis=-1, keepdims=True)
-    normal = normal + np.maximum(_LEAST_COSINE - cosine, 0) * view
-    return normal / np.linalg.norm(normal, axis=-1, keepdims=True)
+    normal = np.where(_dot(geometric, view) < 0, -normal, normal)
+    normal = normal + np.maximum(_LEAST_COSINE - _dot(normal, view), 0) * view
+    return normal / _length(normal)
+
+
+def _edges(coverage: np.ndarray) -> np.ndarray:
+    """Row-major flags of the pixels that the silhouette may touch, uncovered neighbours too."""
+    touched = ndimage.maximum_filter(coverage, 3) > 0
+    return (touched & (ndimage.minimum_filter(coverage, 3, mode="nearest") < 1)).ravel()
+
+
+def _means(
+    groups: np.ndarray, values: np.ndarray, weights: np.ndarray | None, count: int
+) -> np.ndarray:
+    """Weighted mean of the values of each of `count` groups, NaN for an empty one."""
+    weighted = values if weights is None else values * weights
+    total = np.bincount(groups, weights=weighted, minlength=count)
+    with np.errstate(invalid="ignore"):
+        return (total / np.bincount(groups, weights=weights, minlength=count)).astype(np.float32)
+
+
+def _joined(first: GBuffer, second: GBuffer) -> GBuffer:
+    """Two parts of an image that share no pixel."""
+    shift = {"central": len(first.pixel), "cells": len(first.pixel)}
+    fields = {
+        field.name: np.concatenate(
+            [getattr(first, field.name), getattr(second, field.name) + shift.get(field.name, 0)]
+        )
+        for field in dataclasses.fields(GBuffer)
+        if field.name != "coverage"
+    }
+    return GBuffer(coverage=first.coverage + second.coverage, **fields)
 
 
 class _Grid:
-    """The samples of an image, ordered by pixel, then by cell, then by distance from its centre."""
+    """Places of a pixel's samples, ordered by cell, then by distance from its middle."""
 
-    def __init__(self, size: int, quality: Quality):
-        self._size, self._across, self._cells = size, quality.subsamples, quality.lobe_samples
-        row, column = np.divmod(np.arange(self._across**2), self._across)
-        width = self._across // self._cells
-        cell = row // width * self._cells + column // width
-        self._order = np.lexsort((_squared_distance(row % width, column % width, width), cell))
-        self._cell = cell[self._order]
-        self._central = np.argsort(
-            _squared_distance(row, column, self._across)[self._order], kind="stable"
-        )
+    def __init__(self, across: int, cells: int):
+        row, column = np.divmod(np.arange(across**2), across)
+        row, column = (row + 0.5) / across, (column + 0.5) / across
+        cell_row, cell_column = np.floor(row * cells), np.floor(column * cells)
+        cell = (cell_row * cells + cell_column).astype(int)
+        off_cell = np.hypot(row * cells - cell_row - 0.5, column * cells - cell_column - 0.5)
+        order = np.lexsort((off_cell.round(6), cell))
+        self.x, self.y = column[order], row[order]
+        self._cell = cell[order]
+        self._cells_a_pixel = cells**2
+        off_centre = np.hypot(row - 0.5, column - 0.5)[order]
+        self._by_distance = np.argsort(off_centre.round(6), kind="stable")
 
-    def hits(self, hit: np.ndarray) -> np.ndarray:
-        """Row-major samples `(N,)` of an image to `(pixels, samples a pixel)` in this order."""
-        size, across = self._size, self._across
-        blocks = hit.reshape(size, across, size, across).swapaxes(1, 2)
-        return blocks.reshape(size * size, across * across)[:, self._order]
+    def gather(
+        self,
+        size: int,
+        pixels: np.ndarray,
+        hit: np.ndarray,
+        normal: np.ndarray,
+        view: np.ndarray,
+    ) -> GBuffer:
+        """Find which samples stand for others.
 
-    def samples(self, hit: np.ndarray) -> np.ndarray:
-        """Row-major indices of those samples that hit, in this order."""
-        pixel, sample = np.nonzero(hit)
-        (row, column), across = np.divmod(pixel, self._size), self._across
-        down, right = np.divmod(self._order[sample], across)
-        return (row * across + down) * (self._size * across) + column * across + right
-
-    def gather(self, hit: np.ndarray, normal: np.ndarray, view: np.ndarray) -> GBuffer:
-        """Find out which samples stand for others."""
-        pixel, sample = np.nonzero(hit)
-        coverage = hit.mean(axis=1, dtype=np.float32).reshape(self._size, self._size)
-        place = np.full(hit.shape, -1)
-        place[pixel, sample] = np.arange(len(pixel))
-        by_distance = hit[:, self._central]
-        nearest = self._central[np.argmax(by_distance, axis=1)]
-        covered = np.flatnonzero(by_distance.any(axis=1))
-        cell = pixel * self._cells**2 + self._cell[sample]
+        Args:
+            size: height and width of the image.
+            pixels: `(K,)` that were sampled.
+            hit: `(K, samples a pixel)`.
+            normal: `(N, 3)` of those that hit.
+            view: `(N, 3)` of those that hit.
+        """
+        owner, sample = np.nonzero(hit)
+        coverage = np.zeros(size * size, np.float32)
+        coverage[pixels] = hit.mean(axis=1, dtype=np.float32)
+        covered = np.flatnonzero(hit.any(axis=1))
+        nearest = self._by_distance[np.argmax(hit[covered][:, self._by_distance], axis=1)]
+        # Of row k, sample m is the (hits of earlier rows + earlier hits of this row)th that hit.
+        ordinal = np.cumsum(hit).reshape(hit.shape) - 1
+        cell = owner * self._cells_a_pixel + self._cell[sample]
         first = np.flatnonzero(np.diff(cell, prepend=-1))
+        mirrored = reflect(normal, view)
+        means = [_means(owner, mirrored[:, axis], None, len(hit))[covered] for axis in range(3)]
         return GBuffer(
-            coverage=coverage,
+            coverage=coverage.reshape(size, size),
             normal=normal,
             view=view,
-            pixel=pixel,
-            central=place[covered, nearest[covered]],
+            pixel=pixels[owner],
+            central=ordinal[covered, nearest],
+            spread=np.maximum(1 - sum(mean**2 for mean in means), 0),
             cells=first,
             cell_weights=np.diff(first, append=len(cell)),
         )
-
-
-def _squared_distance(row: np.ndarray, column: np.ndarray, across: int) -> np.ndarray:
-    """Of grid points from the grid's middle."""
-    middle = (across - 1) / 2
-    return (row - middle) ** 2 + (column - middle) ** 2

@@ -14,7 +14,7 @@ from .lights import Light
 
 _WIDE = math.radians(75)
 """A lobe that reaches further sees too much of the sphere for groups to pay."""
-_CELL_ROWS = 9
+_CELL_ROWS = 12
 
 
 def diffuse(normal: np.ndarray, light: Light) -> np.ndarray:

@@ -4,6 +4,7 @@ Every number here is a knob of the trade between exactness and time; `benchmarks
 it, and docs/decisions.md says why the fast ones are what they are.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,8 +15,12 @@ class Quality:
     """Sampling of the pixels and of the light.
 
     Attributes:
-        subsamples: samples across a pixel, odd, for coverage, D and M.
-        lobe_samples: evaluations of S across a pixel; a divisor of `subsamples`.
+        subsamples: samples across a pixel.
+        refined: samples across a rough pixel, for coverage, D and M.
+        rough_above: variance of a pixel's mirror directions above which it is rough; edges always
+            are.
+        cells: evaluations of S across a pixel whose mirror directions spread too far for the lobe.
+        lobe_rough_above: variance of the mirror directions times (s + 2), above which they do.
         split_above: a light is split while its share of the energy times (extent / lobe width)²
             exceeds this.
         finest: rows of the map that lights S, where the file has as many.
@@ -25,7 +30,10 @@ class Quality:
     """
 
     subsamples: int
-    lobe_samples: int
+    refined: int
+    rough_above: float
+    cells: int
+    lobe_rough_above: float
     split_above: float
     finest: int
     irradiance_rows: int
@@ -34,9 +42,31 @@ class Quality:
 
 
 QUALITIES = {
-    "fast": Quality(3, 1, 2e-3, 256, 32, 1e-6, np.float32),
-    "reference": Quality(9, 3, 1e-4, 512, 128, 1e-10, np.float64),
+    "fast": Quality(
+        subsamples=3,
+        refined=6,
+        rough_above=math.radians(2.0) ** 2,
+        cells=2,
+        lobe_rough_above=1.0,
+        split_above=2e-3,
+        finest=256,
+        irradiance_rows=64,
+        negligible=1e-6,
+        precision=np.float32,
+    ),
+    "reference": Quality(
+        subsamples=9,
+        refined=9,
+        rough_above=0.0,
+        cells=3,
+        lobe_rough_above=0.0,
+        split_above=1e-4,
+        finest=512,
+        irradiance_rows=128,
+        negligible=1e-10,
+        precision=np.float64,
+    ),
 }
-"""`fast` renders corpora; `reference` is converged, and some hundred times slower."""
+"""`fast` renders corpora; `reference` is converged, and many times slower."""
 
 FAST = QUALITIES["fast"]

@@ -104,7 +104,7 @@ def test_reference_quality_sees_the_same_scene(light, turn, tracer, example):
     for name, median, most in (
         ("diffuse_shading", 0.01, 0.05),
         ("specular_shading", 0.02, 0.2),
-        ("mirror", 0.1, 2.0),  # 3 × 3 samples of a 64-pixel image see much of a map at once
+        ("mirror", 0.05, 1.0),  # a pixel of so small an image sees much of a map at once
     ):
         errors = np.abs(example[name] - fine[name])[both] / np.maximum(fine[name][both], 1e-3)
         assert np.median(errors) < median and np.percentile(errors, 99) < most, name

@@ -1,0 +1,414 @@
+"""The renderer's trade: error of D, S and M against seconds an example, for every knob.
+
+    python benchmarks/quality.py --shapes DIR --environments DIR --out DIR
+
+Scenes are drawn as a corpus' are, one for each map. Errors are relative, of random object pixels,
+edges included, against `--quality reference`, which is itself compared with float64 sums over every
+texel of the map. Writes quality.md and quality.png. Without folders, built-in shapes and rooms
+serve. One thread; run it on a quiet machine.
+"""
+
+import argparse
+import dataclasses
+import time
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from lime_keras import console, shading, shininess
+from lime_keras.render import examples, lights, scenes, sources, variants
+from lime_keras.render.quality import FAST, QUALITIES, Quality
+
+LOBES = {"dull": 2.4, "middle": 42.0, "shiny": 650.0}
+KNOBS: dict[str, tuple] = {
+    "subsamples": (1, 3, 5, 7),
+    "refined": (3, 4, 6, 9),
+    "split_above": (2e-2, 5e-3, 2e-3, 5e-4, 1e-4),
+    "finest": (64, 128, 256, 512),
+    "irradiance_rows": (8, 16, 32, 64, 128),
+    "negligible": (1e-3, 1e-4, 1e-6, 1e-8),
+    "precision": (np.float32, np.float64),
+}
+SIZES = (128, 256, 512)
+PIXELS = 400
+CHECKED_PIXELS = 8
+LAYERS = ("D", "S", "M")
+REFERENCE = QUALITIES["reference"]
+
+
+@dataclasses.dataclass(frozen=True)
+class Scene:
+    """A mesh in its pose under a map, and the pixels that are compared."""
+
+    mesh: Any
+    radiance: np.ndarray
+    pose: scenes.Pose
+    rotation: np.ndarray
+    size: int
+
+
+def main() -> None:
+    """Measure, print and draw."""
+    arguments = _arguments()
+    variants.activate(variants.choose(), threads=1)
+    console.import_tensorflow()
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    chosen = _scenes(arguments)
+    text = "\n\n".join(
+        (_bins(chosen), _reference(chosen[:3]), *_trade(chosen, arguments.out), _storage(chosen))
+    )
+    (arguments.out / "quality.md").write_text(text + "\n", encoding="utf-8")
+    print(text)
+
+
+def _arguments() -> argparse.Namespace:
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("--environments", type=Path)
+    options.add_argument("--shapes", type=Path)
+    options.add_argument("--out", type=Path, default=Path("runs/quality"))
+    options.add_argument("--maps", type=int, default=6, help="how many maps (default: 6)")
+    return options.parse_args()
+
+
+def _scenes(arguments: argparse.Namespace) -> list[Scene]:
+    shapes = sources.ShapeSource(arguments.shapes, "train", 0)
+    maps = sources.LightSource(arguments.environments, "train", 0, arguments.out / "rooms")
+    rng = np.random.default_rng(0)
+    names = sources.some(rng, maps.names(), arguments.maps)
+    out = []
+    for name in tqdm(names, "scenes"):
+        mesh = shapes.load(shapes.names()[rng.integers(len(shapes.names()))])
+        light = maps.load(name)
+        rotation = scenes.sample_light_rotation(rng, light.strong_direction)
+        pose = scenes.sample_pose(rng, mesh.vertices, 256)
+        out.append(Scene(mesh, light.radiance, pose, rotation, 256))
+    return out
+
+
+# ---- tables ----------------------------------------------------------------------------------
+
+
+def _bins(chosen: list[Scene]) -> str:
+    """Error of `fast` in each of the eight bins."""
+    errors: dict = {}
+    for scene in tqdm(chosen, "fast and reference, eight bins"):
+        for k in range(shininess.BIN_COUNT):
+            exponent = 10.0 ** float(shininess.LOG_MEANS[k])
+            for layer, values in _errors(scene, FAST, exponent).items():
+                errors.setdefault((k, layer), []).append(values)
+    rows = []
+    for k in range(shininess.BIN_COUNT):
+        cells = [_percentiles(errors[k, layer]) for layer in LAYERS]
+        rows.append((k, f"{10.0 ** float(shininess.LOG_MEANS[k]):.3g}", *cells))
+    return _table(
+        f"Error of `fast` against `reference`, median / 95th / 99th percentile of {PIXELS} pixels "
+        f"of each of {len(chosen)} scenes",
+        ("bin", "exponent", *LAYERS),
+        rows,
+    )
+
+
+def _reference(chosen: list[Scene]) -> str:
+    """Error of `reference` against the plain sum over all texels, for all samples of a pixel."""
+    rows = []
+    for name, exponent in LOBES.items():
+        errors: dict[str, list] = {layer: [] for layer in LAYERS}
+        for scene in tqdm(chosen, f"reference and every texel, {name}"):
+            for layer, values in _plain_errors(scene, exponent).items():
+                errors[layer].append(values)
+        rows.append((name, f"{exponent:g}", *(_percentiles(errors[layer]) for layer in LAYERS)))
+    return _table(
+        f"Error of `reference` against float64 sums over every texel at 9 × 9 samples a pixel, "
+        f"{CHECKED_PIXELS} pixels of each of {len(chosen)} scenes",
+        ("lobe", "exponent", *LAYERS),
+        rows,
+    )
+
+
+def _trade(chosen: list[Scene], out: Path) -> Iterable[str]:
+    """One table and one panel for each knob, all others as in `fast`."""
+    measured: dict[str, list[tuple[str, float, dict]]] = {}
+    for knob, values in KNOBS.items():
+        for value in tqdm(values, knob):
+            changes = {knob: value}
+            quality = dataclasses.replace(FAST, **changes)
+            label = value.__name__ if isinstance(value, type) else f"{value:g}"
+            label += " (fast)" if quality == FAST else ""
+            measured.setdefault(knob, []).append((label, *_measured(chosen, quality)))
+    measured["quality"] = [(name, *_measured(chosen[:2], q)) for name, q in QUALITIES.items()]
+    for size in tqdm(SIZES, "size"):
+        resized = [_resized(scene, size) for scene in chosen]
+        label = f"{size}" + (" (fast)" if size == 256 else "")
+        measured.setdefault("size", []).append((label, *_measured(resized, FAST)))
+    _draw(measured, out / "quality.png")
+    columns = [f"{layer}{'' if layer != 'S' else ' ' + lobe}" for layer, lobe in _curves()]
+    for knob, points in measured.items():
+        rows = [
+            (
+                label,
+                f"{seconds:.3f}",
+                *(_percentiles([errors[curve]]) for curve in _curves()),
+            )
+            for label, seconds, errors in points
+        ]
+        yield _table(f"`{knob}`", (knob, "seconds", *columns), rows)
+
+
+def _storage(chosen: list[Scene]) -> str:
+    """What D, S and M of an example take, and lose, in different encodings."""
+    import zlib
+
+    import tensorflow as tf
+
+    encodings = {
+        "half floats as 16-bit PNG (ours)": (
+            lambda x: tf.io.encode_png(x.astype(np.float16).view(np.uint16)).numpy(),
+            lambda b, x: tf.io.decode_png(b, 1, tf.uint16).numpy().view(np.float16),
+        ),
+        "half floats, zlib": (
+            lambda x: zlib.compress(x.astype(np.float16).tobytes()),
+            lambda b, x: np.frombuffer(zlib.decompress(b), np.float16).reshape(x.shape),
+        ),
+        "half floats": (
+            lambda x: x.astype(np.float16).tobytes(),
+            lambda b, x: np.frombuffer(b, np.float16).reshape(x.shape),
+        ),
+        "floats": (
+            lambda x: x.tobytes(),
+            lambda b, x: np.frombuffer(b, np.float32).reshape(x.shape),
+        ),
+        "16-bit PNG of x / max": (
+            lambda x: tf.io.encode_png(np.round(x / x.max() * 65535).astype(np.uint16)).numpy(),
+            lambda b, x: tf.io.decode_png(b, 1, tf.uint16).numpy() / 65535 * x.max(),
+        ),
+        "8-bit PNG of x / max": (
+            lambda x: tf.io.encode_png(np.round(x / x.max() * 255).astype(np.uint8)).numpy(),
+            lambda b, x: tf.io.decode_png(b, 1).numpy() / 255 * x.max(),
+        ),
+    }
+    images = [image for scene in chosen for image in _images(scene, FAST, LOBES["middle"])]
+    rows = []
+    for name, (encode, decode) in encodings.items():
+        began = time.perf_counter()
+        stored = [encode(image) for image in images]
+        encoded = time.perf_counter()
+        read = [decode(*pair) for pair in zip(stored, images, strict=True)]
+        decoded = time.perf_counter()
+        errors = [
+            _relative(value.astype(float)[image > 0], image.astype(float)[image > 0])
+            for value, image in zip(read, images, strict=True)
+        ]
+        rows.append(
+            (
+                name,
+                f"{sum(map(len, stored)) / len(chosen) / 1000:.0f}",
+                f"{(encoded - began) / len(chosen) * 1000:.1f}",
+                f"{(decoded - encoded) / len(chosen) * 1000:.1f}",
+                _percentiles(errors),
+            )
+        )
+    return _table(
+        "Storage of D, S and M of one example at 256 × 256",
+        ("encoding", "kB", "ms to encode", "ms to decode", "error"),
+        rows,
+    )
+
+
+# ---- measuring -------------------------------------------------------------------------------
+
+
+def _errors(scene: Scene, quality: Quality, exponent: float) -> dict[str, np.ndarray]:
+    """Relative errors `(PIXELS,)` of D, S and M against the reference."""
+    truth = _reference_layers(scene, exponent)
+    seen, light = _prepared(scene, quality)
+    pixels = np.intersect1d(truth[0], seen.covered_pixels)
+    found = _at(_some(seen, pixels), light, scene.rotation, exponent, pixels)
+    kept = np.isin(truth[0], pixels)
+    return {layer: _relative(found[layer], truth[1][layer][kept]) for layer in LAYERS}
+
+
+def _plain_errors(scene: Scene, exponent: float) -> dict[str, np.ndarray]:
+    """Errors of the reference against sums over every texel, for all its samples."""
+    seen, light = _prepared(scene, REFERENCE)
+    pixels = _chosen(seen, CHECKED_PIXELS)
+    few = _some(seen, pixels)
+    turn = scene.rotation.astype(np.float64)
+    normal, view = few.normal @ turn, few.view @ turn
+    texels = shading.texels(light.radiance)
+    plain = {
+        "D": few.pixel_means(shading.diffuse(normal, *texels)),
+        "S": few.pixel_means(shading.specular(normal, view, exponent, *texels)),
+        "M": few.pixel_means(shading.mirror(normal, view, light.radiance)),
+    }
+    found = _at(few, light, scene.rotation, exponent, pixels)
+    return {layer: _relative(found[layer], plain[layer]) for layer in LAYERS}
+
+
+def _measured(chosen: list[Scene], quality: Quality) -> tuple[float, dict]:
+    """Median seconds of a whole example, and errors by curve."""
+    errors: dict = {}
+    seconds = []
+    for scene in chosen:
+        for layer, lobe in _curves():
+            exponent = LOBES[lobe or "middle"]
+            values = _errors(scene, quality, exponent)[layer]
+            errors.setdefault((layer, lobe), []).append(values)
+        seen_again = _prepared(scene, quality)[1]
+        for exponent in LOBES.values():
+            began = time.perf_counter()
+            _example(scene, quality, seen_again, exponent)
+            seconds.append(time.perf_counter() - began)
+    return float(np.median(seconds)), {key: np.concatenate(v) for key, v in errors.items()}
+
+
+def _curves() -> list[tuple[str, str | None]]:
+    return [("D", None), *(("S", lobe) for lobe in LOBES), ("M", None)]
+
+
+def _example(scene: Scene, quality: Quality, light: lights.Light, exponent: float) -> bytes:
+    """All of an example: traced, lit, composed, encoded."""
+    from lime_keras import records
+
+    material = scenes.Material(np.full(3, 0.4), 0.5, exponent, 0.02)
+    background = np.full((scene.size, scene.size, 3), 0.5, np.float32)
+    features = examples.render(
+        _tracer(scene, quality), light, scene.pose, scene.rotation, material, background
+    )
+    return records.encode(features | {"shape": "", "light": "", "seed": 0, "index": 0})
+
+
+def _images(scene: Scene, quality: Quality, exponent: float) -> list[np.ndarray]:
+    seen, light = _prepared(scene, quality)
+    return list(examples.layers(seen, light, scene.rotation, exponent))
+
+
+_CACHE: dict = {}
+
+
+def _cached(key: tuple, make) -> Any:
+    """Kept for the whole run: scenes are few."""
+    if key not in _CACHE:
+        _CACHE[key] = make()
+    return _CACHE[key]
+
+
+def _tracer(scene: Scene, quality: Quality):
+    from lime_keras.render.gbuffer import Tracer
+
+    key = ("tracer", id(scene.mesh), scene.size, dataclasses.astuple(quality)[:5])
+    return _cached(key, lambda: Tracer(scene.mesh, scene.size, quality))
+
+
+def _prepared(scene: Scene, quality: Quality):
+    """G-buffer and light of a scene in a quality."""
+    sampling = dataclasses.astuple(quality)[:5]
+    seen = _cached(
+        ("seen", id(scene.pose), scene.size, sampling),
+        lambda: _tracer(scene, quality).trace(
+            scene.pose.rotation, scene.pose.translation, scene.pose.camera
+        ),
+    )
+    lighting = dataclasses.replace(quality, subsamples=1, refined=1)
+    light = _cached(
+        ("light", id(scene.radiance), lighting),
+        lambda: lights.prepare("", scene.radiance, quality=lighting),
+    )
+    return seen, light
+
+
+def _reference_layers(scene: Scene, exponent: float) -> tuple[np.ndarray, dict]:
+    def make():
+        seen, light = _prepared(scene, REFERENCE)
+        pixels = _chosen(seen, PIXELS)
+        return pixels, _at(_some(seen, pixels), light, scene.rotation, exponent, pixels)
+
+    return _cached(("truth", id(scene.pose), scene.size, exponent), make)
+
+
+def _chosen(seen, count: int) -> np.ndarray:
+    covered = seen.covered_pixels
+    return np.sort(np.random.default_rng(1).choice(covered, min(count, len(covered)), False))
+
+
+def _some(seen, pixels: np.ndarray):
+    """The part of a G-buffer that lies in some pixels."""
+    kept = np.zeros(seen.coverage.size, bool)
+    kept[pixels] = True
+    return seen.part(kept)
+
+
+def _at(few, light, rotation, exponent, pixels) -> dict[str, np.ndarray]:
+    images = examples.layers(few, light, rotation, exponent)
+    return {layer: image.reshape(-1)[pixels] for layer, image in zip(LAYERS, images, strict=True)}
+
+
+def _resized(scene: Scene, size: int) -> Scene:
+    if size == scene.size:
+        return scene
+    key = ("pose", id(scene.pose), size)
+    camera = scene.pose.camera * (size / scene.size)
+    pose = _cached(key, lambda: dataclasses.replace(scene.pose, camera=camera))
+    return dataclasses.replace(scene, pose=pose, size=size)
+
+
+def _relative(found: np.ndarray, truth: np.ndarray) -> np.ndarray:
+    return np.abs(found - truth) / np.maximum(truth, 1e-6)
+
+
+# ---- showing ---------------------------------------------------------------------------------
+
+
+def _percentiles(errors: list[np.ndarray]) -> str:
+    median, high, highest = np.percentile(np.concatenate(errors), [50, 95, 99])
+    return f"{median:.2%} / {high:.1%} / {highest:.1%}"
+
+
+def _table(title: str, header: tuple, rows: list[tuple]) -> str:
+    lines = [title, "", "| " + " | ".join(header) + " |", "|" + "---:|" * len(header)]
+    return "\n".join(lines + ["| " + " | ".join(map(str, row)) + " |" for row in rows])
+
+
+def _draw(measured: dict, path: Path) -> None:
+    """Median (full line) and 99th percentile (dotted) against seconds, a panel for each knob."""
+    from matplotlib.figure import Figure
+
+    across = 3
+    down = -(-len(measured) // across)
+    figure = Figure(figsize=(5 * across, 3.6 * down), layout="constrained")
+    panels = figure.subplots(down, across, squeeze=False)
+    for panel in panels.flat[len(measured) :]:
+        panel.set_axis_off()
+    for (knob, points), panel in zip(measured.items(), panels.flat, strict=False):
+        seconds = [point[1] for point in points]
+        for number, curve in enumerate(_curves()):
+            for percentile, style in ((50, "o-"), (99, ":")):
+                errors = [100 * np.percentile(point[2][curve], percentile) for point in points]
+                label = " ".join(filter(None, curve)) if percentile == 50 else None
+                panel.plot(
+                    seconds, np.maximum(errors, 1e-4), style, color=f"C{number}", label=label
+                )
+        for label, second, _ in points:
+            panel.annotate(
+                label,
+                (second, 1),
+                xycoords=("data", "axes fraction"),
+                textcoords="offset points",
+                xytext=(2, -3),
+                rotation=90,
+                va="top",
+                fontsize=7,
+            )
+        panel.set(title=knob, xscale="log", yscale="log", ylim=(1e-3, 1e3))
+        panel.set_xlabel("seconds an example, one thread")
+        panel.set_ylabel("relative error, %")
+        panel.grid(alpha=0.3)
+    panels.flat[0].legend(fontsize=7, loc="lower left")
+    figure.suptitle("Error of D, S and M: median (lines) and 99th percentile (dotted)")
+    figure.savefig(path, dpi=110)
+
+
+if __name__ == "__main__":
+    main()
