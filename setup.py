@@ -51,7 +51,9 @@ setup(
         "tqdm>=4.66,<5",
     ],
     extras_require={
+        "cluster": ["ray>=2.40,<3"],
         "dev": [
+            "ray>=2.40,<3",
             "pytest>=8,<10",
             "pytest-timeout>=2.3,<3",
             "hypothesis>=6.100,<7",

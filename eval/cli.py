@@ -46,6 +46,12 @@ def parser() -> argparse.ArgumentParser:
     command.add_argument(
         "--out", type=Path, metavar="DIR", help="folder for the results (default: RUN/eval)"
     )
+    command.add_argument(
+        "--camera",
+        action="store_true",
+        help="show the system photos of the scenes, with a consumer camera's exposure, defocus, "
+        "noise, clipping and JPEG, instead of clean images",
+    )
     command.add_argument("--version", action="version", version=__version__)
     return command
 
@@ -68,9 +74,11 @@ def _evaluate(options: argparse.Namespace, command: str) -> int:
     from . import examples, figures, measures, report, table
     from .evaluate import evaluate
 
-    evaluation = evaluate(options.weights, options.corpus)
-    summary = measures.summarise(evaluation)
-    chosen = examples.read(options.weights, options.corpus, examples.choose(evaluation.rows))
+    camera = options.camera
+    evaluation = evaluate(options.weights, options.corpus, camera=camera)
+    summary = measures.summarise(evaluation) | {"camera": camera}
+    choices = examples.choose(evaluation.rows)
+    chosen = examples.read(options.weights, options.corpus, choices, camera=camera)
     page = report.render(
         evaluation, summary, chosen, command=command, corpus=options.corpus, run=options.weights
     )

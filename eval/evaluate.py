@@ -50,13 +50,16 @@ class Evaluation:
         return len(self.rows["bin"])
 
 
-def evaluate(model_dir: Path, corpus: Path, *, batch_size: int = 16) -> Evaluation:
+def evaluate(
+    model_dir: Path, corpus: Path, *, batch_size: int = 16, camera: bool = False
+) -> Evaluation:
     """Measure a trained system on a corpus' test split, with progress on standard error.
 
     Args:
         model_dir: folder of `weights.save`, or a run of `lime-train`.
         corpus: folder with a complete `test` split.
         batch_size: examples computed at once; changes the speed, not the numbers.
+        camera: show the system photos of the scenes (`lime_keras.camera`), the same every time.
 
     Raises:
         FileNotFoundError: if the weights or the test split are missing.
@@ -69,9 +72,12 @@ def evaluate(model_dir: Path, corpus: Path, *, batch_size: int = 16) -> Evaluati
     system = assemble(subnetworks)
     rows: list[dict[str, np.ndarray]] = []
     oracle: list[dict[str, np.ndarray]] = []
-    dataset = pipeline.evaluation(shards, size=architecture.size, batch_size=batch_size)
+    dataset = pipeline.evaluation(
+        shards, size=architecture.size, batch_size=batch_size, camera=camera
+    )
+    batches = pipeline.naming_damage(dataset.as_numpy_iterator(), shards)
     with tqdm(total=count, desc="evaluate", unit="image") as progress:
-        for example in dataset.as_numpy_iterator():
+        for example in batches:
             rows.append(measure(example, system.predict_on_batch(example["image"])))
             oracle.append(_material_errors(example, _from_true_layers(example, subnetworks)))
             progress.update(len(example["mask"]))
@@ -173,14 +179,8 @@ def _from_true_layers(
 def _count(shards: list[Path], size: int) -> int:
     """Number of examples in the shards, after a look whether the model can take them."""
     dataset = tf.data.TFRecordDataset([str(path) for path in shards])
-    try:
-        first = next((records.parse(serialized) for serialized in dataset), None)
-        count = int(dataset.reduce(0, lambda total, _: total + 1))
-    except tf.errors.OpError as error:
-        raise ValueError(
-            f"{shards[0].parent} cannot be read: {str(error.message).splitlines()[0]}; render the "
-            "split again"
-        ) from error
+    first = next(pipeline.naming_damage(dataset.take(1).map(records.parse), shards), None)
+    count = sum(1 for _ in pipeline.naming_damage(dataset, shards))
     if first is None:
         folder = shards[0].parent if shards else "the test split"
         raise ValueError(f"{folder} holds no examples: render the split again with --count above 0")

@@ -10,6 +10,7 @@ import tensorflow as tf
 
 from lime_keras import corpus as corpus_files
 from lime_keras import pipeline, records, shininess, weights
+from lime_keras.camera import photograph
 from lime_keras.networks import assemble
 
 from .evaluate import test_shards
@@ -76,8 +77,16 @@ def choose(rows: Mapping[str, np.ndarray]) -> list[Choice]:
     return chosen
 
 
-def read(model_dir: Path, corpus: Path, choices: list[Choice]) -> list[Example]:
+def read(
+    model_dir: Path, corpus: Path, choices: list[Choice], *, camera: bool = False
+) -> list[Example]:
     """Read the chosen test examples and estimate them, in the order of `choices`.
+
+    Args:
+        model_dir: folder of `weights.save`, or a run of `lime-train`.
+        corpus: folder with a complete `test` split.
+        choices: positions in the split.
+        camera: show the system photos of the scenes, the same as `evaluate`.
 
     Raises:
         FileNotFoundError: if the weights or the test split are missing.
@@ -93,6 +102,7 @@ def read(model_dir: Path, corpus: Path, choices: list[Choice]) -> list[Example]:
         # Only the wanted ones are decoded.
         if position in wanted:
             stored = records.parse(serialized)
+            stored = photograph(stored) if camera else stored
             photos[position] = stored["image"].numpy()
             example = pipeline.resize(stored, architecture.size)
             found[position] = {name: value.numpy() for name, value in example.items()}

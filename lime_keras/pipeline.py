@@ -1,23 +1,44 @@
-"""Shards → parsed, resized, shuffled, batched `tf.data`.
+"""Shards → parsed, photographed, resized, shuffled, batched `tf.data`.
 
 A dataset's elements are dictionaries named as in `records`, batched along the first axis, with
 `exponent_bin` `(B,)` and `clipped` `(B, S, S, 3)` added.
 """
 
 import math
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Collection, Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
 import tensorflow as tf
 import tensorflow.experimental.numpy as tnp
 
 from lime_keras import colour, records, shininess
 from lime_keras import corpus as corpus_files
+from lime_keras.camera import SCENE, photograph
+
+FEATURES = (*records.FEATURES, "clipped", "exponent_bin")
+"""All that a batch may hold."""
+LEARNT_FROM = (
+    "image",
+    "mask",
+    "diffuse_shading",
+    "specular_shading",
+    "mirror",
+    "diffuse_albedo",
+    "specular_albedo",
+    "ambient",
+    "clipped",
+    "exponent_bin",
+)
+"""What the losses read: no backend is fed strings, and no normals are decoded for nothing."""
 
 _SHUFFLE = 2048
 """Serialised examples held for shuffling: some 400 MB at 256 × 256."""
 _LAYERS = ("diffuse_shading", "specular_shading", "mirror", "normal")
-_CHANNELS = {"image": 3, "mask": 1} | dict.fromkeys(_LAYERS, 1) | {"normal": 3}
+_CHANNELS = {"image": 3, "clipped": 3, "mask": 1} | dict.fromkeys(_LAYERS, 1) | {"normal": 3}
+_SOURCES = {"clipped": "image", "exponent_bin": "shininess"}
+"""What the features that are not stored are computed from."""
 
 
 def training_shards(corpus: Path) -> tuple[list[Path], list[Path]]:
@@ -38,59 +59,117 @@ def training_shards(corpus: Path) -> tuple[list[Path], list[Path]]:
 
 
 def training(
-    shards: list[Path], *, size: int, batch_size: int, seed: int, first_step: int = 0
+    shards: list[Path],
+    *,
+    size: int,
+    batch_size: int,
+    seed: int,
+    first_step: int = 0,
+    camera: bool = True,
+    features: Collection[str] = LEARNT_FROM,
 ) -> tf.data.Dataset:
-    """Endless shuffled batches; the same seed gives the same order, from any `first_step` on.
+    """Endless shuffled batches; the same seed gives the same ones, from any `first_step` on.
 
     Args:
         shards: files to read.
         size: height and width of the images; a divisor of the stored size.
         batch_size: examples a batch.
-        seed: of the order, beside TensorFlow's global one.
+        seed: of the photos, and, beside TensorFlow's global one, of the order.
         first_step: batches to pass over without decoding them, when training is resumed.
+        camera: whether to photograph the scenes anew each time (`camera.photograph`).
+        features: what the batches are to hold; nothing else is decoded without need.
 
     Raises:
-        ValueError: if a shard is cut off.
+        ValueError: if a shard is cut off, or a feature unknown.
     """
     _check_whole(shards)
     dataset = tf.data.Dataset.from_tensor_slices([str(path) for path in shards])
     dataset = dataset.shuffle(len(shards), seed=seed, reshuffle_each_iteration=True)
     dataset = dataset.interleave(tf.data.TFRecordDataset, cycle_length=4)
     dataset = dataset.shuffle(_SHUFFLE, seed=seed, reshuffle_each_iteration=True).repeat()
-    dataset = dataset.skip(first_step * batch_size)
-    dataset = dataset.map(_prepare(size), num_parallel_calls=tf.data.AUTOTUNE, deterministic=True)
+    dataset = dataset.enumerate().skip(first_step * batch_size)
+    prepare = _prepare(size, features, camera)
+
+    def prepared(position: tf.Tensor, serialized: tf.Tensor) -> dict[str, tf.Tensor]:
+        return prepare(serialized, tf.stack([tf.constant(seed, tf.int64), position]))
+
+    dataset = dataset.map(prepared, num_parallel_calls=tf.data.AUTOTUNE, deterministic=True)
     return dataset.batch(batch_size, drop_remainder=True).prefetch(2)
 
 
-def evaluation(shards: list[Path], *, size: int, batch_size: int) -> tf.data.Dataset:
+def evaluation(
+    shards: list[Path],
+    *,
+    size: int,
+    batch_size: int,
+    camera: bool = False,
+    features: Collection[str] = FEATURES,
+) -> tf.data.Dataset:
     """Every example once, in order; the last batch may be smaller.
 
-    Raises:
-        ValueError: if a shard is cut off.
+    With `camera`, each is photographed by the camera of its own seed and index. Arguments and
+    errors as in `training`.
     """
     _check_whole(shards)
     dataset = tf.data.TFRecordDataset([str(path) for path in shards])
-    dataset = dataset.map(_prepare(size), num_parallel_calls=tf.data.AUTOTUNE, deterministic=True)
+    prepare = _prepare(size, features, camera)
+    dataset = dataset.map(prepare, num_parallel_calls=tf.data.AUTOTUNE, deterministic=True)
     return dataset.batch(batch_size).prefetch(2)
 
 
-def resize(example: dict[str, tf.Tensor], size: int) -> dict[str, tf.Tensor]:
-    """Bring an example's images to `size` × `size` by area averaging.
+def naming_damage(batches: Iterable[Any], shards: list[Path]) -> Iterator[Any]:
+    """Yield what `batches` yields; say where it is if a record turns out to be damaged.
 
-    The image is averaged in linear light, and `clipped` `(size, size, 3)` added: 1 where any part
-    of the area was clipped, whose mean is then only a lower bound. Layers are averaged over the
-    covered part of each area, so a silhouette stays as bright as the object; the camera is scaled
-    along.
+    TensorFlow's own errors name neither file nor record, so the shards are searched for it then.
+
+    Raises:
+        ValueError: naming the shard, its first damaged record, and how to mend it.
+    """
+    iterator = iter(batches)
+    while True:
+        try:
+            batch = next(iterator)
+        except StopIteration:
+            return
+        except (tf.errors.DataLossError, tf.errors.InvalidArgumentError):
+            for path in shards:
+                _check_records(path)
+            raise
+        yield batch
+
+
+def resize(example: dict[str, tf.Tensor], size: int) -> dict[str, tf.Tensor]:
+    """Bring an example's images to `size` × `size` by area averaging; those of that size stay.
+
+    The image is averaged in linear light, and `clipped` `(size, size, 3)`, by default the channels
+    at `colour.CLIPPED` and above, is 1 where any part of the area was clipped, whose mean is then
+    only a lower bound. Layers are averaged over the covered part of each area, so a silhouette
+    stays as bright as the object; the camera is scaled along.
+
+    Args:
+        example: as of `records.parse`: all of it, or some of it with the mask.
+        size: a divisor of the stored height and width.
 
     Raises:
         tf.errors.InvalidArgumentError: if `size` does not divide the stored size.
     """
+    out = dict(example)
+    if "image" in example and "clipped" not in example:
+        out["clipped"] = tf.cast(example["image"] >= colour.CLIPPED, tf.float32)
     stored = tf.shape(example["mask"])[0]
     divides = tf.debugging.assert_equal(
         stored % size, 0, f"the stored images cannot be averaged to {size}: pass a divisor"
     )
     with tf.control_dependencies([divides] if divides is not None else []):
         factor = stored // size
+    out = tf.cond(factor == 1, lambda: out, lambda: _averaged(out, size, factor))
+    for name in filter(out.__contains__, _CHANNELS):
+        out[name] = tf.ensure_shape(out[name], (size, size, _CHANNELS[name]))
+    return out
+
+
+def _averaged(example: dict[str, tf.Tensor], size: int, factor: tf.Tensor) -> dict[str, tf.Tensor]:
+    """The example with each `factor` × `factor` pixels of it made one."""
 
     def blocks(name: str, image: tf.Tensor) -> tf.Tensor:
         return tf.reshape(image, (size, factor, size, factor, _CHANNELS[name]))
@@ -99,17 +178,19 @@ def resize(example: dict[str, tf.Tensor], size: int) -> dict[str, tf.Tensor]:
         return tf.reduce_mean(blocks(name, image), axis=(1, 3))
 
     out = dict(example)
-    linear = area_mean("image", _as_float(colour.srgb_to_linear(example["image"], tnp)))
-    out["image"] = _as_float(colour.linear_to_srgb(linear, tnp))
-    clipped = tf.cast(example["image"] >= colour.CLIPPED, tf.float32)
-    out["clipped"] = tf.reduce_max(blocks("image", clipped), axis=(1, 3))
     out["mask"] = area_mean("mask", example["mask"])
-    for name in _LAYERS:
+    if "image" in example:
+        linear = area_mean("image", _as_float(colour.srgb_to_linear(example["image"], tnp)))
+        out["image"] = _as_float(colour.linear_to_srgb(linear, tnp))
+        out["clipped"] = tf.reduce_max(blocks("clipped", example["clipped"]), axis=(1, 3))
+    for name in filter(example.__contains__, _LAYERS):
         covered = area_mean(name, example[name] * example["mask"])
         out[name] = tf.math.divide_no_nan(covered, out["mask"])
-    # l2_normalize leaves the zero normals outside the mask at zero.
-    out["normal"] = tf.math.l2_normalize(out["normal"], axis=-1)
-    out["camera"] = example["camera"] / tf.cast(factor, tf.float32)
+    if "normal" in example:
+        # l2_normalize leaves the zero normals outside the mask at zero.
+        out["normal"] = tf.math.l2_normalize(out["normal"], axis=-1)
+    if "camera" in example:
+        out["camera"] = example["camera"] / tf.cast(factor, tf.float32)
     return out
 
 
@@ -121,8 +202,8 @@ def _as_float(values: tf.Tensor) -> tf.Tensor:
 def _check_whole(shards: list[Path]) -> None:
     """Refuse a shard whose records do not end where the file does.
 
-    TensorFlow's own error names no file, and of a record cut off within its first 12 bytes it says
-    nothing at all. Only the lengths are read; what lies between is checked as it is decoded.
+    Of a record cut off within its first 12 bytes TensorFlow itself says nothing at all. Only the
+    lengths are read; what lies between is checked as it is decoded.
     """
     for path in shards:
         size, end = path.stat().st_size, 0
@@ -132,22 +213,60 @@ def _check_whole(shards: list[Path]) -> None:
                 # Length (8 bytes), its checksum (4), the record, its checksum (4).
                 end += 16 + int.from_bytes(file.read(8), "little")
         if end != size:
-            raise ValueError(
-                f"{path} is broken: it has {size} bytes, its records end at {end}; delete it and "
-                "its .json, and run the same `lime-render` command again"
-            )
+            whole = _check_records(path)
+            raise _broken(path, whole, f"the file ends within it, after {size} bytes")
 
 
-def _prepare(size: int) -> Callable[[tf.Tensor], dict[str, tf.Tensor]]:
-    """The map function: bytes → example of that size, with its exponent's class."""
+def _check_records(path: Path) -> int:
+    """Number of records in a shard, after decoding them all.
+
+    Raises:
+        ValueError: naming the first that is damaged.
+    """
+    count = 0
+    try:
+        for serialized in tf.data.TFRecordDataset(str(path)):
+            records.parse(serialized)
+            count += 1
+    except (tf.errors.DataLossError, tf.errors.InvalidArgumentError) as error:
+        raise _broken(path, count, _plain(error)) from error
+    return count
+
+
+def _plain(error: tf.errors.OpError) -> str:
+    """TensorFlow's message without the operations it passed through."""
+    return re.sub(r"\{\{.*?\}\} *| *\[Op:.*", "", str(error.message).splitlines()[0])
+
+
+def _broken(path: Path, record: int, found: str) -> ValueError:
+    """The error for a damaged record, counted from 0."""
+    return ValueError(
+        f"{path} is broken: record {record} (the first is 0) cannot be read: {found}; delete the "
+        "file and its .json, and run the same `lime-render` command again"
+    )
+
+
+def _prepare(
+    size: int, features: Collection[str], camera: bool
+) -> Callable[..., dict[str, tf.Tensor]]:
+    """The map function: bytes, and the camera's seed → the features of an example of that size."""
+    if unknown := sorted(set(features) - set(FEATURES)):
+        raise ValueError(f"a batch can hold no {', '.join(unknown)}, but {', '.join(FEATURES)}")
     edges = tf.constant(shininess.LOG_EDGES[1:-1], tf.float32)
+    wanted = {"mask", *(_SOURCES.get(name, name) for name in features)}
+    if camera:
+        wanted |= {"seed", "index", *SCENE}
 
-    def prepare(serialized: tf.Tensor) -> dict[str, tf.Tensor]:
-        example = resize(records.parse(serialized), size)
-        log = tf.math.log(tf.maximum(example["shininess"], 1.0)) / math.log(10.0)
-        # The same slack as shininess.bin_of.
-        above = log + shininess.BIN_WIDTH * 1e-6 >= edges
-        example["exponent_bin"] = tf.reduce_sum(tf.cast(above, tf.int32))
-        return example
+    def prepare(serialized: tf.Tensor, seed: tf.Tensor | None = None) -> dict[str, tf.Tensor]:
+        example = records.parse(serialized, wanted)
+        if camera:
+            example = photograph(example, seed)
+        example = resize(example, size)
+        if "exponent_bin" in features:
+            log = tf.math.log(tf.maximum(example["shininess"], 1.0)) / math.log(10.0)
+            # The same slack as shininess.bin_of.
+            above = log + shininess.BIN_WIDTH * 1e-6 >= edges
+            example["exponent_bin"] = tf.reduce_sum(tf.cast(above, tf.int32))
+        return {name: example[name] for name in features}
 
     return prepare

@@ -12,6 +12,9 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 
+LEAST_SIDE = 8
+"""Pixels along a side below which a picture shows nothing."""
+
 
 def procedural(rng: np.random.Generator, size: int) -> np.ndarray:
     """Makes a random texture.
@@ -47,26 +50,57 @@ def photograph(path: str | Path, rng: np.random.Generator, size: int) -> np.ndar
         `(size, size, 3)` float32, sRGB-encoded, within [0, 1]; grey pictures get equal channels.
 
     Raises:
-        ValueError: If the file is missing or cannot be read.
+        ValueError: If the file is missing, cannot be read or is too small.
     """
-    picture = oiio.ImageBuf(str(path))
-    if picture.has_error or not picture.read(0, 0, True, oiio.FLOAT):
-        raise ValueError(
-            f"{path}: cannot be read as a picture ({picture.geterror()}); check the path, or save "
-            f"it again as PNG or JPEG."
-        )
-    picture = oiio.ImageBufAlgo.reorient(picture)
-    width, height = picture.spec().width, picture.spec().height
+    picture = read(path)[0]
+    data = picture.roi  # a file may say that its pixels begin elsewhere than at 0
+    width, height = data.width, data.height
     side = max(1, round(rng.uniform(0.5, 1.0) * min(width, height)))
-    left, top = rng.integers(width - side + 1), rng.integers(height - side + 1)
-    square = oiio.ROI(int(left), int(left + side), int(top), int(top + side))
-    square = oiio.ImageBufAlgo.cut(picture, square)
-    resized = oiio.ImageBufAlgo.resize(square, roi=oiio.ROI(0, size, 0, size))
+    left = data.xbegin + int(rng.integers(width - side + 1))
+    top = data.ybegin + int(rng.integers(height - side + 1))
+    region = oiio.ROI(left, left + side, top, top + side)
+    square = oiio.ImageBufAlgo.copy(oiio.ImageBufAlgo.cut(picture, region), oiio.FLOAT)
+    # Much smaller, averaged over areas: a filter as wide as the change takes seconds.
+    kernel = "box" if side > 2 * size else ""
+    resized = oiio.ImageBufAlgo.resize(square, kernel, roi=oiio.ROI(0, size, 0, size))
     pixels = resized.get_pixels(oiio.FLOAT)
     pixels = pixels[..., :3] if pixels.shape[2] >= 3 else np.repeat(pixels[..., :1], 3, axis=2)
     if rng.random() < 0.5:
         pixels = pixels[:, ::-1]
-    return np.ascontiguousarray(np.clip(np.nan_to_num(pixels), 0, 1), np.float32)
+    return np.ascontiguousarray(np.clip(pixels, 0, 1), np.float32)
+
+
+def read(path: str | Path) -> tuple[oiio.ImageBuf, tuple[str, ...]]:
+    """Reads a picture file, turned upright.
+
+    Returns:
+        The picture, in the file's own numbers; and notes on what is black instead.
+
+    Raises:
+        ValueError: If the file is missing, cannot be read or has less than `LEAST_SIDE` pixels
+            along a side.
+    """
+    picture = oiio.ImageBuf(str(path))
+    if picture.has_error or not picture.read(force=True):
+        raise ValueError(
+            f"{path}: cannot be read as a picture ({picture.geterror()}); check the path, or save "
+            f"it again as PNG or JPEG."
+        )
+    spec = picture.spec()
+    if min(spec.width, spec.height) < LEAST_SIDE:
+        raise ValueError(
+            f"{path}: is {spec.width}x{spec.height}, expected at least {LEAST_SIDE} pixels along "
+            "either side; use a larger picture."
+        )
+    notes: tuple[str, ...] = ()
+    if spec.format.basetype in (oiio.HALF, oiio.FLOAT, oiio.DOUBLE):
+        pixels = np.asarray(picture.get_pixels(oiio.FLOAT))
+        if broken := int(np.sum(~np.isfinite(pixels).all(-1))):
+            picture.set_pixels(oiio.ROI(), np.where(np.isfinite(pixels), pixels, 0))
+            notes = (f"{broken} pixels that were not finite are black",)
+    if picture.orientation != 1:
+        picture = oiio.ImageBufAlgo.reorient(picture)
+    return picture, notes
 
 
 def _texture(rng: np.random.Generator, size: int) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""`lime-render`: render a corpus."""
+"""`lime-render`: render a corpus, verify it, look at it."""
 
 import argparse
 import os
@@ -6,13 +6,19 @@ import sys
 from pathlib import Path
 
 from lime_keras import console
+from lime_keras.corpus import SPLITS
 from lime_keras.version import __version__
+
+from .quality import QUALITIES
 
 _EXAMPLE = """
 examples:
   lime-render corpus --split train --count 512
   lime-render corpus --split test --count 128
   lime-render corpus --split train --count 10000 --shapes meshes/ --environments hdris/
+  lime-render corpus --verify
+  lime-render corpus --preview
+  lime-render corpus --split test --layers 12
 
 An interrupted command, run again, goes on where it stopped; the same seed gives the same bytes
 whatever the number of workers.
@@ -29,8 +35,31 @@ def parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     out.add_argument("out", type=Path, metavar="OUT", help="folder of the corpus")
-    out.add_argument("--split", choices=("train", "test"), required=True)
-    out.add_argument("--count", type=_positive, required=True, help="number of examples")
+    out.add_argument(
+        "--split",
+        choices=SPLITS,
+        help="which half of the corpus; --verify and --preview take all that there are",
+    )
+    out.add_argument("--count", type=_positive, help="number of examples to render")
+    looks = out.add_argument_group("instead of rendering").add_mutually_exclusive_group()
+    looks.add_argument(
+        "--verify",
+        action="store_true",
+        help="check files, counts, checksums and every record: that layers recompose to the image, "
+        "that the stored light shades the stored normals, and more",
+    )
+    looks.add_argument(
+        "--preview",
+        action="store_true",
+        help="draw OUT/SPLIT/preview.png, a contact sheet, and histograms.png, what was sampled "
+        "beside what should have been",
+    )
+    looks.add_argument(
+        "--layers",
+        type=_index,
+        metavar="INDEX",
+        help="write one example as OpenEXR layers: OUT/SPLIT/example-INDEX.exr and its environment",
+    )
     out.add_argument("--seed", type=_seed, default=0, help="of everything random (default: 0)")
     out.add_argument(
         "--shapes",
@@ -55,6 +84,19 @@ def parser() -> argparse.ArgumentParser:
         help="folder of pictures to put behind the objects instead of random textures",
     )
     out.add_argument(
+        "--unusable",
+        choices=("refuse", "skip"),
+        default="refuse",
+        help="what to do about files of these folders that cannot be used; they are told by name, "
+        "with the reason (default: refuse to begin)",
+    )
+    out.add_argument(
+        "--quality",
+        choices=tuple(QUALITIES),
+        default="fast",
+        help="reference converges, and takes many times as long (default: fast)",
+    )
+    out.add_argument(
         "--shading",
         choices=("furnace", "literal"),
         default="furnace",
@@ -70,19 +112,87 @@ def parser() -> argparse.ArgumentParser:
         metavar="N",
         help="examples in a file (default: a twentieth of the count, at most 512)",
     )
-    out.add_argument(
+    machines = out.add_mutually_exclusive_group()
+    machines.add_argument(
         "--workers", type=_positive, default=os.cpu_count(), help="processes (default: all cores)"
+    )
+    machines.add_argument(
+        "--ray",
+        metavar="ADDRESS",
+        help="render on the Ray cluster at this address (HOST:PORT, or auto) instead, whose nodes "
+        "must share OUT and the folders above",
     )
     out.add_argument("--version", action="version", version=__version__)
     return out
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Render one split of a corpus; returns the exit status."""
-    options = parser().parse_args(argv)
+    """Render one split of a corpus, or look at what was rendered; returns the exit status."""
+    parsing = parser()
+    options = parsing.parse_args(argv)
+    looking = options.verify or options.preview
+    if not looking and options.split is None:
+        parsing.error("--split is needed: train or test")
+    if looking or options.layers is not None:
+        if options.count is not None:
+            parsing.error("--count is for rendering: --verify, --preview and --layers take none")
+        return console.run(lambda: _look(options), "nothing of the corpus was changed")
+    if options.count is None:
+        parsing.error("--count is needed: how many examples to render")
     return console.run(
         lambda: _render(options), "the same command goes on with the shards that are missing"
     )
+
+
+def _look(options: argparse.Namespace) -> int:
+    """Verify, preview or export what was rendered."""
+    if options.layers is not None:
+        console.import_tensorflow()
+        from . import layers
+
+        out = layers.default_path(options.out, options.split, options.layers)
+        layers.export(options.out, options.split, options.layers, out)
+        print(out)
+        print(layers.environment_path(out))
+        return 0
+    console.import_tensorflow()
+    # Claimed is enough: that a split was never completed is for --verify to tell.
+    splits = [options.split] if options.split else _splits(options.out)
+    return max(
+        [
+            _verify(options.out, split) if options.verify else _preview(options.out, split)
+            for split in splits
+        ]
+    )
+
+
+def _splits(out: Path) -> list[str]:
+    found = [split for split in SPLITS if (out / split / "description.json").is_file()]
+    if not found:
+        raise ValueError(f"{out} holds no corpus: render one with --split and --count")
+    return found
+
+
+def _verify(out: Path, split: str) -> int:
+    from . import verification
+
+    with _Bar(f"verify {split}", "example") as bar:
+        faults = verification.verify(out, split, bar.move)
+    for line in faults.lines():
+        print(line, file=sys.stderr)
+    summary = f"{faults.examples} examples in {out / split}"
+    print(f"{summary}: {faults.count} faults" if faults.count else f"{summary}: sound")
+    return 1 if faults.count else 0
+
+
+def _preview(out: Path, split: str) -> int:
+    from . import preview
+
+    with _Bar(f"preview {split}", "example") as bar:
+        paths = preview.preview(out, split, bar.move)
+    for path in paths:
+        print(path)
+    return 0
 
 
 def _render(options: argparse.Namespace) -> int:
@@ -103,19 +213,32 @@ def _render(options: argparse.Namespace) -> int:
         seed=options.seed,
         size=options.size,
         shard_size=options.shard_size or min(512, -(-options.count // 20)),
+        quality=options.quality,
         shading=options.shading,
         variant=choice.variant,
         **folders,
     )
-    with _Bar("rooms", "room") as rooms, _Bar(options.split, "example") as rendered:
+    with (
+        _Bar("files", "file") as checked,
+        _Bar("rooms", "room") as rooms,
+        _Bar(options.split, "example") as rendered,
+    ):
         manifest = shards.render_split(
             options.out,
             description,
             choice,
             workers=options.workers,
+            ray=options.ray,
+            skip_unusable=options.unusable == "skip",
+            on_input=checked.move,
             on_room=rooms.move,
             on_example=rendered.move,
         )
+    for repair in manifest["repaired"]:
+        print(f"repaired: {repair}", file=sys.stderr)
+    for kind, skipped in manifest["skipped"].items():
+        for name, reason in skipped.items():
+            print(f"skipped: {kind}: {name}: {reason}", file=sys.stderr)
     for failure in manifest["failures"]:
         print(f"replaced: example {failure['index']}: {failure['error']}", file=sys.stderr)
     print(f"{manifest['examples']} examples in {options.out / options.split}")
@@ -152,6 +275,13 @@ def _positive(text: str) -> int:
     value = int(text)
     if value < 1:
         raise argparse.ArgumentTypeError(f"{text} is not at least 1")
+    return value
+
+
+def _index(text: str) -> int:
+    value = int(text)
+    if value < 0:
+        raise argparse.ArgumentTypeError(f"{text} is not at least 0")
     return value
 
 

@@ -17,6 +17,7 @@ from .quality import FAST, Quality
 MEAN_RADIANCE = 0.4
 """Spherical mean to which every map is scaled: the exposure (docs/decisions.md)."""
 _COARSEST = 32
+_IRRADIANCE_LIGHTS = 64  # rows of the map that lights the irradiance table, at least
 
 
 @dataclass(frozen=True)
@@ -94,19 +95,17 @@ def prepare(
 
     Args:
         name: to be told with the light, and in errors.
-        radiance: `(H, W)`, W about 2 H, at least 32 rows.
+        radiance: `(H, W)`, W about 2 H, of any size.
         mean: the spherical mean of the result.
         quality: how finely it is to light.
 
     Raises:
-        ValueError: if the map is black, not finite or too small.
+        ValueError: if the map is black or not finite.
     """
+    # Repeating the texels of a small map changes its radiance nowhere.
+    repeats = -(-_COARSEST // min(len(radiance), radiance.shape[1] // 2))
+    radiance = radiance.repeat(repeats, axis=0).repeat(repeats, axis=1)
     rows, columns = radiance.shape
-    if min(rows, columns // 2) < _COARSEST:
-        raise ValueError(
-            f"{name}: the map is {columns}x{rows}, expected at least {2 * _COARSEST}x{_COARSEST}; "
-            "use one of a higher resolution"
-        )
     average = environment.spherical_mean(radiance)
     if not np.isfinite(average) or average <= 0:
         raise ValueError(f"{name}: the map's mean radiance is {average}; a light must shine")
@@ -117,7 +116,7 @@ def prepare(
     levels = _levels(environments.resized(scaled, finest), quality.precision)
     rows = quality.irradiance_rows
     normals = environment.directions(rows, 2 * rows).reshape(-1, 3).astype(quality.precision)
-    middle = levels[min(2 * rows, finest)]
+    middle = levels[min(max(rows, _IRRADIANCE_LIGHTS), finest)]
     flat = shading.diffuse(normals, middle.direction.reshape(-1, 3), middle.energy.reshape(-1))
     brightest = np.argmax(levels[_COARSEST].energy)
     return Light(

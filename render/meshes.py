@@ -10,9 +10,14 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
+from . import obj
+from .smoothing import face_normals, smoothed
+
 EXTENSIONS = (".obj", ".ply", ".stl", ".glb")
 
-CREASE = np.radians(50)  # faces that meet at a larger angle keep separate normals
+_TRUSTED = 0.98
+"""Share of faces whose corners' normals lie on one side of them, from which a file's normals are
+used: smooth normals of a coarse mesh seldom cross a face, garbled ones cross most."""
 
 
 @dataclass(frozen=True)
@@ -31,17 +36,23 @@ class Mesh:
 
 
 def load(path: str | Path) -> Mesh:
-    """Reads a mesh file and normalises it.
+    """Reads a mesh file and normalises it; `read` tells what had to be mended."""
+    return read(path)[0]
 
-    Several parts become one mesh, non-finite vertices and degenerate faces are dropped. The file's
-    own normals are used if they are finite and agree with the winding; otherwise normals are smooth
-    except across creases of more than 50 degrees.
+
+def read(path: str | Path) -> tuple[Mesh, tuple[str, ...]]:
+    """Reads a mesh file, mends and normalises it.
+
+    Several parts become one mesh. Faces without area, or with a corner that is missing or not
+    finite, are dropped. The file's own normals are used if they are finite and fit the faces, which
+    are turned to their side; otherwise faces are turned to agree with their neighbours, and normals
+    are smooth except across creases of more than 50 degrees.
 
     Args:
         path: A file with one of the `EXTENSIONS`.
 
     Returns:
-        The mesh, as large as the file says.
+        The mesh, as finely divided as the file says, and notes on what was mended.
 
     Raises:
         ValueError: If the file is missing, of another kind, cannot be read or has no faces.
@@ -54,19 +65,39 @@ def load(path: str | Path) -> Mesh:
     if not path.is_file():
         raise ValueError(f"{path}: no such file; check the path.")
     try:
-        with path.open("rb") as file:
-            scene = trimesh.load_scene(file, file_type=path.suffix[1:].lower(), process=False)
-        vertices, faces, normals = _assembled(scene)
+        with np.errstate(invalid="ignore", over="ignore"):  # what is not finite is dropped below
+            vertices, faces, normals = _parts(path)
+    except MemoryError:
+        raise  # says nothing of the file
     except Exception as error:  # trimesh passes on whatever its many readers raise
-        raise ValueError(f"{path}: cannot be read as a mesh ({error}); export it anew.") from error
-    faces = _sound_faces(vertices, faces)
+        reason = str(error) or type(error).__name__
+        raise ValueError(f"{path}: cannot be read as a mesh ({reason}); export it anew.") from error
+    if len(faces) == 0:
+        raise ValueError(
+            f"{path}: holds no faces: only points or lines, or it is cut short or no "
+            f"{path.suffix[1:].upper()} file; export the surface as triangles."
+        )
+    count = len(faces)
+    vertices, faces = _sound(vertices, faces)
     if len(faces) == 0:
         raise ValueError(
             f"{path}: holds no face of finite, non-zero area; export the surface as triangles."
         )
-    if _agree(vertices, faces, normals):
-        return normalised(vertices, faces, normals)
-    return normalised(*_creased(vertices, faces))
+    notes = []
+    if len(faces) < count:
+        notes.append(
+            f"{count - len(faces)} of {count} faces dropped: no area, or a corner that is missing "
+            "or not finite"
+        )
+    if _trusted(vertices, faces, normals):
+        side = _sides(vertices, faces, normals).sum(1) < 0
+        turned = int(side.sum())
+        faces = np.where(side[:, None], faces[:, ::-1], faces)
+    else:
+        vertices, faces, normals, turned = smoothed(vertices, faces)
+    if 0 < turned < len(faces):
+        notes.append(f"{turned} of {len(faces)} faces turned to the side of the others")
+    return normalised(vertices, faces, normals), tuple(notes)
 
 
 def normalised(vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray) -> Mesh:
@@ -85,9 +116,32 @@ def normalised(vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray) -> 
     return Mesh(vertices.astype("f4"), np.ascontiguousarray(faces, "u4"), normals.astype("f4"))
 
 
-def _assembled(scene: trimesh.Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """All parts in their places; normals that the file does not give are NaN."""
-    vertices, faces, normals, count = [np.zeros((0, 3))], [np.zeros((0, 3), int)], [], 0
+def may_cover(mesh: Mesh, share: float) -> bool:
+    """Whether a mesh may cover that share of a square picture which its longer side fills.
+
+    Looks from afar in 64 directions; faces count even where they hide one another, so that a wire
+    or a speck far from another is told for sure, and nothing else is.
+    """
+    rng = np.random.default_rng(0)
+    normals = face_normals(mesh.vertices, mesh.faces)
+    for frame in np.linalg.qr(rng.normal(size=(64, 3, 3)))[0].astype(np.float32):
+        side = np.ptp(mesh.vertices @ frame[:, :2], axis=0).max()
+        if np.abs(normals @ frame[:, 2]).sum(dtype=float) / 2 >= share * side**2:
+            return True
+    return False
+
+
+def _parts(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """All parts in their places; normals that the file does not give are NaN.
+
+    Vertex 0 is nowhere: corners that name a vertex that is not there are sent to it.
+    """
+    if path.suffix.lower() == ".obj":
+        return obj.read(path.read_bytes())
+    with path.open("rb") as file:
+        scene = trimesh.load_scene(file, file_type=path.suffix[1:].lower(), process=False)
+    nowhere = np.full((1, 3), np.nan)
+    vertices, faces, normals, count = [nowhere], [np.zeros((0, 3), int)], [nowhere], 1
     for node in scene.graph.nodes_geometry:
         matrix, name = scene.graph[node]
         part = scene.geometry[name]
@@ -96,44 +150,42 @@ def _assembled(scene: trimesh.Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray
         linear = matrix[:3, :3]
         vertices.append(part.vertices @ linear.T + matrix[:3, 3])
         turned = -1 if np.linalg.det(linear) < 0 else 1  # a mirror image turns the winding
-        faces.append(count + part.faces[:, ::turned])
+        corners = part.faces[:, ::turned].astype(int)
+        there = (corners >= 0) & (corners < len(part.vertices))
+        faces.append(np.where(there, count + corners, 0))
         # trimesh makes normals up when asked for them; only the cache tells which were read.
-        given = "vertex_normals" in part._cache.cache
+        given = "vertex_normals" in part._cache.cache and np.linalg.matrix_rank(linear) == 3
         blank = np.full(part.vertices.shape, np.nan)
         normals.append(part.vertex_normals @ np.linalg.inv(linear) if given else blank)
         count += len(part.vertices)
-    return tuple(np.concatenate(p) for p in (vertices, faces, [np.zeros((0, 3)), *normals]))
+    return tuple(np.concatenate(p) for p in (vertices, faces, normals))
 
 
-def _sound_faces(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """The faces of finite corners and of an area that is not rounding error."""
+def _sound(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices within [-1, 1], and the faces whose area is finite and not rounding error."""
     finite = np.isfinite(vertices).all(1)
     faces = faces[finite[faces].all(1)]
     if len(faces) == 0:
-        return faces
-    extent = np.ptp(vertices[faces].reshape(-1, 3), axis=0).max()
-    return faces[np.linalg.norm(_face_normals(vertices, faces), axis=1) > 1e-12 * extent**2]
+        return vertices, faces
+    used = np.zeros(len(vertices), bool)
+    used[faces] = True
+    # Vertices of no face may be anything; at the origin they do no harm.
+    vertices = np.where(used[:, None], vertices, vertices[faces[0, 0]])
+    vertices = vertices / max(np.abs(vertices).max(), np.finfo(float).tiny)
+    vertices = vertices - (vertices.min(0) + vertices.max(0)) / 2
+    vertices = vertices / max(np.abs(vertices).max(), np.finfo(float).tiny)
+    return vertices, faces[np.linalg.norm(face_normals(vertices, faces), axis=1) > 4e-12]
 
 
-def _face_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Normals as long as twice the faces' areas."""
-    a, b, c = vertices[faces].swapaxes(0, 1)
-    return np.cross(b - a, c - a)
+def _sides(vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """How far each corner's normal points to the front of its face, `(F, 3)`."""
+    return (normals[faces] * face_normals(vertices, faces)[:, None]).sum(-1)
 
 
-def _agree(vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray) -> bool:
-    """Whether given normals are finite, not zero, and on the winding's side for nine in ten."""
+def _trusted(vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray) -> bool:
+    """Whether given normals are finite, not zero, and seldom on both sides of a face."""
     given = normals[faces]
     if not np.isfinite(given).all() or (np.linalg.norm(given, axis=-1) < 1e-6).any():
         return False
-    side = (given * _face_normals(vertices, faces)[:, None]).sum(-1)
-    return bool((side > 0).mean() > 0.9)
-
-
-def _creased(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Joins equal positions, then smooths within patches bounded by creases."""
-    corners = vertices[faces].reshape(-1, 3)
-    positions, same = np.unique(corners, axis=0, return_inverse=True)
-    joined = trimesh.Trimesh(positions, same.reshape(-1, 3), process=False)
-    smooth = trimesh.graph.smooth_shade(joined, angle=CREASE)
-    return smooth.vertices, smooth.faces, smooth.vertex_normals
+    side = _sides(vertices, faces, normals)
+    return bool(((side > 0).all(1) | (side < 0).all(1)).mean() >= _TRUSTED)

@@ -9,11 +9,11 @@ from lime_keras import colour, shininess
 
 _ANGULAR_RADIUS = (math.radians(5), math.radians(16))
 """Of the object's bounding sphere as the camera sees it: from a long lens to an arm's length."""
-_OFF_AXIS = math.radians(10)
+OFF_AXIS = math.radians(10)
 """How far from the photo's centre the object, and so the crop, may lie."""
-_FILL = (0.55, 0.92)
+FILL = (0.55, 0.92)
 """Share of the crop that the object's longer side takes."""
-_AMBIENT = (0.0, 0.05)
+AMBIENT = (0.0, 0.05)
 _LIGHT_PITCH = (math.radians(-10), math.radians(30))
 """The camera looks up or down: the light is tilted by as much."""
 _LIGHT_TRIES = 64
@@ -52,7 +52,7 @@ def sample_material(rng: np.random.Generator) -> Material:
         diffuse_albedo=sample_diffuse_albedo(rng),
         specular_albedo=float(rng.uniform()),
         exponent=float(10.0**log),
-        ambient=float(rng.uniform(*_AMBIENT)),
+        ambient=float(rng.uniform(*AMBIENT)),
     )
 
 
@@ -90,12 +90,12 @@ def sample_pose(rng: np.random.Generator, vertices: np.ndarray, size: int) -> Po
     """
     rotation = sample_rotation(rng)
     distance = 1.0 / math.sin(rng.uniform(*_ANGULAR_RADIUS))
-    across, up = np.tan(rng.uniform(-_OFF_AXIS, _OFF_AXIS, 2))
+    across, up = np.tan(rng.uniform(-OFF_AXIS, OFF_AXIS, 2))
     translation = distance * np.array([across, up, -1.0])
     points = vertices @ rotation.T + translation
     projected = points[:, :2] / -points[:, 2:]
     low, high = projected.min(axis=0), projected.max(axis=0)
-    fill = rng.uniform(*_FILL)
+    fill = rng.uniform(*FILL)
     focal = fill * size / np.max(high - low)
     slack = (1 - fill) / 2 * size
     shift = rng.uniform(-slack, slack, 2)

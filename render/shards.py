@@ -11,13 +11,14 @@ import importlib.metadata
 import json
 import multiprocessing
 import os
-from collections.abc import Callable
+import uuid
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from lime_keras import console, corpus
 from lime_keras.version import __version__
 
-from . import examples, scenes, sources, variants
+from . import cluster, environments, examples, inputs, scenes, shapes, sources, variants
 from .quality import QUALITIES
 from .workers import Workers
 
@@ -74,6 +75,9 @@ def render_split(
     choice: variants.Choice,
     *,
     workers: int,
+    ray: str | None = None,
+    skip_unusable: bool = False,
+    on_input: Callable[[int, int], None],
     on_room: Callable[[int, int], None],
     on_example: Callable[[int, int], None],
 ) -> dict:
@@ -84,6 +88,9 @@ def render_split(
         description: of the split.
         choice: Mitsuba's variant and library.
         workers: processes.
+        ray: address of a Ray cluster that renders instead of them.
+        skip_unusable: leave out input files that cannot be used, instead of refusing to begin.
+        on_input: called with (done, total) as input files are checked.
         on_room: called with (done, total) as the built-in rooms are rendered.
         on_example: called with (done, total) as examples are; finished shards count at once.
 
@@ -92,19 +99,27 @@ def render_split(
 
     Raises:
         ValueError: if the folder holds a split of another description, or an input is unusable.
-        RuntimeError: if a worker died; finished shards stay.
+        RuntimeError: if a worker died, or the cluster cannot be used; finished shards stay.
     """
     folder = out / description.split
-    # Read now: an input that cannot be used should fail before the folder is claimed for it, and
-    # before a worker is started.
-    job = _Job(out, description, choice)
+    job = _Job(out.absolute(), description, choice)
+    _refuse_another(folder, job.recorded())
+    # Checked now: an input that cannot be used should fail before the folder is claimed for it.
+    files, findings_path = job.files(), folder / "inputs.json"
+    pool = Workers(workers, _start_nothing)
+    findings = inputs.inspect(
+        files, inputs.read(findings_path), lambda task, items: pool.map(task, items, on_input)
+    )
+    if not skip_unusable:
+        inputs.refuse(findings)
+    job = dataclasses.replace(job, skipped=inputs.skip(findings))
+    used = _used(findings)
+    _refuse_shared_inputs(job, used)
     lights = job.lights.names()
-    recorded = job.recorded()
-    _refuse_shared_inputs(job)
     folder.mkdir(parents=True, exist_ok=True)
-    _claim(folder, recorded)
-    for partial in [*folder.glob("partial-*"), *(folder / "rooms").glob("partial-*")]:
-        partial.unlink()
+    inputs.write(findings_path, findings)
+    _write_json(folder / "description.json", job.recorded())
+    _remove_partials(folder)
     rooms = [] if description.environments else lights
     missing_rooms = [name for name in rooms if not (job.lights.cache / name).is_file()]
     missing = [n for n in range(description.shards) if not _is_finished(job, n)]
@@ -112,13 +127,18 @@ def render_split(
     if not missing and corpus.manifest_path(out, description.split).is_file():
         on_example(done, description.count)
         return corpus.read_manifest(out, description.split)
-    pool = Workers(workers, _start_worker, job)
+    renderers: cluster.Cluster | Workers
+    if ray:
+        renderers = cluster.Cluster(ray, _PACKAGES, _start_worker, job)
+    else:
+        renderers = Workers(workers, _start_worker, job)
     if missing and missing_rooms:
         finished = len(rooms) - len(missing_rooms)
-        pool.run(_render_room, missing_rooms, finished, len(rooms), on_room)
+        renderers.run(_render_room, missing_rooms, finished, len(rooms), on_room)
     on_example(done, description.count)
-    pool.run(_render_shard, missing, done, description.count, on_example)
-    return _write_manifest(job)
+    renderers.run(_render_shard, missing, done, description.count, on_example)
+    _remove_partials(folder)  # of a node that was lost
+    return _write_manifest(job, findings)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -128,45 +148,70 @@ class _Job:
     out: Path
     description: Description
     choice: variants.Choice
+    skipped: Mapping[str, frozenset[str]] = dataclasses.field(
+        default_factory=lambda: dict.fromkeys(inputs.KINDS, frozenset())
+    )
 
     def recorded(self) -> dict:
-        """The description as it is written down, with a hash of the names of all files used.
+        """The description as it is written down.
 
         Folders are told by name: where they lie on this machine changes no byte.
         """
         record = dataclasses.asdict(self.description)
-        for name in ("shapes", "environments", "backgrounds"):
+        for name in inputs.KINDS:
             record[name] = Path(record[name]).name if record[name] else None
-        pictures = [path.name for path in self.backgrounds.pictures()]
-        names = [self.shapes.names(), self.lights.names(), pictures]
-        record["inputs_sha256"] = hashlib.sha256(json.dumps(names).encode()).hexdigest()
         return record
+
+    def files(self) -> dict[str, list[Path]]:
+        """The user's files for this split, by kind; none where something built in serves."""
+        extensions = {"shapes": shapes.EXTENSIONS, "environments": environments.EXTENSIONS}
+        found = {
+            kind: sources.files(folder, self.description.split, extensions[kind]) if folder else []
+            for kind in extensions
+            for folder in [self._folder(kind)]
+        }
+        return found | {"backgrounds": self.backgrounds.pictures()}
 
     @property
     def folder(self) -> Path:
         return self.out / self.description.split
 
+    def _folder(self, kind: str) -> Path | None:
+        folder = getattr(self.description, kind)
+        return Path(folder) if folder else None
+
     @property
     def shapes(self) -> sources.ShapeSource:
-        folder = self.description.shapes
+        description = self.description
         return sources.ShapeSource(
-            Path(folder) if folder else None, self.description.split, self.description.seed
+            self._folder("shapes"), description.split, description.seed, self.skipped["shapes"]
         )
 
     @property
     def lights(self) -> sources.LightSource:
-        folder = self.description.environments
         return sources.LightSource(
-            Path(folder) if folder else None,
+            self._folder("environments"),
             self.description.split,
             self.description.seed,
             self.folder / "rooms",
+            self.skipped["environments"],
         )
 
     @property
     def backgrounds(self) -> sources.BackgroundSource:
-        folder = self.description.backgrounds
-        return sources.BackgroundSource(Path(folder) if folder else None)
+        return sources.BackgroundSource(self._folder("backgrounds"), self.skipped["backgrounds"])
+
+
+def _start_nothing(_: multiprocessing.Queue) -> None:
+    """Files are checked without Mitsuba or TensorFlow."""
+
+
+def _used(findings: inputs.Findings) -> dict[str, dict[str, str]]:
+    """Names and checksums of the user's files that are used, by kind."""
+    return {
+        kind: {finding.name: finding.sha256 for finding in found if finding.problem is None}
+        for kind, found in findings.items()
+    }
 
 
 def _start_worker(job: _Job, ticks: multiprocessing.Queue) -> None:
@@ -186,6 +231,7 @@ class _Worker:
         self.quality = QUALITIES[job.description.quality]
         self.shape_names = job.shapes.names()
         self.light_names = job.lights.names()
+        self.backgrounds = job.backgrounds
         self.mesh = functools.lru_cache(_SHAPES_PER_SHARD)(self._mesh)
         self.light = functools.lru_cache(_LIGHTS_PER_SHARD)(self._light)
         self.drawn = functools.lru_cache(1)(self._drawn)
@@ -228,7 +274,7 @@ class _Worker:
                 scenes.sample_pose(rng, mesh.vertices, description.size),
                 scenes.sample_light_rotation(rng, light.strong_direction),
                 scenes.sample_material(rng),
-                self.job.backgrounds.sample(rng, description.size),
+                self.backgrounds.sample(rng, description.size),
             )
             names = {"shape": shape, "light": light_name}
             numbers = {"seed": description.seed, "index": index}
@@ -261,7 +307,7 @@ def _render_shard(shard: int) -> None:
 
     job = _worker.job
     path = corpus.shard_path(job.out, job.description.split, shard)
-    partial = path.with_name(f"partial-{os.getpid()}-{path.name}")
+    partial = path.with_name(f"partial-{uuid.uuid4().hex}-{path.name}")
     failures: list[dict] = []
     try:
         with tf.io.TFRecordWriter(str(partial)) as writer:
@@ -302,44 +348,54 @@ def held_variant(out: Path, split: str) -> str | None:
     return json.loads(path.read_text(encoding="utf-8"))["variant"] if path.is_file() else None
 
 
-def _refuse_shared_inputs(job: _Job) -> None:
-    """Keep training and test apart even if files came or went between their rendering."""
+def _refuse_shared_inputs(job: _Job, used: dict[str, dict[str, str]]) -> None:
+    """Keep training and test apart, even if files came or went between their rendering.
+
+    By names and by contents: the same mesh may be there under two names.
+    """
     other = next(split for split in corpus.SPLITS if split != job.description.split)
     if not corpus.manifest_path(job.out, other).is_file():
         return
     manifest = corpus.read_manifest(job.out, other)
-    for kind, folder, names in (
-        ("shapes", job.description.shapes, job.shapes.names()),
-        ("lights", job.description.environments, job.lights.names()),
-    ):
-        shared = sorted(set(names) & set(manifest[kind])) if folder else []
+    for kind in ("shapes", "environments"):
+        theirs = manifest["inputs"][kind]
+        shared = [
+            name
+            for name, digest in sorted(used[kind].items())
+            if name in theirs or digest in theirs.values()
+        ]
         if shared:
             raise ValueError(
-                f"{folder}: {', '.join(shared[:5])} {'is' if len(shared) == 1 else 'are'} in the "
-                f"{other} split already, because files came or went since it was rendered: render "
-                "both splits anew, or sort the files into subfolders train and test"
+                f"{getattr(job.description, kind)}: {', '.join(shared[:5])} "
+                f"{'is' if len(shared) == 1 else 'are'} in the {other} split already, because "
+                "files came or went since it was rendered, or under another name: render both "
+                "splits anew, or sort the files into subfolders train and test"
             )
 
 
-def _claim(folder: Path, wanted: dict) -> None:
-    """Record what the folder is for; refuse one that is for something else."""
+def _refuse_another(folder: Path, wanted: dict) -> None:
+    """Refuse a folder that was claimed for another split."""
     path = folder / "description.json"
-    if path.is_file():
-        held = json.loads(path.read_text(encoding="utf-8"))
-        differing = sorted(key for key in wanted | held if wanted.get(key) != held.get(key))
-        if differing:
-            raise ValueError(
-                f"{folder} holds another split: "
-                + ", ".join(
-                    f"{key} {held.get(key)} there, {wanted.get(key)} asked" for key in differing
-                )
-                + ". Pass another folder, the same options, or remove it"
+    if not path.is_file():
+        return
+    held = json.loads(path.read_text(encoding="utf-8"))
+    differing = sorted(key for key in wanted | held if wanted.get(key) != held.get(key))
+    if differing:
+        raise ValueError(
+            f"{folder} holds another split: "
+            + ", ".join(
+                f"{key} {held.get(key)} there, {wanted.get(key)} asked" for key in differing
             )
-    else:
-        _write_json(path, wanted)
+            + ". Pass another folder, the same options, or remove it"
+        )
 
 
-def _write_manifest(job: _Job) -> dict:
+def _remove_partials(folder: Path) -> None:
+    for partial in [*folder.glob("partial-*"), *(folder / "rooms").glob("partial-*")]:
+        partial.unlink(missing_ok=True)
+
+
+def _write_manifest(job: _Job, findings: inputs.Findings) -> dict:
     """Gather the sidecars: the split is complete."""
     sidecars = [
         json.loads(_sidecar(job, shard).read_text(encoding="utf-8"))
@@ -355,12 +411,15 @@ def _write_manifest(job: _Job) -> dict:
         "failures": [failure for sidecar in sidecars for failure in sidecar["failures"]],
         "shapes": job.shapes.names(),
         "lights": job.lights.names(),
+        "inputs": _used(findings),
+        "skipped": inputs.unusable(findings),
+        "repaired": inputs.repairs(findings),
     }
     _write_json(corpus.manifest_path(job.out, job.description.split), manifest)
     return manifest
 
 
 def _write_json(path: Path, value: dict) -> None:
-    partial = path.with_name(f"partial-{path.name}")
+    partial = path.with_name(f"partial-{uuid.uuid4().hex}-{path.name}")
     partial.write_text(json.dumps(value, indent=1) + "\n", encoding="utf-8")
     os.replace(partial, path)

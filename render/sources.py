@@ -7,6 +7,7 @@ them.
 
 import hashlib
 import os
+import uuid
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -58,13 +59,16 @@ def files(folder: Path, split: str, extensions: tuple[str, ...]) -> list[Path]:
             f"{folder} holds {len(found)} {', '.join(extensions)} files; training and test share "
             "none, so at least 2 are needed"
         )
-    ranked = sorted(found, key=lambda path: hashlib.sha256(path.name.encode()).digest())
+    ranked = sorted(found, key=lambda path: hashlib.sha256(os.fsencode(path.name)).digest())
     tests = ranked[: max(1, round(len(ranked) * TEST_SHARE))]
     return [path for path in found if (path in tests) == (split == "test")]
 
 
 def _matching(folder: Path, extensions: tuple[str, ...]) -> list[Path]:
-    return sorted(path for path in folder.iterdir() if path.suffix.lower() in extensions)
+    """A folder's files of that kind, but those that a system hides beside the user's own."""
+    with os.scandir(folder) as entries:
+        found = [folder / e.name for e in entries if e.name[0] != "." and not e.is_dir()]
+    return sorted(path for path in found if path.suffix.lower() in extensions)
 
 
 @dataclass(frozen=True)
@@ -75,16 +79,19 @@ class ShapeSource:
         folder: of mesh files, or None for built-in shapes.
         split: `train` or `test`.
         seed: of the corpus.
+        skipped: names of files to leave out; the others are dealt out as if they were there.
     """
 
     folder: Path | None
     split: str
     seed: int
+    skipped: frozenset[str] = frozenset()
 
     def names(self) -> list[str]:
         """All shapes of the split, in a fixed order."""
         if self.folder:
-            return [path.name for path in files(self.folder, self.split, shapes.EXTENSIONS)]
+            found = files(self.folder, self.split, shapes.EXTENSIONS)
+            return [path.name for path in found if path.name not in self.skipped]
         return [f"{self.split}-{index:04d}" for index in range(PROCEDURAL_SHAPES[self.split])]
 
     def load(self, name: str) -> shapes.Mesh:
@@ -108,17 +115,20 @@ class LightSource:
         split: `train` or `test`.
         seed: of the corpus.
         cache: folder that keeps rendered rooms.
+        skipped: names of files to leave out; the others are dealt out as if they were there.
     """
 
     folder: Path | None
     split: str
     seed: int
     cache: Path
+    skipped: frozenset[str] = frozenset()
 
     def names(self) -> list[str]:
         """All maps of the split, in a fixed order."""
         if self.folder:
-            return [path.name for path in files(self.folder, self.split, environments.EXTENSIONS)]
+            found = files(self.folder, self.split, environments.EXTENSIONS)
+            return [path.name for path in found if path.name not in self.skipped]
         return [f"room-{index:04d}.exr" for index in range(PROCEDURAL_ROOMS[self.split])]
 
     def load(self, name: str, quality: Quality = FAST) -> Light:
@@ -135,7 +145,8 @@ class LightSource:
                 self.render_room(name)
         radiance = environments.load(path)
         if len(radiance) > _LARGEST_MAP:
-            radiance = environments.resized(radiance, _LARGEST_MAP)
+            height = min(_LARGEST_MAP, radiance.shape[1] // 2)
+            radiance = environments.resized(radiance, height)
         return prepare(name, radiance, quality=quality)
 
     def render_room(self, name: str) -> None:
@@ -147,7 +158,7 @@ class LightSource:
         rng = generator(self.seed, self.split, "room", index)
         radiance = room_renderer.render(rooms.sample(rng), seed=int(rng.integers(2**31)))
         self.cache.mkdir(parents=True, exist_ok=True)
-        partial = self.cache / f"partial-{os.getpid()}-{name}"
+        partial = self.cache / f"partial-{uuid.uuid4().hex}-{name}"
         height, width = radiance.shape
         image = oiio.ImageBuf(oiio.ImageSpec(width, height, 1, oiio.HALF))
         image.set_pixels(oiio.ROI(), np.minimum(radiance, 65504)[..., None])
@@ -158,9 +169,15 @@ class LightSource:
 
 @dataclass(frozen=True)
 class BackgroundSource:
-    """What lies behind the object: random textures, or crops of the user's pictures."""
+    """What lies behind the object: random textures, or crops of the user's pictures.
+
+    Args:
+        folder: of pictures, or None for random textures.
+        skipped: names of files to leave out.
+    """
 
     folder: Path | None
+    skipped: frozenset[str] = frozenset()
 
     def pictures(self) -> list[Path]:
         """The user's pictures, sorted by name; none without a folder.
@@ -172,7 +189,8 @@ class BackgroundSource:
             return []
         if not self.folder.is_dir():
             raise ValueError(f"{self.folder} is no folder: pass one with pictures")
-        pictures = _matching(self.folder, (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp"))
+        found = _matching(self.folder, (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp"))
+        pictures = [path for path in found if path.name not in self.skipped]
         if not pictures:
             raise ValueError(f"{self.folder} holds no picture (PNG, JPEG, TIFF or WebP)")
         return pictures
@@ -194,6 +212,6 @@ _LARGEST_MAP = 512
 
 
 def _find(folder: Path, split: str, name: str) -> Path:
-    """A file in a folder, or in its subfolder for the split."""
-    path = folder / name
-    return path if path.is_file() else folder / split / name
+    """A file in a folder, or in its subfolder for the split, as `files` deals them."""
+    dealt = all((folder / name).is_dir() for name in SPLITS)
+    return (folder / split if dealt else folder) / name

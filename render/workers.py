@@ -67,8 +67,28 @@ class Workers:
                             tell(done, total)
         tell(total, total)
 
-    def _finished(self, task: Callable, items: list) -> Generator[None, None, None]:
-        """Run items in processes made for them; yield a few times a second until all are done."""
+    def map(self, task: Callable, items: list, tell: Callable[[int, int], None]) -> list:
+        """What `task` gives for each item, in order.
+
+        Args:
+            task: a function of a module, called in a worker.
+            items: what it is called with.
+            tell: called with (done, total) as results come.
+
+        Raises:
+            RuntimeError: if a process died. What a task raises is raised here.
+        """
+        results: dict[int, Any] = {}
+        with contextlib.closing(self._finished(task, items)) as turns:
+            for finished in turns:
+                results |= finished
+                tell(len(results), len(items))
+        return [results[number] for number in range(len(items))]
+
+    def _finished(self, task: Callable, items: list) -> Generator[dict[int, Any], None, None]:
+        """Run items in processes made for them; yield new results by number, if but empty."""
+        if not items:
+            return
         # Not `max_tasks_per_child`, with which Python 3.11's pool can wait for ever.
         pool = ProcessPoolExecutor(
             min(self._count, len(items)),
@@ -77,12 +97,13 @@ class Workers:
             initargs=(self._initialiser, *self._arguments),
         )
         try:
-            pending: set[Future] = {pool.submit(task, item) for item in items}
+            numbers: dict[Future, int] = {
+                pool.submit(task, item): number for number, item in enumerate(items)
+            }
+            pending = set(numbers)
             while pending:
                 finished, pending = wait(pending, timeout=0.2, return_when=FIRST_COMPLETED)
-                yield
-                for future in finished:
-                    future.result()
+                yield {numbers[future]: future.result() for future in finished}
         except BrokenProcessPool as error:
             raise RuntimeError(
                 "a worker died: killed, out of memory, or a crash told above. Finished shards are "

@@ -1,5 +1,6 @@
 """A corpus in closed form: spheres under a smooth light with a lamp, shaded by Eqs. 1–4."""
 
+import hashlib
 import json
 from pathlib import Path
 
@@ -18,7 +19,8 @@ def example(index: int, seed: int = 0, size: int = SIZE) -> dict:
     camera = np.array([2.0 * size, 2.0 * size, size / 2, size / 2])
     view = shading.view_directions(camera, size, size)
     across, down = np.meshgrid(*[(np.arange(size) + 0.5 - size / 2) / (0.4 * size)] * 2)
-    inside = np.hypot(across, down) < 1
+    # Further out, the normals of a distant sphere face away from a camera this near.
+    inside = np.hypot(across, down) < 0.97
     z = np.sqrt(np.maximum(1 - across**2 - down**2, 0))
     normal = np.stack([across, -down, z], axis=-1)
     light = _light(rng)
@@ -61,17 +63,51 @@ def example(index: int, seed: int = 0, size: int = SIZE) -> dict:
     }
 
 
-def write_split(corpus: Path, split: str, shards: list[range], seed: int = 0) -> Path:
+def write_split(
+    corpus: Path, split: str, shards: list[range], seed: int = 0, size: int = SIZE
+) -> Path:
     """Write a complete split of closed-form records, one shard for each range of indices."""
     folder = corpus / split
     folder.mkdir(parents=True)
     for shard, indices in enumerate(shards):
-        with tf.io.TFRecordWriter(str(folder / f"{shard:05d}.tfrecord")) as writer:
-            for index in indices:
-                writer.write(records.encode(example(index, seed)))
-    manifest = {"shards": len(shards), "sha256": [str(seed)] * len(shards)}
-    (folder / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
+        write_shard(folder, shard, [example(index, seed, size) for index in indices])
+    description = {
+        "split": split,
+        "count": sum(map(len, shards)),
+        "seed": seed,
+        "size": size,
+        "shard_size": max(map(len, shards)),
+        "shading": "furnace",
+        "shapes": None,
+        "environments": None,
+    }
+    manifest = {
+        "description": description,
+        "shards": len(shards),
+        "examples": description["count"],
+        "sha256": [
+            json.loads((folder / f"{shard:05d}.json").read_text(encoding="utf-8"))["sha256"]
+            for shard in range(len(shards))
+        ],
+        "failures": [],
+        "shapes": ["sphere"],
+        "lights": ["lamp"],
+    }
+    for name, content in (("description", description), ("manifest", manifest)):
+        (folder / f"{name}.json").write_text(json.dumps(content), encoding="utf-8")
     return corpus
+
+
+def write_shard(folder: Path, shard: int, examples: list[dict]) -> str:
+    """Write records and the sidecar that vouches for them; returns their SHA-256."""
+    path = folder / f"{shard:05d}.tfrecord"
+    with tf.io.TFRecordWriter(str(path)) as writer:
+        for record in examples:
+            writer.write(records.encode(record))
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    sidecar = {"examples": len(examples), "sha256": digest, "failures": []}
+    path.with_suffix(".json").write_text(json.dumps(sidecar), encoding="utf-8")
+    return digest
 
 
 def _light(rng: np.random.Generator) -> np.ndarray:

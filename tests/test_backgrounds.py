@@ -3,6 +3,7 @@
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from PIL import Image
 
 from lime_keras.render import backgrounds
 
@@ -71,6 +72,67 @@ def test_photographs_are_turned_upright(tmp_path):
     crops = [backgrounds.photograph(path, np.random.default_rng(k), 32) for k in range(20)]
     assert max(np.ptp(crop.mean((1, 2))) for crop in crops) > 0.8
     assert max(np.ptp(crop.mean((0, 2))) for crop in crops) < 0.05
+
+
+@pytest.mark.parametrize("mode", ["1", "L", "LA", "P", "RGB", "RGBA", "CMYK", "YCbCr", "I;16"])
+def test_photographs_of_any_kind_are_read_as_colours(tmp_path, mode):
+    colour = np.array([200, 100, 50], np.uint8)
+    picture = Image.fromarray(np.broadcast_to(colour, (60, 90, 3)).copy())
+    expected = colour / 255
+    if mode == "I;16":
+        picture = Image.fromarray(np.full((60, 90), 0x8000, np.uint16))
+        expected = [0.5] * 3
+    elif mode != "RGB":
+        picture = picture.convert(mode)
+        if mode in "1LA":
+            expected = [np.asarray(picture.convert("L")).mean() / 255] * 3
+    kind = {"CMYK": "jpg", "YCbCr": "jpg"}.get(mode, "png")
+    picture.save(tmp_path / f"photo.{kind}")
+    crop = backgrounds.photograph(tmp_path / f"photo.{kind}", np.random.default_rng(0), 32)
+    np.testing.assert_allclose(crop.mean((0, 1)), expected, atol=0.03 if mode == "1" else 0.01)
+
+
+@pytest.mark.parametrize("side", [8, 100, 127, 129, 500, 2000])
+def test_photographs_of_any_size_keep_their_mean(tmp_path, side):
+    """Whichever filter makes them fit."""
+    x = np.linspace(0.2, 0.8, side)
+    path = write(tmp_path / "photo.png", np.broadcast_to(x[:, None, None], (side, side, 3)))
+    crop = backgrounds.photograph(path, np.random.default_rng(3), 64)
+    along = crop.mean((1, 2))
+    assert (np.diff(along) > -1 / 255).all() and np.ptp(crop, axis=1).max() < 1e-5
+    np.testing.assert_allclose(along.mean(), along[[0, -1]].mean(), atol=0.01)
+
+
+def test_photographs_may_begin_elsewhere_than_at_zero(tmp_path):
+    spec = oiio.ImageSpec(60, 40, 3, oiio.UINT8)
+    spec.x, spec.y, spec.full_width, spec.full_height = 500, 300, 600, 400
+    image = oiio.ImageBuf(spec)
+    oiio.ImageBufAlgo.fill(image, (0.5, 0.5, 0.5))
+    assert image.write(str(tmp_path / "part.tif"))
+    crop = backgrounds.photograph(tmp_path / "part.tif", np.random.default_rng(0), 32)
+    np.testing.assert_allclose(crop, 0.5, atol=0.01)
+
+
+def test_pixels_that_are_not_finite_are_black_and_told(tmp_path):
+    pixels = np.full((40, 60, 3), 0.5, np.float32)
+    pixels[:, :10, 1] = np.nan
+    pixels[:, 10:20] = np.inf
+    image = oiio.ImageBuf(oiio.ImageSpec(60, 40, 3, oiio.FLOAT))
+    image.set_pixels(oiio.ROI(), pixels)
+    assert image.write(str(tmp_path / "photo.tif"))
+    picture, notes = backgrounds.read(tmp_path / "photo.tif")
+    assert notes == ("800 pixels that were not finite are black",)
+    np.testing.assert_array_equal(
+        picture.get_pixels()[0, [0, 15, 30]], [[0.5, 0, 0.5], [0] * 3, [0.5] * 3]
+    )
+    assert backgrounds.read(write(tmp_path / "sound.png", pixels[:, 20:]))[1] == ()
+
+
+@pytest.mark.parametrize("shape", [(1, 1, 3), (7, 300, 3), (300, 7, 1)])
+def test_photographs_of_a_few_pixels_are_refused_by_name(tmp_path, shape):
+    path = write(tmp_path / "dot.png", np.ones(shape))
+    with pytest.raises(ValueError, match=r"dot\.png: is \d+x\d+, expected at least 8 pixels"):
+        backgrounds.read(path)
 
 
 def test_unreadable_photographs_are_refused_by_name(tmp_path):

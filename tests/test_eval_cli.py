@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 import subprocess
 import sys
 
@@ -229,7 +230,53 @@ def test_a_damaged_shard_is_named(run, tmp_path, capsys):
     shard = tmp_path / "test" / "00000.tfrecord"
     shard.write_bytes(shard.read_bytes()[:-40])
     line = _fails(capsys, tmp_path, "--weights", run)
-    assert str(tmp_path / "test") in line and "render the split again" in line
+    assert f"{shard} is broken: record 0" in line and "lime-render" in line
+
+
+def test_a_damaged_record_is_named(corpus, run, tmp_path, capsys):
+    shutil.copytree(corpus, tmp_path / "corpus")
+    shard = tmp_path / "corpus" / "test" / "00001.tfrecord"
+    data = bytearray(shard.read_bytes())
+    data[-100] ^= 1
+    shard.write_bytes(data)
+    line = _fails(capsys, tmp_path / "corpus", "--weights", run)
+    assert f"{shard} is broken: record 2" in line and "lime-render" in line
+
+
+def test_a_broken_picture_is_named(corpus, run, tmp_path, capsys):
+    """The record's checksum is right, so only decoding finds it."""
+    shutil.copytree(corpus, tmp_path / "corpus")
+    shard = tmp_path / "corpus" / "test" / "00001.tfrecord"
+    stored = [serialized.numpy() for serialized in tf.data.TFRecordDataset(str(shard))]
+    message = tf.train.Example.FromString(stored[1])
+    message.features.feature["mirror"].bytes_list.value[:] = [b"no picture"]
+    with tf.io.TFRecordWriter(str(shard)) as writer:
+        for serialized in (stored[0], message.SerializeToString(), stored[2]):
+            writer.write(serialized)
+    line = _fails(capsys, tmp_path / "corpus", "--weights", run)
+    assert f"{shard} is broken: record 1" in line and "lime-render" in line
+
+
+def test_the_camera_is_used_only_if_asked(corpus, run, written, evaluation, tmp_path):
+    out = tmp_path / "photos"
+    assert cli.main([str(corpus), "--weights", str(run), "--out", str(out), "--camera"]) == 0
+    clean, asked = (
+        json.loads((folder / "metrics.json").read_text(encoding="utf-8"))
+        for folder in (written, out)
+    )
+    assert not clean["camera"] and asked["camera"]
+    assert clean["diffuse_albedo_mae"] != asked["diffuse_albedo_mae"]
+    assert clean["diffuse_albedo_mae"] == pytest.approx(evaluation.rows["diffuse_absolute"].mean())
+
+
+def test_the_examples_shown_are_the_photos_that_were_measured(corpus, run):
+    photographed = evaluate(run, corpus, batch_size=5, camera=True)
+    chosen = [examples.Choice(5, "later shard"), examples.Choice(0, "first")]
+    for example in examples.read(run, corpus, chosen, camera=True):
+        found = photographed.rows["diffuse_found"][example.choice.position]
+        assert example.estimate["diffuse_albedo"] == pytest.approx(found, abs=1e-5)
+        [clean] = examples.read(run, corpus, [example.choice])
+        assert not np.array_equal(clean.photo_srgb, example.photo_srgb)
 
 
 def test_images_that_the_model_cannot_take_are_refused(corpus, tmp_path, capsys):

@@ -97,6 +97,29 @@ def test_a_light_that_does_not_shine_is_refused_by_name(value, message):
         lights.prepare("dark.exr", np.full((64, 128), value))
 
 
-def test_a_map_that_is_too_small_is_refused_by_name():
-    with pytest.raises(ValueError, match=r"small\.exr: the map is 62x31, expected at least 64x32"):
-        lights.prepare("small.exr", np.ones((31, 62)))
+@pytest.mark.parametrize(
+    "shape", [(1, 2), (2, 4), (3, 6), (16, 32), (31, 63), (32, 63), (513, 1025)]
+)
+def test_an_even_map_of_any_size_is_a_furnace(shape):
+    light = lights.prepare("even", np.full(shape, 3.0), 1.0)
+    np.testing.assert_allclose(light.diffuse_shading, 1, rtol=0.01)
+    np.testing.assert_allclose(light.radiance, 1, rtol=1e-6)
+    assert light.cut(10.0)[1].sum() == pytest.approx(4 * np.pi, rel=1e-5)
+
+
+@pytest.mark.parametrize("shape", [(1, 2), (2, 4), (5, 10), (31, 63)])
+def test_a_small_map_lights_from_where_its_texels_are(shape):
+    small = np.random.default_rng(0).exponential(1.0, shape)
+    light = lights.prepare("small", small, environment.spherical_mean(small))
+    rows, columns = shape
+    down, across = np.indices((64, 128)) + 0.5
+    there = small[(down * rows / 64).astype(int), (across * columns / 128).astype(int)]
+    directions = environment.directions(64, 128)
+    np.testing.assert_allclose(
+        np.tensordot(light.levels[32].energy, light.levels[32].direction, 2),
+        np.tensordot(there * environment.solid_angles(64, 128), directions, 2),
+        atol=0.02 * 4 * np.pi,
+    )
+    assert light.levels[32].energy.sum() == pytest.approx(
+        4 * np.pi * environment.spherical_mean(small), rel=1e-5
+    )

@@ -1,4 +1,4 @@
-"""Shards to batches: order, resumption, averaging, classes, and broken files."""
+"""Shards to batches: order, photos, resumption, averaging, classes, and broken files."""
 
 import itertools
 
@@ -7,11 +7,13 @@ import pytest
 import tensorflow as tf
 from sphere_corpus import example, write_split
 
-from lime_keras import colour, pipeline, records, shading, shininess
+from lime_keras import camera, colour, pipeline, records, shading, shininess
 from lime_keras.corpus import shard_paths
 
 SIZE = 16
 COUNT = 12
+HALF = 2.0**-11
+"""Rounding of a half float below 1, which normals of the stored size keep."""
 
 
 def write_shard(path, examples):
@@ -37,7 +39,13 @@ def shards(tmp_path_factory):
 def order(shards, steps, batch_size=2, seed=0, first_step=0):
     """Indices of the examples of so many training batches, `(steps, batch_size)`."""
     dataset = pipeline.training(
-        shards, size=8, batch_size=batch_size, seed=seed, first_step=first_step
+        shards,
+        size=8,
+        batch_size=batch_size,
+        seed=seed,
+        first_step=first_step,
+        camera=False,
+        features=("index",),
     )
     return np.array([batch["index"] for batch in itertools.islice(iter(dataset), steps)])
 
@@ -91,6 +99,117 @@ def test_batches_hold_every_feature_and_the_class(shards):
             assert value.dtype == tf.float32 and np.isfinite(value).all(), name
 
 
+def test_training_holds_what_the_losses_read(shards):
+    [batch] = pipeline.training(shards, size=8, batch_size=4, seed=0).take(1)
+    assert set(batch) == set(pipeline.LEARNT_FROM)
+    assert all(value.dtype.is_floating or name == "exponent_bin" for name, value in batch.items())
+
+
+@pytest.mark.parametrize("photographed", [False, True])
+def test_a_feature_asked_for_alone_is_the_same(shards, photographed):
+    options = {"size": 8, "batch_size": 4, "camera": photographed}
+    [whole] = pipeline.evaluation(shards[:1], **options)
+    for name in ("image", "mirror", "normal", "camera", "clipped", "exponent_bin", "light"):
+        [alone] = pipeline.evaluation(shards[:1], **options, features=(name,))
+        assert set(alone) == {name}
+        np.testing.assert_array_equal(alone[name], whole[name])
+
+
+def test_unknown_features_are_refused(shards):
+    with pytest.raises(ValueError, match=r"no depth, but image, .*clipped"):
+        pipeline.evaluation(shards, size=8, batch_size=1, features=("image", "depth"))
+
+
+# Photos.
+
+
+def photos(shards, steps, *, size=SIZE, seed=0, first_step=0):
+    """So many training batches as arrays."""
+    dataset = pipeline.training(
+        shards,
+        size=size,
+        batch_size=3,
+        seed=seed,
+        first_step=first_step,
+        features=pipeline.FEATURES,
+    )
+    return list(itertools.islice(dataset.as_numpy_iterator(), steps))
+
+
+def assert_same(found, expected):
+    for batch, other in zip(found, expected, strict=True):
+        assert set(batch) == set(other)
+        for name, value in batch.items():
+            np.testing.assert_array_equal(value, other[name], err_msg=name)
+
+
+@pytest.mark.parametrize("size", [SIZE, 4])
+def test_the_seed_decides_the_batches(shards, size):
+    first = photos(shards, 9, size=size)
+    assert_same(photos(shards, 9, size=size), first)
+    other = photos(shards, 9, size=size, seed=1)
+    assert [batch["index"].tolist() for batch in first] != [b["index"].tolist() for b in other]
+
+
+@pytest.mark.parametrize("first_step", [1, 4, 6])
+def test_resuming_takes_the_photos_of_an_uninterrupted_run(shards, first_step):
+    whole = photos(shards, 8)
+    assert_same(photos(shards, 8 - first_step, first_step=first_step), whole[first_step:])
+
+
+def test_an_example_is_photographed_anew_in_every_epoch(shards):
+    batches = photos(shards, 3 * COUNT // 3)
+    taken = [batch["image"][i] for batch in batches for i in np.flatnonzero(batch["index"] == 5)]
+    assert len(taken) == 3
+    assert not np.array_equal(taken[0], taken[1]) and not np.array_equal(taken[1], taken[2])
+
+
+def test_two_seeds_take_different_photos_of_the_same_order(tmp_path):
+    path = write_shard(tmp_path / "one.tfrecord", [example(0, size=SIZE)])
+    [first], [other] = (photos([path], 1, seed=seed) for seed in (0, 1))
+    assert first["index"].tolist() == other["index"].tolist()
+    assert not np.array_equal(first["image"], other["image"])
+    # Nor is one photo of a batch like the next.
+    assert not np.array_equal(first["image"][0], first["image"][1])
+
+
+def test_training_without_a_camera_shows_what_is_stored(shards):
+    options = {"size": SIZE, "batch_size": COUNT, "features": pipeline.FEATURES}
+    [trained] = pipeline.training(shards, **options, seed=0, camera=False).take(1)
+    [stored] = pipeline.evaluation(shards, **options)
+    order = np.argsort(trained["index"])
+    for name, value in stored.items():
+        np.testing.assert_array_equal(trained[name].numpy()[order], value, err_msg=name)
+    for index in range(COUNT):
+        parsed = records.parse(records.encode(example(index, size=SIZE)))
+        np.testing.assert_allclose(stored["image"][index], parsed["image"], atol=1e-6)
+
+
+def test_evaluation_photographs_only_if_asked_and_always_alike(shards):
+    options = {"size": 8, "features": ("image", "index")}
+    [clean] = pipeline.evaluation(shards, **options, batch_size=COUNT)
+    [asked] = pipeline.evaluation(shards, **options, batch_size=COUNT, camera=True)
+    assert not np.array_equal(clean["image"], asked["image"])
+    in_batches = pipeline.evaluation(shards[::-1], **options, batch_size=5, camera=True)
+    in_batches = list(in_batches.as_numpy_iterator())
+    images, indices = (np.concatenate([b[name] for b in in_batches]) for name in ("image", "index"))
+    np.testing.assert_array_equal(images[np.argsort(indices)], asked["image"])
+    own = camera.photograph(records.parse(records.encode(example(7, size=SIZE))))
+    np.testing.assert_allclose(asked["image"][7], pipeline.resize(own, 8)["image"], atol=1e-6)
+
+
+def test_threads_change_nothing(shards):
+    options = {"size": SIZE, "batch_size": 4, "seed": 3}
+    one, many = tf.data.Options(), tf.data.Options()
+    one.threading.private_threadpool_size = 1
+    many.threading.private_threadpool_size = 8
+    first, other = (
+        list(pipeline.training(shards, **options).with_options(threads).take(6).as_numpy_iterator())
+        for threads in (one, many)
+    )
+    assert_same(first, other)
+
+
 # Classes.
 
 
@@ -117,8 +236,10 @@ def rough():
     mask[:8, :8] = 0
     normal = rng.normal(size=(SIZE, SIZE, 3)) + np.array([0, 0, 2])
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    # As the renderer leaves them: nothing where nothing is covered.
+    normal *= mask > 0
     layers = {
-        name: rng.exponential(size=mask.shape)
+        name: rng.exponential(size=mask.shape) * (mask > 0)
         for name in ("diffuse_shading", "specular_shading", "mirror")
     }
     changes = {"mask": mask, "image": rng.uniform(size=(SIZE, SIZE, 3)), "normal": normal}
@@ -142,7 +263,21 @@ def test_layers_are_averaged_over_the_covered_part(rough, size):
             np.testing.assert_allclose(found[name][y, x, 0], expected, rtol=1e-4)
         normal = np.sum(rough["normal"].numpy()[block] * mask, axis=(0, 1))
         expected = normal / np.linalg.norm(normal) if mask.any() else np.zeros(3)
-        np.testing.assert_allclose(found["normal"][y, x], expected, atol=1e-4)
+        np.testing.assert_allclose(found["normal"][y, x], expected, atol=HALF)
+
+
+def test_the_stored_size_changes_nothing(rough):
+    found = pipeline.resize(rough, SIZE)
+    for name, value in rough.items():
+        np.testing.assert_array_equal(found[name], value, err_msg=name)
+
+
+def test_where_the_camera_clipped_is_kept(rough):
+    """Its photo may show less than white there."""
+    clipped = np.zeros((SIZE, SIZE, 3), np.float32)
+    clipped[5, 6, 1] = 1
+    found = pipeline.resize(rough | {"clipped": tf.constant(clipped)}, 4)["clipped"].numpy()
+    assert found.sum() == 1 and found[1, 1, 1] == 1
 
 
 @pytest.mark.parametrize("size", [16, 8, 4, 2])
@@ -152,7 +287,7 @@ def test_averaging_conserves_light_and_length(rough, size):
         total = np.sum(found[name] * found["mask"]) * factor**2
         assert total == pytest.approx(np.sum(rough[name] * rough["mask"]), rel=1e-4)
     length = np.linalg.norm(found["normal"], axis=-1)
-    np.testing.assert_allclose(length, (found["mask"].numpy() > 0)[..., 0], atol=1e-5)
+    np.testing.assert_allclose(length, (found["mask"].numpy() > 0)[..., 0], atol=HALF)
     for name in ("environment", "shininess", "diffuse_albedo", "index"):
         np.testing.assert_array_equal(found[name], rough[name])
 
@@ -223,13 +358,85 @@ def test_what_is_no_shard_is_named(tmp_path):
         path.write_text("this is no shard, but it is long enough to be one", encoding="utf-8")
 
 
-def test_corrupt_contents_are_not_taken_for_an_example(shards, tmp_path):
-    data = bytearray(shards[0].read_bytes())
-    data[len(data) // 2] ^= 0xFF
-    path = tmp_path / "flipped.tfrecord"
+def spans(path):
+    """Where each record's data begin and end in a shard."""
+    data, end, found = path.read_bytes(), 0, []
+    while end < len(data):
+        begin = end + 12
+        length = int.from_bytes(data[end : end + 8], "little")
+        found.append((begin, begin + length))
+        end = begin + length + 4
+    return found
+
+
+def flip(path, position):
+    data = bytearray(path.read_bytes())
+    data[position] ^= 0x10
     path.write_bytes(data)
-    with pytest.raises(tf.errors.DataLossError, match="corrupted record"):
-        list(pipeline.evaluation([path], size=8, batch_size=1))
+
+
+def break_png(path, number, name):
+    """Write a shard anew, whole, with a picture of one record broken."""
+    stored = [s.numpy() for s in tf.data.TFRecordDataset(str(path))]
+    message = tf.train.Example.FromString(stored[number])
+    [png] = message.features.feature[name].bytes_list.value
+    message.features.feature[name].bytes_list.value[:] = [png[: len(png) // 2]]
+    stored[number] = message.SerializeToString()
+    with tf.io.TFRecordWriter(str(path)) as writer:
+        for serialized in stored:
+            writer.write(serialized)
+
+
+DAMAGES = {
+    "data": lambda path: flip(path, sum(spans(path)[2]) // 2),
+    "checksum": lambda path: flip(path, spans(path)[2][1] + 1),
+    "length's checksum": lambda path: flip(path, spans(path)[2][0] - 2),
+    "length": lambda path: flip(path, spans(path)[2][0] - 12),
+    "length far off": lambda path: flip(path, spans(path)[2][0] - 5),
+    "cut": lambda path: path.write_bytes(path.read_bytes()[: sum(spans(path)[2]) // 2]),
+    "cut header": lambda path: path.write_bytes(path.read_bytes()[: spans(path)[2][0] - 5]),
+    "image": lambda path: break_png(path, 2, "image"),
+    "mirror": lambda path: break_png(path, 2, "mirror"),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_damage_names_the_file_the_record_and_the_mend(shards, tmp_path, damage):
+    copies = [tmp_path / path.name for path in shards]
+    for path, copy in zip(shards, copies, strict=True):
+        copy.write_bytes(path.read_bytes())
+    DAMAGES[damage](copies[1])
+    options = {"size": 8, "batch_size": 3}
+    expected = r"00001\.tfrecord is broken: record 2 .*delete the file and its \.json.*lime-render"
+    for opened in (
+        lambda: pipeline.evaluation(copies, **options),
+        lambda: pipeline.training(copies, **options, seed=0).take(COUNT),
+    ):
+        with pytest.raises(ValueError, match=expected) as raised:
+            list(pipeline.naming_damage(opened(), copies))
+        assert "\n" not in str(raised.value) and "{{" not in str(raised.value)
+
+
+def test_what_was_read_before_the_damage_is_yielded(shards, tmp_path):
+    path = tmp_path / "s.tfrecord"
+    path.write_bytes(shards[0].read_bytes())
+    flip(path, sum(spans(path)[3]) // 2)
+    found = []
+    with pytest.raises(ValueError, match="record 3"):
+        dataset = pipeline.evaluation([path], size=8, batch_size=1)
+        found.extend(pipeline.naming_damage(dataset, [path]))
+    assert [int(batch["index"][0]) for batch in found] == [0, 1, 2]
+
+
+def test_errors_without_damage_stay_what_they_are(shards):
+    dataset = pipeline.evaluation(shards, size=5, batch_size=1)
+    with pytest.raises(tf.errors.InvalidArgumentError, match="averaged to 5"):
+        list(pipeline.naming_damage(dataset, shards))
+
+
+def test_whole_shards_are_yielded_whole(shards):
+    dataset = pipeline.evaluation(shards, size=8, batch_size=5)
+    assert len(list(pipeline.naming_damage(dataset, shards))) == 3
 
 
 # The split for validation.

@@ -47,6 +47,20 @@ def test_round_trip(sphere):
     assert (found["seed"], found["index"]) == (0, 3)
 
 
+def test_features_asked_for_are_decoded_alike_and_no_others(sphere):
+    whole = parsed(sphere)
+    for asked in (("mirror", "shape"), ("camera", "environment", "index"), ("ambient",)):
+        found = records.parse(records.encode(sphere), asked)
+        assert set(found) == set(asked)
+        for name in asked:
+            np.testing.assert_array_equal(found[name], whole[name])
+
+
+def test_a_feature_that_records_lack_is_refused(sphere):
+    with pytest.raises(ValueError, match="no depth, but image"):
+        records.parse(records.encode(sphere), ("image", "depth"))
+
+
 def test_what_was_parsed_encodes_to_the_same_bytes(sphere):
     once = records.encode(sphere)
     found = {name: value.numpy() for name, value in records.parse(once).items()}

@@ -7,7 +7,9 @@ import sys
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+import trimesh
 
+from lime_keras.corpus import SPLITS
 from lime_keras.render import cli, shards, variants
 from lime_keras.render.workers import _THREAD_VARIABLES
 
@@ -29,25 +31,34 @@ def render(monkeypatch, capsys, mitsuba_choice, tmp_path):
 def test_the_options_reach_the_renderer(render, monkeypatch, tmp_path):
     calls = []
 
-    def render_split(out, description, choice, *, workers, on_room, on_example):
+    def render_split(out, description, choice, *, on_input, on_room, on_example, **options):
+        on_input(2, 2)
         on_room(1, 2)
         on_example(0, 9)
         on_example(9, 9)
-        calls.append((out, description, workers))
+        calls.append((out, description, options))
         failure = {"index": 4, "attempt": 0, "error": "the object covers 0.1% of the image"}
-        return {"examples": 9, "failures": [failure]}
+        return {
+            "examples": 9,
+            "failures": [failure],
+            "skipped": {"shapes": {"a.ply": "cannot be read"}},
+            "repaired": ["environments: b.exr: 3 texels"],
+        }
 
     monkeypatch.setattr(shards, "render_split", render_split)
     monkeypatch.chdir(tmp_path)
     status, printed, progress = render(
         *("--count", 9, "--seed", 3, "--size", 64, "--shard-size", 4, "--shading", "literal"),
-        *("--shapes", "meshes", "--workers", 8),
+        *("--shapes", "meshes", "--workers", 8, "--quality", "reference", "--unusable", "skip"),
     )
     assert status == 0 and printed == f"9 examples in {tmp_path / 'corpus' / 'train'}\n"
     assert "replaced: example 4: the object covers" in progress
-    [(out, description, workers)] = calls
-    assert out == tmp_path / "corpus" and workers == 8
-    expected = ("train", 9, 3, 64, 4, "literal", str(tmp_path / "meshes"), None, None)
+    assert "skipped: shapes: a.ply: cannot be read" in progress
+    assert "repaired: environments: b.exr: 3 texels" in progress
+    [(out, description, options)] = calls
+    assert out == tmp_path / "corpus"
+    assert options == {"workers": 8, "ray": None, "skip_unusable": True}
+    expected = ("train", 9, 3, 64, 4, "reference", "literal", str(tmp_path / "meshes"), None, None)
     assert tuple(vars(description).values())[:-1] == expected
 
 
@@ -64,22 +75,82 @@ def test_an_unusable_folder_is_told_by_name(render, tmp_path, kind, exists):
     assert not (tmp_path / "corpus").exists()  # not claimed: the mended command may follow
 
 
-def test_a_broken_mesh_is_told_by_name(render, tmp_path):
-    """Found by a worker, in another process."""
-    for name in ("meshes", "maps"):
-        (tmp_path / name).mkdir()
-    for number in range(2):
-        (tmp_path / "meshes" / f"broken{number}.ply").write_bytes(b"ply\nnothing")
+@pytest.fixture
+def inputs(tmp_path):
+    """Two sound meshes and maps of which the test split gets one each, and broken ones beside."""
+    for kind in ("shapes", "environments"):
+        for split in SPLITS:
+            (tmp_path / kind / split).mkdir(parents=True)
+    for split in SPLITS:
+        trimesh.creation.icosphere(subdivisions=3, radius=1 + (split == "test")).export(
+            tmp_path / "shapes" / split / f"ball-{split}.ply"
+        )
+        (tmp_path / "shapes" / split / "broken.ply").write_bytes(b"ply\nnothing")
         image = oiio.ImageBuf(oiio.ImageSpec(128, 64, 1, oiio.HALF))
-        image.set_pixels(oiio.ROI(), np.ones((64, 128, 1), np.float32))
-        assert image.write(str(tmp_path / "maps" / f"{number}.exr"))
-    status, printed, errors = render(
-        *("--count", 1, "--size", 64, "--workers", 1),
-        *("--shapes", tmp_path / "meshes", "--environments", tmp_path / "maps"),
-    )
+        image.set_pixels(oiio.ROI(), np.full((64, 128, 1), 1 + (split == "test"), np.float32))
+        assert image.write(str(tmp_path / "environments" / split / f"even-{split}.exr"))
+        (tmp_path / "environments" / split / "cut.hdr").write_bytes(b"#?RADIANCE\n")
+    return [
+        *("--shapes", tmp_path / "shapes", "--environments", tmp_path / "environments"),
+        *("--count", 4, "--size", 64, "--workers", 1),
+    ]
+
+
+def test_files_that_cannot_be_used_are_refused_by_name_before_anything_is_rendered(
+    render, inputs, tmp_path
+):
+    status, printed, errors = render(*inputs)
     assert status == 1 and not printed
-    message = errors.splitlines()[-1]
-    assert message.startswith("error: ") and ".ply" in message and "broken" in message
+    assert "error: 2 files cannot be used:" in errors
+    assert "shapes: broken.ply: " in errors and "environments: cut.hdr: " in errors
+    assert errors.endswith("pass --unusable skip\n")
+    assert not (tmp_path / "corpus").exists()
+
+
+def test_a_corpus_with_skipped_files_is_sound_and_can_be_looked_at(
+    render, inputs, tmp_path, capsys
+):
+    status, printed, errors = render(*inputs, "--unusable", "skip")
+    assert status == 0, errors
+    assert "skipped: shapes: broken.ply: " in errors
+    manifest = json.loads((tmp_path / "corpus" / "train" / "manifest.json").read_text())
+    assert (
+        manifest["shapes"] == ["ball-train.ply"] and "broken.ply" in manifest["skipped"]["shapes"]
+    )
+    assert render(*inputs, "--unusable", "skip")[:2] == (status, printed)  # a rerun finds it done
+    corpus = str(tmp_path / "corpus")
+    assert cli.main([corpus, "--verify"]) == 0
+    assert capsys.readouterr().out == f"4 examples in {corpus}/train: sound\n"
+    for command in (["--preview"], ["--split", "train", "--layers", "3"]):
+        assert cli.main([corpus, *command]) == 0
+        written = capsys.readouterr().out.splitlines()
+        assert len(written) == 2
+        for path in written:
+            assert not oiio.ImageBuf(path).has_error
+    assert cli.main([corpus, "--verify"]) == 0  # what was drawn beside the shards is no stray
+    capsys.readouterr()
+    shard = tmp_path / "corpus" / "train" / "00001.tfrecord"
+    shard.write_bytes(shard.read_bytes()[:-9])
+    assert cli.main([corpus, "--verify"]) == 1
+    printed, errors = capsys.readouterr()
+    assert "00001.tfrecord" in errors and "faults" in printed
+
+
+def test_the_same_mesh_under_another_name_is_kept_out_of_the_other_split(render, inputs, tmp_path):
+    assert render(*inputs, "--unusable", "skip")[0] == 0
+    (tmp_path / "shapes" / "test" / "copy.ply").write_bytes(
+        (tmp_path / "shapes" / "train" / "ball-train.ply").read_bytes()
+    )
+    status, _, errors = render(*inputs, "--unusable", "skip", "--split", "test")
+    assert status == 1 and "copy.ply is in the train split already" in errors
+
+
+def test_looking_at_nothing_is_an_error(tmp_path, capsys):
+    for option in ("--verify", "--preview"):
+        assert cli.main([str(tmp_path), option]) == 1
+        assert "holds no corpus: render one with" in capsys.readouterr().err
+    assert cli.main([str(tmp_path), "--split", "test", "--layers", "0"]) == 1
+    assert "lime-render" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -90,7 +161,10 @@ def test_a_broken_mesh_is_told_by_name(render, tmp_path):
         (["--count", "1", "--size", "100"], "100 is not a multiple of 32"),
         (["--count", "1", "--size", "large"], "invalid"),
         (["--count", "1", "--split", "valid"], "invalid choice"),
-        ([], "--count"),
+        ([], "--count is needed"),
+        (["--verify", "--count", "3"], "--count is for rendering"),
+        (["--verify", "--preview"], "not allowed with"),
+        (["--layers", "-1"], "-1 is not at least 0"),
     ],
 )
 def test_wrong_usage_ends_with_2(capsys, options, message):
@@ -98,6 +172,13 @@ def test_wrong_usage_ends_with_2(capsys, options, message):
         cli.main(["corpus", "--split", "train", *options])
     assert stop.value.code == 2
     assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("options", [["--count", "3"], ["--layers", "0"]])
+def test_a_split_must_be_named(capsys, options):
+    with pytest.raises(SystemExit) as stop:
+        cli.main(["corpus", *options])
+    assert stop.value.code == 2 and "--split is needed" in capsys.readouterr().err
 
 
 @pytest.mark.slow

@@ -51,9 +51,16 @@ def nothing(done, total):
     """Follows no progress."""
 
 
-def render(out, description, choice, workers, on_example=nothing):
+def render(out, description, choice, workers, on_example=nothing, **options):
     return shards.render_split(
-        out, description, choice, workers=workers, on_room=nothing, on_example=on_example
+        out,
+        description,
+        choice,
+        workers=workers,
+        on_input=nothing,
+        on_room=nothing,
+        on_example=on_example,
+        **options,
     )
 
 
@@ -74,7 +81,10 @@ def test_a_split_is_whole_and_its_manifest_tells_all(rendered, description):
     assert manifest == corpus.read_manifest(out, "train")
     assert (manifest["shards"], manifest["examples"], manifest["failures"]) == (3, 5, [])
     recorded = dict(manifest["description"])
-    assert len(recorded.pop("inputs_sha256")) == 64
+    assert manifest["inputs"]["shapes"].keys() == set(manifest["shapes"])
+    assert manifest["inputs"]["environments"].keys() == set(manifest["lights"])
+    assert all(len(digest) == 64 for digest in manifest["inputs"]["shapes"].values())
+    assert manifest["skipped"] == {kind: {} for kind in manifest["inputs"]}
     # Folders are told by name alone: a corpus may be passed on.
     assert (recorded.pop("shapes"), recorded.pop("environments")) == ("shapes", "environments")
     assert recorded.items() <= vars(description).items()
@@ -142,7 +152,7 @@ def test_a_finished_split_is_left_alone(rendered, description, mitsuba_choice):
     [
         ({"seed": 1}, "seed 0 there, 1 asked"),
         ({"shading": "literal", "size": 32}, "shading furnace .* literal .* size 64 there, 32"),
-        ({"shapes": None}, "inputs_sha256 .* shapes shapes there, None asked"),
+        ({"shapes": None}, "shapes shapes there, None asked"),
     ],
 )
 def test_other_options_in_the_same_folder_are_refused(
@@ -244,7 +254,7 @@ def test_a_full_disk_is_told_and_loses_no_finished_shard(
         "    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, resource.RLIM_INFINITY))\n"
         "    told = lambda done, total: None\n"
         "    shards.render_split(out, shards.Description(**record), variants.choose(),\n"
-        "                        workers=1, on_room=told, on_example=told)\n"
+        "                        workers=1, on_input=told, on_room=told, on_example=told)\n"
     )
     script = tmp_path / "script.py"
     script.write_text(code)

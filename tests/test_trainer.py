@@ -3,9 +3,11 @@
 import csv
 import dataclasses
 import json
+import shutil
 
 import numpy as np
 import pytest
+import tensorflow as tf
 from sphere_corpus import write_split
 
 from lime_keras import weights
@@ -33,7 +35,7 @@ def corpus(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def config(corpus):
-    return Config("tiny", TINY, BRIEF, 0, corpus_sha256(corpus))
+    return Config("tiny", TINY, BRIEF, 0, corpus_sha256(corpus), camera=True)
 
 
 @pytest.fixture(scope="module")
@@ -149,6 +151,39 @@ def test_a_loss_that_is_not_finite_stops_the_run_before_its_checkpoint(
     with pytest.raises(RuntimeError, match="stage specular, step 1: loss not finite"):
         trainer.train(corpus, tmp_path, config, _ignore)
     assert not (tmp_path / "stages" / "2-specular.npz").exists()
+
+
+@pytest.mark.parametrize("shard, record", [(0, 4), (1, 0)])
+def test_damage_stops_the_run_by_name(corpus, config, tmp_path, shard, record):
+    """In an example to train on, and in one that is held out."""
+    shutil.copytree(corpus, tmp_path / "corpus")
+    path = tmp_path / "corpus" / "train" / f"{shard:05d}.tfrecord"
+    whole = [serialized.numpy() for serialized in tf.data.TFRecordDataset(str(path))]
+    position = sum(16 + len(serialized) for serialized in whole[:record]) + len(whole[record]) // 2
+    data = bytearray(path.read_bytes())
+    data[position] ^= 1
+    path.write_bytes(data)
+    expected = rf"{path} is broken: record {record} .*delete the file.*lime-render"
+    with pytest.raises(ValueError, match=expected):
+        trainer.train(tmp_path / "corpus", tmp_path / "run", config, _ignore)
+
+
+def test_the_camera_is_on_unless_refused(corpus, config, finished, tmp_path, monkeypatch):
+    required = [str(corpus), "--out", str(tmp_path), "--preset", "smoke"]
+    assert cli.parser().parse_args(required).camera
+    assert not cli.parser().parse_args([*required, "--no-camera"]).camera
+    clean = dataclasses.replace(config, camera=False)
+    with pytest.raises(ValueError, match="camera True there, False asked"):
+        trainer.train(corpus, finished, clean, _ignore)
+    monkeypatch.setattr(Schedule, "stages", lambda self: [Stage(("segmentation",), 2, 1e-3)])
+    trainer.train(corpus, tmp_path, clean, _ignore)
+    rows = []
+    for run in (tmp_path, finished):
+        with (run / "curves" / "1-segmentation.csv").open(encoding="utf-8") as file:
+            rows.append(list(csv.DictReader(file))[-1])
+    # What is trained on and what is held out are seen alike.
+    for losses in ("train_mask", "validation_mask"):
+        assert rows[0][losses] != rows[1][losses]
 
 
 def test_one_shard_cannot_be_split(config, tmp_path):

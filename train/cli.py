@@ -35,7 +35,16 @@ def parser() -> argparse.ArgumentParser:
         help="smoke: small networks, minutes on two cores; paper: section 5's sizes and schedule, "
         "days on a GPU",
     )
-    out.add_argument("--seed", type=int, default=0, help="of weights and order (default: 0)")
+    out.add_argument(
+        "--camera",
+        action=argparse.BooleanOptionalAction,
+        default=True,
+        help="photograph each image anew every time it is seen: exposure, defocus, noise, clipping "
+        "and JPEG of consumer cameras (default: on)",
+    )
+    out.add_argument(
+        "--seed", type=int, default=0, help="of weights, order and photos (default: 0)"
+    )
     out.add_argument("--version", action="version", version=__version__)
     return out
 
@@ -60,6 +69,7 @@ def _train(options: argparse.Namespace) -> int:
         schedule=SCHEDULES[options.preset],
         seed=options.seed,
         corpus_sha256=corpus_sha256(options.corpus),
+        camera=options.camera,
     )
     with _Progress() as progress:
         trainer.train(options.corpus, options.out, config, progress.tell)

@@ -29,6 +29,7 @@ class Config:
         schedule: of the stages.
         seed: of initialisation and order; 0 is a seed.
         corpus_sha256: of the train split's manifest.
+        camera: whether the networks see the scenes photographed (`lime_keras.camera`).
     """
 
     preset: str
@@ -36,6 +37,7 @@ class Config:
     schedule: Schedule
     seed: int
     corpus_sha256: str
+    camera: bool
 
 
 def corpus_sha256(corpus: Path) -> str:

@@ -6,7 +6,7 @@ state and step; `RUN/curves/N-name.csv` its losses; `RUN/model/` the trained mod
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import keras
@@ -23,18 +23,6 @@ from .state import Checkpoint, Curve, MeanLosses
 _SECONDS_BETWEEN_CHECKPOINTS = 60
 _CURVE_POINTS, _LONGEST_INTERVAL = 10, 500
 """How often the held-out losses are taken: so many times a stage, or every so many batches."""
-_FEATURES_USED = (
-    "image",
-    "mask",
-    "diffuse_shading",
-    "specular_shading",
-    "mirror",
-    "diffuse_albedo",
-    "specular_albedo",
-    "ambient",
-    "clipped",
-    "exponent_bin",
-)
 
 Tell = Callable[[Stage, int, dict[str, float]], None]
 
@@ -50,7 +38,8 @@ def train(corpus: Path, run: Path, config: Config, tell: Tell) -> None:
 
     Raises:
         FileNotFoundError: if the corpus is incomplete.
-        ValueError: if the folder holds a run of another config, or the corpus is too small.
+        ValueError: if the folder holds a run of another config, or the corpus is too small or
+            damaged.
         RuntimeError: if a loss is not finite.
     """
     training_shards, validation_shards = pipeline.training_shards(corpus)
@@ -58,24 +47,32 @@ def train(corpus: Path, run: Path, config: Config, tell: Tell) -> None:
     claim(run, config)
     keras.utils.set_random_seed(config.seed)
     subnetworks = build(config.architecture)
-    validation = pipeline.evaluation(
-        validation_shards, size=config.architecture.size, batch_size=config.schedule.batch_size
+    held_out = pipeline.evaluation(
+        validation_shards,
+        size=config.architecture.size,
+        batch_size=config.schedule.batch_size,
+        camera=config.camera,
+        features=pipeline.LEARNT_FROM,
     )
-    validation = validation.take(
+    held_out = held_out.take(
         math.ceil(config.schedule.validation_examples / config.schedule.batch_size)
-    )
-    validation = validation.map(_used).cache()
+    ).cache()
+
+    def validation() -> Iterator:
+        return pipeline.naming_damage(held_out, validation_shards)
+
     for number, stage in enumerate(config.schedule.stages(), 1):
 
-        def batches(first_step: int, number: int = number):
+        def batches(first_step: int, number: int = number) -> Iterator:
             dataset = pipeline.training(
                 training_shards,
                 size=config.architecture.size,
                 batch_size=config.schedule.batch_size,
                 seed=config.seed * 100 + number,
                 first_step=first_step,
+                camera=config.camera,
             )
-            return dataset.map(_used)
+            return pipeline.naming_damage(dataset, training_shards)
 
         _train_stage(run, number, stage, subnetworks, batches, validation, tell)
     weights.save(run / "model", config.architecture, subnetworks)
@@ -91,18 +88,13 @@ def _check_size(corpus: Path, size: int) -> None:
         )
 
 
-def _used(example: dict) -> dict:
-    """Only what the losses read, so that no backend is fed strings or normals."""
-    return {name: example[name] for name in _FEATURES_USED}
-
-
 def _train_stage(
     run: Path,
     number: int,
     stage: Stage,
     subnetworks: dict[str, keras.Model],
-    batches: Callable,
-    validation,
+    batches: Callable[[int], Iterator],
+    validation: Callable[[], Iterator],
     tell: Tell,
 ) -> None:
     """Train one stage from its checkpoint, or take its weights if it is done."""
@@ -116,8 +108,8 @@ def _train_stage(
     curve = Curve(run / "curves" / f"{number}-{stage.name}.csv", step)
     interval = min(max(1, stage.steps // _CURVE_POINTS), _LONGEST_INTERVAL)
     if step == 0:
-        curve.add(0, {}, _validate(model, validation))
-    iterator, interval_losses = iter(batches(step)), MeanLosses()
+        curve.add(0, {}, _validate(model, validation()))
+    iterator, interval_losses = batches(step), MeanLosses()
     saved = time.monotonic()
     while step < stage.steps:
         losses = model.train_on_batch(next(iterator), return_dict=True)
@@ -126,17 +118,17 @@ def _train_stage(
         interval_losses.add(losses)
         tell(stage, step, interval_losses.means())
         if step % interval == 0 or step == stage.steps:
-            curve.add(step, interval_losses.means(), _validate(model, validation))
+            curve.add(step, interval_losses.means(), _validate(model, validation()))
             interval_losses = MeanLosses()
         if step == stage.steps or time.monotonic() - saved > _SECONDS_BETWEEN_CHECKPOINTS:
             checkpoint.save(step)
             saved = time.monotonic()
 
 
-def _validate(model: StageModel, validation) -> dict[str, float]:
+def _validate(model: StageModel, batches: Iterator) -> dict[str, float]:
     """Mean losses over the held-out batches."""
     losses = MeanLosses()
-    for batch in validation:
+    for batch in batches:
         losses.add(model.test_on_batch(batch, return_dict=True))
     return losses.means()
 

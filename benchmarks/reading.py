@@ -1,0 +1,80 @@
+"""How fast examples are read, and what each step of the pipeline costs.
+
+    python benchmarks/reading.py CORPUS
+
+Reads the train split on the processor alone, each row with one step more. Beside the rate stands
+the processor time of an example, all threads together, which other programs disturb less.
+"""
+
+import argparse
+import os
+import time
+from pathlib import Path
+
+import tensorflow as tf
+
+from lime_keras import camera, pipeline, records
+from lime_keras.corpus import shard_paths
+
+WARM_UP = 256
+"""Examples before the clock starts: the shuffle buffer is full then, and the threads are many."""
+
+
+def main() -> None:
+    """Print the table."""
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("corpus", type=Path)
+    options.add_argument("--size", type=int, help="of the images (default: as stored)")
+    options.add_argument("--batch", type=int, default=32)
+    options.add_argument("--examples", type=int, default=2000)
+    arguments = options.parse_args()
+    tf.config.set_visible_devices([], "GPU")
+    shards = shard_paths(arguments.corpus, "train")
+    stored = tf.data.TFRecordDataset([str(path) for path in shards]).repeat()
+    size = arguments.size or records.parse(next(iter(stored)), ["mask"])["mask"].shape[0]
+    needed = [
+        *(name for name in pipeline.LEARNT_FROM if name in records.FEATURES),
+        *("shininess", "seed", "index"),
+    ]
+    decoded = _mapped(stored, lambda serialized: records.parse(serialized, needed))
+    whole = {"size": size, "batch_size": arguments.batch, "seed": 0}
+    rows = {
+        "records": (stored, 1),
+        "+ decoded": (decoded, 1),
+        "+ photographed": (_mapped(decoded, camera.photograph), 1),
+        f"+ {size} pixels, shuffled, batched": (
+            pipeline.training(shards, **whole),
+            arguments.batch,
+        ),
+        "the same without a camera": (
+            pipeline.training(shards, **whole, camera=False),
+            arguments.batch,
+        ),
+    }
+    print(f"{len(os.sched_getaffinity(0))} cores, {size} × {size}, batches of {arguments.batch}\n")
+    print("| | examples/s | processor ms an example |")
+    print("|---|---:|---:|")
+    for name, (dataset, examples_each) in rows.items():
+        rate, milliseconds = _measure(dataset, examples_each, arguments.examples)
+        print(f"| {name} | {rate:.0f} | {milliseconds:.2f} |", flush=True)
+
+
+def _mapped(dataset: tf.data.Dataset, function) -> tf.data.Dataset:
+    return dataset.map(function, num_parallel_calls=tf.data.AUTOTUNE, deterministic=True)
+
+
+def _measure(dataset: tf.data.Dataset, examples_each: int, examples: int) -> tuple[float, float]:
+    """Examples a second, and milliseconds of processor time an example."""
+    iterator = iter(dataset)
+    for _ in range(-(-WARM_UP // examples_each)):
+        next(iterator)
+    elements = -(-examples // examples_each)
+    wall, processor = time.perf_counter(), time.process_time()
+    for _ in range(elements):
+        next(iterator)
+    wall, processor = time.perf_counter() - wall, time.process_time() - processor
+    return elements * examples_each / wall, 1e3 * processor / (elements * examples_each)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,113 @@
+"""Wavefront OBJ files: their polygons as triangles, with the normals that the file gives."""
+
+import codecs
+from array import array
+
+import numpy as np
+
+
+def read(data: bytes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Reads all polygons of a file, whatever object, group or material they belong to.
+
+    Polygons need not be convex. Indices below zero count back from the vertex read last, as the
+    format has it.
+
+    Args:
+        data: The file's content.
+
+    Returns:
+        Vertices `(V, 3)`, triangles `(F, 3)`, and normals `(V, 3)`, NaN where the file gives none.
+        Vertex 0 is nowhere, NaN: corners that name a vertex that is not there are sent to it.
+
+    Raises:
+        ValueError: If a line cannot be read.
+    """
+    vertices, normals = [(np.nan,) * 3], [(np.nan,) * 3]
+    polygons: dict[int, array] = {}  # by how many corners they have: a vertex and a normal for each
+    data = data.removeprefix(codecs.BOM_UTF8)  # some editors begin with it
+    data = data.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ")
+    for line in data.splitlines():
+        words = line.partition(b"#")[0].split()
+        kind = words[0] if words else b""
+        try:
+            if kind == b"f":
+                known = len(vertices), len(normals)
+                polygon = [index for word in words[1:] for index in _corner(word, *known)]
+                polygons.setdefault(len(words) - 1, array("q")).extend(polygon)
+            elif kind in (b"v", b"vn"):
+                x, y, z = map(float, words[1:4])
+                (vertices if kind == b"v" else normals).append((x, y, z))
+        except ValueError as error:
+            raise ValueError(f"{line[:60].decode(errors='replace')!r}: {error}") from error
+    places, known = np.array(vertices), (len(vertices), len(normals))
+    triangles = [np.zeros((0, 3, 2), int)]
+    for size, indices in polygons.items():
+        if size >= 3:
+            outlines = np.array(indices).reshape(-1, size, 2)
+            outlines = np.where(outlines < known, outlines, 0)  # 0 for what the file never told
+            triangles.append(_triangles(outlines, places))
+    corners = np.concatenate(triangles)
+    pairs, faces = np.unique(corners[..., 0] * len(normals) + corners[..., 1], return_inverse=True)
+    nowhere = np.full((1, 3), np.nan)
+    vertex, normal = np.divmod(pairs, len(normals))
+    return (
+        np.concatenate([nowhere, places[vertex]]),
+        faces.reshape(-1, 3) + 1,
+        np.concatenate([nowhere, np.array(normals)[normal]]),
+    )
+
+
+def _corner(word: bytes, vertices: int, normals: int) -> tuple[int, int]:
+    """Numbers of a corner's vertex and normal, 0 for none, given how many are read."""
+    vertex, _, rest = word.partition(b"/")
+    one, other = int(vertex), int(rest.rpartition(b"/")[2] or 0) if b"/" in rest else 0
+    return (
+        one if one >= 0 else max(vertices + one, 0),
+        other if other >= 0 else max(normals + other, 0),
+    )
+
+
+def _triangles(corners: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Polygons `(P, n, 2)` cut into triangles `(F, 3, 2)`: fans, or ears where a fan folds over."""
+    points = places[corners[..., 0]]
+    spokes = points[:, 1:] - points[:, :1]
+    normals = np.cross(spokes[:, :-1], spokes[:, 1:])  # of a fan's triangles
+    folded = ((normals * normals.sum(1, keepdims=True)).sum(-1) < 0).any(1)
+    fan = [[0, k, k + 1] for k in range(1, corners.shape[1] - 1)]
+    cut = [
+        polygon[_ears(outline, normal)]
+        for polygon, outline, normal in zip(
+            corners[folded], points[folded], normals[folded].sum(1), strict=True
+        )
+    ]
+    return np.concatenate([corners[~folded][:, fan].reshape(-1, 3, 2), *cut])
+
+
+def _ears(points: np.ndarray, normal: np.ndarray) -> list[list[int]]:
+    """Cuts a polygon `(n, 3)` into triangles, each time one that holds no other corner."""
+    axis = int(np.argmax(np.abs(normal)))
+    flat = points[:, [(axis + 1) % 3, (axis + 2) % 3]]
+    flat = flat if normal[axis] > 0 else flat[:, ::-1]  # counter-clockwise
+    rest, triangles = list(range(len(points))), []
+    while len(rest) > 3:
+        for k in range(len(rest)):
+            ear = [rest[k - 1], rest[k], rest[(k + 1) % len(rest)]]
+            others = [i for i in rest if i not in ear]
+            if _is_ear(flat[ear], flat[others]):
+                break
+        else:  # a polygon that crosses itself: anything will do
+            k, ear = 1, rest[:3]
+        triangles.append(ear)
+        del rest[k]
+    return [*triangles, rest]
+
+
+def _is_ear(corners: np.ndarray, others: np.ndarray) -> bool:
+    """Whether a triangle `(3, 2)` runs counter-clockwise around none of the other points."""
+    edges = np.roll(corners, -1, axis=0) - corners
+    if edges[0, 0] * edges[1, 1] - edges[0, 1] * edges[1, 0] <= 0:
+        return False
+    to = others[:, None] - corners
+    inside = (edges[:, 0] * to[..., 1] - edges[:, 1] * to[..., 0] >= 0).all(1)
+    # A corner that the outline passes twice is no obstacle.
+    return not (inside & (to != 0).any(-1).all(1)).any()

@@ -1,0 +1,109 @@
+"""Normals for meshes that come without: consistent winding, creases kept, the rest smooth."""
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+CREASE = np.radians(50)  # faces that meet at a larger angle keep separate normals
+_JOINED = 6
+"""Decimals to which vertices in one place agree, in a mesh as large as the unit sphere."""
+
+
+def face_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Normals `(F, 3)` as long as twice the faces' areas."""
+    a, b, c = vertices[faces].swapaxes(0, 1)
+    return np.cross(b - a, c - a)
+
+
+def smoothed(
+    vertices: np.ndarray, faces: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
+    """Gives a mesh normals from its shape alone.
+
+    Vertices in one place are joined, and of faces with the same corners the first is kept. Faces
+    are turned to agree with their neighbours, each connected surface to the side that most of its
+    faces have; a one-sided surface stays as it is. At every vertex, faces that hang together by
+    edges flatter than `CREASE` share a normal: the mean of theirs, weighted by area and by angle.
+
+    Args:
+        vertices: `(V, 3)`, within about [-1, 1].
+        faces: `(F, 3)`, each of some area.
+
+    Returns:
+        Vertices, doubled along creases, faces, normals of any length, and how many faces were
+        turned.
+    """
+    corners = _joined(vertices)[faces]
+    first = np.unique(np.sort(corners, axis=1), axis=0, return_index=True)[1]
+    faces, corners = faces[np.sort(first)], corners[np.sort(first)]
+    turned = _against(corners)
+    faces, corners = (np.where(turned[:, None], f[:, ::-1], f) for f in (faces, corners))
+    normals = face_normals(vertices, faces)
+    patch = _patches(corners, normals)
+    weighted = np.repeat(normals, 3, axis=0) * _angles(vertices[faces]).reshape(-1, 1)
+    sums = np.stack([np.bincount(patch, weights=w) for w in weighted.T], axis=1)
+    middle = np.empty(len(sums), int)
+    middle[patch] = corners.ravel()
+    return vertices[middle], patch.reshape(-1, 3), sums, int(turned.sum())
+
+
+def _joined(vertices: np.ndarray) -> np.ndarray:
+    """For each vertex, one that stands for all in its place."""
+    rounded = np.round(vertices, _JOINED) + 0.0  # no negative zeros
+    order = np.lexsort(rounded.T)
+    new = (np.diff(rounded[order], axis=0, prepend=np.nan) != 0).any(1)
+    joined = np.empty(len(vertices), int)
+    joined[order] = order[new][np.cumsum(new) - 1]
+    return joined
+
+
+def _edges(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Edges of exactly two faces: the two half-edges `(E,)`, and whether both run the same way.
+
+    Half-edge 3 f + k runs from corner k of face f to the next.
+    """
+    start, end = corners.ravel(), np.roll(corners, -1, axis=1).ravel()
+    low, high = np.minimum(start, end), np.maximum(start, end)
+    order = np.lexsort((low, high))
+    new = (np.diff(low[order], prepend=-1) != 0) | (np.diff(high[order], prepend=-1) != 0)
+    begin = np.flatnonzero(new)
+    begin = begin[np.diff(begin, append=len(order)) == 2]
+    one, other = order[begin], order[begin + 1]
+    return one, other, start[one] == start[other]
+
+
+def _against(corners: np.ndarray) -> np.ndarray:
+    """Whether each face is wound against most of its connected surface, `(F,)`."""
+    one, other, same = _edges(corners)
+    count = len(corners)
+    # Every face twice, as it is and turned; neighbours that agree are joined. A surface with two
+    # sides falls into two pieces, of which the one with more faces as they are is taken.
+    f, g = one // 3, other // 3 + np.where(same, count, 0)
+    piece = _components(np.r_[f, (f + count)], np.r_[g, (g + count) % (2 * count)], 2 * count)
+    kept = np.bincount(piece[:count], minlength=piece.max() + 1)
+    as_is, turned = piece[:count], piece[count:]
+    return (kept[turned] > kept[as_is]) | ((kept[turned] == kept[as_is]) & (turned < as_is))
+
+
+def _patches(corners: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """Numbers the corners `(3 F,)` so that those which share a normal share a number."""
+    one, other, same = _edges(corners)
+    unit = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    smooth = ~same & ((unit[one // 3] * unit[other // 3]).sum(1) > np.cos(CREASE))
+    one, other = one[smooth], other[smooth]
+    ends = [h - h % 3 + (h + 1) % 3 for h in (one, other)]
+    return _components(np.r_[one, ends[0]], np.r_[ends[1], other], corners.size)
+
+
+def _components(a: np.ndarray, b: np.ndarray, count: int) -> np.ndarray:
+    """Numbers the connected components of a graph of `count` nodes and edges from a to b."""
+    graph = coo_array((np.ones(len(a), bool), (a, b)), shape=(count, count))
+    return connected_components(graph, directed=False)[1]
+
+
+def _angles(triangles: np.ndarray) -> np.ndarray:
+    """Angles `(F, 3)` of triangles `(F, 3, 3)` at their corners."""
+    ahead = np.roll(triangles, -1, axis=1) - triangles
+    back = np.roll(triangles, 1, axis=1) - triangles
+    sine = np.linalg.norm(np.cross(ahead, back), axis=-1)
+    return np.arctan2(sine, (ahead * back).sum(-1))
