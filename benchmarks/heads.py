@@ -39,7 +39,11 @@ def main() -> None:
         for head, function in heads.items():
             losses = []
             for seed in range(SEEDS):
-                batches = iter(pipeline.training(training, size=size, batch_size=batch, seed=seed))
+                batches = iter(
+                    pipeline.training(
+                        training, size=size, batch_size=batch, seed=seed, camera=False
+                    )
+                )
                 losses.append(_train(name, function, seed, batches, held_out))
             print(f"| {name} | {head} | {_nothing(name, held_out):.3f} | ", end="")
             print(" | ".join(f"{loss:.3f}" for loss in losses) + " |", flush=True)

@@ -10,6 +10,7 @@ serve. One thread; run it on a quiet machine.
 
 import argparse
 import dataclasses
+import math
 import time
 from collections.abc import Iterable
 from pathlib import Path
@@ -24,13 +25,16 @@ from lime_keras.render.quality import FAST, QUALITIES, Quality
 
 LOBES = {"dull": 2.4, "middle": 42.0, "shiny": 650.0}
 KNOBS: dict[str, tuple] = {
-    "subsamples": (1, 3, 5, 7),
+    "subsamples": (1, 2, 3, 5),
     "refined": (3, 4, 6, 9),
+    "rough_above": (0.0, math.radians(1) ** 2, FAST.rough_above, math.radians(4) ** 2, 1.0),
+    "cells": (1, 2, 3),
+    "lobe_rough_above": (0.1, 0.3, 1.0, 10.0),
     "split_above": (2e-2, 5e-3, 2e-3, 5e-4, 1e-4),
     "finest": (64, 128, 256, 512),
     "irradiance_rows": (8, 16, 32, 64, 128),
     "negligible": (1e-3, 1e-4, 1e-6, 1e-8),
-    "precision": (np.float32, np.float64),
+    "precision": ("float32", "float64"),
 }
 SIZES = (128, 256, 512)
 PIXELS = 400
@@ -135,7 +139,7 @@ def _trade(chosen: list[Scene], out: Path) -> Iterable[str]:
         for value in tqdm(values, knob):
             changes = {knob: value}
             quality = dataclasses.replace(FAST, **changes)
-            label = value.__name__ if isinstance(value, type) else f"{value:g}"
+            label = value if isinstance(value, str) else f"{value:.3g}"
             label += " (fast)" if quality == FAST else ""
             measured.setdefault(knob, []).append((label, *_measured(chosen, quality)))
     measured["quality"] = [(name, *_measured(chosen[:2], q)) for name, q in QUALITIES.items()]

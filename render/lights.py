@@ -129,7 +129,7 @@ def prepare(
     )
 
 
-def _levels(radiance: np.ndarray, precision: type[np.floating]) -> dict[int, Level]:
+def _levels(radiance: np.ndarray, precision: str) -> dict[int, Level]:
     """Gather a map's energy and its first moment into ever larger texels."""
     energy = radiance * environment.solid_angles(*radiance.shape)
     moment = energy[..., None] * environment.directions(*radiance.shape)

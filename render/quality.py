@@ -6,8 +6,7 @@ it, and docs/decisions.md says why the fast ones are what they are.
 
 import math
 from dataclasses import dataclass
-
-import numpy as np
+from typing import Literal
 
 
 @dataclass(frozen=True)
@@ -38,7 +37,7 @@ class Quality:
     finest: int
     irradiance_rows: int
     negligible: float
-    precision: type[np.floating]
+    precision: Literal["float32", "float64"]
 
 
 QUALITIES = {
@@ -47,12 +46,12 @@ QUALITIES = {
         refined=6,
         rough_above=math.radians(2.0) ** 2,
         cells=2,
-        lobe_rough_above=1.0,
-        split_above=2e-3,
+        lobe_rough_above=0.3,
+        split_above=5e-3,
         finest=256,
         irradiance_rows=64,
         negligible=1e-6,
-        precision=np.float32,
+        precision="float32",
     ),
     "reference": Quality(
         subsamples=9,
@@ -64,7 +63,7 @@ QUALITIES = {
         finest=512,
         irradiance_rows=128,
         negligible=1e-10,
-        precision=np.float64,
+        precision="float64",
     ),
 }
 """`fast` renders corpora; `reference` is converged, and many times slower."""

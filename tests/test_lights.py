@@ -77,7 +77,7 @@ def test_a_brighter_lamp_gets_more_lights():
     for strength in (0, 100, 10_000):
         lamp = dim.copy()
         lamp[100:108, 200:208] += strength
-        counts.append(len(lights.prepare("lamp", lamp).cut(5.0)[1]))
+        counts.append(len(lights.prepare("lamp", lamp).cut(50.0)[1]))
     assert counts[0] < counts[1] < counts[2]
 
 
