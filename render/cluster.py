@@ -12,6 +12,7 @@ import pickle
 import socket
 import sys
 import threading
+from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Iterator
 from typing import Any, TextIO
 
@@ -57,6 +58,7 @@ class Cluster:
             ) from error
         self._ray = ray
         self._address = address
+        self._unlike: set[str] = set()
         self._arguments = (nodes.versions(packages), nodes.processor(), start, job)
         _refuse_silence(address)
 
@@ -78,21 +80,31 @@ class Cluster:
         with self._connected():
             board = self._board()
             work = self._work(task)
-            pending = [work.remote(board, item) for item in items]
-            counts: dict[Hashable, int] = {}
+            pending = {work.remote(board, item): item for item in items}
+            progress, losses = _Progress(), Counter[Hashable]()
             living: dict[str, str] | None = None
-            unlike: set[str] = set()
             while pending:
-                finished, pending = ray.wait(pending, timeout=0.2)
+                finished, _ = ray.wait(list(pending), timeout=0.2)
+                if progress.learn(ray.get(board.take.remote())):
+                    tell(done + progress.counts.total(), total)
+                failures = {ref: failure for ref in finished if (failure := self._failure(ref))}
+                for ref in set(finished) - failures.keys():
+                    del pending[ref]
                 living, before = self._living(), living
-                _tell_lost(before, living)
-                # A shard that is rendered again counts from one again: what was seen stays.
-                news = ray.get(board.take.remote())
-                for item, count in news.items():
-                    counts[item] = max(count, counts.get(item, 0))
-                if news:
-                    tell(done + sum(counts.values()), total)
-                unlike = _tell_unlike(unlike, self._results(finished))
+                lost = _lost(before, living)
+                # Ray itself waits for minutes for a node that was cut off.
+                for ref, item in pending.items():
+                    if progress.nodes.get(item) in lost:
+                        failures.setdefault(ref, "its node was lost")
+                for ref, failure in failures.items():
+                    item = pending.pop(ref)
+                    losses[item] += 1
+                    if losses[item] > _RETRIES:
+                        raise RuntimeError(
+                            f"a shard lost its process {losses[item]} times, last as {failure}. "
+                            "Finished shards are kept; the same command goes on"
+                        )
+                    pending[work.remote(board, item)] = item
         tell(total, total)
 
     @contextlib.contextmanager
@@ -120,10 +132,9 @@ class Cluster:
                     ray.shutdown()
 
     def _work(self, task: Callable) -> Any:
-        """A remote function of the board and an item.
+        """A remote function of the board and an item, whose expected errors name the node.
 
-        It gives the node's address and whether its processor is like this one; expected errors name
-        the node.
+        It gives the node's address and whether its processor is like this one.
         """
         ray = self._ray
         pickled = ray.cloudpickle.dumps((nodes.work, *self._arguments, task))
@@ -131,6 +142,8 @@ class Cluster:
         # Inside a function it travels as code, so that a node without this package can say so.
         def work(board: Any, item: Hashable) -> tuple[str, bool]:
             node = ray.util.get_node_ip_address()
+            # Waited for: from now on it is known what is lost with this node.
+            ray.get(board.put.remote(item, ray.get_runtime_context().get_node_id(), 0))
             try:
                 run, *arguments = pickle.loads(pickled)
             except ImportError as error:
@@ -142,7 +155,7 @@ class Cluster:
             except (OSError, ValueError, RuntimeError) as error:
                 raise RuntimeError(f"node {node}: {error}") from error
 
-        return ray.remote(num_cpus=1, max_calls=_TASKS_PER_PROCESS, max_retries=_RETRIES)(work)
+        return ray.remote(num_cpus=1, max_calls=_TASKS_PER_PROCESS, max_retries=0)(work)
 
     def _living(self) -> dict[str, str]:
         """Addresses of the nodes that live and have processors, by their names."""
@@ -161,38 +174,35 @@ class Cluster:
         board = ray.remote(num_cpus=0, max_restarts=-1, max_task_retries=-1)(_Board)
         return board.options(scheduling_strategy=here).remote()
 
-    def _results(self, finished: list) -> list[tuple[str, bool]]:
+    def _failure(self, finished: Any) -> str | None:
+        """How a task lost its process; None if it succeeded."""
         ray = self._ray
         try:
-            return ray.get(finished)
+            node, is_like = ray.get(finished)
         except ray.exceptions.RayTaskError as error:
             if isinstance(error.cause, RuntimeError):
                 raise RuntimeError(str(error.cause)) from error
             raise
         except ray.exceptions.RayError as error:
-            raise RuntimeError(
-                f"a shard lost its process {_RETRIES + 1} times: {error}. Finished shards are "
-                "kept; the same command goes on"
-            ) from error
+            return f"{type(error).__name__}: {error}".splitlines()[0].rstrip(".")
+        if not is_like and node not in self._unlike:
+            self._unlike.add(node)
+            print(
+                f"\nnode {node} has another kind of processor: what it renders may differ in the "
+                "last digits from what is rendered here",
+                file=sys.stderr,
+            )
+        return None
 
 
-def _tell_lost(before: dict[str, str] | None, living: dict[str, str]) -> None:
-    for name, address in (before or {}).items():
-        if name not in living:
-            print(f"\nnode {address} is lost: its shards go to the others", file=sys.stderr)
+def _lost(before: dict[str, str] | None, living: dict[str, str]) -> set[str]:
+    """Names of the nodes that are no more, which is told."""
+    lost = (before or {}).keys() - living.keys()
+    for name in lost:
+        print(f"\nnode {before[name]} is lost: its shards go to the others", file=sys.stderr)
     if not living and before != living:
         print("\nno node of the cluster has a processor: waiting for one to join", file=sys.stderr)
-
-
-def _tell_unlike(told: set[str], results: list[tuple[str, bool]]) -> set[str]:
-    unlike = {node for node, is_like in results if not is_like}
-    for node in sorted(unlike - told):
-        print(
-            f"\nnode {node} has another kind of processor: what it renders may differ in the last "
-            "digits from what is rendered here",
-            file=sys.stderr,
-        )
-    return told | unlike
+    return lost
 
 
 class _OneThread(io.TextIOBase):
@@ -208,18 +218,34 @@ class _OneThread(io.TextIOBase):
         self._stream.flush()
 
 
-class _Board:
-    """An actor: how far the items' tasks are, since it was last asked."""
+class _Progress:
+    """Where the items' tasks are, and how far."""
 
     def __init__(self) -> None:
-        self._counts: dict[Hashable, int] = {}
+        self.nodes: dict[Hashable, str] = {}
+        self.counts: Counter[Hashable] = Counter()
 
-    def put(self, item: Hashable, count: int) -> None:
-        self._counts[item] = count
+    def learn(self, news: dict[Hashable, tuple[str, int]]) -> bool:
+        """Take up what is new; tell if anything is."""
+        for item, (node, count) in news.items():
+            self.nodes[item] = node
+            # A shard that is rendered again counts from one again: what was seen stays.
+            self.counts[item] = max(count, self.counts[item])
+        return bool(news)
 
-    def take(self) -> dict[Hashable, int]:
-        counts, self._counts = self._counts, {}
-        return counts
+
+class _Board:
+    """An actor: what is new of nodes and counts of the items since it was last asked."""
+
+    def __init__(self) -> None:
+        self._news: dict[Hashable, tuple[str, int]] = {}
+
+    def put(self, item: Hashable, node: str, count: int) -> None:
+        self._news[item] = node, count
+
+    def take(self) -> dict[Hashable, tuple[str, int]]:
+        news, self._news = self._news, {}
+        return news
 
 
 def _refuse_silence(address: str) -> None:

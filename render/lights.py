@@ -16,7 +16,8 @@ from .quality import FAST, Quality
 
 MEAN_RADIANCE = 0.4
 """Spherical mean to which every map is scaled: the exposure (docs/decisions.md)."""
-_COARSEST = 32
+_COARSEST = 16
+_FEWEST_ROWS = 32
 _IRRADIANCE_LIGHTS = 64  # rows of the map that lights the irradiance table, at least
 
 
@@ -41,7 +42,7 @@ class Light:
     Attributes:
         name: file or room it came from.
         radiance: `(H, W)`, the finest resolution.
-        levels: energies by height, the quality's finest (or the map's own, if lower) down to 32.
+        levels: energies by height, the quality's finest (or the map's own, if lower) down to 16.
         diffuse_shading: `(R, 2 R)`, D for a normal in the direction of each texel.
         strong_direction: `(3,)` unit, towards the texel of most energy.
         quality: how finely it lights.
@@ -103,7 +104,7 @@ def prepare(
         ValueError: if the map is black or not finite.
     """
     # Repeating the texels of a small map changes its radiance nowhere.
-    repeats = -(-_COARSEST // min(len(radiance), radiance.shape[1] // 2))
+    repeats = -(-_FEWEST_ROWS // min(len(radiance), radiance.shape[1] // 2))
     radiance = radiance.repeat(repeats, axis=0).repeat(repeats, axis=1)
     rows, columns = radiance.shape
     average = environment.spherical_mean(radiance)

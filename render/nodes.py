@@ -18,14 +18,16 @@ class _Ticks:
     """What a task tells of progress to, as to a queue."""
 
     def __init__(self, board: Any):
-        self._board = board
+        import ray
+
+        self._board, self._node = board, ray.get_runtime_context().get_node_id()
 
     def begin(self, item: Hashable) -> None:
         self._item, self._count = item, 0
 
     def put(self, count: int) -> None:
         self._count += count
-        self._board.put.remote(self._item, self._count)
+        self._board.put.remote(self._item, self._node, self._count)
 
 
 _ticks: _Ticks | None = None

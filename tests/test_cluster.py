@@ -5,6 +5,7 @@ import dataclasses
 import json
 import os
 import shutil
+import signal
 import socket
 import sys
 import tempfile
@@ -41,7 +42,11 @@ def head():
         patch.setenv("RAY_TMPDIR", home)
         patch.setenv("RAY_USAGE_STATS_ENABLED", "0")
         # A dead node is found out in seconds.
-        health = {"health_check_period_ms": 500, "health_check_failure_threshold": 4}
+        health = {
+            "health_check_period_ms": 500,
+            "health_check_timeout_ms": 1000,
+            "health_check_failure_threshold": 4,
+        }
         started = Cluster(True, head_node_args=SMALL | {"num_cpus": 0, "_system_config": health})
         yield started
         ray.shutdown()
@@ -190,8 +195,31 @@ def test_an_interruption_ends_the_tasks(head, pair, job):
 
 def test_a_shard_that_always_loses_its_process_is_given_up(head, pair, job, monkeypatch):
     monkeypatch.setattr(cluster, "_RETRIES", 1)
-    with pytest.raises(RuntimeError, match=r"lost its process 2 times: .*the same command goes on"):
+    with pytest.raises(RuntimeError, match=r"lost its process 2 times, last as \w+: .*goes on"):
         run(head, job, lambda item: os._exit(1), [0], 1)
+
+
+def test_a_node_that_falls_silent_is_not_waited_for(head, pair, job, capsys):
+    """As if its cable were cut: nothing tells that its process will never answer."""
+    silent = head.add_node(**SMALL, num_cpus=1, node_ip_address="127.0.0.5")
+    address, halt = silent.node_ip_address, job.folder / "halt"
+
+    def task(item):
+        if ray.util.get_node_ip_address() == address:
+            halt.write_text(str(os.getpid()))
+            os.kill(os.getppid(), signal.SIGSTOP)
+            os.kill(os.getpid(), signal.SIGSTOP)
+        while not halt.exists():
+            time.sleep(0.05)
+        (job.folder / f"done-{item}").touch()
+
+    try:
+        run(head, job, task, [0, 1, 2], 3)
+    finally:
+        head.remove_node(silent, allow_graceful=False)
+        os.kill(int(halt.read_text()), signal.SIGKILL)
+    assert len(list(job.folder.glob("done-*"))) == 3
+    assert f"node {address} is lost" in capsys.readouterr().err
 
 
 def test_what_a_task_raises_names_the_node(head, pair, job):
@@ -247,17 +275,14 @@ def test_nodes_of_another_processor_are_told_once(head, pair, job, monkeypatch, 
     assert told and len(told) == len(set(told))
 
 
-def test_a_cluster_without_processors_is_told(capsys):
-    cluster._tell_lost({"a": "10.0.0.1", "b": "10.0.0.2"}, {"b": "10.0.0.2"})
-    assert capsys.readouterr().err.splitlines() == [
-        "",
-        "node 10.0.0.1 is lost: its shards go to the others",
-    ]
-    cluster._tell_lost(None, {"b": "10.0.0.2"})
-    cluster._tell_lost({}, {})
+def test_lost_nodes_and_a_cluster_without_any_are_told(capsys):
+    assert cluster._lost({"a": "10.0.0.1", "b": "10.0.0.2"}, {"b": "10.0.0.2"}) == {"a"}
+    told = ["", "node 10.0.0.1 is lost: its shards go to the others"]
+    assert capsys.readouterr().err.splitlines() == told
+    assert cluster._lost(None, {"b": "10.0.0.2"}) == cluster._lost({}, {}) == set()
     assert not capsys.readouterr().err
     for before in (None, {"b": "10.0.0.2"}):
-        cluster._tell_lost(before, {})
+        cluster._lost(before, {})
         assert "waiting for one to join" in capsys.readouterr().err
 
 

@@ -27,7 +27,7 @@ def test_the_spherical_mean_is_the_one_asked_for(mean, scale):
 def test_every_level_holds_the_energy_and_the_first_moment_of_the_finest(light):
     fine = light.radiance.astype(float) * environment.solid_angles(256, 512)
     moment = fine[..., None] * environment.directions(256, 512)
-    assert sorted(light.levels) == [32, 64, 128, 256]
+    assert sorted(light.levels) == [16, 32, 64, 128, 256]
     for height, level in light.levels.items():
         blocks = height, 256 // height, 2 * height, 256 // height
         np.testing.assert_allclose(level.energy, fine.reshape(blocks).sum((1, 3)), rtol=1e-5)
@@ -60,7 +60,7 @@ def test_a_cut_holds_all_energy_and_every_texel_once(light, exponent):
     assert energies.sum(dtype=float) == pytest.approx(4 * np.pi * lights.MEAN_RADIANCE, rel=1e-5)
     finest = light.levels[256]
     moment = np.tensordot(finest.energy.astype(float), finest.direction, 2)
-    np.testing.assert_allclose(energies.astype(float) @ directions, moment, atol=2e-3)
+    np.testing.assert_allclose(energies.astype(float) @ directions, moment, atol=1e-2)
     assert (energies > 0).all()
     np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1, rtol=1e-5)
 
@@ -71,14 +71,17 @@ def test_shinier_lobes_get_more_lights(light):
     assert counts[-1] < 256 * 512 / 2
 
 
-def test_a_brighter_lamp_gets_more_lights():
-    dim = np.ones((256, 512))
-    counts = []
-    for strength in (0, 100, 10_000):
-        lamp = dim.copy()
+def test_a_brighter_lamp_gets_more_lights_and_the_walls_fewer():
+    there = environment.directions(256, 512)[104, 204]
+    near, far = [], []
+    for strength in (0, 30, 1_000):
+        lamp = np.ones((256, 512))
         lamp[100:108, 200:208] += strength
-        counts.append(len(lights.prepare("lamp", lamp).cut(50.0)[1]))
-    assert counts[0] < counts[1] < counts[2]
+        close = lights.prepare("lamp", lamp).cut(50.0)[0] @ there > np.cos(np.radians(6))
+        near.append(close.sum())
+        far.append((~close).sum())
+    assert near[0] < near[1] <= near[2]
+    assert far[0] > far[2]
 
 
 @pytest.mark.parametrize("height", [32, 48, 63, 64, 100, 512])
