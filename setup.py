@@ -51,9 +51,9 @@ setup(
         "tqdm>=4.66,<5",
     ],
     extras_require={
-        "cluster": ["ray>=2.40,<3"],
+        "cluster": ["ray>=2.60,<3"],
         "dev": [
-            "ray>=2.40,<3",
+            "ray>=2.60,<3",
             "pytest>=8,<10",
             "pytest-timeout>=2.3,<3",
             "hypothesis>=6.100,<7",

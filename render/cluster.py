@@ -121,8 +121,8 @@ class Cluster:
                 )
             except (OSError, ValueError, RuntimeError, ray.exceptions.RayError) as error:
                 raise RuntimeError(
-                    f"the Ray cluster {self._address} cannot be used: {error}. If there is none, "
-                    + _START
+                    f"the Ray cluster {self._address} cannot be used "
+                    f"({type(error).__name__}: {error}). If there is none, {_START}"
                 ) from error
             try:
                 yield
