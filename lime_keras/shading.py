@@ -73,18 +73,19 @@ def specular(
         energy: radiance times solid angle of each, `(T,)`.
     """
     out = np.empty(len(normal), normal.dtype)
+    cosine = np.einsum("ij,ij->i", normal, view)[:, None]
+    # h·n = (i·n + o·n) / |i + o|, and |i + o|² = 2 + 2 i·o, both by a fourth coordinate of the
+    # light that is 1. Squared, it needs no root.
+    towards = np.concatenate([light, np.ones((len(light), 1), light.dtype)], axis=1).T
+    across = np.concatenate([normal, cosine], axis=1)
+    along = 2 * np.concatenate([view, np.ones_like(cosine)], axis=1)
+    behind = np.maximum(cosine, 0)
     for rows in _chunks(len(normal), len(light)):
-        n, o = normal[rows], view[rows]
-        cos_light = n @ light.T
-        # h·n = (i·n + o·n) / |i + o|, and |i + o|² = 2 + 2 i·o. Squared, it needs no root.
-        length_squared = o @ light.T
-        length_squared *= 2
-        length_squared += 2
-        np.maximum(length_squared, 1e-12, out=length_squared)
-        lobe = cos_light + np.sum(n * o, axis=-1, keepdims=True)
-        lit = (cos_light > 0) & (lobe > 0)
+        lobe = across[rows] @ towards
+        lit = lobe > behind[rows]  # i·n > 0 and h·n > 0
         lobe *= lobe
-        lobe /= length_squared
+        length_squared = along[rows] @ towards
+        lobe /= np.maximum(length_squared, 1e-12, out=length_squared)
         np.clip(lobe, 1e-37, 1, out=lobe)
         np.log(lobe, out=lobe)
         lobe *= 0.5 * exponent
