@@ -167,9 +167,13 @@ def _storage(chosen: list[Scene]) -> str:
 
     import tensorflow as tf
 
+    from lime_keras import records
+
     encodings = {
         "half floats as 16-bit PNG (ours)": (
-            lambda x: tf.io.encode_png(x.astype(np.float16).view(np.uint16)).numpy(),
+            lambda x: tf.io.encode_png(
+                x.astype(np.float16).view(np.uint16), compression=records.COMPRESSION
+            ).numpy(),
             lambda b, x: tf.io.decode_png(b, 1, tf.uint16).numpy().view(np.float16),
         ),
         "half floats, zlib": (
@@ -260,10 +264,10 @@ def _measured(chosen: list[Scene], quality: Quality) -> tuple[float, dict]:
             exponent = LOBES[lobe or "middle"]
             values = _errors(scene, quality, exponent)[layer]
             errors.setdefault((layer, lobe), []).append(values)
-        seen_again = _prepared(scene, quality)[1]
+        light = _prepared(scene, quality)[1]
         for exponent in LOBES.values():
             began = time.perf_counter()
-            _example(scene, quality, seen_again, exponent)
+            _example(scene, quality, light, exponent)
             seconds.append(time.perf_counter() - began)
     return float(np.median(seconds)), {key: np.concatenate(v) for key, v in errors.items()}
 
@@ -289,6 +293,11 @@ def _images(scene: Scene, quality: Quality, exponent: float) -> list[np.ndarray]
     return list(examples.layers(seen, light, scene.rotation, exponent))
 
 
+def _sampling(quality: Quality) -> tuple:
+    """What a G-buffer depends on."""
+    return quality.subsamples, quality.refined, quality.rough_above, quality.cells
+
+
 _CACHE: dict = {}
 
 
@@ -302,13 +311,13 @@ def _cached(key: tuple, make) -> Any:
 def _tracer(scene: Scene, quality: Quality):
     from lime_keras.render.gbuffer import Tracer
 
-    key = ("tracer", id(scene.mesh), scene.size, dataclasses.astuple(quality)[:5])
+    key = ("tracer", id(scene.mesh), scene.size, _sampling(quality))
     return _cached(key, lambda: Tracer(scene.mesh, scene.size, quality))
 
 
 def _prepared(scene: Scene, quality: Quality):
     """G-buffer and light of a scene in a quality."""
-    sampling = dataclasses.astuple(quality)[:5]
+    sampling = _sampling(quality)
     seen = _cached(
         ("seen", id(scene.pose), scene.size, sampling),
         lambda: _tracer(scene, quality).trace(

@@ -21,6 +21,7 @@ def read_manifest(corpus: Path, split: str) -> dict:
 
     Raises:
         FileNotFoundError: if the split was not rendered, or not to the end.
+        ValueError: if the file is broken.
     """
     path = manifest_path(corpus, split)
     if not path.is_file():
@@ -28,7 +29,12 @@ def read_manifest(corpus: Path, split: str) -> dict:
             f"{path} is missing: `lime-render {corpus} --split {split} --count N` renders the "
             "split, or completes it where it was interrupted"
         )
-    return json.loads(path.read_text(encoding="utf-8"))
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise ValueError(
+            f"{path} is broken ({error}): delete it and run the same `lime-render` command again"
+        ) from error
 
 
 def shard_paths(corpus: Path, split: str) -> list[Path]:

@@ -126,6 +126,9 @@ def parser() -> argparse.ArgumentParser:
     return out
 
 
+_LOOKING = ("out", "split", "verify", "preview", "layers")
+
+
 def main(argv: list[str] | None = None) -> int:
     """Render one split of a corpus, or look at what was rendered; returns the exit status."""
     parsing = parser()
@@ -134,8 +137,9 @@ def main(argv: list[str] | None = None) -> int:
     if not looking and options.split is None:
         parsing.error("--split is needed: train or test")
     if looking or options.layers is not None:
-        if options.count is not None:
-            parsing.error("--count is for rendering: --verify, --preview and --layers take none")
+        for name, value in vars(options).items():
+            if name not in _LOOKING and value != parsing.get_default(name):
+                parsing.error(f"--{name.replace('_', '-')} is for rendering alone")
         return console.run(lambda: _look(options), "nothing of the corpus was changed")
     if options.count is None:
         parsing.error("--count is needed: how many examples to render")
@@ -181,7 +185,8 @@ def _verify(out: Path, split: str) -> int:
     for line in faults.lines():
         print(line, file=sys.stderr)
     summary = f"{faults.examples} examples in {out / split}"
-    print(f"{summary}: {faults.count} faults" if faults.count else f"{summary}: sound")
+    found = f"{faults.count} fault{'s' if faults.count > 1 else ''}"
+    print(f"{summary}: {found if faults.count else 'sound'}")
     return 1 if faults.count else 0
 
 

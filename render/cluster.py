@@ -17,7 +17,7 @@ from collections.abc import Callable, Hashable, Iterable, Iterator
 from typing import Any, TextIO
 
 from . import nodes
-from .workers import _TASKS_PER_PROCESS, _THREAD_VARIABLES
+from .workers import TASKS_PER_PROCESS, THREAD_VARIABLES
 
 _RETRIES = 3
 """How often a shard may lose its process, to a node's end or for want of memory."""
@@ -85,12 +85,13 @@ class Cluster:
             living: dict[str, str] | None = None
             while pending:
                 finished, _ = ray.wait(list(pending), timeout=0.2)
+                # Before the news: who is lost now has told all that it will.
+                living, before = self._living(), living
                 if progress.learn(ray.get(board.take.remote())):
                     tell(done + progress.counts.total(), total)
                 failures = {ref: failure for ref in finished if (failure := self._failure(ref))}
                 for ref in set(finished) - failures.keys():
                     del pending[ref]
-                living, before = self._living(), living
                 lost = _lost(before, living)
                 # Ray itself waits for minutes for a node that was cut off.
                 for ref, item in pending.items():
@@ -115,7 +116,7 @@ class Cluster:
             try:
                 ray.init(
                     self._address,
-                    runtime_env={"env_vars": dict.fromkeys(_THREAD_VARIABLES, "1")},
+                    runtime_env={"env_vars": dict.fromkeys(THREAD_VARIABLES, "1")},
                     log_to_driver=False,
                     logging_level=logging.ERROR,
                 )
@@ -155,7 +156,7 @@ class Cluster:
             except (OSError, ValueError, RuntimeError) as error:
                 raise RuntimeError(f"node {node}: {error}") from error
 
-        return ray.remote(num_cpus=1, max_calls=_TASKS_PER_PROCESS, max_retries=0)(work)
+        return ray.remote(num_cpus=1, max_calls=TASKS_PER_PROCESS, max_retries=0)(work)
 
     def _living(self) -> dict[str, str]:
         """Addresses of the nodes that live and have processors, by their names."""

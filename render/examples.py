@@ -15,10 +15,6 @@ LEAST_COVERAGE = 0.02
 """Share of the image that an object must cover to be worth learning from."""
 
 
-class SceneError(ValueError):
-    """A scene that gives no usable example."""
-
-
 def render(
     tracer: Tracer,
     light: Light,
@@ -42,12 +38,12 @@ def render(
             environment 1/π as bright, so that D keeps its size.
 
     Raises:
-        SceneError: if the object covers less than `LEAST_COVERAGE` of the image.
+        ValueError: if the object covers less than `LEAST_COVERAGE` of the image.
     """
     gbuffer = tracer.trace(pose.rotation, pose.translation, pose.camera)
     coverage = gbuffer.coverage[..., None]
     if coverage.mean() < LEAST_COVERAGE:
-        raise SceneError(f"the object covers {coverage.mean():.1%} of the image")
+        raise ValueError(f"the object covers {coverage.mean():.1%} of the image")
     diffuse, specular, mirror = layers(gbuffer, light, light_rotation, material.exponent)
     if literal:
         diffuse_factor, specular_factor = literal_scale(material.exponent)

@@ -17,6 +17,8 @@ from lime_keras.shading import reflect
 from .meshes import Mesh
 from .quality import FAST, Quality
 
+_MOST_RAYS = 2**22
+"""Traced at once: some 500 MB."""
 _LEAST_COSINE = 0.02
 """Smooth shading can turn a normal away from the viewer; it is bent back to this o·n."""
 
@@ -151,6 +153,13 @@ class Tracer:
 
     def _look(self, rotation, translation, camera, pixels: np.ndarray, across: int) -> GBuffer:
         """Sample some pixels, each on a grid of `across` × `across`."""
+        if len(pixels) > max(_MOST_RAYS // across**2, 1):
+            middle = len(pixels) // 2
+            place = rotation, translation, camera
+            return _joined(
+                self._look(*place, pixels[:middle], across),
+                self._look(*place, pixels[middle:], across),
+            )
         grid = _Grid(across, self._quality.cells)
         fx, fy, cx, cy = camera
         row, column = np.divmod(pixels, self._size)

@@ -65,7 +65,10 @@ def check(kind: str, path: Path) -> Finding:
     except UnicodeEncodeError:
         return dataclasses.replace(finding, problem="its name is not UTF-8; rename it.")
     except ValueError as error:
-        return dataclasses.replace(finding, problem=str(error).removeprefix(f"{path}: "))
+        reason = str(error).removeprefix(f"{path}: ").replace(str(path), path.name)
+        return dataclasses.replace(finding, problem=reason)
+    except MemoryError:
+        return dataclasses.replace(finding, problem="is too large for this machine's memory.")
 
 
 def _notes(kind: str, path: Path) -> tuple[str, ...]:

@@ -15,6 +15,7 @@ from .lights import Light
 _WIDE = math.radians(75)
 """A lobe that reaches further sees too much of the sphere for groups to pay."""
 _CELL_ROWS = 12
+_SLICE = 2**14  # normals sorted into cells at once
 
 
 def diffuse(normal: np.ndarray, light: Light) -> np.ndarray:
@@ -35,7 +36,10 @@ def specular(normal: np.ndarray, view: np.ndarray, exponent: float, light: Light
         return shading.specular(normal, view, exponent, directions, energies)
     cells = environment.directions(_CELL_ROWS, 2 * _CELL_ROWS).reshape(-1, 3).astype(normal.dtype)
     mirrored = shading.reflect(normal, view)
-    cell = np.argmax(mirrored @ cells.T, axis=1)
+    cell = np.empty(len(normal), int)
+    for first in range(0, len(normal), _SLICE):
+        rows = slice(first, first + _SLICE)
+        cell[rows] = np.argmax(mirrored[rows] @ cells.T, axis=1)
     out = np.empty(len(normal), normal.dtype)
     for index in np.unique(cell):
         rows = np.flatnonzero(cell == index)

@@ -42,7 +42,8 @@ class Light:
     Attributes:
         name: file or room it came from.
         radiance: `(H, W)`, the finest resolution.
-        levels: energies by height, the quality's finest (or the map's own, if lower) down to 16.
+        levels: energies by height, from the quality's finest, or the power of two below the map's
+            own, down to 16.
         diffuse_shading: `(R, 2 R)`, D for a normal in the direction of each texel.
         strong_direction: `(3,)` unit, towards the texel of most energy.
         quality: how finely it lights.

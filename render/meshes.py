@@ -169,7 +169,7 @@ def _sound(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndar
         return vertices, faces
     used = np.zeros(len(vertices), bool)
     used[faces] = True
-    # Vertices of no face may be anything; at the origin they do no harm.
+    # Vertices of no face may be anything; at another's place they do no harm.
     vertices = np.where(used[:, None], vertices, vertices[faces[0, 0]])
     vertices = vertices / max(np.abs(vertices).max(), np.finfo(float).tiny)
     vertices = vertices - (vertices.min(0) + vertices.max(0)) / 2

@@ -73,7 +73,7 @@ def work(
 
 def processor() -> list[str]:
     """What NumPy sees of this machine's processor, and chooses its loops by."""
-    found = np.show_config(mode="dicts")["SIMD Extensions"]["found"]
+    found = np.show_config(mode="dicts").get("SIMD Extensions", {}).get("found", [])
     return [platform.machine(), *found]
 
 

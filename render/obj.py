@@ -67,6 +67,10 @@ def _corner(word: bytes, vertices: int, normals: int) -> tuple[int, int]:
     )
 
 
+_MOST_CORNERS = 500
+"""Of a concave face: cutting it takes a time that grows with their cube."""
+
+
 def _triangles(corners: np.ndarray, places: np.ndarray) -> np.ndarray:
     """Polygons `(P, n, 2)` cut into triangles `(F, 3, 2)`: fans, or ears where a fan folds over."""
     points = places[corners[..., 0]]
@@ -88,6 +92,11 @@ def _ears(points: np.ndarray, normal: np.ndarray) -> list[list[int]]:
     axis = int(np.argmax(np.abs(normal)))
     flat = points[:, [(axis + 1) % 3, (axis + 2) % 3]]
     flat = flat if normal[axis] > 0 else flat[:, ::-1]  # counter-clockwise
+    if len(points) > _MOST_CORNERS:
+        raise ValueError(
+            f"holds a concave face of {len(points)} corners, expected at most {_MOST_CORNERS}: "
+            "export the surface as triangles"
+        )
     rest, triangles = list(range(len(points))), []
     while len(rest) > 3:
         for k in range(len(rest)):

@@ -4,12 +4,15 @@
 """
 
 import collections
+import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import matplotlib
 import numpy as np
 import tensorflow as tf
+from matplotlib.figure import Figure
 
 from lime_keras import corpus as corpus_files
 from lime_keras import pipeline, records
@@ -65,18 +68,27 @@ def preview(corpus: Path, split: str, on_example: Callable[[int, int], None]) ->
     folder = corpus_files.manifest_path(corpus, split).parent
     title = f"{Path(corpus).resolve().name}/{split}"
     sheet, chart = folder / "preview.png", folder / "histograms.png"
-    contact_sheet.draw(gathered.shown, manifest["examples"], title).savefig(sheet)
-    histograms.draw(
-        {name: np.array(values) for name, values in gathered.columns.items()},
-        {
-            "shapes": _uses(gathered.shapes, manifest["shapes"]),
-            "lights": _uses(gathered.lights, manifest["lights"]),
-        },
-        gathered.pictured,
-        manifest["description"]["shading"] == "literal",
-        title,
-    ).savefig(chart)
+    # A file's name may hold dollar signs; they are no formula.
+    with matplotlib.rc_context({"text.parse_math": False}):
+        _save(contact_sheet.draw(gathered.shown, manifest["examples"], title), sheet)
+        histogram = histograms.draw(
+            {name: np.array(values) for name, values in gathered.columns.items()},
+            {
+                "shapes": _uses(gathered.shapes, manifest["shapes"]),
+                "lights": _uses(gathered.lights, manifest["lights"]),
+            },
+            gathered.pictured,
+            manifest["description"]["shading"] == "literal",
+            title,
+        )
+        _save(histogram, chart)
     return [sheet, chart]
+
+
+def _save(figure: Figure, path: Path) -> None:
+    partial = path.with_name(f"partial-{path.name}")
+    figure.savefig(partial)
+    os.replace(partial, path)
 
 
 def _gather(

@@ -22,7 +22,8 @@ class Quality:
         lobe_rough_above: variance of the mirror directions times (s + 2), above which they do.
         split_above: a light is split while its share of the energy times (extent / lobe width)²
             exceeds this.
-        finest: rows of the map that lights S, where the file has as many.
+        finest: rows of the map that lights S, a power of two; of a smaller map, the power below
+            its own.
         irradiance_rows: rows of the table that D is looked up in.
         negligible: value of the lobe below which a light is passed over.
         precision: of the sums.

@@ -4,16 +4,18 @@ A shard's bytes depend on the corpus' description and the shard's number alone: 
 workers, nor on interruptions. A finished shard is never written again.
 """
 
+import contextlib
 import dataclasses
+import fcntl
 import functools
 import hashlib
 import importlib.metadata
 import json
-import multiprocessing
 import os
 import uuid
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 from lime_keras import console, corpus
 from lime_keras.version import __version__
@@ -103,42 +105,80 @@ def render_split(
     """
     folder = out / description.split
     job = _Job(out.absolute(), description, choice)
-    _refuse_another(folder, job.recorded())
+    held = _held(folder)
+    if held is not None:
+        _refuse_another(folder, held, job.recorded())
     # Checked now: an input that cannot be used should fail before the folder is claimed for it.
-    files, findings_path = job.files(), folder / "inputs.json"
     pool = Workers(workers, _start_nothing)
-    findings = inputs.inspect(
-        files, inputs.read(findings_path), lambda task, items: pool.map(task, items, on_input)
-    )
-    if not skip_unusable:
+
+    def inspected(known: inputs.Findings | None) -> inputs.Findings:
+        return inputs.inspect(
+            job.files(), known, lambda task, items: pool.map(task, items, on_input)
+        )
+
+    findings = inspected(inputs.read(folder / "inputs.json") if held is not None else None)
+    if held is None and not skip_unusable:
         inputs.refuse(findings)
-    job = dataclasses.replace(job, skipped=inputs.skip(findings))
-    used = _used(findings)
-    _refuse_shared_inputs(job, used)
-    lights = job.lights.names()
-    folder.mkdir(parents=True, exist_ok=True)
-    inputs.write(findings_path, findings)
-    _write_json(folder / "description.json", job.recorded())
-    _remove_partials(folder)
-    rooms = [] if description.environments else lights
-    missing_rooms = [name for name in rooms if not (job.lights.cache / name).is_file()]
-    missing = [n for n in range(description.shards) if not _is_finished(job, n)]
-    done = description.count - sum(len(description.indices(shard)) for shard in missing)
-    if not missing and corpus.manifest_path(out, description.split).is_file():
-        on_example(done, description.count)
-        return corpus.read_manifest(out, description.split)
+    job = dataclasses.replace(job, usable=_usable(findings, inputs.skip(findings)))
+    _refuse_shared_inputs(job, findings)
     renderers: cluster.Cluster | Workers
     if ray:
         renderers = cluster.Cluster(ray, _PACKAGES, _start_worker, job)
     else:
         renderers = Workers(workers, _start_worker, job)
+    folder.mkdir(parents=True, exist_ok=True)
+    with _alone(folder):
+        _write_json(folder / "description.json", job.recorded())
+        inputs.write(folder / "inputs.json", findings)
+        manifest = _render_missing(job, renderers, findings, on_room, on_example)
+        inspected(findings)  # what changed meanwhile may be in some shards and not in others
+        _write_json(corpus.manifest_path(out, description.split), manifest)
+    return manifest
+
+
+def _render_missing(
+    job: "_Job",
+    renderers: cluster.Cluster | Workers,
+    findings: inputs.Findings,
+    on_room: Callable[[int, int], None],
+    on_example: Callable[[int, int], None],
+) -> dict:
+    """Render the rooms and shards that are not there yet; returns the manifest."""
+    description, lights = job.description, job.lights.names()
+    _remove_partials(job.folder)
+    rooms = [] if description.environments else lights
+    missing_rooms = [name for name in rooms if not (job.lights.cache / name).is_file()]
+    missing = [n for n in range(description.shards) if not _is_finished(job, n)]
+    done = description.count - sum(len(description.indices(shard)) for shard in missing)
     if missing and missing_rooms:
         finished = len(rooms) - len(missing_rooms)
         renderers.run(_render_room, missing_rooms, finished, len(rooms), on_room)
     on_example(done, description.count)
-    renderers.run(_render_shard, missing, done, description.count, on_example)
-    _remove_partials(folder)  # of a node that was lost
-    return _write_manifest(job, findings)
+    if missing:
+        renderers.run(_render_shard, missing, done, description.count, on_example)
+    _remove_partials(job.folder)  # of a node that was lost
+    return _manifest(job, findings)
+
+
+@contextlib.contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """Keep a second process from rendering the same split; a killed one keeps nobody out.
+
+    Raises:
+        RuntimeError: if another one is at it.
+    """
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        os.close(handle)
+        raise RuntimeError(f"another lime-render is rendering {folder}: wait for it") from error
+    except OSError:  # some network file systems lock no folders
+        pass
+    try:
+        yield
+    finally:
+        os.close(handle)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -148,8 +188,8 @@ class _Job:
     out: Path
     description: Description
     choice: variants.Choice
-    skipped: Mapping[str, frozenset[str]] = dataclasses.field(
-        default_factory=lambda: dict.fromkeys(inputs.KINDS, frozenset())
+    usable: Mapping[str, tuple[str, ...] | None] = dataclasses.field(
+        default_factory=lambda: dict.fromkeys(inputs.KINDS)
     )
 
     def recorded(self) -> dict:
@@ -170,7 +210,8 @@ class _Job:
             for kind in extensions
             for folder in [self._folder(kind)]
         }
-        return found | {"backgrounds": self.backgrounds.pictures()}
+        backgrounds = sources.BackgroundSource(self._folder("backgrounds"))
+        return found | {"backgrounds": backgrounds.pictures()}
 
     @property
     def folder(self) -> Path:
@@ -184,7 +225,7 @@ class _Job:
     def shapes(self) -> sources.ShapeSource:
         description = self.description
         return sources.ShapeSource(
-            self._folder("shapes"), description.split, description.seed, self.skipped["shapes"]
+            self._folder("shapes"), description.split, description.seed, self.usable["shapes"]
         )
 
     @property
@@ -194,19 +235,29 @@ class _Job:
             self.description.split,
             self.description.seed,
             self.folder / "rooms",
-            self.skipped["environments"],
+            self.usable["environments"],
         )
 
     @property
     def backgrounds(self) -> sources.BackgroundSource:
-        return sources.BackgroundSource(self._folder("backgrounds"), self.skipped["backgrounds"])
+        return sources.BackgroundSource(self._folder("backgrounds"), self.usable["backgrounds"])
 
 
-def _start_nothing(_: multiprocessing.Queue) -> None:
+def _start_nothing(_: Any) -> None:
     """Files are checked without Mitsuba or TensorFlow."""
 
 
-def _used(findings: inputs.Findings) -> dict[str, dict[str, str]]:
+def _usable(
+    findings: inputs.Findings, skipped: Mapping[str, frozenset[str]]
+) -> dict[str, tuple[str, ...] | None]:
+    """Names of the files to use, by kind; None where something built in serves."""
+    return {
+        kind: tuple(f.name for f in found if f.name not in skipped[kind]) or None
+        for kind, found in findings.items()
+    }
+
+
+def _digests(findings: inputs.Findings) -> dict[str, dict[str, str]]:
     """Names and checksums of the user's files that are used, by kind."""
     return {
         kind: {finding.name: finding.sha256 for finding in found if finding.problem is None}
@@ -214,7 +265,7 @@ def _used(findings: inputs.Findings) -> dict[str, dict[str, str]]:
     }
 
 
-def _start_worker(job: _Job, ticks: multiprocessing.Queue) -> None:
+def _start_worker(job: _Job, ticks: Any) -> None:
     """Set up one worker process."""
     variants.activate(job.choice, threads=1)
     console.import_tensorflow()
@@ -225,7 +276,7 @@ def _start_worker(job: _Job, ticks: multiprocessing.Queue) -> None:
 class _Worker:
     """A renderer with its caches."""
 
-    def __init__(self, job: _Job, ticks: multiprocessing.Queue):
+    def __init__(self, job: _Job, ticks: Any):
         self.job = job
         self.ticks = ticks
         self.quality = QUALITIES[job.description.quality]
@@ -283,7 +334,7 @@ class _Worker:
                     tracer, light, *scene, literal=description.shading == "literal"
                 )
                 return records.encode(features | names | numbers), failures
-            except ValueError as error:  # a scene that shows too little, or is not finite
+            except ValueError as error:  # it shows too little, or is not finite
                 failures.append({"index": index, "attempt": attempt, "error": str(error)} | names)
         raise RuntimeError(
             f"example {index} of seed {description.seed} failed {_TRIES} times, last of "
@@ -322,6 +373,7 @@ def _render_shard(shard: int) -> None:
             "examples": len(job.description.indices(shard)),
             "sha256": digest,
             "failures": failures,
+            "packages": _packages(),
         }
         _write_json(_sidecar(job, shard), sidecar)
     except (tf.errors.OpError, OSError) as error:
@@ -344,41 +396,42 @@ def _sidecar(job: _Job, shard: int) -> Path:
 
 def held_variant(out: Path, split: str) -> str | None:
     """The variant with which a split was begun, None if it was not."""
-    path = out / split / "description.json"
-    return json.loads(path.read_text(encoding="utf-8"))["variant"] if path.is_file() else None
+    return (_held(out / split) or {}).get("variant")
 
 
-def _refuse_shared_inputs(job: _Job, used: dict[str, dict[str, str]]) -> None:
-    """Keep training and test apart, even if files came or went between their rendering.
-
-    By names and by contents: the same mesh may be there under two names.
-    """
+def _refuse_shared_inputs(job: _Job, findings: inputs.Findings) -> None:
+    """Keep training and test apart, by the files' contents: one may have two names."""
     other = next(split for split in corpus.SPLITS if split != job.description.split)
-    if not corpus.manifest_path(job.out, other).is_file():
-        return
-    manifest = corpus.read_manifest(job.out, other)
-    for kind in ("shapes", "environments"):
-        theirs = manifest["inputs"][kind]
-        shared = [
-            name
-            for name, digest in sorted(used[kind].items())
-            if name in theirs or digest in theirs.values()
-        ]
-        if shared:
-            raise ValueError(
-                f"{getattr(job.description, kind)}: {', '.join(shared[:5])} "
-                f"{'is' if len(shared) == 1 else 'are'} in the {other} split already, because "
-                "files came or went since it was rendered, or under another name: render both "
-                "splits anew, or sort the files into subfolders train and test"
-            )
+    theirs = inputs.read(job.out / other / "inputs.json")
+    for kind in ("shapes", "environments") if theirs else ():
+        names = {digest: name for name, digest in _digests(theirs)[kind].items()}
+        for name, digest in _digests(findings)[kind].items():
+            if digest in names:
+                raise ValueError(
+                    f"{getattr(job.description, kind)}: {name} has the contents of "
+                    f"{names[digest]}, which the {other} split is rendered from: remove one of "
+                    "them, or sort the files into subfolders train and test, and render "
+                    f"{job.out / other} anew"
+                )
 
 
-def _refuse_another(folder: Path, wanted: dict) -> None:
-    """Refuse a folder that was claimed for another split."""
+def _held(folder: Path) -> dict | None:
+    """The description that a split was begun with, None if it was not.
+
+    Raises:
+        ValueError: if it cannot be read.
+    """
     path = folder / "description.json"
     if not path.is_file():
-        return
-    held = json.loads(path.read_text(encoding="utf-8"))
+        return None
+    try:
+        return dict(json.loads(path.read_text(encoding="utf-8")))
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{path} is broken ({error}): remove {folder} to render anew") from error
+
+
+def _refuse_another(folder: Path, held: dict, wanted: dict) -> None:
+    """Refuse a folder that was claimed for another split."""
     differing = sorted(key for key in wanted | held if wanted.get(key) != held.get(key))
     if differing:
         raise ValueError(
@@ -395,15 +448,18 @@ def _remove_partials(folder: Path) -> None:
         partial.unlink(missing_ok=True)
 
 
-def _write_manifest(job: _Job, findings: inputs.Findings) -> dict:
-    """Gather the sidecars: the split is complete."""
+def _manifest(job: _Job, findings: inputs.Findings) -> dict:
+    """What the sidecars tell together: the split is complete."""
     sidecars = [
         json.loads(_sidecar(job, shard).read_text(encoding="utf-8"))
         for shard in range(job.description.shards)
     ]
-    manifest = {
-        "version": __version__,
-        "packages": {name: importlib.metadata.version(name) for name in _PACKAGES},
+    return {
+        # Of one shard and another, if the software was changed in between.
+        "packages": {
+            name: ", ".join(sorted({sidecar["packages"][name] for sidecar in sidecars}))
+            for name in sidecars[0]["packages"]
+        },
         "description": job.recorded(),
         "shards": job.description.shards,
         "examples": job.description.count,
@@ -411,12 +467,15 @@ def _write_manifest(job: _Job, findings: inputs.Findings) -> dict:
         "failures": [failure for sidecar in sidecars for failure in sidecar["failures"]],
         "shapes": job.shapes.names(),
         "lights": job.lights.names(),
-        "inputs": _used(findings),
+        "inputs": _digests(findings),
         "skipped": inputs.unusable(findings),
         "repaired": inputs.repairs(findings),
     }
-    _write_json(corpus.manifest_path(job.out, job.description.split), manifest)
-    return manifest
+
+
+def _packages() -> dict[str, str]:
+    versions = {name: importlib.metadata.version(name) for name in _PACKAGES}
+    return versions | {"lime-keras": __version__}
 
 
 def _write_json(path: Path, value: dict) -> None:

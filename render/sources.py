@@ -60,7 +60,7 @@ def files(folder: Path, split: str, extensions: tuple[str, ...]) -> list[Path]:
             "none, so at least 2 are needed"
         )
     ranked = sorted(found, key=lambda path: hashlib.sha256(os.fsencode(path.name)).digest())
-    tests = ranked[: max(1, round(len(ranked) * TEST_SHARE))]
+    tests = set(ranked[: max(1, round(len(ranked) * TEST_SHARE))])
     return [path for path in found if (path in tests) == (split == "test")]
 
 
@@ -79,19 +79,20 @@ class ShapeSource:
         folder: of mesh files, or None for built-in shapes.
         split: `train` or `test`.
         seed: of the corpus.
-        skipped: names of files to leave out; the others are dealt out as if they were there.
+        usable: names of its files, once they were checked; None to list them.
     """
 
     folder: Path | None
     split: str
     seed: int
-    skipped: frozenset[str] = frozenset()
+    usable: tuple[str, ...] | None = None
 
     def names(self) -> list[str]:
         """All shapes of the split, in a fixed order."""
+        if self.usable is not None:
+            return list(self.usable)
         if self.folder:
-            found = files(self.folder, self.split, shapes.EXTENSIONS)
-            return [path.name for path in found if path.name not in self.skipped]
+            return [path.name for path in files(self.folder, self.split, shapes.EXTENSIONS)]
         return [f"{self.split}-{index:04d}" for index in range(PROCEDURAL_SHAPES[self.split])]
 
     def load(self, name: str) -> shapes.Mesh:
@@ -115,20 +116,21 @@ class LightSource:
         split: `train` or `test`.
         seed: of the corpus.
         cache: folder that keeps rendered rooms.
-        skipped: names of files to leave out; the others are dealt out as if they were there.
+        usable: names of its files, once they were checked; None to list them.
     """
 
     folder: Path | None
     split: str
     seed: int
     cache: Path
-    skipped: frozenset[str] = frozenset()
+    usable: tuple[str, ...] | None = None
 
     def names(self) -> list[str]:
         """All maps of the split, in a fixed order."""
+        if self.usable is not None:
+            return list(self.usable)
         if self.folder:
-            found = files(self.folder, self.split, environments.EXTENSIONS)
-            return [path.name for path in found if path.name not in self.skipped]
+            return [path.name for path in files(self.folder, self.split, environments.EXTENSIONS)]
         return [f"room-{index:04d}.exr" for index in range(PROCEDURAL_ROOMS[self.split])]
 
     def load(self, name: str, quality: Quality = FAST) -> Light:
@@ -173,11 +175,11 @@ class BackgroundSource:
 
     Args:
         folder: of pictures, or None for random textures.
-        skipped: names of files to leave out.
+        usable: names of its files, once they were checked; None to list them.
     """
 
     folder: Path | None
-    skipped: frozenset[str] = frozenset()
+    usable: tuple[str, ...] | None = None
 
     def pictures(self) -> list[Path]:
         """The user's pictures, sorted by name; none without a folder.
@@ -187,10 +189,11 @@ class BackgroundSource:
         """
         if not self.folder:
             return []
+        if self.usable is not None:
+            return [self.folder / name for name in self.usable]
         if not self.folder.is_dir():
             raise ValueError(f"{self.folder} is no folder: pass one with pictures")
-        found = _matching(self.folder, (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp"))
-        pictures = [path for path in found if path.name not in self.skipped]
+        pictures = _matching(self.folder, (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp"))
         if not pictures:
             raise ValueError(f"{self.folder} holds no picture (PNG, JPEG, TIFF or WebP)")
         return pictures

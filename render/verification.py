@@ -30,6 +30,7 @@ _MANIFEST = {
     "sha256": list,
     "shapes": list,
     "lights": list,
+    "inputs": dict,
 }
 _DESCRIPTION = {
     "split": str,
@@ -136,10 +137,12 @@ def _check_other_split(corpus: Path, split: str, manifest: dict, faults: Faults)
     beside = _read_json(corpus_files.manifest_path(corpus, other))
     if beside is None or _misfits(beside, _MANIFEST, ""):
         return
-    for kind, folder in (("shapes", "shapes"), ("lights", "environments")):
-        shared = sorted(set(manifest[kind]) & set(beside[kind]))
-        from_folders = all(m["description"].get(folder) for m in (manifest, beside))
-        if from_folders and shared:
+    for kind in ("shapes", "environments"):
+        # By contents: two files of one name may differ, and one may have two names.
+        theirs = set(beside["inputs"].get(kind, {}).values())
+        ours = manifest["inputs"].get(kind, {})
+        shared = sorted(name for name, digest in ours.items() if digest in theirs)
+        if shared:
             faults.add(
                 "split",
                 corpus_files.manifest_path(corpus, split),

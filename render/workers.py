@@ -11,9 +11,9 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
-_TASKS_PER_PROCESS = 16
+TASKS_PER_PROCESS = 16
 """Processes are replaced after so many shards, as Mitsuba keeps memory of every scene it loaded."""
-_THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 class Workers:
@@ -30,7 +30,7 @@ class Workers:
         self._count = count
         # One thread of linear algebra a worker: more would fight for the cores, and sum in an order
         # that depends on their number. Children inherit it; this process computes nothing.
-        os.environ |= dict.fromkeys(_THREAD_VARIABLES, "1")
+        os.environ |= dict.fromkeys(THREAD_VARIABLES, "1")
         self._context = multiprocessing.get_context("spawn")
         self._ticks = self._context.Queue()
         self._initialiser = start
@@ -56,15 +56,23 @@ class Workers:
         Raises:
             RuntimeError: if a process died. What a task raises is raised here.
         """
-        share = self._count * _TASKS_PER_PROCESS
+        share = self._count * TASKS_PER_PROCESS
         for first in range(0, len(items), share):
             # Closed at once on Ctrl-C, not when the traceback is let go; that ends the processes.
-            with contextlib.closing(self._finished(task, items[first : first + share])) as turns:
-                for _ in turns:
-                    with contextlib.suppress(queue.Empty):
-                        while True:
-                            done += self._ticks.get_nowait()
-                            tell(done, total)
+            try:
+                with contextlib.closing(
+                    self._finished(task, items[first : first + share])
+                ) as turns:
+                    for _ in turns:
+                        with contextlib.suppress(queue.Empty):
+                            while True:
+                                done += self._ticks.get_nowait()
+                                tell(done, total)
+            except BrokenProcessPool as error:
+                raise RuntimeError(
+                    "a worker died: killed, out of memory, or a crash told above. Finished shards "
+                    "are kept; the same command goes on, with --workers 1 if need be"
+                ) from error
         tell(total, total)
 
     def map(self, task: Callable, items: list, tell: Callable[[int, int], None]) -> list:
@@ -79,10 +87,17 @@ class Workers:
             RuntimeError: if a process died. What a task raises is raised here.
         """
         results: dict[int, Any] = {}
-        with contextlib.closing(self._finished(task, items)) as turns:
-            for finished in turns:
-                results |= finished
-                tell(len(results), len(items))
+        try:
+            with contextlib.closing(self._finished(task, items)) as turns:
+                for finished in turns:
+                    results |= finished
+                    tell(len(results), len(items))
+        except BrokenProcessPool as error:
+            left = [str(item) for number, item in enumerate(items) if number not in results]
+            raise RuntimeError(
+                f"a process died, killed or out of memory, at one of {', '.join(left[:5])}"
+                f"{f' and {len(left) - 5} more' if len(left) > 5 else ''}"
+            ) from error
         return [results[number] for number in range(len(items))]
 
     def _finished(self, task: Callable, items: list) -> Generator[dict[int, Any], None, None]:
@@ -104,11 +119,8 @@ class Workers:
             while pending:
                 finished, pending = wait(pending, timeout=0.2, return_when=FIRST_COMPLETED)
                 yield {numbers[future]: future.result() for future in finished}
-        except BrokenProcessPool as error:
-            raise RuntimeError(
-                "a worker died: killed, out of memory, or a crash told above. Finished shards are "
-                "kept; the same command goes on, with --workers 1 if need be"
-            ) from error
+        except BrokenProcessPool:
+            raise
         except BaseException:
             # Workers ignore Ctrl-C; end them now, and with them only unfinished, partial files.
             for process in multiprocessing.active_children():

@@ -92,6 +92,7 @@ def write_split(
         "failures": [],
         "shapes": ["sphere"],
         "lights": ["lamp"],
+        "inputs": {"shapes": {}, "environments": {}, "backgrounds": {}},
     }
     for name, content in (("description", description), ("manifest", manifest)):
         (folder / f"{name}.json").write_text(json.dumps(content), encoding="utf-8")

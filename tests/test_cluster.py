@@ -27,7 +27,7 @@ SMALL = {"object_store_memory": 80 * 2**20, "include_dashboard": False}
 @pytest.fixture(autouse=True)
 def environment_kept(monkeypatch):
     """Rendering sets these for its workers."""
-    for name in workers._THREAD_VARIABLES:
+    for name in workers.THREAD_VARIABLES:
         monkeypatch.setenv(name, "1")
     monkeypatch.setenv("RAY_USAGE_STATS_ENABLED", "0")
 
@@ -139,8 +139,8 @@ def run(head, job, task, items, total, tell=None):
 
 
 def test_shards_are_spread_over_processes_of_one_thread(head, pair, job, monkeypatch):
-    monkeypatch.setattr(cluster, "_TASKS_PER_PROCESS", 2)
-    folder, names = job.folder, workers._THREAD_VARIABLES
+    monkeypatch.setattr(cluster, "TASKS_PER_PROCESS", 2)
+    folder, names = job.folder, workers.THREAD_VARIABLES
 
     def task(item):
         node, threads = ray.util.get_node_ip_address(), [os.environ[name] for name in names]

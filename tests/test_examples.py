@@ -174,5 +174,5 @@ def test_the_material_and_the_camera_are_stored(example):
 @pytest.mark.parametrize("translation", [(0.3, -0.2, -60.0), (40.0, 0.0, -6.0)])
 def test_an_object_too_small_or_out_of_sight_is_refused(tracer, light, turn, translation):
     pose = scenes.Pose(POSE.rotation, np.array(translation), POSE.camera)
-    with pytest.raises(examples.SceneError, match=r"the object covers \d\.\d% of the image"):
+    with pytest.raises(ValueError, match=r"the object covers \d\.\d% of the image"):
         examples.render(tracer, light, pose, turn, MATERIAL, BACKGROUND)

@@ -205,27 +205,18 @@ def test_other_processes_can_judge(files):
     assert findings == pickle.loads(pickle.dumps(inputs.inspect(files, None, in_turn)))
 
 
-# ---- sources leave out what was skipped ------------------------------------------------------
+# ---- sources draw from what was found usable --------------------------------------------------
 
 
-@pytest.mark.parametrize("split", ["train", "test"])
-def test_skipping_a_file_deals_no_other_anew(tmp_path, split):
+def test_sources_name_what_was_found_usable_whatever_comes_later(tmp_path):
     for k in range(20):
-        (tmp_path / f"{k}.obj").touch()
-        (tmp_path / f"{k}.exr").touch()
-        (tmp_path / f"{k}.png").touch()
-    skipped = frozenset(f"{k}.{kind}" for k in range(1, 20, 3) for kind in ("obj", "exr", "png"))
-
-    def listed(skipped):
-        return [
-            sources.ShapeSource(tmp_path, split, 0, skipped).names(),
-            sources.LightSource(tmp_path, split, 0, tmp_path, skipped).names(),
-            [path.name for path in sources.BackgroundSource(tmp_path, skipped).pictures()],
-        ]
-
-    for kept, everything in zip(listed(skipped), listed(frozenset()), strict=True):
-        assert kept == [name for name in everything if name not in skipped]
-        assert len(kept) < len(everything)
+        for kind in ("obj", "exr", "png"):
+            (tmp_path / f"{k}.{kind}").touch()
+    usable = ("3.obj", "5.obj")
+    assert sources.ShapeSource(tmp_path, "train", 0, usable).names() == list(usable)
+    assert sources.LightSource(tmp_path, "train", 0, tmp_path, usable).names() == list(usable)
+    pictures = sources.BackgroundSource(tmp_path, ("7.png",)).pictures()
+    assert pictures == [tmp_path / "7.png"]
 
 
 def test_hidden_files_and_folders_are_no_inputs(tmp_path):

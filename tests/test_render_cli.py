@@ -11,14 +11,14 @@ import trimesh
 
 from lime_keras.corpus import SPLITS
 from lime_keras.render import cli, shards, variants
-from lime_keras.render.workers import _THREAD_VARIABLES
+from lime_keras.render.workers import THREAD_VARIABLES
 
 
 @pytest.fixture
 def render(monkeypatch, capsys, mitsuba_choice, tmp_path):
     """Runs the command; gives exit status, standard output and standard error."""
     monkeypatch.setattr(variants, "choose", lambda: mitsuba_choice)
-    for name in _THREAD_VARIABLES:
+    for name in THREAD_VARIABLES:
         monkeypatch.setenv(name, "1")
 
     def run(*options):

@@ -12,6 +12,7 @@ import time
 
 import pytest
 import tensorflow as tf
+import trimesh
 from render_scenes import write_inputs
 
 from lime_keras import corpus, records
@@ -21,7 +22,7 @@ from lime_keras.render import shards, sources, workers
 @pytest.fixture(autouse=True)
 def environment_kept(monkeypatch):
     """`render_split` sets these for its workers."""
-    for name in workers._THREAD_VARIABLES:
+    for name in workers.THREAD_VARIABLES:
         monkeypatch.setenv(name, "1")
 
 
@@ -193,7 +194,7 @@ def test_a_scene_that_fails_is_drawn_anew_and_told(
     def fails_once(*arguments, **options):
         calls.append(arguments)
         if len(calls) == 1:
-            raise shards.examples.SceneError("the object covers 0.1% of the image")
+            raise ValueError("the object covers 0.1% of the image")
         return usable(*arguments, **options)
 
     monkeypatch.setattr(shards.examples, "render", fails_once)
@@ -289,22 +290,106 @@ def test_the_claim_is_plain_json(rendered, description):
 def test_files_that_moved_to_the_other_split_are_refused(
     rendered, description, mitsuba_choice, inputs, tmp_path
 ):
-    """Training has seen them: they may not be tested on, whatever came or went since."""
+    """Training has seen them: they may not be tested on, under whatever name."""
     moved = tmp_path / "shapes"
-    moved.mkdir()
-    (moved / "train").mkdir()
-    shutil.copytree(inputs / "shapes", moved / "test")
+    for split in corpus.SPLITS:
+        (moved / split).mkdir(parents=True)
+    for path in (inputs / "shapes").iterdir():
+        shutil.copy(path, moved / "test" / f"copy of {path.name}")
     shutil.copy(inputs / "shapes" / "ball.ply", moved / "train")
     out = tmp_path / "corpus"
     shutil.copytree(rendered[0], out)
     changes = {"split": "test", "shapes": str(moved)}
-    with pytest.raises(ValueError, match="in the train split already"):
-        render(out, shards.Description(**(vars(description) | changes)), mitsuba_choice, 1)
+    other = shards.Description(**(vars(description) | changes))
+    with pytest.raises(ValueError, match=r"copy of .* has the contents of .*the train split"):
+        render(out, other, mitsuba_choice, 1)
+    # While that split is being rendered, too: it has no manifest yet.
+    corpus.manifest_path(out, "train").unlink()
+    with pytest.raises(ValueError, match="has the contents of"):
+        render(out, other, mitsuba_choice, 1)
+    assert not (out / "test").exists()
+
+
+def test_files_of_one_name_may_differ_between_the_splits(
+    rendered, description, mitsuba_choice, inputs, tmp_path
+):
+    sorted_by_hand = tmp_path / "shapes"
+    for number, split in enumerate(corpus.SPLITS):
+        (sorted_by_hand / split).mkdir(parents=True)
+        ball = trimesh.creation.icosphere(subdivisions=3, radius=1 + number)
+        ball.export(sorted_by_hand / split / "ball.ply")
+    for split in corpus.SPLITS:
+        changes = {"split": split, "shapes": str(sorted_by_hand), "count": 2}
+        other = shards.Description(**(vars(description) | changes))
+        assert render(tmp_path / "corpus", other, mitsuba_choice, 1)["shapes"] == ["ball.ply"]
+
+
+def test_files_that_come_while_it_renders_change_no_byte_and_are_told(
+    rendered, description, mitsuba_choice, inputs, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(workers, "TASKS_PER_PROCESS", 1)
+    grown = tmp_path / "inputs"
+    shutil.copytree(inputs, grown)
+    changes = {kind: str(grown / kind) for kind in ("shapes", "environments")}
+    (grown / "shapes" / "test").mkdir()  # dealt by hand: what comes is for this split
+    (grown / "shapes" / "train").mkdir()
+    names = rendered[1]["shapes"]
+    for name in names:
+        shutil.move(grown / "shapes" / name, grown / "shapes" / "train" / name)
+
+    def another_comes(done, total):
+        if done == 2:
+            shutil.copy(inputs / "shapes" / names[0], grown / "shapes" / "train" / "aaa.ply")
+
+    grown_description = shards.Description(**(vars(description) | changes))
+    with pytest.raises(ValueError, match=r"aaa\.ply came or went"):
+        render(tmp_path / "out", grown_description, mitsuba_choice, 1, another_comes)
+    assert contents(tmp_path / "out") == contents(rendered[0])
+    assert not corpus.manifest_path(tmp_path / "out", "train").exists()
+    (grown / "shapes" / "train" / "aaa.ply").unlink()
+    assert render(tmp_path / "out", grown_description, mitsuba_choice, 1) == rendered[1]
+
+
+def test_a_second_process_is_kept_out_and_disturbs_nothing(
+    rendered, description, mitsuba_choice, tmp_path
+):
+    out, told = tmp_path / "corpus", []
+
+    def render_again(done, total):
+        if done == 1 and not told:
+            told.append(True)
+            with pytest.raises(RuntimeError, match=r"another lime-render is rendering .*train"):
+                render(out, description, mitsuba_choice, 1)
+
+    render(out, description, mitsuba_choice, 1, render_again)
+    assert told and contents(out) == contents(rendered[0])
+
+
+def test_shards_of_other_software_are_told_in_the_manifest(
+    rendered, description, mitsuba_choice, tmp_path
+):
+    out = tmp_path / "corpus"
+    shutil.copytree(rendered[0], out)
+    sidecar = out / "train" / "00001.json"
+    held = json.loads(sidecar.read_text(encoding="utf-8"))
+    held["packages"]["numpy"] = "1.0"
+    sidecar.write_text(json.dumps(held), encoding="utf-8")
+    manifest = render(out, description, mitsuba_choice, 1)
+    assert manifest["packages"] == rendered[1]["packages"] | {
+        "numpy": f"1.0, {rendered[1]['packages']['numpy']}"
+    }
+
+
+def test_a_broken_description_is_told_by_name(description, mitsuba_choice, tmp_path):
+    (tmp_path / "train").mkdir()
+    (tmp_path / "train" / "description.json").write_text("{", encoding="utf-8")
+    with pytest.raises(ValueError, match=r"description\.json is broken"):
+        render(tmp_path, description, mitsuba_choice, 1)
 
 
 def test_workers_are_replaced_without_waiting_for_ever(
     rendered, description, mitsuba_choice, tmp_path, monkeypatch
 ):
-    monkeypatch.setattr(workers, "_TASKS_PER_PROCESS", 1)
+    monkeypatch.setattr(workers, "TASKS_PER_PROCESS", 1)
     render(tmp_path, description, mitsuba_choice, 1)
     assert contents(tmp_path) == contents(rendered[0])
