@@ -5,7 +5,7 @@
 Scenes are drawn as a corpus' are, one for each map. Errors are relative, of random object pixels,
 edges included, against `--quality reference`, which is itself compared with float64 sums over every
 texel of the map. Writes quality.md and quality.png. Without folders, built-in shapes and rooms
-serve. One thread; run it on a quiet machine.
+serve. Seconds are of the processor, on one thread.
 """
 
 import argparse
@@ -200,11 +200,11 @@ def _storage(chosen: list[Scene]) -> str:
     images = [image for scene in chosen for image in _images(scene, FAST, LOBES["middle"])]
     rows = []
     for name, (encode, decode) in encodings.items():
-        began = time.perf_counter()
+        began = time.process_time()
         stored = [encode(image) for image in images]
-        encoded = time.perf_counter()
+        encoded = time.process_time()
         read = [decode(*pair) for pair in zip(stored, images, strict=True)]
-        decoded = time.perf_counter()
+        decoded = time.process_time()
         errors = [
             _relative(value.astype(float)[image > 0], image.astype(float)[image > 0])
             for value, image in zip(read, images, strict=True)
@@ -266,9 +266,9 @@ def _measured(chosen: list[Scene], quality: Quality) -> tuple[float, dict]:
             errors.setdefault((layer, lobe), []).append(values)
         light = _prepared(scene, quality)[1]
         for exponent in LOBES.values():
-            began = time.perf_counter()
+            began = time.process_time()
             _example(scene, quality, light, exponent)
-            seconds.append(time.perf_counter() - began)
+            seconds.append(time.process_time() - began)
     return float(np.median(seconds)), {key: np.concatenate(v) for key, v in errors.items()}
 
 
@@ -415,7 +415,7 @@ def _draw(measured: dict, path: Path) -> None:
                 fontsize=7,
             )
         panel.set(title=knob, xscale="log", yscale="log", ylim=(1e-3, 1e3))
-        panel.set_xlabel("seconds an example, one thread")
+        panel.set_xlabel("processor seconds an example")
         panel.set_ylabel("relative error, %")
         panel.grid(alpha=0.3)
     panels.flat[0].legend(fontsize=7, loc="lower left")

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 import sphere_corpus
 from matplotlib import image as png
-from matplotlib.figure import Figure
 from scipy import stats
 
 from lime_keras import colour, environment, records
@@ -24,7 +23,7 @@ def corpus(tmp_path_factory):
 def figures(monkeypatch):
     """What is drawn, by the name of its file; no file is written."""
     drawn = {}
-    monkeypatch.setattr(Figure, "savefig", lambda self, path: drawn.update({path.name: self}))
+    monkeypatch.setattr(preview, "_save", lambda self, path: drawn.update({path.name: self}))
     return drawn
 
 
@@ -68,6 +67,13 @@ def test_both_pictures_lie_beside_the_shards(corpus):
         height, width, _ = png.imread(path).shape
         assert width > 1500 and height > 500
     assert told == [(done, COUNT) for done in range(1, COUNT + 1)]
+
+
+def test_names_with_dollar_signs_are_no_formulas(tmp_path):
+    corpus = sphere_corpus.write_split(tmp_path / r"a$\x$", "test", [range(2)])
+    for path in preview.preview(corpus, "test", lambda *_: None):
+        assert path.is_file()
+    assert not list((corpus / "test").glob("partial-*"))
 
 
 def test_the_sheet_tells_every_parameter_of_every_example(corpus, figures):

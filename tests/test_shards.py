@@ -1,5 +1,6 @@
 """A split's bytes: the same whatever the number of workers and interruptions."""
 
+import dataclasses
 import json
 import multiprocessing
 import os
@@ -127,9 +128,9 @@ def test_two_workers_give_the_same_bytes_even_after_interruptions(
 
 def test_the_death_of_a_worker_is_told(description, mitsuba_choice, tmp_path):
     def kill_the_first():
-        while not (workers := multiprocessing.active_children()):
+        while not list((tmp_path / "train").glob("partial-*.tfrecord")):
             time.sleep(0.01)
-        os.kill(workers[0].pid, signal.SIGKILL)
+        os.kill(multiprocessing.active_children()[0].pid, signal.SIGKILL)
 
     assassin = threading.Thread(target=kill_the_first)
     assassin.start()
@@ -137,6 +138,29 @@ def test_the_death_of_a_worker_is_told(description, mitsuba_choice, tmp_path):
         render(tmp_path, description, mitsuba_choice, 1)
     assassin.join()
     assert not corpus.manifest_path(tmp_path, "train").exists()
+
+
+def _die(item):
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def test_a_file_that_kills_its_checker_is_named():
+    pool = workers.Workers(1, shards._start_nothing)
+    with pytest.raises(RuntimeError, match=r"a process died, .* at one of .*huge\.png"):
+        pool.map(_die, [("backgrounds", "huge.png")], nothing)
+
+
+def test_a_node_finds_the_files_that_were_checked_skipped_ones_too(
+    description, mitsuba_choice, tmp_path
+):
+    """A node of a cluster lists and judges them anew."""
+    for name in ("sound.png", "broken.png"):
+        (tmp_path / name).write_bytes(b"")
+    changed = shards.Description(**(vars(description) | {"backgrounds": str(tmp_path)}))
+    job = shards._Job(tmp_path / "out", changed, mitsuba_choice)
+    skipping = dataclasses.replace(job, usable=job.usable | {"backgrounds": ("sound.png",)})
+    assert skipping.files() == job.files()
+    assert [path.name for path in skipping.backgrounds.pictures()] == ["sound.png"]
 
 
 def test_a_finished_split_is_left_alone(rendered, description, mitsuba_choice):
