@@ -2,12 +2,13 @@
 
     python benchmarks/monte_carlo.py --environments DIR --maps 3
 
-A sphere under each map, 256 × 256; seconds are of the processor, on one thread. Mitsuba's `direct` integrator samples light and
-lobe with multiple importance; D is its `diffuse` material, S a material whose value is the lobe of
-Eq. 3. Its error is the noise, from two independent images; ours is the difference from `--quality
-reference`. Both are medians over fully covered pixels. As noise falls with the square root of the
-samples, the time at our error follows from the largest count that was run. The last column is the
-median of Monte Carlo's mean over ours: both integrate the same thing.
+A sphere under each map, 256 × 256; seconds are of the processor, on one thread. Mitsuba's
+`direct` integrator samples light and lobe with multiple importance; D is its `diffuse` material, S
+a material whose value is the lobe of Eq. 3. Its error is the noise, from two independent images;
+ours is the difference from `--quality reference`. Both are medians over fully covered pixels. As
+noise falls with the square root of the samples, the time at our error follows from the largest
+count that was run. The last column is the median of Monte Carlo's mean over ours: both integrate
+the same thing.
 """
 
 import argparse
