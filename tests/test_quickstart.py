@@ -28,7 +28,7 @@ BRIEF = stages.Schedule(
 def run(tmp_path_factory):
     """A folder in which every command has succeeded."""
     with pytest.MonkeyPatch.context() as patch:
-        for name in workers._THREAD_VARIABLES:
+        for name in workers.THREAD_VARIABLES:
             patch.setenv(name, "1")
         patch.setitem(stages.SCHEDULES, "smoke", BRIEF)
         run = tmp_path_factory.mktemp("quickstart")
