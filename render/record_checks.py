@@ -29,8 +29,11 @@ Over 1,120 examples of real meshes under photographed light it is 0.1 % in the m
 99th percentile and 9 % at most, from suns of one texel; a light turned by 90° gives 48 %.
 """
 _TAIL = 0.01
-"""Share of S's maximum up to which an error counts as one of that: in a lobe's tail, half a texel
-of the stored map is much."""
+"""Share of the image's maximum up to which an error counts as one of that.
+
+In a lobe's tail half a texel of the stored map is much: two of 10,000 examples, flat faces in a dark
+studio under lamps, were off by 38 and 75 % of almost nothing.
+"""
 _SPECULAR_TOLERANCE, _SPECULAR_BLUR = 0.15, 4e-4
 """The same for S, and its growth with s: the stored map's texels are wider than a sharp lobe.
 
@@ -180,7 +183,7 @@ def _shading_sums(example: Mapping, literal: bool) -> Iterator[tuple[str, str]]:
     for (name, summed, tolerance), scale in zip(sums, scales, strict=True):
         stored = example[name].reshape(-1)[probes]
         # Beside a lamp's highlight, the lobe's tail may fall elsewhere: the stored light is coarse.
-        floor = max(_TAIL * float(stored.max()), 1e-6)
+        floor = max(_TAIL * float(example[name].max()), 1e-6)
         error = np.median(np.abs(stored - scale * summed()) / np.maximum(stored, floor))
         if not error <= tolerance:
             yield (
