@@ -31,8 +31,8 @@ Over 1,120 examples of real meshes under photographed light it is 0.1 % in the m
 _TAIL = 0.01
 """Share of the image's maximum up to which an error counts as one of that.
 
-In a lobe's tail half a texel of the stored map is much: two of 10,000 examples, flat faces in a dark
-studio under lamps, were off by 38 and 75 % of almost nothing.
+In a lobe's tail half a texel of the stored map is much: two of 10,000 examples, flat faces in a
+dark studio under lamps, were off by 38 and 75 % of almost nothing.
 """
 _SPECULAR_TOLERANCE, _SPECULAR_BLUR = 0.15, 4e-4
 """The same for S, and its growth with s: the stored map's texels are wider than a sharp lobe.
