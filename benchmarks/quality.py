@@ -170,12 +170,15 @@ def _storage(chosen: list[Scene]) -> str:
     from lime_keras import records
 
     encodings = {
-        "half floats as 16-bit PNG (ours)": (
-            lambda x: tf.io.encode_png(
-                x.astype(np.float16).view(np.uint16), compression=records.COMPRESSION
-            ).numpy(),
-            lambda b, x: tf.io.decode_png(b, 1, tf.uint16).numpy().view(np.float16),
-        ),
+        **{
+            f"half floats as 16-bit PNG, zlib's level {level}": (
+                lambda x, level=level: tf.io.encode_png(
+                    x.astype(np.float16).view(np.uint16), compression=level
+                ).numpy(),
+                lambda b, x: tf.io.decode_png(b, 1, tf.uint16).numpy().view(np.float16),
+            )
+            for level in (records.COMPRESSION, 6)
+        },
         "half floats, zlib": (
             lambda x: zlib.compress(x.astype(np.float16).tobytes()),
             lambda b, x: np.frombuffer(zlib.decompress(b), np.float16).reshape(x.shape),
