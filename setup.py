@@ -49,11 +49,14 @@ setup(
         "matplotlib>=3.9,<4",
         "jinja2>=3.1,<4",
         "tqdm>=4.66,<5",
+        # What tf.summary writes through.
+        "tensorboard>=2.19,<3",
     ],
     extras_require={
         "cluster": ["ray>=2.60,<3"],
         "dev": [
             "ray>=2.60,<3",
+            "jax>=0.7,<0.11",
             "pytest>=8,<10",
             "pytest-timeout>=2.3,<3",
             "hypothesis>=6.100,<7",

@@ -82,9 +82,10 @@ def _evaluate(options: argparse.Namespace, command: str) -> int:
     page = report.render(
         evaluation, summary, chosen, command=command, corpus=options.corpus, run=options.weights
     )
+    text = table.markdown(summary, evaluation.architecture)
     out.mkdir(parents=True, exist_ok=True)
     _write(out / "metrics.json", (json.dumps(summary, indent=2, allow_nan=False) + "\n").encode())
-    _write(out / "table1.md", table.markdown(summary).encode())
+    _write(out / "table1.md", text.encode())
     _write(out / "confusion.png", figures.confusion(evaluation.confusion))
     _write(out / "report.html", page.encode())
     (out / "examples").mkdir(exist_ok=True)
@@ -92,7 +93,7 @@ def _evaluate(options: argparse.Namespace, command: str) -> int:
         stale.unlink()
     for example in chosen:
         photo.write(out / "examples" / f"{example.choice.position:05d}.png", example.photo_srgb)
-    print(table.markdown(summary), end="")
+    print(text, end="")
     print(f"wrote {out / 'report.html'}", file=sys.stderr)
     return 0
 

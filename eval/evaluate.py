@@ -1,7 +1,8 @@
 """Run a trained system over a corpus' test split: one row of numbers per example.
 
-Beside the system runs its oracle: ExponentNet and AlbedoNet given the true mask, S and M. What the
-oracle gets wrong, no better S or M would mend.
+Beside the system runs its oracle: ExponentNet and AlbedoNet given the true mask, S and M, or the
+baseline's MaterialNet given the true reflectance map. What the oracle gets wrong, no better layers
+would mend.
 """
 
 from collections.abc import Mapping
@@ -18,7 +19,8 @@ from tqdm import tqdm
 from lime_keras import corpus as corpus_files
 from lime_keras import metrics, pipeline, records, shininess, weights
 from lime_keras.dynamic_range import compress
-from lime_keras.networks import assemble
+from lime_keras.networks import Architecture, assemble
+from lime_keras.reflectance_map import reflectance_map
 
 _LEAST_EXPONENT = 10.0**shininess.LOG_LOW
 """A smaller true exponent counts as this one, as `shininess.bin_of` has it: log10 0 is no error."""
@@ -35,14 +37,17 @@ class Evaluation:
             `specular_found`), and how wrong it is (`iou` and its pixel counts `intersection`
             and `union`, `coverage`, `bin_distance`, `log_error`, `log_error_winning`,
             `diffuse_absolute`, `diffuse_squared`, `specular_absolute`,
-            `specular_squared`, `specular_shading_relative`, `mirror_relative`).
+            `specular_squared`, `specular_shading_relative`, `mirror_relative`). Of what the system
+            does not answer there is no column, and under regression no `log_error_winning`.
         oracle: the exponent's and the albedos' error columns, of the oracle.
-        confusion: examples `(8, 8)` by true bin (row) and winning bin (column).
+        confusion: examples `(8, 8)` by true bin (row) and `predicted_bin` (column).
+        architecture: of the system.
     """
 
     rows: dict[str, np.ndarray]
     oracle: dict[str, np.ndarray]
     confusion: np.ndarray
+    architecture: Architecture
 
     @property
     def count(self) -> int:
@@ -81,7 +86,8 @@ def evaluate(
             rows.append(measure(example, system.predict_on_batch(example["image"])))
             oracle.append(_material_errors(example, _from_true_layers(example, subnetworks)))
             progress.update(len(example["mask"]))
-    evaluation = Evaluation(_joined(rows), _joined(oracle), _confusion(_joined(rows)))
+    joined = _joined(rows)
+    evaluation = Evaluation(joined, _joined(oracle), _confusion(joined), architecture)
     _check_finite(evaluation, model_dir)
     return evaluation
 
@@ -124,31 +130,66 @@ def measure(
         "intersection": np.sum(true & found, **pixels),
         "union": np.sum(true | found, **pixels),
         "coverage": np.mean(true, **pixels),
-        "specular_shading_relative": _relative_error("specular_shading", example, estimate),
-        "mirror_relative": _relative_error("mirror", example, estimate),
+        **{
+            f"{name}_relative": _relative_error(name, example, estimate)
+            for name in ("specular_shading", "mirror")
+            if name in estimate
+        },
         **_material_errors(example, estimate),
     }
+
+
+def found_log_exponent(estimate: Mapping[str, np.ndarray]) -> np.ndarray:
+    """log10 s `(...)` of answers `(..., 8)` or `(..., 1)`: of the classes, the expected value."""
+    if "log_exponent" in estimate:
+        return estimate["log_exponent"][..., 0]
+    return shininess.log_expected(estimate["exponent_bin_probabilities"])
+
+
+def true_reflectance_map(example: Mapping[str, np.ndarray]) -> np.ndarray:
+    """What the baseline's ReflectanceMapNet is to find, `(B, S, S, 3)` linear radiance.
+
+    Args:
+        example: batch as `pipeline.evaluation` yields it.
+    """
+    names = ("environment", "shininess", "diffuse_albedo", "specular_albedo", "ambient")
+    size = example["mask"].shape[1]
+    return keras.ops.convert_to_numpy(reflectance_map(*(example[name] for name in names), size))
 
 
 def _material_errors(
     example: Mapping[str, np.ndarray], estimate: Mapping[str, np.ndarray]
 ) -> dict[str, np.ndarray]:
-    """Errors of the exponent and the two albedos, `(B,)` each, and the winning bin."""
-    probabilities = estimate["exponent_bin_probabilities"]
-    exponent = np.maximum(example["shininess"], _LEAST_EXPONENT)
+    """Errors of the exponent and the two albedos, `(B,)` each, and the exponent's bin."""
     diffuse = example["diffuse_albedo"], estimate["diffuse_albedo"]
     specular = example["specular_albedo"][:, None], estimate["specular_albedo"]
     return {
-        "predicted_bin": np.argmax(probabilities, axis=-1),
-        "bin_distance": metrics.bin_distance(exponent, probabilities),
-        "log_error": metrics.log_exponent_error(exponent, shininess.log_expected(probabilities)),
-        "log_error_winning": metrics.log_exponent_error(
-            exponent, shininess.log_winning(probabilities)
-        ),
+        **_exponent_errors(example, estimate),
         "diffuse_absolute": metrics.albedo_absolute_error(*diffuse),
         "diffuse_squared": metrics.albedo_squared_error(*diffuse),
         "specular_absolute": metrics.albedo_absolute_error(*specular),
         "specular_squared": metrics.albedo_squared_error(*specular),
+    }
+
+
+def _exponent_errors(
+    example: Mapping[str, np.ndarray], estimate: Mapping[str, np.ndarray]
+) -> dict[str, np.ndarray]:
+    """The winning bin, or the one that a number falls into, how far off it is, and log errors."""
+    exponent = np.maximum(example["shininess"], _LEAST_EXPONENT)
+    log = found_log_exponent(estimate)
+    errors = {"log_error": metrics.log_exponent_error(exponent, log)}
+    if "log_exponent" in estimate:
+        # NaN is told by the error's column.
+        found = shininess.bin_of(10.0 ** np.nan_to_num(log))
+        distance = np.abs(found - shininess.bin_of(exponent))
+        return errors | {"predicted_bin": found, "bin_distance": distance}
+    probabilities = estimate["exponent_bin_probabilities"]
+    winning = shininess.log_winning(probabilities)
+    return errors | {
+        "predicted_bin": np.argmax(probabilities, axis=-1),
+        "bin_distance": metrics.bin_distance(exponent, probabilities),
+        "log_error_winning": metrics.log_exponent_error(exponent, winning),
     }
 
 
@@ -164,16 +205,24 @@ def _relative_error(
 def _from_true_layers(
     example: Mapping[str, np.ndarray], subnetworks: Mapping[str, keras.Model]
 ) -> dict[str, np.ndarray]:
-    """The material that ExponentNet and AlbedoNet read from the true mask, S and M."""
-    mask = example["mask"]
-    shading = compress(example["specular_shading"]) * mask
-    mirror = compress(example["mirror"]) * mask
-    albedos = subnetworks["albedo"].predict_on_batch([example["image"] * mask, shading])
-    return {
-        "exponent_bin_probabilities": subnetworks["exponent"].predict_on_batch([shading, mirror]),
-        "diffuse_albedo": albedos[:, :3],
-        "specular_albedo": albedos[:, 3:],
-    }
+    """The material that the last subnetworks read from true layers."""
+    if "material" in subnetworks:
+        sphere = compress(true_reflectance_map(example))
+        albedos, exponent = subnetworks["material"].predict_on_batch(sphere)
+    else:
+        mask = example["mask"]
+        shading, mirror = (
+            compress(example[name]) * mask for name in ("specular_shading", "mirror")
+        )
+        seen = [shading, mirror] if "mirror" in subnetworks else [shading]
+        albedos = subnetworks["albedo"].predict_on_batch([example["image"] * mask, shading])
+        exponent = subnetworks["exponent"].predict_on_batch(seen)
+    # Clipped as the assembled system's.
+    albedos = np.clip(albedos, 0, 1)
+    answer = {"diffuse_albedo": albedos[:, :3], "specular_albedo": albedos[:, 3:]}
+    if exponent.shape[-1] == 1:
+        return answer | {"log_exponent": np.clip(exponent, shininess.LOG_LOW, shininess.LOG_HIGH)}
+    return answer | {"exponent_bin_probabilities": exponent}
 
 
 def _count(shards: list[Path], size: int) -> int:
@@ -199,7 +248,7 @@ def _joined(batches: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
 
 
 def _confusion(rows: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Examples `(8, 8)` by true and winning bin."""
+    """Examples `(8, 8)` by true and estimated bin."""
     matrix = np.zeros((shininess.BIN_COUNT, shininess.BIN_COUNT), np.int64)
     np.add.at(matrix, (rows["bin"], rows["predicted_bin"]), 1)
     return matrix

@@ -13,7 +13,7 @@ from lime_keras import pipeline, records, shininess, weights
 from lime_keras.camera import photograph
 from lime_keras.networks import assemble
 
-from .evaluate import test_shards
+from .evaluate import found_log_exponent, test_shards
 
 _WORST = 2
 """Examples shown of each kind of failure."""
@@ -47,8 +47,8 @@ class Example:
 
     @property
     def exponent(self) -> float:
-        """Estimated exponent, from the expected log10 s over the eight classes."""
-        return float(10.0 ** shininess.log_expected(self.estimate["exponent_bin_probabilities"]))
+        """Estimated exponent, from the expected log10 s over the eight classes or as a number."""
+        return float(10.0 ** found_log_exponent(self.estimate))
 
 
 def choose(rows: Mapping[str, np.ndarray]) -> list[Choice]:

@@ -57,7 +57,7 @@ def confusion(matrix: np.ndarray, theme: Theme = LIGHT) -> bytes:
         range(len(labels)),
         [f"{label} (n={n})" for label, n in zip(labels, counts[:, 0], strict=True)],
     )
-    axes.set_xlabel("estimated exponent (winning bin)")
+    axes.set_xlabel("estimated exponent's bin")
     axes.set_ylabel("true exponent")
     for true, found in np.ndindex(matrix.shape):
         share = shares[true, found]

@@ -14,7 +14,6 @@ from lime_keras import shininess
 
 from .evaluate import Evaluation
 
-Means = Mapping[str, Any]
 _RESAMPLES = 1000
 _BOOTSTRAP_SEED = 2018
 _UNIFORM_MAE, _UNIFORM_RMSE = 0.25, math.sqrt(1 / 12)
@@ -27,6 +26,8 @@ class Measure:
 
     Attributes:
         title: what is measured, in words.
+        columns: of `Evaluation.rows`, or `exact`, `adjacent` and `within_one` of its
+            `bin_distance`; a system that lacks one does not have the measure.
         of_means: the measure from the columns' means (numbers or arrays of one shape).
         is_share: whether it is a share of 1, printed in per cent.
         more_is_better: which way is up; None where neither is (a neighbouring bin is half right).
@@ -36,7 +37,8 @@ class Measure:
     """
 
     title: str
-    of_means: Callable[[Means], Any]
+    columns: tuple[str, ...]
+    of_means: Callable[..., Any] = lambda mean: mean
     is_share: bool = False
     more_is_better: bool | None = False
     paper: float | None = None
@@ -44,70 +46,61 @@ class Measure:
     floor: float | None = None
 
 
-def _mean(column: str) -> Callable[[Means], Any]:
-    return lambda means: means[column]
-
-
-def _root(column: str) -> Callable[[Means], Any]:
-    return lambda means: np.sqrt(means[column])
-
-
-def _pooled_iou(means: Means) -> Any:
+def _pooled_iou(intersection: Any, union: Any) -> Any:
     """Σ intersection / Σ union; 1 where there is no object at all."""
-    union = means["union"]
-    return np.where(union > 0, means["intersection"] / np.maximum(union, 1e-9), 1.0)
+    return np.where(union > 0, intersection / np.maximum(union, 1e-9), 1.0)
 
 
 _SHARE: dict[str, Any] = {"is_share": True, "more_is_better": True}
 
 MEASURES = {
-    "mask_iou": Measure("Mask IoU, mean over images", _mean("iou"), paper=0.9983, **_SHARE),
-    "mask_iou_pooled": Measure("Mask IoU, all pixels pooled", _pooled_iou, **_SHARE),
+    "mask_iou": Measure("Mask IoU, mean over images", ("iou",), paper=0.9983, **_SHARE),
+    "mask_iou_pooled": Measure(
+        "Mask IoU, all pixels pooled", ("intersection", "union"), _pooled_iou, **_SHARE
+    ),
     "exponent_exact": Measure(
-        "Exponent, right bin", _mean("exact"), paper=0.4507, chance=1 / 8, **_SHARE
+        "Exponent, right bin", ("exact",), paper=0.4507, chance=1 / 8, **_SHARE
     ),
     "exponent_adjacent": Measure(
         "Exponent, neighbouring bin",
-        _mean("adjacent"),
+        ("adjacent",),
         is_share=True,
         more_is_better=None,
         paper=0.4012,
         chance=2 / 8,
     ),
     "exponent_within_one": Measure(
-        "Exponent, right or neighbouring", _mean("within_one"), paper=0.8519, chance=3 / 8, **_SHARE
+        "Exponent, right or neighbouring", ("within_one",), paper=0.8519, chance=3 / 8, **_SHARE
     ),
     "log_exponent_mae": Measure(
-        "Exponent, error of log10 s, expected value",
-        _mean("log_error"),
+        "Exponent, error of log10 s",
+        ("log_error",),
         paper=0.3073,
         chance=shininess.CHANCE_LOG_ERROR,
     ),
     "log_exponent_mae_winning": Measure(
         "Exponent, error of log10 s, winning bin",
-        _mean("log_error_winning"),
+        ("log_error_winning",),
         paper=0.3073,
         chance=shininess.CHANCE_LOG_ERROR,
         floor=shininess.QUANTISATION_FLOOR,
     ),
     "diffuse_albedo_mae": Measure(
-        "Diffuse albedo, MAE", _mean("diffuse_absolute"), paper=0.0674, chance=_UNIFORM_MAE
+        "Diffuse albedo, MAE", ("diffuse_absolute",), paper=0.0674, chance=_UNIFORM_MAE
     ),
     "diffuse_albedo_rmse": Measure(
-        "Diffuse albedo, RMSE", _root("diffuse_squared"), chance=_UNIFORM_RMSE
+        "Diffuse albedo, RMSE", ("diffuse_squared",), np.sqrt, chance=_UNIFORM_RMSE
     ),
     "specular_albedo_mae": Measure(
-        "Specular albedo, MAE", _mean("specular_absolute"), paper=0.2158, chance=_UNIFORM_MAE
+        "Specular albedo, MAE", ("specular_absolute",), paper=0.2158, chance=_UNIFORM_MAE
     ),
     "specular_albedo_rmse": Measure(
-        "Specular albedo, RMSE", _root("specular_squared"), chance=_UNIFORM_RMSE
+        "Specular albedo, RMSE", ("specular_squared",), np.sqrt, chance=_UNIFORM_RMSE
     ),
     "specular_shading_relative": Measure(
-        "Specular shading S, relative error", _mean("specular_shading_relative"), chance=1.0
+        "Specular shading S, relative error", ("specular_shading_relative",), chance=1.0
     ),
-    "mirror_relative": Measure(
-        "Mirror image M, relative error", _mean("mirror_relative"), chance=1.0
-    ),
+    "mirror_relative": Measure("Mirror image M, relative error", ("mirror_relative",), chance=1.0),
 }
 
 
@@ -115,25 +108,22 @@ def summarise(evaluation: Evaluation) -> dict[str, Any]:
     """What `metrics.json` holds.
 
     Returns:
-        Each of `MEASURES` by name, shares in [0, 1]; `count`; and, by measure again where they
-        exist, `interval` (95 % bootstrap, two ends), `oracle`, `paper`, `chance`, `floor` and
-        `constant` (the best answer that is the same for every image of this very split).
+        Each of `MEASURES` that the system has, by name, shares in [0, 1]; `count`; `system`, in
+        words; and, by measure again where they exist, `interval` (95 % bootstrap, two ends),
+        `oracle`, `paper`, `chance`, `floor` and `constant` (the best answer that is the same for
+        every image of this very split).
     """
     columns = _columns(evaluation.rows)
     means = {name: float(np.mean(column)) for name, column in columns.items()}
     oracle = {name: float(np.mean(c)) for name, c in _columns(evaluation.oracle).items()}
-    summary: dict[str, Any] = {
-        name: float(measure.of_means(means)) for name, measure in MEASURES.items()
-    }
+    measured = {name: float(value) for name, value in _measured(means).items()}
+    summary: dict[str, Any] = dict(measured)
     summary["count"] = evaluation.count
+    summary["system"] = evaluation.architecture.description
     summary["interval"] = intervals(columns)
-    summary["oracle"] = {
-        name: float(measure.of_means(oracle))
-        for name, measure in MEASURES.items()
-        if name.startswith(("exponent", "log_exponent", "diffuse_albedo", "specular_albedo"))
-    }
+    summary["oracle"] = {name: float(value) for name, value in _measured(oracle).items()}
     for kind in ("paper", "chance", "floor"):
-        known = {name: getattr(measure, kind) for name, measure in MEASURES.items()}
+        known = {name: getattr(MEASURES[name], kind) for name in measured}
         summary[kind] = {name: value for name, value in known.items() if value is not None}
     summary["constant"] = constant_answers(evaluation.rows)
     return summary
@@ -153,8 +143,8 @@ def intervals(columns: Mapping[str, np.ndarray]) -> dict[str, list[float]]:
         resampled[row] = drawn @ matrix / count
     means = dict(zip(columns, resampled.T, strict=True))
     return {
-        name: np.percentile(measure.of_means(means), (2.5, 97.5)).tolist()
-        for name, measure in MEASURES.items()
+        name: np.percentile(values, (2.5, 97.5)).tolist()
+        for name, values in _measured(means).items()
     }
 
 
@@ -177,6 +167,15 @@ def constant_answers(rows: Mapping[str, np.ndarray]) -> dict[str, float]:
         "specular_albedo_rmse": np.std(specular),
     }
     return {name: float(value) for name, value in constant.items()}
+
+
+def _measured(means: Mapping[str, Any]) -> dict[str, Any]:
+    """Those of `MEASURES` whose columns are there, from the columns' means."""
+    return {
+        name: measure.of_means(*(means[column] for column in measure.columns))
+        for name, measure in MEASURES.items()
+        if means.keys() >= set(measure.columns)
+    }
 
 
 def _columns(rows: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:

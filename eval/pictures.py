@@ -8,9 +8,12 @@ from matplotlib import image as png_writer
 
 from lime_keras import colour, shading
 from lime_keras.compositing import compose
+from lime_keras.reflectance_map import disc
 
+from .evaluate import true_reflectance_map
 from .examples import Example
 
+_LAYERS = {"specular_shading": "Specular shading S", "mirror": "Mirror image M"}
 _WHITE_PERCENTILE = 99.0
 _LEAST_WHITE = 1e-4
 """Radiance; a layer that is black throughout stays black."""
@@ -26,12 +29,21 @@ class Pair:
 
 
 def pairs(example: Example) -> list[Pair]:
-    """Mask, S, M and the photo rendered anew, each true and estimated."""
+    """Mask, the layers estimated and the photo rendered anew, each true and estimated."""
     truth, estimate = example.truth, example.estimate
+    layers = [
+        _hdr_pair(title, truth[name], estimate[name], truth["mask"])
+        for name, title in _LAYERS.items()
+        if name in estimate
+    ]
+    if "reflectance_map" in estimate:
+        sphere = disc(len(truth["mask"]))
+        batch = {name: np.asarray(value)[None] for name, value in truth.items()}
+        true, found = true_reflectance_map(batch)[0], estimate["reflectance_map"] * sphere
+        layers.append(_hdr_pair("Reflectance map", true, found, sphere))
     return [
-        Pair("Mask", _grey(truth["mask"]), _grey(estimate["mask"])),
-        _hdr_pair("Specular shading S", "specular_shading", example),
-        _hdr_pair("Mirror image M", "mirror", example),
+        Pair("Mask", _rgb(truth["mask"]), _rgb(estimate["mask"])),
+        *layers,
         Pair("Rendered with the material", true_render(example), estimated_render(example)),
     ]
 
@@ -67,8 +79,8 @@ def estimated_render(example: Example) -> np.ndarray:
 
 
 def tonemap(radiance: np.ndarray, white: float) -> np.ndarray:
-    """Grey radiance `(H, W, 1)` as sRGB `(H, W, 3)`; `white` and all above become 1."""
-    return _grey(colour.linear_to_srgb(np.clip(radiance / white, 0.0, 1.0)))
+    """Radiance `(H, W, 1 or 3)` as sRGB `(H, W, 3)`; `white` and all above become 1."""
+    return _rgb(colour.linear_to_srgb(np.clip(radiance / white, 0.0, 1.0)))
 
 
 def png(image_srgb: np.ndarray) -> bytes:
@@ -78,13 +90,13 @@ def png(image_srgb: np.ndarray) -> bytes:
     return buffer.getvalue()
 
 
-def _hdr_pair(title: str, name: str, example: Example) -> Pair:
+def _hdr_pair(title: str, true: np.ndarray, found: np.ndarray, mask: np.ndarray) -> Pair:
     """A layer tonemapped by one scale: the truth's 99th percentile in the mask becomes white."""
-    true = example.truth[name] * example.truth["mask"]
-    inside = true[example.truth["mask"] >= 0.5]
+    true = true * mask
+    inside = true[mask[..., 0] >= 0.5]
     white = float(np.percentile(inside, _WHITE_PERCENTILE)) if inside.size else 1.0
     white = max(white, _LEAST_WHITE)
-    return Pair(title, tonemap(true, white), tonemap(example.estimate[name], white))
+    return Pair(title, tonemap(true, white), tonemap(found, white))
 
 
 def _over_background(
@@ -107,5 +119,6 @@ def _over_background(
     return np.clip(colour.linear_to_srgb(mixed), 0.0, 1.0)
 
 
-def _grey(values: np.ndarray) -> np.ndarray:
-    return np.repeat(np.clip(values, 0.0, 1.0), 3, axis=-1)
+def _rgb(values: np.ndarray) -> np.ndarray:
+    """Grey `(H, W, 1)` or colour `(H, W, 3)`, clipped, as colour."""
+    return np.repeat(np.clip(values, 0.0, 1.0), 3 // values.shape[-1], axis=-1)

@@ -52,6 +52,7 @@ def render(
     Raises:
         ValueError: if a file of loss curves is not a table of numbers.
     """
+    architecture = evaluation.architecture
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(_TEMPLATES),
         autoescape=True,
@@ -67,6 +68,8 @@ def render(
         versions=f"lime_keras {__version__}, TensorFlow {tf.__version__}, "
         f"Keras {keras.__version__}",
         summary=summary,
+        oracle=table.oracle(architecture),
+        exponent=table.exponent(architecture),
         tiles=[_tile(name, title, summary) for name, title in _HEADLINES.items()],
         header=table.HEADER,
         rows=table.rows(summary),
@@ -112,7 +115,7 @@ def _constants(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
 def _card(example: Example) -> dict[str, Any]:
     """One example for the template."""
     truth, estimate = example.truth, example.estimate
-    probabilities = estimate["exponent_bin_probabilities"]
+    probabilities = estimate.get("exponent_bin_probabilities", ())
     true_bin = int(shininess.bin_of(truth["shininess"]))
     return {
         "reason": example.choice.reason,

@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from lime_keras.networks import Architecture
+
 from .measures import MEASURES, Measure
 
 HEADER = ("Measure", "Ours (± 95 % interval)", "Oracle", "Paper", "Chance", "Floor")
@@ -28,17 +30,32 @@ class Row:
 
 
 def rows(summary: Mapping[str, Any]) -> list[Row]:
-    """The table's rows of `measures.summarise`."""
-    return [_row(name, measure, summary) for name, measure in MEASURES.items()]
+    """The table's rows of `measures.summarise`: the measures that the system has."""
+    return [_row(name, measure, summary) for name, measure in MEASURES.items() if name in summary]
 
 
-def markdown(summary: Mapping[str, Any]) -> str:
+def oracle(architecture: Architecture) -> str:
+    """Which subnetworks the oracle is, and what they are given."""
+    if architecture.system == "reflectance-map":
+        return "MaterialNet given the true reflectance map"
+    layers = "mask, S and M" if architecture.mirror else "mask and S"
+    return f"ExponentNet and AlbedoNet given the true {layers}"
+
+
+def exponent(architecture: Architecture) -> str:
+    """How an exponent is read off the answer."""
+    if architecture.exponent == "regression":
+        return "the system answers log10 s itself; its bin is the one that s falls into"
+    return "log10 s is the expected value over the eight classes, or that of the winning bin"
+
+
+def markdown(summary: Mapping[str, Any], architecture: Architecture) -> str:
     """The table in Markdown, columns aligned so that it also reads well in a terminal."""
     lines = [HEADER, *(row.cells() for row in rows(summary))]
     widths = [max(len(line[column]) for line in lines) for column in range(len(HEADER))]
     text = [_line(line, widths) for line in lines]
     rule = "|".join(["", "-" * (widths[0] + 2), *("-" * (width + 1) + ":" for width in widths[1:])])
-    return "\n".join([text[0], rule + "|", *text[1:], "", _note(summary)]) + "\n"
+    return "\n".join([text[0], rule + "|", *text[1:], "", _note(summary, architecture)]) + "\n"
 
 
 def number(value: float | None, *, is_share: bool) -> str:
@@ -70,9 +87,9 @@ def _line(cells: tuple[str, ...], widths: list[int]) -> str:
     return f"| {' | '.join(padded)} |"
 
 
-def _note(summary: Mapping[str, Any]) -> str:
+def _note(summary: Mapping[str, Any], architecture: Architecture) -> str:
     return (
-        f"{summary['count']} test images. Oracle: ExponentNet and AlbedoNet given the true mask, "
-        "S and M. Chance: an answer that knows nothing. Floor: what perfect classification into "
-        "bins still errs by."
+        f"{summary['count']} test images, answered by {architecture.description}. Exponent: "
+        f"{exponent(architecture)}. Oracle: {oracle(architecture)}. Chance: an answer that knows "
+        "nothing. Floor: what perfect classification into bins still errs by."
     )

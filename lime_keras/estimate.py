@@ -8,16 +8,18 @@ Example:
     print(material.diffuse_albedo, material.specular_albedo, material.exponent)
 """
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
+import keras
 import numpy as np
 
 from lime_keras import colour, shininess, weights
 from lime_keras.material import Material
-from lime_keras.networks import assemble
+from lime_keras.networks import answers, assemble
 from lime_keras.photo import fit_square
+from lime_keras.reflectance_map import disc
 
 NEEDED = {
     "mask": ("mask",),
@@ -26,8 +28,12 @@ NEEDED = {
     "albedo": ("mask", "diffuse_albedo", "specular_albedo"),
     "exponent": ("mask", "exponent_bin_probabilities"),
     "diffuse": ("mask", "specular_shading", "specular_albedo"),
+    "reflectance_map": ("mask", "reflectance_map"),
 }
-"""What can be asked for, and the outputs of the joined network that it takes."""
+"""What can be asked for, and the outputs of the joined network that it takes.
+
+Under regression the exponent takes `log_exponent`. Not every system has them all.
+"""
 
 
 class Estimator:
@@ -36,20 +42,24 @@ class Estimator:
     Args:
         weights_folder: run of `lime-train` or folder of `lime_keras.weights.save`.
         only: what to estimate, out of `NEEDED`; only the subnetworks it takes are run. By default
-            everything.
+            everything that this model can.
 
     Raises:
         FileNotFoundError: if the folder holds no trained model.
-        ValueError: if `only` names something unknown.
+        ValueError: if `only` names nothing, or something that this model cannot estimate.
     """
 
-    def __init__(self, weights_folder: str | Path, only: Collection[str] = tuple(NEEDED)):
-        unknown = set(only) - set(NEEDED)
-        if unknown or not only:
-            raise ValueError(f"cannot estimate {sorted(unknown)}: choose from {', '.join(NEEDED)}")
+    def __init__(self, weights_folder: str | Path, only: Collection[str] | None = None):
         self.architecture, subnetworks = weights.load(Path(weights_folder))
-        self._only = set(only)
-        outputs = {output for name in only for output in NEEDED[name]}
+        needed = _needed(subnetworks)
+        self._only = set(needed if only is None else only)
+        unknown = sorted(self._only - set(needed))
+        if unknown or not self._only:
+            raise ValueError(
+                f"cannot estimate {unknown}: {weights_folder} holds "
+                f"{self.architecture.description}; choose from {', '.join(needed)}"
+            )
+        outputs = {output for name in self._only for output in needed[name]}
         self._network = assemble(subnetworks, sorted(outputs))
 
     def estimate(self, image_srgb: np.ndarray) -> Material:
@@ -90,10 +100,23 @@ class Estimator:
             specular = answer["specular_albedo"] * answer["specular_shading"]
             diffuse = np.maximum(colour.srgb_to_linear(square) - specular, 0)
             layers["diffuse"] = diffuse * answer["mask"]
-        if "exponent" in only:
+        if "reflectance_map" in only:
+            # Nothing was ever asked of the network beside the sphere.
+            layers["reflectance_map"] = answer["reflectance_map"] * disc(len(square))
+        if "log_exponent" in answer:
+            fields["exponent"] = float(10.0 ** answer["log_exponent"][0])
+        elif "exponent" in only:
             probabilities = answer["exponent_bin_probabilities"]
             fields["exponent"] = float(10.0 ** shininess.log_expected(probabilities))
             fields["exponent_bin_probabilities"] = probabilities
             fields["exponent_entropy"] = float(shininess.entropy(probabilities))
         coverage = float(np.mean(answer["mask"] >= 0.5))
         return Material(mask_coverage=coverage, layers=layers, **fields)
+
+
+def _needed(subnetworks: Mapping[str, keras.Model]) -> dict[str, tuple[str, ...]]:
+    """`NEEDED` of these subnetworks, without what they cannot estimate."""
+    known = answers(subnetworks)
+    regression = {"exponent": ("mask", "log_exponent")} if "log_exponent" in known else {}
+    needed = NEEDED | regression
+    return {name: outputs for name, outputs in needed.items() if set(outputs) <= set(known)}

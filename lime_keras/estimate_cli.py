@@ -9,7 +9,7 @@ from pathlib import Path
 from lime_keras import console
 from lime_keras.version import __version__
 
-_ONLY = ("mask", "specular", "mirror", "albedo", "exponent", "diffuse")
+_ONLY = ("mask", "specular", "mirror", "albedo", "exponent", "diffuse", "reflectance_map")
 
 _EXAMPLE = """
 examples:
@@ -17,7 +17,8 @@ examples:
   lime-estimate photos/*.png --weights runs/quickstart --out materials --only albedo,exponent
 
 Each photo's numbers go to standard output and to OUT/NAME.json, its layers to OUT/NAME-LAYER.png
-(mask, the photo's diffuse part) and .exr (specular shading, mirror image: linear radiance).
+(mask, the photo's diffuse part) and .exr (specular shading, mirror image: linear radiance; of the
+baseline, its reflectance map).
 """
 
 
@@ -38,10 +39,9 @@ def parser() -> argparse.ArgumentParser:
     out.add_argument(
         "--only",
         type=_names,
-        default=_ONLY,
         metavar="NAMES",
         help=f"comma-separated: {', '.join(_ONLY)}; only the subnetworks it takes are run "
-        "(default: all)",
+        "(default: all that RUN can estimate)",
     )
     out.add_argument("--version", action="version", version=__version__)
     return out

@@ -9,8 +9,7 @@ import numpy as np
 import tensorflow as tf
 
 from lime_keras import weights
-from lime_keras.networks import assemble
-from lime_keras.networks.system import OUTPUTS
+from lime_keras.networks import answers, assemble
 
 TOLERANCE = 1e-3
 """Largest accepted difference from Keras: absolute, and relative for values above 1."""
@@ -22,7 +21,10 @@ class ParityError(RuntimeError):
 
 
 def export(
-    folder: Path, model_format: str, weights_folder: Path, only: Collection[str] = OUTPUTS
+    folder: Path,
+    model_format: str,
+    weights_folder: Path,
+    only: Collection[str] | None = None,
 ) -> dict[str, float]:
     """Write a model and compare it with Keras on images it has never seen.
 
@@ -30,17 +32,25 @@ def export(
         folder: written to: `saved_model/` or `lime.onnx` inside it.
         model_format: `savedmodel` or `onnx`.
         weights_folder: run of `lime-train`, or folder of `lime_keras.weights.save`.
-        only: names of outputs, out of `lime_keras.networks.system.OUTPUTS`.
+        only: names of outputs, out of `lime_keras.networks.answers`; by default all that this
+            model has.
 
     Returns:
         The largest difference from Keras of each output (relative above 1).
 
     Raises:
         FileNotFoundError: if there is no trained model.
+        ValueError: if the model has no output of a name.
         ParityError: if the written model differs from Keras by more than `TOLERANCE`; nothing is
             left in its place.
     """
     architecture, subnetworks = weights.load(weights_folder)
+    known = answers(subnetworks)
+    if unknown := sorted(set(only or ()) - set(known)):
+        raise ValueError(
+            f"cannot export {unknown}: {weights_folder} holds {architecture.description}; "
+            f"choose from {', '.join(known)}"
+        )
     network = assemble(subnetworks, only)
     folder.mkdir(parents=True, exist_ok=True)
     images = proof_images(architecture.size)

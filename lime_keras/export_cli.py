@@ -13,6 +13,8 @@ _OUTPUTS = (
     "diffuse_albedo",
     "specular_albedo",
     "exponent_bin_probabilities",
+    "log_exponent",
+    "reflectance_map",
 )
 
 _EXAMPLE = """
@@ -39,9 +41,8 @@ def parser() -> argparse.ArgumentParser:
     out.add_argument(
         "--only",
         type=_names,
-        default=_OUTPUTS,
         metavar="NAMES",
-        help=f"comma-separated outputs: {', '.join(_OUTPUTS)} (default: all)",
+        help=f"comma-separated outputs: {', '.join(_OUTPUTS)} (default: all that RUN has)",
     )
     out.add_argument("--version", action="version", version=__version__)
     return out

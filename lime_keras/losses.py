@@ -11,6 +11,7 @@ from lime_keras import colour
 from lime_keras.compositing import compose
 from lime_keras.dynamic_range import compress, expand
 from lime_keras.masking import masked_mean
+from lime_keras.shininess import LOG_LOW
 
 
 def mask_l2(mask: Any, predicted: Any) -> Any:
@@ -39,6 +40,15 @@ def exponent_cross_entropy(exponent_bin: Any, probabilities: Any) -> Any:
     least = 1e-7
     chosen = ops.take_along_axis(probabilities, ops.expand_dims(exponent_bin, -1), axis=-1)
     return -ops.log(ops.maximum(chosen[:, 0], least))
+
+
+def log_exponent_l2(exponent: Any, log_predicted: Any) -> Any:
+    """Squared error of log10 s: true exponents `(B,)` at least 0, predicted logarithms `(B, 1)`.
+
+    As for the bins, a smaller exponent counts as 1.
+    """
+    log = ops.log10(ops.maximum(exponent, 10.0**LOG_LOW))
+    return ops.square(log_predicted[:, 0] - log)
 
 
 def compositing_l1(

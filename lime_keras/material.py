@@ -12,13 +12,15 @@ class Material:
     Attributes:
         diffuse_albedo: m_d, `(3,)` linear RGB in [0, 1].
         specular_albedo: m_s in [0, 1]; multiplies the furnace-normalised S.
-        exponent: shininess s, from the expected log10 s over the eight classes.
-        exponent_bin_probabilities: `(8,)`, summing to 1.
+        exponent: shininess s, from the expected log10 s over the eight classes, or under
+            regression from the network's own.
+        exponent_bin_probabilities: `(8,)`, summing to 1; None under regression.
         mask_coverage: share of the image that the object covers, in [0, 1].
-        exponent_entropy: bits, from 0 (certain) to 3 (nothing known).
+        exponent_entropy: bits, from 0 (certain) to 3 (nothing known); None under regression.
         layers: images by name, each at the estimate's size: `mask` `(H, W, 1)` in [0, 1];
             `specular_shading` and `mirror` `(H, W, 1)` linear radiance; `diffuse` `(H, W, 3)`, the
-            photo less m_s · S, linear radiance.
+            photo less m_s · S, linear radiance; of the baseline `reflectance_map` `(H, W, 3)`, a
+            sphere of the material, linear radiance, 0 beside it.
     """
 
     diffuse_albedo: np.ndarray | None = None

@@ -35,6 +35,8 @@ LEARNT_FROM = (
 
 _SHUFFLE = 2048
 """Serialised examples held for shuffling: some 400 MB at 256 × 256."""
+_AHEAD = 256
+"""Serialised examples to go on with while the next epoch's are gathered: some 50 MB."""
 _LAYERS = ("diffuse_shading", "specular_shading", "mirror", "normal")
 _CHANNELS = {"image": 3, "clipped": 3, "mask": 1} | dict.fromkeys(_LAYERS, 1) | {"normal": 3}
 _SOURCES = {"clipped": "image", "exponent_bin": "shininess"}
@@ -70,24 +72,30 @@ def training(
 ) -> tf.data.Dataset:
     """Endless shuffled batches; the same seed gives the same ones, from any `first_step` on.
 
+    Every epoch holds each example once, in an order of its own; batches may span two.
+
     Args:
         shards: files to read.
         size: height and width of the images; a divisor of the stored size.
         batch_size: examples a batch.
-        seed: of the photos, and, beside TensorFlow's global one, of the order.
-        first_step: batches to pass over without decoding them, when training is resumed.
+        seed: of the order and the photos, in any process: TensorFlow's global one has no part.
+        first_step: batches to pass over, when training is resumed. Of epochs that are over nothing
+            is read, and of the one it falls into nothing is decoded.
         camera: whether to photograph the scenes anew each time (`camera.photograph`).
         features: what the batches are to hold; nothing else is decoded without need.
 
     Raises:
-        ValueError: if a shard is cut off, or a feature unknown.
+        ValueError: if a shard is cut off, all are empty, or a feature is unknown.
     """
-    _check_whole(shards)
-    dataset = tf.data.Dataset.from_tensor_slices([str(path) for path in shards])
-    dataset = dataset.shuffle(len(shards), seed=seed, reshuffle_each_iteration=True)
-    dataset = dataset.interleave(tf.data.TFRecordDataset, cycle_length=4)
-    dataset = dataset.shuffle(_SHUFFLE, seed=seed, reshuffle_each_iteration=True).repeat()
-    dataset = dataset.enumerate().skip(first_step * batch_size)
+    count, first = _check_whole(shards), first_step * batch_size
+    if not count:
+        raise ValueError(
+            f"no example to train on in {', '.join(map(str, shards))}: render more of them"
+        )
+    paths = tf.constant([str(path) for path in shards])
+    epochs = tf.data.Dataset.range(first // count, tf.int64.max)
+    dataset = epochs.flat_map(lambda epoch: _epoch(paths, tf.stack([seed, epoch])))
+    dataset = dataset.skip(first % count).enumerate(first).prefetch(_AHEAD)
     prepare = _prepare(size, features, camera)
 
     def prepared(position: tf.Tensor, serialized: tf.Tensor) -> dict[str, tf.Tensor]:
@@ -95,6 +103,25 @@ def training(
 
     dataset = dataset.map(prepared, num_parallel_calls=tf.data.AUTOTUNE, deterministic=True)
     return dataset.batch(batch_size, drop_remainder=True).prefetch(2)
+
+
+def _epoch(paths: tf.Tensor, seed: tf.Tensor) -> tf.data.Dataset:
+    """All serialised examples once, in an order that depends on the seed `(2,)` alone."""
+    of_files, of_records = tf.unstack(tf.random.split(seed))
+    paths = tf.random.experimental.stateless_shuffle(paths, of_files)
+    dataset = tf.data.Dataset.from_tensor_slices(paths)
+    dataset = dataset.interleave(tf.data.TFRecordDataset, cycle_length=4)
+    # `Dataset.shuffle` would add the global seed to its own.
+    shuffled = tf.raw_ops.ShuffleDataset(
+        input_dataset=tf.data.experimental.to_variant(dataset),
+        buffer_size=_SHUFFLE,
+        seed=of_records[0],
+        seed2=of_records[1],
+        output_types=[tf.string],
+        output_shapes=[()],
+        reshuffle_each_iteration=False,
+    )
+    return tf.data.experimental.from_variant(shuffled, tf.TensorSpec((), tf.string))
 
 
 def evaluation(
@@ -199,12 +226,13 @@ def _as_float(values: tf.Tensor) -> tf.Tensor:
     return tf.cast(values, tf.float32)
 
 
-def _check_whole(shards: list[Path]) -> None:
-    """Refuse a shard whose records do not end where the file does.
+def _check_whole(shards: list[Path]) -> int:
+    """Number of records in shards, after refusing one whose records do not end where it does.
 
     Of a record cut off within its first 12 bytes TensorFlow itself says nothing at all. Only the
     lengths are read; what lies between is checked as it is decoded.
     """
+    count = 0
     for path in shards:
         size, end = path.stat().st_size, 0
         with path.open("rb") as file:
@@ -212,9 +240,11 @@ def _check_whole(shards: list[Path]) -> None:
                 file.seek(end)
                 # Length (8 bytes), its checksum (4), the record, its checksum (4).
                 end += 16 + int.from_bytes(file.read(8), "little")
+                count += 1
         if end != size:
             whole = _check_records(path)
             raise _broken(path, whole, f"the file ends within it, after {size} bytes")
+    return count
 
 
 def _check_records(path: Path) -> int:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import keras
 
-from lime_keras.networks import SUBNETWORKS, Architecture, build
+from lime_keras.networks import Architecture, build
 
 
 def save(model: Path, architecture: Architecture, subnetworks: dict[str, keras.Model]) -> None:
@@ -25,7 +25,7 @@ def save(model: Path, architecture: Architecture, subnetworks: dict[str, keras.M
 
 
 def load(model: Path) -> tuple[Architecture, dict[str, keras.Model]]:
-    """Build the five subnetworks and load what `save` wrote, or what a training run holds.
+    """Build the subnetworks and load what `save` wrote, or what a training run holds.
 
     Args:
         model: folder written by `save`, or a run of `lime-train`, whose `model/` is taken.
@@ -38,17 +38,13 @@ def load(model: Path) -> tuple[Architecture, dict[str, keras.Model]]:
     if (model / "model").is_dir():
         model = model / "model"
     description = model / "architecture.json"
-    missing = [path for path in (description, *_all_weights(model)) if not path.is_file()]
-    if missing:
-        raise FileNotFoundError(
-            f"{missing[0]} is missing, so {model} holds no trained model: pass a folder that "
-            "`lime-train` wrote to the end"
-        )
+    _check_present(model, description)
     try:
         architecture = Architecture(**json.loads(description.read_text(encoding="utf-8")))
         subnetworks = build(architecture)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{description} is not of this version: {error}; train again") from error
+    _check_present(model, *(_weights_path(model, name) for name in subnetworks))
     for name, subnetwork in subnetworks.items():
         path = _weights_path(model, name)
         try:
@@ -63,5 +59,10 @@ def _weights_path(model: Path, name: str) -> Path:
     return model / f"{name}.weights.h5"
 
 
-def _all_weights(model: Path) -> list[Path]:
-    return [_weights_path(model, name) for name in SUBNETWORKS]
+def _check_present(model: Path, *paths: Path) -> None:
+    missing = [path for path in paths if not path.is_file()]
+    if missing:
+        raise FileNotFoundError(
+            f"{missing[0]} is missing, so {model} holds no trained model: pass a folder that "
+            "`lime-train` wrote to the end"
+        )

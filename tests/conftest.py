@@ -1,5 +1,6 @@
 """Fixtures that several modules share."""
 
+import dataclasses
 import functools
 
 import pytest
@@ -58,18 +59,47 @@ def tiny():
 @pytest.fixture(scope="session")
 def tiny_model(tiny, tmp_path_factory):
     """Folder of an untrained tiny model whose every output varies with the image."""
+    return _saved(tmp_path_factory.mktemp("tiny") / "model", tiny)
+
+
+ABLATIONS = {
+    "without MirrorNet": {"mirror": False},
+    "regression": {"exponent": "regression"},
+    "baseline": {"system": "reflectance-map"},
+}
+
+
+@pytest.fixture(scope="session", params=ABLATIONS.values(), ids=ABLATIONS)
+def ablation(request, tiny):
+    """The smallest architecture of each ablation."""
+    return dataclasses.replace(tiny, **request.param)
+
+
+@pytest.fixture(scope="session")
+def ablation_model(ablation, tmp_path_factory):
+    """As `tiny_model`, of each ablation."""
+    return _saved(tmp_path_factory.mktemp("ablation") / "model", ablation)
+
+
+def _saved(folder, architecture):
     import keras
 
     from lime_keras import weights
     from lime_keras.networks import build
 
-    folder = tmp_path_factory.mktemp("tiny") / "model"
     keras.utils.set_random_seed(1)
-    subnetworks = build(tiny)
+    subnetworks = build(architecture)
     # The heads start around zero, where the mask and the albedos are clipped.
-    subnetworks["segmentation"].get_layer("head").bias.assign([0.6])
-    subnetworks["specular"].get_layer("head").bias.assign([0.5])
-    subnetworks["mirror"].get_layer("head").bias.assign([0.5])
-    subnetworks["albedo"].get_layer("albedos").bias.assign([0.5] * 4)
-    weights.save(folder, tiny, subnetworks)
+    heads = {"segmentation": 0.6, "specular": 0.5, "mirror": 0.5, "reflectance_map": 0.5}
+    for name, network in subnetworks.items():
+        if name in heads:
+            head = network.get_layer("head")
+            head.bias.assign([heads[name]] * head.filters)
+        elif name in ("albedo", "material"):
+            network.get_layer("albedos").bias.assign([0.5] * 4)
+        if name == "material":
+            # All four of its units were dead.
+            for layer in ("dense1", "dense2"):
+                network.get_layer(layer).bias.assign([0.5] * architecture.dense_width)
+    weights.save(folder, architecture, subnetworks)
     return folder

@@ -41,10 +41,10 @@ def head():
     with pytest.MonkeyPatch.context() as patch, tempfile.TemporaryDirectory(prefix="ray-") as home:
         patch.setenv("RAY_TMPDIR", home)
         patch.setenv("RAY_USAGE_STATS_ENABLED", "0")
-        # A dead node is found out in seconds.
+        # A dead node is found out in seconds, and one that is slow to answer not taken for dead.
         health = {
             "health_check_period_ms": 500,
-            "health_check_timeout_ms": 1000,
+            "health_check_timeout_ms": 2000,
             "health_check_failure_threshold": 4,
         }
         started = Cluster(True, head_node_args=SMALL | {"num_cpus": 0, "_system_config": health})
@@ -144,7 +144,9 @@ def test_shards_are_spread_over_processes_of_one_thread(head, pair, job, monkeyp
 
     def task(item):
         node, threads = ray.util.get_node_ip_address(), [os.environ[name] for name in names]
-        (folder / f"told-{item}").write_text(json.dumps([node, os.getpid(), threads]))
+        telling = folder / f"telling-{item}"
+        telling.write_text(json.dumps([node, os.getpid(), threads]))
+        telling.rename(folder / f"told-{item}")  # no one reads a part of it
         while len({json.loads(path.read_text())[0] for path in folder.glob("told-*")}) < 2:
             time.sleep(0.05)
         nodes._ticks.put(1)
@@ -159,17 +161,28 @@ def test_shards_are_spread_over_processes_of_one_thread(head, pair, job, monkeyp
 
 
 def test_a_lost_process_is_replaced_and_what_it_did_not_counted_twice(head, pair, job):
-    died = job.folder / "died"
+    """What it did is told before it is lost, and before the other task does anything."""
+    seen, died, progress = job.folder / "seen", job.folder / "died", []
 
     def task(item):
-        nodes._ticks.put(2)
-        nodes._ticks.put(1)
-        time.sleep(1)  # the news arrives
-        if item == 0 and not died.exists():
+        if item == 0:
+            nodes._ticks.put(2)
+            nodes._ticks.put(1)
+        while not (seen, died)[item].exists():
+            time.sleep(0.05)
+        if item == 1:
+            nodes._ticks.put(3)
+        elif not died.exists():
             died.touch()
             os._exit(1)
+        time.sleep(1)  # what is counted twice is told
 
-    progress = run(head, job, task, [0, 1], 6)
+    def tell(done, total):
+        progress.append((done, total))
+        if done == 3:
+            seen.touch()
+
+    run(head, job, task, [0, 1], 6, tell)
     assert died.exists()
     assert progress == sorted(progress) and progress[-1] == (6, 6)
 
@@ -178,17 +191,18 @@ def test_an_interruption_ends_the_tasks(head, pair, job):
     begun = job.folder / "begun"
 
     def task(item):
-        nodes._ticks.put(1)
         begun.write_text(str(os.getpid()))
+        nodes._ticks.put(1)
         time.sleep(600)
 
     def interrupt(done, total):
-        raise KeyboardInterrupt
+        if done:  # where a task is going to run is news, too
+            raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         run(head, job, task, [0], 1, tell=interrupt)
     with pytest.raises(ProcessLookupError):
-        for _ in range(200):
+        for _ in range(1200):
             os.kill(int(begun.read_text()), 0)
             time.sleep(0.05)
 
@@ -217,7 +231,8 @@ def test_a_node_that_falls_silent_is_not_waited_for(head, pair, job, capsys):
         run(head, job, task, [0, 1, 2], 3)
     finally:
         head.remove_node(silent, allow_graceful=False)
-        os.kill(int(halt.read_text()), signal.SIGKILL)
+        with contextlib.suppress(FileNotFoundError, ProcessLookupError):
+            os.kill(int(halt.read_text()), signal.SIGKILL)
     assert len(list(job.folder.glob("done-*"))) == 3
     assert f"node {address} is lost" in capsys.readouterr().err
 
@@ -388,7 +403,7 @@ def test_an_address_of_nothing_is_told_at_once(job, monkeypatch, tmp_path, addre
     began = time.monotonic()
     with pytest.raises(RuntimeError, match=r"Ray cluster .*ray start --head"):
         cluster.Cluster(address, [], print, job).run(print, [0], 0, 1, nothing)
-    assert time.monotonic() - began < 10
+    assert time.monotonic() - began < 60
     assert not ray.is_initialized()
 
 

@@ -4,11 +4,14 @@ import json
 
 import keras
 import numpy as np
+import OpenImageIO as oiio
 import pytest
 
-from lime_keras import Estimator, Material, colour, shininess
+from lime_keras import Estimator, Material, colour, estimate_cli, shininess, weights
 from lime_keras.estimate import NEEDED
-from lime_keras.photo import fit_square
+from lime_keras.networks import answers, build
+from lime_keras.photo import fit_square, read_srgb, write
+from lime_keras.reflectance_map import disc
 
 PHOTOS = {
     "noise": (32, 32),
@@ -95,7 +98,7 @@ FIELDS = {
 }
 
 
-@pytest.mark.parametrize("name", NEEDED)
+@pytest.mark.parametrize("name", FIELDS)
 def test_only_what_is_asked_for_is_run_and_answered(name, tiny_model, estimator):
     numbers, layers = FIELDS[name]
     alone = Estimator(tiny_model, [name])
@@ -117,9 +120,6 @@ def test_the_mask_alone_takes_one_subnetwork(tiny_model):
 
 
 def test_an_object_that_is_not_found_is_an_answer(tiny, tmp_path):
-    from lime_keras import weights
-    from lime_keras.networks import build
-
     subnetworks = build(tiny)
     subnetworks["segmentation"].get_layer("head").bias.assign([-100.0])
     weights.save(tmp_path, tiny, subnetworks)
@@ -162,3 +162,98 @@ def test_unknown_names_and_none_are_refused(only, tiny_model):
 def test_a_folder_without_a_model_is_refused(tmp_path):
     with pytest.raises(FileNotFoundError, match="lime-train"):
         Estimator(tmp_path)
+
+
+# The ablations.
+
+ABLATED = {
+    "LIME without MirrorNet": {"mirror", "reflectance_map"},
+    "LIME with its exponent by regression": {"reflectance_map"},
+    "the reflectance-map baseline": {"specular", "mirror", "diffuse"},
+}
+"""What each cannot estimate."""
+
+
+def test_an_ablation_estimates_all_that_it_can(ablation, ablation_model):
+    estimator = Estimator(ablation_model)
+    image = photo((40, 90))
+    square = fit_square(image, 32)
+    assert set(estimator._network.output) == set(answers(weights.load(ablation_model)[1]))
+    answer = {name: np.array(v)[0] for name, v in estimator._network(square[None]).items()}
+    material = estimator.estimate(image)
+    np.testing.assert_allclose(material.diffuse_albedo, answer["diffuse_albedo"], rtol=1e-5)
+    assert material.specular_albedo == pytest.approx(answer["specular_albedo"][0], rel=1e-5)
+    layers = {"specular_shading", "mirror", "reflectance_map"} & set(answer)
+    diffuse = {"diffuse"} & (set(NEEDED) - ABLATED[ablation.description])
+    assert set(material.layers) == {"mask"} | layers | diffuse
+    for name in layers - {"reflectance_map"}:
+        np.testing.assert_allclose(material.layers[name], answer[name], rtol=1e-4, atol=1e-6)
+    if "reflectance_map" in layers:
+        found, sphere = material.layers["reflectance_map"], disc(32)[..., 0] == 1
+        assert found.shape == (32, 32, 3) and (found[~sphere] == 0).all()
+        np.testing.assert_allclose(found[sphere], answer["reflectance_map"][sphere], rtol=1e-4)
+        assert found.max() > 0 and answer["reflectance_map"][~sphere].max() > 0
+    written = material.to_json()
+    if ablation.exponent == "regression":
+        assert np.log10(material.exponent) == pytest.approx(answer["log_exponent"][0], rel=1e-5)
+        assert material.exponent_bin_probabilities is None and material.exponent_entropy is None
+        assert not {"exponent_bin_probabilities", "exponent_entropy"} & set(written)
+    else:
+        probabilities = answer["exponent_bin_probabilities"]
+        assert np.log10(material.exponent) == pytest.approx(probabilities @ shininess.LOG_MEANS)
+        assert written["exponent_entropy"] > 0
+    assert json.loads(json.dumps(written, allow_nan=False))["exponent"] >= 1
+
+
+def test_what_an_ablation_cannot_estimate_is_refused(ablation, ablation_model):
+    lacking = ABLATED[ablation.description]
+    can = [name for name in NEEDED if name not in lacking]
+    for name in lacking:
+        with pytest.raises(ValueError) as refusal:
+            Estimator(ablation_model, ["mask", name])
+        told = str(refusal.value)
+        assert told.startswith(f"cannot estimate ['{name}']: {ablation_model} holds")
+        assert told.endswith(f"{ablation.description}; choose from {', '.join(can)}")
+    for name in can:
+        Estimator(ablation_model, [name])
+
+
+def test_an_ablations_exponent_alone(ablation, ablation_model):
+    estimator = Estimator(ablation_model, ["exponent"])
+    regresses = ablation.exponent == "regression"
+    output = "log_exponent" if regresses else "exponent_bin_probabilities"
+    assert set(estimator._network.output) == {"mask", output}
+    numbers = {"exponent"} if regresses else FIELDS["exponent"][0]
+    material = estimator.estimate(photo((32, 32)))
+    assert set(material.to_json()) == numbers | {"mask_coverage"}
+    assert set(material.layers) == {"mask"}
+
+
+# The command.
+
+
+def test_the_command_writes_what_an_ablation_answers(ablation, ablation_model, tmp_path, capsys):
+    write(tmp_path / "ball.png", photo((40, 90)))
+    arguments = [str(tmp_path / "ball.png"), "--weights", str(ablation_model)]
+    out = tmp_path / "out"
+    assert estimate_cli.main([*arguments, "--out", str(out)]) == 0
+    material = Estimator(ablation_model).estimate(read_srgb(tmp_path / "ball.png"))
+    written = json.loads((out / "ball.json").read_text(encoding="utf-8"))
+    assert written == {"photo": str(tmp_path / "ball.png")} | material.to_json()
+    assert json.loads(capsys.readouterr().out) == written
+    pictures = {f"ball-{name}.png" for name in material.layers}
+    linear = [name for name in material.layers if name not in ("mask", "diffuse")]
+    assert {path.name for path in out.iterdir()} == pictures | {"ball.json"} | {
+        f"ball-{name}.exr" for name in linear
+    }
+    for name in linear:
+        image = oiio.ImageBuf(str(out / f"ball-{name}.exr")).get_pixels(oiio.FLOAT)
+        np.testing.assert_allclose(image, material.layers[name], rtol=1e-3, atol=1e-3)
+
+
+def test_the_command_says_what_an_ablation_cannot(ablation, ablation_model, tmp_path, capsys):
+    name = min(ABLATED[ablation.description])
+    arguments = ["photo.png", "--weights", str(ablation_model), "--only", name]
+    assert estimate_cli.main([*arguments, "--out", str(tmp_path / "out")]) == 1
+    assert f"{ablation.description}; choose from mask" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

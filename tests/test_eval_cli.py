@@ -1,5 +1,6 @@
 """From a tiny corpus and untrained weights to the four files."""
 
+import dataclasses
 import json
 import re
 import shutil
@@ -15,6 +16,7 @@ from lime_keras import environment, records, shading, shininess, weights
 from lime_keras.eval import cli, examples, measures
 from lime_keras.eval.evaluate import evaluate
 from lime_keras.networks import Architecture, build
+from lime_keras.reflectance_map import reflectance_map
 
 SIZE = 64
 COUNT = 7
@@ -118,7 +120,7 @@ def test_the_oracle_sees_the_true_mask_shading_and_mirror(corpus, run, evaluatio
         name: truth["mask"] * np.log1p(truth[name]) for name in ("specular_shading", "mirror")
     }
     image = truth["image"] * truth["mask"]
-    albedos = np.asarray(subnetworks["albedo"]([image, masked["specular_shading"]]))
+    albedos = np.asarray(subnetworks["albedo"]([image, masked["specular_shading"]])).clip(0, 1)
     error = np.abs(albedos[0, :3] - truth["diffuse_albedo"][0]).mean()
     assert evaluation.oracle["diffuse_absolute"][3] == pytest.approx(error, rel=1e-4)
     bins = np.asarray(subnetworks["exponent"]([masked["specular_shading"], masked["mirror"]]))
@@ -190,6 +192,106 @@ def test_out_and_the_table_on_standard_output(corpus, run, tmp_path, capsys):
     # A bare model has neither curves nor configuration; the report does without.
     page = (out / "report.html").read_text(encoding="utf-8")
     assert "Loss by stage" not in page and "Configuration" not in page
+
+
+# The ablations.
+
+ABLATED = {
+    "without MirrorNet": ({"mirror": False}, {"mirror_relative"}),
+    "regression": ({"exponent": "regression"}, {"log_exponent_mae_winning"}),
+    "baseline": (
+        {"system": "reflectance-map"},
+        {"specular_shading_relative", "mirror_relative"},
+    ),
+}
+"""What each is, and the measures it does not have."""
+
+
+@pytest.fixture(scope="module", params=ABLATED.values(), ids=ABLATED)
+def ablation(request, corpus, tmp_path_factory):
+    """An ablation's architecture, run, lacking measures, and the folder of its evaluation."""
+    fields, lacking = request.param
+    architecture = dataclasses.replace(TINY, **fields)
+    run = tmp_path_factory.mktemp("ablation")
+    keras.utils.set_random_seed(0)
+    subnetworks = build(architecture)
+    for name in {"albedo", "material"} & set(subnetworks):
+        subnetworks[name].get_layer("albedos").bias.assign([0.5, 0.4, 0.6, 0.5])
+        for layer in ("dense1", "dense2"):
+            subnetworks[name].get_layer(layer).bias.assign([0.5] * 4)
+    weights.save(run / "model", architecture, subnetworks)
+    assert cli.main([str(corpus), "--weights", str(run)]) == 0
+    return architecture, run, lacking, run / "eval"
+
+
+def test_an_ablations_metrics_lack_what_it_has_not(ablation):
+    architecture, _, lacking, folder = ablation
+    text = (folder / "metrics.json").read_text(encoding="utf-8")
+    found = json.loads(text, parse_constant=lambda constant: pytest.fail(constant))
+    had = set(measures.MEASURES) - lacking
+    assert set(found) & set(measures.MEASURES) == had == set(found["interval"])
+    assert found["system"] == architecture.description
+    of_material = {name for name in had if "exponent" in name or "albedo" in name}
+    assert set(found["oracle"]) == of_material
+    table = (folder / "table1.md").read_text(encoding="utf-8")
+    for name, measure in measures.MEASURES.items():
+        assert (f"| {measure.title} " in table) == (name in had), name
+    assert f"answered by {architecture.description}." in table
+    assert "nan" not in table.lower()
+
+
+def test_an_ablations_report_shows_what_it_has(ablation):
+    architecture, _, lacking, folder = ablation
+    assert sorted(path.name for path in folder.iterdir()) == FILES
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert f"</b>, {architecture.description}, reads the material" in page
+    assert ("Mirror image M" in page) == ("mirror_relative" not in lacking)
+    assert ("Specular shading S" in page) == ("specular_shading_relative" not in lacking)
+    baseline = architecture.system == "reflectance-map"
+    assert ("Reflectance map, true" in page) == baseline
+    regresses = architecture.exponent == "regression"
+    assert ('<div class="bars">' in page) == (not regresses)
+    columns = {"without MirrorNet": 4, "regression": 5, "baseline": 4}
+    [expected] = [n for name, n in columns.items() if ABLATED[name][1] == lacking]
+    assert f"repeat({expected}, 1fr)" in page
+
+
+def test_an_ablations_oracle_sees_true_layers(ablation, corpus):
+    architecture, run, _, _ = ablation
+    evaluated = evaluate(run, corpus, batch_size=5)
+    assert evaluated.confusion.sum() == COUNT and evaluated.architecture == architecture
+    [example] = examples.read(run, corpus, [examples.Choice(3, "any")])
+    truth = {name: np.asarray(value)[None] for name, value in example.truth.items()}
+    _, subnetworks = weights.load(run)
+    mask = truth["mask"]
+    if architecture.system == "reflectance-map":
+        named = ("environment", "shininess", "diffuse_albedo", "specular_albedo", "ambient")
+        sphere = np.asarray(reflectance_map(*(truth[name] for name in named), SIZE))
+        albedos, exponent = subnetworks["material"](np.log1p(sphere))
+    else:
+        shading, mirror = (np.log1p(truth[n]) * mask for n in ("specular_shading", "mirror"))
+        albedos = subnetworks["albedo"]([truth["image"] * mask, shading])
+        exponent = subnetworks["exponent"]([shading, mirror] if architecture.mirror else [shading])
+    albedos, exponent = np.asarray(albedos).clip(0, 1), np.asarray(exponent)[0]
+    regresses = architecture.exponent == "regression"
+    log = exponent[0].clip(0, 3) if regresses else exponent @ shininess.LOG_MEANS
+    true_log = np.log10(truth["shininess"][0])
+    oracle, rows = evaluated.oracle, evaluated.rows
+    assert oracle["log_error"][3] == pytest.approx(abs(log - true_log), rel=1e-3)
+    error = np.abs(albedos[0, :3] - truth["diffuse_albedo"][0]).mean()
+    assert oracle["diffuse_absolute"][3] == pytest.approx(error, rel=1e-3)
+    # The system's own layers lead elsewhere, or this test would see nothing.
+    assert rows["log_error"][3] != pytest.approx(oracle["log_error"][3], rel=1e-3)
+    assert rows["diffuse_absolute"][3] != pytest.approx(error, rel=1e-3)
+
+
+def test_broken_weights_of_a_regression_are_refused(corpus, tmp_path, capsys):
+    architecture = dataclasses.replace(TINY, exponent="regression")
+    subnetworks = build(architecture)
+    subnetworks["exponent"].get_layer("log_exponent").bias.assign([np.nan])
+    weights.save(tmp_path, architecture, subnetworks)
+    line = _fails(capsys, corpus, "--weights", tmp_path)
+    assert "log_error is not finite for test example 0" in line and str(tmp_path) in line
 
 
 def _fails(capsys, *arguments):

@@ -81,6 +81,37 @@ def test_wrong_answers_by_hand():
     assert rows["mirror_relative"] == pytest.approx([1.0, 0.0])
 
 
+def test_a_regressed_exponent_by_hand():
+    """log10 1000 and log10 1.5 for 10 and 0: bins 7 and 0 for 2 and 0."""
+    answer = _perfect(_batch())
+    del answer["exponent_bin_probabilities"]
+    answer["log_exponent"] = np.array([[3.0], [np.log10(1.5)]], np.float32)
+    rows = measure(_batch(), answer)
+    assert rows["predicted_bin"].tolist() == [7, 0]
+    assert rows["bin_distance"].tolist() == [5, 0]
+    assert rows["log_error"] == pytest.approx([2.0, np.log10(1.5)])
+    assert "log_error_winning" not in rows
+    answer["log_exponent"] = np.log10(np.array([[10.0], [1.0]], np.float32))
+    perfect = measure(_batch(), answer)
+    assert perfect["bin_distance"].tolist() == [0, 0]
+    # No class's width is left.
+    assert perfect["log_error"] == pytest.approx([0, 0], abs=1e-6)
+
+
+def test_a_number_that_is_none_is_left_for_the_check_to_name():
+    answer = _perfect(_batch()) | {"log_exponent": np.array([[np.nan], [1.0]], np.float32)}
+    rows = measure(_batch(), answer)
+    assert np.isnan(rows["log_error"]).tolist() == [True, False]
+
+
+@pytest.mark.parametrize("lacking", [["mirror"], ["specular_shading", "mirror"]])
+def test_layers_that_are_not_answered_have_no_column(lacking):
+    answer = {name: v for name, v in _perfect(_batch()).items() if name not in lacking}
+    rows = measure(_batch(), answer)
+    whole = measure(_batch(), _perfect(_batch()))
+    assert set(whole) - set(rows) == {f"{name}_relative" for name in lacking}
+
+
 def test_extreme_layers_keep_every_column_finite():
     batch, answer = _batch(), _perfect(_batch())
     batch["specular_shading"] = np.full_like(batch["mirror"], 65504.0)

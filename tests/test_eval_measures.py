@@ -1,5 +1,6 @@
 """Aggregates against numbers worked out by hand."""
 
+import dataclasses
 import json
 import math
 
@@ -9,6 +10,9 @@ import pytest
 from lime_keras import shininess
 from lime_keras.eval import measures
 from lime_keras.eval.evaluate import Evaluation
+from lime_keras.networks import Architecture
+
+LIME = Architecture(size=32, unet_width=1, unet_depth=1, encoder_width=1, dense_width=1)
 
 
 def _evaluation(**changes):
@@ -33,9 +37,11 @@ def _evaluation(**changes):
         "specular_shading_relative": np.array([0.5, 0.5, 0.0, 1.0]),
         "mirror_relative": np.array([1.0, 1.0, 1.0, 3.0]),
     } | changes
+    of_layers = ("specular_shading_relative", "mirror_relative")
     names = [name for name in rows if name.startswith(("bin_d", "log_error", "diffuse_", "specul"))]
+    names = [name for name in names if name not in of_layers]
     oracle = {name: rows[name] / 2 for name in names} | {"bin_distance": np.array([0, 1, 0, 4])}
-    return Evaluation(rows, oracle, np.zeros((8, 8), np.int64))
+    return Evaluation(rows, oracle, np.zeros((8, 8), np.int64), LIME)
 
 
 def test_the_means_are_those_of_hand_arithmetic():
@@ -149,6 +155,39 @@ def test_paper_row_is_the_full_approach():
         "diffuse_albedo_mae": 0.0674,
         "specular_albedo_mae": 0.2158,
     }
+
+
+@pytest.mark.parametrize(
+    "columns, lacking",
+    [
+        (["mirror_relative"], {"mirror_relative"}),
+        (["log_error_winning"], {"log_exponent_mae_winning"}),
+        (
+            ["specular_shading_relative", "mirror_relative"],
+            {"specular_shading_relative", "mirror_relative"},
+        ),
+    ],
+)
+def test_what_a_system_does_not_have_is_left_out_everywhere(columns, lacking):
+    whole = _evaluation()
+    rows, oracle = (
+        {name: values for name, values in held.items() if name not in columns}
+        for held in (whole.rows, whole.oracle)
+    )
+    summary = measures.summarise(Evaluation(rows, oracle, whole.confusion, LIME))
+    complete = measures.summarise(whole)
+    assert set(complete) - set(summary) == lacking
+    for kind in ("interval", "oracle", "paper", "chance", "floor", "constant"):
+        assert set(summary[kind]) == set(complete[kind]) - lacking, kind
+    for name in set(summary) - {"interval", "oracle", "paper", "chance", "floor", "constant"}:
+        assert summary[name] == complete[name]
+
+
+def test_the_system_is_named():
+    whole = _evaluation()
+    assert measures.summarise(whole)["system"] == "LIME"
+    alone = dataclasses.replace(whole, architecture=dataclasses.replace(LIME, mirror=False))
+    assert measures.summarise(alone)["system"] == "LIME without MirrorNet"
 
 
 def _needed():

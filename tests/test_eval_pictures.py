@@ -138,6 +138,39 @@ def test_radiance_beyond_every_scale_is_clipped(example):
         assert np.all(np.isfinite(pair.truth)) and np.all(np.isfinite(pair.estimate))
 
 
+def test_layers_that_are_not_answered_are_not_shown(example):
+    del example.estimate["mirror"]
+    titles = [pair.title for pair in pictures.pairs(example)]
+    assert titles == ["Mask", "Specular shading S", "Rendered with the material"]
+
+
+def test_the_baselines_reflectance_map_is_shown_in_colour(example):
+    """In a furnace of 1/2 the middle of the sphere is m_a + (m_d + m_s) / 2 (Eq. 4)."""
+    found = np.full((SIZE, SIZE, 3), 0.2, np.float32)
+    found[..., 0] = 0.1
+    for name in ("specular_shading", "mirror"):
+        del example.estimate[name]
+    example.estimate["reflectance_map"] = found
+    pairs = {pair.title: pair for pair in pictures.pairs(example)}
+    assert list(pairs) == ["Mask", "Reflectance map", "Rendered with the material"]
+    middle = np.array([0.2, 0.4, 0.6]) * 0.5 + 0.5 * 0.5 + 0.01
+    pair = pairs["Reflectance map"]
+    shown = colour.srgb_to_linear(pair.truth[SIZE // 2, SIZE // 2])
+    white = middle[0] / shown[0]
+    assert shown == pytest.approx(middle / white, rel=0.02) and white >= middle[2]
+    estimated = colour.srgb_to_linear(pair.estimate[SIZE // 2, SIZE // 2])
+    assert estimated == pytest.approx(found[0, 0] / white, rel=0.02)
+    for picture in (pair.truth, pair.estimate):
+        assert picture.shape == (SIZE, SIZE, 3) and (picture[0, 0] == 0).all()
+
+
+def test_a_regressed_exponent_is_the_examples(example):
+    del example.estimate["exponent_bin_probabilities"]
+    example.estimate["log_exponent"] = np.array([2.5], np.float32)
+    assert example.exponent == pytest.approx(10**2.5, rel=1e-5)
+    assert np.isfinite(pictures.estimated_render(example)).all()
+
+
 def test_png_keeps_the_picture():
     picture = np.linspace(0, 1, 4 * 5 * 3).reshape(4, 5, 3)
     back = png_reader.imread(io.BytesIO(pictures.png(picture)), format="png")[..., :3]

@@ -1,10 +1,15 @@
 """The table as text."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from lime_keras.eval import table
 from lime_keras.eval.measures import MEASURES
+from lime_keras.networks import Architecture
+
+LIME = Architecture(size=32, unet_width=1, unet_depth=1, encoder_width=1, dense_width=1)
 
 
 @pytest.fixture
@@ -31,12 +36,31 @@ def test_shares_are_per_cent_and_errors_are_not(summary):
 
 
 def test_markdown_is_a_rectangular_table(summary):
-    lines = [line for line in table.markdown(summary).splitlines() if line.startswith("|")]
+    text = table.markdown(summary, LIME)
+    lines = [line for line in text.splitlines() if line.startswith("|")]
     assert len(lines) == len(MEASURES) + 2
     # No cell holds a bar, which would split it in two.
     assert {line.count("|") for line in lines} == {len(table.HEADER) + 1}
     assert len({len(line) for line in lines}) == 1
-    assert "7 test images" in table.markdown(summary)
+    assert "7 test images, answered by LIME." in text
+    assert "given the true mask, S and M." in text and "winning bin" in text
+
+
+@pytest.mark.parametrize(
+    "fields, told",
+    [
+        ({"mirror": False}, "ExponentNet and AlbedoNet given the true mask and S."),
+        ({"exponent": "regression"}, "the system answers log10 s itself"),
+        ({"system": "reflectance-map"}, "MaterialNet given the true reflectance map."),
+    ],
+)
+def test_an_ablations_table_says_what_it_is_and_leaves_out_what_it_has_not(fields, told, summary):
+    architecture = dataclasses.replace(LIME, **fields)
+    del summary["mirror_relative"]
+    text = table.markdown(summary, architecture)
+    assert f"answered by {architecture.description}." in text and told in text
+    assert "Mirror image" not in text and "Specular shading" in text
+    assert [row.name for row in table.rows(summary)] == list(MEASURES)[:-1]
 
 
 def test_number_of_nothing_is_a_dash():

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import tensorflow as tf
 
-from lime_keras import export, weights
-from lime_keras.networks import assemble
+from lime_keras import export, export_cli, weights
+from lime_keras.networks import answers, assemble
 from lime_keras.networks.system import OUTPUTS
 
 FORMATS = {
@@ -94,6 +94,41 @@ def test_an_unknown_output_or_no_model_is_refused(tiny_model, tmp_path):
     with pytest.raises(FileNotFoundError, match="lime-train"):
         export.export(tmp_path / "out", "onnx", tmp_path)
     assert not (tmp_path / "out").exists()
+
+
+# The ablations.
+
+
+@pytest.mark.parametrize("model_format", FORMATS)
+def test_ablations_agree_with_keras(model_format, ablation_model, tmp_path):
+    name, run = FORMATS[model_format]
+    subnetworks = weights.load(ablation_model)[1]
+    differences = export.export(tmp_path, model_format, ablation_model)
+    assert set(differences) == set(answers(subnetworks))
+    assert all(0 <= difference <= 1e-4 for difference in differences.values())
+    expected, found = assemble(subnetworks)(fresh(3)), run(tmp_path / name, fresh(3))
+    assert set(found) == set(expected)
+    for output, value in expected.items():
+        np.testing.assert_allclose(found[output], value, rtol=1e-3, atol=1e-4, err_msg=output)
+        assert np.ptp(found[output], axis=0).max() > 1e-4, f"{output} says nothing"
+
+
+def test_the_command_names_what_an_ablation_answers(
+    ablation, ablation_model, tmp_path, stand_in, capsys
+):
+    stand_in(lambda answer: answer)
+    known = answers(weights.load(ablation_model)[1])
+    arguments = [str(tmp_path / "out"), "--format", "savedmodel", "--weights", str(ablation_model)]
+    for lacking in set(export_cli._OUTPUTS) - set(known):
+        assert export_cli.main([*arguments, "--only", f"mask,{lacking}"]) == 1
+        told = f"holds {ablation.description}; choose from {', '.join(known)}\n"
+        assert capsys.readouterr().err.endswith(told)
+        assert not (tmp_path / "out").exists()
+    assert export_cli.main(arguments) == 0
+    printed = capsys.readouterr().out.splitlines()[1:]
+    assert tuple(line.split()[0] for line in printed) == known
+    for name in known:
+        assert export_cli.main([*arguments, "--only", name]) == 0
 
 
 # A wrong model is refused. Files stand in for SavedModels, which take seconds to write.

@@ -1,6 +1,7 @@
 """The import direction, and what a wheel owns."""
 
 import ast
+import itertools
 import subprocess
 import sys
 import venv
@@ -21,6 +22,7 @@ ALLOWED = {
     "masking": {"arrays"},
     "dynamic_range": {"arrays"},
     "compositing": {"arrays"},
+    "reflectance_map": {"compositing", "environment", "reflectance"},
     "records": {"environment"},
     "shading": {"environment", "reflectance"},
     "metrics": {"shininess"},
@@ -105,12 +107,13 @@ def test_help_needs_neither_tensorflow_nor_mitsuba(module):
 def test_the_commands_offer_what_the_library_has():
     """They repeat names, because asking the library would import TensorFlow for `--help`."""
     from lime_keras import estimate, estimate_cli, export_cli
-    from lime_keras.networks import PRESETS
-    from lime_keras.networks.system import OUTPUTS
+    from lime_keras.networks import PRESETS, Architecture, answers, build
     from lime_keras.train.cli import parser
 
     assert estimate_cli._ONLY == tuple(estimate.NEEDED)
-    assert export_cli._OUTPUTS == OUTPUTS
+    systems = ({}, {"exponent": "regression"}, {"system": "reflectance-map"})
+    known = [answers(build(Architecture(32, 1, 1, 1, 1, **system))) for system in systems]
+    assert export_cli._OUTPUTS == tuple(dict.fromkeys(itertools.chain(*known)))
     preset = next(action for action in parser()._actions if action.dest == "preset")
     assert set(preset.choices) == set(PRESETS)
 

@@ -41,6 +41,14 @@ def test_what_was_not_asked_for_is_left_out_and_zero_is_not(material):
     assert not {"exponent", "diffuse_albedo"} & set(partial.to_json())
 
 
+def test_a_regressed_exponent_has_no_probabilities_in_json(material):
+    regressed = dataclasses.replace(
+        material, exponent_bin_probabilities=None, exponent_entropy=None
+    )
+    numbers = {"diffuse_albedo", "specular_albedo", "exponent", "mask_coverage"}
+    assert set(regressed.to_json()) == numbers
+
+
 def test_materials_cannot_be_changed_and_share_no_layers(material):
     with pytest.raises(dataclasses.FrozenInstanceError):
         material.exponent = 1.0

@@ -1,10 +1,20 @@
 """The subnetworks' shapes and sizes, and what the joined model holds and answers."""
 
+import dataclasses
+
 import keras
 import numpy as np
 import pytest
 
-from lime_keras.networks import PRESETS, SUBNETWORKS, Architecture, assemble, build
+from lime_keras.networks import (
+    PRESETS,
+    SUBNETWORKS,
+    Architecture,
+    answers,
+    assemble,
+    build,
+    names,
+)
 from lime_keras.networks.system import OUTPUTS
 
 NEEDED = {
@@ -65,11 +75,27 @@ def subnetworks(tiny):
     keras.utils.set_random_seed(0)
     out = build(tiny)
     # Above and below 0 in turn: some of each image belongs to the object.
-    out["segmentation"].get_layer("head").bias.assign([0.1])
-    out["specular"].get_layer("head").bias.assign([0.5])
-    out["mirror"].get_layer("head").bias.assign([0.5])
-    out["albedo"].get_layer("albedos").bias.assign([0.5] * 4)
+    lift(out, mask=0.1, layers=0.5, albedos=0.5)
     return out
+
+
+@pytest.fixture
+def ablated(ablation):
+    """As `subnetworks`, of each ablation."""
+    keras.utils.set_random_seed(0)
+    out = build(ablation)
+    lift(out, mask=0.1, layers=0.5, albedos=0.5)
+    return out
+
+
+def lift(subnetworks, mask, layers, albedos):
+    """Set the biases of the heads of any system."""
+    for name, network in subnetworks.items():
+        if name in ("albedo", "material"):
+            network.get_layer("albedos").bias.assign([albedos] * 4)
+        elif name != "exponent":
+            head = network.get_layer("head")
+            head.bias.assign([mask if name == "segmentation" else layers] * head.filters)
 
 
 def answer(network, image):
@@ -193,14 +219,15 @@ def test_outputs_asked_for_alone_are_those_of_the_whole(subnetworks, tiny):
 
 
 def in_range(found):
-    for value in found.values():
+    largest = dict.fromkeys(("specular_shading", "mirror", "reflectance_map"), 59_874)
+    largest |= {"log_exponent": 3}
+    for name, value in found.items():
         assert value.dtype == np.float32 and np.isfinite(value).all() and (value >= 0).all()
-    for name in ("mask", "diffuse_albedo", "specular_albedo", "exponent_bin_probabilities"):
-        assert (found[name] <= 1).all()
-    total = found["exponent_bin_probabilities"].sum(-1)
-    np.testing.assert_allclose(total, 1, rtol=1e-5)
-    for name in ("specular_shading", "mirror"):
-        assert found[name].max() <= 59_874
+        assert (value <= largest.get(name, 1)).all(), name
+    if "exponent_bin_probabilities" in found:
+        total = found["exponent_bin_probabilities"].sum(-1)
+        np.testing.assert_allclose(total, 1, rtol=1e-5)
+    for name in {"specular_shading", "mirror"} & set(found):
         assert (found[name][found["mask"] == 0] == 0).all()
 
 
@@ -214,9 +241,7 @@ def test_answers_are_in_range_and_layers_zero_outside_the_mask(subnetworks, tiny
 
 @pytest.mark.parametrize("bias", [-1e6, -1.0, 0.0, 12.0, 1e6])
 def test_answers_stay_in_range_whatever_the_subnetworks_say(bias, subnetworks, tiny):
-    for name in ("segmentation", "specular", "mirror"):
-        subnetworks[name].get_layer("head").bias.assign([bias])
-    subnetworks["albedo"].get_layer("albedos").bias.assign([bias] * 4)
+    lift(subnetworks, mask=bias, layers=bias, albedos=bias)
     found = answer(assemble(subnetworks), images(tiny.size))
     in_range(found)
     if bias == 1e6:
@@ -239,5 +264,176 @@ def test_mixed_precision_answers_in_single(tiny):
     try:
         network = assemble(build(tiny))
         in_range(answer(network, images(tiny.size)))
+    finally:
+        keras.config.set_dtype_policy(before)
+
+
+# The ablations.
+
+
+def without(outputs, *removed, **added):
+    return {name: held for name, held in outputs.items() if name not in removed} | added
+
+
+ABLATED = {
+    "LIME without MirrorNet": without(
+        NEEDED, "mirror", exponent_bin_probabilities={"segmentation", "specular", "exponent"}
+    ),
+    "LIME with its exponent by regression": without(
+        NEEDED, "exponent_bin_probabilities", log_exponent=NEEDED["exponent_bin_probabilities"]
+    ),
+    "the reflectance-map baseline": {
+        "mask": {"segmentation"},
+        "reflectance_map": {"segmentation", "reflectance_map"},
+    }
+    | {
+        output: {"segmentation", "reflectance_map", "material"}
+        for output in ("diffuse_albedo", "specular_albedo", "exponent_bin_probabilities")
+    },
+}
+"""By an ablation's description: its outputs, and what each takes."""
+
+
+def test_architectures_say_what_they_are(tiny, ablation):
+    assert tiny.description == "LIME"
+    assert ablation.description in ABLATED
+    both = dataclasses.replace(tiny, mirror=False, exponent="regression")
+    assert both.description == "LIME without MirrorNet with its exponent by regression"
+
+
+def test_the_ablations_exponent_nets_by_hand(tiny):
+    """S alone, two channels less 9 · 2 weights; one answer and not eight."""
+    whole = encoder_parameters(tiny, 2, 8)
+    assert build(tiny)["exponent"].count_params() == whole
+    alone = build(dataclasses.replace(tiny, mirror=False))["exponent"]
+    assert [tuple(x.shape[1:]) for x in alone.inputs] == [(32, 32, 1)]
+    assert alone.output_shape == (None, 8)
+    assert alone.count_params() == encoder_parameters(tiny, 1, 8) == whole - 9 * 2
+    number = build(dataclasses.replace(tiny, exponent="regression"))["exponent"]
+    assert [tuple(x.shape[1:]) for x in number.inputs] == [(32, 32, 1)] * 2
+    assert number.output_shape == (None, 1)
+    assert number.count_params() == encoder_parameters(tiny, 2, 1) == whole - 7 * 5
+    both = build(dataclasses.replace(tiny, mirror=False, exponent="regression"))["exponent"]
+    assert both.count_params() == encoder_parameters(tiny, 1, 1)
+
+
+def test_the_baselines_subnetworks_by_hand(tiny):
+    """The decoder: 4 features to 16 at 1 pixel, then widths 16, 16, 8, 4, 2 up to 32 pixels."""
+    subnetworks = build(dataclasses.replace(tiny, system="reflectance-map"))
+    widths = [(16, 16), (16, 16), (16, 8), (8, 4), (4, 2)]
+    decoder = (4 + 1) * 16 + sum((9 * below + 1) * width for below, width in widths) + (2 + 1) * 3
+    found = {name: network.count_params() for name, network in subnetworks.items()}
+    assert found == {
+        "segmentation": build(tiny)["segmentation"].count_params(),
+        "reflectance_map": encoder_parameters(tiny, 3, 0) + decoder,
+        "material": encoder_parameters(tiny, 3, 4 + 8),
+    }
+    assert subnetworks["reflectance_map"].output_shape == (None, 32, 32, 3)
+    assert subnetworks["material"].output_shape == [(None, 4), (None, 8)]
+
+
+def test_a_larger_reflectance_map_starts_from_more_pixels():
+    architecture = Architecture(96, 1, 1, 1, 1, system="reflectance-map")
+    network = build(architecture)["reflectance_map"]
+    assert network.output_shape == (None, 96, 96, 3)
+    assert network.get_layer("decoder_reshape").output.shape == (None, 3, 3, 8)
+
+
+@pytest.mark.parametrize(
+    "fields, found",
+    [
+        ({"system": "shading"}, "no system shading"),
+        ({"exponent": "ranking"}, "exponent ranking"),
+        ({"system": "reflectance-map", "mirror": False}, "one ablation at a time"),
+        ({"system": "reflectance-map", "exponent": "regression"}, "one ablation at a time"),
+    ],
+)
+def test_systems_that_do_not_exist_are_refused(fields, found, tiny):
+    with pytest.raises(ValueError, match=found):
+        dataclasses.replace(tiny, **fields)
+
+
+def test_an_ablations_outputs_take_only_the_subnetworks_they_need(ablated, ablation):
+    needed = ABLATED[ablation.description]
+    assert set(answers(ablated)) == set(needed)
+    assert tuple(ablated) == names(ablation)
+    assert set().union(*needed.values()) == set(ablated)
+    for output, held in needed.items():
+        network = assemble(ablated, [output])
+        subnetworks = [layer.name for layer in network.layers if isinstance(layer, keras.Model)]
+        assert sorted(subnetworks) == sorted(f"{name}_net" for name in held), output
+    whole = assemble(ablated)
+    assert set(whole.output) == set(needed)
+    assert whole.count_params() == sum(network.count_params() for network in ablated.values())
+
+
+def test_what_an_ablation_does_not_answer_is_refused(ablated):
+    for output in {*OUTPUTS, "log_exponent", "reflectance_map"} - set(answers(ablated)):
+        with pytest.raises(ValueError, match=rf"'{output}'.* not among mask, "):
+            assemble(ablated, ["mask", output])
+
+
+def test_the_ablations_joined_by_hand(ablated, ablation):
+    image = images(ablation.size)
+    found = answer(assemble(ablated), image)
+
+    def run(name, *inputs):
+        answered = ablated[name](list(inputs) if len(inputs) > 1 else inputs[0])
+        return list(map(np.array, answered)) if isinstance(answered, list) else np.array(answered)
+
+    mask = np.clip(run("segmentation", image), 0, 1)
+    expected = {"mask": mask}
+    if ablation.system == "lime":
+        specular = run("specular", image * mask) * mask
+        expected["specular_shading"] = np.expm1(np.clip(specular, 0, 11))
+        albedos, seen = run("albedo", image * mask, specular), [specular]
+        if ablation.mirror:
+            seen.append(run("mirror", specular) * mask)
+            expected["mirror"] = np.expm1(np.clip(seen[1], 0, 11))
+        exponent = run("exponent", *seen)
+    else:
+        sphere = run("reflectance_map", image * mask)
+        expected["reflectance_map"] = np.expm1(np.clip(sphere, 0, 11))
+        albedos, exponent = run("material", sphere)
+    albedos = np.clip(albedos, 0, 1)
+    expected |= {"diffuse_albedo": albedos[:, :3], "specular_albedo": albedos[:, 3:]}
+    if ablation.exponent == "regression":
+        expected["log_exponent"] = np.clip(exponent, 0, 3)
+    else:
+        expected["exponent_bin_probabilities"] = exponent
+    assert set(found) == set(expected)
+    for name, value in expected.items():
+        assert found[name].shape == value.shape
+        np.testing.assert_allclose(found[name], value, rtol=1e-4, atol=1e-5, err_msg=name)
+        assert np.ptp(found[name], axis=0).max() > 1e-4, f"{name} does not see the image"
+
+
+@pytest.mark.parametrize("bias", [-1e6, -1.0, 0.0, 12.0, 1e6])
+def test_the_ablations_stay_in_range_whatever_the_subnetworks_say(bias, ablated, ablation):
+    lift(ablated, mask=bias, layers=bias, albedos=bias)
+    if ablation.exponent == "regression":
+        ablated["exponent"].get_layer("log_exponent").bias.assign([bias])
+    found = answer(assemble(ablated), images(ablation.size))
+    in_range(found)
+    if abs(bias) == 1e6:
+        end = float(bias > 0)
+        assert (found["mask"] == end).all() and (found["diffuse_albedo"] == end).all()
+        if "log_exponent" in found:
+            assert (found["log_exponent"] == 3 * end).all()
+        if "reflectance_map" in found:
+            assert (found["reflectance_map"] >= 59_000 * end).all()
+
+
+def test_regression_begins_in_the_middle(tiny):
+    network = build(dataclasses.replace(tiny, exponent="regression"))["exponent"]
+    black = np.zeros((1, 32, 32, 1), np.float32)
+    assert np.array(network([black, black])).item() == pytest.approx(1.5)
+
+
+def test_the_ablations_in_mixed_precision_answer_in_single(ablation):
+    before = keras.config.dtype_policy()
+    keras.config.set_dtype_policy("mixed_float16")
+    try:
+        in_range(answer(assemble(build(ablation)), images(ablation.size)))
     finally:
         keras.config.set_dtype_policy(before)

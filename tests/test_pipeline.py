@@ -75,12 +75,50 @@ def test_batches_are_whole_and_cross_epochs(shards):
         assert sorted(epoch) == list(range(COUNT))
 
 
-@pytest.mark.parametrize("first_step", [0, 1, 5, 6, 7, 13])
 @pytest.mark.parametrize("batch_size", [2, 5])
-def test_resuming_carries_on_where_an_uninterrupted_order_would_be(shards, first_step, batch_size):
+def test_resuming_carries_on_where_an_uninterrupted_order_would_be(shards, batch_size):
+    """Within the first epoch, at one's boundary, where a batch spans two, and later."""
     whole = order(shards, 20, batch_size)
-    resumed = order(shards, 20 - first_step, batch_size, first_step=first_step)
-    np.testing.assert_array_equal(resumed, whole[first_step:])
+    for first_step in (0, 1, 2, 5, 6, 7, 12, 13, 19):
+        resumed = order(shards, 20 - first_step, batch_size, first_step=first_step)
+        np.testing.assert_array_equal(resumed, whole[first_step:])
+
+
+def test_epochs_that_are_over_are_not_read(shards):
+    """To read all that a billion steps did would take hours."""
+    resumed = order(shards, 3, first_step=10**9)
+    epoch = order(shards, 6, first_step=10**9 // 6 * 6)
+    assert sorted(epoch.flat) == list(range(COUNT))
+    np.testing.assert_array_equal(resumed[: 6 - 10**9 % 6], epoch[10**9 % 6 :])
+
+
+def test_tensorflows_global_seed_has_no_part(shards):
+    orders = []
+    for seed in (None, 1, 2):
+        tf.random.set_seed(seed)
+        orders.append(order(shards, 12))
+    tf.random.set_seed(None)
+    np.testing.assert_array_equal(orders[1:], orders[:1] * 2)
+
+
+def test_every_process_takes_the_same_order(shards):
+    """Written down by another one. If TensorFlow shuffles otherwise, no run can be resumed."""
+    epochs = [[5, 9, 4, 6, 8, 1, 11, 0, 3, 2, 7, 10], [3, 0, 1, 8, 5, 9, 7, 6, 4, 11, 2, 10]]
+    assert order(shards, 12).reshape(2, COUNT).tolist() == epochs
+
+
+def test_more_examples_than_the_buffer_holds_are_shuffled_too(shards, monkeypatch):
+    monkeypatch.setattr(pipeline, "_SHUFFLE", 3)
+    whole = order(shards, 18)
+    for epoch in whole.reshape(3, COUNT):
+        assert sorted(epoch) == list(range(COUNT))
+    np.testing.assert_array_equal(order(shards, 11, first_step=7), whole[7:])
+
+
+def test_empty_shards_are_refused(tmp_path):
+    path = write_shard(tmp_path / "empty.tfrecord", [])
+    with pytest.raises(ValueError, match=r"no example to train on in .*empty\.tfrecord"):
+        pipeline.training([path], size=8, batch_size=1, seed=0)
 
 
 def test_evaluation_takes_every_example_once_in_order(shards):
@@ -103,6 +141,21 @@ def test_training_holds_what_the_losses_read(shards):
     [batch] = pipeline.training(shards, size=8, batch_size=4, seed=0).take(1)
     assert set(batch) == set(pipeline.LEARNT_FROM)
     assert all(value.dtype.is_floating or name == "exponent_bin" for name, value in batch.items())
+
+
+@pytest.mark.parametrize("photographed", [False, True])
+def test_training_names_its_examples_if_asked(shards, photographed):
+    options = {"size": 8, "batch_size": COUNT, "seed": 0, "camera": photographed}
+    names = (*pipeline.LEARNT_FROM, "seed", "index")
+    [batch] = pipeline.training(shards, **options, features=names).take(1)
+    [learnt_from] = pipeline.training(shards, **options).take(1)
+    assert set(batch) == set(names)
+    assert batch["seed"].dtype == batch["index"].dtype == tf.int64
+    assert batch["seed"].numpy().tolist() == [0] * COUNT
+    for name, value in learnt_from.items():
+        np.testing.assert_array_equal(batch[name], value, err_msg=name)
+    for index, albedo in zip(batch["index"].numpy(), batch["diffuse_albedo"], strict=True):
+        np.testing.assert_allclose(albedo, example(index, size=SIZE)["diffuse_albedo"], rtol=1e-6)
 
 
 @pytest.mark.parametrize("photographed", [False, True])

@@ -4,16 +4,17 @@ import dataclasses
 import json
 import multiprocessing
 import os
+import resource
 import shutil
 import signal
-import subprocess
-import sys
 import threading
 import time
+from collections import Counter
 
 import pytest
 import tensorflow as tf
 import trimesh
+import worker_tasks
 from render_scenes import write_inputs
 
 from lime_keras import corpus, records
@@ -140,14 +141,10 @@ def test_the_death_of_a_worker_is_told(description, mitsuba_choice, tmp_path):
     assert not corpus.manifest_path(tmp_path, "train").exists()
 
 
-def _die(item):
-    os.kill(os.getpid(), signal.SIGKILL)
-
-
 def test_a_file_that_kills_its_checker_is_named():
     pool = workers.Workers(1, shards._start_nothing)
     with pytest.raises(RuntimeError, match=r"a process died, .* at one of .*huge\.png"):
-        pool.map(_die, [("backgrounds", "huge.png")], nothing)
+        pool.map(worker_tasks.die, [("backgrounds", "huge.png")], nothing)
 
 
 def test_a_node_finds_the_files_that_were_checked_skipped_ones_too(
@@ -270,35 +267,23 @@ def test_a_shard_draws_from_a_part_of_many_files_and_the_split_from_all(
 def test_a_full_disk_is_told_and_loses_no_finished_shard(
     rendered, description, mitsuba_choice, tmp_path
 ):
-    """A limit on the size of files stands for the disk."""
-    code = (
-        "import json, resource, sys; from pathlib import Path\n"
-        "from lime_keras.render import shards, variants\n"
-        "if __name__ == '__main__':\n"
-        "    out, limit, record = Path(sys.argv[1]), int(sys.argv[2]), json.loads(sys.argv[3])\n"
-        "    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, resource.RLIM_INFINITY))\n"
-        "    told = lambda done, total: None\n"
-        "    shards.render_split(out, shards.Description(**record), variants.choose(),\n"
-        "                        workers=1, on_input=told, on_room=told, on_example=told)\n"
-    )
-    script = tmp_path / "script.py"
-    script.write_text(code)
+    """A limit on the size of files, which the worker inherits, stands for the disk."""
+    sizes = [len(held) for held in contents(rendered[0]).values()]
     out = tmp_path / "corpus"
-    sizes = [len(held) for _, held in sorted(contents(rendered[0]).items())]
     shutil.copytree(rendered[0], out)
     for gone in ("00001.tfrecord", "00001.json", "manifest.json"):
         (out / "train" / gone).unlink()
-    before = contents(out)
-    arguments = [str(out), str(min(sizes) // 2), json.dumps(vars(description))]
-    answer = subprocess.run(
-        [sys.executable, str(script), *arguments], capture_output=True, text=True
-    )
-    assert answer.returncode != 0
-    last = answer.stderr.strip().splitlines()[-1]
-    assert "00001.tfrecord cannot be written" in last and "Finished shards are kept" in last
-    assert contents(out) == before and not list((out / "train").glob("partial-*"))
-    render(out, description, mitsuba_choice, 1)
-    assert contents(out) == contents(rendered[0])
+    before = {path: path.read_bytes() for path in (out / "train").iterdir()}
+    unlimited = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (min(sizes) // 2, unlimited[1]))
+    try:
+        with pytest.raises(
+            RuntimeError, match=r"00001\.tfrecord cannot be written.*Finished shards are kept"
+        ):
+            render(out, description, mitsuba_choice, 1)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, unlimited)
+    assert {path: path.read_bytes() for path in (out / "train").iterdir()} == before
 
 
 def test_a_shard_count_that_does_not_divide_is_rounded_up(description):
@@ -337,20 +322,25 @@ def test_files_that_moved_to_the_other_split_are_refused(
 def test_files_of_one_name_may_differ_between_the_splits(
     rendered, description, mitsuba_choice, inputs, tmp_path
 ):
+    name, *_ = rendered[1]["shapes"]
     sorted_by_hand = tmp_path / "shapes"
-    for number, split in enumerate(corpus.SPLITS):
-        (sorted_by_hand / split).mkdir(parents=True)
-        ball = trimesh.creation.icosphere(subdivisions=3, radius=1 + number)
-        ball.export(sorted_by_hand / split / "ball.ply")
     for split in corpus.SPLITS:
-        changes = {"split": split, "shapes": str(sorted_by_hand), "count": 2}
-        other = shards.Description(**(vars(description) | changes))
-        assert render(tmp_path / "corpus", other, mitsuba_choice, 1)["shapes"] == ["ball.ply"]
+        (sorted_by_hand / split).mkdir(parents=True)
+    shutil.copy(inputs / "shapes" / name, sorted_by_hand / "train")
+    trimesh.creation.icosphere(subdivisions=2).export(sorted_by_hand / "test" / name)
+    out = tmp_path / "corpus"
+    shutil.copytree(rendered[0], out)
+    changes = {"split": "test", "shapes": str(sorted_by_hand), "count": 1}
+    other = shards.Description(**(vars(description) | changes))
+    manifest = render(out, other, mitsuba_choice, 1)
+    assert manifest["shapes"] == [name]
+    assert manifest["inputs"]["shapes"][name] != rendered[1]["inputs"]["shapes"][name]
 
 
 def test_files_that_come_while_it_renders_change_no_byte_and_are_told(
     rendered, description, mitsuba_choice, inputs, tmp_path, monkeypatch
 ):
+    """Each shard is rendered by a process of its own, some of them begun when it has come."""
     monkeypatch.setattr(workers, "TASKS_PER_PROCESS", 1)
     grown = tmp_path / "inputs"
     shutil.copytree(inputs, grown)
@@ -378,9 +368,12 @@ def test_a_second_process_is_kept_out_and_disturbs_nothing(
     rendered, description, mitsuba_choice, tmp_path
 ):
     out, told = tmp_path / "corpus", []
+    shutil.copytree(rendered[0], out)
+    for gone in ("00001.tfrecord", "00001.json", "manifest.json"):
+        (out / "train" / gone).unlink()
 
     def render_again(done, total):
-        if done == 1 and not told:
+        if done == 4 and not told:  # in the middle of the missing shard
             told.append(True)
             with pytest.raises(RuntimeError, match=r"another lime-render is rendering .*train"):
                 render(out, description, mitsuba_choice, 1)
@@ -411,9 +404,10 @@ def test_a_broken_description_is_told_by_name(description, mitsuba_choice, tmp_p
         render(tmp_path, description, mitsuba_choice, 1)
 
 
-def test_workers_are_replaced_without_waiting_for_ever(
-    rendered, description, mitsuba_choice, tmp_path, monkeypatch
-):
-    monkeypatch.setattr(workers, "TASKS_PER_PROCESS", 1)
-    render(tmp_path, description, mitsuba_choice, 1)
-    assert contents(tmp_path) == contents(rendered[0])
+def test_processes_are_replaced_without_waiting_for_ever(tmp_path, monkeypatch):
+    monkeypatch.setattr(workers, "TASKS_PER_PROCESS", 2)
+    paths = [tmp_path / str(number) for number in range(5)]
+    workers.Workers(1, shards._start_nothing).run(worker_tasks.sign, paths, 0, 5, nothing)
+    signed = [path.read_text() for path in paths]
+    assert sorted(Counter(signed).values()) == [1, 2, 2]
+    assert str(os.getpid()) not in signed

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import re
 import shutil
 
 import keras
@@ -9,9 +10,9 @@ import numpy as np
 import pytest
 
 from lime_keras import weights
-from lime_keras.networks import SUBNETWORKS, Architecture, build
+from lime_keras.networks import SUBNETWORKS, Architecture, build, names
 
-NAMES = [field.name for field in dataclasses.fields(Architecture)]
+NAMES = [field.name for field in dataclasses.fields(Architecture) if field.type is int]
 FILES = ["architecture.json", *(f"{name}.weights.h5" for name in SUBNETWORKS)]
 
 
@@ -22,8 +23,8 @@ def model(tiny_model, tmp_path):
 
 
 def assert_same(found, expected):
-    assert set(found) == set(expected) == set(SUBNETWORKS)
-    for name in SUBNETWORKS:
+    assert set(found) == set(expected)
+    for name in expected:
         pairs = zip(found[name].get_weights(), expected[name].get_weights(), strict=True)
         assert all(np.array_equal(a, b) for a, b in pairs), name
 
@@ -36,6 +37,49 @@ def test_round_trip(tiny, tmp_path):
     architecture, found = weights.load(tmp_path / "deep" / "model")
     assert architecture == tiny
     assert_same(found, subnetworks)
+
+
+def test_a_model_saved_before_there_were_ablations_is_lime(tiny, model):
+    path = model / "architecture.json"
+    written = json.loads(path.read_text(encoding="utf-8"))
+    assert set(written) == {*NAMES, "system", "mirror", "exponent"}
+    path.write_text(json.dumps({name: written[name] for name in NAMES}), encoding="utf-8")
+    architecture, found = weights.load(model)
+    assert architecture == tiny and architecture.description == "LIME"
+    assert set(found) == set(SUBNETWORKS)
+
+
+def test_ablations_come_back(ablation, tmp_path):
+    keras.utils.set_random_seed(6)
+    subnetworks = build(ablation)
+    weights.save(tmp_path, ablation, subnetworks)
+    kept = {"architecture.json", *(f"{name}.weights.h5" for name in names(ablation))}
+    assert {path.name for path in tmp_path.iterdir()} == kept
+    architecture, found = weights.load(tmp_path)
+    assert architecture == ablation
+    assert_same(found, subnetworks)
+    for name in sorted(kept):
+        (tmp_path / name).rename(tmp_path / "elsewhere")
+        with pytest.raises(FileNotFoundError, match=rf"{name} is missing.*lime-train"):
+            weights.load(tmp_path)
+        (tmp_path / "elsewhere").rename(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    "fields, file",
+    [
+        ({"mirror": False}, "exponent.weights.h5 cannot be read"),
+        ({"exponent": "regression"}, "exponent.weights.h5 cannot be read"),
+        ({"system": "reflectance-map"}, "reflectance_map.weights.h5 is missing"),
+        ({"system": "shading"}, "architecture.json is not of this version: no system shading"),
+        ({"mirror": False, "system": "reflectance-map"}, "one ablation at a time; train again"),
+    ],
+)
+def test_the_weights_of_another_system_are_named(fields, file, tiny, model):
+    text = json.dumps(dataclasses.asdict(tiny) | fields)
+    (model / "architecture.json").write_text(text, encoding="utf-8")
+    with pytest.raises((ValueError, FileNotFoundError), match=re.escape(file)):
+        weights.load(model)
 
 
 def test_saving_again_replaces_everything(tiny, model):

@@ -3,18 +3,25 @@
 import argparse
 import sys
 from pathlib import Path
+from typing import Any
 
 from lime_keras import console
 from lime_keras.version import __version__
 
+_PRESETS = ("smoke", "live", "paper")
+_PRECISIONS = ("float32", "bfloat16", "float16")
 _EXAMPLE = """
 examples:
   lime-train corpus --out runs/first --preset smoke
-  lime-train corpus --out runs/paper --preset paper
+  lime-train corpus --out runs/paper --preset paper --precision bfloat16
+  lime-train corpus --out runs/paper --resume
+  lime-train corpus --out runs/no-mirror --preset paper --without mirror --reuse runs/paper
+  tensorboard --logdir runs
 
-Stages: the five subnetworks alone on truth, then SpecularNet + MirrorNet, + ExponentNet,
-+ AlbedoNet joined. An interrupted command, run again, goes on from its last checkpoint, at most a
-minute back. The last tenth of the train split's files is held out for validation.
+Stages: the five subnetworks alone on truth (segmentation, specular, mirror, albedo, exponent), then
+specular+mirror, specular+mirror+exponent and specular+mirror+exponent+albedo joined. An interrupted
+command, run again, goes on from its last checkpoint, at most a minute back. The last tenth of the
+train split's files is held out for validation.
 """
 
 
@@ -22,29 +29,82 @@ def parser() -> argparse.ArgumentParser:
     """The command's options."""
     out = argparse.ArgumentParser(
         prog="lime-train",
-        description="Train the five subnetworks of LIME on a corpus of `lime-render`.",
+        description="Train the subnetworks of LIME on a corpus of `lime-render`.",
         epilog=_EXAMPLE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     out.add_argument("corpus", type=Path, metavar="CORPUS", help="folder that lime-render wrote")
     out.add_argument("--out", type=Path, required=True, metavar="RUN", help="folder of the run")
-    out.add_argument(
+    begun = out.add_mutually_exclusive_group(required=True)
+    begun.add_argument(
         "--preset",
-        choices=("smoke", "paper"),
-        required=True,
-        help="smoke: small networks, minutes on two cores; paper: section 5's sizes and schedule, "
-        "days on a GPU",
+        choices=_PRESETS,
+        help="smoke: small networks, minutes on two cores; live: for video, hours; paper: section "
+        "5's sizes and schedule, days on a GPU",
+    )
+    begun.add_argument(
+        "--resume",
+        action="store_true",
+        help="go on with the run that is there, as it was begun; an option that says otherwise is "
+        "refused with the difference",
+    )
+    out.add_argument(
+        "--scale-steps",
+        type=_positive,
+        metavar="FACTOR",
+        help="train each stage for so many times the preset's batches (default: 1)",
+    )
+    out.add_argument(
+        "--without",
+        nargs="+",
+        choices=("perceptual", "mirror"),
+        metavar="PART",
+        help="the paper's ablations: `perceptual`, no Eq. 5 in AlbedoNet's loss; `mirror`, no "
+        "MirrorNet, the exponent from S alone",
+    )
+    out.add_argument(
+        "--exponent",
+        choices=("classification", "regression"),
+        help="eight bins, or log10 s (default: classification)",
+    )
+    out.add_argument(
+        "--baseline",
+        choices=("reflectance-map",),
+        help="in place of LIME: estimate a reflectance map and read the material from it; its "
+        "stages are segmentation, reflectance_map, material and reflectance_map+material",
+    )
+    out.add_argument(
+        "--stages",
+        nargs="+",
+        metavar="STAGE",
+        help="train only these; of the others, finished ones give their weights (default: all)",
+    )
+    out.add_argument(
+        "--reuse",
+        type=Path,
+        metavar="RUN",
+        help="take over another run's finished stages where they are the same, as for ablations",
+    )
+    out.add_argument(
+        "--precision",
+        choices=_PRECISIONS,
+        help="of the networks' inner layers; bfloat16 is twice as fast on processors and GPUs that "
+        "know it, and slow on others (default: float32)",
+    )
+    out.add_argument(
+        "--devices",
+        type=int,
+        default=1,
+        metavar="N",
+        help="split each batch between so many GPUs (default: 1)",
     )
     out.add_argument(
         "--camera",
         action=argparse.BooleanOptionalAction,
-        default=True,
         help="photograph each image anew every time it is seen: exposure, defocus, noise, clipping "
         "and JPEG of consumer cameras (default: on)",
     )
-    out.add_argument(
-        "--seed", type=int, default=0, help="of weights, order and photos (default: 0)"
-    )
+    out.add_argument("--seed", type=int, help="of weights, order and photos (default: 0)")
     out.add_argument("--version", action="version", version=__version__)
     return out
 
@@ -57,55 +117,108 @@ def main(argv: list[str] | None = None) -> int:
 
 def _train(options: argparse.Namespace) -> int:
     console.import_tensorflow()
-    from lime_keras.networks import PRESETS
+    from . import summary, trainer
 
-    from . import trainer
-    from .config import Config, corpus_sha256
-    from .stages import SCHEDULES
-
-    config = Config(
-        preset=options.preset,
-        architecture=PRESETS[options.preset],
-        schedule=SCHEDULES[options.preset],
-        seed=options.seed,
-        corpus_sha256=corpus_sha256(options.corpus),
-        camera=options.camera,
-    )
-    with _Progress() as progress:
-        trainer.train(options.corpus, options.out, config, progress.tell)
-    print(f"trained model in {options.out / 'model'}")
+    with _Bars() as bars:
+        untrained = trainer.train(
+            options.corpus,
+            options.out,
+            _config(options),
+            bars.tell,
+            only=options.stages,
+            reuse=options.reuse,
+            devices=options.devices,
+        )
+    print(summary.table(options.out))
+    if untrained:
+        print(f"no model yet: {', '.join(untrained)} not trained; run the other --stages")
+    else:
+        print(f"trained model in {options.out / 'model'}")
     return 0
 
 
-class _Progress:
-    """A bar for each stage: steps, rate, time left and the running losses."""
+def _config(options: argparse.Namespace) -> Any:
+    """What is asked for; what is not, from the run that is resumed, or by default."""
+    import dataclasses
+
+    from lime_keras.networks import PRESETS
+
+    from .config import Config, corpus_sha256
+    from .stages import SCHEDULES
+
+    held = Config.read(options.out) if options.resume else None
+
+    def chosen(asked: Any, of_held: Any, default: Any) -> Any:
+        if asked is not None:
+            return asked
+        return default if held is None else of_held(held)
+
+    preset = chosen(options.preset, lambda c: c.preset, None)
+    scale = chosen(options.scale_steps, lambda c: c.steps_scale, 1.0)
+    without = options.without
+    return Config(
+        preset=preset,
+        steps_scale=scale,
+        architecture=dataclasses.replace(
+            PRESETS[preset],
+            system=chosen(options.baseline, lambda c: c.architecture.system, "lime"),
+            mirror=chosen(
+                None if without is None else "mirror" not in without,
+                lambda c: c.architecture.mirror,
+                True,
+            ),
+            exponent=chosen(options.exponent, lambda c: c.architecture.exponent, "classification"),
+        ),
+        schedule=SCHEDULES[preset].scaled(scale),
+        seed=chosen(options.seed, lambda c: c.seed, 0),
+        corpus_sha256=corpus_sha256(options.corpus),
+        camera=chosen(options.camera, lambda c: c.camera, True),
+        compositing=chosen(
+            None if without is None else "perceptual" not in without,
+            lambda c: c.compositing,
+            True,
+        ),
+        precision=chosen(options.precision, lambda c: c.precision, "float32"),
+    )
+
+
+class _Bars:
+    """A bar for each stage: steps, rate, time left, the running losses and the wait for data."""
 
     def __init__(self):
         self._bar = None
         self._stage = None
 
-    def __enter__(self) -> "_Progress":
+    def __enter__(self) -> "_Bars":
         return self
 
     def __exit__(self, *_: object) -> None:
         if self._bar is not None:
             self._bar.close()
 
-    def tell(self, stage, step: int, losses: dict[str, float]) -> None:
-        """Show that `step` batches of a stage are done."""
+    def tell(self, progress: Any) -> None:
+        """Show how far a stage is."""
         from tqdm import tqdm
 
+        stage = progress.stage
         if stage is not self._stage:
             self.__exit__()
             self._stage = stage
             self._bar = tqdm(
                 desc=stage.name,
                 total=stage.steps,
-                initial=step,
+                initial=progress.step,
                 unit="step",
                 dynamic_ncols=True,
                 file=sys.stderr,
             )
-        self._bar.update(step - self._bar.n)
-        terms = {name: f"{value:.3g}" for name, value in losses.items() if name != "loss"}
-        self._bar.set_postfix(terms, refresh=False)
+        self._bar.update(progress.step - self._bar.n)
+        terms = {name: f"{value:.3g}" for name, value in progress.losses.items() if name != "loss"}
+        self._bar.set_postfix(terms | {"data": f"{progress.data_wait:.0%}"}, refresh=False)
+
+
+def _positive(text: str) -> float:
+    value = float(text)
+    if not value > 0:
+        raise argparse.ArgumentTypeError(f"{text} is not above 0")
+    return value

@@ -1,4 +1,4 @@
-"""What a run is, recorded beside it: config, versions, commit."""
+"""What a run is, recorded beside it: config, corpus, versions, commit."""
 
 import dataclasses
 import hashlib
@@ -6,7 +6,9 @@ import importlib.metadata
 import json
 import os
 import subprocess
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import keras
 
@@ -18,26 +20,68 @@ from .stages import Schedule
 
 _PACKAGES = ("tensorflow", "keras", "numpy")
 
+PRECISIONS = {
+    "float32": "float32",
+    "bfloat16": "mixed_bfloat16",
+    "float16": "mixed_float16",
+}
+"""What the subnetworks compute in, and Keras' name for it; weights and losses stay float32."""
+
 
 @dataclasses.dataclass(frozen=True)
 class Config:
     """Everything that a run's weights depend on, apart from the software.
 
     Attributes:
-        preset: name of the architecture and schedule.
+        preset: name of the sizes and the schedule that it began from.
+        steps_scale: what the preset's numbers of batches were multiplied with.
         architecture: of the subnetworks.
         schedule: of the stages.
         seed: of initialisation and order; 0 is a seed.
         corpus_sha256: of the train split's manifest.
         camera: whether the networks see the scenes photographed (`lime_keras.camera`).
+        compositing: whether AlbedoNet is also held to Eq. 5.
+        precision: one of `PRECISIONS`.
     """
 
     preset: str
+    steps_scale: float
     architecture: Architecture
     schedule: Schedule
     seed: int
     corpus_sha256: str
     camera: bool
+    compositing: bool = True
+    precision: str = "float32"
+
+    @classmethod
+    def read(cls, run: Path) -> "Config":
+        """What `claim` recorded.
+
+        Raises:
+            FileNotFoundError: if the folder holds no run.
+            ValueError: if it is one of another version.
+        """
+        path = config_path(run)
+        if not path.is_file():
+            raise FileNotFoundError(
+                f"{path} is missing, so {run} holds no run to go on with: leave out --resume to "
+                "begin one"
+            )
+        try:
+            held = json.loads(path.read_text(encoding="utf-8"))["config"]
+            architecture = Architecture(**held.pop("architecture"))
+            schedule = Schedule(**held.pop("schedule"))
+            return cls(architecture=architecture, schedule=schedule, **held)
+        except (KeyError, TypeError, ValueError) as error:
+            raise ValueError(
+                f"{path} is not of this version ({error}): pass another --out"
+            ) from error
+
+
+def config_path(run: Path) -> Path:
+    """Where a run's record lies."""
+    return run / "config.json"
 
 
 def corpus_sha256(corpus: Path) -> str:
@@ -46,20 +90,19 @@ def corpus_sha256(corpus: Path) -> str:
     return hashlib.sha256("".join(digests).encode()).hexdigest()
 
 
-def claim(run: Path, config: Config) -> None:
+def claim(run: Path, corpus: Path, config: Config) -> None:
     """Record in `RUN/config.json` what the run is.
 
     Raises:
         ValueError: if the folder holds a run of another config, with the differences.
     """
-    path = run / "config.json"
+    path = config_path(run)
     wanted = json.loads(json.dumps(dataclasses.asdict(config)))
     if path.is_file():
         held = json.loads(path.read_text(encoding="utf-8"))["config"]
         differing = [
-            f"{key} {held.get(key)} there, {wanted.get(key)} asked"
-            for key in sorted(wanted | held)
-            if wanted.get(key) != held.get(key)
+            f"{name} {there} there, {asked} asked"
+            for name, there, asked in _differences(held, wanted)
         ]
         if differing:
             raise ValueError(
@@ -69,15 +112,38 @@ def claim(run: Path, config: Config) -> None:
         return
     record = {
         "config": wanted,
+        "corpus": {
+            "path": str(corpus),
+            "description": corpus_files.read_manifest(corpus, "train").get("description"),
+        },
         "version": __version__,
         "backend": keras.backend.backend(),
-        "packages": {name: importlib.metadata.version(name) for name in _PACKAGES},
+        "packages": {name: _installed(name) for name in _PACKAGES},
         "commit": _commit(),
     }
     run.mkdir(parents=True, exist_ok=True)
     partial = run / "partial-config.json"
     partial.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
     os.replace(partial, path)
+
+
+def _differences(
+    held: Mapping[str, Any], wanted: Mapping[str, Any], prefix: str = ""
+) -> Iterator[tuple[str, Any, Any]]:
+    """(name, value held, value wanted) of all that differs, `schedule.batch_size` and the like."""
+    for key in sorted(wanted | held):
+        there, asked = held.get(key), wanted.get(key)
+        if isinstance(there, dict) and isinstance(asked, dict):
+            yield from _differences(there, asked, f"{prefix}{key}.")
+        elif there != asked:
+            yield f"{prefix}{key}", there, asked
+
+
+def _installed(package: str) -> str | None:
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return None
 
 
 def _commit() -> str | None:

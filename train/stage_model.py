@@ -9,17 +9,21 @@ from typing import Any
 import keras
 from keras import ops
 
-from lime_keras import losses
+from lime_keras import losses, pipeline
 from lime_keras.dynamic_range import compress
+from lime_keras.masking import masked_mean
+from lime_keras.reflectance_map import disc, reflectance_map
 
 WEIGHTS = {
     "mask": 1.0,
     "specular": 1.0,
     "mirror": 1.0,
     "exponent": 0.1,
+    "log_exponent": 0.3,
     "diffuse_albedo": 5.0,
     "specular_albedo": 5.0,
     "compositing": 1.0,
+    "reflectance_map": 1.0,
 }
 """Weight of each term in the sum; the paper gives none (docs/decisions.md)."""
 
@@ -29,6 +33,8 @@ _TERMS = {
     "mirror": ("mirror",),
     "exponent": ("exponent",),
     "albedo": ("diffuse_albedo", "specular_albedo", "compositing"),
+    "reflectance_map": ("reflectance_map",),
+    "material": ("diffuse_albedo", "specular_albedo", "exponent"),
 }
 
 
@@ -40,16 +46,38 @@ class StageModel(keras.Model):
 
     Args:
         subnetworks: by name; only these are trained.
+        compositing: whether AlbedoNet is also held to Eq. 5.
+        replicas: how many parts of one batch are seen apart, their gradients added up.
     """
 
-    def __init__(self, subnetworks: Mapping[str, keras.Model], **kwargs: Any):
-        super().__init__(**kwargs)
+    def __init__(
+        self, subnetworks: Mapping[str, keras.Model], compositing: bool = True, replicas: int = 1
+    ):
+        # Truth and losses in single precision, whatever the subnetworks compute in.
+        super().__init__(dtype="float32")
         self.subnetworks = dict(subnetworks)
+        self._replicas = replicas
         self.terms = [term for name in subnetworks for term in _TERMS[name]]
+        if not compositing and "compositing" in self.terms:
+            self.terms.remove("compositing")
+        if "exponent" in subnetworks and subnetworks["exponent"].output_shape[-1] == 1:
+            self.terms[self.terms.index("exponent")] = "log_exponent"
         self._means = {term: keras.metrics.Mean(name=term) for term in self.terms}
+        self.built = True
+
+    @property
+    def features(self) -> tuple[str, ...]:
+        """What a batch must hold, by the names of `pipeline`."""
+        more = {"log_exponent": ("shininess",), "reflectance_map": ("environment", "shininess")}
+        wanted = list(pipeline.LEARNT_FROM)
+        if "material" in self.subnetworks:
+            wanted += more["reflectance_map"]
+        for term in self.terms:
+            wanted += more.get(term, ())
+        return tuple(dict.fromkeys(wanted))
 
     def call(self, batch: Mapping[str, Any], training: bool = False) -> dict[str, Any]:
-        """Answers of the stage's subnetworks, S and M compressed."""
+        """Answers of the stage's subnetworks, S, M and the reflectance map compressed."""
         networks = self.subnetworks
         mask = batch["mask"]
         masked_image = batch["image"] * mask
@@ -65,10 +93,18 @@ class StageModel(keras.Model):
             out["mirror"] = networks["mirror"](specular, training=training)
             mirror = out["mirror"] * mask
         if "exponent" in networks:
-            out["exponent"] = networks["exponent"]([specular, mirror], training=training)
+            seen = [specular, mirror] if len(networks["exponent"].inputs) == 2 else [specular]
+            out["exponent"] = networks["exponent"](seen, training=training)
         if "albedo" in networks:
             out["albedos"] = networks["albedo"]([masked_image, specular], training=training)
             out["specular_seen"] = specular
+        if "reflectance_map" in networks or "material" in networks:
+            sphere = out["true_reflectance_map"] = _true_reflectance_map(batch)
+        if "reflectance_map" in networks:
+            sphere = networks["reflectance_map"](masked_image, training=training)
+            out["reflectance_map"] = sphere
+        if "material" in networks:
+            out["albedos"], out["exponent"] = networks["material"](sphere, training=training)
         return out
 
     def compute_loss(
@@ -80,7 +116,20 @@ class StageModel(keras.Model):
             value = ops.mean(_term(term, x, y_pred))
             self._means[term].update_state(value)
             total = total + WEIGHTS[term] * value
-        return total
+        return total / self._replicas
+
+
+def _true_reflectance_map(batch: Mapping[str, Any]) -> Any:
+    """Compressed, `(B, S, S, 3)`."""
+    linear = reflectance_map(
+        batch["environment"],
+        batch["shininess"],
+        batch["diffuse_albedo"],
+        batch["specular_albedo"],
+        batch["ambient"],
+        batch["image"].shape[1],
+    )
+    return compress(ops.stop_gradient(linear))
 
 
 def _term(term: str, batch: Mapping[str, Any], answer: Mapping[str, Any]) -> Any:
@@ -94,6 +143,12 @@ def _term(term: str, batch: Mapping[str, Any], answer: Mapping[str, Any]) -> Any
         return losses.shading_l1(batch["mirror"], answer["mirror"], mask)
     if term == "exponent":
         return losses.exponent_cross_entropy(batch["exponent_bin"], answer["exponent"])
+    if term == "log_exponent":
+        return losses.log_exponent_l2(batch["shininess"], answer["exponent"])
+    if term == "reflectance_map":
+        truth = answer["true_reflectance_map"]
+        sphere = ops.broadcast_to(disc(truth.shape[1])[None], (*truth.shape[:3], 1))
+        return masked_mean(ops.abs(answer["reflectance_map"] - truth), sphere)
     diffuse_albedo, specular_albedo = answer["albedos"][:, :3], answer["albedos"][:, 3:]
     if term == "diffuse_albedo":
         return losses.albedo_l2(batch["diffuse_albedo"], diffuse_albedo)

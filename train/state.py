@@ -13,46 +13,77 @@ from .stage_model import StageModel
 
 
 class Checkpoint:
-    """A stage's weights, optimiser state and step in one file, replaced atomically."""
+    """A stage's weights, optimiser state and step in one file, replaced atomically.
 
-    def __init__(self, path: Path, model: StageModel):
-        self._path = path
-        model.optimizer.build(model.trainable_variables)
-        self._variables = [*model.weights, *model.optimizer.variables]
+    Args:
+        path: of the file, `.npz`.
+        signature: what the stage's weights follow from; a file of another one is refused.
+    """
 
-    def save(self, step: int) -> None:
+    def __init__(self, path: Path, signature: str):
+        self.path = path
+        self._signature = signature
+
+    def step(self) -> int | None:
+        """Batches that the file's state has seen; None if there is no file.
+
+        Raises:
+            ValueError: if the file is broken or of another signature.
+        """
+        if not self.path.is_file():
+            return None
+        try:
+            with np.load(self.path) as stored:
+                signature, step = str(stored["signature"]), int(stored["step"])
+        except (OSError, ValueError, KeyError) as error:
+            raise ValueError(
+                f"{self.path} cannot be read: {error}; delete it to train the stage again"
+            ) from error
+        if signature != self._signature:
+            raise ValueError(
+                f"{self.path} was trained from other weights than an earlier stage now has: delete "
+                "it to train the stage again"
+            )
+        return step
+
+    def save(self, model: StageModel, step: int) -> None:
         """Write the state after `step` batches."""
-        self._path.parent.mkdir(parents=True, exist_ok=True)
-        values = [keras.ops.convert_to_numpy(variable) for variable in self._variables]
-        partial = self._path.with_name(f"partial-{self._path.name}")
-        np.savez(partial, *values, step=step)
-        os.replace(partial, self._path)
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        values = [keras.ops.convert_to_numpy(variable) for variable in _variables(model)]
+        partial = self.path.with_name(f"partial-{self.path.name}")
+        np.savez(partial, *values, step=step, signature=self._signature)
+        os.replace(partial, self.path)
 
-    def restore(self) -> int:
-        """Load the state if there is one; the number of batches it has seen."""
-        if not self._path.is_file():
-            return 0
-        with np.load(self._path) as stored:
-            for index, variable in enumerate(self._variables):
+    def restore(self, model: StageModel) -> None:
+        """Load the state; there must be one."""
+        with np.load(self.path) as stored:
+            for index, variable in enumerate(_variables(model)):
                 variable.assign(stored[f"arr_{index}"])
-            return int(stored["step"])
 
 
-class MeanLosses:
-    """Running means of several batches' losses; Keras' `train_on_batch` tells the last batch's."""
+def _variables(model: StageModel) -> list[keras.Variable]:
+    """All that decides how a stage goes on; metrics start anew with each batch."""
+    return [
+        *(variable for network in model.subnetworks.values() for variable in network.weights),
+        *model.optimizer.variables,
+    ]
+
+
+class Means:
+    """Running means of several batches' numbers; Keras' `train_on_batch` tells the last batch's."""
 
     def __init__(self):
         self._sums: dict[str, float] = {}
         self._count = 0
 
-    def add(self, losses: Mapping[str, float]) -> None:
+    def add(self, values: Mapping[str, float]) -> None:
         """Take in one batch."""
         self._count += 1
-        for name, value in losses.items():
+        for name, value in values.items():
             self._sums[name] = self._sums.get(name, 0.0) + float(value)
 
     def means(self) -> dict[str, float]:
-        """Mean of each loss over the batches so far."""
+        """Mean of each number over the batches so far."""
         return {name: total / self._count for name, total in self._sums.items()}
 
 

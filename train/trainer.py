@@ -1,81 +1,103 @@
 """All stages of a run, one after another, each resumable.
 
 `RUN/config.json` says what the run is; `RUN/stages/N-name.npz` holds a stage's weights, optimiser
-state and step; `RUN/curves/N-name.csv` its losses; `RUN/model/` the trained model.
+state and step; `RUN/curves/N-name.csv` its losses; `RUN/tensorboard/` the same with gradient norms
+and pictures; `RUN/model/` the trained model, with the record of the run beside the weights.
 """
 
-import math
-import time
-from collections.abc import Callable, Iterator
+import dataclasses
+import hashlib
+import json
+import shutil
+from collections.abc import Collection, Mapping
 from pathlib import Path
+from typing import Any
 
 import keras
+import numpy as np
 
 from lime_keras import corpus as corpus_files
-from lime_keras import pipeline, weights
+from lime_keras import weights
 from lime_keras.networks import build
 
-from .config import Config, claim
-from .stage_model import StageModel
+from .config import PRECISIONS, Config, claim, config_path
+from .data import Data
+from .devices import Devices
+from .optimizer import WatchedAdam
+from .stage_model import WEIGHTS, StageModel
+from .stage_training import Files, Progress, StageTraining, Tell
 from .stages import Stage
-from .state import Checkpoint, Curve, MeanLosses
-
-_SECONDS_BETWEEN_CHECKPOINTS = 60
-_CURVE_POINTS, _LONGEST_INTERVAL = 10, 500
-"""How often the held-out losses are taken: so many times a stage, or every so many batches."""
-
-Tell = Callable[[Stage, int, dict[str, float]], None]
+from .state import Checkpoint
 
 
-def train(corpus: Path, run: Path, config: Config, tell: Tell) -> None:
-    """Run or resume all stages.
+def train(
+    corpus: Path,
+    run: Path,
+    config: Config,
+    tell: Tell,
+    *,
+    only: Collection[str] | None = None,
+    reuse: Path | None = None,
+    devices: int = 1,
+) -> list[str]:
+    """Run or resume stages; when all subnetworks are trained, write the model.
 
     Args:
         corpus: folder with a complete train split.
         run: folder of the run; one that was begun with the same config is carried on.
         config: of the run.
-        tell: called with (stage, steps done, losses of the last interval) as training goes on.
+        tell: called as training goes on.
+        only: names of the stages to train; by default all. Of the others, those that are finished
+            give their weights, and the rest is skipped.
+        reuse: another run, whose finished stages are taken over where they are the same here.
+        devices: how many to split each batch between.
+
+    Returns:
+        Names of the subnetworks that no finished stage has trained; empty if there is a model.
 
     Raises:
         FileNotFoundError: if the corpus is incomplete.
-        ValueError: if the folder holds a run of another config, or the corpus is too small or
-            damaged.
-        RuntimeError: if a loss is not finite.
+        ValueError: if the folder holds a run of another config, the corpus is too small or
+            damaged, or a stage has no such name.
+        RuntimeError: if a loss or a gradient is not finite.
     """
-    training_shards, validation_shards = pipeline.training_shards(corpus)
+    stages = config.schedule.stages(config.architecture)
+    if unknown := sorted(set(only or ()) - {stage.name for stage in stages}):
+        raise ValueError(
+            f"no stage {', '.join(unknown)}: this run has {', '.join(s.name for s in stages)}"
+        )
+    if config.schedule.batch_size % devices:
+        raise ValueError(
+            f"batches of {config.schedule.batch_size} cannot be split between {devices} devices"
+        )
+    data = Data(corpus, config)
     _check_size(corpus, config.architecture.size)
-    claim(run, config)
-    keras.utils.set_random_seed(config.seed)
-    subnetworks = build(config.architecture)
-    held_out = pipeline.evaluation(
-        validation_shards,
-        size=config.architecture.size,
-        batch_size=config.schedule.batch_size,
-        camera=config.camera,
-        features=pipeline.LEARNT_FROM,
-    )
-    held_out = held_out.take(
-        math.ceil(config.schedule.validation_examples / config.schedule.batch_size)
-    ).cache()
-
-    def validation() -> Iterator:
-        return pipeline.naming_damage(held_out, validation_shards)
-
-    for number, stage in enumerate(config.schedule.stages(), 1):
-
-        def batches(first_step: int, number: int = number) -> Iterator:
-            dataset = pipeline.training(
-                training_shards,
-                size=config.architecture.size,
-                batch_size=config.schedule.batch_size,
-                seed=config.seed * 100 + number,
-                first_step=first_step,
-                camera=config.camera,
-            )
-            return pipeline.naming_damage(dataset, training_shards)
-
-        _train_stage(run, number, stage, subnetworks, batches, validation, tell)
-    weights.save(run / "model", config.architecture, subnetworks)
+    claim(run, corpus, config)
+    split = Devices(devices)
+    with split.scope():
+        subnetworks = _build(config)
+    trained: dict[str, str] = {}
+    for number, stage in enumerate(stages, 1):
+        with split.scope():
+            model = _compiled(config, stage, subnetworks, split.replicas)
+        signature = _signature(config, stage, model, trained)
+        files = Files(run, f"{number}-{stage.name}")
+        checkpoint = Checkpoint(files.checkpoint, signature)
+        if reuse is not None:
+            _take_over(reuse, stage, signature, files)
+        if checkpoint.step() == stage.steps:
+            checkpoint.restore(model)
+            tell(Progress(stage, stage.steps, {}, 0.0))
+        elif only is None or stage.name in only:
+            StageTraining(stage, model, checkpoint, files, data, split, tell).run()
+        else:
+            continue
+        trained |= dict.fromkeys(stage.subnetworks, signature)
+    untrained = [name for name in subnetworks if name not in trained]
+    if not untrained:
+        weights.save(run / "model", config.architecture, subnetworks)
+        shutil.copyfile(config_path(run), run / "model" / "training.json")
+    return untrained
 
 
 def _check_size(corpus: Path, size: int) -> None:
@@ -88,56 +110,71 @@ def _check_size(corpus: Path, size: int) -> None:
         )
 
 
-def _train_stage(
-    run: Path,
-    number: int,
-    stage: Stage,
-    subnetworks: dict[str, keras.Model],
-    batches: Callable[[int], Iterator],
-    validation: Callable[[], Iterator],
-    tell: Tell,
-) -> None:
-    """Train one stage from its checkpoint, or take its weights if it is done."""
-    model = StageModel({name: subnetworks[name] for name in stage.subnetworks})
-    model.compile(optimizer=keras.optimizers.Adam(stage.learning_rate))
-    checkpoint = Checkpoint(run / "stages" / f"{number}-{stage.name}.npz", model)
-    step = checkpoint.restore()
-    tell(stage, step, {})
-    if step == stage.steps:
+def _build(config: Config) -> dict[str, keras.Model]:
+    """The subnetworks as they begin, in the precision asked for."""
+    before = keras.config.dtype_policy()
+    keras.config.set_dtype_policy(PRECISIONS[config.precision])
+    try:
+        return build(config.architecture, config.seed)
+    finally:
+        keras.config.set_dtype_policy(before)
+
+
+def _compiled(
+    config: Config, stage: Stage, subnetworks: Mapping[str, keras.Model], replicas: int
+) -> StageModel:
+    """The stage's model with its optimiser, whose variables exist."""
+    model = StageModel(
+        {name: subnetworks[name] for name in stage.subnetworks}, config.compositing, replicas
+    )
+    groups = [
+        (name, len(network.trainable_variables)) for name, network in model.subnetworks.items()
+    ]
+    optimizer: Any = WatchedAdam(stage.learning_rate, groups)
+    if config.precision == "float16":
+        optimizer = keras.optimizers.LossScaleOptimizer(optimizer)
+    model.compile(optimizer=optimizer)
+    optimizer.build(model.trainable_variables)
+    return model
+
+
+def _signature(config: Config, stage: Stage, model: StageModel, trained: Mapping[str, str]) -> str:
+    """What a stage's weights follow from, as a hash: its own settings and the earlier stages."""
+    follows_from = {
+        "stage": dataclasses.asdict(stage),
+        "layers": {
+            name: [
+                (layer.name, [tuple(weight.shape) for weight in layer.weights])
+                for layer in network.layers
+            ]
+            for name, network in model.subnetworks.items()
+        },
+        "size": config.architecture.size,
+        "terms": {term: WEIGHTS[term] for term in model.terms},
+        "batch_size": config.schedule.batch_size,
+        "seed": config.seed,
+        "corpus": config.corpus_sha256,
+        "camera": config.camera,
+        "precision": config.precision,
+        "earlier": {name: trained.get(name) for name in stage.subnetworks},
+    }
+    return hashlib.sha256(json.dumps(follows_from, sort_keys=True).encode()).hexdigest()
+
+
+def _take_over(reuse: Path, stage: Stage, signature: str, files: Files) -> None:
+    """Copy a finished stage from another run, unless this one has begun it or it differs there.
+
+    The stage's number in its files' names may be another one there.
+    """
+    if files.checkpoint.is_file():
         return
-    curve = Curve(run / "curves" / f"{number}-{stage.name}.csv", step)
-    interval = min(max(1, stage.steps // _CURVE_POINTS), _LONGEST_INTERVAL)
-    if step == 0:
-        curve.add(0, {}, _validate(model, validation()))
-    iterator, interval_losses = batches(step), MeanLosses()
-    saved = time.monotonic()
-    while step < stage.steps:
-        losses = model.train_on_batch(next(iterator), return_dict=True)
-        step += 1
-        _refuse_non_finite(stage, step, losses)
-        interval_losses.add(losses)
-        tell(stage, step, interval_losses.means())
-        if step % interval == 0 or step == stage.steps:
-            curve.add(step, interval_losses.means(), _validate(model, validation()))
-            interval_losses = MeanLosses()
-        if step == stage.steps or time.monotonic() - saved > _SECONDS_BETWEEN_CHECKPOINTS:
-            checkpoint.save(step)
-            saved = time.monotonic()
-
-
-def _validate(model: StageModel, batches: Iterator) -> dict[str, float]:
-    """Mean losses over the held-out batches."""
-    losses = MeanLosses()
-    for batch in batches:
-        losses.add(model.test_on_batch(batch, return_dict=True))
-    return losses.means()
-
-
-def _refuse_non_finite(stage: Stage, step: int, logs: dict[str, float]) -> None:
-    """Stop at the first loss that is not a number."""
-    broken = [name for name, value in logs.items() if not math.isfinite(value)]
-    if broken:
-        raise RuntimeError(
-            f"stage {stage.name}, step {step}: {', '.join(broken)} not finite; the run's last "
-            "checkpoint is from before. Check the corpus for broken examples, or try another --seed"
-        )
+    for path in (reuse / "stages").glob(f"[0-9]-{stage.name}.npz"):
+        with np.load(path) as stored:
+            same = str(stored["signature"]) == signature and int(stored["step"]) == stage.steps
+        if same:
+            other = Files(reuse, path.stem)
+            for source, target in ((other.curve, files.curve), (path, files.checkpoint)):
+                target.parent.mkdir(parents=True, exist_ok=True)
+                partial = target.with_name(f"partial-{target.name}")
+                shutil.copyfile(source, partial)
+                partial.replace(target)

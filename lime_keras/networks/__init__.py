@@ -1,6 +1,14 @@
-"""The five subnetworks of section 5, each a functional Keras model, and their assembly."""
+"""The subnetworks of section 5, each a functional Keras model, and their assembly."""
 
 from lime_keras.networks.architecture import PRESETS, Architecture
-from lime_keras.networks.system import SUBNETWORKS, assemble, build
+from lime_keras.networks.system import SUBNETWORKS, answers, assemble, build, names
 
-__all__ = ["PRESETS", "SUBNETWORKS", "Architecture", "assemble", "build"]
+__all__ = [
+    "PRESETS",
+    "SUBNETWORKS",
+    "Architecture",
+    "answers",
+    "assemble",
+    "build",
+    "names",
+]

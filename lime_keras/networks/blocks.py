@@ -1,4 +1,4 @@
-"""The two families of networks: U-Nets and encoders."""
+"""The families of networks: U-Nets, encoders, and the decoder of the reflectance-map baseline."""
 
 from keras import KerasTensor, layers
 
@@ -68,3 +68,33 @@ def encoder(x: KerasTensor, *, width: int, dense_width: int) -> KerasTensor:
             dense_width, activation="relu", kernel_initializer="he_normal", name=f"dense{index}"
         )(x)
     return x
+
+
+def decoder(features: KerasTensor, *, size: int, width: int, channels: int) -> KerasTensor:
+    """The mirror of `encoder`: a dense layer, then five blocks of upsampling and convolution.
+
+    Args:
+        features: `(B, F)`.
+        size: height and width of the answer; divisible by 32.
+        width: channels of the last block; each one before doubles them, up to eight times.
+        channels: of the answer, `(B, size, size, channels)`, which is linear.
+    """
+    side, widths = size // 32, [width * min(2**block, 8) for block in range(5)]
+    x = layers.Dense(
+        side**2 * widths[-1],
+        activation="relu",
+        kernel_initializer="he_normal",
+        name="decoder_dense",
+    )(features)
+    x = layers.Reshape((side, side, widths[-1]), name="decoder_reshape")(x)
+    for block in reversed(range(5)):
+        x = layers.UpSampling2D(interpolation="nearest", name=f"decoder{block}_up")(x)
+        x = layers.Conv2D(
+            widths[block],
+            3,
+            padding="same",
+            activation="relu",
+            kernel_initializer="he_normal",
+            name=f"decoder{block}_conv",
+        )(x)
+    return layers.Conv2D(channels, 1, dtype="float32", name="head")(x)

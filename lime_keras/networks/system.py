@@ -3,7 +3,9 @@
 Only the subnetworks that the outputs need become part of the joined model.
 """
 
+import zlib
 from collections.abc import Callable, Collection, Mapping
+from typing import Any
 
 import keras
 from keras import KerasTensor, layers, ops
@@ -12,9 +14,12 @@ from lime_keras.dynamic_range import expand
 from lime_keras.networks.albedo import albedo_net
 from lime_keras.networks.architecture import Architecture
 from lime_keras.networks.exponent import exponent_net
+from lime_keras.networks.material import material_net
 from lime_keras.networks.mirror import mirror_net
+from lime_keras.networks.reflectance_map import reflectance_map_net
 from lime_keras.networks.segmentation import segmentation_net
 from lime_keras.networks.specular import specular_net
+from lime_keras.shininess import LOG_HIGH, LOG_LOW
 
 SUBNETWORKS: dict[str, Callable[[Architecture], keras.Model]] = {
     "segmentation": segmentation_net,
@@ -22,6 +27,13 @@ SUBNETWORKS: dict[str, Callable[[Architecture], keras.Model]] = {
     "mirror": mirror_net,
     "exponent": exponent_net,
     "albedo": albedo_net,
+}
+"""The five of section 5, by name."""
+
+_BASELINE: dict[str, Callable[[Architecture], keras.Model]] = {
+    "segmentation": segmentation_net,
+    "reflectance_map": reflectance_map_net,
+    "material": material_net,
 }
 
 OUTPUTS = (
@@ -32,34 +44,71 @@ OUTPUTS = (
     "specular_albedo",
     "exponent_bin_probabilities",
 )
+"""What the five subnetworks answer together."""
 
 
-def build(architecture: Architecture) -> dict[str, keras.Model]:
-    """The five subnetworks by name, freshly initialised from Keras' global seed."""
-    return {name: network(architecture) for name, network in SUBNETWORKS.items()}
+def names(architecture: Architecture) -> tuple[str, ...]:
+    """Names of the subnetworks that a system of this architecture has."""
+    if architecture.system == "reflectance-map":
+        return tuple(_BASELINE)
+    return tuple(name for name in SUBNETWORKS if name != "mirror" or architecture.mirror)
+
+
+def build(architecture: Architecture, seed: int | None = None) -> dict[str, keras.Model]:
+    """The architecture's subnetworks by name, freshly initialised.
+
+    Args:
+        architecture: of the system.
+        seed: makes the initial weights of a subnetwork depend on it and the subnetwork's name, and
+            not on what else there is; by default they follow from Keras' global seed.
+    """
+    known, out = SUBNETWORKS | _BASELINE, {}
+    for name in names(architecture):
+        if seed is not None:
+            keras.utils.set_random_seed(zlib.crc32(f"{seed} {name}".encode()))
+        out[name] = known[name](architecture)
+    return out
+
+
+def answers(subnetworks: Mapping[str, keras.Model]) -> tuple[str, ...]:
+    """Names of the outputs that `assemble` can make of a whole system's subnetworks.
+
+    `OUTPUTS`; without MirrorNet, the same without `mirror`; under regression, `log_exponent`
+    `(B, 1)`, log10 s, in place of `exponent_bin_probabilities`; for the baseline, `reflectance_map`
+    `(B, S, S, 3)` linear radiance in place of S and M.
+    """
+    if "reflectance_map" in subnetworks:
+        layers_of_it: tuple[str, ...] = ("reflectance_map",)
+    else:
+        layers_of_it = ("specular_shading", *(["mirror"] if "mirror" in subnetworks else []))
+    regresses = "exponent" in subnetworks and subnetworks["exponent"].output_shape[-1] == 1
+    exponent = "log_exponent" if regresses else "exponent_bin_probabilities"
+    return ("mask", *layers_of_it, "diffuse_albedo", "specular_albedo", exponent)
 
 
 def assemble(
-    subnetworks: Mapping[str, keras.Model], outputs: Collection[str] = OUTPUTS
+    subnetworks: Mapping[str, keras.Model], outputs: Collection[str] | None = None
 ) -> keras.Model:
     """Join subnetworks into one functional model from the image to the named outputs.
 
     Args:
         subnetworks: as `build` returns them; those that no output needs may be missing.
-        outputs: names out of `OUTPUTS`.
+        outputs: names out of `answers(subnetworks)`; by default all of them.
 
     Returns:
         A model from `image` `(B, S, S, 3)` sRGB in [0, 1] to a dictionary with, of the outputs
         named: `mask` `(B, S, S, 1)` in [0, 1]; `specular_shading` and `mirror` `(B, S, S, 1)`
         linear radiance, 0 outside the mask; `diffuse_albedo` `(B, 3)` linear; `specular_albedo`
-        `(B, 1)`; `exponent_bin_probabilities` `(B, 8)`.
+        `(B, 1)`; `exponent_bin_probabilities` `(B, 8)`; or what `answers` says of the ablations.
 
     Raises:
         ValueError: if no output or an unknown one is named.
     """
-    unknown = set(outputs) - set(OUTPUTS)
+    known = answers(subnetworks)
+    outputs = known if outputs is None else outputs
+    unknown = sorted(set(outputs) - set(known))
     if unknown or not outputs:
-        raise ValueError(f"outputs {sorted(unknown)} not among {OUTPUTS}: name at least one")
+        raise ValueError(f"outputs {unknown} not among {', '.join(known)}: name at least one")
     image = keras.Input(subnetworks["segmentation"].input_shape[1:], name="image")
     graph = _Graph(subnetworks, image)
     return keras.Model(image, {name: graph.output(name) for name in outputs}, name="lime")
@@ -77,7 +126,7 @@ class _Graph:
         tensor = getattr(self, f"_{name}")()
         return layers.Identity(dtype="float32", name=name)(tensor)
 
-    def _once(self, name: str, make: Callable[[], KerasTensor]) -> KerasTensor:
+    def _once(self, name: str, make: Callable[[], Any]) -> Any:
         if name not in self._made:
             self._made[name] = make()
         return self._made[name]
@@ -103,15 +152,38 @@ class _Graph:
             lambda: self._subnetworks["mirror"](self._compressed_specular()) * self._mask(),
         )
 
-    def _albedos(self) -> KerasTensor:
+    def _compressed_reflectance_map(self) -> KerasTensor:
         return self._once(
-            "albedos",
-            lambda: ops.clip(
-                self._subnetworks["albedo"]([self._masked_image(), self._compressed_specular()]),
-                0.0,
-                1.0,
-            ),
+            "compressed_reflectance_map",
+            lambda: self._subnetworks["reflectance_map"](self._masked_image()),
         )
+
+    def _material(self) -> list[KerasTensor]:
+        """Albedos, not clipped, and probabilities, of the baseline."""
+        return self._once(
+            "material", lambda: self._subnetworks["material"](self._compressed_reflectance_map())
+        )
+
+    def _albedos(self) -> KerasTensor:
+        def make() -> KerasTensor:
+            if "material" in self._subnetworks:
+                found = self._material()[0]
+            else:
+                seen = [self._masked_image(), self._compressed_specular()]
+                found = self._subnetworks["albedo"](seen)
+            return ops.clip(found, 0.0, 1.0)
+
+        return self._once("albedos", make)
+
+    def _exponent(self) -> KerasTensor:
+        """Whatever ExponentNet answers."""
+        seen = [self._compressed_specular()]
+        if "mirror" in self._subnetworks:
+            seen.append(self._compressed_mirror())
+        return self._subnetworks["exponent"](seen)
+
+    def _reflectance_map(self) -> KerasTensor:
+        return expand(self._compressed_reflectance_map())
 
     def _specular_shading(self) -> KerasTensor:
         return expand(self._compressed_specular())
@@ -126,6 +198,9 @@ class _Graph:
         return self._albedos()[:, 3:]
 
     def _exponent_bin_probabilities(self) -> KerasTensor:
-        return self._subnetworks["exponent"](
-            [self._compressed_specular(), self._compressed_mirror()]
-        )
+        if "material" in self._subnetworks:
+            return self._material()[1]
+        return self._exponent()
+
+    def _log_exponent(self) -> KerasTensor:
+        return ops.clip(self._exponent(), LOG_LOW, LOG_HIGH)

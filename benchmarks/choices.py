@@ -1,0 +1,156 @@
+"""What the paper's text leaves open about a U-Net, tried on SpecularNet, one choice at a time.
+
+    python benchmarks/choices.py CORPUS [--steps 600] [--seeds 1] [--only NAME ...]
+
+Trains SpecularNet with the smoke preset's sizes and schedule from each seed; prints, on held-out
+examples, the masked ℓ1 between the logarithms log(1 + S), whatever the network was trained on,
+beside that of answering black.
+"""
+
+import argparse
+import dataclasses
+import math
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import keras
+import numpy as np
+from keras import ops
+from tqdm import tqdm
+
+from lime_keras import pipeline
+from lime_keras.masking import masked_mean
+from lime_keras.networks import PRESETS, SUBNETWORKS
+from lime_keras.train.stages import SCHEDULES
+
+BRIGHTEST = 1.0
+"""Where the target `clipped` cuts off S: the white of the image."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Choice:
+    """One way to build and train the network.
+
+    Attributes:
+        width: channels of the U-Net's first level.
+        head: applied to the network's linear answer.
+        initialiser: of the convolutions under ReLU.
+        encode: radiance to the target of the ℓ1.
+        decode: its inverse.
+        policy: Keras' dtype policy.
+    """
+
+    width: int = PRESETS["smoke"].unet_width
+    head: Callable[[Any], Any] | None = None
+    initialiser: str = "he_normal"
+    encode: Callable[[Any], Any] = ops.log1p
+    decode: Callable[[Any], Any] = ops.expm1
+    policy: str = "float32"
+
+
+def _clip(linear: Any) -> Any:
+    return ops.minimum(linear, BRIGHTEST)
+
+
+CHOICES = {
+    "as chosen": Choice(),
+    "head: softplus": Choice(head=ops.softplus),
+    "head: ReLU": Choice(head=ops.relu),
+    "initialisation: Glorot": Choice(initialiser="glorot_uniform"),
+    "target: asinh(S)": Choice(encode=ops.arcsinh, decode=ops.sinh),
+    "target: S clipped at 1": Choice(encode=_clip, decode=lambda value: value),
+    "target: S": Choice(encode=lambda linear: linear, decode=lambda value: value),
+    "precision: bfloat16": Choice(policy="mixed_bfloat16"),
+    "width: 8": Choice(width=8),
+    "width: 16": Choice(width=16),
+}
+
+
+class SpecularModel(keras.Model):
+    """SpecularNet under a choice: masked ℓ1 on the encoded radiance."""
+
+    def __init__(self, network: keras.Model, choice: Choice):
+        super().__init__(dtype="float32")
+        self.network, self.choice = network, choice
+
+    def call(self, batch: Any, training: bool = False) -> Any:
+        """The network's encoded answer."""
+        answer = self.network(batch["image"] * batch["mask"], training=training)
+        return answer if self.choice.head is None else self.choice.head(answer)
+
+    def compute_loss(
+        self, x: Any = None, y: Any = None, y_pred: Any = None, sample_weight: Any = None, **_: Any
+    ) -> Any:
+        """Mean over the batch."""
+        error = ops.abs(y_pred - self.choice.encode(x["specular_shading"]))
+        return ops.mean(masked_mean(error, x["mask"]))
+
+
+def main() -> None:
+    """Print the table."""
+    options = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    options.add_argument("corpus", type=Path)
+    options.add_argument("--steps", type=int, default=600)
+    options.add_argument("--seeds", type=int, default=1)
+    options.add_argument("--examples", type=int, default=320, help="held out")
+    options.add_argument("--only", nargs="+", choices=list(CHOICES), default=list(CHOICES))
+    options = options.parse_args()
+    training, held_out = pipeline.training_shards(options.corpus)
+    size, batch_size = PRESETS["smoke"].size, SCHEDULES["smoke"].batch_size
+    evaluation = pipeline.evaluation(
+        held_out, size=size, batch_size=batch_size, features=pipeline.LEARNT_FROM
+    )
+    held_out = list(evaluation.take(math.ceil(options.examples / batch_size)))
+    black = np.mean([_error(batch, 0.0 * batch["specular_shading"]) for batch in held_out])
+    seeds = range(options.seeds)
+    print(f"held-out error of black: {black:.3f}\n")
+    print("| choice | " + " | ".join(f"seed {seed}" for seed in seeds) + " | seconds a step |")
+    print("|---|" + "---:|" * (len(seeds) + 1))
+    for name in options.only:
+        errors, seconds = [], []
+        for seed in seeds:
+            batches = pipeline.training(training, size=size, batch_size=batch_size, seed=seed)
+            model = _trained(name, seed, iter(batches), options.steps, seconds)
+            answers = (model.choice.decode(model(batch)) for batch in held_out)
+            pairs = zip(held_out, answers, strict=True)
+            errors.append(np.mean([_error(batch, answer) for batch, answer in pairs]))
+        print(f"| {name} | " + " | ".join(f"{error:.4f}" for error in errors), end="")
+        print(f" | {np.median(seconds):.3f} |", flush=True)
+
+
+def _trained(name: str, seed: int, batches, steps: int, seconds: list[float]) -> SpecularModel:
+    choice = CHOICES[name]
+    keras.utils.set_random_seed(seed)
+    keras.config.set_dtype_policy(choice.policy)
+    network = SUBNETWORKS["specular"](
+        dataclasses.replace(PRESETS["smoke"], unet_width=choice.width)
+    )
+    keras.config.set_dtype_policy("float32")
+    for layer in network.layers:
+        if isinstance(layer, keras.layers.Conv2D) and layer.name != "head":
+            start = keras.initializers.get(choice.initialiser)
+            layer.kernel.assign(start(layer.kernel.shape))
+    model = SpecularModel(network, choice)
+    model.compile(optimizer=keras.optimizers.Adam(SCHEDULES["smoke"].single_learning_rate))
+    for _ in tqdm(range(steps), desc=f"{name}, seed {seed}", file=sys.stderr):
+        batch = next(batches)
+        began = time.perf_counter()
+        model.train_on_batch(batch)
+        seconds.append(time.perf_counter() - began)
+    return model
+
+
+def _error(batch: Any, linear: Any) -> float:
+    """Masked ℓ1 between log(1 + S) and what was answered."""
+    answer = ops.log1p(ops.maximum(linear, 0.0))
+    error = ops.abs(answer - ops.log1p(batch["specular_shading"]))
+    return float(ops.mean(masked_mean(error, batch["mask"])))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,166 @@
+"""What the subnetworks of each preset cost: parameters, arithmetic, and time for one image.
+
+    python benchmarks/networks.py --presets smoke paper --threads 2
+
+For the five subnetworks and the whole system joined. Needs no corpus and no training: the weights
+are as initialised, the images noise, and neither changes the time. Arithmetic is that of the
+convolutions and dense layers, a multiplication and an addition counted apart. Times are medians on
+the processor of the Keras model under `tf.function` and of ONNX Runtime, both with the same number
+of threads; every repeat runs each subnetwork under each of them once, so that other programs
+disturb all alike, and ratios hold better than the times themselves. The last column is the paper's,
+on a Titan Xp, and their sum. The paper preset needs 9 GB of memory while it is converted to
+ONNX, and minutes.
+"""
+
+import argparse
+import gc
+import math
+import os
+import time
+from collections.abc import Callable
+
+import keras
+import numpy as np
+import onnxruntime
+import tensorflow as tf
+import tf2onnx
+from tqdm import tqdm
+
+from lime_keras import export
+from lime_keras.networks import PRESETS, Architecture, assemble, build
+
+TITAN_XP = {
+    "segmentation": 2.83,
+    "specular": 3.30,
+    "mirror": 2.99,
+    "albedo": 2.68,
+    "exponent": 1.92,
+}
+"""Milliseconds, in the paper's order."""
+WHOLE = "whole system"
+WARM_UP = 3
+"""Rounds before the clock counts: the first traces and allocates."""
+
+
+def main() -> None:
+    """Print the table."""
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("--presets", nargs="+", choices=PRESETS, default=list(PRESETS))
+    options.add_argument("--threads", type=int, default=2, help="of each runtime (default: 2)")
+    options.add_argument("--repeat", type=int, default=20, help="timed rounds (default: 20)")
+    arguments = options.parse_args()
+    tf.config.set_visible_devices([], "GPU")
+    tf.config.threading.set_intra_op_parallelism_threads(arguments.threads)
+    tf.config.threading.set_inter_op_parallelism_threads(1)
+    cores, threads, repeat = len(os.sched_getaffinity(0)), arguments.threads, arguments.repeat
+    print(f"{cores} cores, {threads} threads, untrained weights, medians of {repeat}\n")
+    print(
+        "| preset | subnetwork | parameters | GFLOP | Keras ms | ONNX Runtime ms "
+        "| paper, Titan Xp ms |"
+    )
+    print("|---|---|" + "---:|" * 5)
+    for preset in arguments.presets:
+        networks = _networks(PRESETS[preset])
+        times = _measure(networks, threads, repeat, preset)
+        title = f"{preset}, {PRESETS[preset].size} × {PRESETS[preset].size}"
+        for name, network in networks.items():
+            print(
+                f"| {title} | {name} | {_count(network.count_params())} "
+                f"| {1e-9 * flop(network):.2f} | "
+                + " | ".join(f"{1e3 * seconds:.1f}" for seconds in times[name])
+                + f" | {TITAN_XP.get(name, sum(TITAN_XP.values())):.2f} |",
+                flush=True,
+            )
+
+
+def flop(network: keras.Model) -> int:
+    """Multiplications and additions of one image, of convolutions and dense layers, no biases.
+
+    Raises:
+        ValueError: if a layer of another kind holds weights.
+    """
+    total = 0
+    for layer in network.layers:
+        if isinstance(layer, keras.Model):
+            total += flop(layer)
+        elif isinstance(layer, keras.layers.Conv2D | keras.layers.Dense):
+            positions = math.prod(layer.output.shape[1:-1])
+            total += 2 * math.prod(layer.kernel.shape) * positions
+        elif layer.weights:
+            kind = type(layer).__name__
+            raise ValueError(f"{network.name}/{layer.name} is a {kind}: count its arithmetic too")
+    return total
+
+
+def _networks(architecture: Architecture) -> dict[str, keras.Model]:
+    subnetworks = build(architecture)
+    return {**{name: subnetworks[name] for name in TITAN_XP}, WHOLE: assemble(subnetworks)}
+
+
+def _measure(
+    networks: dict[str, keras.Model], threads: int, repeat: int, preset: str
+) -> dict[str, np.ndarray]:
+    """Median seconds of each network under Keras and ONNX Runtime."""
+    runners = {
+        name: _runners(network, threads)
+        for name, network in tqdm(networks.items(), f"{preset}: exporting", leave=False)
+    }
+    seconds: dict[str, list] = {name: [] for name in networks}
+    for _ in tqdm(range(WARM_UP + repeat), f"{preset}: measuring", leave=False):
+        for name, pair in runners.items():
+            seconds[name].append([_seconds(run) for run in pair])
+    return {name: np.median(taken[WARM_UP:], axis=0) for name, taken in seconds.items()}
+
+
+def _runners(network: keras.Model, threads: int) -> tuple[Callable, Callable]:
+    """The network answering one image of noise: by `tf.function`, and by ONNX Runtime."""
+    signature = [
+        tf.TensorSpec((None, *tensor.shape[1:]), tf.float32, name=tensor.name)
+        for tensor in network.inputs
+    ]
+
+    @tf.function(input_signature=signature)
+    def serve(*tensors: tf.Tensor) -> list[tf.Tensor]:
+        packed = keras.tree.pack_sequence_as(network.input, list(tensors))
+        return keras.tree.flatten(network(packed, training=False))
+
+    rng = np.random.default_rng(0)
+    images = {
+        spec.name: rng.uniform(size=(1, *spec.shape[1:])).astype(np.float32) for spec in signature
+    }
+    tensors = [tf.constant(image) for image in images.values()]
+    session = _session(serve, threads)
+    for expected, answer in zip(serve(*tensors), session.run(None, images), strict=True):
+        np.testing.assert_allclose(answer, expected, export.TOLERANCE, export.TOLERANCE)
+    return lambda: serve(*tensors), lambda: session.run(None, images)
+
+
+def _session(
+    serve: tf.types.experimental.PolymorphicFunction, threads: int
+) -> onnxruntime.InferenceSession:
+    model, _ = tf2onnx.convert.from_function(
+        serve, input_signature=serve.input_signature, opset=export._OPSET
+    )
+    # The converter's copies of the graph hold one another, and 1 GB for a U-Net of 20 MB.
+    gc.collect()
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = threads
+    # Idle threads would otherwise wait in a busy loop while TensorFlow is timed.
+    options.add_session_config_entry("session.force_spinning_stop", "1")
+    return onnxruntime.InferenceSession(
+        model.SerializeToString(), options, providers=["CPUExecutionProvider"]
+    )
+
+
+def _seconds(run: Callable) -> float:
+    began = time.perf_counter()
+    run()
+    return time.perf_counter() - began
+
+
+def _count(number: int) -> str:
+    return f"{number / 1e6:.2f} M" if number >= 1e6 else f"{number / 1e3:.0f} k"
+
+
+if __name__ == "__main__":
+    main()

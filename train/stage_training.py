@@ -1,0 +1,175 @@
+"""One stage's batches: steps, checkpoints, curves, and a stop at the first number that is none."""
+
+import dataclasses
+import math
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import NoReturn
+
+from .board import Board
+from .data import Batch, Data, origin, without_origin
+from .devices import Devices
+from .optimizer import gradient_norms
+from .stage_model import StageModel
+from .stages import Stage
+from .state import Checkpoint, Curve, Means
+
+_SECONDS_BETWEEN_CHECKPOINTS = 60
+_CURVE_POINTS, _LONGEST_INTERVAL = 10, 500
+"""How often the held-out losses are taken: so many times a stage, or every so many batches."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Progress:
+    """How far a stage is.
+
+    Attributes:
+        stage: the one in training.
+        step: batches done.
+        losses: means over the interval since the held-out losses were last taken.
+        data_wait: share of that interval spent waiting for batches, in [0, 1].
+    """
+
+    stage: Stage
+    step: int
+    losses: Mapping[str, float]
+    data_wait: float
+
+
+Tell = Callable[[Progress], None]
+
+
+class Files:
+    """Where a stage's state and logs lie in its run.
+
+    Args:
+        run: folder of the run.
+        name: the stage's number and name.
+    """
+
+    def __init__(self, run: Path, name: str):
+        self.checkpoint = run / "stages" / f"{name}.npz"
+        self.curve = run / "curves" / f"{name}.csv"
+        self.board = run / "tensorboard" / name
+
+
+class StageTraining:
+    """A stage on its way from its checkpoint, or from its beginning, to its end.
+
+    Args:
+        stage: which.
+        model: its subnetworks with their optimiser.
+        checkpoint: of the stage; may not exist yet.
+        files: of the stage.
+        data: to learn from.
+        devices: to split batches between.
+        tell: called after each batch.
+    """
+
+    def __init__(
+        self,
+        stage: Stage,
+        model: StageModel,
+        checkpoint: Checkpoint,
+        files: Files,
+        data: Data,
+        devices: Devices,
+        tell: Tell,
+    ):
+        self._stage, self._model, self._checkpoint, self._files = stage, model, checkpoint, files
+        self._data, self._devices, self._tell = data, devices, tell
+        self._held_out = data.held_out(model.features)
+
+    def run(self) -> None:
+        """Train until the stage's last batch.
+
+        Raises:
+            RuntimeError: if a loss or a gradient is not finite, naming the example if one is to
+                blame.
+            ValueError: if a record is damaged.
+        """
+        step = self._checkpoint.step() or 0
+        if step:
+            self._checkpoint.restore(self._model)
+        curve, board = Curve(self._files.curve, step), Board(self._files.board)
+        try:
+            self._run(step, curve, board)
+        finally:
+            board.close()
+
+    def _run(self, step: int, curve: Curve, board: Board) -> None:
+        stage, model = self._stage, self._model
+        self._tell(Progress(stage, step, {}, 0.0))
+        if step == 0:
+            self._look(0, {}, curve, board)
+        batches = self._data.training(stage, model.features, step)
+        interval = min(max(1, stage.steps // _CURVE_POINTS), _LONGEST_INTERVAL)
+        losses, norms, waited, began = Means(), Means(), 0.0, time.monotonic()
+        saved, first = began, step
+        while step < stage.steps:
+            asked = time.monotonic()
+            batch = next(batches)
+            waited += time.monotonic() - asked
+            batch_losses = model.train_on_batch(
+                self._devices.split(without_origin(batch)), return_dict=True
+            )
+            step += 1
+            batch_norms = gradient_norms(model.optimizer)
+            if not _finite(batch_losses) or not _finite(batch_norms):
+                self._stop(step, batch, batch_losses, batch_norms)
+            losses.add(batch_losses)
+            norms.add(batch_norms)
+            elapsed = time.monotonic() - began
+            self._tell(Progress(stage, step, losses.means(), waited / max(elapsed, 1e-9)))
+            if step % interval == 0 or step == stage.steps:
+                rate = {"steps a second": (step - first) / elapsed, "data wait": waited / elapsed}
+                self._look(step, losses.means(), curve, board)
+                board.scalars(step, {"gradient norm": norms.means(), "throughput": rate})
+                losses, norms, waited, began, first = Means(), Means(), 0.0, time.monotonic(), step
+            if step == stage.steps or time.monotonic() - saved > _SECONDS_BETWEEN_CHECKPOINTS:
+                self._checkpoint.save(model, step)
+                saved = time.monotonic()
+
+    def _look(self, step: int, training: dict[str, float], curve: Curve, board: Board) -> None:
+        """Take the held-out losses, and write them down with those of training."""
+        losses, first = Means(), None
+        for batch in self._held_out:
+            first = first or batch
+            losses.add(self._model.test_on_batch(self._devices.split(batch), return_dict=True))
+        curve.add(step, training, losses.means())
+        board.scalars(step, {"training": training, "held out": losses.means()})
+        if first is not None:
+            board.panel(step, self._model, first)
+
+    def _stop(
+        self, step: int, batch: Batch, losses: Mapping[str, float], norms: Mapping[str, float]
+    ) -> NoReturn:
+        """Find out which example it was, by a step on each alone: the optimiser takes no bad one.
+
+        Raises:
+            RuntimeError: always.
+        """
+        broken = [name for name, value in losses.items() if not math.isfinite(value)]
+        broken += [
+            f"the gradient of {name}" for name, value in norms.items() if not math.isfinite(value)
+        ]
+        blamed = []
+        for row in range(len(batch["mask"])):
+            one = {name: value[row : row + 1] for name, value in without_origin(batch).items()}
+            alone = self._model.train_on_batch(one, return_dict=True)
+            if not _finite(alone) or not _finite(gradient_norms(self._model.optimizer)):
+                blamed.append(origin(batch, row))
+        found = (
+            f"from {', '.join(blamed)} of the train split: render it again, or leave it out"
+            if blamed
+            else "no example of the batch does it alone: try another --seed or --precision float32"
+        )
+        raise RuntimeError(
+            f"stage {self._stage.name}, step {step}: {', '.join(broken)} not finite; {found}. The "
+            "run's last checkpoint is from before"
+        )
+
+
+def _finite(values: Mapping[str, float]) -> bool:
+    return all(math.isfinite(value) for value in values.values())
