@@ -152,9 +152,15 @@ def true_reflectance_map(example: Mapping[str, np.ndarray]) -> np.ndarray:
     Args:
         example: batch as `pipeline.evaluation` yields it.
     """
-    names = ("environment", "shininess", "diffuse_albedo", "specular_albedo", "ambient")
-    size = example["mask"].shape[1]
-    return keras.ops.convert_to_numpy(reflectance_map(*(example[name] for name in names), size))
+    sphere = reflectance_map(
+        example["environment"],
+        example["shininess"],
+        example["diffuse_albedo"],
+        example["specular_albedo"],
+        example["ambient"],
+        example["mask"].shape[1],
+    )
+    return keras.ops.convert_to_numpy(sphere)
 
 
 def _material_errors(

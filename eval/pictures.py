@@ -39,7 +39,7 @@ def pairs(example: Example) -> list[Pair]:
     if "reflectance_map" in estimate:
         sphere = disc(len(truth["mask"]))
         batch = {name: np.asarray(value)[None] for name, value in truth.items()}
-        true, found = true_reflectance_map(batch)[0], estimate["reflectance_map"] * sphere
+        true, found = true_reflectance_map(batch)[0], estimate["reflectance_map"]
         layers.append(_hdr_pair("Reflectance map", true, found, sphere))
     return [
         Pair("Mask", _rgb(truth["mask"]), _rgb(estimate["mask"])),

@@ -19,7 +19,6 @@ from lime_keras import colour, shininess, weights
 from lime_keras.material import Material
 from lime_keras.networks import answers, assemble
 from lime_keras.photo import fit_square
-from lime_keras.reflectance_map import disc
 
 NEEDED = {
     "mask": ("mask",),
@@ -102,7 +101,7 @@ class Estimator:
             layers["diffuse"] = diffuse * answer["mask"]
         if "reflectance_map" in only:
             # Nothing was ever asked of the network beside the sphere.
-            layers["reflectance_map"] = answer["reflectance_map"] * disc(len(square))
+            layers["reflectance_map"] = answer["reflectance_map"]
         if "log_exponent" in answer:
             fields["exponent"] = float(10.0 ** answer["log_exponent"][0])
         elif "exponent" in only:

@@ -82,14 +82,14 @@ def test_wrong_answers_by_hand():
 
 
 def test_a_regressed_exponent_by_hand():
-    """log10 1000 and log10 1.5 for 10 and 0: bins 7 and 0 for 2 and 0."""
+    """log10 s of 0.5 and 3 for exponents of 10 and 0: bins 1 and 7 for 2 and 0."""
     answer = _perfect(_batch())
     del answer["exponent_bin_probabilities"]
-    answer["log_exponent"] = np.array([[3.0], [np.log10(1.5)]], np.float32)
+    answer["log_exponent"] = np.array([[0.5], [3.0]], np.float32)
     rows = measure(_batch(), answer)
-    assert rows["predicted_bin"].tolist() == [7, 0]
-    assert rows["bin_distance"].tolist() == [5, 0]
-    assert rows["log_error"] == pytest.approx([2.0, np.log10(1.5)])
+    assert rows["predicted_bin"].tolist() == [1, 7]
+    assert rows["bin_distance"].tolist() == [1, 7]
+    assert rows["log_error"] == pytest.approx([0.5, 3.0])
     assert "log_error_winning" not in rows
     answer["log_exponent"] = np.log10(np.array([[10.0], [1.0]], np.float32))
     perfect = measure(_batch(), answer)

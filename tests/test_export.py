@@ -106,7 +106,8 @@ def test_ablations_agree_with_keras(model_format, ablation_model, tmp_path):
     differences = export.export(tmp_path, model_format, ablation_model)
     assert set(differences) == set(answers(subnetworks))
     assert all(0 <= difference <= 1e-4 for difference in differences.values())
-    expected, found = assemble(subnetworks)(fresh(3)), run(tmp_path / name, fresh(3))
+    images = np.concatenate([export.proof_images(32), fresh(3)])
+    expected, found = assemble(subnetworks)(images), run(tmp_path / name, images)
     assert set(found) == set(expected)
     for output, value in expected.items():
         np.testing.assert_allclose(found[output], value, rtol=1e-3, atol=1e-4, err_msg=output)

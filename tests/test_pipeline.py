@@ -204,10 +204,10 @@ def test_the_seed_decides_the_batches(shards, size):
     assert [batch["index"].tolist() for batch in first] != [b["index"].tolist() for b in other]
 
 
-@pytest.mark.parametrize("first_step", [1, 4, 6])
-def test_resuming_takes_the_photos_of_an_uninterrupted_run(shards, first_step):
+def test_resuming_takes_the_photos_of_an_uninterrupted_run(shards):
     whole = photos(shards, 8)
-    assert_same(photos(shards, 8 - first_step, first_step=first_step), whole[first_step:])
+    for first_step in (1, 4, 6):
+        assert_same(photos(shards, 8 - first_step, first_step=first_step), whole[first_step:])
 
 
 def test_an_example_is_photographed_anew_in_every_epoch(shards):

@@ -9,6 +9,7 @@ from render_scenes import write_inputs
 from lime_keras import estimate_cli, export_cli
 from lime_keras.corpus import read_manifest
 from lime_keras.eval import cli as eval_cli
+from lime_keras.networks import PRESETS, Architecture
 from lime_keras.render import cli as render_cli
 from lime_keras.render import workers
 from lime_keras.train import cli as train_cli
@@ -16,12 +17,14 @@ from lime_keras.train import stages
 
 BRIEF = stages.Schedule(
     batch_size=2,
-    single_steps=dict.fromkeys(stages.SINGLE, 2),
+    single_steps=2,
+    encoder_steps=2,
     single_learning_rate=1e-3,
     joint_steps=2,
     joint_learning_rate=1e-4,
     validation_examples=2,
 )
+SMALL = Architecture(size=128, unet_width=2, unet_depth=2, encoder_width=2, dense_width=4)
 
 
 @pytest.fixture(scope="module")
@@ -31,6 +34,7 @@ def run(tmp_path_factory):
         for name in workers.THREAD_VARIABLES:
             patch.setenv(name, "1")
         patch.setitem(stages.SCHEDULES, "smoke", BRIEF)
+        patch.setitem(PRESETS, "smoke", SMALL)
         run = tmp_path_factory.mktemp("quickstart")
         inputs = write_inputs(tmp_path_factory.mktemp("inputs"))
         corpus = str(run / "corpus")

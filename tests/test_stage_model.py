@@ -1,5 +1,7 @@
 """Each stage trains its own subnetworks, and can."""
 
+import dataclasses
+
 import keras
 import numpy as np
 import pytest
@@ -10,12 +12,29 @@ from lime_keras import pipeline
 from lime_keras.corpus import shard_paths
 from lime_keras.dynamic_range import compress
 from lime_keras.losses import mask_l2
-from lime_keras.networks import Architecture, build
+from lime_keras.networks import SUBNETWORKS, Architecture, build
+from lime_keras.reflectance_map import disc, reflectance_map
 from lime_keras.train.stage_model import WEIGHTS, StageModel
-from lime_keras.train.stages import SCHEDULES, SINGLE
+from lime_keras.train.stages import SCHEDULES
 
 SMALL = Architecture(size=64, unet_width=6, unet_depth=3, encoder_width=8, dense_width=32)
-STAGES = [stage.subnetworks for stage in SCHEDULES["paper"].stages()]
+NO_MIRROR = dataclasses.replace(SMALL, mirror=False)
+REGRESSION = dataclasses.replace(SMALL, exponent="regression")
+BASELINE = dataclasses.replace(SMALL, system="reflectance-map")
+STAGES = [
+    (architecture, stage.subnetworks)
+    for architecture in (SMALL, NO_MIRROR, REGRESSION, BASELINE)
+    for stage in SCHEDULES["paper"].stages(architecture)
+    if architecture is SMALL or stage.name not in ("segmentation", "specular", "mirror", "albedo")
+]
+JOINT = ("specular", "mirror", "exponent", "albedo")
+LAST = [
+    (SMALL, JOINT),
+    (NO_MIRROR, ("specular", "exponent", "albedo")),
+    (REGRESSION, JOINT),
+    (BASELINE, ("reflectance_map", "material")),
+]
+LAST_NAMES = ["full", "no mirror", "regression", "baseline"]
 
 
 @pytest.fixture(scope="module")
@@ -25,17 +44,16 @@ def four_images(tmp_path_factory):
     return next(iter(batches))
 
 
-def _compiled(names, learning_rate=2e-3):
-    keras.utils.set_random_seed(1)
-    subnetworks = build(SMALL)
-    model = StageModel({name: subnetworks[name] for name in names})
+def _compiled(names, learning_rate=2e-3, architecture=SMALL, seed=1, **options):
+    subnetworks = build(architecture, seed)
+    model = StageModel({name: subnetworks[name] for name in names}, **options)
     model.compile(optimizer=keras.optimizers.Adam(learning_rate))
     return subnetworks, model
 
 
-@pytest.mark.parametrize("names", STAGES, ids="+".join)
-def test_a_stage_moves_only_its_own_weights(names, four_images):
-    subnetworks, model = _compiled(names)
+@pytest.mark.parametrize("architecture, names", STAGES)
+def test_a_stage_moves_only_its_own_weights(architecture, names, four_images):
+    subnetworks, model = _compiled(names, architecture=architecture)
     before = {name: network.get_weights() for name, network in subnetworks.items()}
     for _ in range(2):
         model.train_on_batch(four_images)
@@ -57,12 +75,18 @@ OVERFIT = {
     "mirror": (250, 0.5),
     "albedo": (150, 0.15),
     "exponent": (100, 0.05),
+    "reflectance_map": (250, 0.4),
+    "material": (150, 0.15),
+    "log_exponent": (100, 0.05),
 }
 
 
-@pytest.mark.parametrize("name", SINGLE)
+@pytest.mark.parametrize("name", OVERFIT)
 def test_a_subnetwork_overfits_four_images(name, four_images):
-    _, model = _compiled([name])
+    if name == "log_exponent":
+        _, model = _compiled(["exponent"], architecture=REGRESSION)
+    else:
+        _, model = _compiled([name], architecture=SMALL if name in SUBNETWORKS else BASELINE)
     first = model.test_on_batch(four_images, return_dict=True)["loss"]
     steps, share = OVERFIT[name]
     for _ in range(steps):
@@ -72,12 +96,12 @@ def test_a_subnetwork_overfits_four_images(name, four_images):
 
 
 def test_joint_training_lowers_every_term(four_images):
-    _, model = _compiled(STAGES[-1], learning_rate=1e-3)
+    _, model = _compiled(JOINT, learning_rate=1e-3)
     first = model.test_on_batch(four_images, return_dict=True)
     for _ in range(100):
         model.reset_metrics()
         last = model.train_on_batch(four_images, return_dict=True)
-    assert set(last) == {"loss", *(set(WEIGHTS) - {"mask"})}
+    assert set(last) == {"loss", *(set(WEIGHTS) - {"mask", "log_exponent", "reflectance_map"})}
     for term, value in last.items():
         assert value < 0.8 * first[term], term
 
@@ -85,10 +109,7 @@ def test_joint_training_lowers_every_term(four_images):
 @pytest.mark.parametrize("seed", range(3))
 def test_no_head_dies(seed, four_images):
     """Under ℓ1 on mostly black layers, networks have died to all black within a few steps."""
-    keras.utils.set_random_seed(seed)
-    subnetworks = build(SMALL)
-    model = StageModel({name: subnetworks[name] for name in ("specular", "mirror")})
-    model.compile(optimizer=keras.optimizers.Adam(1e-3))
+    _, model = _compiled(SUBNETWORKS, 1e-3, seed=seed)
     for _ in range(40):
         model.train_on_batch(four_images)
     answer = model(four_images)
@@ -97,10 +118,70 @@ def test_no_head_dies(seed, four_images):
         values = np.array(answer[name])[inside]
         assert values.max() > 0.1
         assert values.std() > 0.01
+    mask = np.array(answer["mask"])
+    assert mask[inside].mean() - mask[np.array(four_images["mask"]) == 0].mean() > 0.1
+    for name in ("albedos", "exponent"):
+        assert np.ptp(np.array(answer[name]), axis=0).max() > 0.01, f"{name}: one for all images"
+
+
+def test_without_the_perceptual_loss_only_its_term_is_missing(four_images):
+    _, full = _compiled(JOINT)
+    _, without = _compiled(JOINT, compositing=False)
+    every = full.test_on_batch(four_images, return_dict=True)
+    fewer = without.test_on_batch(four_images, return_dict=True)
+    assert every.pop("loss") - fewer.pop("loss") == pytest.approx(
+        WEIGHTS["compositing"] * every.pop("compositing"), rel=1e-3
+    )
+    assert fewer == pytest.approx(every, rel=1e-4)
+
+
+def test_the_baseline_sees_the_true_map_alone_and_the_estimated_one_joined(four_images):
+    subnetworks, alone = _compiled(["material"], architecture=BASELINE)
+    joined = StageModel({name: subnetworks[name] for name in ("reflectance_map", "material")})
+    material = ("diffuse_albedo", "specular_albedo", "ambient")
+    true = compress(
+        reflectance_map(
+            four_images["environment"],
+            four_images["shininess"],
+            *(four_images[name] for name in material),
+            64,
+        )
+    )
+    masked = four_images["image"] * four_images["mask"]
+    estimated = subnetworks["reflectance_map"](masked) * disc(64)
+    for model, sphere in ((alone, true), (joined, estimated)):
+        albedos, probabilities = subnetworks["material"](sphere)
+        answer = model(four_images)
+        np.testing.assert_allclose(answer["albedos"], albedos, atol=1e-4)
+        np.testing.assert_allclose(answer["exponent"], probabilities, atol=1e-4)
+    logs = joined.test_on_batch(four_images, return_dict=True)
+    error = np.abs(np.array(subnetworks["reflectance_map"](masked)) - np.array(true))
+    inside = error[:, disc(64)[..., 0] > 0]
+    assert logs["reflectance_map"] == pytest.approx(inside.mean(), rel=1e-3)
+
+
+def test_a_regressed_exponent_is_judged_by_its_logarithm(four_images):
+    _, model = _compiled(["exponent"], architecture=REGRESSION)
+    logs = model.test_on_batch(four_images, return_dict=True)
+    found = np.array(model(four_images)["exponent"])[:, 0]
+    wrong = found - np.log10(np.array(four_images["shininess"]))
+    assert set(logs) == {"loss", "log_exponent"}
+    assert logs["log_exponent"] == pytest.approx(np.mean(wrong**2), rel=1e-4)
+
+
+@pytest.mark.parametrize("architecture, names", LAST, ids=LAST_NAMES)
+def test_what_a_stage_reads_is_all_it_needs(architecture, names, four_images):
+    _, model = _compiled(names, architecture=architecture)
+    batch = {name: four_images[name] for name in model.features}
+    given = model.test_on_batch(batch, return_dict=True)
+    model.reset_metrics()
+    assert given == pytest.approx(model.test_on_batch(four_images, return_dict=True), rel=1e-5)
+    if architecture in (SMALL, NO_MIRROR):
+        assert "environment" not in model.features
 
 
 def test_the_loss_is_the_weighted_sum_of_its_terms(four_images):
-    _, model = _compiled(STAGES[-1])
+    _, model = _compiled(JOINT)
     logs = model.test_on_batch(four_images, return_dict=True)
     total = logs.pop("loss")
     assert total == pytest.approx(sum(WEIGHTS[term] * value for term, value in logs.items()), 1e-4)
@@ -128,8 +209,10 @@ EXTREMES = {
     "saturated image": {"image": 1.0},
     "no specular albedo": {"specular_albedo": 0.0},
     "no diffuse albedo": {"diffuse_albedo": 0.0},
-    "lowest bin": {"exponent_bin": 0},
-    "highest bin": {"exponent_bin": 7},
+    "lowest bin": {"exponent_bin": 0, "shininess": 0.0},
+    "highest bin": {"exponent_bin": 7, "shininess": 1e6},
+    "no light": {"environment": 0.0, "ambient": 0.0},
+    "blinding light": {"environment": 65504.0},
     "blinding layers": {"specular_shading": 65504.0, "mirror": 65504.0, "diffuse_shading": 65504.0},
     "black layers": {"specular_shading": 0.0, "mirror": 0.0, "diffuse_shading": 0.0},
 }
@@ -137,12 +220,13 @@ LARGEST_GRADIENT = 1e15
 """Adam squares gradients in float32."""
 
 
+@pytest.mark.parametrize("architecture, names", LAST, ids=LAST_NAMES)
 @pytest.mark.parametrize("extreme", EXTREMES)
-def test_extreme_batches_have_finite_loss_and_gradients(extreme, four_images):
+def test_extreme_batches_have_finite_loss_and_gradients(extreme, architecture, names, four_images):
     batch = dict(four_images)
     for name, value in EXTREMES[extreme].items():
         batch[name] = tf.fill(tf.shape(batch[name]), tf.cast(value, batch[name].dtype))
-    _, model = _compiled(STAGES[-1])
+    _, model = _compiled(names, architecture=architecture)
     with tf.GradientTape() as tape:
         loss = model.compute_loss(x=batch, y_pred=model(batch))
     gradients = tape.gradient(loss, model.trainable_variables)

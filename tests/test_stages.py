@@ -1,15 +1,22 @@
-"""The schedule of section 5.4."""
+"""The schedule of section 5.4, and the ablations'."""
 
-from lime_keras.networks import PRESETS, SUBNETWORKS
-from lime_keras.train.stages import SCHEDULES, SINGLE
+import dataclasses
+
+import pytest
+
+from lime_keras.networks import PRESETS, Architecture, names
+from lime_keras.train.stages import SCHEDULES
+
+PAPER = PRESETS["paper"]
 
 
-def test_each_subnetwork_is_trained_alone_first():
-    assert sorted(SINGLE) == sorted(SUBNETWORKS)
+def stage_names(preset, **changes):
+    stages = SCHEDULES[preset].stages(dataclasses.replace(PRESETS[preset], **changes))
+    return [stage.name for stage in stages]
 
 
 def test_the_papers_schedule_is_the_papers():
-    stages = SCHEDULES["paper"].stages()
+    stages = SCHEDULES["paper"].stages(PAPER)
     assert [stage.name for stage in stages] == [
         "segmentation",
         "specular",
@@ -25,5 +32,51 @@ def test_the_papers_schedule_is_the_papers():
     assert SCHEDULES["paper"].batch_size == 32
 
 
+def test_without_a_mirror_nothing_is_joined_with_it():
+    assert stage_names("paper", mirror=False) == [
+        "segmentation",
+        "specular",
+        "albedo",
+        "exponent",
+        "specular+exponent",
+        "specular+exponent+albedo",
+    ]
+
+
+def test_the_baseline_is_trained_alone_and_then_end_to_end():
+    assert stage_names("paper", system="reflectance-map") == [
+        "segmentation",
+        "reflectance_map",
+        "material",
+        "reflectance_map+material",
+    ]
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize(
+    "changes",
+    [{}, {"mirror": False}, {"exponent": "regression"}, {"system": "reflectance-map"}],
+    ids=["full", "no mirror", "regression", "baseline"],
+)
+def test_each_subnetwork_is_trained_alone_first(preset, changes):
+    architecture = dataclasses.replace(PRESETS[preset], **changes)
+    found = stage_names(preset, **changes)
+    assert sorted(name for name in found if "+" not in name) == sorted(names(architecture))
+    joined = [name for name in found if "+" in name]
+    assert joined and found[-len(joined) :] == joined
+
+
+def test_a_scaled_schedule_keeps_all_but_its_lengths():
+    scaled = SCHEDULES["paper"].scaled(0.01)
+    assert [stage.steps for stage in scaled.stages(PAPER)] == [1000] * 5 + [450] * 3
+    assert scaled.scaled(100) == SCHEDULES["paper"]
+    assert {stage.steps for stage in scaled.scaled(1e-9).stages(PAPER)} == {1}
+
+
 def test_every_preset_has_networks_and_a_schedule():
     assert set(PRESETS) == set(SCHEDULES)
+
+
+def test_an_unknown_system_is_refused():
+    with pytest.raises(ValueError, match="no system reflection"):
+        Architecture(32, 1, 1, 1, 1, system="reflection")

@@ -3,6 +3,8 @@
 import csv
 import dataclasses
 import json
+import pathlib
+import re
 import shutil
 
 import numpy as np
@@ -11,16 +13,17 @@ import tensorflow as tf
 from sphere_corpus import write_split
 
 from lime_keras import weights
-from lime_keras.networks import SUBNETWORKS, Architecture
-from lime_keras.train import cli, trainer
+from lime_keras.networks import Architecture, names
+from lime_keras.train import cli, stage_model, stage_training, trainer
 from lime_keras.train.config import Config, corpus_sha256
-from lime_keras.train.stages import SINGLE, Schedule, Stage
-from lime_keras.train.state import MeanLosses
+from lime_keras.train.stages import Schedule
+from lime_keras.train.state import Means
 
 TINY = Architecture(size=32, unet_width=2, unet_depth=2, encoder_width=2, dense_width=4)
 BRIEF = Schedule(
     batch_size=2,
-    single_steps=dict.fromkeys(SINGLE, 2),
+    single_steps=2,
+    encoder_steps=2,
     single_learning_rate=1e-3,
     joint_steps=4,
     joint_learning_rate=1e-3,
@@ -35,7 +38,7 @@ def corpus(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def config(corpus):
-    return Config("tiny", TINY, BRIEF, 0, corpus_sha256(corpus), camera=True)
+    return Config("tiny", 1.0, TINY, BRIEF, 0, corpus_sha256(corpus), camera=True)
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +48,7 @@ def finished(corpus, config, tmp_path_factory):
     return run
 
 
-def _ignore(stage, step, losses):
+def _ignore(progress):
     pass
 
 
@@ -57,13 +60,13 @@ def _weights(run):
 def _same(one, other):
     return all(
         np.array_equal(a, b)
-        for name in SUBNETWORKS
+        for name in one.keys() | other.keys()
         for a, b in zip(one[name], other[name], strict=True)
     )
 
 
 def test_a_run_leaves_a_model_and_its_curves(finished):
-    assert set(_weights(finished)) == set(SUBNETWORKS)
+    assert set(_weights(finished)) == set(names(TINY))
     curves = sorted(path.name for path in (finished / "curves").iterdir())
     assert curves[0] == "1-segmentation.csv"
     assert len(curves) == 8
@@ -74,40 +77,64 @@ def test_a_run_leaves_a_model_and_its_curves(finished):
     assert float(rows[0]["validation_loss"]) > 0
 
 
-@pytest.mark.parametrize("stage_and_step", [("mirror", 1), ("specular+mirror+exponent", 3)])
-def test_an_interrupted_run_ends_with_the_same_weights(
-    stage_and_step, corpus, config, finished, tmp_path, monkeypatch
-):
-    monkeypatch.setattr(trainer, "_SECONDS_BETWEEN_CHECKPOINTS", 0)
+def _stage(run, name):
+    """What a stage left: weights, optimiser state and step."""
+    (path,) = (run / "stages").glob(f"?-{name}.npz")
+    with np.load(path) as stored:
+        return {key: stored[key] for key in stored}
 
-    def interrupt(stage, step, losses):
-        if (stage.name, step) == stage_and_step:
+
+def _same_stage(one, other, name):
+    a, b = _stage(one, name), _stage(other, name)
+    return a.keys() == b.keys() and all(np.array_equal(a[key], b[key]) for key in a)
+
+
+def _begun(finished, run, config, before):
+    """A run that has the finished one's stages up to a number."""
+    (run / "stages").mkdir(parents=True)
+    shutil.copy(finished / "config.json", run)
+    for path in (finished / "stages").iterdir():
+        if int(path.name[0]) < before:
+            shutil.copy(path, run / "stages")
+    return run
+
+
+@pytest.mark.parametrize(
+    "number, name, step", [(3, "mirror", 1), (7, "specular+mirror+exponent", 3)]
+)
+def test_an_interrupted_stage_ends_with_the_same_weights(
+    number, name, step, corpus, config, finished, tmp_path, monkeypatch
+):
+    """And with the same state of the optimiser, and the same curve."""
+    monkeypatch.setattr(stage_training, "_SECONDS_BETWEEN_CHECKPOINTS", 0)
+    run = _begun(finished, tmp_path / "run", config, number)
+
+    def interrupt(progress):
+        if (progress.stage.name, progress.step) == (name, step):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        trainer.train(corpus, tmp_path, config, interrupt)
-    trainer.train(corpus, tmp_path, config, _ignore)
-    assert _same(_weights(tmp_path), _weights(finished))
-    for path in (finished / "curves").iterdir():
-        with (
-            path.open(encoding="utf-8") as file,
-            (tmp_path / "curves" / path.name).open(encoding="utf-8") as other,
-        ):
-            expected = [row["step"] for row in csv.DictReader(file)]
-            assert [row["step"] for row in csv.DictReader(other)] == expected
+        trainer.train(corpus, run, config, interrupt, only=[name])
+    trainer.train(corpus, run, config, _ignore, only=[name])
+    assert _same_stage(run, finished, name)
+    rows = []
+    for folder in (run, finished):
+        with (folder / "curves" / f"{number}-{name}.csv").open(encoding="utf-8") as file:
+            rows.append([row["step"] for row in csv.DictReader(file)])
+    assert rows[0] == rows[1]
 
 
 def test_curves_hold_means_over_their_interval(corpus, config, tmp_path, monkeypatch):
     """Not the last batch's losses, which is what Keras tells."""
-    monkeypatch.setattr(trainer, "_CURVE_POINTS", 1)
+    monkeypatch.setattr(stage_training, "_CURVE_POINTS", 1)
     seen = []
-    one_stage = dataclasses.replace(config.schedule, single_steps={"segmentation": 4})
-    monkeypatch.setattr(type(one_stage), "stages", lambda self: [Stage(("segmentation",), 4, 0.1)])
+    longer = dataclasses.replace(config.schedule, single_steps=4, single_learning_rate=0.1)
     trainer.train(
         corpus,
         tmp_path,
-        dataclasses.replace(config, schedule=one_stage),
-        lambda stage, step, losses: seen.append(losses.get("mask")),
+        dataclasses.replace(config, schedule=longer),
+        lambda progress: seen.append(progress.losses.get("mask")),
+        only=["segmentation"],
     )
     with (tmp_path / "curves" / "1-segmentation.csv").open(encoding="utf-8") as file:
         last = list(csv.DictReader(file))[-1]
@@ -120,15 +147,18 @@ def test_curves_hold_means_over_their_interval(corpus, config, tmp_path, monkeyp
 
 def test_a_finished_run_is_not_trained_again(corpus, config, finished):
     seen = []
-    trainer.train(corpus, finished, config, lambda *told: seen.append(told))
-    assert [(stage.name, step) for stage, step, _ in seen] == [
-        (stage.name, stage.steps) for stage in BRIEF.stages()
+    trainer.train(corpus, finished, config, seen.append)
+    assert [(told.stage.name, told.step) for told in seen] == [
+        (stage.name, stage.steps) for stage in BRIEF.stages(TINY)
     ]
 
 
 def test_another_seed_gives_other_weights(corpus, config, finished, tmp_path):
-    trainer.train(corpus, tmp_path, dataclasses.replace(config, seed=1), _ignore)
-    assert not _same(_weights(tmp_path), _weights(finished))
+    other = dataclasses.replace(config, seed=1)
+    trainer.train(corpus, tmp_path, other, _ignore, only=["exponent"])
+    assert not np.array_equal(
+        _stage(tmp_path, "exponent")["arr_0"], _stage(finished, "exponent")["arr_0"]
+    )
 
 
 def test_another_config_is_refused_with_the_difference(corpus, config, finished):
@@ -141,15 +171,166 @@ def test_what_was_run_is_recorded(config, finished):
     record = json.loads((finished / "config.json").read_text(encoding="utf-8"))
     assert record["config"]["corpus_sha256"] == config.corpus_sha256
     assert record["config"]["schedule"]["joint_steps"] == 4
+    assert record["corpus"]["description"] is not None
+    assert record["backend"] == "tensorflow"
     assert {"tensorflow", "keras", "numpy"} == set(record["packages"])
+    beside_the_weights = finished / "model" / "training.json"
+    assert json.loads(beside_the_weights.read_text(encoding="utf-8")) == record
 
 
-def test_a_loss_that_is_not_finite_stops_the_run_before_its_checkpoint(
-    corpus, config, tmp_path, monkeypatch
-):
-    monkeypatch.setitem(trainer.StageModel.__init__.__globals__["WEIGHTS"], "specular", np.nan)
-    with pytest.raises(RuntimeError, match="stage specular, step 1: loss not finite"):
-        trainer.train(corpus, tmp_path, config, _ignore)
+def test_a_runs_config_is_read_back(config, finished, tmp_path):
+    assert Config.read(finished) == config
+    with pytest.raises(FileNotFoundError, match=r"config\.json is missing.*leave out --resume"):
+        Config.read(tmp_path)
+    for text in ("", "{}", '{"config": {"architecture": {}}}'):
+        (tmp_path / "config.json").write_text(text, encoding="utf-8")
+        with pytest.raises(ValueError, match=r"config\.json is not of this version"):
+            Config.read(tmp_path)
+
+
+# Stages alone, and from other runs.
+
+
+def test_stages_run_apart_are_the_same_as_together(corpus, config, finished, tmp_path):
+    for only in (["mirror"], ["specular"], ["specular+mirror"]):
+        untrained = trainer.train(corpus, tmp_path, config, _ignore, only=only)
+        assert _same_stage(tmp_path, finished, *only)
+    assert untrained == ["segmentation", "exponent", "albedo"]
+    assert not (tmp_path / "model").exists()
+
+
+def test_joined_training_may_skip_the_single_stages(corpus, config, finished, tmp_path):
+    name = "specular+mirror+exponent"
+    untrained = trainer.train(corpus, tmp_path, config, _ignore, only=[name])
+    assert untrained == ["segmentation", "albedo"]
+    assert len(list((tmp_path / "stages").iterdir())) == 1
+    assert not _same_stage(tmp_path, finished, name)
+    # Trained from nothing, it does not follow from the stages that now come before it.
+    expected = rf"7-{re.escape(name)}\.npz was trained from other weights.*delete it"
+    with pytest.raises(ValueError, match=expected):
+        trainer.train(corpus, tmp_path, config, _ignore, reuse=finished)
+
+
+def test_an_unknown_stage_is_refused_with_those_there_are(corpus, config, tmp_path):
+    with pytest.raises(ValueError, match=r"no stage speculative: this run has segmentation, spec"):
+        trainer.train(corpus, tmp_path, config, _ignore, only=["speculative"])
+    assert not (tmp_path / "config.json").exists()
+
+
+def test_a_batch_that_devices_cannot_share_is_refused(corpus, config, tmp_path):
+    with pytest.raises(ValueError, match="batches of 2 cannot be split between 3 devices"):
+        trainer.train(corpus, tmp_path, config, _ignore, devices=3)
+
+
+def _trained_anew(corpus, run, config, **options):
+    """Names of the stages that took a step."""
+    steps = []
+    trainer.train(
+        corpus, run, config, lambda told: steps.append((told.stage.name, told.step)), **options
+    )
+    return {name for name, step in steps if (name, step - 1) in steps}
+
+
+def test_ablations_take_over_what_is_the_same(corpus, config, finished, tmp_path):
+    """And end as if they had trained all of it themselves."""
+    one, two = tmp_path / "one", tmp_path / "two"
+    no_mirror = dataclasses.replace(config, architecture=dataclasses.replace(TINY, mirror=False))
+    joined = {"specular+exponent", "specular+exponent+albedo"}
+    assert _trained_anew(corpus, one, no_mirror, reuse=finished) == {"exponent"} | joined
+    curves = sorted(path.name for path in (one / "curves").iterdir())
+    assert curves[:4] == ["1-segmentation.csv", "2-specular.csv", "3-albedo.csv", "4-exponent.csv"]
+    assert set(_weights(one)) == {"segmentation", "specular", "albedo", "exponent"}
+    alone = {"specular", "exponent", "specular+exponent"}
+    assert _trained_anew(corpus, two, no_mirror, only=alone) == alone
+    assert all(_same_stage(one, two, name) for name in alone)
+
+
+@pytest.mark.parametrize(
+    "change, anew",
+    [
+        (
+            {"architecture": dataclasses.replace(TINY, exponent="regression")},
+            {"exponent", "specular+mirror+exponent", "specular+mirror+exponent+albedo"},
+        ),
+        ({"compositing": False}, {"albedo", "specular+mirror+exponent+albedo"}),
+        (
+            {"architecture": dataclasses.replace(TINY, system="reflectance-map")},
+            {"reflectance_map", "material", "reflectance_map+material"},
+        ),
+        (
+            {"schedule": dataclasses.replace(BRIEF, joint_steps=1)},
+            {stage.name for stage in BRIEF.stages(TINY)[5:]},
+        ),
+        ({"camera": False}, {stage.name for stage in BRIEF.stages(TINY)}),
+        ({"seed": 1}, {stage.name for stage in BRIEF.stages(TINY)}),
+        ({"precision": "bfloat16"}, {stage.name for stage in BRIEF.stages(TINY)}),
+        (
+            {"schedule": dataclasses.replace(BRIEF, validation_examples=1)},
+            set(),
+        ),
+    ],
+    ids=["regression", "perceptual", "baseline", "steps", "camera", "seed", "precision", "none"],
+)
+def test_only_what_differs_is_trained(corpus, config, finished, tmp_path, change, anew):
+    changed = dataclasses.replace(config, **change)
+    taken = set()
+    begun = []
+
+    def stop(progress):
+        """Do not train; only see what would be."""
+        if progress.step < progress.stage.steps:
+            begun.append(progress.stage.name)
+            raise KeyboardInterrupt
+        taken.add(progress.stage.name)
+
+    stages = changed.schedule.stages(changed.architecture)
+    for stage in stages:
+        if stage.name in anew:
+            continue
+        trainer.train(corpus, tmp_path, changed, stop, only=[], reuse=finished)
+    assert taken == {stage.name for stage in stages} - anew
+    assert not begun
+
+
+# Where it breaks.
+
+
+def _poisoned(corpus, folder, rows, feature, value):
+    """A copy of a corpus of which some examples of the first shard hold a number that is none."""
+    shutil.copytree(corpus, folder)
+    path = folder / "train" / "00000.tfrecord"
+    examples = [
+        tf.train.Example.FromString(one.numpy()) for one in tf.data.TFRecordDataset(str(path))
+    ]
+    for row in rows:
+        examples[row].features.feature[feature].float_list.value[:] = [value]
+    with tf.io.TFRecordWriter(str(path)) as writer:
+        for example in examples:
+            writer.write(example.SerializeToString())
+    return folder
+
+
+def test_the_example_that_breaks_a_step_is_named(corpus, config, tmp_path):
+    broken = _poisoned(corpus, tmp_path / "corpus", [3], "ambient", np.nan)
+    shards = pathlib.Path(broken, "train", "00000.tfrecord")
+    third = list(tf.data.TFRecordDataset(str(shards)))[3].numpy()
+    features = tf.train.Example.FromString(third).features.feature
+    seed, index = (features[name].int64_list.value[0] for name in ("seed", "index"))
+    expected = (
+        rf"stage albedo, step \d: .*compositing.* not finite; from example {index} of seed {seed} "
+        "of the train split: render it again.*last checkpoint is from before"
+    )
+    options = {"only": ["albedo"]}
+    longer = dataclasses.replace(config, schedule=dataclasses.replace(BRIEF, encoder_steps=9))
+    with pytest.raises(RuntimeError, match=expected):
+        trainer.train(broken, tmp_path / "run", longer, _ignore, **options)
+    assert not (tmp_path / "run" / "model").exists()
+
+
+def test_a_weight_that_is_no_number_is_blamed_on_no_example(corpus, config, tmp_path, monkeypatch):
+    monkeypatch.setitem(stage_model.WEIGHTS, "specular", np.inf)
+    with pytest.raises(RuntimeError, match=r"stage specular, step 1: loss, .*not finite; from ex"):
+        trainer.train(corpus, tmp_path, config, _ignore, only=["specular"])
     assert not (tmp_path / "stages" / "2-specular.npz").exists()
 
 
@@ -165,7 +346,7 @@ def test_damage_stops_the_run_by_name(corpus, config, tmp_path, shard, record):
     path.write_bytes(data)
     expected = rf"{path} is broken: record {record} .*delete the file.*lime-render"
     with pytest.raises(ValueError, match=expected):
-        trainer.train(tmp_path / "corpus", tmp_path / "run", config, _ignore)
+        trainer.train(tmp_path / "corpus", tmp_path / "run", config, _ignore, only=["exponent"])
 
 
 def test_the_camera_is_on_unless_refused(corpus, config, finished, tmp_path, monkeypatch):
@@ -175,8 +356,7 @@ def test_the_camera_is_on_unless_refused(corpus, config, finished, tmp_path, mon
     clean = dataclasses.replace(config, camera=False)
     with pytest.raises(ValueError, match="camera True there, False asked"):
         trainer.train(corpus, finished, clean, _ignore)
-    monkeypatch.setattr(Schedule, "stages", lambda self: [Stage(("segmentation",), 2, 1e-3)])
-    trainer.train(corpus, tmp_path, clean, _ignore)
+    trainer.train(corpus, tmp_path, clean, _ignore, only=["segmentation"])
     rows = []
     for run in (tmp_path, finished):
         with (run / "curves" / "1-segmentation.csv").open(encoding="utf-8") as file:
@@ -198,8 +378,8 @@ def test_the_command_names_what_is_missing(tmp_path, capsys):
     assert "lime-render" in capsys.readouterr().err
 
 
-def test_mean_losses():
-    losses = MeanLosses()
+def test_means():
+    means = Means()
     for value in (1.0, 2.0, 6.0):
-        losses.add({"mask": value})
-    assert losses.means() == {"mask": 3.0}
+        means.add({"mask": value})
+    assert means.means() == {"mask": 3.0}

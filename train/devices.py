@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import keras
+import numpy as np
 
 
 class Devices:
@@ -23,20 +24,11 @@ class Devices:
     def __init__(self, count: int):
         self.count = count
         self._strategy: Any = None
-        if count == 1:
-            return
-        if keras.backend.backend() == "tensorflow":
-            import tensorflow as tf
-
-            names = _first(
-                [device.name for device in tf.config.list_logical_devices("GPU")]
-                or [device.name for device in tf.config.list_logical_devices("CPU")],
-                count,
-            )
-            self._strategy = tf.distribute.MirroredStrategy(names)
-        else:
-            names = _first(keras.distribution.list_devices(), count)
-            keras.distribution.set_distribution(keras.distribution.DataParallel(devices=names))
+        if keras.backend.backend() != "tensorflow":
+            # Keras keeps it for the whole process: an earlier one must not stay.
+            keras.distribution.set_distribution(_parallel(count) if count > 1 else None)
+        elif count > 1:
+            self._strategy = _mirrored(count)
 
     @property
     def replicas(self) -> int:
@@ -50,7 +42,13 @@ class Devices:
     def split(self, batch: Mapping[str, Any]) -> Any:
         """The batch as Keras takes it; one that cannot be shared out is seen whole by each."""
         size = len(next(iter(batch.values())))
-        if self._strategy is None or size % self.count:
+        if self._strategy is None:
+            if not size % self.count:
+                return batch
+            # Keras deals out the rows itself, but only evenly. The means over several copies of a
+            # batch are its own.
+            return {name: np.concatenate([value] * self.count) for name, value in batch.items()}
+        if size % self.count:
             return batch
         part = size // self.count
 
@@ -59,6 +57,20 @@ class Devices:
             return {name: value[start : start + part] for name, value in batch.items()}
 
         return self._strategy.experimental_distribute_values_from_function(share)
+
+
+def _mirrored(count: int) -> Any:
+    import tensorflow as tf
+
+    names = [device.name for device in tf.config.list_logical_devices("GPU")] or [
+        device.name for device in tf.config.list_logical_devices("CPU")
+    ]
+    return tf.distribute.MirroredStrategy(_first(names, count))
+
+
+def _parallel(count: int) -> keras.distribution.DataParallel:
+    names = _first(keras.distribution.list_devices(), count)
+    return keras.distribution.DataParallel(devices=names)
 
 
 def _first(names: list[str], count: int) -> list[str]:

@@ -25,10 +25,11 @@ class WatchedAdam(keras.optimizers.Adam):
     def build(self, variables: list[keras.Variable]) -> None:
         """Add a variable for each norm to Adam's own."""
         super().build(variables)
-        # Where several devices each see a part of the batch, the mean of their norms is kept.
+        # Devices that see a part of the batch each have a part of the gradient: the sum of their
+        # norms bounds the whole one's, and shows what is not finite on any of them.
         self._norms = {
             name: self.add_variable(
-                (), dtype="float32", aggregation="mean", name=f"{name}_gradient_norm"
+                (), dtype="float32", aggregation="sum", name=f"{name}_gradient_norm"
             )
             for name, _ in self._groups
         }
@@ -59,6 +60,26 @@ class WatchedAdam(keras.optimizers.Adam):
     def norms(self) -> dict[str, float]:
         """Norm of each subnetwork's gradient in the last step, by name."""
         return {name: float(ops.convert_to_numpy(norm.value)) for name, norm in self._norms.items()}
+
+
+class LossScale(keras.optimizers.LossScaleOptimizer):
+    """Keras' loss scale, held back by an overflow on any device.
+
+    Keras itself asks the first of TensorFlow's devices alone; a step that overflows on another one
+    would be taken, and the scale kept.
+    """
+
+    def check_finite(self, grads: list[Any]) -> Any:
+        """Whether all gradients are finite on all devices, a boolean scalar."""
+        finite = super().check_finite(grads)
+        if keras.backend.backend() != "tensorflow":
+            return finite
+        import tensorflow as tf
+
+        def on_all(strategy: Any, parts: Any) -> Any:
+            return tf.reduce_all(tf.stack(strategy.experimental_local_results(parts)))
+
+        return tf.distribute.get_replica_context().merge_call(on_all, args=(finite,))
 
 
 def gradient_norms(optimizer: keras.optimizers.Optimizer) -> dict[str, float]:

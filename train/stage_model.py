@@ -102,7 +102,7 @@ class StageModel(keras.Model):
             sphere = out["true_reflectance_map"] = _true_reflectance_map(batch)
         if "reflectance_map" in networks:
             sphere = networks["reflectance_map"](masked_image, training=training)
-            out["reflectance_map"] = sphere
+            sphere = out["reflectance_map"] = sphere * disc(sphere.shape[1])
         if "material" in networks:
             out["albedos"], out["exponent"] = networks["material"](sphere, training=training)
         return out
@@ -147,8 +147,10 @@ def _term(term: str, batch: Mapping[str, Any], answer: Mapping[str, Any]) -> Any
         return losses.log_exponent_l2(batch["shininess"], answer["exponent"])
     if term == "reflectance_map":
         truth = answer["true_reflectance_map"]
-        sphere = ops.broadcast_to(disc(truth.shape[1])[None], (*truth.shape[:3], 1))
-        return masked_mean(ops.abs(answer["reflectance_map"] - truth), sphere)
+        inside = ops.broadcast_to(
+            disc(truth.shape[1])[None], (ops.shape(truth)[0], *truth.shape[1:3], 1)
+        )
+        return masked_mean(ops.abs(answer["reflectance_map"] - truth), inside)
     diffuse_albedo, specular_albedo = answer["albedos"][:, :3], answer["albedos"][:, 3:]
     if term == "diffuse_albedo":
         return losses.albedo_l2(batch["diffuse_albedo"], diffuse_albedo)

@@ -157,7 +157,7 @@ class StageTraining:
         blamed = []
         for row in range(len(batch["mask"])):
             one = {name: value[row : row + 1] for name, value in without_origin(batch).items()}
-            alone = self._model.train_on_batch(one, return_dict=True)
+            alone = self._model.train_on_batch(self._devices.split(one), return_dict=True)
             if not _finite(alone) or not _finite(gradient_norms(self._model.optimizer)):
                 blamed.append(origin(batch, row))
         found = (

@@ -23,7 +23,7 @@ from lime_keras.networks import build
 from .config import PRECISIONS, Config, claim, config_path
 from .data import Data
 from .devices import Devices
-from .optimizer import WatchedAdam
+from .optimizer import LossScale, WatchedAdam
 from .stage_model import WEIGHTS, StageModel
 from .stage_training import Files, Progress, StageTraining, Tell
 from .stages import Stage
@@ -66,7 +66,7 @@ def train(
         raise ValueError(
             f"no stage {', '.join(unknown)}: this run has {', '.join(s.name for s in stages)}"
         )
-    if config.schedule.batch_size % devices:
+    if devices < 1 or config.schedule.batch_size % devices:
         raise ValueError(
             f"batches of {config.schedule.batch_size} cannot be split between {devices} devices"
         )
@@ -132,7 +132,7 @@ def _compiled(
     ]
     optimizer: Any = WatchedAdam(stage.learning_rate, groups)
     if config.precision == "float16":
-        optimizer = keras.optimizers.LossScaleOptimizer(optimizer)
+        optimizer = LossScale(optimizer)
     model.compile(optimizer=optimizer)
     optimizer.build(model.trainable_variables)
     return model

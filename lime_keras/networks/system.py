@@ -19,6 +19,7 @@ from lime_keras.networks.mirror import mirror_net
 from lime_keras.networks.reflectance_map import reflectance_map_net
 from lime_keras.networks.segmentation import segmentation_net
 from lime_keras.networks.specular import specular_net
+from lime_keras.reflectance_map import disc
 from lime_keras.shininess import LOG_HIGH, LOG_LOW
 
 SUBNETWORKS: dict[str, Callable[[Architecture], keras.Model]] = {
@@ -119,6 +120,7 @@ class _Graph:
 
     def __init__(self, subnetworks: Mapping[str, keras.Model], image: KerasTensor):
         self._subnetworks = subnetworks
+        self._size = image.shape[1]
         self._made = {"image": image}
 
     def output(self, name: str) -> KerasTensor:
@@ -155,7 +157,7 @@ class _Graph:
     def _compressed_reflectance_map(self) -> KerasTensor:
         return self._once(
             "compressed_reflectance_map",
-            lambda: self._subnetworks["reflectance_map"](self._masked_image()),
+            lambda: self._subnetworks["reflectance_map"](self._masked_image()) * disc(self._size),
         )
 
     def _material(self) -> list[KerasTensor]:

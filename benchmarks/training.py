@@ -1,0 +1,109 @@
+"""How fast each stage trains: examples a second by preset, precision and XLA, without reading.
+
+    python benchmarks/training.py [--presets smoke live] [--steps 8]
+
+Random batches, already in memory. The settings of a stage take turns step by step, so a busy moment
+slows them alike; medians. `benchmarks/reading.py` says what reading costs beside it.
+"""
+
+import argparse
+import statistics
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+
+import keras
+import numpy as np
+from tqdm import tqdm
+
+from lime_keras.environment import STORED_SHAPE
+from lime_keras.networks import PRESETS, Architecture, build
+from lime_keras.train.config import PRECISIONS
+from lime_keras.train.stage_model import StageModel
+from lime_keras.train.stages import SCHEDULES, Stage
+
+SETTINGS = {
+    "float32": ("float32", False),
+    "float32, XLA": ("float32", True),
+    "bfloat16": ("bfloat16", False),
+    "bfloat16, XLA": ("bfloat16", True),
+}
+"""Precision, and whether XLA compiles the step."""
+STAGES = ("specular", "exponent", "albedo", "specular+mirror", "specular+mirror+exponent+albedo")
+
+
+def main() -> None:
+    """Print the table."""
+    options = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    options.add_argument("--presets", nargs="+", choices=list(PRESETS), default=["smoke", "live"])
+    options.add_argument("--settings", nargs="+", choices=list(SETTINGS), default=list(SETTINGS))
+    options.add_argument("--steps", type=int, default=8)
+    options = options.parse_args()
+    print("| preset | stage | batch | " + " | ".join(options.settings) + " |")
+    print("|---|---|---:|" + "---:|" * len(options.settings))
+    for preset in options.presets:
+        architecture, schedule = PRESETS[preset], SCHEDULES[preset]
+        batch = _batch(architecture.size, schedule.batch_size)
+        for stage in schedule.stages(architecture):
+            if stage.name not in STAGES:
+                continue
+            steps = {
+                name: _step(architecture, stage, *SETTINGS[name], batch)
+                for name in options.settings
+            }
+            seconds = _alternately(steps, options.steps, f"{preset} {stage.name}")
+            rates = (f"{schedule.batch_size / seconds[name]:.1f}" for name in options.settings)
+            print(f"| {preset} | {stage.name} | {schedule.batch_size} | ", end="")
+            print(" | ".join(rates) + " |", flush=True)
+
+
+def _step(
+    architecture: Architecture, stage: Stage, precision: str, xla: bool, batch: dict[str, Any]
+) -> Callable[[], Any]:
+    """One training step, compiled."""
+    keras.config.set_dtype_policy(PRECISIONS[precision])
+    subnetworks = build(architecture, seed=0)
+    keras.config.set_dtype_policy("float32")
+    model = StageModel({name: subnetworks[name] for name in stage.subnetworks})
+    model.compile(optimizer=keras.optimizers.Adam(stage.learning_rate), jit_compile=xla)
+    seen = {name: batch[name] for name in model.features}
+    model.train_on_batch(seen)
+    return lambda: model.train_on_batch(seen)
+
+
+def _alternately(steps: dict[str, Callable[[], Any]], count: int, what: str) -> dict[str, float]:
+    """Median seconds of each."""
+    seconds: dict[str, list[float]] = {name: [] for name in steps}
+    for _ in tqdm(range(count), desc=what, file=sys.stderr):
+        for name, step in steps.items():
+            began = time.perf_counter()
+            step()
+            seconds[name].append(time.perf_counter() - began)
+    return {name: statistics.median(times) for name, times in seconds.items()}
+
+
+def _batch(size: int, count: int) -> dict[str, Any]:
+    rng = np.random.default_rng(0)
+
+    def uniform(*shape: int) -> Any:
+        return keras.ops.convert_to_tensor(rng.uniform(size=(count, *shape)).astype(np.float32))
+
+    image = {"image": uniform(size, size, 3), "clipped": 0.0 * uniform(size, size, 3)}
+    layers = ("diffuse_shading", "specular_shading", "mirror")
+    return {
+        **image,
+        **{name: uniform(size, size, 1) for name in layers},
+        "mask": 0.0 * uniform(size, size, 1) + 1.0,
+        "environment": uniform(*STORED_SHAPE, 1),
+        "diffuse_albedo": uniform(3),
+        **{name: uniform() for name in ("specular_albedo", "ambient")},
+        "shininess": 1.0 + 999.0 * uniform(),
+        "exponent_bin": keras.ops.convert_to_tensor(rng.integers(8, size=count).astype(np.int32)),
+    }
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,132 @@
+"""A batch split between two devices trains as it does on one, under TensorFlow and JAX."""
+
+import csv
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import stage_runs
+import tensorflow as tf
+from sphere_corpus import write_split
+
+from lime_keras.train import trainer
+from lime_keras.train.devices import Devices
+
+
+@pytest.fixture(scope="module")
+def corpora(tmp_path_factory):
+    """A corpus, and beside it one of which an example holds a number that is none."""
+    folder = tmp_path_factory.mktemp("corpora")
+    write_split(folder / "corpus", "train", [range(8), range(8, 13)], size=32)
+    write_split(folder / "broken", "train", [range(8), range(8, 13)], size=32)
+    path = folder / "broken" / "train" / "00000.tfrecord"
+    examples = [
+        tf.train.Example.FromString(one.numpy()) for one in tf.data.TFRecordDataset(str(path))
+    ]
+    examples[3].features.feature["ambient"].float_list.value[:] = [np.nan]
+    with tf.io.TFRecordWriter(str(path)) as writer:
+        for example in examples:
+            writer.write(example.SerializeToString())
+    return folder
+
+
+@pytest.fixture(scope="module", params=["tensorflow", "jax"])
+def runs(request, corpora, tmp_path_factory):
+    """Folder of what a process with two devices left under a backend."""
+    if request.param == "jax":
+        pytest.importorskip("jax")
+    folder = tmp_path_factory.mktemp(request.param)
+    for corpus in corpora.iterdir():
+        (folder / corpus.name).symlink_to(corpus)
+    environment = os.environ | {
+        "KERAS_BACKEND": request.param,
+        "XLA_FLAGS": "--xla_force_host_platform_device_count=2",
+        "CUDA_VISIBLE_DEVICES": "",
+        "JAX_PLATFORMS": "cpu",
+    }
+    command = [sys.executable, Path(stage_runs.__file__), "devices", folder]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr[-4000:]
+    return folder
+
+
+def _state(run):
+    """Weights and moments, and apart from them the gradients' norm."""
+    with np.load(run / "stages" / "4-albedo.npz") as stored:
+        *state, norm = (stored[f"arr_{index}"] for index in range(len(stored.files) - 2))
+    return state, norm
+
+
+def _left(runs):
+    return json.loads((runs / "left.json").read_text(encoding="utf-8"))
+
+
+def _curve(run):
+    with (run / "curves" / "4-albedo.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    return [{name: float(value or 0) for name, value in row.items()} for row in rows]
+
+
+def test_losses_are_those_of_one_device(runs):
+    one, two = _curve(runs / "one"), _curve(runs / "two")
+    assert [row["step"] for row in two] == [0, 1, 2, 3]
+    assert one[-1]["validation_loss"] < one[0]["validation_loss"]
+    for expected, row in zip(one, two, strict=True):
+        for name in row.keys() - {"seconds"}:
+            assert row[name] == pytest.approx(expected[name], rel=1e-4), name
+
+
+def test_weights_are_those_of_one_device(runs):
+    (one, _), (two, _) = _state(runs / "one"), _state(runs / "two")
+    for expected, found in zip(one, two, strict=True):
+        assert np.allclose(found, expected, rtol=1e-3, atol=1e-5)
+
+
+def test_the_norm_of_a_split_gradient_is_not_that_of_a_part(runs):
+    """TensorFlow's devices each know the norm of their part; its sum is an upper bound."""
+    (_, one), (_, two) = _state(runs / "one"), _state(runs / "two")
+    assert 0.999 * one < two < 1.5 * one
+
+
+def test_half_precision_trains(runs):
+    state, norm = _state(runs / "half")
+    assert all(np.all(np.isfinite(one)) for one in state)
+    assert np.isfinite(norm) and norm > 0
+    before, after = _curve(runs / "half")[0], _curve(runs / "half")[-1]
+    assert after["validation_loss"] < before["validation_loss"]
+
+
+def test_an_overflow_on_any_device_holds_the_step_back(runs):
+    """Keras asks the first of TensorFlow's alone."""
+    scale, steps, weight = _left(runs)["overflow"]
+    assert scale == 2.0**119
+    assert (steps, weight) == (0, 1)
+
+
+def test_the_example_that_breaks_a_step_is_named(runs):
+    found = _left(runs)["broken"]
+    assert found.startswith("RuntimeError: stage albedo, step ")
+    assert "from example 3 of seed 0 of the train split: render it again" in found
+
+
+def test_more_devices_than_there_are_is_refused(runs):
+    found = _left(runs)["three"]
+    assert found.startswith("ValueError: --devices 3, but ")
+    assert " sees 2: " in found
+
+
+def test_a_process_with_one_device_names_it():
+    with pytest.raises(ValueError, match=r"--devices 9, but tensorflow sees \d+: /device:"):
+        Devices(9)
+
+
+@pytest.mark.parametrize("count", [3, 0, -1])
+def test_a_batch_that_cannot_be_dealt_out_is_refused(count, corpora, tmp_path):
+    corpus = corpora / "corpus"
+    with pytest.raises(ValueError, match=f"batches of 4 cannot be split between {count} devices"):
+        trainer.train(corpus, tmp_path, stage_runs.config(corpus), stage_runs.ignore, devices=count)
+    assert not list(tmp_path.iterdir())
