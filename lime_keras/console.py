@@ -41,6 +41,9 @@ def import_tensorflow() -> None:
     with _standard_error_closed():
         import tensorflow as tf
 
+        if os.environ.get("KERAS_BACKEND", "tensorflow") != "tensorflow":
+            # Only reading is left to TensorFlow, which would take the GPU's memory for itself.
+            tf.config.set_visible_devices([], "GPU")
         tf.constant(0)
 
 

@@ -256,11 +256,21 @@ def _check_records(path: Path) -> int:
     count = 0
     try:
         for serialized in tf.data.TFRecordDataset(str(path)):
-            records.parse(serialized)
+            _refuse_non_finite(records.parse(serialized))
             count += 1
     except (tf.errors.DataLossError, tf.errors.InvalidArgumentError) as error:
         raise _broken(path, count, _plain(error)) from error
     return count
+
+
+def _refuse_non_finite(example: dict[str, tf.Tensor]) -> dict[str, tf.Tensor]:
+    """The example, if all its numbers are finite; pictures of whole levels cannot be otherwise."""
+    return {
+        name: value
+        if name in ("image", "mask") or not value.dtype.is_floating
+        else tf.debugging.check_numerics(value, f"{name} is not finite")
+        for name, value in example.items()
+    }
 
 
 def _plain(error: tf.errors.OpError) -> str:
@@ -288,7 +298,7 @@ def _prepare(
         wanted |= {"seed", "index", *SCENE}
 
     def prepare(serialized: tf.Tensor, seed: tf.Tensor | None = None) -> dict[str, tf.Tensor]:
-        example = records.parse(serialized, wanted)
+        example = _refuse_non_finite(records.parse(serialized, wanted))
         if camera:
             example = photograph(example, seed)
         example = resize(example, size)

@@ -44,6 +44,8 @@ def exchanged(tmp_path_factory):
         "KERAS_BACKEND": "jax",
         "CUDA_VISIBLE_DEVICES": "",
         "JAX_PLATFORMS": "cpu",
+        # Compiled in a third of the time, whatever it then takes to run.
+        "XLA_FLAGS": "--xla_backend_optimization_level=0",
         "JAX_COMPILATION_CACHE_DIR": str(folder / "compiled"),
         "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
     }
@@ -60,6 +62,8 @@ def _alive(architecture):
         for layer in network.layers:
             if getattr(layer, "use_bias", False):
                 layer.bias.assign(np.full(layer.bias.shape, 0.3))
+            if layer.name == "albedos":
+                layer.kernel.assign(0.1 * layer.kernel)
     return subnetworks
 
 
@@ -86,16 +90,16 @@ def test_answers_are_the_same(system, exchanged):
     )
     assert set(here) == set(there.files)
     for name, expected in here.items():
-        assert np.std(expected) > 1e-4, name
+        assert np.ptp(expected) > 0, name  # not clipped
         assert np.allclose(there[name], expected, rtol=1e-4, atol=1e-5), name
 
 
 def test_every_stage_has_the_same_losses_and_gradients(system, exchanged):
     batch = dict(np.load(exchanged / "batch.npz"))
-    here = stage_runs.first_steps(exchanged / system, batch)
+    here = stage_runs.first_steps(exchanged / system, batch, system)
     there = np.load(exchanged / f"steps-{system}.npz")
     assert set(here) == set(there.files)
-    stages = stage_runs.BRIEF.stages(stage_runs.SYSTEMS[system])
+    stages = stage_runs.stages(system)
     assert {key.split("|")[0] for key in here} == {stage.name for stage in stages}
     moved = []
     for key, expected in here.items():

@@ -44,7 +44,7 @@ def runs(request, corpora, tmp_path_factory):
         (folder / corpus.name).symlink_to(corpus)
     environment = os.environ | {
         "KERAS_BACKEND": request.param,
-        "XLA_FLAGS": "--xla_force_host_platform_device_count=2",
+        "XLA_FLAGS": "--xla_force_host_platform_device_count=2 --xla_backend_optimization_level=0",
         "CUDA_VISIBLE_DEVICES": "",
         "JAX_PLATFORMS": "cpu",
     }
@@ -73,7 +73,7 @@ def _curve(run):
 
 def test_losses_are_those_of_one_device(runs):
     one, two = _curve(runs / "one"), _curve(runs / "two")
-    assert [row["step"] for row in two] == [0, 1, 2, 3]
+    assert [row["step"] for row in two] == list(range(6))
     assert one[-1]["validation_loss"] < one[0]["validation_loss"]
     for expected, row in zip(one, two, strict=True):
         for name in row.keys() - {"seconds"}:
@@ -93,6 +93,8 @@ def test_the_norm_of_a_split_gradient_is_not_that_of_a_part(runs):
 
 
 def test_half_precision_trains(runs):
+    if not (runs / "half").exists():
+        pytest.skip("only TensorFlow's devices must agree on a loss scale")
     state, norm = _state(runs / "half")
     assert all(np.all(np.isfinite(one)) for one in state)
     assert np.isfinite(norm) and norm > 0

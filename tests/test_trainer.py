@@ -3,7 +3,6 @@
 import csv
 import dataclasses
 import json
-import pathlib
 import re
 import shutil
 
@@ -217,6 +216,19 @@ def test_an_unknown_stage_is_refused_with_those_there_are(corpus, config, tmp_pa
     assert not (tmp_path / "config.json").exists()
 
 
+def test_a_run_to_reuse_must_be_there(corpus, config, tmp_path):
+    with pytest.raises(FileNotFoundError, match="nothing holds no stages of a run to take over"):
+        trainer.train(corpus, tmp_path, config, _ignore, reuse=tmp_path / "nothing")
+
+
+def test_a_checkpoint_cut_off_is_named(corpus, config, finished, tmp_path):
+    run = _begun(finished, tmp_path / "run", config, 6)
+    path = run / "stages" / "2-specular.npz"
+    path.write_bytes(path.read_bytes()[:1000])
+    with pytest.raises(ValueError, match=r"2-specular\.npz cannot be read: .*delete it to train"):
+        trainer.train(corpus, run, config, _ignore, only=["specular"])
+
+
 def test_a_batch_that_devices_cannot_share_is_refused(corpus, config, tmp_path):
     with pytest.raises(ValueError, match="batches of 2 cannot be split between 3 devices"):
         trainer.train(corpus, tmp_path, config, _ignore, devices=3)
@@ -273,37 +285,24 @@ def test_ablations_take_over_what_is_the_same(corpus, config, finished, tmp_path
 )
 def test_only_what_differs_is_trained(corpus, config, finished, tmp_path, change, anew):
     changed = dataclasses.replace(config, **change)
-    taken = set()
-    begun = []
-
-    def stop(progress):
-        """Do not train; only see what would be."""
-        if progress.step < progress.stage.steps:
-            begun.append(progress.stage.name)
-            raise KeyboardInterrupt
-        taken.add(progress.stage.name)
-
+    taken = []
+    trainer.train(corpus, tmp_path, changed, taken.append, only=[], reuse=finished)
+    assert all(told.step == told.stage.steps for told in taken)
     stages = changed.schedule.stages(changed.architecture)
-    for stage in stages:
-        if stage.name in anew:
-            continue
-        trainer.train(corpus, tmp_path, changed, stop, only=[], reuse=finished)
-    assert taken == {stage.name for stage in stages} - anew
-    assert not begun
+    assert {told.stage.name for told in taken} == {stage.name for stage in stages} - anew
 
 
 # Where it breaks.
 
 
-def _poisoned(corpus, folder, rows, feature, value):
-    """A copy of a corpus of which some examples of the first shard hold a number that is none."""
+def _altered(corpus, folder, row, feature, value):
+    """A copy of a corpus with another number in an example of its first shard."""
     shutil.copytree(corpus, folder)
     path = folder / "train" / "00000.tfrecord"
     examples = [
         tf.train.Example.FromString(one.numpy()) for one in tf.data.TFRecordDataset(str(path))
     ]
-    for row in rows:
-        examples[row].features.feature[feature].float_list.value[:] = [value]
+    examples[row].features.feature[feature].float_list.value[:] = [value]
     with tf.io.TFRecordWriter(str(path)) as writer:
         for example in examples:
             writer.write(example.SerializeToString())
@@ -311,20 +310,27 @@ def _poisoned(corpus, folder, rows, feature, value):
 
 
 def test_the_example_that_breaks_a_step_is_named(corpus, config, tmp_path):
-    broken = _poisoned(corpus, tmp_path / "corpus", [3], "ambient", np.nan)
-    shards = pathlib.Path(broken, "train", "00000.tfrecord")
-    third = list(tf.data.TFRecordDataset(str(shards)))[3].numpy()
+    """Its numbers are finite, but what comes of them is not."""
+    broken = _altered(corpus, tmp_path / "corpus", 3, "ambient", 3e38)
+    third = list(tf.data.TFRecordDataset(str(broken / "train" / "00000.tfrecord")))[3].numpy()
     features = tf.train.Example.FromString(third).features.feature
     seed, index = (features[name].int64_list.value[0] for name in ("seed", "index"))
     expected = (
         rf"stage albedo, step \d: .*compositing.* not finite; from example {index} of seed {seed} "
         "of the train split: render it again.*last checkpoint is from before"
     )
-    options = {"only": ["albedo"]}
-    longer = dataclasses.replace(config, schedule=dataclasses.replace(BRIEF, encoder_steps=9))
+    longer = dataclasses.replace(BRIEF, encoder_steps=9)
+    unseen = dataclasses.replace(config, schedule=longer, camera=False)
     with pytest.raises(RuntimeError, match=expected):
-        trainer.train(broken, tmp_path / "run", longer, _ignore, **options)
+        trainer.train(broken, tmp_path / "run", unseen, _ignore, only=["albedo"])
     assert not (tmp_path / "run" / "model").exists()
+
+
+def test_a_record_that_holds_no_number_is_named(corpus, config, tmp_path):
+    broken = _altered(corpus, tmp_path / "corpus", 3, "ambient", np.nan)
+    expected = r"00000\.tfrecord is broken: record 3 .*ambient is not finite"
+    with pytest.raises(ValueError, match=expected):
+        trainer.train(broken, tmp_path / "run", config, _ignore, only=["exponent"])
 
 
 def test_a_weight_that_is_no_number_is_blamed_on_no_example(corpus, config, tmp_path, monkeypatch):

@@ -119,11 +119,12 @@ def _train(options: argparse.Namespace) -> int:
     console.import_tensorflow()
     from . import summary, trainer
 
-    with _Bars() as bars:
+    config = _config(options)
+    with _Bars(config.schedule.stages(config.architecture)) as bars:
         untrained = trainer.train(
             options.corpus,
             options.out,
-            _config(options),
+            config,
             bars.tell,
             only=options.stages,
             reuse=options.reuse,
@@ -185,7 +186,8 @@ def _config(options: argparse.Namespace) -> Any:
 class _Bars:
     """A bar for each stage: steps, rate, time left, the running losses and the wait for data."""
 
-    def __init__(self):
+    def __init__(self, stages: list[Any]):
+        self._names = [stage.name for stage in stages]
         self._bar = None
         self._stage = None
 
@@ -204,8 +206,9 @@ class _Bars:
         if stage is not self._stage:
             self.__exit__()
             self._stage = stage
+            number = self._names.index(stage.name) + 1
             self._bar = tqdm(
-                desc=stage.name,
+                desc=f"{number}/{len(self._names)} {stage.name}",
                 total=stage.steps,
                 initial=progress.step,
                 unit="step",

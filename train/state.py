@@ -3,6 +3,7 @@
 import csv
 import os
 import time
+import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -24,21 +25,26 @@ class Checkpoint:
         self.path = path
         self._signature = signature
 
-    def step(self) -> int | None:
+    def step(self, refuse: bool = True) -> int | None:
         """Batches that the file's state has seen; None if there is no file.
 
+        Args:
+            refuse: another signature's file; else it counts as none.
+
         Raises:
-            ValueError: if the file is broken or of another signature.
+            ValueError: if the file is broken, or refused.
         """
         if not self.path.is_file():
             return None
         try:
             with np.load(self.path) as stored:
                 signature, step = str(stored["signature"]), int(stored["step"])
-        except (OSError, ValueError, KeyError) as error:
+        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
             raise ValueError(
                 f"{self.path} cannot be read: {error}; delete it to train the stage again"
             ) from error
+        if signature != self._signature and not refuse:
+            return None
         if signature != self._signature:
             raise ValueError(
                 f"{self.path} was trained from other weights than an earlier stage now has: delete "
@@ -55,7 +61,7 @@ class Checkpoint:
         os.replace(partial, self.path)
 
     def restore(self, model: StageModel) -> None:
-        """Load the state; there must be one."""
+        """Load the state, or, into a model that is not compiled, the weights; there must be one."""
         with np.load(self.path) as stored:
             for index, variable in enumerate(_variables(model)):
                 variable.assign(stored[f"arr_{index}"])
@@ -63,10 +69,8 @@ class Checkpoint:
 
 def _variables(model: StageModel) -> list[keras.Variable]:
     """All that decides how a stage goes on; metrics start anew with each batch."""
-    return [
-        *(variable for network in model.subnetworks.values() for variable in network.weights),
-        *model.optimizer.variables,
-    ]
+    weights = [variable for network in model.subnetworks.values() for variable in network.weights]
+    return [*weights, *(model.optimizer.variables if model.compiled else [])]
 
 
 class Means:

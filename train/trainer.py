@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import keras
-import numpy as np
 
 from lime_keras import corpus as corpus_files
 from lime_keras import weights
@@ -56,7 +55,7 @@ def train(
         Names of the subnetworks that no finished stage has trained; empty if there is a model.
 
     Raises:
-        FileNotFoundError: if the corpus is incomplete.
+        FileNotFoundError: if the corpus is incomplete, or there is no run to reuse.
         ValueError: if the folder holds a run of another config, the corpus is too small or
             damaged, or a stage has no such name.
         RuntimeError: if a loss or a gradient is not finite.
@@ -70,6 +69,8 @@ def train(
         raise ValueError(
             f"batches of {config.schedule.batch_size} cannot be split between {devices} devices"
         )
+    if reuse is not None and not (reuse / "stages").is_dir():
+        raise FileNotFoundError(f"{reuse} holds no stages of a run to take over: check --reuse")
     data = Data(corpus, config)
     _check_size(corpus, config.architecture.size)
     claim(run, corpus, config)
@@ -79,7 +80,11 @@ def train(
     trained: dict[str, str] = {}
     for number, stage in enumerate(stages, 1):
         with split.scope():
-            model = _compiled(config, stage, subnetworks, split.replicas)
+            model = StageModel(
+                {part: subnetworks[part] for part in stage.subnetworks},
+                config.compositing,
+                split.replicas,
+            )
         signature = _signature(config, stage, model, trained)
         files = Files(run, f"{number}-{stage.name}")
         checkpoint = Checkpoint(files.checkpoint, signature)
@@ -89,6 +94,8 @@ def train(
             checkpoint.restore(model)
             tell(Progress(stage, stage.steps, {}, 0.0))
         elif only is None or stage.name in only:
+            with split.scope():
+                _compile(model, stage.learning_rate, config.precision)
             StageTraining(stage, model, checkpoint, files, data, split, tell).run()
         else:
             continue
@@ -120,22 +127,16 @@ def _build(config: Config) -> dict[str, keras.Model]:
         keras.config.set_dtype_policy(before)
 
 
-def _compiled(
-    config: Config, stage: Stage, subnetworks: Mapping[str, keras.Model], replicas: int
-) -> StageModel:
-    """The stage's model with its optimiser, whose variables exist."""
-    model = StageModel(
-        {name: subnetworks[name] for name in stage.subnetworks}, config.compositing, replicas
-    )
+def _compile(model: StageModel, learning_rate: float, precision: str) -> None:
+    """Give a stage its optimiser, whose variables exist from then on."""
     groups = [
         (name, len(network.trainable_variables)) for name, network in model.subnetworks.items()
     ]
-    optimizer: Any = WatchedAdam(stage.learning_rate, groups)
-    if config.precision == "float16":
+    optimizer: Any = WatchedAdam(learning_rate, groups)
+    if precision == "float16":
         optimizer = LossScale(optimizer)
     model.compile(optimizer=optimizer)
     optimizer.build(model.trainable_variables)
-    return model
 
 
 def _signature(config: Config, stage: Stage, model: StageModel, trained: Mapping[str, str]) -> str:
@@ -169,9 +170,7 @@ def _take_over(reuse: Path, stage: Stage, signature: str, files: Files) -> None:
     if files.checkpoint.is_file():
         return
     for path in (reuse / "stages").glob(f"[0-9]-{stage.name}.npz"):
-        with np.load(path) as stored:
-            same = str(stored["signature"]) == signature and int(stored["step"]) == stage.steps
-        if same:
+        if Checkpoint(path, signature).step(refuse=False) == stage.steps:
             other = Files(reuse, path.stem)
             for source, target in ((other.curve, files.curve), (path, files.checkpoint)):
                 target.parent.mkdir(parents=True, exist_ok=True)

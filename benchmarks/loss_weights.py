@@ -1,0 +1,69 @@
+"""What the weights between the loss terms do: a run trained again with one of them changed.
+
+    python benchmarks/loss_weights.py CORPUS RUN --out DIR [--terms compositing] [--factors 0.2 5]
+
+Takes over from RUN, a finished run of `lime-train`, every stage that the term has no part in, and
+trains the others under the run's own config; prints the held-out terms, unweighted, at the end of
+the last stage. What is in DIR already is not trained again.
+"""
+
+import argparse
+import csv
+from pathlib import Path
+
+from tqdm import tqdm
+
+from lime_keras.train import stage_model, trainer
+from lime_keras.train.config import Config
+
+
+def main() -> None:
+    """Print the table."""
+    options = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    options.add_argument("corpus", type=Path)
+    options.add_argument("run", type=Path)
+    options.add_argument("--out", type=Path, required=True)
+    options.add_argument("--terms", nargs="+", default=["compositing"])
+    options.add_argument("--factors", nargs="+", type=float, default=[0.2, 5.0])
+    options = options.parse_args()
+    config = Config.read(options.run)
+    chosen = dict(stage_model.WEIGHTS)
+    rows = {"as chosen": _last_row(options.run)}
+    for term in options.terms:
+        for factor in options.factors:
+            stage_model.WEIGHTS.update(chosen | {term: chosen[term] * factor})
+            name = f"{term} × {factor:g}"
+            run = options.out / f"{term}-{factor:g}"
+            with tqdm(desc=name, unit="step") as bar:
+                trainer.train(
+                    options.corpus,
+                    run,
+                    config,
+                    lambda told, bar=bar: bar.update(),
+                    reuse=options.run,
+                )
+            rows[name] = _last_row(run)
+    terms = list(rows["as chosen"])
+    print("| weights | " + " | ".join(terms) + " |")
+    print("|---|" + "---:|" * len(terms))
+    for name, row in rows.items():
+        print(f"| {name} | " + " | ".join(f"{row[term]:.4f}" for term in terms) + " |")
+
+
+def _last_row(run: Path) -> dict[str, float]:
+    """Held-out terms at the end of a run's last stage."""
+    path = max((run / "curves").iterdir())
+    with path.open(newline="", encoding="utf-8") as file:
+        last = list(csv.DictReader(file))[-1]
+    prefix = "validation_"
+    return {
+        name.removeprefix(prefix): float(value)
+        for name, value in last.items()
+        if name.startswith(prefix) and name != "validation_loss"
+    }
+
+
+if __name__ == "__main__":
+    main()
