@@ -59,6 +59,7 @@ setup(
             "jax>=0.7,<0.11",
             "pytest>=8,<10",
             "pytest-timeout>=2.3,<3",
+            "pytest-xdist>=3.6,<4",
             "hypothesis>=6.100,<7",
             "ruff==0.17.6",
             "mypy>=1.13,<3",

@@ -133,6 +133,7 @@ def test_without_the_perceptual_loss_only_its_term_is_missing(four_images):
 def test_the_baseline_sees_the_true_map_alone_and_the_estimated_one_joined(four_images):
     subnetworks, alone = _compiled(["material"], architecture=BASELINE)
     joined = StageModel({name: subnetworks[name] for name in ("reflectance_map", "material")})
+    joined.compile()
     material = ("diffuse_albedo", "specular_albedo", "ambient")
     true = compress(
         reflectance_map(
