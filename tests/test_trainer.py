@@ -11,11 +11,11 @@ import pytest
 import tensorflow as tf
 from sphere_corpus import write_split
 
-from lime_keras import weights
+from lime_keras import networks, weights
 from lime_keras.networks import Architecture, names
 from lime_keras.train import cli, stage_model, stage_training, trainer
 from lime_keras.train.config import Config, corpus_sha256
-from lime_keras.train.stages import Schedule
+from lime_keras.train.stages import SCHEDULES, Schedule
 from lime_keras.train.state import Means
 
 TINY = Architecture(size=32, unet_width=2, unet_depth=2, encoder_width=2, dense_width=4)
@@ -357,8 +357,8 @@ def test_damage_stops_the_run_by_name(corpus, config, tmp_path, shard, record):
 
 def test_the_camera_is_on_unless_refused(corpus, config, finished, tmp_path, monkeypatch):
     required = [str(corpus), "--out", str(tmp_path), "--preset", "smoke"]
-    assert cli.parser().parse_args(required).camera
-    assert not cli.parser().parse_args([*required, "--no-camera"]).camera
+    assert cli._config(cli.parser().parse_args(required)).camera
+    assert not cli._config(cli.parser().parse_args([*required, "--no-camera"])).camera
     clean = dataclasses.replace(config, camera=False)
     with pytest.raises(ValueError, match="camera True there, False asked"):
         trainer.train(corpus, finished, clean, _ignore)
@@ -382,6 +382,60 @@ def test_the_command_names_what_is_missing(tmp_path, capsys):
     status = cli.main([str(tmp_path), "--out", str(tmp_path / "run"), "--preset", "smoke"])
     assert status == 1
     assert "lime-render" in capsys.readouterr().err
+
+
+@pytest.fixture
+def brief_smoke(monkeypatch):
+    monkeypatch.setitem(networks.PRESETS, "smoke", TINY)
+    monkeypatch.setitem(SCHEDULES, "smoke", BRIEF)
+
+
+def test_the_command_trains_some_stages_and_resumes(corpus, tmp_path, brief_smoke, capsys):
+    run = ["--out", str(tmp_path / "run")]
+    begun = [str(corpus), *run, "--preset", "smoke", "--scale-steps", "2", "--without", "mirror"]
+    assert cli.main([*begun, "--stages", "exponent"]) == 0
+    told = capsys.readouterr()
+    assert "no model yet: segmentation, specular, albedo not trained" in told.out
+    assert re.search(r"exponent +4 +\d+\.\d +exponent +\d\.\d{4} +\d\.\d{4}", told.out)
+    assert "4/6 exponent: 100%" in told.err and "data=" in told.err
+    held = Config.read(tmp_path / "run")
+    assert held.architecture == dataclasses.replace(TINY, mirror=False)
+    assert held.schedule == BRIEF.scaled(2) and held.steps_scale == 2
+    resumed = [str(corpus), *run, "--resume", "--stages", "exponent"]
+    assert cli.main(resumed) == 0
+    assert cli.main([*resumed, "--seed", "4", "--no-camera"]) == 1
+    assert re.search(
+        r"holds another run: camera True there, False asked; seed 0 there, 4 asked",
+        capsys.readouterr().err,
+    )
+
+
+def test_the_commands_ablations(corpus, tmp_path):
+    def config(*options):
+        required = [str(corpus), "--out", str(tmp_path), "--preset", "paper"]
+        return cli._config(cli.parser().parse_args([*required, *options]))
+
+    full = config()
+    assert full.architecture == networks.PRESETS["paper"] and full.compositing
+    assert full.schedule == SCHEDULES["paper"] and full.precision == "float32"
+    no_loss = config("--without", "perceptual")
+    assert not no_loss.compositing and no_loss.architecture == full.architecture
+    neither = config("--without", "perceptual", "mirror")
+    assert not neither.compositing and not neither.architecture.mirror
+    assert config("--exponent", "regression").architecture.exponent == "regression"
+    assert config("--baseline", "reflectance-map").architecture.system == "reflectance-map"
+    assert config("--precision", "bfloat16").precision == "bfloat16"
+    with pytest.raises(ValueError, match="one ablation at a time"):
+        config("--baseline", "reflectance-map", "--without", "mirror")
+
+
+@pytest.mark.parametrize(
+    "options", [[], ["--preset", "smoke", "--resume"], ["--preset", "smoke", "--scale-steps", "0"]]
+)
+def test_wrong_usage(options, tmp_path):
+    with pytest.raises(SystemExit) as stopped:
+        cli.main([str(tmp_path), "--out", str(tmp_path / "run"), *options])
+    assert stopped.value.code == 2
 
 
 def test_means():
