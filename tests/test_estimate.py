@@ -11,7 +11,6 @@ from lime_keras import Estimator, Material, colour, estimate_cli, shininess, wei
 from lime_keras.estimate import NEEDED
 from lime_keras.networks import answers, build
 from lime_keras.photo import fit_square, read_srgb, write
-from lime_keras.reflectance_map import disc
 
 PHOTOS = {
     "noise": (32, 32),
@@ -186,13 +185,10 @@ def test_an_ablation_estimates_all_that_it_can(ablation, ablation_model):
     layers = {"specular_shading", "mirror", "reflectance_map"} & set(answer)
     diffuse = {"diffuse"} & (set(NEEDED) - ABLATED[ablation.description])
     assert set(material.layers) == {"mask"} | layers | diffuse
-    for name in layers - {"reflectance_map"}:
+    for name in layers:
         np.testing.assert_allclose(material.layers[name], answer[name], rtol=1e-4, atol=1e-6)
     if "reflectance_map" in layers:
-        found, sphere = material.layers["reflectance_map"], disc(32)[..., 0] == 1
-        assert found.shape == (32, 32, 3) and (found[~sphere] == 0).all()
-        np.testing.assert_allclose(found[sphere], answer["reflectance_map"][sphere], rtol=1e-4)
-        assert found.max() > 0 and answer["reflectance_map"][~sphere].max() > 0
+        assert material.layers["reflectance_map"].shape == (32, 32, 3)
     written = material.to_json()
     if ablation.exponent == "regression":
         assert np.log10(material.exponent) == pytest.approx(answer["log_exponent"][0], rel=1e-5)

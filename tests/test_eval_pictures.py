@@ -11,6 +11,7 @@ from lime_keras import colour, environment, shading, shininess
 from lime_keras.eval import pictures
 from lime_keras.eval.examples import Choice, Example
 from lime_keras.reflectance import normaliser
+from lime_keras.reflectance_map import disc
 
 SIZE = 16
 SLOPE = 0.6
@@ -150,7 +151,7 @@ def test_the_baselines_reflectance_map_is_shown_in_colour(example):
     found[..., 0] = 0.1
     for name in ("specular_shading", "mirror"):
         del example.estimate[name]
-    example.estimate["reflectance_map"] = found
+    example.estimate["reflectance_map"] = found * disc(SIZE)
     pairs = {pair.title: pair for pair in pictures.pairs(example)}
     assert list(pairs) == ["Mask", "Reflectance map", "Rendered with the material"]
     middle = np.array([0.2, 0.4, 0.6]) * 0.5 + 0.5 * 0.5 + 0.01

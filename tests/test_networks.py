@@ -16,6 +16,7 @@ from lime_keras.networks import (
     names,
 )
 from lime_keras.networks.system import OUTPUTS
+from lime_keras.reflectance_map import disc
 
 NEEDED = {
     "mask": {"segmentation"},
@@ -392,7 +393,7 @@ def test_the_ablations_joined_by_hand(ablated, ablation):
             expected["mirror"] = np.expm1(np.clip(seen[1], 0, 11))
         exponent = run("exponent", *seen)
     else:
-        sphere = run("reflectance_map", image * mask)
+        sphere = run("reflectance_map", image * mask) * disc(ablation.size)
         expected["reflectance_map"] = np.expm1(np.clip(sphere, 0, 11))
         albedos, exponent = run("material", sphere)
     albedos = np.clip(albedos, 0, 1)
@@ -421,7 +422,9 @@ def test_the_ablations_stay_in_range_whatever_the_subnetworks_say(bias, ablated,
         if "log_exponent" in found:
             assert (found["log_exponent"] == 3 * end).all()
         if "reflectance_map" in found:
-            assert (found["reflectance_map"] >= 59_000 * end).all()
+            inside = disc(ablation.size)[..., 0] == 1
+            assert (found["reflectance_map"][:, inside] >= 59_000 * end).all()
+            assert (found["reflectance_map"][:, ~inside] == 0).all()
 
 
 def test_regression_begins_in_the_middle(tiny):
