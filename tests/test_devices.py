@@ -27,7 +27,7 @@ def corpora(tmp_path_factory):
     examples = [
         tf.train.Example.FromString(one.numpy()) for one in tf.data.TFRecordDataset(str(path))
     ]
-    examples[3].features.feature["ambient"].float_list.value[:] = [np.nan]
+    examples[3].features.feature["ambient"].float_list.value[:] = [3e38]
     with tf.io.TFRecordWriter(str(path)) as writer:
         for example in examples:
             writer.write(example.SerializeToString())
