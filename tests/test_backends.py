@@ -18,6 +18,10 @@ from lime_keras.corpus import shard_paths
 from lime_keras.networks import build, names
 from lime_keras.train import stage_training, trainer
 
+# JAX compiles every stage of every system, which takes minutes; that it trains at all, `make test`
+# sees in test_devices.py.
+pytestmark = pytest.mark.slow
+
 pytest.importorskip("jax")
 
 

@@ -29,7 +29,7 @@ LAST = [
     (BASELINE, ("reflectance_map", "material")),
 ]
 LAST_NAMES = ["full", "no mirror", "regression", "baseline"]
-STAGES = [(SMALL, stage.subnetworks) for stage in SCHEDULES["paper"].stages(SMALL)[:-1]] + LAST
+STAGES = [(SMALL, stage.subnetworks) for stage in SCHEDULES["paper"].stages(SMALL)] + LAST[-1:]
 
 
 @pytest.fixture(scope="module")
