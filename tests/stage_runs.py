@@ -5,6 +5,8 @@ A process of its own, for the backend and the devices are fixed when Keras is im
 
 import dataclasses
 import json
+import os
+import subprocess
 import sys
 from pathlib import Path
 
@@ -37,6 +39,19 @@ BRIEF = Schedule(
 )
 # The second of the held-out batches is one example, which two devices cannot share.
 UNEVEN = dataclasses.replace(BRIEF, validation_examples=5)
+
+
+def start(what, folder, environment):
+    """Run this program on the processor, in an environment that fixes backend and devices."""
+    on_processor = {"CUDA_VISIBLE_DEVICES": "", "JAX_PLATFORMS": "cpu"}
+    done = subprocess.run(
+        [sys.executable, __file__, what, folder],
+        env=os.environ | on_processor | environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr[-4000:]
 
 
 def stages(system):

@@ -88,8 +88,8 @@ def parser() -> argparse.ArgumentParser:
     out.add_argument(
         "--precision",
         choices=_PRECISIONS,
-        help="of the networks' inner layers; bfloat16 is twice as fast on processors and GPUs that "
-        "know it, and slow on others (default: float32)",
+        help="of the networks' inner layers; bfloat16 is faster on processors and GPUs that know "
+        "it, and slower on others (default: float32)",
     )
     out.add_argument(
         "--devices",
