@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 import tensorflow as tf
 
-from lime_keras import corpus as corpus_files
 from lime_keras import pipeline, records, shininess, weights
 from lime_keras.camera import photograph
 from lime_keras.networks import assemble
 
-from .evaluate import found_log_exponent, test_shards
+from .evaluate import found_log_exponent, is_literal, test_shards
 
 _WORST = 2
 """Examples shown of each kind of failure."""
@@ -111,8 +110,7 @@ def read(
     if len(found) < len(wanted):
         raise IndexError(f"the test split holds no examples {sorted(wanted - set(found))}")
     truths = [found[choice.position] for choice in choices]
-    description = corpus_files.read_manifest(corpus, "test").get("description", {})
-    literal = description.get("shading") == "literal"
+    literal = is_literal(corpus)
     estimates = system.predict_on_batch(np.stack([truth["image"] for truth in truths]))
     return [
         Example(

@@ -96,8 +96,8 @@ def _tile(name: str, title: str, summary: Mapping[str, Any]) -> dict[str, Any]:
 
     return {
         "title": title,
-        "value": table.number(summary[name], is_share=measure.is_share),
-        "paper": table.number(measure.paper, is_share=measure.is_share),
+        "value": table.number(summary[name], measure.unit),
+        "paper": table.number(measure.paper, measure.unit),
         "ours_at": place(summary[name]),
         "paper_at": place(measure.paper),
         "oracle_at": place(summary["oracle"].get(name)),
@@ -107,7 +107,7 @@ def _tile(name: str, title: str, summary: Mapping[str, Any]) -> dict[str, Any]:
 def _constants(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     """What the best constant answers reach on this split, titled and ready to print."""
     return [
-        (MEASURES[name].title, table.number(value, is_share=MEASURES[name].is_share))
+        (MEASURES[name].title, table.number(value, MEASURES[name].unit))
         for name, value in summary["constant"].items()
     ]
 

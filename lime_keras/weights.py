@@ -55,6 +55,18 @@ def load(model: Path) -> tuple[Architecture, dict[str, keras.Model]]:
     return architecture, subnetworks
 
 
+def files(model: Path) -> list[Path]:
+    """All files that `load` would read, in a fixed order.
+
+    Args:
+        model: as of `load`.
+    """
+    model = Path(model)
+    if (model / "model").is_dir():
+        model = model / "model"
+    return [model / "architecture.json", *sorted(model.rglob("*.weights.h5"))]
+
+
 def _weights_path(model: Path, name: str) -> Path:
     return model / f"{name}.weights.h5"
 
