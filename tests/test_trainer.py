@@ -429,8 +429,43 @@ def test_the_commands_ablations(corpus, tmp_path):
         config("--baseline", "reflectance-map", "--without", "mirror")
 
 
+def test_the_commands_sizes(corpus, tmp_path, brief_smoke, capsys):
+    """In place of the preset's, kept by a run that is resumed, and refused where they differ."""
+    run = [str(corpus), "--out", str(tmp_path / "run")]
+    stage = ["--stages", "specular"]
+    begun = [*run, "--preset", "smoke", "--width", "3", "--size", "64", *stage]
+    assert cli.main(begun) == 0
+    architecture = dataclasses.replace(TINY, unet_width=3, size=64)
+    assert Config.read(tmp_path / "run").architecture == architecture
+    assert _stage(tmp_path / "run", "specular")["arr_0"].shape == (3, 3, 3, 3)
+    held = cli._config(cli.parser().parse_args([*run, "--resume"]))
+    assert held == Config.read(tmp_path / "run")
+    capsys.readouterr()
+    assert cli.main([*run, "--resume", "--width", "4", *stage]) == 1
+    assert "architecture.unet_width 3 there, 4 asked" in capsys.readouterr().err
+    assert cli.main([*run, "--preset", "smoke", "--size", "64", *stage]) == 1
+    assert "architecture.unet_width 3 there, 2 asked" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
-    "options", [[], ["--preset", "smoke", "--resume"], ["--preset", "smoke", "--scale-steps", "0"]]
+    "size, found", [("80", "take a multiple of 32"), ("96", "pass --size with a divisor of 64")]
+)
+def test_a_size_that_cannot_be_is_refused(size, found, corpus, tmp_path, capsys):
+    run = [str(corpus), "--out", str(tmp_path / "run"), "--preset", "smoke"]
+    assert cli.main([*run, "--size", size]) == 1
+    assert found in capsys.readouterr().err
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        [],
+        ["--preset", "smoke", "--resume"],
+        ["--preset", "smoke", "--scale-steps", "0"],
+        ["--preset", "smoke", "--width", "0"],
+        ["--preset", "smoke", "--size", "1.5"],
+    ],
 )
 def test_wrong_usage(options, tmp_path):
     with pytest.raises(SystemExit) as stopped:

@@ -113,7 +113,8 @@ def _check_size(corpus: Path, size: int) -> None:
     if stored % size:
         raise ValueError(
             f"{corpus} holds images of {stored} pixels, which cannot be averaged to the {size} "
-            f"that this preset takes: render with --size {size} or a multiple of it"
+            f"that the networks take: pass --size with a divisor of {stored}, or render with "
+            f"--size {size} or a multiple of it"
         )
 
 
