@@ -1,8 +1,8 @@
 """Run a trained system over a corpus' test split: one row of numbers per example.
 
-Beside the system runs its oracle: ExponentNet and AlbedoNet given the true mask, S and M, or the
-baseline's MaterialNet given the true reflectance map. What the oracle gets wrong, no better layers
-would mend.
+Beside the system runs its oracle: ExponentNet and AlbedoNet, as they were before joined training,
+given the true mask, S and M, or the baseline's MaterialNet given the true reflectance map. What the
+oracle gets wrong, no better layers would mend.
 """
 
 import os
@@ -95,6 +95,8 @@ def evaluate(
     shards = test_shards(corpus)
     count = _count(shards, architecture.size)
     system = answer or assemble(subnetworks).predict_on_batch
+    # Joined training fits the heads to estimated layers; on true ones, those before it are better.
+    heads = subnetworks | weights.load_alone(model_dir, subnetworks)
     literal = is_literal(corpus)
     rows: list[dict[str, np.ndarray]] = []
     oracle: list[dict[str, np.ndarray]] = []
@@ -112,7 +114,7 @@ def evaluate(
             full = _filled(example, batch_size)
             answers = {"found": _cut(system(full["image"]), number)}
             if answer is None:
-                answers["oracle"] = _cut(_from_true_layers(full, subnetworks), number)
+                answers["oracle"] = _cut(_from_true_layers(full, heads), number)
             relit = _relit(example, answers, literal, pool)
             rows.append(
                 measure(example, answers["found"])

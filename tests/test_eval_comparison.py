@@ -16,7 +16,7 @@ COUNT = 400
 def _evaluation(shift=0.0, seed=0, **fields):
     """Columns that share their noise between runs; log errors and albedo errors are shifted."""
     rng = np.random.default_rng(5)
-    noise = rng.uniform(0.2, 1.0, COUNT)
+    noise = rng.uniform(0.2, 3.0, COUNT)
     rows = {
         "seed": np.full(COUNT, seed),
         "index": np.arange(COUNT),
