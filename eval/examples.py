@@ -76,6 +76,12 @@ def choose(rows: Mapping[str, np.ndarray]) -> list[Choice]:
     return chosen
 
 
+def worst(rows: Mapping[str, np.ndarray], count: int = 20) -> list[Choice]:
+    """Those that relight worst under their own light, worst first."""
+    order = np.argsort(rows["relit"], kind="stable")[:count]
+    return [Choice(position, "worst relit") for position in order.tolist()]
+
+
 def read(
     model_dir: Path, corpus: Path, choices: list[Choice], *, camera: bool = False
 ) -> list[Example]:

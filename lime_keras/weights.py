@@ -97,8 +97,12 @@ def files(model: Path) -> list[Path]:
 
     Args:
         model: folder as of `load`.
+
+    Raises:
+        FileNotFoundError: if the folder holds no model.
     """
     folder = _model_of(model)
+    _check_present(folder, folder / "architecture.json")
     return [folder / "architecture.json", *sorted(folder.rglob("*.weights.h5"))]
 
 
