@@ -168,9 +168,10 @@ def measure(
     """
     true, found = example["mask"] >= 0.5, estimate["mask"] >= 0.5
     pixels: dict[str, Any] = {"axis": (1, 2, 3), "dtype": np.float64}
-    kept = ("seed", "index", "shape", "light", "diffuse_albedo", "specular_albedo")
     return {
-        **{name: example[name] for name in kept},
+        **{name: example[name] for name in ("seed", "index", "diffuse_albedo", "specular_albedo")},
+        # As bytes of one width, not as Python's objects.
+        **{name: np.asarray(example[name], np.bytes_) for name in ("shape", "light")},
         "bin": shininess.bin_of(example["shininess"]),
         "log_exponent": np.log10(np.maximum(example["shininess"], _LEAST_EXPONENT)),
         "log_exponent_found": found_log_exponent(estimate),
