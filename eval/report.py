@@ -93,7 +93,7 @@ def evaluation(
         albedos=_both_themes(lambda theme: figures.albedos(found.rows, theme)),
         reliability=_both_themes(lambda theme: figures.reliability(found.rows, theme)),
         relighting=_both_themes(lambda theme: figures.relighting(found.rows, theme)),
-        slice_header=("Part", "images", *(MEASURES[name].title for name in _shown(parts))),
+        slice_header=("Part", "images", *(SHOWN[name] for name in _shown(parts))),
         slices=[_slice_cells(part, _shown(parts)) for part in parts],
         curves=_both_themes(lambda theme: figures.loss_curves(run / "curves", theme)),
         examples=[_card(example) for example in examples],

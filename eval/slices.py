@@ -11,21 +11,21 @@ from lime_keras import shininess
 from . import measures
 from .examples import bin_label
 
-SHOWN = (
-    "mask_iou",
-    "exponent_exact",
-    "exponent_within_one",
-    "log_exponent_mae",
-    "diffuse_albedo_mae",
-    "specular_albedo_mae",
-    "relighting_psnr",
-)
-"""Measures of a part."""
+SHOWN = {
+    "mask_iou": "mask IoU",
+    "exponent_exact": "right bin",
+    "exponent_within_one": "right or next",
+    "log_exponent_mae": "log10 s error",
+    "diffuse_albedo_mae": "diffuse MAE",
+    "specular_albedo_mae": "specular MAE",
+    "relighting_psnr": "relit",
+}
+"""Measures of a part, and their short titles."""
 
 _QUARTERS = (
-    ("object's share of the image", "coverage", "{:.0%}"),
-    ("light's contrast, brightest over mean", "light_contrast", "{:,.0f}"),
-    ("share of the object clipped in the photo", "saturated", "{:.1%}"),
+    ("coverage", "coverage", "{:.0%}"),
+    ("light's contrast", "light_contrast", "{:,.0f}"),
+    ("saturated", "saturated", "{:.1%}"),
 )
 
 

@@ -43,11 +43,11 @@ def test_a_part_has_the_measures_of_its_own_examples(found, rows):
 
 
 def test_quarters_keep_equal_values_together_and_say_their_ends(found):
-    saturated = [part for part in found if part.by.startswith("share of the object clipped")]
+    saturated = [part for part in found if part.by.startswith("saturated")]
     assert [(part.count, part.label) for part in saturated] == [(4, "0.0%")]
     contrast = [part.label for part in found if part.by.startswith("light's contrast")]
     assert contrast == ["10", "20", "3,000", "40,000"]
-    coverage = [part.label for part in found if part.by.startswith("object's share")]
+    coverage = [part.label for part in found if part.by.startswith("coverage")]
     assert coverage == ["10%", "30%"]
 
 
