@@ -5,7 +5,7 @@ baseline's MaterialNet given the true reflectance map. What the oracle gets wron
 would mend.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from json import JSONDecodeError
 from pathlib import Path
@@ -24,6 +24,10 @@ from lime_keras.reflectance_map import reflectance_map
 
 _LEAST_EXPONENT = 10.0**shininess.LOG_LOW
 """A smaller true exponent counts as this one, as `shininess.bin_of` has it: log10 0 is no error."""
+
+
+Answer = Callable[[np.ndarray], Mapping[str, np.ndarray]]
+"""From images `(B, S, S, 3)` sRGB in [0, 1] to the outputs of `lime_keras.networks.assemble`."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +60,12 @@ class Evaluation:
 
 
 def evaluate(
-    model_dir: Path, corpus: Path, *, batch_size: int = 16, camera: bool = False
+    model_dir: Path,
+    corpus: Path,
+    *,
+    batch_size: int = 16,
+    camera: bool = False,
+    answer: Answer | None = None,
 ) -> Evaluation:
     """Measure a trained system on a corpus' test split, with progress on standard error.
 
@@ -65,6 +74,8 @@ def evaluate(
         corpus: folder with a complete `test` split.
         batch_size: examples computed at once; changes the speed, not the numbers.
         camera: show the system photos of the scenes (`lime_keras.camera`), the same every time.
+        answer: computes the outputs for a batch of images; by default the Keras system. With one
+            given, `oracle` of the result is empty.
 
     Raises:
         FileNotFoundError: if the weights or the test split are missing.
@@ -74,7 +85,7 @@ def evaluate(
     architecture, subnetworks = weights.load(model_dir)
     shards = test_shards(corpus)
     count = _count(shards, architecture.size)
-    system = assemble(subnetworks)
+    respond = answer or assemble(subnetworks).predict_on_batch
     rows: list[dict[str, np.ndarray]] = []
     oracle: list[dict[str, np.ndarray]] = []
     dataset = pipeline.evaluation(
@@ -83,8 +94,9 @@ def evaluate(
     batches = pipeline.naming_damage(dataset.as_numpy_iterator(), shards)
     with tqdm(total=count, desc="evaluate", unit="image") as progress:
         for example in batches:
-            rows.append(measure(example, system.predict_on_batch(example["image"])))
-            oracle.append(_material_errors(example, _from_true_layers(example, subnetworks)))
+            rows.append(measure(example, respond(example["image"])))
+            if answer is None:
+                oracle.append(_material_errors(example, _from_true_layers(example, subnetworks)))
             progress.update(len(example["mask"]))
     joined = _joined(rows)
     evaluation = Evaluation(joined, _joined(oracle), _confusion(joined), architecture)
@@ -249,8 +261,9 @@ def _count(shards: list[Path], size: int) -> int:
 
 
 def _joined(batches: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
-    """Columns of all batches, end to end."""
-    return {name: np.concatenate([batch[name] for batch in batches]) for name in batches[0]}
+    """Columns of all batches, end to end; of no batches, no columns."""
+    names = batches[0] if batches else ()
+    return {name: np.concatenate([batch[name] for batch in batches]) for name in names}
 
 
 def _confusion(rows: Mapping[str, np.ndarray]) -> np.ndarray:

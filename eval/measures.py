@@ -180,6 +180,8 @@ def _measured(means: Mapping[str, Any]) -> dict[str, Any]:
 
 def _columns(rows: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """The `(N,)` columns whose means the measures need, as float64."""
+    if not rows:
+        return {}
     distance = rows["bin_distance"]
     columns = {
         "exact": distance == 0,

@@ -34,9 +34,7 @@ def load(model: Path) -> tuple[Architecture, dict[str, keras.Model]]:
         FileNotFoundError: if the folder holds no complete model.
         ValueError: if a file is broken, or not of this version.
     """
-    model = Path(model)
-    if (model / "model").is_dir():
-        model = model / "model"
+    model = folder(model)
     description = model / "architecture.json"
     _check_present(model, description)
     try:
@@ -53,6 +51,12 @@ def load(model: Path) -> tuple[Architecture, dict[str, keras.Model]]:
             reason = str(error).partition("\n")[0]
             raise ValueError(f"{path} cannot be read: {reason}; train again") from error
     return architecture, subnetworks
+
+
+def folder(model: Path) -> Path:
+    """The folder that `save` wrote: the given one, or the `model/` of a run of `lime-train`."""
+    model = Path(model)
+    return model / "model" if (model / "model").is_dir() else model
 
 
 def _weights_path(model: Path, name: str) -> Path:
