@@ -14,8 +14,10 @@ _DECIDE_PRECISION = (
 
 
 def describe() -> dict:
-    """The machine, as JSON: `processor`, `cores` usable, `instructions`, `memory_gib`, `system`,
-    `python` and `packages` by name.
+    """The machine, as JSON.
+
+    `processor`, `cores` usable, `instructions` that decide a precision's speed, `memory_gib`,
+    `system`, `python`, and `packages` by name.
     """
     about = _processor()
     flags = set(about.get("flags", about.get("Features", "")).split())

@@ -4,7 +4,8 @@ Nothing is imported here before it is needed, so that a process that runs ONNX R
 TensorFlow, nor the other way round.
 """
 
-from collections.abc import Callable, Mapping
+import contextlib
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -37,6 +38,19 @@ def open_answer(runtime: str, path: Path, precision: str, threads: int | None = 
     return _onnx(path, threads)
 
 
+@contextlib.contextmanager
+def computing_in(precision: str) -> Iterator[None]:
+    """Layers built inside compute in a precision of `POLICIES`."""
+    import keras
+
+    before = keras.config.dtype_policy()
+    keras.config.set_dtype_policy(POLICIES[precision])
+    try:
+        yield
+    finally:
+        keras.config.set_dtype_policy(before)
+
+
 def start_tensorflow(threads: int) -> None:
     """Import TensorFlow and start it with so many threads, one operation at a time.
 
@@ -62,17 +76,11 @@ def session(path: Path, threads: int | None = None) -> "onnxruntime.InferenceSes
 
 
 def _keras(folder: Path, precision: str) -> Answer:
-    import keras
-
     from lime_keras import weights
     from lime_keras.networks import assemble
 
-    before = keras.config.dtype_policy()
-    keras.config.set_dtype_policy(POLICIES[precision])
-    try:
+    with computing_in(precision):
         _, subnetworks = weights.load(folder)
-    finally:
-        keras.config.set_dtype_policy(before)
     return assemble(subnetworks).predict_on_batch
 
 

@@ -74,8 +74,8 @@ def measure(job: Job) -> dict[str, Any]:
 
     Returns:
         `seconds` of each warm call; `cold_start_s`, from the start of the process to its first
-        answer, with its parts `import_s`, `load_s` and `first_s`; `busy`, processor seconds a second
-        while measuring; and `peak_memory_mib` of the whole process.
+        answer, with its parts `import_s`, `load_s` and `first_s`; `busy`, processor seconds a
+        second while measuring; and `peak_memory_mib` of the whole process.
 
     Raises:
         RuntimeError: if the process fails; its last line says why.
