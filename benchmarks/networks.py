@@ -14,7 +14,6 @@ ONNX, and minutes.
 
 import argparse
 import gc
-import math
 import os
 import time
 from collections.abc import Callable
@@ -27,16 +26,9 @@ import tf2onnx
 from tqdm import tqdm
 
 from lime_keras import export
+from lime_keras.eval.costs import TITAN_XP, flop
 from lime_keras.networks import PRESETS, Architecture, assemble, build
 
-TITAN_XP = {
-    "segmentation": 2.83,
-    "specular": 3.30,
-    "mirror": 2.99,
-    "albedo": 2.68,
-    "exponent": 1.92,
-}
-"""Milliseconds, in the paper's order."""
 WHOLE = "whole system"
 WARM_UP = 3
 """Rounds before the clock counts: the first traces and allocates."""
@@ -73,25 +65,6 @@ def main() -> None:
             )
 
 
-def flop(network: keras.Model) -> int:
-    """Multiplications and additions of one image, of convolutions and dense layers, no biases.
-
-    Raises:
-        ValueError: if a layer of another kind holds weights.
-    """
-    total = 0
-    for layer in network.layers:
-        if isinstance(layer, keras.Model):
-            total += flop(layer)
-        elif isinstance(layer, keras.layers.Conv2D | keras.layers.Dense):
-            positions = math.prod(layer.output.shape[1:-1])
-            total += 2 * math.prod(layer.kernel.shape) * positions
-        elif layer.weights:
-            kind = type(layer).__name__
-            raise ValueError(f"{network.name}/{layer.name} is a {kind}: count its arithmetic too")
-    return total
-
-
 def _networks(architecture: Architecture) -> dict[str, keras.Model]:
     subnetworks = build(architecture)
     return {**{name: subnetworks[name] for name in TITAN_XP}, WHOLE: assemble(subnetworks)}
@@ -114,24 +87,16 @@ def _measure(
 
 def _runners(network: keras.Model, threads: int) -> tuple[Callable, Callable]:
     """The network answering one image of noise: by `tf.function`, and by ONNX Runtime."""
-    signature = [
-        tf.TensorSpec((None, *tensor.shape[1:]), tf.float32, name=tensor.name)
-        for tensor in network.inputs
-    ]
-
-    @tf.function(input_signature=signature)
-    def serve(*tensors: tf.Tensor) -> list[tf.Tensor]:
-        packed = keras.tree.pack_sequence_as(network.input, list(tensors))
-        return keras.tree.flatten(network(packed, training=False))
-
+    serve = export.served(network)
     rng = np.random.default_rng(0)
-    images = {
-        spec.name: rng.uniform(size=(1, *spec.shape[1:])).astype(np.float32) for spec in signature
-    }
+    shapes = {spec.name: (1, *spec.shape[1:]) for spec in serve.input_signature}
+    images = {name: rng.uniform(size=shape).astype(np.float32) for name, shape in shapes.items()}
     tensors = [tf.constant(image) for image in images.values()]
     session = _session(serve, threads)
-    for expected, answer in zip(serve(*tensors), session.run(None, images), strict=True):
-        np.testing.assert_allclose(answer, expected, export.TOLERANCE, export.TOLERANCE)
+    expected = serve(*tensors)
+    for name, value in expected.items():
+        [answer] = session.run([name], images)
+        np.testing.assert_allclose(answer, value, export.TOLERANCE, export.TOLERANCE)
     return lambda: serve(*tensors), lambda: session.run(None, images)
 
 

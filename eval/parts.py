@@ -89,7 +89,7 @@ def trade(out: Path, runs: Sequence[Path], corpus: Path, *, camera: bool, comman
     """Speed against accuracy of several runs; returns the tables."""
     from . import tradeoff, tradeoff_figures
 
-    result = tradeoff.measure(names(runs), corpus, out / "tradeoff", camera=camera)
+    result = tradeoff.measure(names(runs), corpus, out, camera=camera)
     text = tradeoff.markdown(result)
     draw = partial(tradeoff_figures.pareto, result)
     _write_json(out / "tradeoff.json", result)
@@ -114,7 +114,7 @@ def drive_to_extremes(out: Path, run: Path | None, *, command: str) -> tuple[str
     _write_json(out / "stability.json", stability.to_json(verdicts))
     write(out / "stability.md", text.encode())
     _keep(out, "stability", report.measured(_TITLES["stability"], text, [], command=command))
-    return text, stability.as_expected(verdicts)
+    return text, not stability.failures(verdicts)
 
 
 def write_report(out: Path) -> Path:

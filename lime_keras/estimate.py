@@ -50,7 +50,7 @@ class Estimator:
 
     def __init__(self, weights_folder: str | Path, only: Collection[str] | None = None):
         self.architecture, subnetworks = weights.load(Path(weights_folder))
-        needed = _needed(subnetworks)
+        needed = available(subnetworks)
         self._only = set(needed if only is None else only)
         unknown = sorted(self._only - set(needed))
         if unknown or not self._only:
@@ -113,7 +113,7 @@ class Estimator:
         return Material(mask_coverage=coverage, layers=layers, **fields)
 
 
-def _needed(subnetworks: Mapping[str, keras.Model]) -> dict[str, tuple[str, ...]]:
+def available(subnetworks: Mapping[str, keras.Model]) -> dict[str, tuple[str, ...]]:
     """`NEEDED` of these subnetworks, without what they cannot estimate."""
     known = answers(subnetworks)
     regression = {"exponent": ("mask", "log_exponent")} if "log_exponent" in known else {}

@@ -1,5 +1,6 @@
 """SavedModel and ONNX, each proved to agree with Keras before it is called done."""
 
+import gc
 import shutil
 from collections.abc import Collection
 from pathlib import Path
@@ -56,8 +57,8 @@ def export(
     images = proof_images(architecture.size)
     expected = {name: np.array(value) for name, value in network(images).items()}
     write, target, run = {
-        "savedmodel": (_write_saved_model, folder / "saved_model", run_saved_model),
-        "onnx": (_write_onnx, folder / "lime.onnx", run_onnx),
+        "savedmodel": (write_saved_model, folder / "saved_model", run_saved_model),
+        "onnx": (write_onnx, folder / "lime.onnx", run_onnx),
     }[model_format]
     partial = target.with_name(f"partial-{target.name}")
     _remove(partial)
@@ -130,32 +131,46 @@ def run_onnx(path: Path, images: np.ndarray) -> dict[str, np.ndarray]:
     return dict(zip(names, session.run(names, {"image": images}), strict=True))
 
 
-def _served(network: keras.Model) -> tf.types.experimental.PolymorphicFunction:
-    """The model as a function of `image` `(B, S, S, 3)` with named outputs."""
-    signature = tf.TensorSpec((None, *network.input_shape[1:]), tf.float32, name="image")
-
-    @tf.function(input_signature=[signature])
-    def serve(image: tf.Tensor) -> dict[str, tf.Tensor]:
-        answer = network(image, training=False)
-        return {name: tf.identity(value, name=name) for name, value in answer.items()}
-
-    return serve
-
-
-def _write_saved_model(network: keras.Model, path: Path) -> None:
+def write_saved_model(network: keras.Model, path: Path) -> None:
+    """Write a model as a SavedModel folder, unproved; answers by name as `served` has them."""
     module = tf.Module()
     module.network = network
-    module.serve = _served(network)
+    module.serve = served(network)
     tf.saved_model.save(module, str(path), signatures={"serving_default": module.serve})
 
 
-def _write_onnx(network: keras.Model, path: Path) -> None:
+def write_onnx(network: keras.Model, path: Path) -> None:
+    """Write a model as ONNX, unproved; answers by name as `served` has them."""
     import tf2onnx
 
-    serve = _served(network)
+    serve = served(network)
     tf2onnx.convert.from_function(
         serve, input_signature=serve.input_signature, opset=_OPSET, output_path=str(path)
     )
+    # The converter's copies of the graph hold one another, and 1 GB for a U-Net of 20 MB.
+    gc.collect()
+
+
+def served(network: keras.Model) -> tf.types.experimental.PolymorphicFunction:
+    """The model as a function of its inputs `(B, …)`, in order, under their names.
+
+    It answers a dictionary: the model's own, or, of a model that answers tensors, one under their
+    operations' names.
+    """
+    signature = [
+        tf.TensorSpec((None, *tensor.shape[1:]), tf.float32, name=tensor.name)
+        for tensor in network.inputs
+    ]
+
+    @tf.function(input_signature=signature)
+    def serve(*tensors: tf.Tensor) -> dict[str, tf.Tensor]:
+        packed = keras.tree.pack_sequence_as(network.input, list(tensors))
+        answer = network(packed, training=False)
+        if not isinstance(answer, dict):
+            answer = dict(zip(network.output_names, keras.tree.flatten(answer), strict=True))
+        return {name: tf.identity(value, name=name) for name, value in answer.items()}
+
+    return serve
 
 
 def _remove(path: Path) -> None:

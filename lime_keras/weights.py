@@ -36,9 +36,9 @@ def save(
         if path.name.removesuffix(".weights.h5") not in alone:
             path.unlink()
     # The architecture comes last: only a folder that has one holds a model.
-    for folder, networks in ((model / _ALONE, alone), (model, subnetworks)):
+    for target, networks in ((model / _ALONE, alone), (model, subnetworks)):
         for name, network in networks.items():
-            _write(folder, name, network)
+            _write(target, name, network)
     text = json.dumps(dataclasses.asdict(architecture), indent=2)
     partial = model / "partial-architecture.json"
     partial.write_text(text + "\n", encoding="utf-8")
@@ -55,7 +55,7 @@ def load(model: Path) -> tuple[Architecture, dict[str, keras.Model]]:
         FileNotFoundError: if the folder holds no complete model.
         ValueError: if a file is broken, or not of this version.
     """
-    model = _model_of(model)
+    model = folder(model)
     description = model / "architecture.json"
     _check_present(model, description)
     try:
@@ -83,9 +83,9 @@ def load_alone(model: Path, subnetworks: Mapping[str, keras.Model]) -> dict[str,
     Raises:
         ValueError: if a file is broken, or not of this model.
     """
-    folder, out = _model_of(model) / _ALONE, {}
+    out = {}
     for name, subnetwork in subnetworks.items():
-        path = _weights_path(folder, name)
+        path = _weights_path(folder(model) / _ALONE, name)
         if path.is_file():
             out[name] = keras.models.clone_model(subnetwork)
             _read(path, out[name])
@@ -101,20 +101,20 @@ def files(model: Path) -> list[Path]:
     Raises:
         FileNotFoundError: if the folder holds no model.
     """
-    folder = _model_of(model)
-    _check_present(folder, folder / "architecture.json")
-    return [folder / "architecture.json", *sorted(folder.rglob("*.weights.h5"))]
+    model = folder(model)
+    _check_present(model, model / "architecture.json")
+    return [model / "architecture.json", *sorted(model.rglob("*.weights.h5"))]
 
 
-def _model_of(folder: Path) -> Path:
-    """The folder itself, or, of a run, its `model/`."""
-    folder = Path(folder)
-    return folder / "model" if (folder / "model").is_dir() else folder
+def folder(model: Path) -> Path:
+    """The folder itself, or, of a run of `lime-train`, its `model/`."""
+    model = Path(model)
+    return model / "model" if (model / "model").is_dir() else model
 
 
-def _write(folder: Path, name: str, network: keras.Model) -> None:
-    folder.mkdir(parents=True, exist_ok=True)
-    path = _weights_path(folder, name)
+def _write(target: Path, name: str, network: keras.Model) -> None:
+    target.mkdir(parents=True, exist_ok=True)
+    path = _weights_path(target, name)
     partial = path.with_name(f"partial-{path.name}")
     network.save_weights(partial)
     os.replace(partial, path)

@@ -149,7 +149,7 @@ def stand_in(monkeypatch):
         def run(path, images):
             return change({name: np.array(v) for name, v in held["network"](images).items()})
 
-        monkeypatch.setattr(export, "_write_saved_model", write)
+        monkeypatch.setattr(export, "write_saved_model", write)
         monkeypatch.setattr(export, "run_saved_model", run)
 
     return change_answers
@@ -192,7 +192,7 @@ def test_a_refused_or_failing_export_leaves_the_last_good_one(
         path.write_text("half a model", encoding="utf-8")
         raise RuntimeError("no space left")
 
-    monkeypatch.setattr(export, "_write_saved_model", fails)
+    monkeypatch.setattr(export, "write_saved_model", fails)
     with pytest.raises(RuntimeError, match="no space"):
         export.export(tmp_path, "savedmodel", tiny_model)
     [path] = tmp_path.iterdir()

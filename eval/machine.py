@@ -1,0 +1,52 @@
+"""What a measured time belongs to: the processor, the system and the packages."""
+
+import os
+import platform
+from importlib.metadata import version
+from pathlib import Path
+
+_PACKAGES = ("tensorflow", "keras", "onnxruntime", "onnx", "tf2onnx", "numpy", "lime-keras")
+_DECIDE_PRECISION = (
+    *("avx2", "avx512f", "avx_vnni", "avx512_vnni", "avx512_bf16", "avx512_fp16"),
+    *("amx_int8", "amx_bf16", "asimdhp", "asimddp", "bf16", "i8mm"),
+)
+"""Instructions without which a narrow number is no faster than float32."""
+
+
+def describe() -> dict:
+    """The machine, as JSON.
+
+    `processor`, `cores` usable, `instructions` that decide a precision's speed, `memory_gib`,
+    `system`, `python`, and `packages` by name.
+    """
+    about = _processor()
+    flags = set(about.get("flags", about.get("Features", "")).split())
+    return {
+        "processor": about.get("model name") or platform.processor() or platform.machine(),
+        "cores": cores(),
+        "instructions": [name for name in _DECIDE_PRECISION if name in flags],
+        "memory_gib": round(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30, 1),
+        "system": platform.platform(),
+        "python": platform.python_version(),
+        "packages": packages(),
+    }
+
+
+def cores() -> int:
+    """Processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def packages() -> dict[str, str]:
+    """Versions of what computes, or writes what is computed with."""
+    return {name: version(name) for name in _PACKAGES}
+
+
+def _processor() -> dict[str, str]:
+    """What Linux says of the first processor; nothing elsewhere."""
+    path = Path("/proc/cpuinfo")
+    if not path.is_file():
+        return {}
+    first = path.read_text(encoding="utf-8").split("\n\n")[0]
+    pairs = (line.partition(":") for line in first.splitlines())
+    return {name.strip(): value.strip() for name, _, value in pairs}
