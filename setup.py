@@ -63,6 +63,8 @@ setup(
             "pytest>=8,<10",
             "pytest-timeout>=2.3,<3",
             "pytest-xdist>=3.6,<4",
+            # What measures are held against.
+            "scikit-learn>=1.5,<2",
             "hypothesis>=6.100,<7",
             "ruff==0.17.6",
             "mypy>=1.13,<3",

@@ -33,9 +33,14 @@ def bin_of(exponent: Any) -> np.ndarray:
     exponent = np.asarray(exponent, np.float64)
     if not np.all(exponent >= 0):
         raise ValueError(f"exponents must be at least 0, got {exponent.min()}: check the material")
-    log = np.log10(np.maximum(exponent, 10.0**LOG_LOW))
+    return bin_of_log(np.log10(np.maximum(exponent, 10.0**LOG_LOW))).astype(np.int32)
+
+
+def bin_of_log(log: Any) -> Any:
+    """Class index 0…7 of log10 s of any shape and either backend, as whole floating numbers."""
+    xp = namespace(log)
     # Half an ulp of float32 slack, or 10**0.375 read back from a record falls below its own edge.
-    return np.clip(np.floor((log - LOG_LOW) / BIN_WIDTH + 1e-6), 0, BIN_COUNT - 1).astype(np.int32)
+    return xp.clip(xp.floor((log - LOG_LOW) / BIN_WIDTH + 1e-6), 0, BIN_COUNT - 1)
 
 
 def log_expected(probabilities: Any) -> Any:

@@ -13,8 +13,8 @@ from pathlib import Path
 import keras
 import numpy as np
 
-from lime_keras import weights
-from lime_keras.networks import Architecture, assemble
+from lime_keras import shininess, weights
+from lime_keras.networks import SUBNETWORKS, Architecture, assemble, build
 from lime_keras.train import stage_training, trainer
 from lime_keras.train.config import Config, corpus_sha256
 from lime_keras.train.devices import Devices
@@ -174,7 +174,11 @@ def two_devices(folder):
         processor = tf.config.list_physical_devices("CPU")[0]
         halves = [tf.config.LogicalDeviceConfiguration()] * 2
         tf.config.set_logical_device_configuration(processor, halves)
-    left = {"three": _error(lambda: Devices(3)), "overflow": overflow_on_the_second()}
+    left = {
+        "three": _error(lambda: Devices(3)),
+        "overflow": overflow_on_the_second(),
+        "measured": [measured(Devices(2)), measured(Devices(1))],
+    }
     corpus = folder / "corpus"
     for name, (precision, devices) in RUNS[keras.backend.backend()].items():
         trainer.train(
@@ -197,6 +201,48 @@ def two_devices(folder):
         )
     )
     (folder / "left.json").write_text(json.dumps(left), encoding="utf-8")
+
+
+def measured(devices):
+    """All measures of answers to noise, of batches of which one cannot be shared by two."""
+    rng = np.random.default_rng(4)
+    with devices.scope():
+        subnetworks = build(TINY)
+        model = StageModel(
+            {name: subnetworks[name] for name in SUBNETWORKS}, True, devices.replicas
+        )
+        model.compile()
+    # Into the range where masks end and layers are above 0.
+    lift = {"segmentation": 0.36, "specular": 0.9, "mirror": 0.9}
+    for name, network in subnetworks.items():
+        network.set_weights([rng.normal(0, 0.25, one.shape) for one in network.get_weights()])
+        if name in lift:
+            bias = network.get_layer("head").bias
+            bias.assign(bias + lift[name])
+    for count in (4, 1):
+        batch = {name: keras.ops.convert_to_tensor(one) for name, one in noise(rng, count).items()}
+        seen = {name: batch[name] for name in model.features}
+        model.test_on_batch(devices.split(seen), sample_weight=devices.weights(seen))
+    return model.measured()
+
+
+def noise(rng, count):
+    """A batch of examples that no renderer made."""
+    size = TINY.size
+    exponent = 10 ** rng.uniform(0, 3, count)
+    batch = {
+        **{name: rng.uniform(size=(count, size, size, 3)) for name in ("image", "clipped")},
+        **{
+            name: rng.exponential(size=(count, size, size, 1))
+            for name in ("diffuse_shading", "specular_shading", "mirror")
+        },
+        "mask": rng.uniform(size=(count, size, size, 1)),
+        "diffuse_albedo": rng.uniform(size=(count, 3)),
+        **{name: rng.uniform(size=count) for name in ("specular_albedo", "ambient")},
+        "shininess": exponent,
+    }
+    single = {name: value.astype(np.float32) for name, value in batch.items()}
+    return single | {"exponent_bin": shininess.bin_of(exponent)}
 
 
 def overflow_on_the_second():

@@ -72,6 +72,14 @@ def test_losses_are_those_of_one_device(runs):
             assert row[name] == pytest.approx(expected[name], rel=1e-4), name
 
 
+def test_measures_are_those_of_one_device(runs):
+    """Of batches that are shared out and of one that each device sees whole, in either backend."""
+    two, one = _left(runs)["measured"]
+    assert len(one) == 8 and 0 < one["mask_iou_pooled"] < 1
+    assert two == pytest.approx(one, rel=1e-4)
+    assert one == pytest.approx(stage_runs.measured(Devices(1)), rel=1e-3)
+
+
 def test_weights_are_those_of_one_device(runs):
     (one, _), (two, _) = _state(runs / "one"), _state(runs / "two")
     for expected, found in zip(one, two, strict=True):

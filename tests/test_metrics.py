@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import tensorflow as tf
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -85,6 +86,22 @@ def test_relative_error_is_compaction_and_scale_free():
     assert found[2] == 0
     scaled = metrics.masked_relative_error(shading * 1e4, predicted * 1e4, mask)
     assert scaled == pytest.approx(found)
+
+
+def test_tensors_are_measured_as_arrays_are():
+    rng = np.random.default_rng(1)
+    images = rng.uniform(size=(3, 2, 4, 5, 1)).astype(np.float32)
+    images[2, 1] = 0
+    tensors = list(map(tf.constant, images))
+    for one, other in (
+        (metrics.overlap(*images[1:]), metrics.overlap(*tensors[1:])),
+        (
+            metrics.intersection_over_union(*images[1:]),
+            metrics.intersection_over_union(*tensors[1:]),
+        ),
+        (metrics.masked_relative_error(*images), metrics.masked_relative_error(*tensors)),
+    ):
+        np.testing.assert_allclose(other, one, rtol=1e-6)
 
 
 def test_relative_error_of_black_is_one_and_of_the_truth_zero():

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import tensorflow as tf
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -44,6 +45,13 @@ def test_bins_by_counting_edges(log):
     inside = min(abs(log - edge) for edge in shininess.LOG_EDGES) > 1e-5
     if inside:
         assert shininess.bin_of(10.0**log) == sum(log >= e for e in shininess.LOG_EDGES[1:8])
+
+
+def test_bins_of_logarithms_are_those_of_their_exponents_in_either_backend():
+    logs = np.concatenate([shininess.LOG_EDGES, np.linspace(-1, 4, 999)]).astype(np.float32)
+    expected = shininess.bin_of(10.0 ** logs.astype(np.float64))
+    for found in (shininess.bin_of_log(logs), shininess.bin_of_log(tf.constant(logs))):
+        np.testing.assert_array_equal(found, expected)
 
 
 def test_the_floor_and_chance_are_what_uniform_draws_give():

@@ -10,8 +10,9 @@ from sphere_corpus import write_split
 
 from lime_keras import pipeline
 from lime_keras.corpus import shard_paths
-from lime_keras.dynamic_range import compress
+from lime_keras.dynamic_range import compress, expand
 from lime_keras.losses import mask_l2
+from lime_keras.metrics import masked_relative_error
 from lime_keras.networks import SUBNETWORKS, Architecture, build
 from lime_keras.reflectance_map import disc, reflectance_map
 from lime_keras.train.stage_model import WEIGHTS, StageModel
@@ -168,10 +169,10 @@ def test_a_regressed_exponent_is_judged_by_its_logarithm(four_images):
 @pytest.mark.parametrize("architecture, names", LAST, ids=LAST_NAMES)
 def test_what_a_stage_reads_is_all_it_needs(architecture, names, four_images):
     _, model = _compiled(names, architecture=architecture)
-    batch = {name: four_images[name] for name in model.features}
-    given = model.test_on_batch(batch, return_dict=True)
-    model.reset_metrics()
+    batch, weights = {name: four_images[name] for name in model.features}, np.ones(4, np.float32)
+    given = model.test_on_batch(batch, sample_weight=weights, return_dict=True)
     assert given == pytest.approx(model.test_on_batch(four_images, return_dict=True), rel=1e-5)
+    assert model.measured()
     if architecture in (SMALL, NO_MIRROR):
         assert "environment" not in model.features
 
@@ -181,6 +182,47 @@ def test_the_loss_is_the_weighted_sum_of_its_terms(four_images):
     logs = model.test_on_batch(four_images, return_dict=True)
     total = logs.pop("loss")
     assert total == pytest.approx(sum(WEIGHTS[term] * value for term, value in logs.items()), 1e-4)
+
+
+def test_only_what_comes_with_weights_is_measured(four_images):
+    """Training neither changes the measures nor begins them anew."""
+    _, model = _compiled(["exponent"])
+    weights = np.ones(4, np.float32)
+    logs = model.test_on_batch(four_images, sample_weight=weights, return_dict=True)
+    before = model.measured()
+    assert set(before).isdisjoint(logs)
+    plain = model.test_on_batch(four_images, return_dict=True)
+    assert plain == pytest.approx(logs, rel=1e-6)
+    trained = model.train_on_batch(four_images, return_dict=True)
+    assert set(trained) == set(logs)
+    assert model.measured() == before
+    model.test_on_batch(four_images, sample_weight=weights)
+    after = model.measured()
+    assert after["log_exponent_mae"] != before["log_exponent_mae"]
+    model.reset_measures()
+    model.test_on_batch(four_images, sample_weight=weights)
+    alone = model.measured()
+    # Pooled over the batches, which here are equally many examples.
+    for name, value in after.items():
+        assert 2 * value == pytest.approx(before[name] + alone[name], rel=1e-4), name
+
+
+def test_a_stage_is_measured_by_what_it_answers(four_images):
+    subnetworks, model = _compiled(["specular", "mirror"])
+    model.test_on_batch(four_images, sample_weight=np.ones(4, np.float32))
+    mask = np.array(four_images["mask"])
+    shading = subnetworks["specular"](four_images["image"] * mask) * mask
+    mirror = subnetworks["mirror"](shading) * mask
+    found = {"specular_shading": expand(np.array(shading)), "mirror": expand(np.array(mirror))}
+    assert model.measured() == pytest.approx(
+        {
+            f"{name}_relative": masked_relative_error(
+                np.array(four_images[name]), layer, mask
+            ).mean()
+            for name, layer in found.items()
+        },
+        rel=1e-4,
+    )
 
 
 def test_a_lone_subnetwork_sees_the_truth(four_images):

@@ -6,19 +6,45 @@ from lime_keras.train.summary import table
 
 def test_held_out_losses_before_and_after_each_stage(tmp_path):
     one = Curve(tmp_path / "curves" / "1-segmentation.csv", 0)
-    one.add(0, {}, {"loss": 0.5, "mask": 0.5})
-    one.add(3, {"loss": 0.1, "mask": 0.1}, {"loss": 0.25, "mask": 0.25})
+    one.add(0, {}, {"loss": 0.5, "mask": 0.5}, {"mask_iou_pooled": 0.0})
+    one.add(3, {"loss": 0.1, "mask": 0.1}, {"loss": 0.25, "mask": 0.25}, {"mask_iou_pooled": 0.9})
     two = Curve(tmp_path / "curves" / "6-specular+mirror.csv", 0)
-    two.add(0, {}, {"loss": 3.0, "specular": 1.0, "mirror": 2.0})
-    two.add(7, {"loss": 2.0}, {"loss": 2.0, "specular": 0.5, "mirror": 1.5})
+    relative = {"specular_shading_relative": 0.75, "mirror_relative": 1.0}
+    two.add(0, {}, {"loss": 3.0, "specular": 1.0, "mirror": 2.0}, relative)
+    relative = {"specular_shading_relative": 0.5, "mirror_relative": 0.875}
+    two.add(7, {"loss": 2.0}, {"loss": 2.0, "specular": 0.5, "mirror": 1.5}, relative)
     lines = [line.split() for line in table(tmp_path).splitlines()]
     assert lines == [
-        ["stage", "batches", "minutes", "held-out", "loss", "before", "after"],
+        "stage batches minutes held-out loss or measure before after".split(),
         ["segmentation", "3", "0.0", "mask", "0.5000", "0.2500"],
+        ["mask_iou_pooled", "0.0000", "0.9000"],
         ["specular+mirror", "7", "0.0", "loss", "3.0000", "2.0000"],
         ["specular", "1.0000", "0.5000"],
         ["mirror", "2.0000", "1.5000"],
+        ["specular_shading_relative", "0.7500", "0.5000"],
+        ["mirror_relative", "1.0000", "0.8750"],
     ]
+
+
+def test_a_stage_begun_before_there_were_measures(tmp_path):
+    path = tmp_path / "curves" / "1-segmentation.csv"
+    path.parent.mkdir()
+    path.write_text(
+        "step,seconds,validation_loss,validation_mask,train_loss,train_mask\n"
+        "0,0.0,0.5,0.5,,\n5,60.0,0.3,0.3,0.4,0.4\n9,90.0,0.2,0.2,0.3,0.3\n",
+        encoding="utf-8",
+    )
+    assert len(table(tmp_path).splitlines()) == 2
+    resumed = Curve(path, 5)
+    resumed.add(7, {}, {"loss": 0.25, "mask": 0.25}, {"mask_iou_pooled": 0.5})
+    header, first, second = (line.split("  ") for line in table(tmp_path).splitlines())
+    cells = [[cell.strip() for cell in line if cell.strip()] for line in (first, second)]
+    assert cells == [
+        ["segmentation", "7", "1.0", "mask", "0.5000", "0.2500"],
+        ["mask_iou_pooled", "0.5000"],
+    ]
+    # What was measured stands under "after".
+    assert table(tmp_path).splitlines()[2].index("0.5000") == "  ".join(header).index("after")
 
 
 def test_no_curves_no_table(tmp_path):

@@ -11,7 +11,9 @@ import pytest
 import tensorflow as tf
 from sphere_corpus import write_split
 
-from lime_keras import networks, weights
+from lime_keras import metrics, networks, pipeline, shininess, weights
+from lime_keras.corpus import shard_paths
+from lime_keras.dynamic_range import compress
 from lime_keras.networks import Architecture, names
 from lime_keras.train import cli, stage_model, stage_training, trainer
 from lime_keras.train.config import Config, corpus_sha256
@@ -74,6 +76,29 @@ def test_a_run_leaves_a_model_and_its_curves(finished):
     assert [int(row["step"]) for row in rows] == [0, 1, 2, 3, 4]
     assert float(rows[-1]["train_compositing"]) > 0
     assert float(rows[0]["validation_loss"]) > 0
+    assert float(rows[-1]["measure_log_exponent_mae"]) > 0
+
+
+def test_measures_are_pooled_over_the_held_out_examples(corpus, config, tmp_path):
+    """Not averaged by batch: the last one here is smaller."""
+    run = tmp_path / "run"
+    schedule = dataclasses.replace(BRIEF, validation_examples=3)
+    more = dataclasses.replace(config, schedule=schedule)
+    trainer.train(corpus, run, more, _ignore, only=["exponent"])
+    with (run / "curves" / "5-exponent.csv").open(encoding="utf-8") as file:
+        last = list(csv.DictReader(file))[-1]
+    network, left = networks.build(TINY)["exponent"], _stage(run, "exponent")
+    network.set_weights([left[f"arr_{i}"] for i in range(len(network.weights))])
+    shards = shard_paths(corpus, "train")[1:]
+    (batch,) = pipeline.evaluation(shards, size=32, batch_size=3, camera=True).as_numpy_iterator()
+    seen = [compress(batch[name]) * batch["mask"] for name in ("specular_shading", "mirror")]
+    probabilities = network.predict_on_batch(seen)
+    errors = metrics.log_exponent_error(batch["shininess"], shininess.log_expected(probabilities))
+    distance = metrics.bin_distance(batch["shininess"], probabilities)
+    assert abs(errors.mean() - (errors[:2].mean() + errors[2]) / 2) > 1e-3
+    assert float(last["measure_log_exponent_mae"]) == pytest.approx(errors.mean(), rel=1e-4)
+    assert float(last["measure_exponent_exact"]) == pytest.approx(np.mean(distance == 0), rel=1e-4)
+    assert float(last["measure_exponent_within_one"]) == pytest.approx(np.mean(distance <= 1))
 
 
 def _stage(run, name):
@@ -453,6 +478,7 @@ def test_the_command_trains_some_stages_and_resumes(corpus, tmp_path, brief_smok
     told = capsys.readouterr()
     assert "no model yet: segmentation, specular, albedo not trained" in told.out
     assert re.search(r"exponent +4 +\d+\.\d +exponent +\d\.\d{4} +\d\.\d{4}", told.out)
+    assert re.search(r"\n +exponent_within_one +[01]\.\d{4} +[01]\.\d{4}\n", told.out)
     assert "4/6 exponent: 100%" in told.err and "data=" in told.err
     held = Config.read(tmp_path / "run")
     assert held.architecture == dataclasses.replace(TINY, mirror=False)

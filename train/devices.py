@@ -58,6 +58,15 @@ class Devices:
 
         return self._strategy.experimental_distribute_values_from_function(share)
 
+    def weights(self, batch: Mapping[str, Any]) -> Any:
+        """What each example counts in sums over all devices, split as the batch is.
+
+        A batch that each device sees whole would else count that many times.
+        """
+        size = len(next(iter(batch.values())))
+        counted = 1 / self.count if size % self.count else 1.0
+        return self.split({"weights": keras.ops.full((size,), counted)})["weights"]
+
 
 def _mirrored(count: int) -> Any:
     import tensorflow as tf

@@ -1,4 +1,4 @@
-"""A stage as a Keras model: wiring, losses, and nothing else.
+"""A stage as a Keras model: wiring, losses and measures, and nothing else.
 
 Written in `keras.ops` alone, so that it trains under any Keras backend.
 """
@@ -13,6 +13,8 @@ from lime_keras import losses, pipeline
 from lime_keras.dynamic_range import compress
 from lime_keras.masking import masked_mean
 from lime_keras.reflectance_map import disc, reflectance_map
+
+from . import measures
 
 WEIGHTS = {
     "mask": 1.0,
@@ -63,12 +65,17 @@ class StageModel(keras.Model):
         if "exponent" in subnetworks and subnetworks["exponent"].output_shape[-1] == 1:
             self.terms[self.terms.index("exponent")] = "log_exponent"
         self._means = {term: keras.metrics.Mean(name=term) for term in self.terms}
+        self._measures = measures.of(subnetworks)
         self.built = True
 
     @property
     def features(self) -> tuple[str, ...]:
         """What a batch must hold, by the names of `pipeline`."""
-        more = {"log_exponent": ("shininess",), "reflectance_map": ("environment", "shininess")}
+        more = {
+            "exponent": ("shininess",),
+            "log_exponent": ("shininess",),
+            "reflectance_map": ("environment", "shininess"),
+        }
         wanted = list(pipeline.LEARNT_FROM)
         if "material" in self.subnetworks:
             wanted += more["reflectance_map"]
@@ -117,6 +124,37 @@ class StageModel(keras.Model):
             self._means[term].update_state(value)
             total = total + WEIGHTS[term] * value
         return total / self._replicas
+
+    def compute_metrics(
+        self, x: Any, y: Any, y_pred: Any, sample_weight: Any = None
+    ) -> dict[str, Any]:
+        """The losses of the batch, by name; one that comes with weights is measured too.
+
+        Training passes none, and so has no part in the measures, nor does it pay for them.
+        """
+        if sample_weight is not None:
+            measures.update(self._measures, x, y_pred, sample_weight)
+        return {metric.name: metric.result() for metric in self._of_a_batch()}
+
+    def reset_metrics(self) -> None:
+        """Start the losses anew, which Keras asks for before each batch; measures are kept."""
+        for metric in self._of_a_batch():
+            metric.reset_state()
+
+    def reset_measures(self) -> None:
+        """Start the measures anew."""
+        for metric in self._measures.values():
+            metric.reset_state()
+
+    def measured(self) -> dict[str, float]:
+        """The measures by name, over all batches with weights since the last `reset_measures`."""
+        return {
+            name: float(ops.convert_to_numpy(metric.result()))
+            for name, metric in self._measures.items()
+        }
+
+    def _of_a_batch(self) -> list[keras.metrics.Metric]:
+        return [metric for metric in self.metrics if metric.name not in self._measures]
 
 
 def _true_reflectance_map(batch: Mapping[str, Any]) -> Any:

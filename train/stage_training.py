@@ -132,15 +132,19 @@ class StageTraining:
                 saved = time.monotonic()
 
     def _look(self, step: int, training: dict[str, float], curve: Curve, board: Board) -> None:
-        """Take the held-out losses, and write them down with those of training."""
-        losses, first = Means(), None
+        """Take the held-out losses and measures, and write them down with training's losses."""
+        model, devices, losses, first = self._model, self._devices, Means(), None
+        model.reset_measures()
         for batch in self._held_out:
             first = first or batch
-            losses.add(self._model.test_on_batch(self._devices.split(batch), return_dict=True))
-        curve.add(step, training, losses.means())
-        board.scalars(step, {"training": training, "held out": losses.means()})
+            seen, weights = devices.split(batch), devices.weights(batch)
+            losses.add(model.test_on_batch(seen, sample_weight=weights, return_dict=True))
+        measured = {} if first is None else model.measured()
+        curve.add(step, training, losses.means(), measured)
+        groups = {"training": training, "held out": losses.means(), "measure": measured}
+        board.scalars(step, groups)
         if first is not None:
-            board.panel(step, self._model, first)
+            board.panel(step, model, first)
 
     def _stop(
         self, step: int, batch: Batch, losses: Mapping[str, float], norms: Mapping[str, float]

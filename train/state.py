@@ -92,7 +92,7 @@ class Means:
 
 
 class Curve:
-    """Losses by step in a CSV file; rows from after the restored step are dropped."""
+    """Losses and measures by step in a CSV file; rows from after the restored step are dropped."""
 
     def __init__(self, path: Path, step: int):
         self._path = path
@@ -104,12 +104,26 @@ class Curve:
             self._rows = [row for row in rows if step > 0 and int(row["step"]) <= step]
         self._earlier = float(self._rows[-1]["seconds"]) if self._rows else 0.0
 
-    def add(self, step: int, training: dict[str, float], validation: dict[str, float]) -> None:
-        """Append a row and write the file."""
+    def add(
+        self,
+        step: int,
+        training: Mapping[str, float],
+        validation: Mapping[str, float],
+        measures: Mapping[str, float],
+    ) -> None:
+        """Append a row and write the file.
+
+        Args:
+            step: batches done.
+            training: mean losses of the interval before it.
+            validation: mean losses of the held-out examples.
+            measures: of the held-out examples; errors and shares, on scales of their own.
+        """
         seconds = self._earlier + time.monotonic() - self._began
         row: dict[str, object] = {"step": step, "seconds": f"{seconds:.1f}"}
-        row |= {f"train_{name}": f"{value:.6g}" for name, value in training.items()}
-        row |= {f"validation_{name}": f"{value:.6g}" for name, value in validation.items()}
+        groups = {"train": training, "validation": validation, "measure": measures}
+        for group, values in groups.items():
+            row |= {f"{group}_{name}": f"{value:.6g}" for name, value in values.items()}
         self._rows.append(row)
         self._path.parent.mkdir(parents=True, exist_ok=True)
         columns = dict.fromkeys(name for one in self._rows for name in one)

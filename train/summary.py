@@ -1,30 +1,33 @@
 """What each stage of a run achieved, from its curves."""
 
 import csv
+from collections.abc import Iterable
 from pathlib import Path
 
-_FIRST_COLUMN = "validation_"
+_LOSS, _MEASURE = "validation_", "measure_"
 
 
 def table(run: Path) -> str:
-    """Held-out losses before and after each stage, as aligned text; empty without any curve.
+    """Held-out losses, then measures, before and after each stage, as aligned text.
+
+    Empty without any curve.
 
     A joined stage begins with the subnetworks that were trained alone, one fed by the other's
     answers: the drop from there is what training them together gains.
     """
-    rows = [("stage", "batches", "minutes", "held-out loss", "before", "after")]
+    rows = [("stage", "batches", "minutes", "held-out loss or measure", "before", "after")]
     for path in sorted((run / "curves").glob("[0-9]*-*.csv")):
         with path.open(newline="", encoding="utf-8") as file:
             held = list(csv.DictReader(file))
         first, last = held[0], held[-1]
         stage = path.stem.partition("-")[2]
         batches, minutes = last["step"], f"{float(last['seconds']) / 60:.1f}"
-        terms = [name for name in first if name.startswith(_FIRST_COLUMN)]
-        for term in terms:
-            name = term.removeprefix(_FIRST_COLUMN)
-            if name == "loss" and len(terms) == 2:
-                continue  # The sum of one.
-            before, after = (f"{float(row[term]):.4f}" for row in (first, last))
+        for column in _columns(first):
+            # A run begun by an earlier version was not measured then.
+            before, after = (
+                f"{float(row[column]):.4f}" if row[column] else "" for row in (first, last)
+            )
+            name = column.removeprefix(_LOSS).removeprefix(_MEASURE)
             rows.append((stage, batches, minutes, name, before, after))
             stage = batches = minutes = ""
     if len(rows) == 1:
@@ -34,3 +37,11 @@ def table(run: Path) -> str:
         "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
         for row in rows
     )
+
+
+def _columns(names: Iterable[str]) -> list[str]:
+    """Columns of losses, without the sum of a single one, and of measures."""
+    losses = [name for name in names if name.startswith(_LOSS)]
+    if len(losses) == 2:
+        losses.remove(f"{_LOSS}loss")
+    return [*losses, *(name for name in names if name.startswith(_MEASURE))]
