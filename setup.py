@@ -38,7 +38,8 @@ setup(
         "numpy>=2.0,<3",
         # 3.10 renames the parameters of meshes.
         "mitsuba>=3.8,<3.10",
-        "OpenImageIO>=3.0,<4",
+        # 3.2.2 has FLIP_diff, which is still experimental there.
+        "OpenImageIO>=3.2.2,<4",
         # tf2onnx has no maintainer: only the release that the parity tests ran on is taken.
         "tf2onnx>=1.17,<1.18",
         "onnx>=1.17,<2",
@@ -48,6 +49,8 @@ setup(
         "scipy>=1.13,<2",
         "matplotlib>=3.9,<4",
         "jinja2>=3.1,<4",
+        "markdown-it-py>=3,<5",
+        "threadpoolctl>=3.5,<4",
         "tqdm>=4.66,<5",
         # What tf.summary writes through.
         "tensorboard>=2.19,<3",

@@ -1,7 +1,6 @@
-"""`lime-eval`: measure a trained run on a corpus' test split and write the report."""
+"""`lime-eval`: measure trained runs and write the report."""
 
 import argparse
-import json
 import os
 import shlex
 import sys
@@ -11,17 +10,24 @@ from lime_keras import console
 from lime_keras.version import __version__
 
 _EPILOG = """\
-example:
-  lime-eval corpora/small --weights runs/smoke
+examples:
+  lime-eval corpus --weights runs/full
+  lime-eval corpus --table1 runs/full runs/no-mirror runs/no-perceptual --out results
+  lime-eval corpus --tradeoff runs/smoke runs/live --out results
+  lime-eval --stability --out results
 
-  reads corpora/small/test and runs/smoke/model, and writes to runs/smoke/eval:
-    metrics.json   every number, with intervals, oracle, paper, chance and floor
-    table1.md      the paper's Table 1 with this run's column
-    confusion.png  which exponent bin is taken for which
-    report.html    all of it with loss curves and examples, in one file to mail
-    examples/      the photos of the report's examples, to try lime-estimate on
+All of one --out fill one report, which may be mailed: report.html. Besides it
+  --weights    metrics.json    every number, with intervals, oracle, paper, chance and floor
+               table1.md       the paper's Table 1 with this run's column
+               confusion.png   which exponent bin is taken for which
+               images.csv      what was found of every test image, and how wrong it is
+               examples/       the photos of the report's examples, to try lime-estimate on
+  --table1     comparison.md, comparison.json, confusions.png
+  --tradeoff   tradeoff.md, tradeoff.json, pareto.png
+  --stability  stability.md, stability.json
 
-The table also goes to standard output, progress to standard error.
+What was measured is kept in OUT, so a command that is run again, or was interrupted, goes on where
+it stopped. Tables also go to standard output, progress to standard error.
 Exit status: 0 done, 1 something failed, 2 wrong usage, 130 interrupted.
 """
 
@@ -30,18 +36,43 @@ def parser() -> argparse.ArgumentParser:
     """The command line of `lime-eval`."""
     command = argparse.ArgumentParser(
         prog="lime-eval",
-        description="Measure a trained run on the test split of a corpus: the paper's Table 1, "
-        "a confusion matrix and a report with examples.",
+        description="Measure trained runs on the test split of a corpus: the paper's Table 1, "
+        "speed against accuracy, numerical stability, and a report of it all.",
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    command.add_argument("corpus", type=Path, metavar="CORPUS", help="folder of lime-render")
+    command.add_argument(
+        "corpus",
+        type=Path,
+        metavar="CORPUS",
+        nargs="?",
+        help="folder of lime-render; --stability alone needs none",
+    )
     command.add_argument(
         "--weights",
         type=Path,
         metavar="RUN",
-        required=True,
-        help="run of lime-train, or a folder with its model",
+        help="run of lime-train, or a folder with its model, to be measured",
+    )
+    command.add_argument(
+        "--table1",
+        type=Path,
+        nargs="+",
+        metavar="RUN",
+        help="put several runs side by side: the full approach, its ablations, the baseline",
+    )
+    command.add_argument(
+        "--tradeoff",
+        type=Path,
+        nargs="+",
+        metavar="RUN",
+        help="measure latency, throughput, memory and size against every error, for each run, "
+        "runtime, precision, batch, number of threads and sub-graph",
+    )
+    command.add_argument(
+        "--stability",
+        action="store_true",
+        help="drive every numeric part to its extremes, the networks of --weights among them",
     )
     command.add_argument(
         "--out", type=Path, metavar="DIR", help="folder for the results (default: RUN/eval)"
@@ -49,7 +80,7 @@ def parser() -> argparse.ArgumentParser:
     command.add_argument(
         "--camera",
         action="store_true",
-        help="show the system photos of the scenes, with a consumer camera's exposure, defocus, "
+        help="show the systems photos of the scenes, with a consumer camera's exposure, defocus, "
         "noise, clipping and JPEG, instead of clean images",
     )
     command.add_argument("--version", action="version", version=__version__)
@@ -59,43 +90,50 @@ def parser() -> argparse.ArgumentParser:
 def main(argv: list[str] | None = None) -> int:
     """Run the command; returns its exit status."""
     arguments = sys.argv[1:] if argv is None else argv
-    options = parser().parse_args(arguments)
+    options = _checked(parser(), arguments)
     command = shlex.join(["lime-eval", *arguments])
     return console.run(lambda: _evaluate(options, command), "each file is whole or was not written")
 
 
+def _checked(command: argparse.ArgumentParser, arguments: list[str]) -> argparse.Namespace:
+    """The options, after refusing those that do not go together."""
+    options = command.parse_args(arguments)
+    on_corpus = options.weights or options.table1 or options.tradeoff
+    if not on_corpus and not options.stability:
+        command.error("nothing to do: pass --weights, --table1, --tradeoff or --stability")
+    if options.corpus is None and (options.table1 or options.tradeoff):
+        command.error("--table1 and --tradeoff need a CORPUS to measure on")
+    if options.corpus is None and options.weights and not options.stability:
+        command.error("--weights needs a CORPUS to measure on")
+    if options.corpus is not None and not on_corpus:
+        command.error("a CORPUS takes --weights, --table1 or --tradeoff")
+    if options.out is None and options.weights is None:
+        command.error("pass --out: without --weights there is no run's folder to write to")
+    return options
+
+
 def _evaluate(options: argparse.Namespace, command: str) -> int:
-    """Evaluate, write the files and the photos of the report's examples, print the table."""
+    """Make what was asked for, write the report, print the tables."""
     out = options.out or options.weights / "eval"
     _check_writable(out)
     console.import_tensorflow()
-    from lime_keras import photo
+    from . import parts
 
-    from . import examples, figures, measures, report, table
-    from .evaluate import evaluate
-
-    camera = options.camera
-    evaluation = evaluate(options.weights, options.corpus, camera=camera)
-    summary = measures.summarise(evaluation) | {"camera": camera}
-    choices = examples.choose(evaluation.rows)
-    chosen = examples.read(options.weights, options.corpus, choices, camera=camera)
-    page = report.render(
-        evaluation, summary, chosen, command=command, corpus=options.corpus, run=options.weights
-    )
-    text = table.markdown(summary, evaluation.architecture)
-    out.mkdir(parents=True, exist_ok=True)
-    _write(out / "metrics.json", (json.dumps(summary, indent=2, allow_nan=False) + "\n").encode())
-    _write(out / "table1.md", text.encode())
-    _write(out / "confusion.png", figures.confusion(evaluation.confusion))
-    _write(out / "report.html", page.encode())
-    (out / "examples").mkdir(exist_ok=True)
-    for stale in (out / "examples").glob("[0-9]*.png"):
-        stale.unlink()
-    for example in chosen:
-        photo.write(out / "examples" / f"{example.choice.position:05d}.png", example.photo_srgb)
-    print(text, end="")
-    print(f"wrote {out / 'report.html'}", file=sys.stderr)
-    return 0
+    corpus, how = options.corpus, {"command": command}
+    seen = how | {"camera": options.camera}
+    failed = False
+    if options.weights and corpus:
+        print(parts.evaluation(out, options.weights, corpus, **seen), end="")
+    if options.table1:
+        print(parts.compare(out, options.table1, corpus, **seen), end="")
+    if options.tradeoff:
+        print(parts.trade(out, options.tradeoff, corpus, **seen), end="")
+    if options.stability:
+        text, as_expected = parts.drive_to_extremes(out, options.weights, **how)
+        print(text, end="")
+        failed = not as_expected
+    print(f"wrote {parts.write_report(out)}", file=sys.stderr)
+    return 1 if failed else 0
 
 
 def _check_writable(out: Path) -> None:
@@ -103,16 +141,6 @@ def _check_writable(out: Path) -> None:
     nearest = next(path for path in (out, *out.absolute().parents) if path.exists())
     if not nearest.is_dir() or not os.access(nearest, os.W_OK):
         raise OSError(f"{nearest} is no folder that can be written to: pass another --out")
-
-
-def _write(path: Path, content: bytes) -> None:
-    """Write a file whole or not at all."""
-    partial = path.with_name(f"partial-{path.name}")
-    try:
-        partial.write_bytes(content)
-        os.replace(partial, path)
-    finally:
-        partial.unlink(missing_ok=True)
 
 
 if __name__ == "__main__":

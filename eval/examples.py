@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 import tensorflow as tf
 
-from lime_keras import corpus as corpus_files
 from lime_keras import pipeline, records, shininess, weights
 from lime_keras.camera import photograph
 from lime_keras.networks import assemble
 
-from .evaluate import found_log_exponent, test_shards
+from .evaluate import found_log_exponent, is_literal, test_shards
 
 _WORST = 2
 """Examples shown of each kind of failure."""
@@ -77,6 +76,12 @@ def choose(rows: Mapping[str, np.ndarray]) -> list[Choice]:
     return chosen
 
 
+def worst(rows: Mapping[str, np.ndarray], count: int = 20) -> list[Choice]:
+    """Those that relight worst under their own light, worst first."""
+    order = np.argsort(rows["relit"], kind="stable")[:count]
+    return [Choice(position, "worst relit") for position in order.tolist()]
+
+
 def read(
     model_dir: Path, corpus: Path, choices: list[Choice], *, camera: bool = False
 ) -> list[Example]:
@@ -111,8 +116,7 @@ def read(
     if len(found) < len(wanted):
         raise IndexError(f"the test split holds no examples {sorted(wanted - set(found))}")
     truths = [found[choice.position] for choice in choices]
-    description = corpus_files.read_manifest(corpus, "test").get("description", {})
-    literal = description.get("shading") == "literal"
+    literal = is_literal(corpus)
     estimates = system.predict_on_batch(np.stack([truth["image"] for truth in truths]))
     return [
         Example(

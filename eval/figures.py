@@ -20,6 +20,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from lime_keras import shininess
 
+from . import calibration
 from .examples import bin_label
 
 _DPI = 150
@@ -44,10 +45,80 @@ DARK = Theme(paper="#1b212b", ink="#e4e8ee", faint="#3a4454", accent="#74b0f4")
 
 def confusion(matrix: np.ndarray, theme: Theme = LIGHT) -> bytes:
     """Confusion matrix `(8, 8)` of counts, each row divided by its sum; empty rows stay empty."""
+    figure = Figure(figsize=(5.4, 4.9), dpi=_DPI, facecolor=theme.paper, layout="constrained")
+    _confusion(figure.subplots(), matrix, theme)
+    return _png(figure)
+
+
+def confusions(matrices: Mapping[str, np.ndarray], theme: Theme = LIGHT) -> bytes:
+    """Figure 7: the confusion matrices of several systems, by title, side by side."""
+    across = min(3, len(matrices))
+    down = math.ceil(len(matrices) / across)
+    size = (4.9 * across, 4.7 * down)
+    figure = Figure(figsize=size, dpi=_DPI, facecolor=theme.paper, layout="constrained")
+    panels = figure.subplots(down, across, squeeze=False).ravel()
+    for axes, (title, matrix) in zip(panels, matrices.items(), strict=False):
+        _confusion(axes, matrix, theme)
+        axes.set_title(title, color=theme.ink, fontsize=10)
+    for axes in panels[len(matrices) :]:
+        axes.set_axis_off()
+    return _png(figure)
+
+
+def reliability(rows: Mapping[str, np.ndarray], theme: Theme = LIGHT) -> bytes | None:
+    """Share of right answers by confidence, over a histogram; None without probabilities."""
+    if "bin_probabilities" not in rows:
+        return None
+    found = calibration.reliability(rows["bin_probabilities"], rows["bin_distance"] == 0)
+    figure = Figure(figsize=(5.4, 4.9), dpi=_DPI, facecolor=theme.paper, layout="constrained")
+    curve, counts = figure.subplots(2, 1, sharex=True, height_ratios=(4, 1))
+    for axes in (curve, counts):
+        _dress(axes, theme)
+    curve.plot([0, 1], [0, 1], color=theme.ink, linewidth=0.8, alpha=0.6)
+    known = found.count > 0
+    # 95 % of a share of n examples, by the normal limit.
+    spread = 1.96 * np.sqrt(found.right * (1 - found.right) / np.maximum(found.count, 1))
+    curve.errorbar(
+        found.confidence[known],
+        found.right[known],
+        spread[known],
+        color=theme.accent,
+        marker="o",
+        markersize=4,
+        linewidth=1.2,
+    )
+    curve.set(xlim=(0, 1), ylim=(0, 1), ylabel="share in the right bin")
+    centres = (np.arange(calibration.BINS) + 0.5) / calibration.BINS
+    counts.bar(centres, found.count, width=0.9 / calibration.BINS, color=theme.accent, alpha=0.6)
+    counts.set(xlabel="probability of the winning bin", ylabel="images")
+    return _png(figure)
+
+
+def relighting(rows: Mapping[str, np.ndarray], theme: Theme = LIGHT) -> bytes:
+    """Share of the images that are relit at least so well, under both lights."""
+    figure = Figure(figsize=(7.0, 4.9), dpi=_DPI, facecolor=theme.paper, layout="constrained")
+    axes = figure.subplots()
+    _dress(axes, theme)
+    count = len(rows["relit"])
+    share = 1 - np.arange(count) / count
+    for column, style, light in (
+        ("relit", "-", "photo's light"),
+        ("relit_unseen", "--", "light not seen"),
+    ):
+        for prefix, tone, who in (
+            ("", theme.accent, "estimated"),
+            ("average_", "#8a93a1", "middle of all ranges"),
+        ):
+            sorted_psnr = np.sort(rows[prefix + column])
+            axes.plot(sorted_psnr, share, style, color=tone, label=f"{who}, {light}")
+    axes.set(xlabel="PSNR in dB, at least", ylabel="share of the images", ylim=(0, 1))
+    axes.legend(fontsize=8, frameon=False, labelcolor=theme.ink)
+    return _png(figure)
+
+
+def _confusion(axes: Axes, matrix: np.ndarray, theme: Theme) -> None:
     counts = matrix.sum(axis=1, keepdims=True)
     shares = matrix / np.maximum(counts, 1)
-    figure = Figure(figsize=(5.4, 4.9), dpi=_DPI, facecolor=theme.paper, layout="constrained")
-    axes = figure.subplots()
     _dress(axes, theme)
     tones = LinearSegmentedColormap.from_list("shares", [theme.paper, theme.accent])
     axes.imshow(shares, cmap=tones, vmin=0, vmax=1)
@@ -64,7 +135,6 @@ def confusion(matrix: np.ndarray, theme: Theme = LIGHT) -> bytes:
         ink = theme.paper if share > 0.65 else theme.ink
         text = f"{100 * share:.0f}" if matrix[true, found] else "·"
         axes.text(found, true, text, ha="center", va="center", color=ink, fontsize=9)
-    return _png(figure)
 
 
 def albedos(rows: Mapping[str, np.ndarray], theme: Theme = LIGHT) -> bytes:

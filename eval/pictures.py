@@ -12,11 +12,9 @@ from lime_keras.reflectance_map import disc
 
 from .evaluate import true_reflectance_map
 from .examples import Example
+from .tone import coloured, tonemap, white_point
 
 _LAYERS = {"specular_shading": "Specular shading S", "mirror": "Mirror image M"}
-_WHITE_PERCENTILE = 99.0
-_LEAST_WHITE = 1e-4
-"""Radiance; a layer that is black throughout stays black."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +40,7 @@ def pairs(example: Example) -> list[Pair]:
         true, found = true_reflectance_map(batch)[0], estimate["reflectance_map"]
         layers.append(_hdr_pair("Reflectance map", true, found, sphere))
     return [
-        Pair("Mask", _rgb(truth["mask"]), _rgb(estimate["mask"])),
+        Pair("Mask", coloured(truth["mask"]), coloured(estimate["mask"])),
         *layers,
         Pair("Rendered with the material", true_render(example), estimated_render(example)),
     ]
@@ -78,11 +76,6 @@ def estimated_render(example: Example) -> np.ndarray:
     )
 
 
-def tonemap(radiance: np.ndarray, white: float) -> np.ndarray:
-    """Radiance `(H, W, 1 or 3)` as sRGB `(H, W, 3)`; `white` and all above become 1."""
-    return _rgb(colour.linear_to_srgb(np.clip(radiance / white, 0.0, 1.0)))
-
-
 def png(image_srgb: np.ndarray) -> bytes:
     """PNG of an image `(H, W, 3)`, sRGB in [0, 1]."""
     buffer = io.BytesIO()
@@ -93,9 +86,7 @@ def png(image_srgb: np.ndarray) -> bytes:
 def _hdr_pair(title: str, true: np.ndarray, found: np.ndarray, mask: np.ndarray) -> Pair:
     """A layer tonemapped by one scale: the truth's 99th percentile in the mask becomes white."""
     true = true * mask
-    inside = true[mask[..., 0] >= 0.5]
-    white = float(np.percentile(inside, _WHITE_PERCENTILE)) if inside.size else 1.0
-    white = max(white, _LEAST_WHITE)
+    white = white_point(true, mask)
     return Pair(title, tonemap(true, white), tonemap(found, white))
 
 
@@ -117,8 +108,3 @@ def _over_background(
     mask = truth["mask"]
     mixed = np.clip(radiance, 0.0, 1.0) * mask + photo * (1 - mask)
     return np.clip(colour.linear_to_srgb(mixed), 0.0, 1.0)
-
-
-def _rgb(values: np.ndarray) -> np.ndarray:
-    """Grey `(H, W, 1)` or colour `(H, W, 3)`, clipped, as colour."""
-    return np.repeat(np.clip(values, 0.0, 1.0), 3 // values.shape[-1], axis=-1)

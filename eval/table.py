@@ -1,6 +1,6 @@
 """Table 1 as text: the same rows for Markdown, the terminal and the report."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -52,30 +52,38 @@ def exponent(architecture: Architecture) -> str:
 def markdown(summary: Mapping[str, Any], architecture: Architecture) -> str:
     """The table in Markdown, columns aligned so that it also reads well in a terminal."""
     lines = [HEADER, *(row.cells() for row in rows(summary))]
-    widths = [max(len(line[column]) for line in lines) for column in range(len(HEADER))]
+    return f"{aligned(lines)}\n{_note(summary, architecture)}\n"
+
+
+def aligned(lines: Sequence[tuple[str, ...]]) -> str:
+    """A Markdown table of a header and rows, the first column flush left, numbers flush right."""
+    widths = [max(len(line[column]) for line in lines) for column in range(len(lines[0]))]
     text = [_line(line, widths) for line in lines]
     rule = "|".join(["", "-" * (widths[0] + 2), *("-" * (width + 1) + ":" for width in widths[1:])])
-    return "\n".join([text[0], rule + "|", *text[1:], "", _note(summary, architecture)]) + "\n"
+    return "\n".join([text[0], rule + "|", *text[1:]]) + "\n"
 
 
-def number(value: float | None, *, is_share: bool) -> str:
-    """A measure to print: shares in per cent with two decimals, others with four."""
+def number(value: float | None, unit: str = "") -> str:
+    """A measure to print: per cent and decibel with two decimals, others with four."""
     if value is None:
         return _ABSENT
-    return f"{100 * value:.2f} %" if is_share else f"{value:.4f}"
+    return {"%": f"{100 * value:.2f} %", "dB": f"{value:.2f} dB"}.get(unit, f"{value:.4f}")
+
+
+def with_interval(value: float, interval: Sequence[float], unit: str = "") -> str:
+    """A measure and half the width of its interval, such as `45.07 ± 1.20 %`."""
+    scale = 100 if unit == "%" else 1
+    digits = 2 if unit else 4
+    half = (interval[1] - interval[0]) / 2
+    return f"{scale * value:.{digits}f} ± {scale * half:.{digits}f} {unit}".rstrip()
 
 
 def _row(name: str, measure: Measure, summary: Mapping[str, Any]) -> Row:
     compared = {
-        kind: number(summary[kind].get(name), is_share=measure.is_share)
+        kind: number(summary[kind].get(name), measure.unit)
         for kind in ("oracle", "paper", "chance", "floor")
     }
-    low, high = summary["interval"][name]
-    half = (high - low) / 2
-    if measure.is_share:
-        ours = f"{100 * summary[name]:.2f} ± {100 * half:.2f} %"
-    else:
-        ours = f"{summary[name]:.4f} ± {half:.4f}"
+    ours = with_interval(summary[name], summary["interval"][name], measure.unit)
     arrow = {True: " ↑", False: " ↓", None: ""}[measure.more_is_better]
     return Row(name, measure.title + arrow, ours, **compared)
 

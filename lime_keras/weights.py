@@ -1,23 +1,44 @@
-"""A trained model's files: `MODEL/architecture.json` and `MODEL/{subnetwork}.weights.h5`."""
+"""A trained model's files: `MODEL/architecture.json` and `MODEL/{subnetwork}.weights.h5`.
+
+Joined training teaches a subnetwork to read the others' estimates, and it then reads true layers
+worse. As its own stage left it, it may lie beside the rest: `MODEL/alone/{subnetwork}.weights.h5`.
+"""
 
 import dataclasses
 import json
 import os
+from collections.abc import Mapping
 from pathlib import Path
 
 import keras
 
 from lime_keras.networks import Architecture, build
 
+_ALONE = "alone"
 
-def save(model: Path, architecture: Architecture, subnetworks: dict[str, keras.Model]) -> None:
-    """Write the architecture and each subnetwork's weights, each file atomically."""
-    model.mkdir(parents=True, exist_ok=True)
-    for name, subnetwork in subnetworks.items():
-        path = _weights_path(model, name)
-        partial = path.with_name(f"partial-{path.name}")
-        subnetwork.save_weights(partial)
-        os.replace(partial, path)
+
+def save(
+    model: Path,
+    architecture: Architecture,
+    subnetworks: Mapping[str, keras.Model],
+    alone: Mapping[str, keras.Model] | None = None,
+) -> None:
+    """Write the architecture and each subnetwork's weights, each file atomically.
+
+    Args:
+        model: folder; what it held is replaced.
+        architecture: of the subnetworks.
+        subnetworks: all of them, by name.
+        alone: those of them that joined training changed, as they were before it.
+    """
+    alone = {} if alone is None else alone
+    for path in (model / _ALONE).glob("*.weights.h5"):
+        if path.name.removesuffix(".weights.h5") not in alone:
+            path.unlink()
+    # The architecture comes last: only a folder that has one holds a model.
+    for folder, networks in ((model / _ALONE, alone), (model, subnetworks)):
+        for name, network in networks.items():
+            _write(folder, name, network)
     text = json.dumps(dataclasses.asdict(architecture), indent=2)
     partial = model / "partial-architecture.json"
     partial.write_text(text + "\n", encoding="utf-8")
@@ -34,7 +55,7 @@ def load(model: Path) -> tuple[Architecture, dict[str, keras.Model]]:
         FileNotFoundError: if the folder holds no complete model.
         ValueError: if a file is broken, or not of this version.
     """
-    model = folder(model)
+    model = _model_of(model)
     description = model / "architecture.json"
     _check_present(model, description)
     try:
@@ -44,19 +65,67 @@ def load(model: Path) -> tuple[Architecture, dict[str, keras.Model]]:
         raise ValueError(f"{description} is not of this version: {error}; train again") from error
     _check_present(model, *(_weights_path(model, name) for name in subnetworks))
     for name, subnetwork in subnetworks.items():
-        path = _weights_path(model, name)
-        try:
-            subnetwork.load_weights(path)
-        except (OSError, ValueError) as error:
-            reason = str(error).partition("\n")[0]
-            raise ValueError(f"{path} cannot be read: {reason}; train again") from error
+        _read(_weights_path(model, name), subnetwork)
     return architecture, subnetworks
 
 
-def folder(model: Path) -> Path:
-    """The folder that `save` wrote: the given one, or the `model/` of a run of `lime-train`."""
-    model = Path(model)
-    return model / "model" if (model / "model").is_dir() else model
+def load_alone(model: Path, subnetworks: Mapping[str, keras.Model]) -> dict[str, keras.Model]:
+    """Load subnetworks as their own stages left them, before joined training changed them.
+
+    Args:
+        model: folder as of `load`.
+        subnetworks: what `load` returned for it; they stay as they are.
+
+    Returns:
+        Those that the folder holds, by name. There are none if it was saved without any, or if no
+        later stage changed them.
+
+    Raises:
+        ValueError: if a file is broken, or not of this model.
+    """
+    folder, out = _model_of(model) / _ALONE, {}
+    for name, subnetwork in subnetworks.items():
+        path = _weights_path(folder, name)
+        if path.is_file():
+            out[name] = keras.models.clone_model(subnetwork)
+            _read(path, out[name])
+    return out
+
+
+def files(model: Path) -> list[Path]:
+    """All files that `load` and `load_alone` would read, in a fixed order.
+
+    Args:
+        model: folder as of `load`.
+
+    Raises:
+        FileNotFoundError: if the folder holds no model.
+    """
+    folder = _model_of(model)
+    _check_present(folder, folder / "architecture.json")
+    return [folder / "architecture.json", *sorted(folder.rglob("*.weights.h5"))]
+
+
+def _model_of(folder: Path) -> Path:
+    """The folder itself, or, of a run, its `model/`."""
+    folder = Path(folder)
+    return folder / "model" if (folder / "model").is_dir() else folder
+
+
+def _write(folder: Path, name: str, network: keras.Model) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    path = _weights_path(folder, name)
+    partial = path.with_name(f"partial-{path.name}")
+    network.save_weights(partial)
+    os.replace(partial, path)
+
+
+def _read(path: Path, network: keras.Model) -> None:
+    try:
+        network.load_weights(path)
+    except (OSError, ValueError) as error:
+        reason = str(error).partition("\n")[0]
+        raise ValueError(f"{path} cannot be read: {reason}; train again") from error
 
 
 def _weights_path(model: Path, name: str) -> Path:

@@ -21,7 +21,16 @@ from lime_keras.reflectance_map import reflectance_map
 SIZE = 64
 COUNT = 7
 TINY = Architecture(size=SIZE, unet_width=2, unet_depth=2, encoder_width=2, dense_width=4)
-FILES = ["confusion.png", "examples", "metrics.json", "report.html", "table1.md"]
+FILES = [
+    "confusion.png",
+    "examples",
+    "images.csv",
+    "kept",
+    "metrics.json",
+    "report.html",
+    "sections",
+    "table1.md",
+]
 
 
 def _example(index):
@@ -197,11 +206,19 @@ def test_out_and_the_table_on_standard_output(corpus, run, tmp_path, capsys):
 # The ablations.
 
 ABLATED = {
-    "without MirrorNet": ({"mirror": False}, {"mirror_relative"}),
-    "regression": ({"exponent": "regression"}, {"log_exponent_mae_winning"}),
+    "without MirrorNet": ({"mirror": False}, {"mirror_relative", "mirror_flip"}),
+    "regression": (
+        {"exponent": "regression"},
+        {"log_exponent_mae_winning", "calibration_error"},
+    ),
     "baseline": (
         {"system": "reflectance-map"},
-        {"specular_shading_relative", "mirror_relative"},
+        {
+            "specular_shading_relative",
+            "specular_shading_flip",
+            "mirror_relative",
+            "mirror_flip",
+        },
     ),
 }
 """What each is, and the measures it does not have."""
@@ -229,7 +246,10 @@ def test_an_ablations_metrics_lack_what_it_has_not(ablation):
     had = set(measures.MEASURES) - lacking
     assert set(found) & set(measures.MEASURES) == had == set(found["interval"])
     assert found["system"] == architecture.description
-    of_material = {name for name in had if "exponent" in name or "albedo" in name}
+    of_material = {
+        name for name in had if name.startswith(("exponent", "log_", "diffuse", "specular_albedo"))
+    }
+    of_material |= {name for name in had if name.startswith(("relighting", "calibration"))}
     assert set(found["oracle"]) == of_material
     table = (folder / "table1.md").read_text(encoding="utf-8")
     for name, measure in measures.MEASURES.items():
@@ -289,7 +309,7 @@ def test_broken_weights_of_a_regression_are_refused(corpus, tmp_path, capsys):
     subnetworks["exponent"].get_layer("log_exponent").bias.assign([np.nan])
     weights.save(tmp_path, architecture, subnetworks)
     line = _fails(capsys, corpus, "--weights", tmp_path)
-    assert "log_error is not finite for test example 0" in line and str(tmp_path) in line
+    assert "log_exponent_found is not finite for test example 0" in line and str(tmp_path) in line
 
 
 def _fails(capsys, *arguments):
@@ -411,19 +431,19 @@ def test_an_interrupt_leaves_a_short_line_and_status_130(corpus, run, monkeypatc
     assert capsys.readouterr().err.strip().count("\n") == 0
 
 
-def test_a_failing_write_leaves_the_old_file(tmp_path, monkeypatch):
-    (tmp_path / "metrics.json").write_text("old", encoding="utf-8")
-
-    def full(*_):
-        raise OSError("no space left")
-
-    monkeypatch.setattr(cli.os, "replace", full)
-    with pytest.raises(OSError, match="no space"):
-        cli._write(tmp_path / "metrics.json", b"new")
-    assert [path.read_text() for path in tmp_path.iterdir()] == ["old"]
-
-
-@pytest.mark.parametrize("arguments", [[], ["corpus"], ["corpus", "--weights", "run", "--fast"]])
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        [],
+        ["corpus"],
+        ["corpus", "--weights", "run", "--fast"],
+        ["--weights", "run"],
+        ["--table1", "run", "--out", "here"],
+        ["corpus", "--table1", "run"],
+        ["corpus", "--stability", "--out", "here"],
+        ["--stability"],
+    ],
+)
 def test_wrong_usage_exits_with_2(arguments, capsys):
     with pytest.raises(SystemExit) as stop:
         cli.main(arguments)
@@ -439,5 +459,5 @@ def test_help_is_complete_and_imports_no_tensorflow():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    for word in ("CORPUS", "--weights", "--out", "example:", "metrics.json", "Exit status"):
+    for word in ("CORPUS", "--weights", "--out", "examples:", "metrics.json", "Exit status"):
         assert word in done.stdout

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lime_keras import shininess
+from lime_keras import environment, shininess
 from lime_keras.eval.evaluate import measure
 
 
@@ -12,7 +12,13 @@ def _batch():
     mask = np.zeros((2, 2, 2, 1), np.float32)
     mask[0, :, 0] = 1
     layer = np.full((2, 2, 2, 1), 2.0, np.float32)
+    clipped = np.zeros((2, 2, 2, 3), np.float32)
+    clipped[:, 0, :, 2] = 1
+    light = np.zeros((2, 4, 8, 1), np.float32)
+    light[0] = 3.0
     return {
+        "clipped": clipped,
+        "environment": light,
         "seed": np.array([7, 7]),
         "index": np.array([0, 1]),
         "shape": np.array([b"blob", b"blob"]),
@@ -48,8 +54,22 @@ def test_a_perfect_answer_errs_only_by_the_bins_width():
     # log10 10 = 1 lies 0.0625 above the mean of 0.75 … 1.125; an exponent of 0 counts as 1.
     assert rows["log_error"] == pytest.approx([0.0625, 0.1875])
     assert rows["log_error_winning"] == pytest.approx([0.0625, 0.1875])
+    assert rows["log_squared"] == pytest.approx([0.0625**2, 0.1875**2])
     for name in ("diffuse_absolute", "specular_squared", "specular_shading_relative"):
         assert rows[name].tolist() == [0, 0]
+
+
+def test_saturation_counts_the_object_alone_and_contrast_a_steady_light_as_one():
+    rows = measure(_batch(), _perfect(_batch()))
+    # One of the object's two pixels is clipped, in one channel; without an object there is none.
+    assert rows["saturated"].tolist() == [0.5, 0.0]
+    assert rows["light_contrast"] == pytest.approx([1.0, 1.0])
+    lamp = _batch()
+    lamp["environment"][0] = 0.0
+    lamp["environment"][0, 1, 3] = 5.0
+    solid_angle = environment.solid_angles(4, 8)[1, 3]
+    contrast = measure(lamp, _perfect(lamp))["light_contrast"]
+    assert contrast == pytest.approx([4 * np.pi / solid_angle, 1.0])
 
 
 def test_wrong_answers_by_hand():

@@ -36,10 +36,18 @@ def _evaluation(**changes):
         "specular_squared": np.array([0.0, 0.0, 0.0, 0.16]),
         "specular_shading_relative": np.array([0.5, 0.5, 0.0, 1.0]),
         "mirror_relative": np.array([1.0, 1.0, 1.0, 3.0]),
+        "log_squared": np.array([0.01, 0.04, 0.09, 0.22]),
+        "specular_shading_flip": np.array([0.1, 0.2, 0.3, 0.4]),
+        "mirror_flip": np.array([0.2, 0.2, 0.2, 0.6]),
+        "relit": np.array([20.0, 30.0, 20.0, 30.0]),
+        "relit_unseen": np.array([10.0, 20.0, 10.0, 20.0]),
+        "average_relit": np.array([10.0, 10.0, 10.0, 14.0]),
+        "average_relit_unseen": np.array([8.0, 8.0, 8.0, 12.0]),
+        "bin_probabilities": np.eye(8)[[0, 1, 5, 6]] * 0.55 + 0.05,
     } | changes
-    of_layers = ("specular_shading_relative", "mirror_relative")
-    names = [name for name in rows if name.startswith(("bin_d", "log_error", "diffuse_", "specul"))]
-    names = [name for name in names if name not in of_layers]
+    of_layers = ("specular_shading_", "mirror_")
+    own = ("bin_d", "log_error", "log_squared", "diffuse_", "specul", "relit")
+    names = [name for name in rows if name.startswith(own) and not name.startswith(of_layers)]
     oracle = {name: rows[name] / 2 for name in names} | {"bin_distance": np.array([0, 1, 0, 4])}
     return Evaluation(rows, oracle, np.zeros((8, 8), np.int64), LIME)
 
@@ -53,13 +61,20 @@ def test_the_means_are_those_of_hand_arithmetic():
         "exponent_adjacent": 0.5,
         "exponent_within_one": 0.75,
         "log_exponent_mae": 0.25,
+        "log_exponent_rmse": 0.3,
         "log_exponent_mae_winning": 0.3,
         "diffuse_albedo_mae": 0.1,
         "diffuse_albedo_rmse": 0.1,
         "specular_albedo_mae": 0.1,
         "specular_albedo_rmse": 0.2,
         "specular_shading_relative": 0.5,
+        "specular_shading_flip": 0.25,
         "mirror_relative": 1.5,
+        "mirror_flip": 0.3,
+        "relighting_psnr": 25.0,
+        "relighting_psnr_unseen": 15.0,
+        # All were called 60 % probable, and a quarter is right.
+        "calibration_error": 0.35,
     }
     assert {name: summary[name] for name in measures.MEASURES} == pytest.approx(expected)
     assert summary["count"] == 4
@@ -88,6 +103,10 @@ def test_chance_is_what_uniform_draws_give():
     assert rmse == pytest.approx(chance["diffuse_albedo_rmse"], rel=0.01)
     log_error = np.mean(np.abs(3 * drawn - 1.5))
     assert log_error == pytest.approx(chance["log_exponent_mae"], rel=0.01)
+    log_rmse = np.sqrt(np.mean((3 * drawn - 1.5) ** 2))
+    assert log_rmse == pytest.approx(chance["log_exponent_rmse"], rel=0.01)
+    # What the middle of all ranges does on these very examples.
+    assert (chance["relighting_psnr"], chance["relighting_psnr_unseen"]) == (11.0, 9.0)
 
 
 def test_the_floor_is_what_a_perfect_classifier_errs():
@@ -166,6 +185,8 @@ def test_paper_row_is_the_full_approach():
             ["specular_shading_relative", "mirror_relative"],
             {"specular_shading_relative", "mirror_relative"},
         ),
+        (["bin_probabilities"], {"calibration_error"}),
+        (["specular_shading_flip", "mirror_flip"], {"specular_shading_flip", "mirror_flip"}),
     ],
 )
 def test_what_a_system_does_not_have_is_left_out_everywhere(columns, lacking):
@@ -181,6 +202,13 @@ def test_what_a_system_does_not_have_is_left_out_everywhere(columns, lacking):
         assert set(summary[kind]) == set(complete[kind]) - lacking, kind
     for name in set(summary) - {"interval", "oracle", "paper", "chance", "floor", "constant"}:
         assert summary[name] == complete[name]
+
+
+def test_without_an_oracle_there_is_no_row_of_it():
+    whole = _evaluation()
+    summary = measures.summarise(dataclasses.replace(whole, oracle={}))
+    assert summary["oracle"] == {}
+    assert summary["interval"] == measures.summarise(whole)["interval"]
 
 
 def test_the_system_is_named():

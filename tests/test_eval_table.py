@@ -56,13 +56,17 @@ def test_markdown_is_a_rectangular_table(summary):
 )
 def test_an_ablations_table_says_what_it_is_and_leaves_out_what_it_has_not(fields, told, summary):
     architecture = dataclasses.replace(LIME, **fields)
-    del summary["mirror_relative"]
+    del summary["mirror_relative"], summary["mirror_flip"]
     text = table.markdown(summary, architecture)
     assert f"answered by {architecture.description}." in text and told in text
     assert "Mirror image" not in text and "Specular shading" in text
-    assert [row.name for row in table.rows(summary)] == list(MEASURES)[:-1]
+    known = [name for name in MEASURES if not name.startswith("mirror_")]
+    assert [row.name for row in table.rows(summary)] == known
 
 
 def test_number_of_nothing_is_a_dash():
-    assert table.number(None, is_share=True) == "–"
-    assert table.number(np.float32(0.5), is_share=True) == "50.00 %"
+    assert table.number(None, "%") == "–"
+    assert table.number(np.float32(0.5), "%") == "50.00 %"
+    assert table.number(31.416, "dB") == "31.42 dB"
+    assert table.with_interval(0.4507, [0.44, 0.46], "%") == "45.07 ± 1.00 %"
+    assert table.with_interval(0.0674, [0.06, 0.08]) == "0.0674 ± 0.0100"

@@ -354,6 +354,16 @@ def test_systems_that_do_not_exist_are_refused(fields, found, tiny):
         dataclasses.replace(tiny, **fields)
 
 
+@pytest.mark.parametrize(
+    "size, depth, multiple", [(48, 2, 32), (96, 6, 64), (0, 4, 32), (-64, 4, 32)]
+)
+def test_sizes_that_do_not_halve_evenly_are_refused(size, depth, multiple, tiny):
+    found = f"images of {size} pixels: .*take a multiple of {multiple}$"
+    with pytest.raises(ValueError, match=found):
+        dataclasses.replace(tiny, size=size, unet_depth=depth)
+    dataclasses.replace(tiny, size=multiple, unet_depth=depth)
+
+
 def test_an_ablations_outputs_take_only_the_subnetworks_they_need(ablated, ablation):
     needed = ABLATED[ablation.description]
     assert set(answers(ablated)) == set(needed)

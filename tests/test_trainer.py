@@ -88,6 +88,62 @@ def _same_stage(one, other, name):
     return a.keys() == b.keys() and all(np.array_equal(a[key], b[key]) for key in a)
 
 
+def _same_alone(run, of_stages, *expected):
+    """Whether the run's subnetworks alone are just those, as their stages there left them."""
+    found = weights.load_alone(run, weights.load(run)[1])
+    assert set(found) == set(expected)
+    for name, network in found.items():
+        left = _stage(of_stages, name)
+        for index, values in enumerate(network.get_weights()):
+            assert np.array_equal(values, left[f"arr_{index}"]), name
+
+
+def test_encoders_are_kept_as_they_were_before_they_were_joined(finished):
+    _same_alone(finished, finished, "albedo", "exponent")
+    joined = _weights(finished)
+    for name, network in weights.load_alone(finished, weights.load(finished)[1]).items():
+        pairs = zip(network.get_weights(), joined[name], strict=True)
+        assert not all(np.array_equal(alone, after) for alone, after in pairs), name
+
+
+def test_a_finished_run_without_them_gets_them(corpus, config, finished, tmp_path):
+    run = tmp_path / "run"
+    shutil.copytree(finished / "stages", run / "stages")
+    trainer.train(corpus, run, config, _ignore, only=[])
+    _same_alone(run, finished, "albedo", "exponent")
+    assert _same(_weights(run), _weights(finished))
+
+
+def test_only_what_was_joined_is_kept_apart(corpus, config, finished, tmp_path):
+    """Of a run that joins nothing, or not the albedos, the model itself has the weights."""
+    run = _begun(finished, tmp_path / "run", config, 6)
+    assert trainer.train(corpus, run, config, _ignore, only=[]) == []
+    _same_alone(run, finished)
+    for path in (finished / "stages").glob("[67]-*"):
+        shutil.copy(path, run / "stages")
+    assert trainer.train(corpus, run, config, _ignore, only=[]) == []
+    _same_alone(run, finished, "exponent")
+
+
+class Nudge:
+    """In place of a stage's training: its last checkpoint, each weight moved by one."""
+
+    def __init__(self, stage, model, checkpoint, *_):
+        self.run = lambda: self._end(stage, model, checkpoint)
+
+    def _end(self, stage, model, checkpoint):
+        for network in model.subnetworks.values():
+            network.set_weights([value + 1 for value in network.get_weights()])
+        checkpoint.save(model, stage.steps)
+
+
+def test_the_baselines_encoder_is_kept_too(corpus, config, tmp_path, monkeypatch):
+    monkeypatch.setattr(trainer, "StageTraining", Nudge)
+    baseline = dataclasses.replace(TINY, system="reflectance-map")
+    trainer.train(corpus, tmp_path, dataclasses.replace(config, architecture=baseline), _ignore)
+    _same_alone(tmp_path, tmp_path, "material")
+
+
 def _begun(finished, run, config, before):
     """A run that has the finished one's stages up to a number."""
     (run / "stages").mkdir(parents=True)
@@ -429,8 +485,43 @@ def test_the_commands_ablations(corpus, tmp_path):
         config("--baseline", "reflectance-map", "--without", "mirror")
 
 
+def test_the_commands_sizes(corpus, tmp_path, brief_smoke, capsys):
+    """In place of the preset's, kept by a run that is resumed, and refused where they differ."""
+    run = [str(corpus), "--out", str(tmp_path / "run")]
+    stage = ["--stages", "specular"]
+    begun = [*run, "--preset", "smoke", "--width", "3", "--size", "64", *stage]
+    assert cli.main(begun) == 0
+    architecture = dataclasses.replace(TINY, unet_width=3, size=64)
+    assert Config.read(tmp_path / "run").architecture == architecture
+    assert _stage(tmp_path / "run", "specular")["arr_0"].shape == (3, 3, 3, 3)
+    held = cli._config(cli.parser().parse_args([*run, "--resume"]))
+    assert held == Config.read(tmp_path / "run")
+    capsys.readouterr()
+    assert cli.main([*run, "--resume", "--width", "4", *stage]) == 1
+    assert "architecture.unet_width 3 there, 4 asked" in capsys.readouterr().err
+    assert cli.main([*run, "--preset", "smoke", "--size", "64", *stage]) == 1
+    assert "architecture.unet_width 3 there, 2 asked" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
-    "options", [[], ["--preset", "smoke", "--resume"], ["--preset", "smoke", "--scale-steps", "0"]]
+    "size, found", [("80", "take a multiple of 32"), ("96", "pass --size with a divisor of 64")]
+)
+def test_a_size_that_cannot_be_is_refused(size, found, corpus, tmp_path, capsys):
+    run = [str(corpus), "--out", str(tmp_path / "run"), "--preset", "smoke"]
+    assert cli.main([*run, "--size", size]) == 1
+    assert found in capsys.readouterr().err
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        [],
+        ["--preset", "smoke", "--resume"],
+        ["--preset", "smoke", "--scale-steps", "0"],
+        ["--preset", "smoke", "--width", "0"],
+        ["--preset", "smoke", "--size", "1.5"],
+    ],
 )
 def test_wrong_usage(options, tmp_path):
     with pytest.raises(SystemExit) as stopped:

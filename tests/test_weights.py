@@ -152,3 +152,58 @@ def test_an_architecture_of_another_version_is_named(text, model):
     (model / "architecture.json").write_text(text, encoding="utf-8")
     with pytest.raises(ValueError, match=r"architecture\.json is not of this version.*train again"):
         weights.load(model)
+
+
+# As their own stages left them.
+
+
+@pytest.fixture
+def with_alone(tiny, model):
+    """A model with two subnetworks of other weights beside it, and those."""
+    alone = {name: build(tiny, seed=9)[name] for name in ("albedo", "exponent")}
+    architecture, subnetworks = weights.load(model)
+    weights.save(model, architecture, subnetworks, alone)
+    return model, subnetworks, alone
+
+
+def test_subnetworks_alone_come_back_beside_the_joined(with_alone):
+    model, subnetworks, alone = with_alone
+    assert_same(weights.load(model)[1], subnetworks)
+    before = {name: network.get_weights() for name, network in subnetworks.items()}
+    assert_same(weights.load_alone(model, subnetworks), alone)
+    for name, network in subnetworks.items():
+        assert all(map(np.array_equal, before[name], network.get_weights())), name
+    assert not np.array_equal(before["albedo"][0], alone["albedo"].get_weights()[0])
+    files = sorted(path.name for path in (model / "alone").iterdir())
+    assert files == ["albedo.weights.h5", "exponent.weights.h5"]
+
+
+def test_subnetworks_alone_are_taken_from_a_run(with_alone, tmp_path):
+    model, subnetworks, alone = with_alone
+    (tmp_path / "run").mkdir()
+    model.rename(tmp_path / "run" / "model")
+    for folder in (tmp_path / "run", str(tmp_path / "run")):
+        assert_same(weights.load_alone(folder, subnetworks), alone)
+
+
+def test_a_model_saved_by_hand_has_none_alone(tiny, model):
+    assert weights.load_alone(model, weights.load(model)[1]) == {}
+
+
+def test_saving_again_leaves_no_others_alone(tiny, with_alone):
+    model, subnetworks, alone = with_alone
+    weights.save(model, tiny, subnetworks, {"albedo": alone["albedo"]})
+    assert set(weights.load_alone(model, subnetworks)) == {"albedo"}
+    weights.save(model, tiny, subnetworks)
+    assert weights.load_alone(model, subnetworks) == {}
+
+
+def test_a_broken_file_alone_is_named(with_alone):
+    model, subnetworks, _ = with_alone
+    path = model / "alone" / "exponent.weights.h5"
+    whole = path.read_bytes()
+    for broken in (b"", whole[:-500], (path.parent / "albedo.weights.h5").read_bytes()):
+        path.write_bytes(broken)
+        expected = r"alone/exponent\.weights\.h5 cannot be read: .*; train again$"
+        with pytest.raises(ValueError, match=expected):
+            weights.load_alone(model, subnetworks)

@@ -55,6 +55,18 @@ def parser() -> argparse.ArgumentParser:
         help="train each stage for so many times the preset's batches (default: 1)",
     )
     out.add_argument(
+        "--width",
+        type=_count,
+        metavar="CHANNELS",
+        help="of the U-Nets' first level (default: the preset's)",
+    )
+    out.add_argument(
+        "--size",
+        type=_count,
+        metavar="PIXELS",
+        help="of the networks' images, a multiple of 32 (default: the preset's)",
+    )
+    out.add_argument(
         "--without",
         nargs="+",
         choices=("perceptual", "mirror"),
@@ -155,13 +167,16 @@ def _config(options: argparse.Namespace) -> Any:
         return default if held is None else of_held(held)
 
     preset = chosen(options.preset, lambda c: c.preset, None)
+    sizes = PRESETS[preset]
     scale = chosen(options.scale_steps, lambda c: c.steps_scale, 1.0)
     without = options.without
     return Config(
         preset=preset,
         steps_scale=scale,
         architecture=dataclasses.replace(
-            PRESETS[preset],
+            sizes,
+            size=chosen(options.size, lambda c: c.architecture.size, sizes.size),
+            unet_width=chosen(options.width, lambda c: c.architecture.unet_width, sizes.unet_width),
             system=chosen(options.baseline, lambda c: c.architecture.system, "lime"),
             mirror=chosen(
                 None if without is None else "mirror" not in without,
@@ -223,5 +238,12 @@ class _Bars:
 def _positive(text: str) -> float:
     value = float(text)
     if not value > 0:
+        raise argparse.ArgumentTypeError(f"{text} is not above 0")
+    return value
+
+
+def _count(text: str) -> int:
+    value = int(text)
+    if value < 1:
         raise argparse.ArgumentTypeError(f"{text} is not above 0")
     return value

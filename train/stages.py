@@ -64,7 +64,7 @@ class Schedule:
         out = [
             Stage(
                 (name,),
-                self.encoder_steps if name in _ENCODERS else self.single_steps,
+                self.encoder_steps if name in ENCODERS else self.single_steps,
                 self.single_learning_rate,
             )
             for name in singles
@@ -77,7 +77,8 @@ class Schedule:
         return out
 
 
-_ENCODERS = ("albedo", "exponent", "material")
+ENCODERS = ("albedo", "exponent", "material")
+"""The subnetworks that read a material's numbers from layers."""
 _ORDER = {
     "lime": (
         ("segmentation", "specular", "mirror", "albedo", "exponent"),

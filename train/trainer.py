@@ -2,7 +2,8 @@
 
 `RUN/config.json` says what the run is; `RUN/stages/N-name.npz` holds a stage's weights, optimiser
 state and step; `RUN/curves/N-name.csv` its losses; `RUN/tensorboard/` the same with gradient norms
-and pictures; `RUN/model/` the trained model, with the record of the run beside the weights.
+and pictures; `RUN/model/` the trained model, with the record of the run beside the weights, and in
+`alone/` the weights that the encoders had before they were joined.
 """
 
 import dataclasses
@@ -14,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import keras
+import numpy as np
 
 from lime_keras import corpus as corpus_files
 from lime_keras import weights
@@ -25,7 +27,7 @@ from .devices import Devices
 from .optimizer import LossScale, WatchedAdam
 from .stage_model import WEIGHTS, StageModel
 from .stage_training import Files, Progress, StageTraining, Tell
-from .stages import Stage
+from .stages import ENCODERS, Stage
 from .state import Checkpoint
 
 
@@ -78,6 +80,7 @@ def train(
     with split.scope():
         subnetworks = _build(config)
     trained: dict[str, str] = {}
+    alone: dict[str, list[np.ndarray]] = {}
     for number, stage in enumerate(stages, 1):
         with split.scope():
             model = StageModel(
@@ -100,9 +103,12 @@ def train(
         else:
             continue
         trained |= dict.fromkeys(stage.subnetworks, signature)
+        if stage.name in ENCODERS:
+            alone[stage.name] = subnetworks[stage.name].get_weights()
     untrained = [name for name in subnetworks if name not in trained]
     if not untrained:
-        weights.save(run / "model", config.architecture, subnetworks)
+        before_joining = _changed_since(alone, subnetworks)
+        weights.save(run / "model", config.architecture, subnetworks, before_joining)
         shutil.copyfile(config_path(run), run / "model" / "training.json")
     return untrained
 
@@ -113,7 +119,8 @@ def _check_size(corpus: Path, size: int) -> None:
     if stored % size:
         raise ValueError(
             f"{corpus} holds images of {stored} pixels, which cannot be averaged to the {size} "
-            f"that this preset takes: render with --size {size} or a multiple of it"
+            f"that the networks take: pass --size with a divisor of {stored}, or render with "
+            f"--size {size} or a multiple of it"
         )
 
 
@@ -125,6 +132,19 @@ def _build(config: Config) -> dict[str, keras.Model]:
         return build(config.architecture, config.seed)
     finally:
         keras.config.set_dtype_policy(before)
+
+
+def _changed_since(
+    earlier: Mapping[str, list[np.ndarray]], subnetworks: Mapping[str, keras.Model]
+) -> dict[str, keras.Model]:
+    """Copies of those subnetworks that have changed, with their earlier weights."""
+    out = {}
+    for name, values in earlier.items():
+        now = subnetworks[name].get_weights()
+        if not all(np.array_equal(one, other) for one, other in zip(values, now, strict=True)):
+            out[name] = keras.models.clone_model(subnetworks[name])
+            out[name].set_weights(values)
+    return out
 
 
 def _compile(model: StageModel, learning_rate: float, precision: str) -> None:

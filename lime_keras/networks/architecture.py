@@ -5,13 +5,17 @@ from dataclasses import dataclass
 SYSTEMS = ("lime", "reflectance-map")
 EXPONENTS = ("classification", "regression")
 
+ENCODER_BLOCKS = 5
+"""How often an encoder halves its input."""
+
 
 @dataclass(frozen=True)
 class Architecture:
     """What decides the subnetworks' layers.
 
     Attributes:
-        size: height and width of the input image in pixels.
+        size: height and width of the input image in pixels, which the encoders halve
+            `ENCODER_BLOCKS` times and the U-Nets `unet_depth` times.
         unet_width: channels of a U-Net's first level; each level down doubles them.
         unet_depth: levels below the first.
         encoder_width: channels of the first of an encoder's five blocks; doubled up to eight times.
@@ -45,6 +49,12 @@ class Architecture:
             raise ValueError(
                 "the reflectance-map baseline has no MirrorNet to leave out and no ExponentNet: "
                 "take one ablation at a time"
+            )
+        multiple = 2 ** max(ENCODER_BLOCKS, self.unet_depth)
+        if self.size < 1 or self.size % multiple:
+            raise ValueError(
+                f"no networks for images of {self.size} pixels: they halve them "
+                f"{max(ENCODER_BLOCKS, self.unet_depth)} times, so take a multiple of {multiple}"
             )
 
     @property

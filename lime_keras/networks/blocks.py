@@ -2,6 +2,8 @@
 
 from keras import KerasTensor, layers
 
+from lime_keras.networks.architecture import ENCODER_BLOCKS
+
 
 def convolutions(x: KerasTensor, width: int, name: str) -> KerasTensor:
     """Two 3×3 convolutions with ReLU, zero-padded, He initialisation."""
@@ -52,7 +54,7 @@ def encoder(x: KerasTensor, *, width: int, dense_width: int) -> KerasTensor:
     Returns:
         `(B, dense_width)` features; the caller adds the third dense layer, its head.
     """
-    for block in range(5):
+    for block in range(ENCODER_BLOCKS):
         x = layers.Conv2D(
             width * min(2**block, 8),
             3,
@@ -79,7 +81,8 @@ def decoder(features: KerasTensor, *, size: int, width: int, channels: int) -> K
         width: channels of the last block; each one before doubles them, up to eight times.
         channels: of the answer, `(B, size, size, channels)`, which is linear.
     """
-    side, widths = size // 32, [width * min(2**block, 8) for block in range(5)]
+    side = size // 2**ENCODER_BLOCKS
+    widths = [width * min(2**block, 8) for block in range(ENCODER_BLOCKS)]
     x = layers.Dense(
         side**2 * widths[-1],
         activation="relu",
@@ -87,7 +90,7 @@ def decoder(features: KerasTensor, *, size: int, width: int, channels: int) -> K
         name="decoder_dense",
     )(features)
     x = layers.Reshape((side, side, widths[-1]), name="decoder_reshape")(x)
-    for block in reversed(range(5)):
+    for block in reversed(range(ENCODER_BLOCKS)):
         x = layers.UpSampling2D(interpolation="nearest", name=f"decoder{block}_up")(x)
         x = layers.Conv2D(
             widths[block],

@@ -1,0 +1,164 @@
+"""Table 1 of the paper: the full approach, its ablations and the baseline, side by side.
+
+All runs answer the same test images, so the difference of two is known better than either: its
+interval is a bootstrap over the images of the difference itself.
+"""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lime_keras.networks import Architecture
+
+from . import measures, table
+from .evaluate import Evaluation
+from .measures import MEASURES
+
+COLUMNS = {
+    "exponent_exact": "right bin",
+    "exponent_adjacent": "adjacent bin",
+    "log_exponent_mae": "log10 s error",
+    "diffuse_albedo_mae": "diffuse MAE",
+    "specular_albedo_mae": "specular MAE",
+    "mask_iou": "mask IoU",
+    "specular_shading_relative": "S error",
+    "mirror_relative": "M error",
+    "relighting_psnr": "relit",
+    "relighting_psnr_unseen": "relit, unseen light",
+}
+"""Measures of the table, the paper's first, and their short titles."""
+
+FULL = "full approach"
+PAPER: dict[str, dict[str, float]] = {
+    FULL: {name: m.paper for name, m in MEASURES.items() if m.paper is not None},
+    "without perceptual loss": {},
+    "without MirrorNet": {},
+    "exponent regression": {},
+    "reflectance map": {
+        "exponent_exact": 0.1357,
+        "exponent_adjacent": 0.2529,
+        "log_exponent_mae": 0.7243,
+    },
+}
+"""The paper's rows, in its order. Of three, the numbers are not known to us."""
+
+
+def system(architecture: Architecture, run: Path) -> str:
+    """Which of the paper's rows a run is; of several ablations at once, all are named."""
+    if architecture.system == "reflectance-map":
+        return "reflectance map"
+    ablated = [
+        name
+        for name, is_so in (
+            ("without perceptual loss", not _compositing(run)),
+            ("without MirrorNet", not architecture.mirror),
+            ("exponent regression", architecture.exponent == "regression"),
+        )
+        if is_so
+    ]
+    return ", ".join(ablated) or FULL
+
+
+def compare(evaluations: Mapping[str, Evaluation], systems: Mapping[str, str]) -> dict[str, Any]:
+    """What `table1.json` holds.
+
+    Args:
+        evaluations: of runs on the same test images, by the runs' names.
+        systems: of `system`, by the same names.
+
+    Returns:
+        `count`; `reference`, the run that the others are held against: the full approach, or else
+        the first; `runs`: by name, in the paper's order, its `system`, `value`s and `interval`s of
+        `COLUMNS`, and, but for the reference, `difference`s from it, `[low, high]`, 95 %.
+
+    Raises:
+        ValueError: if the runs did not answer the same images.
+    """
+    order = sorted(evaluations, key=lambda name: _rank(systems[name]))
+    counts = {name: evaluations[name].count for name in order}
+    seeds = {evaluations[name].rows["seed"].tobytes() for name in order}
+    if len(set(counts.values())) > 1 or len(seeds) > 1:
+        raise ValueError(f"the runs were not measured on the same images: {counts}")
+    reference = next((name for name in order if systems[name] == FULL), order[0])
+    drawn = {name: measures.resampled(evaluations[name].rows) for name in order}
+    runs = {}
+    for name in order:
+        value = measures.values(evaluations[name].rows)
+        runs[name] = {
+            "system": systems[name],
+            "value": {key: value[key] for key in COLUMNS if key in value},
+            "interval": _ends({key: drawn[name][key] for key in COLUMNS if key in value}),
+        }
+        if name != reference:
+            runs[name]["difference"] = _ends(
+                {
+                    key: drawn[name][key] - drawn[reference][key]
+                    for key in COLUMNS
+                    if key in drawn[name] and key in drawn[reference]
+                }
+            )
+    return {"count": counts[order[0]], "reference": reference, "runs": runs}
+
+
+def markdown(compared: Mapping[str, Any]) -> str:
+    """The table in Markdown, a row a run, and below it the paper's row where it is known.
+
+    A value that differs from the reference's beyond the interval of the difference is marked: `+`
+    better, `−` worse.
+    """
+    shown = [name for name in COLUMNS if _any(compared, name)]
+    lines = [("Run", *(COLUMNS[name] for name in shown))]
+    for name, run in compared["runs"].items():
+        cells = [_cell(run, key) for key in shown]
+        lines.append((f"{name}: {run['system']}", *cells))
+        known = PAPER.get(run["system"], {})
+        if known:
+            printed = [table.number(known.get(key), MEASURES[key].unit) for key in shown]
+            lines.append(("  the paper's", *printed))
+    note = (
+        f"{compared['count']} test images. ±: half the 95 % interval over them. + and − mark what "
+        f"is better or worse than {compared['reference']} beyond the 95 % interval of the "
+        "difference on the same images; another training of the same system would differ too. "
+        "Rows of the paper that are not shown are not known to us."
+    )
+    return table.aligned(lines) + f"\n{note}\n"
+
+
+def verdict(run: Mapping[str, Any], name: str) -> str:
+    """`+` where a run is better than the reference, `−` where worse, empty where neither shows."""
+    low, high = run.get("difference", {}).get(name, (0.0, 0.0))
+    better = MEASURES[name].more_is_better
+    if better is None or low <= 0 <= high:
+        return ""
+    return "+" if (low > 0) == better else "−"
+
+
+def _cell(run: Mapping[str, Any], name: str) -> str:
+    if name not in run["value"]:
+        return table.number(None)
+    value = table.with_interval(run["value"][name], run["interval"][name], MEASURES[name].unit)
+    return f"{value} {verdict(run, name)}".rstrip()
+
+
+def _any(compared: Mapping[str, Any], name: str) -> bool:
+    return any(name in run["value"] for run in compared["runs"].values())
+
+
+def _ends(drawn: Mapping[str, np.ndarray]) -> dict[str, list[float]]:
+    return {name: np.percentile(values, (2.5, 97.5)).tolist() for name, values in drawn.items()}
+
+
+def _rank(name: str) -> int:
+    """Place in the paper's table; what is not there comes last."""
+    return list(PAPER).index(name) if name in PAPER else len(PAPER)
+
+
+def _compositing(run: Path) -> bool:
+    """Whether the run was trained with Eq. 5, from its record."""
+    for path in (run / "config.json", run / "training.json", run / "model" / "training.json"):
+        if path.is_file():
+            return json.loads(path.read_text(encoding="utf-8"))["config"]["compositing"]
+    return True
