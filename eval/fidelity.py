@@ -7,7 +7,7 @@ import numpy as np
 
 from lime_keras import export
 
-from . import machine, measures
+from . import kept, machine, measures
 from .evaluate import evaluate
 from .ledger import Ledger
 from .runtimes import KERAS, POLICIES
@@ -56,9 +56,9 @@ class Fidelity:
         if precision in POLICIES and runtime != KERAS:
             if max(self.difference(runtime, precision).values()) <= export.TOLERANCE:
                 return self.errors(KERAS, precision)
+        run = self._run
 
         def measure() -> dict[str, Any]:
-            run = self._run
             evaluation = evaluate(
                 run.folder,
                 run.samples.corpus,
@@ -74,7 +74,8 @@ class Fidelity:
                 "count": summary["count"],
             }
 
-        key = self._depends_on(runtime, precision)
+        evaluated = kept.key(run.folder, run.samples.corpus, run.samples.camera)
+        key = {**self._depends_on(runtime, precision), "evaluation": evaluated}
         return self._ledger.value(f"errors/{self._name(runtime, precision)}", key, measure)
 
     def _depends_on(self, runtime: str, precision: str) -> dict[str, Any]:

@@ -2,11 +2,12 @@
 
 import hashlib
 import json
-import os
 import shutil
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
+
+from . import files
 
 DependsOn = Mapping[str, Any]
 """What a result follows from, as JSON; a result is reused while this is the same."""
@@ -64,8 +65,8 @@ def sha256(*paths: Path) -> str:
 
 def size(path: Path) -> int:
     """Bytes of a file, or of all in a folder."""
-    files = path.rglob("*") if path.is_dir() else [path]
-    return sum(file.stat().st_size for file in files if file.is_file())
+    inside = path.rglob("*") if path.is_dir() else [path]
+    return sum(file.stat().st_size for file in inside if file.is_file())
 
 
 def _read(path: Path) -> dict | None:
@@ -82,14 +83,7 @@ def _as_read(content: Any) -> Any:
 
 
 def _write(path: Path, content: Any) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(f"partial-{path.name}")
-    try:
-        text = json.dumps(content, indent=1, allow_nan=False)
-        partial.write_text(text + "\n", encoding="utf-8")
-        os.replace(partial, path)
-    finally:
-        partial.unlink(missing_ok=True)
+    files.write(path, (json.dumps(content, indent=1, allow_nan=False) + "\n").encode())
 
 
 def _remove(path: Path) -> None:

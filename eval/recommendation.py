@@ -16,7 +16,7 @@ SCORED = {
         "specular_shading_relative",
         "mirror_relative",
     )
-    if (chance := MEASURES[name].chance)
+    if isinstance(chance := MEASURES[name].chance, float)
 }
 """The measures that `score` averages, one for each thing that is estimated, the mask apart; and
 what an answer that knows nothing reaches."""

@@ -3,8 +3,7 @@
 Every run in every runtime and precision, one image at a time on all threads; around ONNX Runtime
 the batch, the threads and the asked-for part change one at a time. Each time is taken in processes
 of its own (`timing`), in rounds in which every case has its turn, so that a noisy neighbour hits
-all alike. What was measured is kept in `FOLDER/tradeoff`, and not measured again while what it
-follows from is the same.
+all alike. What was measured is kept, and not measured again while what it follows from is the same.
 """
 
 import dataclasses
@@ -44,7 +43,7 @@ def measure(
     Args:
         runs: runs of `lime-train` by the names that the tables are to give them.
         corpus: folder with complete `train` and `test` splits.
-        folder: what is measured, and the models in every format, go to `tradeoff/` in it.
+        folder: for what is measured, and the models in every format.
         camera: show photos of the scenes (`lime_keras.camera`) instead of clean images.
         progress: tell of it on standard error.
 
@@ -66,7 +65,7 @@ def measure(
     if not runs or any(name != Path(name).name or not name for name in runs):
         raise ValueError(f"runs {sorted(runs)}: pass at least one, each named as a file may be")
     load = os.getloadavg()[0]
-    ledger = Ledger(folder / "tradeoff")
+    ledger = Ledger(folder)
     samples = Samples(corpus, ledger, camera=camera)
     opened = {name: Run(name, path, samples, ledger) for name, path in runs.items()}
     answered = _answered(opened, ledger, progress)

@@ -9,9 +9,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter
 
+from .cases import is_crossed
 from .figures import _DPI, _LINES, LIGHT, Theme, _dress, _png
 from .measures import MEASURES
-from .recommendation import FRAME_MS, SCORED, front
+from .recommendation import FRAME_MS, front
 from .runtimes import KERAS, ONNX, SAVED_MODEL
 
 _MARKERS = {"float32": "o", "bfloat16": "s", "float16": "D", "int8": "v", "int8, float heads": "^"}
@@ -20,15 +21,16 @@ _FILLS: dict[str, Any] = {ONNX: "full", SAVED_MODEL: "left", KERAS: "none"}
 _ACROSS = 3
 
 
-def pareto(rows: Sequence[Mapping[str, Any]], theme: Theme = LIGHT) -> bytes:
+def pareto(result: Mapping[str, Any], theme: Theme = LIGHT) -> bytes:
     """Latency of one image against the score and each scored error; a line joins the front.
 
     Args:
-        rows: of `tradeoff.measure`, those of the full cross (`tradeoff.is_crossed`); at least one.
+        result: of `tradeoff.measure`, whose full cross is drawn.
         theme: colours of the page.
     """
-    shared = [name for name in SCORED if all(name in row["errors"] for row in rows)]
-    titles = {None: "score (error ÷ chance)"} | {name: MEASURES[name].title for name in shared}
+    rows = [row for row in result["rows"] if is_crossed(row, result["machine"]["cores"])]
+    titles = {None: "score (error ÷ chance)"}
+    titles |= {name: MEASURES[name].title for name in result["scored"]}
     down = math.ceil(len(titles) / _ACROSS)
     size = (4.0 * _ACROSS, 3.1 * down + 1.3)
     figure = Figure(figsize=size, dpi=_DPI, facecolor=theme.paper, layout="constrained")

@@ -11,7 +11,7 @@ from .costs import TITAN_XP
 from .measures import MEASURES
 from .narrowing import RANGES
 from .runtimes import ONNX
-from .table import number
+from .table import number, with_interval
 
 Row = Mapping[str, Any]
 _ABSENT = "–"
@@ -24,6 +24,8 @@ _ERRORS = {
     "specular_albedo_mae": "m_s",
     "specular_shading_relative": "S",
     "mirror_relative": "M",
+    "relighting_psnr": "relit",
+    "relighting_psnr_unseen": "relit, unseen",
 }
 """Columns of the tables; all the other measures stand in the JSON."""
 _COLUMNS: dict[str, Callable[[Row], str]] = {
@@ -261,7 +263,7 @@ def _shown(rows: Sequence[Row]) -> list[str]:
 
 
 def _error(row: Row, name: str) -> str:
-    return number(row["errors"].get(name), is_share=MEASURES[name].is_share)
+    return number(row["errors"].get(name), MEASURES[name].unit)
 
 
 def _change(row: Row, plain: Row, title: str) -> str:
@@ -269,12 +271,11 @@ def _change(row: Row, plain: Row, title: str) -> str:
     name = next(name for name in _ERRORS if _ERRORS[name] == title)
     if name not in row["errors"]:
         return _ABSENT
-    is_share = MEASURES[name].is_share
+    unit = MEASURES[name].unit
     if row["precision"] == "float32":
-        low, high = row["interval"][name]
-        return f"{_error(row, name)} ± {number((high - low) / 2, is_share=is_share)}"
+        return with_interval(row["errors"][name], row["interval"][name], unit)
     change = row["errors"][name] - plain["errors"][name]
-    return ("−" if change < 0 else "+") + number(abs(change), is_share=is_share)
+    return ("−" if change < 0 else "+") + number(abs(change), unit)
 
 
 def _ms(value: float) -> str:

@@ -48,11 +48,7 @@ class Run:
     def __init__(self, name: str, folder: Path, samples: Samples, ledger: Ledger):
         self.name, self.folder, self.samples = name, folder, samples
         self._ledger = ledger
-        model = weights.folder(folder)
-        self._files = [model / "architecture.json", *sorted(model.glob("*.weights.h5"))]
-        if not self._files[0].is_file():
-            # Says what is missing and how to mend it.
-            weights.load(folder)
+        self._files = weights.files(folder)
 
     @functools.cached_property
     def depends_on(self) -> DependsOn:
@@ -92,7 +88,9 @@ class Run:
     def file_size(self, runtime: str, precision: str) -> int:
         """Bytes of the files that a runtime needs."""
         if runtime == KERAS:
-            return sum(map(size, self._files))
+            # Beside them may lie subnetworks as their own stages left them, for the oracle.
+            shipped = [path for path in self._files if path.parent == self._files[0].parent]
+            return sum(map(size, shipped))
         return size(self.path(runtime, precision))
 
     def part(self, name: str) -> Path:

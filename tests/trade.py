@@ -8,6 +8,7 @@ ERRORS = {
     "specular_albedo_mae": 0.2,
     "specular_shading_relative": 0.5,
     "mirror_relative": 0.8,
+    "relighting_psnr": 24.0,
 }
 
 
