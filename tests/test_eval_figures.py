@@ -93,3 +93,20 @@ def test_albedos_of_one_example_are_drawn():
         "specular_found": np.array([0.4]),
     }
     assert _pixels(figures.albedos(rows)).std() > 0
+
+
+def test_measures_are_no_losses(tmp_path):
+    """Shares and errors have scales of their own: the panels are those of the losses alone."""
+    _write(
+        tmp_path / "losses",
+        "1-segmentation.csv",
+        "step,seconds,train_mask,validation_mask\n1,1,0.5,0.4\n2,2,0.25,0.3\n",
+    )
+    _write(
+        tmp_path / "both",
+        "1-segmentation.csv",
+        "step,seconds,train_mask,validation_mask,measure_mask_iou_pooled\n"
+        "1,1,0.5,0.4,0.01\n2,2,0.25,0.3,0.9\n",
+    )
+    both, losses = (figures.loss_curves(tmp_path / name) for name in ("both", "losses"))
+    assert both == losses
