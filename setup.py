@@ -50,6 +50,7 @@ setup(
         "matplotlib>=3.9,<4",
         "jinja2>=3.1,<4",
         "markdown-it-py>=3,<5",
+        "mpmath>=1.3,<2",
         "threadpoolctl>=3.5,<4",
         "tqdm>=4.66,<5",
         # What tf.summary writes through.

@@ -60,7 +60,9 @@ def log_exponent_error(exponent: np.ndarray, log_predicted: np.ndarray) -> np.nd
 
 
 def masked_relative_error(shading: Any, predicted: Any, mask: Any) -> Any:
-    """Σ|predicted − shading| / Σ shading over each mask, `(B,)`; 0 where the mask is empty.
+    """Σ|predicted − shading| / Σ shading over each mask, `(B,)`.
+
+    0 where the mask is empty, and where the shading is black, whose relative error is boundless.
 
     Args:
         shading: linear radiance `(B, H, W, 1)`, at least 0, of NumPy or Keras.
