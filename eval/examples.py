@@ -102,8 +102,9 @@ def read(
     wanted = {choice.position for choice in choices}
     found: dict[int, dict[str, Any]] = {}
     photos: dict[int, np.ndarray] = {}
-    shards = tf.data.TFRecordDataset([str(path) for path in test_shards(corpus)])
-    for position, serialized in enumerate(shards):
+    shards = test_shards(corpus)
+    records_of_all = tf.data.TFRecordDataset([str(path) for path in shards])
+    for position, serialized in enumerate(pipeline.naming_damage(records_of_all, shards)):
         # Only the wanted ones are decoded.
         if position in wanted:
             stored = records.parse(serialized)

@@ -62,7 +62,7 @@ def measure(
             together.
         RuntimeError: if a process that measures fails.
     """
-    if not runs or any(name != Path(name).name or not name for name in runs):
+    if not runs or any(name in ("", "..") or name != Path(name).name for name in runs):
         raise ValueError(f"runs {sorted(runs)}: pass at least one, each named as a file may be")
     load = os.getloadavg()[0]
     ledger = Ledger(folder)

@@ -359,7 +359,7 @@ def test_a_damaged_record_is_named(corpus, run, tmp_path, capsys):
     data = bytearray(shard.read_bytes())
     data[-100] ^= 1
     shard.write_bytes(data)
-    line = _fails(capsys, tmp_path / "corpus", "--weights", run)
+    line = _fails(capsys, tmp_path / "corpus", "--weights", run, "--out", tmp_path)
     assert f"{shard} is broken: record 2" in line and "lime-render" in line
 
 
@@ -373,7 +373,7 @@ def test_a_broken_picture_is_named(corpus, run, tmp_path, capsys):
     with tf.io.TFRecordWriter(str(shard)) as writer:
         for serialized in (stored[0], message.SerializeToString(), stored[2]):
             writer.write(serialized)
-    line = _fails(capsys, tmp_path / "corpus", "--weights", run)
+    line = _fails(capsys, tmp_path / "corpus", "--weights", run, "--out", tmp_path)
     assert f"{shard} is broken: record 1" in line and "lime-render" in line
 
 
