@@ -31,6 +31,22 @@ def spherical_mean(radiance: np.ndarray) -> float:
     return float(np.sum(radiance * solid_angles(*radiance.shape), dtype=np.float64) / (4 * np.pi))
 
 
+def check(radiance: np.ndarray) -> None:
+    """Refuse a map that no light can have: one such texel would darken or blind what it lights.
+
+    Raises:
+        ValueError: if a texel of `(H, W)` is NaN, infinite or negative.
+    """
+    if radiance.size and not (np.min(radiance) >= 0 and np.max(radiance) < np.inf):
+        wrong = ~((radiance >= 0) & (radiance < np.inf))
+        row, column = np.argwhere(wrong)[0]
+        raise ValueError(
+            f"radiance is finite and at least 0, but {np.sum(wrong)} of the map's {radiance.size} "
+            f"texels are not, the first {radiance[row, column]} in row {row}, column {column}: "
+            "repair them, as 0 or the brightest sound texel"
+        )
+
+
 def lookup(radiance: np.ndarray, direction: np.ndarray) -> np.ndarray:
     """Radiance `(...)` that a map `(H, W)` holds in unit directions `(..., 3)`, bilinear.
 
@@ -65,7 +81,11 @@ def rotate(radiance: np.ndarray, rotation: np.ndarray, height: int, width: int) 
 
     Returns:
         `(height, width)` map in the new frame.
+
+    Raises:
+        ValueError: if a texel is NaN, infinite or negative.
     """
+    check(radiance)
     supersampling = max(4, -(-len(radiance) // height))
     fine = directions(height * supersampling, width * supersampling) @ rotation
     values = lookup(radiance, fine)

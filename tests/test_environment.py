@@ -161,3 +161,16 @@ def test_a_constant_stays_constant_under_rotation(size):
     found = environment.rotate(np.full((33, 70), 2.5), rotation(0), *size)
     assert found.shape == size
     np.testing.assert_allclose(found, 2.5)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, -1e-3])
+def test_what_is_no_radiance_is_refused_by_place(value):
+    radiance = np.ones((4, 8), np.float32)
+    environment.check(radiance)
+    environment.check(0 * radiance)
+    environment.check(radiance[:0])
+    radiance[2, 5] = radiance[3, 1] = value
+    with pytest.raises(ValueError, match=r"2 of the map's 32 texels .* row 2, column 5: repair"):
+        environment.check(radiance)
+    with pytest.raises(ValueError, match=f"the first {np.float32(value)} in row 2"):
+        environment.rotate(radiance, np.eye(3), 4, 8)

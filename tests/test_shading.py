@@ -249,6 +249,27 @@ def test_grazing_and_opposite_directions_are_finite(exponent, dtype):
             assert found[0] == 0
 
 
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("exponent", [1e-6, 1.0])
+def test_a_cosine_whose_square_is_nothing(exponent, dtype):
+    """At i = o, h·n is 1e-30, whose square float32 does not hold."""
+    normal, facing = np.array([[1, 0, 1e-30]], dtype), np.array([[0, 0, 1]], dtype)
+    found = shading.specular(normal, facing, exponent, facing, np.ones(1, dtype))
+    expected = 1e-30**exponent * normaliser(exponent)
+    assert found[0] == pytest.approx(expected, rel=1e-5, abs=0)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -1.0])
+def test_what_is_no_radiance_lights_nothing(value):
+    """A texel of NaN is not darkness: what it lights would be wrong without a word."""
+    radiance, (normal, view) = np.ones((4, 8)), sphere(5)
+    radiance[1, 2] = value
+    with pytest.raises(ValueError, match="row 1, column 2: repair"):
+        shading.texels(radiance)
+    with pytest.raises(ValueError, match="row 1, column 2: repair"):
+        shading.mirror(normal, view, radiance)
+
+
 def test_no_light_at_all():
     normal, view = sphere(5)
     light, energy = shading.texels(np.zeros((4, 8)))
