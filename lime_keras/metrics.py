@@ -39,7 +39,10 @@ def log_exponent_error(exponent: np.ndarray, log_predicted: np.ndarray) -> np.nd
 def masked_relative_error(
     shading: np.ndarray, predicted: np.ndarray, mask: np.ndarray
 ) -> np.ndarray:
-    """Σ|predicted − shading| / Σ shading over each mask, `(B,)`; 0 where the mask is empty."""
+    """Σ|predicted − shading| / Σ shading over each mask, `(B,)`.
+
+    0 where the mask is empty, and where the shading is black, whose relative error is boundless.
+    """
     inside = mask >= 0.5
     wrong = np.sum(np.abs(predicted - shading) * inside, axis=(1, 2, 3))
     size = np.sum(shading * inside, axis=(1, 2, 3))
