@@ -48,6 +48,7 @@ setup(
         "scipy>=1.13,<2",
         "matplotlib>=3.9,<4",
         "jinja2>=3.1,<4",
+        "mpmath>=1.3,<2",
         "tqdm>=4.66,<5",
         # What tf.summary writes through.
         "tensorboard>=2.19,<3",
