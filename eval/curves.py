@@ -49,7 +49,7 @@ def _measure(curve: Any, exact: Any, x: float, precision: Precision) -> Outcome:
     right, slopes, curvature = reference(exact, x, precision.epsilon)
     steepest = max(map(abs, slopes))
     compared = precision.compare(value, right, right, abs(right) + abs(x) * steepest)
-    if gradients is None:
+    if not gradients:
         return Outcome(compared)
     magnitude = steepest + abs(x) * curvature
     return Outcome(compared, precision.compare(gradients[0], min(slopes), max(slopes), magnitude))

@@ -10,6 +10,7 @@ from keras import ops
 
 from lime_keras import losses, shininess
 
+from .image_trials import pairs
 from .precisions import NUMPY_DOUBLE, NUMPY_SINGLE, SINGLE, TENSORS, Precision
 from .verdicts import Case, Compared, Outcome, refusal
 
@@ -163,12 +164,11 @@ def _log_exponent_loss(log_predicted: Any, exponent: Any) -> Any:
 
 
 def _log_loss(precision: Precision) -> Outcome:
-    exponents = [s for s in (0.0, 1e-6, 1.0, 1e3, 65504.0) if precision.holds(s)]
-    exponents, predicted = np.meshgrid(exponents, (-100.0, 0.0, 1.5, 3.0, 100.0))
-    exponents, predicted = exponents.ravel(), predicted.ravel()[:, None]
-    found, gradients = precision.evaluate(_log_exponent_loss, predicted, exponents)
+    held = [s for s in (0.0, 1e-6, 1.0, 1e3, 65504.0) if precision.holds(s)]
+    exponents, predicted = pairs(held, (-100.0, 0.0, 1.5, 3.0, 100.0))
+    found, gradients = precision.evaluate(_log_exponent_loss, predicted[:, None], exponents)
     log = np.log10(np.maximum(precision.rounded(exponents), 1.0))
-    answer = precision.rounded(predicted)[:, 0]
+    answer = precision.rounded(predicted)
     size = np.abs(answer) + log + 1
     slope, right = 2 * (answer - log), (answer - log) ** 2
     return Outcome(
@@ -187,7 +187,7 @@ def _expected(name: str, precision: Precision) -> Outcome:
     found, gradients = precision.evaluate(_expected_log, _rows(probabilities))
     right = probabilities @ means
     value = precision.compare(found, right, right, right, terms=_BINS)
-    if gradients is None:
+    if not gradients:
         return Outcome(value)
     return Outcome(value, precision.compare(gradients[0], means, means, means))
 

@@ -15,15 +15,13 @@ from lime_keras import weights
 
 from .extremes_photos import images
 from .precisions import BRAIN, HALF, SINGLE, TENSORS, Precision
-from .trial_systems import FRESH, Answers, TrialSystem
+from .trial_systems import BATCH, FRESH, Answers, TrialSystem
 from .verdicts import Case, Compared, Outcome, joined, refusal
 
 FORMATS = {"savedmodel": "SavedModel", "onnx": "ONNX"}
 _SQUARABLE = 1e15
 """What the optimiser can square in single precision."""
-_BATCH = 64
-_IN_A_BATCH = f"all images, in a batch of {_BATCH}"
-_BESIDE_NAN = f"{_IN_A_BATCH}, the last of which is NaN"
+_IN_A_BATCH = f"all images, in a batch of {BATCH} that ends in NaN"
 _UNSOUND: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "a NaN pixel": lambda image: _with_pixel(image, np.nan),
     "an infinite pixel": lambda image: _with_pixel(image, np.inf),
@@ -44,7 +42,7 @@ def cases(model_dir: Path | None = None) -> list[Case]:
     if model_dir is not None:
         system = TrialSystem(model_dir)
         return _cases("trained system", system) + _exports("trained system", system)
-    systems = {f"fresh {name}": TrialSystem(architecture=a) for name, a in FRESH.items()}
+    systems = {f"fresh {name}": TrialSystem(a) for name, a in FRESH.items()}
     # The baseline is made of the same layers: that is enough of compiling and exporting.
     out = _cases("fresh LIME", systems["fresh LIME"])
     out += _cases("fresh baseline", systems["fresh baseline"], (SINGLE, HALF, BRAIN))
@@ -71,9 +69,7 @@ def _cases(part: str, system: TrialSystem, precisions: Sequence[Precision] = TEN
     for precision in precisions:
         for image in images(2):
             add(image, precision, _alone, precision, image)
-        answer = functools.partial(system.answers, precision)
-        add(_IN_A_BATCH, precision, _in_a_batch, answer, precision)
-        add(_BESIDE_NAN, precision, _in_a_batch, answer, precision, np.nan)
+        add(_IN_A_BATCH, precision, _in_a_batch, precision)
         if not precision.compiled:
             add("derivatives by the weights, all images", precision, _derivatives, precision)
     for image in images(2):
@@ -86,13 +82,11 @@ def _cases(part: str, system: TrialSystem, precisions: Sequence[Precision] = TEN
 def _exports(part: str, system: TrialSystem) -> list[Case]:
     out = []
     for model_format, title in FORMATS.items():
-        answer = functools.partial(system.served, model_format)
         measures = {
             image: functools.partial(_exported, system, model_format, image) for image in images(2)
         }
-        measures["an image alone"] = functools.partial(_exported_alone, system, answer)
-        measures[_IN_A_BATCH] = functools.partial(_in_a_batch, system, answer)
-        measures[_BESIDE_NAN] = functools.partial(_in_a_batch, system, answer, last=np.nan)
+        measures["an image alone"] = functools.partial(_exported_alone, system, model_format)
+        measures[_IN_A_BATCH] = functools.partial(_exported_batch, system, model_format)
         out += [Case(part, name, title, measure) for name, measure in measures.items()]
     return out
 
@@ -110,35 +104,37 @@ def _derivatives(system: TrialSystem, precision: Precision) -> Outcome:
     return Outcome(gradient=Compared(steepest, 0.0, _SQUARABLE, 0.0))
 
 
-def _in_a_batch(
-    system: TrialSystem,
-    answer: Callable[[np.ndarray], Answers],
-    precision: Precision = SINGLE,
-    last: float | None = None,
-) -> Outcome:
-    """Every image, wherever it stands in the batch, and whatever the last one is."""
-    names = list(system.images)
-    order = [names[position % len(names)] for position in range(_BATCH)]
-    batch = np.stack([system.images[image] for image in order])
-    if last is not None:
-        batch[-1], order = last, order[:-1]
-    found = answer(batch)
+def _in_a_batch(system: TrialSystem, precision: Precision) -> Outcome:
+    """Every image, wherever it stands in the batch, and whatever another one is."""
+    return _every(system, system.answers(precision, system.batch[1]), precision)
+
+
+def _exported_batch(system: TrialSystem, model_format: str) -> Outcome:
+    return _every(system, system.served_batch(model_format), SINGLE)
+
+
+def _every(system: TrialSystem, found: Answers, precision: Precision) -> Outcome:
     parts = []
-    for position, image in enumerate(order):
-        here = {name: x[position : position + 1] for name, x in found.items()}
+    for position, image in enumerate(system.batch[0]):
         tolerance = system.tolerance(image, precision.epsilon)
-        parts.append(_compared(here, system.exact(image), tolerance))
+        parts.append(_compared(_at(position, found), system.exact(image), tolerance))
     return Outcome(joined(parts))
 
 
+def _at(position: int, found: Answers) -> Answers:
+    """One image's answers of a batch's."""
+    return {name: x[position : position + 1] for name, x in found.items()}
+
+
 def _exported(system: TrialSystem, model_format: str, image: str) -> Outcome:
-    """In a batch of all, against Keras, which sees one; both may err."""
-    return _beside_keras(system, image, system.served_images(model_format)[image])
+    """In the batch, against Keras, which sees one image; both may err."""
+    position = system.batch[0].index(image)
+    return _beside_keras(system, image, _at(position, system.served_batch(model_format)))
 
 
-def _exported_alone(system: TrialSystem, answer: Callable[[np.ndarray], Answers]) -> Outcome:
+def _exported_alone(system: TrialSystem, model_format: str) -> Outcome:
     image = "in steps of 16 bits"
-    return _beside_keras(system, image, answer(system.images[image][None]))
+    return _beside_keras(system, image, system.served(model_format, system.images[image][None]))
 
 
 def _beside_keras(system: TrialSystem, image: str, found: Answers) -> Outcome:

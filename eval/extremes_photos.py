@@ -10,6 +10,7 @@ import OpenImageIO as oiio
 
 from lime_keras import photo
 
+from . import srgb_standard
 from .precisions import NUMPY_SINGLE
 from .verdicts import Case, Outcome, refusal
 
@@ -88,7 +89,7 @@ def _read(image: np.ndarray, kind: str) -> Outcome:
         # Halves may be rounded either way.
         low, high = (np.round(image * levels + side) / levels for side in (-1e-3, 1e-3))
     else:
-        low = high = _encoded(image) if is_linear else image
+        low = high = srgb_standard.encoded(image) if is_linear else image
     return Outcome(NUMPY_SINGLE.compare(found, low, high, np.maximum(high, is_linear * 0.055)))
 
 
@@ -108,17 +109,7 @@ def _fitted(image: np.ndarray, size: int) -> Outcome:
     low, high = np.full((size, size, 3), image.min()), np.full((size, size, 3), image.max())
     if size <= len(image) == image.shape[1]:
         factor = len(image) // size
-        blocks = _decoded(image).reshape(size, factor, size, factor, 3)
-        low = high = _encoded(blocks.mean((1, 3)))
+        blocks = srgb_standard.decoded(image).reshape(size, factor, size, factor, 3)
+        low = high = srgb_standard.encoded(blocks.mean((1, 3)))
     # Decoding and encoding have conditions of 2.4 and 1 / 2.4, and a dark end that is linear.
     return Outcome(NUMPY_SINGLE.compare(found, low, high, 3 * high + 0.055, terms=(16 // 4) ** 2))
-
-
-def _decoded(srgb: np.ndarray) -> np.ndarray:
-    """IEC 61966-2-1."""
-    return np.where(srgb > 0.04045, ((srgb + 0.055) / 1.055) ** 2.4, srgb / 12.92)
-
-
-def _encoded(linear: np.ndarray) -> np.ndarray:
-    """IEC 61966-2-1."""
-    return np.where(linear > 0.0031308, 1.055 * linear ** (1 / 2.4) - 0.055, linear * 12.92)

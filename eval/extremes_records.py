@@ -11,6 +11,7 @@ import tensorflow as tf
 
 from lime_keras import camera, environment, pipeline, records
 
+from . import srgb_standard
 from .precisions import SINGLE
 from .verdicts import Case, Compared, Outcome, refusal
 
@@ -163,8 +164,7 @@ def _photographed(radiance: float) -> Outcome:
     Exposure is half a stop at most, and noise hardly ever six standard deviations of the smallest
     sensor; JPEG rounds, and its blocks overshoot.
     """
-    linear = np.clip(radiance, 0, 1)
-    level = np.where(linear > 0.0031308, 1.055 * linear ** (1 / 2.4) - 0.055, linear * 12.92)
+    level = srgb_standard.encoded(np.clip(radiance, 0, 1))
     layer = np.full((_SIZE, _SIZE, 1), radiance)
     scene = {
         "image": np.full((_SIZE, _SIZE, 3), level),
@@ -178,9 +178,7 @@ def _photographed(radiance: float) -> Outcome:
     low, high = radiance * 2**-0.5, radiance * 2**0.5
     noise = 6 * np.sqrt((np.array([low, high]) + 4 / 1000) / 1000)
     ends = np.clip(np.array([low, high]) + noise * [-1, 1], 0, 1)
-    low_level, high_level = np.where(
-        ends > 0.0031308, 1.055 * ends ** (1 / 2.4) - 0.055, ends * 12.92
-    )
+    low_level, high_level = srgb_standard.encoded(ends)
     sure = float(low >= 1), float(high >= 1)
     return Outcome(
         Compared(

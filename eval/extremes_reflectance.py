@@ -11,9 +11,9 @@ from lime_keras import reflectance, shading
 
 from . import curves
 from .precisions import ARRAYS, NUMPY_SINGLE, ROUNDINGS, TENSORS, Precision
+from .trial_lights import EXPONENTS
 from .verdicts import Case, Compared, Outcome
 
-_EXPONENTS = {"0": 0.0, "1e-6": 1e-6, "1": 1.0, "1e3": 1e3, "1e6": 1e6}
 _LARGE = {"65504": 65504.0, "infinity": np.inf}
 
 _UP = (0.0, 0.0, 1.0)
@@ -48,11 +48,11 @@ def cases() -> list[Case]:
         "normaliser",
         lambda s: reflectance.normaliser(s),
         _normaliser,
-        {f"s = {name}": s for name, s in (_EXPONENTS | _LARGE).items()},
+        {f"s = {name}": s for name, s in (EXPONENTS | _LARGE).items()},
         (*TENSORS, NUMPY_SINGLE),
     )
     for geometry in _GEOMETRIES:
-        for exponent in _EXPONENTS:
+        for exponent in EXPONENTS:
             for precision in ARRAYS:
                 measure = functools.partial(_lobe, geometry, exponent, precision)
                 out.append(Case("lobe", f"s = {exponent}, {geometry}", precision.name, measure))
@@ -70,7 +70,7 @@ def _lobe(geometry: str, exponent: str, precision: Precision) -> Outcome:
     """c(s) (h·n)^s of one light of energy 1."""
     vectors = [np.array([vector]) for vector in _GEOMETRIES[geometry]]
     vectors = [vector / np.linalg.norm(vector) for vector in vectors]
-    s = _EXPONENTS[exponent]
+    s = EXPONENTS[exponent]
 
     def lit(normal: np.ndarray, view: np.ndarray, light: np.ndarray) -> np.ndarray:
         return shading.specular(normal, view, s, light, np.ones(1, light.dtype))

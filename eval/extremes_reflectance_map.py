@@ -10,10 +10,10 @@ from lime_keras import environment
 from lime_keras import reflectance_map as library
 
 from .precisions import BRAIN, HALF, SINGLE, TENSORS, XLA, Precision
+from .trial_lights import EXPONENTS, normaliser
 from .verdicts import Case, Compared, Outcome, joined
 
 _SIZE = 17  # odd: its middle pixel shows the normal that faces the viewer
-_EXPONENTS = {"0": 0.0, "1e-6": 1e-6, "1": 1.0, "1e3": 1e3, "1e6": 1e6}
 # Powers of two scale exactly, so that nothing but overflow and underflow can show.
 _SCALES = {"radiance 1e-8": 2.0**-27, "radiance 1e8": 2.0**27}
 _GRID = 0.02
@@ -29,9 +29,9 @@ def cases() -> list[Case]:
         out.append(Case("reflectance map", name, precision.name, measure))
 
     for precision in (SINGLE, XLA):
-        for name, s in _EXPONENTS.items():
+        for name, s in EXPONENTS.items():
             add(f"s = {name}, exactly 1 in a furnace at n = o", precision, _furnace, s)
-        for name, s in list(_EXPONENTS.items())[:4]:
+        for name, s in list(EXPONENTS.items())[:4]:
             add(f"s = {name}, one texel", precision, _one_texel, s)
         for name, scale in _SCALES.items():
             add(name, precision, _scaled, scale)
@@ -98,7 +98,7 @@ def _one_texel(precision: Precision, s: float) -> Outcome:
     centres = (2 * np.arange(_SIZE) + 1) / _SIZE - 1
     u, v = np.meshgrid(centres, -centres)
     n = np.stack([u, v, np.sqrt(np.maximum(1 - u**2 - v**2, 0))], axis=-1)
-    constant = (s + 2) / (8 * math.pi * (1 - 2 ** (-(s + 2) / 2)))
+    constant = normaliser(s)
     peak = energy * (constant + 1 / math.pi)
     lit = (n @ i > 0) & (n @ half > 0)
     right = energy * (np.maximum(n @ i, 0) / math.pi)

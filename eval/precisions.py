@@ -84,12 +84,12 @@ class Precision:
 
     def evaluate(
         self, function: Callable[..., Any], *values: Any
-    ) -> tuple[np.ndarray, list[np.ndarray] | None]:
-        """A function's value, and the gradients of its sum by each argument (NumPy has none)."""
+    ) -> tuple[np.ndarray, list[np.ndarray]]:
+        """A function's value, and the gradients of its sum by each argument; NumPy has none."""
         arrays = [self.array(value) for value in values]
         if not self.tensors:
             with np.errstate(all="ignore"):
-                return np.asarray(function(*arrays), np.float64), None
+                return np.asarray(function(*arrays), np.float64), []
         run = _differentiated(function, self.compiled)
         value, gradients = run(*map(tf.constant, arrays))
         return _double(value), [_double(gradient) for gradient in gradients]

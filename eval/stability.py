@@ -17,6 +17,8 @@ from tqdm import tqdm
 
 from . import (
     extremes_colour,
+    extremes_compositing,
+    extremes_environment,
     extremes_exponent,
     extremes_losses,
     extremes_metrics,
@@ -66,10 +68,12 @@ def cases(model_dir: Path | None = None) -> list[Case]:
     modules = (
         extremes_reflectance,
         extremes_shading,
+        extremes_environment,
         extremes_reflectance_map,
         extremes_colour,
-        extremes_exponent,
+        extremes_compositing,
         extremes_losses,
+        extremes_exponent,
         extremes_metrics,
         extremes_photos,
         extremes_records,

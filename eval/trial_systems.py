@@ -1,5 +1,6 @@
 """A system to drive to its edges: a trained one, or a small one with fresh weights."""
 
+import dataclasses
 import functools
 import tempfile
 from collections.abc import Mapping
@@ -18,20 +19,12 @@ from . import double_precision
 from .extremes_photos import images
 from .precisions import ROUNDINGS, Precision
 
-FRESH = {
-    "LIME": Architecture(size=32, unet_width=4, unet_depth=2, encoder_width=4, dense_width=8),
-    "baseline": Architecture(
-        size=32,
-        unet_width=4,
-        unet_depth=2,
-        encoder_width=4,
-        dense_width=8,
-        system="reflectance-map",
-    ),
-}
+_SMALL = Architecture(size=32, unet_width=4, unet_depth=1, encoder_width=4, dense_width=8)
+FRESH = {"LIME": _SMALL, "baseline": dataclasses.replace(_SMALL, system="reflectance-map")}
 """Systems small enough to be tried in seconds."""
 
-_POLICIES = {"float16": "mixed_float16", "bfloat16": "mixed_bfloat16", "float32": "float32"}
+BATCH = 64
+_POLICIES = {"float16": "mixed_float16", "bfloat16": "mixed_bfloat16"}
 _DRAWS = 4
 _MARGIN = 4.0
 """Times the largest change in a few draws that rounding is allowed to make."""
@@ -45,14 +38,12 @@ class TrialSystem:
     """A system in every precision and format, each made when it is first asked for.
 
     Args:
-        model_dir: run of `lime-train`, or folder of `weights.save`; without one, weights are
-            drawn.
-        architecture: of the system whose weights are drawn.
+        source: run of `lime-train` or folder of `weights.save`, or an architecture whose weights
+            are drawn.
     """
 
-    def __init__(self, model_dir: Path | None = None, architecture: Architecture | None = None):
-        self._model_dir = model_dir
-        self._fresh = architecture
+    def __init__(self, source: Path | Architecture):
+        self._source = source
 
     @functools.cached_property
     def _scratch(self) -> Path:
@@ -63,16 +54,9 @@ class TrialSystem:
     @functools.cached_property
     def folder(self) -> Path:
         """Of the weights."""
-        if self._model_dir is not None:
-            return self._model_dir
-        subnetworks = build(self._fresh, seed=0)
-        for name, network in subnetworks.items():
-            if name in _HEADS:
-                bias = network.get_layer("head").bias
-                bias.assign(np.full(bias.shape, _HEADS[name]))
-            elif name in ("albedo", "material"):
-                network.get_layer("albedos").bias.assign([0.5] * 4)
-        weights.save(self._scratch / "model", self._fresh, subnetworks)
+        if isinstance(self._source, Path):
+            return self._source
+        weights.save(self._scratch / "model", self._source, _drawn(self._source))
         return self._scratch / "model"
 
     @functools.cached_property
@@ -86,6 +70,13 @@ class TrialSystem:
         return {name: image.astype(np.float32) for name, image in images(size).items()}
 
     @functools.cached_property
+    def batch(self) -> tuple[list[str], np.ndarray]:
+        """All images over and over, `(64, S, S, 3)`, the last of NaN; and names of the others."""
+        names = [list(self.images)[k % len(self.images)] for k in range(BATCH - 1)]
+        photos = [self.images[name] for name in names]
+        return names, np.stack([*photos, np.full_like(photos[0], np.nan)])
+
+    @functools.cached_property
     def estimator(self) -> Estimator:
         """What answers the public interface."""
         return Estimator(self.folder)
@@ -94,16 +85,15 @@ class TrialSystem:
         """The network's, for `(B, S, S, 3)`."""
         return _numpy(self._network(precision)(tf.constant(batch, tf.float32)))
 
+    @functools.cache  # noqa: B019 - lives as long as the suite runs
+    def served_batch(self, model_format: str) -> Answers:
+        """The exported model's answers to `batch`."""
+        return self.served(model_format, self.batch[1])
+
     def served(self, model_format: str, batch: np.ndarray) -> Answers:
         """The exported model's, for `(B, S, S, 3)`."""
         path, run = self._exported(model_format)
         return _numpy(run(path, batch.astype(np.float32)))
-
-    @functools.cache  # noqa: B019 - lives as long as the suite runs
-    def served_images(self, model_format: str) -> dict[str, Answers]:
-        """The exported model's to each of `images`, given as one batch."""
-        photos = np.stack(list(self.images.values()))
-        return self._by_image(self.served(model_format, photos))
 
     def exact(self, image: str) -> Answers:
         """In double precision, to one of `images`."""
@@ -112,7 +102,7 @@ class TrialSystem:
     def tolerance(self, image: str, epsilon: float) -> Answers:
         """How far rounding may move each answer: what random rounding does, and somewhat more.
 
-        To that come the formulas behind the networks, whose condition is 11 at most (`expand`).
+        To that come the formulas behind the networks, in single precision whatever they compute in.
         """
         exact, out = self.exact(image), {}
         draws = [self._exact(epsilon, seed)[image] for seed in range(1, _DRAWS + 1)]
@@ -136,10 +126,7 @@ class TrialSystem:
     def _exact(self, epsilon: float, seed: int) -> dict[str, Answers]:
         rounding = double_precision.Rounding(epsilon, np.random.default_rng(seed))
         photos = np.stack(list(self.images.values()))
-        return self._by_image(double_precision.answers(self._loaded[1], photos, rounding))
-
-    def _by_image(self, found: Answers) -> dict[str, Answers]:
-        """Answers to a batch of all `images`, each by itself."""
+        found = double_precision.answers(self._loaded[1], photos, rounding)
         return {
             image: {name: x[k : k + 1] for name, x in found.items()}
             for k, image in enumerate(self.images)
@@ -148,7 +135,7 @@ class TrialSystem:
     @functools.cache  # noqa: B019 - as above
     def _network(self, precision: Precision) -> Any:
         architecture, subnetworks = self._loaded
-        if precision.dtype != "float32":
+        if precision.dtype in _POLICIES:
             subnetworks = _in_policy(_POLICIES[precision.dtype], architecture, subnetworks)
         network = assemble(subnetworks)
         if not precision.compiled:
@@ -163,6 +150,18 @@ class TrialSystem:
             "savedmodel": (self._scratch / "saved_model", export.run_saved_model),
             "onnx": (self._scratch / "lime.onnx", export.run_onnx),
         }[model_format]
+
+
+def _drawn(architecture: Architecture) -> dict[str, keras.Model]:
+    """Subnetworks with weights of a fixed seed that leave nothing black."""
+    subnetworks = build(architecture, seed=0)
+    for name, network in subnetworks.items():
+        if name in _HEADS:
+            bias = network.get_layer("head").bias
+            bias.assign(np.full(bias.shape, _HEADS[name]))
+        elif name in ("albedo", "material"):
+            network.get_layer("albedos").bias.assign([0.5] * 4)
+    return subnetworks
 
 
 def _in_policy(

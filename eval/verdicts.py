@@ -75,7 +75,12 @@ class Compared:
         # Of elements that are all exact, the largest says most.
         size = np.nan_to_num(np.abs(nearest), nan=0.0, posinf=0.0)
         index = np.lexsort((size.ravel(), np.nan_to_num(share, nan=np.inf).ravel()))[-1]
-        return tuple(float(a.ravel()[index]) for a in (found, nearest, distance, tolerance))
+        return (
+            float(found.ravel()[index]),
+            float(nearest.ravel()[index]),
+            float(distance.ravel()[index]),
+            float(tolerance.ravel()[index]),
+        )
 
 
 def joined(parts: Iterable[Compared]) -> Compared:
@@ -115,7 +120,8 @@ class Case:
         try:
             outcome = self.measure()
         except Exception as error:
-            return self._verdict(passed=False, note=f"{type(error).__name__}: {first_line(error)}")
+            note = f"{type(error).__name__}: {first_line(error)}"
+            return self._verdict(passed=False, note=note)
         if outcome.value is None and outcome.gradient is None:
             return self._verdict(passed=True, note=outcome.note)
         return self._compared(outcome)
@@ -125,21 +131,41 @@ class Case:
         of_value, of_gradient = (
             compared.worst() if compared else None for compared in (outcome.value, outcome.gradient)
         )
-        worse = max(filter(None, (of_value, of_gradient)), key=lambda numbers: _share(*numbers[2:]))
+        known = [numbers for numbers in (of_value, of_gradient) if numbers]
+        worse = max(known, key=lambda numbers: _share(*numbers[2:]))
         note = outcome.note
         if of_value and worse is not of_value:
             note = "; ".join(filter(None, ["error of the gradient", note]))
         return self._verdict(
-            of_value[0] if of_value else None,
-            of_gradient[0] if of_gradient else None,
-            *worse[1:],
+            value=of_value[0] if of_value else None,
+            gradient=of_gradient[0] if of_gradient else None,
+            compared=worse[1:],
             passed=_share(*worse[2:]) <= 1,
             note=note,
         )
 
-    def _verdict(self, *numbers: float | None, passed: bool, note: str) -> Verdict:
-        padded = [*numbers, *[None] * (5 - len(numbers))]
-        return Verdict(self.part, self.name, self.precision, *padded, passed=passed, note=note)
+    def _verdict(
+        self,
+        *,
+        passed: bool,
+        note: str,
+        value: float | None = None,
+        gradient: float | None = None,
+        compared: tuple[float | None, float | None, float | None] = (None, None, None),
+    ) -> Verdict:
+        reference, error, tolerance = compared
+        return Verdict(
+            part=self.part,
+            case=self.name,
+            precision=self.precision,
+            value=value,
+            gradient=gradient,
+            reference=reference,
+            error=error,
+            tolerance=tolerance,
+            passed=passed,
+            note=note,
+        )
 
 
 class UnrefusedError(Exception):
