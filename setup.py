@@ -46,6 +46,9 @@ setup(
         "onnxruntime>=1.20,<2",
         "trimesh>=4.5,<6",
         "scikit-image>=0.24,<1",
+        "pillow>=10.1,<13",
+        # OpenImageIO's wheels are built without HEIF.
+        "pillow-heif>=0.18,<2",
         "scipy>=1.13,<2",
         "matplotlib>=3.9,<4",
         "jinja2>=3.1,<4",
