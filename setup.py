@@ -31,7 +31,10 @@ setup(
         "lime_keras.train",
         "lime_keras.eval",
     ],
-    package_data={"lime_keras": ["py.typed"], "lime_keras.eval": ["templates/*.html"]},
+    package_data={
+        "lime_keras": ["py.typed", "pretrained/*/*", "pretrained/*.md"],
+        "lime_keras.eval": ["templates/*.html"],
+    },
     install_requires=[
         "tensorflow>=2.20,<2.22",
         "keras>=3.13,<3.16",

@@ -4,7 +4,7 @@ Example:
     from lime_keras import Estimator
     from lime_keras.photo import read_srgb
 
-    material = Estimator("runs/quickstart").estimate(read_srgb("photo.png"))
+    material = Estimator().estimate(read_srgb("photo.png"))
     print(material.diffuse_albedo, material.specular_albedo, material.exponent)
 """
 
@@ -39,7 +39,8 @@ class Estimator:
     """A trained model, loaded once and applied to many photos.
 
     Args:
-        weights_folder: run of `lime-train` or folder of `lime_keras.weights.save`.
+        weights_folder: run of `lime-train` or folder of `lime_keras.weights.save`; by default the
+            model that comes with the package (`lime_keras.weights.SHIPPED`).
         only: what to estimate, out of `NEEDED`; only the subnetworks it takes are run. By default
             everything that this model can.
 
@@ -53,7 +54,11 @@ class Estimator:
         ValueError: if `only` names nothing, or something that this model cannot estimate.
     """
 
-    def __init__(self, weights_folder: str | Path, only: Collection[str] | None = None):
+    def __init__(
+        self,
+        weights_folder: str | Path = weights.SHIPPED,
+        only: Collection[str] | None = None,
+    ):
         self.architecture, subnetworks = weights.load(Path(weights_folder))
         needed = available(subnetworks)
         self._only = set(needed if only is None else only)

@@ -49,7 +49,12 @@ def parser() -> argparse.ArgumentParser:
     out.add_argument(
         "photos", type=Path, nargs="+", metavar="PHOTO", help="picture, or folder of pictures"
     )
-    out.add_argument("--weights", type=Path, required=True, metavar="RUN", help="run of lime-train")
+    out.add_argument(
+        "--weights",
+        type=Path,
+        metavar="RUN",
+        help="run of lime-train (default: the model that comes with the package)",
+    )
     out.add_argument(
         "--out", type=Path, default=Path("materials"), metavar="DIR", help="(default: materials)"
     )
@@ -79,7 +84,7 @@ def main(argv: list[str] | None = None) -> int:
 
 def _estimate(options: argparse.Namespace) -> int:
     console.import_tensorflow()
-    from lime_keras import estimate_files
+    from lime_keras import estimate_files, weights
     from lime_keras.estimate import Estimator
 
     photos = _photos(options.photos)
@@ -88,7 +93,7 @@ def _estimate(options: argparse.Namespace) -> int:
             f"--mask {options.mask} is one file for {len(photos)} photos: pass a folder that holds "
             "a mask of the same name for each"
         )
-    estimator = Estimator(options.weights, options.only)
+    estimator = Estimator(options.weights or weights.SHIPPED, options.only)
     options.out.mkdir(parents=True, exist_ok=True)
     work = _Work(options, estimator, photos, estimate_files.distinct_names(photos))
     work.run()

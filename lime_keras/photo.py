@@ -22,7 +22,7 @@ _LINEAR_FORMATS = ("openexr", "hdr")
 _LINEAR_SPACES = ("lin", "scene_linear")
 
 
-def read(path: Path) -> tuple[np.ndarray, np.ndarray | None]:
+def read(path: str | Path) -> tuple[np.ndarray, np.ndarray | None]:
     """Read a photo of any kind, and the cut-out that its alpha channel holds, if any.
 
     Integer formats are taken to be sRGB, and OpenEXR, Radiance and files that say so (a PNG with
@@ -49,12 +49,12 @@ def read(path: Path) -> tuple[np.ndarray, np.ndarray | None]:
     return np.clip(pixels, 0, 1).astype(np.float32), alpha
 
 
-def read_srgb(path: Path) -> np.ndarray:
+def read_srgb(path: str | Path) -> np.ndarray:
     """Read a photo as `(H, W, 3)` float32 sRGB in [0, 1], without its alpha; errors as `read`."""
     return read(path)[0]
 
 
-def read_mask(path: Path, height: int, width: int) -> np.ndarray:
+def read_mask(path: str | Path, height: int, width: int) -> np.ndarray:
     """Read an object's mask, white where it is, as `(height, width, 1)` float32 in [0, 1].
 
     Of a colour picture the mean of its channels counts; of a cut-out, its alpha.
@@ -141,12 +141,13 @@ def _check_size(path: Path, width: int, height: int) -> None:
         )
 
 
-def write(path: Path, image: np.ndarray) -> None:
+def write(path: str | Path, image: np.ndarray) -> None:
     """Write `(H, W, C)` floats: a `.png` as 8 bits of [0, 1], an `.exr` as half floats.
 
     Raises:
         OSError: if the file cannot be written.
     """
+    path = Path(path)
     height, width, channels = image.shape
     kind = oiio.HALF if path.suffix == ".exr" else oiio.UINT8
     buffer = oiio.ImageBuf(oiio.ImageSpec(width, height, channels, kind))

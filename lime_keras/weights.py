@@ -15,6 +15,8 @@ import keras
 from lime_keras.networks import Architecture, build
 
 _ALONE = "alone"
+SHIPPED = Path(__file__).parent / "pretrained" / "live"
+"""The model that comes with the package: what is used where no other is named."""
 
 
 def save(

@@ -40,7 +40,15 @@ ALLOWED = {
     "estimate": {"colour", "framing", "material", "networks", "shininess", "weights"},
     "estimate_files": {"colour", "interchange", "material", "photo", "preview"},
     "export": {"networks", "weights"},
-    "estimate_cli": {"console", "version", "estimate", "estimate_files", "material", "photo"},
+    "estimate_cli": {
+        "console",
+        "version",
+        "estimate",
+        "estimate_files",
+        "material",
+        "photo",
+        "weights",
+    },
     "export_cli": {"console", "version", "export"},
     "__init__": {"version", "estimate", "material"},
 }
