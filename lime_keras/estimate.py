@@ -190,7 +190,7 @@ class Estimator:
             fields["exponent_bin_probabilities"] = probabilities
             fields["exponent_entropy"] = float(shininess.entropy(probabilities))
         coverage = float(np.mean(mask >= framing.THRESHOLD))
-        return Material(mask_coverage=coverage, square=tuple(square), layers=layers, **fields)
+        return Material(mask_coverage=coverage, square=square, layers=layers, **fields)
 
 
 def available(subnetworks: Mapping[str, keras.Model]) -> dict[str, tuple[str, ...]]:

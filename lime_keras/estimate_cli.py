@@ -145,7 +145,8 @@ class _Work:
 
     def _batches(self) -> Iterator[list[tuple[Any, ...]]]:
         """Some photos with their path, name and mask; those that cannot be read are told."""
-        batch, pixels = [], 0
+        batch: list[tuple[Any, ...]] = []
+        pixels = 0
         for path, name in zip(self._photos, self._names, strict=True):
             begun = time.perf_counter()
             try:

@@ -123,7 +123,7 @@ def paste(layer: np.ndarray, square: Square, height: int, width: int) -> np.ndar
 
 def _overlap(
     square: Square, height: int, width: int
-) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
+) -> tuple[tuple[slice, ...], tuple[slice, ...]]:
     """Rows and columns of what a square and a photo share: of the square, and of the photo."""
     first = [max(0, -square.top), max(0, -square.left)]
     last = [min(square.side, height - square.top), min(square.side, width - square.left)]
