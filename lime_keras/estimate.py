@@ -117,10 +117,9 @@ class Estimator:
         ]
         if not images:
             return
-        squares, masks_seen = self._find(images, given)
+        squares, seen, masks_seen = self._find(images, given)
         answer: Mapping[str, np.ndarray] = {}
         if self._reader is not None:
-            seen = self._cut(images, squares)
             answer = _run(self._reader, {"image": seen, "mask": masks_seen})
         for index, (image, mask, square) in enumerate(zip(images, given, squares, strict=True)):
             own = {name: value[index] for name, value in answer.items()}
@@ -130,39 +129,33 @@ class Estimator:
 
     def _find(
         self, images: list[np.ndarray], given: list[np.ndarray | None]
-    ) -> tuple[list[Square], np.ndarray]:
-        """Where to look in each photo, and the masks `(N, S, S, 1)` there."""
+    ) -> tuple[list[Square], np.ndarray, np.ndarray]:
+        """Where to look in each photo, what is seen there and its mask, `(N, S, S, C)`."""
+        size = self.architecture.size
         squares = [
             framing.whole(*image.shape[:2]) if mask is None else framing.around_given(mask)
             for image, mask in zip(images, given, strict=True)
         ]
-        size = self.architecture.size
+        seen = np.stack([framing.cut(*pair, size) for pair in zip(images, squares, strict=True)])
         masks = np.zeros((len(images), size, size, 1), np.float32)
         for index, mask in enumerate(given):
             if mask is not None:
-                masks[index] = framing.cut_mask(mask, squares[index], size)
+                masks[index] = framing.cut_layer(mask, squares[index], size)
         looked = [index for index, mask in enumerate(given) if mask is None]
-        masks[looked] = self._masks(images, squares, looked)
+        masks[looked] = self._masks(seen[looked])
         closer = [framing.around(mask, square) for mask, square in zip(masks, squares, strict=True)]
         again = [index for index in looked if closer[index] != squares[index]]
-        for index, mask in zip(again, self._masks(images, closer, again), strict=True):
+        near = [framing.cut(images[index], closer[index], size) for index in again]
+        for index, view, mask in zip(again, near, self._masks(np.array(near)), strict=True):
             # What is lost from near was never an object, or too small for one.
             if np.any(mask >= framing.THRESHOLD):
-                squares[index], masks[index] = closer[index], mask
-        return squares, masks
+                squares[index], seen[index], masks[index] = closer[index], view, mask
+        return squares, seen, masks
 
-    def _masks(
-        self, images: list[np.ndarray], squares: list[Square], chosen: list[int]
-    ) -> np.ndarray:
-        """What SegmentationNet sees in the squares of the chosen photos."""
-        if not chosen:
-            return np.empty((0, self.architecture.size, self.architecture.size, 1), np.float32)
-        seen = self._cut([images[index] for index in chosen], [squares[index] for index in chosen])
-        return _run(self._finder, seen)["mask"]
-
-    def _cut(self, images: list[np.ndarray], squares: list[Square]) -> np.ndarray:
+    def _masks(self, seen: np.ndarray) -> np.ndarray:
+        """SegmentationNet's answers `(N, S, S, 1)`, also to none at all."""
         size = self.architecture.size
-        return np.stack([framing.cut(*pair, size) for pair in zip(images, squares, strict=True)])
+        return _run(self._finder, seen)["mask"] if len(seen) else np.empty((0, size, size, 1))
 
     def _material(
         self, image: np.ndarray, mask: np.ndarray, square: Square, answer: dict[str, np.ndarray]

@@ -102,12 +102,15 @@ def cut(image_srgb: np.ndarray, square: Square, size: int) -> np.ndarray:
     return np.clip(colour.linear_to_srgb(linear), seen.min(), seen.max())
 
 
-def cut_mask(mask: np.ndarray, square: Square, size: int) -> np.ndarray:
-    """Resample a square of a mask `(H, W, 1)` to `(size, size, 1)`; beyond its edges there is 0."""
-    seen = np.zeros((square.side, square.side, 1), np.float32)
-    inside, outside = _overlap(square, *mask.shape[:2])
-    seen[inside] = mask[outside]
-    return np.clip(_resampled(seen, size, size), 0, 1)
+def cut_layer(layer: np.ndarray, square: Square, size: int) -> np.ndarray:
+    """Resample a square of a layer `(H, W, C)` to `(size, size, C)`; beyond its edges there is 0.
+
+    For what is linear: masks and radiance.
+    """
+    seen = np.zeros((square.side, square.side, layer.shape[-1]), np.float32)
+    inside, outside = _overlap(square, *layer.shape[:2])
+    seen[inside] = layer[outside]
+    return _resampled(seen, size, size)
 
 
 def paste(layer: np.ndarray, square: Square, height: int, width: int) -> np.ndarray:

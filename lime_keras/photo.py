@@ -150,7 +150,10 @@ def write(path: str | Path, image: np.ndarray) -> None:
     path = Path(path)
     height, width, channels = image.shape
     kind = oiio.HALF if path.suffix == ".exr" else oiio.UINT8
-    buffer = oiio.ImageBuf(oiio.ImageSpec(width, height, channels, kind))
+    spec = oiio.ImageSpec(width, height, channels, kind)
+    # Half the default's time, for a tenth more bytes.
+    spec.attribute("png:compressionLevel", 4)
+    buffer = oiio.ImageBuf(spec)
     buffer.set_pixels(oiio.ROI(), np.ascontiguousarray(image, np.float32))
     if not buffer.write(str(path)):
         raise OSError(f"{path} cannot be written: {buffer.geterror()}")

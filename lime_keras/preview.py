@@ -59,10 +59,10 @@ def sheet(image_srgb: np.ndarray, material: Material) -> np.ndarray:
     tiles = {_TITLES["photo"]: _with_outline(image_srgb, material)}
     for name, title in list(_TITLES.items())[1:]:
         if name in material.layers:
-            layer = material.layers[name]
+            tile = _seen(material.layers[name], material)
             # S and M reach far above white: their bright parts are compressed.
-            shown = layer / (1 + layer) if layer.shape[-1] == 1 else np.clip(layer, 0, 1)
-            tiles[title] = _seen(colour.linear_to_srgb(shown), material)
+            shown = tile / (1 + tile) if tile.shape[-1] == 1 else np.clip(tile, 0, 1)
+            tiles[title] = np.broadcast_to(colour.linear_to_srgb(shown), (_TILE, _TILE, 3))
     if "reflectance_map" in material.layers:
         tiles["reflectance map"] = _enlarged(
             colour.linear_to_srgb(np.clip(material.layers["reflectance_map"], 0, 1))
@@ -91,15 +91,17 @@ def _with_outline(image_srgb: np.ndarray, material: Material) -> np.ndarray:
     padded = np.pad(inside, 1, mode="edge")
     neighbours = [padded[1:-1, :-2], padded[1:-1, 2:], padded[:-2, 1:-1], padded[2:, 1:-1]]
     edge = inside & ~np.logical_and.reduce(neighbours)
-    return np.where(edge[..., None], _OUTLINE, _seen(image_srgb, material))
+    photo = framing.cut(image_srgb, _square(material, image_srgb), _TILE)
+    return np.where(edge[..., None], _OUTLINE, photo)
 
 
 def _seen(layer: np.ndarray, material: Material) -> np.ndarray:
-    """What the networks saw of a layer `(H, W, C)`, as a tile of three channels."""
-    square = Square(*material.square) if material.square else framing.whole(*layer.shape[:2])
-    cut = framing.cut if layer.shape[-1] == 3 else framing.cut_mask
-    tile = cut(layer, square, _TILE)
-    return np.repeat(tile, 3, axis=-1) if tile.shape[-1] == 1 else tile
+    """What the networks saw of a linear layer `(H, W, C)`, as a tile."""
+    return framing.cut_layer(layer, _square(material, layer), _TILE)
+
+
+def _square(material: Material, image: np.ndarray) -> Square:
+    return Square(*material.square) if material.square else framing.whole(*image.shape[:2])
 
 
 def _enlarged(tile: np.ndarray) -> np.ndarray:

@@ -38,12 +38,12 @@ def test_the_whole_square_holds_the_photo_in_its_middle(height, width):
 def test_a_small_object_is_looked_at_from_near():
     """A disc a tenth as wide as the photo comes to fill `FILL` of the new square's middle."""
     whole = framing.whole(600, 1000)
-    mask = framing.cut_mask(disc(600, 1000, 150, 800, 50), whole, 128)
+    mask = framing.cut_layer(disc(600, 1000, 150, 800, 50), whole, 128)
     square = framing.around(mask, whole)
     assert square.side == pytest.approx(100 / framing.FILL, rel=0.1)
     assert square.top + square.side / 2 == pytest.approx(150, abs=8)
     assert square.left + square.side / 2 == pytest.approx(800, abs=8)
-    near = framing.cut_mask(disc(600, 1000, 150, 800, 50), square, 128)
+    near = framing.cut_layer(disc(600, 1000, 150, 800, 50), square, 128)
     assert framing.around(near, square) == square
 
 
@@ -97,8 +97,8 @@ def test_any_square_can_be_cut_and_pasted(top, left, side, size):
     found = framing.cut(image, square, size)
     assert found.shape == (size, size, 3)
     assert found.min() >= image.min() and found.max() <= image.max()
-    mask = framing.cut_mask(np.ones((20, 30, 1)), square, size)
-    assert mask.shape == (size, size, 1) and mask.min() >= 0 and mask.max() <= 1
+    mask = framing.cut_layer(np.ones((20, 30, 1)), square, size)
+    assert mask.shape == (size, size, 1) and mask.min() >= 0 and mask.max() <= 1 + 1e-6
     back = framing.paste(found, square, 20, 30)
     assert back.shape == (20, 30, 3) and back.dtype == np.float32
     rows, columns = np.mgrid[:20, :30]
@@ -123,7 +123,7 @@ def test_what_is_pasted_lies_where_it_was_cut(square):
 
 
 def test_a_mask_is_averaged_and_ends_with_the_photo():
-    found = framing.cut_mask(np.ones((40, 40, 1)), Square(-20, 0, 40), 20)[..., 0]
+    found = framing.cut_layer(np.ones((40, 40, 1)), Square(-20, 0, 40), 20)[..., 0]
     np.testing.assert_array_equal(found[:10], 0)
     np.testing.assert_array_equal(found[10:], 1)
 
