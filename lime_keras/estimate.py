@@ -171,7 +171,10 @@ class Estimator:
             fields["diffuse_albedo"] = answer["diffuse_albedo"]
             fields["specular_albedo"] = float(answer["specular_albedo"][0])
         if "diffuse" in only:
-            layers |= _recomposed(image, mask, square, answer)
+            shading = layers.get("specular_shading")
+            if shading is None:
+                shading = framing.paste(answer["specular_shading"], square, *image.shape[:2])
+            layers |= _recomposed(image, mask, shading, answer)
         if "reflectance_map" in only:
             # A sphere of its own, which lies nowhere in the photo.
             layers["reflectance_map"] = answer["reflectance_map"]
@@ -195,11 +198,10 @@ def available(subnetworks: Mapping[str, keras.Model]) -> dict[str, tuple[str, ..
 
 
 def _recomposed(
-    image_srgb: np.ndarray, mask: np.ndarray, square: Square, answer: dict[str, np.ndarray]
+    image_srgb: np.ndarray, mask: np.ndarray, shading: np.ndarray, answer: dict[str, np.ndarray]
 ) -> dict[str, np.ndarray]:
     """The photo's diffuse part, and Eq. 4 with the grey D that explains it best."""
     diffuse_albedo = answer["diffuse_albedo"]
-    shading = framing.paste(answer["specular_shading"], square, *image_srgb.shape[:2])
     specular = answer["specular_albedo"] * shading
     diffuse = np.maximum(colour.srgb_to_linear(image_srgb) - specular, 0) * mask
     # Least squares over the channels; a black material explains nothing, whatever its D.

@@ -120,8 +120,21 @@ def paste(layer: np.ndarray, square: Square, height: int, width: int) -> np.ndar
     """
     out = np.zeros((height, width, layer.shape[-1]), np.float32)
     inside, outside = _overlap(square, height, width)
-    out[outside] = _resampled(layer, square.side, square.side)[inside]
+    rows, columns = (_shares(part, square.side, len(layer)) for part in inside)
+    for channel in range(layer.shape[-1]):
+        out[(*outside, channel)] = rows @ layer[..., channel] @ columns.T
     return out
+
+
+def _shares(pixels: slice, side: int, size: int) -> np.ndarray:
+    """What each of `size` samples along a square's side gives to some of its pixels, `(P, size)`.
+
+    A tent as wide as two samples, or, where those are finer, two pixels.
+    """
+    position = (np.arange(pixels.start, pixels.stop)[:, None] + 0.5) * size / side - 0.5
+    distance = np.abs(np.arange(size) - position)
+    tent = np.maximum(1 - distance / max(1, size / side), 0)
+    return (tent / tent.sum(axis=1, keepdims=True)).astype(np.float32)
 
 
 def _overlap(
