@@ -10,7 +10,7 @@ import OpenImageIO as oiio
 from lime_keras import colour
 
 LARGEST = 50_000_000
-"""Most pixels that a photo may have: its layers take some 4 GB then."""
+"""Most pixels that a photo may have: it takes 6 GB of memory then."""
 SMALLEST = 16
 """Fewest pixels of a photo's shorter side: in fewer, no object's shading can be seen."""
 SUFFIXES = tuple(
