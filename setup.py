@@ -45,6 +45,8 @@ setup(
         "onnx>=1.17,<2",
         "onnxruntime>=1.20,<2",
         "trimesh>=4.5,<6",
+        # FFmpeg with it: reads and writes videos, and reads cameras.
+        "av>=16,<19",
         "scikit-image>=0.24,<1",
         "scipy>=1.13,<2",
         "matplotlib>=3.9,<4",

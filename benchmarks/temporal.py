@@ -12,13 +12,14 @@ fused as `lime-estimate` fuses a video's. Variance is over a sequence's frames, 
 
 import argparse
 import dataclasses
+import itertools
 import math
 from pathlib import Path
 
 import numpy as np
 from tqdm import tqdm
 
-from lime_keras import console, shininess
+from lime_keras import console, cuts, shininess
 from lime_keras.fusion import Fusion
 from lime_keras.render import examples, scenes, sources, variants
 from lime_keras.render.gbuffer import Tracer
@@ -68,6 +69,7 @@ def main() -> None:
     print("\n| parameter |" + _HEAD + "\n|---|" + 5 * "---:|")
     for name, measured_rows in rows.items():
         print(f"| {name} |" + _cells(np.nanmean(measured_rows, axis=0)))
+    print("\n" + distances(sequences))
 
 
 _HEAD = " variance, raw | fused | error, raw | fused | fused, last frame |"
@@ -122,6 +124,18 @@ def fuse(estimated: np.ndarray) -> np.ndarray:
     """The fused estimate after each frame, `(T, ...)`."""
     fusion = Fusion()
     return np.stack([fusion.update(estimate) for estimate in estimated])
+
+
+def distances(sequences: list[Sequence]) -> str:
+    """How far the cut detector's measure tells sequences apart."""
+    seen = [[cuts.histogram(frame) for frame in sequence.frames] for sequence in sequences]
+    within = [cuts.distance(*pair) for s in seen for pair in itertools.pairwise(s)]
+    between = [cuts.distance(a[-1], b[0]) for a, b in itertools.permutations(seen, 2)]
+    return (
+        f"Colours differ by at most {max(within, default=0):.3f} between the successive frames of "
+        f"a sequence, by at least {min(between, default=1):.3f} between two sequences; a cut is "
+        f"told from {cuts.THRESHOLD}."
+    )
 
 
 def _split(values: np.ndarray) -> dict[str, np.ndarray]:

@@ -14,6 +14,7 @@ ROOT = Path(__file__).parent.parent
 COMMANDS = ("lime-render", "lime-train", "lime-eval", "lime-estimate", "lime-export")
 
 LEAVES = {"arrays", "version", "environment", "corpus", "console", "material"}
+LEAVES |= {"fusion", "frames", "cuts"}
 # What each module of the library may import from it; the leaves import no sibling.
 ALLOWED = {
     "colour": {"arrays"},
@@ -35,6 +36,8 @@ ALLOWED = {
     "photo": {"colour"},
     "estimate": {"colour", "material", "networks", "photo", "shininess", "weights"},
     "export": {"networks", "weights"},
+    "overlay": {"colour", "environment", "material", "reflectance_map"},
+    "video": {"cuts", "frames", "fusion", "material", "overlay"},
     "estimate_cli": {"console", "version", "estimate", "photo", "colour"},
     "export_cli": {"console", "version", "export"},
     "__init__": {"version", "estimate", "material"},
