@@ -46,7 +46,7 @@ setup(
         "onnxruntime>=1.20,<2",
         "trimesh>=4.5,<6",
         # FFmpeg with it: reads and writes videos, and reads cameras.
-        "av>=16,<19",
+        "av>=17,<19",
         "scikit-image>=0.24,<1",
         "scipy>=1.13,<2",
         "matplotlib>=3.9,<4",
