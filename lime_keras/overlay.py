@@ -1,6 +1,7 @@
 """A video to look at: each frame with the object's outline, beside what was estimated of it."""
 
 import functools
+import math
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
@@ -170,14 +171,27 @@ def _written(pixels: np.ndarray, lines: list) -> np.ndarray:
 
 
 def _ball(material: Material) -> np.ndarray:
-    """Pixels `(P, 3)` uint8 inside `disc`: the material in the studio, or grey if incomplete."""
-    numbers = material.diffuse_albedo, material.specular_albedo, material.exponent
-    if any(number is None for number in numbers):
+    """Pixels `(P, 3)` uint8 inside `disc`: the material in the studio, or blank if incomplete."""
+    albedo, specular, exponent = (
+        material.diffuse_albedo,
+        material.specular_albedo,
+        material.exponent,
+    )
+    if albedo is None or specular is None or exponent is None:
         return np.array(_PAPER, np.uint8)
-    values = [np.asarray(number, np.float32)[None] for number in numbers]
-    albedo, specular, exponent = values
-    ambient = np.zeros(1, np.float32)
-    seen = reflectance_map(_studio(), exponent, albedo, specular, ambient, _SPHERE)
+    # To what the eye tells apart: fused estimates soon settle, and need not be shaded anew.
+    levels = tuple(round(256 * float(value)) / 256 for value in (*albedo, specular))
+    return _shaded(*levels, round(math.log10(exponent), 2))
+
+
+@functools.lru_cache(maxsize=1)
+def _shaded(
+    red: float, green: float, blue: float, specular: float, log_exponent: float
+) -> np.ndarray:
+    """As `_ball`, from its numbers."""
+    batch = [np.array([value], np.float32) for value in (10.0**log_exponent, specular, 0.0)]
+    albedo = np.array([[red, green, blue]], np.float32)
+    seen = reflectance_map(_studio(), batch[0], albedo, batch[1], batch[2], _SPHERE)
     return _bytes(np.asarray(seen)[0][disc(_SPHERE)[..., 0] > 0])
 
 
@@ -188,10 +202,9 @@ def _studio() -> np.ndarray:
     radiance = 0.15 + 0.1 * y
     across, up = np.arctan2(x, z), np.arcsin(y)
     window = (np.abs(across + 0.7) < 0.35) & (np.abs(up - 0.6) < 0.3)
-    bars = (np.abs(across + 0.7) < 0.04) | (np.abs(up - 0.6) < 0.035)
     strip = (np.abs(across - 1.5) < 0.12) & (np.abs(up) < 0.8)
     lamp = np.hypot(across - 0.5, up - 0.9) < 0.06
-    radiance = radiance + 6.0 * (window & ~bars) + 4.0 * strip + 25.0 * lamp
+    radiance = radiance + 6.0 * window + 4.0 * strip + 25.0 * lamp
     scaled = radiance * (_MEAN_RADIANCE / environment.spherical_mean(radiance))
     return scaled.astype(np.float32)[None, ..., None]
 
