@@ -23,8 +23,8 @@ _RAW, _FUSED, _SWATCH = 96, 186, (80, 34)
 _PAPER, _INK, _FAINT, _OUTLINE = (24, 26, 30), (235, 235, 235), (150, 155, 165), (255, 225, 0)
 _MEAN_RADIANCE = 0.4
 """Of the light on the sphere: that of the training images."""
-_TICKS = 90_000
-"""A second, in the file's clock: a multiple of every usual frame rate."""
+_TICKS = 60_000
+"""A second, in the file's clock: a multiple of the usual frame rates, NTSC's with its 1001."""
 _ROWS = {"red": 132, "green": 154, "blue": 176, "specular": 204, "exponent": 232, "coverage": 260}
 """Base lines of the panel's numbers."""
 
@@ -75,18 +75,13 @@ class OverlayFile:
 
     Args:
         path: of the file.
-
-    Raises:
-        ValueError: if the file cannot be made.
     """
 
     def __init__(self, path: Path):
-        # Fragments: what was written is complete even if the program is killed.
-        options = {"movflags": "frag_keyframe+empty_moov+default_base_moof"}
-        try:
-            self._container: Any = av.open(str(path.absolute()), "w", format="mp4", options=options)
-        except av.error.FFmpegError as error:
-            raise ValueError(f"{path} cannot be written: {error.strerror}") from error
+        # Fragments, and nothing held back: what was written is complete even if the program is
+        # killed.
+        options = {"movflags": "frag_keyframe+empty_moov+default_base_moof", "flush_packets": "1"}
+        self._container: Any = av.open(str(path.absolute()), "w", format="mp4", options=options)
         self._stream: Any = None
         self._last = -1
 
@@ -104,7 +99,11 @@ class OverlayFile:
         self._container.close()
 
     def write(self, image_srgb: np.ndarray, seconds: float) -> None:
-        """Append `(H, W, 3)` uint8, H and W even; the first image's size is the file's."""
+        """Append `(H, W, 3)` uint8, H and W even; the first image's size is the file's.
+
+        Raises:
+            OSError: if the file cannot be written.
+        """
         if self._stream is None:
             self._stream = self._opened(*image_srgb.shape[:2])
         picture = av.VideoFrame.from_ndarray(image_srgb, format="rgb24").reformat(
@@ -122,8 +121,9 @@ class OverlayFile:
     def _opened(self, height: int, width: int) -> Any:
         # Builds of FFmpeg without x264 have at least its forerunner.
         codec = "libx264" if "libx264" in av.codecs_available else "mpeg4"
-        options = {"preset": "veryfast", "crf": "20"} if codec == "libx264" else {"qscale": "3"}
-        stream: Any = self._container.add_stream(codec, rate=30, options=options)
+        options = {"preset": "veryfast", "crf": "20"} if codec == "libx264" else {"b": "4M"}
+        # Pictures predicted from later ones would delay all by two, without a word in the file.
+        stream: Any = self._container.add_stream(codec, rate=30, options=options | {"bf": "0"})
         stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
         stream.codec_context.time_base = Fraction(1, _TICKS)
         stream.codec_context.gop_size = 30

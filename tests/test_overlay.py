@@ -154,6 +154,7 @@ def test_a_file_that_was_never_closed_can_be_played(tmp_path):
     image = np.random.default_rng(0).integers(0, 255, (128, 128, 3), dtype=np.uint8)
     for number in range(200):
         file.write(image, number / 25)
+    # As it lies there when the program is killed.
     so_far = tmp_path / "copy.mp4"
     so_far.write_bytes(path.read_bytes())
     assert 30 <= len(decoded(so_far)[0]) < 200
@@ -183,5 +184,8 @@ def test_an_empty_file_is_no_error(tmp_path):
 
 
 def test_a_place_that_cannot_be_written_is_refused(tmp_path):
-    with pytest.raises(ValueError, match=r"missing.o\.mp4 cannot be written"):
-        OverlayFile(tmp_path / "missing" / "o.mp4")
+    with (
+        pytest.raises(OSError, match=r"missing.o\.mp4"),
+        OverlayFile(tmp_path / "missing/o.mp4") as o,
+    ):
+        o.write(np.zeros((32, 32, 3), np.uint8), 0.0)

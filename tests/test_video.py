@@ -119,6 +119,7 @@ def test_a_cut_restarts():
     step = tracker.step(STILL // 4, material(7))
     assert step.cut
     np.testing.assert_array_equal(step.fused, parameters(material(7)))
+    tracker.step(STILL // 4, material(8))
     # A cut to a scene without an object forgets as well.
     step = tracker.step(STILL, NOTHING)
     assert step.cut and np.isnan(step.fused).all()
