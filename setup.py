@@ -48,6 +48,8 @@ setup(
         "onnx>=1.17,<2",
         "onnxruntime>=1.20,<2",
         "trimesh>=4.5,<6",
+        # FFmpeg with it: reads and writes videos, and reads cameras.
+        "av>=17,<19",
         "scikit-image>=0.24,<1",
         "pillow>=10.1,<13",
         # OpenImageIO's wheels are built without HEIF.

@@ -2,27 +2,24 @@
 
 import argparse
 import sys
-import time
-from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from lime_keras import console
 from lime_keras.version import __version__
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from lime_keras.estimate import Estimator
-    from lime_keras.material import Material
 
 _ONLY = ("mask", "specular", "mirror", "albedo", "exponent", "diffuse", "reflectance_map")
-_BATCH, _BATCH_PIXELS = 8, 25_000_000
-"""Photos whose networks run at once: at most so many, and some 1 GB of pixels."""
+_OF_A_FRAME = ("mask", "albedo", "exponent")
+"""What a video's table and overlay show."""
 
 _EXAMPLE = """
 examples:
   lime-estimate photo.jpg
+  lime-estimate turntable.mp4
+  lime-estimate camera:0 --out live
   lime-estimate photos/ --out materials --only albedo,exponent
   lime-estimate photo.jpg --mask mask.png --weights runs/mine
 
@@ -34,6 +31,10 @@ Each photo's numbers go to standard output and to OUT/NAME.json, and into OUT/NA
 NAME.gltf (glTF 2.0, on a sphere) and NAME-mitsuba.json (a scene for mitsuba.load_dict); its layers,
 of the photo's size, to NAME-LAYER.png and, of linear radiance (specular shading, mirror image; of
 the baseline, its reflectance map), NAME-LAYER.exr; all in one picture is NAME-preview.png.
+
+Videos (MP4, MOV, MKV, WebM, AVI and more) and cameras (`camera:0`, until Ctrl-C) are estimated frame
+by frame, and fused by a median over five frames and a decaying average, which scene cuts and lost
+objects restart: OUT/NAME.csv has a row for each frame, raw and fused; OUT/NAME-overlay.mp4 shows it.
 """
 
 
@@ -42,12 +43,15 @@ def parser() -> argparse.ArgumentParser:
     out = argparse.ArgumentParser(
         prog="lime-estimate",
         description="Estimate mask, specular shading, mirror image, albedos and shininess of the "
-        "one object in each photo.",
+        "one object in each photo or video.",
         epilog=_EXAMPLE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     out.add_argument(
-        "photos", type=Path, nargs="+", metavar="PHOTO", help="picture, or folder of pictures"
+        "sources",
+        nargs="+",
+        metavar="PHOTO",
+        help="picture, video, camera, or folder of pictures and videos",
     )
     out.add_argument(
         "--weights",
@@ -84,161 +88,89 @@ def main(argv: list[str] | None = None) -> int:
 
 def _estimate(options: argparse.Namespace) -> int:
     console.import_tensorflow()
-    from lime_keras import estimate_files, weights
-    from lime_keras.estimate import Estimator
+    from lime_keras.batch import Batch
+    from lime_keras.estimate_files import distinct_names
 
-    photos = _photos(options.photos)
+    photos, videos = _sorted(options.sources)
+    if options.mask and videos:
+        raise ValueError(f"--mask is for photos, and {videos[0]} is a video: leave one of them out")
     if options.mask and not options.mask.is_dir() and len(photos) > 1:
         raise ValueError(
             f"--mask {options.mask} is one file for {len(photos)} photos: pass a folder that holds "
             "a mask of the same name for each"
         )
-    estimator = Estimator(options.weights or weights.SHIPPED, options.only)
     options.out.mkdir(parents=True, exist_ok=True)
-    work = _Work(options, estimator, photos, estimate_files.distinct_names(photos))
-    work.run()
-    print(work.summary(), file=sys.stderr)
-    return 1 if work.failed else 0
+    names = distinct_names([*photos, *map(_path, videos)])
+    failed = 0
+    if photos:
+        batch = Batch(_estimator(options, options.only), options.out, options.mask)
+        batch.run(dict(zip(names, photos, strict=False)))
+        print(batch.summary(), file=sys.stderr)
+        failed += batch.failed
+    if videos:
+        estimator = _estimator(options, options.only or _OF_A_FRAME)
+        for source, name in zip(videos, names[len(photos) :], strict=True):
+            failed += not _estimate_video(estimator, source, options.out, name)
+    return 1 if failed else 0
 
 
-class _Work:
-    """The photos of one command, batch by batch, and how it went."""
+def _estimator(options: argparse.Namespace, only: tuple[str, ...] | None) -> "Estimator":
+    from lime_keras import weights
+    from lime_keras.estimate import Estimator
 
-    def __init__(
-        self,
-        options: argparse.Namespace,
-        estimator: "Estimator",
-        photos: list[Path],
-        names: list[str],
-    ):
-        self._options, self._estimator = options, estimator
-        self._photos, self._names = photos, names
-        self._seconds = {"reading": 0.0, "networks": 0.0, "writing": 0.0}
-        self._masks_looked_for = self._done = self._empty = 0
-        self.failed = 0
-
-    def run(self) -> None:
-        """Estimate and write all."""
-        from tqdm import tqdm
-
-        with tqdm(total=len(self._photos), unit="photo", delay=2) as bar:
-            for batch in self._batches():
-                self._estimate(batch)
-                bar.update(self._done + self.failed - bar.n)
-            bar.update(self._done + self.failed - bar.n)
-
-    def summary(self) -> str:
-        """What was done, in one line."""
-        ran = [
-            name
-            for name in self._estimator.subnetworks
-            if name != "segmentation" or self._masks_looked_for
-        ]
-        each = {
-            name: f"{1000 * s / max(self._done, 1):.0f} ms" for name, s in self._seconds.items()
-        }
-        return (
-            f"{self._done} done, {self.failed} failed, {self._empty} without an object, in "
-            f"{self._options.out}; a photo took {each['networks']} in the networks "
-            f"({', '.join(ran) or 'none'}), {each['reading']} to read, {each['writing']} to write"
-        )
-
-    def _batches(self) -> Iterator[list[tuple[Any, ...]]]:
-        """Some photos with their path, name and mask; those that cannot be read are told."""
-        batch: list[tuple[Any, ...]] = []
-        pixels = 0
-        for path, name in zip(self._photos, self._names, strict=True):
-            begun = time.perf_counter()
-            try:
-                image, mask = self._read(path)
-            except (ValueError, OSError) as error:
-                self._tell_failure(path, error)
-                continue
-            finally:
-                self._seconds["reading"] += time.perf_counter() - begun
-            if batch and pixels + image[..., 0].size > _BATCH_PIXELS:
-                yield batch
-                batch, pixels = [], 0
-            batch.append((path, name, image, mask))
-            pixels += image[..., 0].size
-            if len(batch) == _BATCH:
-                yield batch
-                batch, pixels = [], 0
-        if batch:
-            yield batch
-
-    def _read(self, path: Path) -> tuple["np.ndarray", "np.ndarray | None"]:
-        """The photo and, if there is one, its mask."""
-        from lime_keras import photo
-
-        image, alpha = photo.read(path)
-        masks = self._options.mask
-        if masks is None:
-            return image, alpha
-        if masks.is_dir():
-            masks = _mask_of(path, masks)
-        return image, photo.read_mask(masks, *image.shape[:2])
-
-    def _estimate(self, batch: list[tuple[Any, ...]]) -> None:
-        from lime_keras import estimate_files
-
-        paths, names, images, masks = zip(*batch, strict=True)
-        self._masks_looked_for += sum(mask is None for mask in masks)
-        begun = time.perf_counter()
-        materials = self._estimator.estimate_many(images, masks)
-        for path, name, image in zip(paths, names, images, strict=True):
-            material = next(materials)
-            estimated = time.perf_counter()
-            text = estimate_files.write(self._options.out, name, path, image, material)
-            self._tell(path, material, text)
-            self._seconds["networks"] += estimated - begun
-            begun = time.perf_counter()
-            self._seconds["writing"] += begun - estimated
-
-    def _tell(self, path: Path, material: "Material", text: str) -> None:
-        from tqdm import tqdm
-
-        tqdm.write(text)
-        self._done += 1
-        if material.mask_coverage == 0:
-            self._empty += 1
-            tqdm.write(
-                f"warning: {path}: no object was found, so its numbers mean nothing: pass --mask, "
-                "or a photo that shows it larger",
-                file=sys.stderr,
-            )
-
-    def _tell_failure(self, path: Path, error: Exception) -> None:
-        from tqdm import tqdm
-
-        self.failed += 1
-        told = str(error)
-        tqdm.write(f"error: {told if str(path) in told else f'{path}: {told}'}", file=sys.stderr)
+    return Estimator(options.weights or weights.SHIPPED, only)
 
 
-def _photos(given: list[Path]) -> list[Path]:
-    """The files named, and all pictures of the folders named."""
+def _estimate_video(estimator: "Estimator", source: str, out: Path, name: str) -> bool:
+    """Estimate and tell; returns whether it could be done."""
+    import json
+
+    from lime_keras.video import estimate_video
+
+    try:
+        summary = estimate_video(source, estimator, out, name)
+    except ValueError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return False
+    print(json.dumps({"video": source} | summary.material.to_json(), indent=1))
+    for remark in summary.remarks:
+        print(f"warning: {remark}", file=sys.stderr)
+    if not summary.found:
+        print(f"warning: {source}: no object was found in any frame", file=sys.stderr)
+    print(
+        f"{source}: {summary.frames} frames, an object in {summary.found} of them, "
+        f"{summary.cuts} scene cuts; {summary.table}, {summary.overlay}",
+        file=sys.stderr,
+    )
+    return True
+
+
+def _sorted(given: list[str]) -> tuple[list[Path], list[str]]:
+    """The photos and the videos among what is named, and in the folders that are named."""
+    from lime_keras.frames import is_camera, is_video
     from lime_keras.photo import SUFFIXES
 
-    out: list[Path] = []
-    for path in given:
-        if not path.is_dir():
-            out.append(path)
+    photos: list[Path] = []
+    videos: list[str] = []
+    for source in given:
+        path = Path(source)
+        if is_camera(source) or not path.is_dir():
+            videos.append(source) if is_video(source) else photos.append(path)
             continue
-        found = sorted(file for file in path.iterdir() if file.suffix.lower() in SUFFIXES)
-        if not found:
+        files = sorted(path.iterdir())
+        held = [file for file in files if file.suffix.lower() in SUFFIXES]
+        moving = [str(file) for file in files if is_video(str(file))]
+        if not held and not moving:
             raise ValueError(f"{path} holds no pictures: {', '.join(SUFFIXES)} are looked for")
-        out += found
-    return out
+        photos, videos = photos + held, videos + moving
+    return photos, videos
 
 
-def _mask_of(path: Path, folder: Path) -> Path:
-    found = sorted(file for file in folder.iterdir() if file.stem == path.stem)
-    if not found:
-        raise ValueError(
-            f"{folder} holds no mask for {path}: name it {path.stem}.png, or leave out --mask"
-        )
-    return found[0]
+def _path(video: str) -> Path:
+    """What a video's files are named after; of a camera's name, what a file may be called."""
+    from lime_keras.frames import is_camera
+
+    return Path(video.replace(":", "-").replace("/", "-")) if is_camera(video) else Path(video)
 
 
 def _names(text: str) -> tuple[str, ...]:

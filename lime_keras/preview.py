@@ -28,7 +28,7 @@ _TITLES = {
 def sphere(material: Material, size: int) -> np.ndarray:
     """A sphere of the material in a dark studio with three soft boxes, `(size, size, 3)` sRGB.
 
-    Rendered by Eqs. 1–4 at twice the size, over grey.
+    In [0, 1], rendered by Eqs. 1–4 at twice the size, over grey.
 
     Raises:
         ValueError: if the estimate holds no albedos or no exponent.

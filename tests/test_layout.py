@@ -14,6 +14,7 @@ ROOT = Path(__file__).parent.parent
 COMMANDS = ("lime-render", "lime-train", "lime-eval", "lime-estimate", "lime-export")
 
 LEAVES = {"arrays", "version", "environment", "corpus", "console", "material"}
+LEAVES |= {"fusion", "frames", "cuts"}
 # What each module of the library may import from it; the leaves import no sibling.
 ALLOWED = {
     "colour": {"arrays"},
@@ -40,13 +41,18 @@ ALLOWED = {
     "estimate": {"colour", "framing", "material", "networks", "shininess", "weights"},
     "estimate_files": {"colour", "interchange", "material", "photo", "preview"},
     "export": {"networks", "weights"},
+    "batch": {"estimate", "estimate_files", "material", "photo"},
+    "overlay": {"colour", "material", "preview"},
+    "video": {"cuts", "frames", "fusion", "material", "overlay"},
     "estimate_cli": {
         "console",
         "version",
+        "batch",
         "estimate",
         "estimate_files",
-        "material",
+        "frames",
         "photo",
+        "video",
         "weights",
     },
     "export_cli": {"console", "version", "export"},
