@@ -13,7 +13,10 @@ import pytest
 ROOT = Path(__file__).parent.parent
 COMMANDS = ("lime-render", "lime-train", "lime-eval", "lime-estimate", "lime-export")
 
-LEAVES = {"arrays", "version", "environment", "corpus", "console", "material"}
+LEAVES = {
+    *("arrays", "version", "environment", "corpus", "console", "material"),
+    *("formats", "narrowing"),
+}
 # What each module of the library may import from it; the leaves import no sibling.
 ALLOWED = {
     "colour": {"arrays"},
@@ -34,7 +37,13 @@ ALLOWED = {
     "weights": {"networks"},
     "photo": {"colour"},
     "estimate": {"colour", "material", "networks", "photo", "shininess", "weights"},
-    "export": {"networks", "weights"},
+    "samples": {"pipeline"},
+    "model_card": {"networks", "shininess", "version"},
+    "proof": {"formats", "narrowing"},
+    "export": {
+        *("corpus", "formats", "model_card", "narrowing", "networks", "proof", "samples"),
+        "weights",
+    },
     "estimate_cli": {"console", "version", "estimate", "photo", "colour"},
     "export_cli": {"console", "version", "export"},
     "__init__": {"version", "estimate", "material"},
@@ -109,7 +118,7 @@ def test_help_needs_neither_tensorflow_nor_mitsuba(module):
 
 def test_the_commands_offer_what_the_library_has():
     """They repeat names, because asking the library would import TensorFlow for `--help`."""
-    from lime_keras import estimate, estimate_cli, export_cli
+    from lime_keras import estimate, estimate_cli, export, export_cli
     from lime_keras.networks import PRESETS, Architecture, answers, build
     from lime_keras.train.cli import parser
 
@@ -117,6 +126,7 @@ def test_the_commands_offer_what_the_library_has():
     systems = ({}, {"exponent": "regression"}, {"system": "reflectance-map"})
     known = [answers(build(Architecture(32, 1, 1, 1, 1, **system))) for system in systems]
     assert export_cli._OUTPUTS == tuple(dict.fromkeys(itertools.chain(*known)))
+    assert export_cli._PRECISIONS == export.PRECISIONS
     preset = next(action for action in parser()._actions if action.dest == "preset")
     assert set(preset.choices) == set(PRESETS)
 
