@@ -194,6 +194,9 @@ def test_ablations_agree_with_keras(model_format, ablation_model, tmp_path):
     for output, value in expected.items():
         np.testing.assert_allclose(found[output], value, rtol=1e-3, atol=1e-4, err_msg=output)
         assert np.ptp(found[output], axis=0).max() > 1e-4, f"{output} says nothing"
+    if model_format == "savedmodel":
+        signatures = formats.open_saved_model(export.target(tmp_path, model_format))
+        assert set(signatures) == {formats.SERVED, *expected}
 
 
 def test_the_command_names_what_an_ablation_answers(

@@ -9,7 +9,7 @@ import pytest
 import tensorflow as tf
 
 from lime_keras import formats, proof, weights
-from lime_keras.networks import answers, assemble
+from lime_keras.networks import assemble
 from lime_keras.networks.system import OUTPUTS
 
 CARD = {"version": "1.2", "preset": None, "bins": [1.0, 2.5], "outputs": {"mask": "share"}}
@@ -146,10 +146,3 @@ def test_the_description_is_an_onnx_files_properties(onnx_file):
     assert {name: json.loads(text) for name, text in found.items()} == {
         name: value for name, value in CARD.items() if name != "version"
     }
-
-
-def test_an_ablation_has_a_signature_for_each_of_its_own_outputs(ablation_model, tmp_path):
-    subnetworks = weights.load(ablation_model)[1]
-    formats.write_saved_model(assemble(subnetworks), tmp_path / "model")
-    signatures = formats.open_saved_model(tmp_path / "model")
-    assert set(signatures) == {formats.SERVED, *answers(subnetworks)}
