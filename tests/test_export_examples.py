@@ -83,13 +83,14 @@ def test_no_example_imports_this_package():
         assert "lime_keras" not in path.read_text(encoding="utf-8"), path
 
 
-@pytest.mark.parametrize("precision", export.PRECISIONS)
-def test_onnx_runtime_in_python(precision, exported, photo, expected):
-    file = exported("onnx", precision)
-    check(run(sys.executable, "onnx_python.py", file, photo[1]), expected, precision)
+def test_onnx_runtime_in_python(exported, photo, expected):
+    check(run(sys.executable, "onnx_python.py", exported("onnx"), photo[1]), expected, "float32")
 
 
-@pytest.mark.parametrize("precision", export.PRECISIONS)
+NARROW = [pytest.param(name, marks=pytest.mark.slow) for name in ("float16", "int8")]
+
+
+@pytest.mark.parametrize("precision", ["float32", *NARROW])
 def test_onnx_runtime_web_under_node(precision, exported, photo, expected):
     if not shutil.which("node"):
         pytest.skip("there is no node: install Node.js 20 or newer")
