@@ -32,9 +32,9 @@ NAME.gltf (glTF 2.0, on a sphere) and NAME-mitsuba.json (a scene for mitsuba.loa
 of the photo's size, to NAME-LAYER.png and, of linear radiance (specular shading, mirror image; of
 the baseline, its reflectance map), NAME-LAYER.exr; all in one picture is NAME-preview.png.
 
-Videos (MP4, MOV, MKV, WebM, AVI and more) and cameras (`camera:0`, until Ctrl-C) are estimated frame
-by frame, and fused by a median over five frames and a decaying average, which scene cuts and lost
-objects restart: OUT/NAME.csv has a row for each frame, raw and fused; OUT/NAME-overlay.mp4 shows it.
+Videos (MP4, MOV, MKV, WebM, AVI and more) and cameras (`camera:0`, until Ctrl-C) are estimated
+frame by frame and fused by a median over five frames and a decaying average, which scene cuts and
+lost objects restart: OUT/NAME.csv has a row for each frame; OUT/NAME-overlay.mp4 shows them.
 """
 
 

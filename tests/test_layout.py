@@ -13,8 +13,10 @@ import pytest
 ROOT = Path(__file__).parent.parent
 COMMANDS = ("lime-render", "lime-train", "lime-eval", "lime-estimate", "lime-export")
 
-LEAVES = {"arrays", "version", "environment", "corpus", "console", "material"}
-LEAVES |= {"fusion", "frames", "cuts"}
+LEAVES = {
+    *("arrays", "version", "environment", "corpus", "console", "material"),
+    *("fusion", "frames", "cuts", "formats", "narrowing"),
+}
 # What each module of the library may import from it; the leaves import no sibling.
 ALLOWED = {
     "colour": {"arrays"},
@@ -35,12 +37,18 @@ ALLOWED = {
     "networks": {"dynamic_range", "reflectance_map", "shininess"},
     "weights": {"networks"},
     "photo": {"colour"},
+    "samples": {"pipeline"},
+    "model_card": {"networks", "shininess", "version"},
+    "proof": {"formats", "narrowing"},
+    "export": {
+        *("corpus", "formats", "model_card", "narrowing", "networks", "proof", "samples"),
+        "weights",
+    },
     "framing": {"colour"},
     "interchange": {"material", "version"},
     "preview": {"colour", "framing", "material", "reflectance_map", "studio"},
     "estimate": {"colour", "framing", "material", "networks", "shininess", "weights"},
     "estimate_files": {"colour", "interchange", "material", "photo", "preview"},
-    "export": {"networks", "weights"},
     "batch": {"estimate", "estimate_files", "material", "photo"},
     "overlay": {"colour", "material", "preview"},
     "video": {"cuts", "frames", "fusion", "material", "overlay"},
@@ -128,7 +136,7 @@ def test_help_needs_neither_tensorflow_nor_mitsuba(module):
 
 def test_the_commands_offer_what_the_library_has():
     """They repeat names, because asking the library would import TensorFlow for `--help`."""
-    from lime_keras import estimate, estimate_cli, export_cli
+    from lime_keras import estimate, estimate_cli, export, export_cli
     from lime_keras.networks import PRESETS, Architecture, answers, build
     from lime_keras.train.cli import parser
 
@@ -136,6 +144,7 @@ def test_the_commands_offer_what_the_library_has():
     systems = ({}, {"exponent": "regression"}, {"system": "reflectance-map"})
     known = [answers(build(Architecture(32, 1, 1, 1, 1, **system))) for system in systems]
     assert export_cli._OUTPUTS == tuple(dict.fromkeys(itertools.chain(*known)))
+    assert export_cli._PRECISIONS == export.PRECISIONS
     preset = next(action for action in parser()._actions if action.dest == "preset")
     assert set(preset.choices) == set(PRESETS)
 
