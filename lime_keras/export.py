@@ -1,4 +1,4 @@
-"""SavedModel and ONNX, each proved to agree with Keras before it is called done."""
+"""SavedModel, ONNX and narrow weights, each proved to agree with Keras before it is called done."""
 
 import shutil
 import tempfile
@@ -13,9 +13,13 @@ from lime_keras import formats, model_card, narrowing, proof, samples, weights
 from lime_keras.formats import SERVED, Answer
 from lime_keras.networks import answers, assemble
 
-SAVED_MODEL, ONNX = "savedmodel", "onnx"
-PRECISIONS = ("float32", "float16", "int8")
-"""Of ONNX models; a SavedModel is float32."""
+SAVED_MODEL, ONNX, WEIGHTS = "savedmodel", "onnx", "weights"
+PRECISIONS = {
+    SAVED_MODEL: ("float32",),
+    ONNX: ("float32", "float16", "int8"),
+    WEIGHTS: ("float16",),
+}
+"""That a format can be had in, its usual one first; weights are computed with in float32."""
 
 _VERSION = "1"  # TensorFlow Serving loads from a folder of numbered ones
 _PICTURES = 64
@@ -28,18 +32,18 @@ def export(
     weights_folder: Path,
     only: Collection[str] | None = None,
     *,
-    precision: str = "float32",
+    precision: str | None = None,
     corpus: Path | None = None,
 ) -> dict[str, dict[str, float]]:
     """Write a model and compare it with Keras on images it has never seen.
 
     Args:
         folder: written to: what `target` names.
-        model_format: `savedmodel` or `onnx`.
+        model_format: `savedmodel`, `onnx`, or `weights` (`lime_keras.weights.save`).
         weights_folder: run of `lime-train`, or folder of `lime_keras.weights.save`.
         only: names of outputs, out of `lime_keras.networks.answers`; by default all that this
             model has.
-        precision: one of `PRECISIONS`.
+        precision: one of the format's `PRECISIONS`; by default the first.
         corpus: rendered pictures, photographed (`lime_keras.camera`): the first of the test split
             are compared on, too, and the first of the train split calibrate int8.
 
@@ -53,7 +57,8 @@ def export(
         ParityError: if the written model differs from Keras by more than it may; nothing is left in
             its place.
     """
-    _check_precision(model_format, precision, corpus)
+    precision = PRECISIONS[model_format][0] if precision is None else precision
+    _check(model_format, precision, corpus, only)
     architecture, subnetworks = weights.load(weights_folder)
     known = answers(subnetworks)
     if unknown := sorted(set(only or ()) - set(known)):
@@ -73,6 +78,10 @@ def export(
             formats.write_saved_model(network, partial)
             formats.describe_saved_model(partial, card)
             signatures = formats.open_saved_model(partial)
+        elif model_format == WEIGHTS:
+            weights.save(partial, architecture, subnetworks, half=True)
+            formats.describe_weights(partial, card)
+            signatures = {SERVED: assemble(weights.load(partial)[1])}
         else:
             _write_onnx(network, partial, precision, corpus)
             formats.describe_onnx(partial, card)
@@ -87,17 +96,29 @@ def export(
 
 
 def target(folder: Path, model_format: str, precision: str = "float32") -> Path:
-    """What `export` writes: an ONNX file, or a SavedModel's folder, in one for its versions."""
+    """What `export` writes.
+
+    An ONNX file; a SavedModel's folder, in one for its versions; or a model's, which makes `folder`
+    what every command takes for weights.
+    """
     if model_format == SAVED_MODEL:
         return folder / "saved_model" / _VERSION
+    if model_format == WEIGHTS:
+        return folder / "model"
     return folder / ("lime.onnx" if precision == "float32" else f"lime-{precision}.onnx")
 
 
-def _check_precision(model_format: str, precision: str, corpus: Path | None) -> None:
-    if model_format == SAVED_MODEL and precision != "float32":
-        raise ValueError(f"a SavedModel is float32, not {precision}: take the format onnx")
+def _check(
+    model_format: str, precision: str, corpus: Path | None, only: Collection[str] | None
+) -> None:
+    if precision not in PRECISIONS[model_format]:
+        raise ValueError(
+            f"the format {model_format} is {' or '.join(PRECISIONS[model_format])}, not {precision}"
+        )
     if precision == "int8" and corpus is None:
         raise ValueError("int8 is calibrated on pictures: pass a corpus of `lime-render`")
+    if model_format == WEIGHTS and only is not None:
+        raise ValueError("weights are those of a whole model: leave out what is to be answered")
 
 
 def _images(size: int, corpus: Path | None) -> dict[str, np.ndarray]:

@@ -1,4 +1,4 @@
-"""`lime-export`: SavedModel or ONNX."""
+"""`lime-export`: SavedModel, ONNX, or weights in half the space."""
 
 import argparse
 from pathlib import Path
@@ -23,6 +23,7 @@ examples:
   lime-export exported --format onnx --weights runs/quickstart
   lime-export exported --format onnx --weights runs/quickstart --precision int8 --corpus corpus
   lime-export exported --format savedmodel --weights runs/quickstart --only mask
+  lime-export small --format weights --weights runs/quickstart
 
 What is written takes `image` (B, S, S, 3), sRGB in [0, 1], any B, and answers the named outputs:
   OUT/lime.onnx, OUT/lime-float16.onnx, OUT/lime-int8.onnx
@@ -30,6 +31,8 @@ What is written takes `image` (B, S, S, 3), sRGB in [0, 1], any B, and answers t
   OUT/saved_model/1/
       with the same in assets.extra/lime.json. The signature serving_default answers everything, and
       each output has one of its own name, which computes no more than it needs.
+  OUT/model/
+      the weights in float16, half as large, for --weights OUT of every command.
 
 It is run on fresh images, extremes among them, and compared with Keras: what is printed is the
 largest difference of each output (above 1 relative) in float32, and the mean difference over the
@@ -48,12 +51,13 @@ def parser() -> argparse.ArgumentParser:
     """The command's options."""
     out = argparse.ArgumentParser(
         prog="lime-export",
-        description="Write a trained model as TensorFlow SavedModel or ONNX and prove it equal.",
+        description="Write a trained model as TensorFlow SavedModel, as ONNX or as weights of half the "
+        "size, and prove it equal.",
         epilog=_EXAMPLE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     out.add_argument("out", type=Path, metavar="OUT", help="folder to write to")
-    out.add_argument("--format", choices=("savedmodel", "onnx"), required=True)
+    out.add_argument("--format", choices=("savedmodel", "onnx", "weights"), required=True)
     out.add_argument("--weights", type=Path, required=True, metavar="RUN", help="run of lime-train")
     out.add_argument(
         "--only",
@@ -64,9 +68,8 @@ def parser() -> argparse.ArgumentParser:
     out.add_argument(
         "--precision",
         choices=_PRECISIONS,
-        default="float32",
         help="of an ONNX model's weights and layers; images and answers are float32 in any case "
-        "(default: float32)",
+        "(default: float32; of --format weights, float16)",
     )
     out.add_argument(
         "--corpus",
@@ -83,8 +86,8 @@ def main(argv: list[str] | None = None) -> int:
     """Export a model; returns the exit status."""
     command = parser()
     options = command.parse_args(argv)
-    if options.format == "savedmodel" and options.precision != "float32":
-        command.error("a SavedModel is float32: --precision is for --format onnx")
+    if options.format != "onnx" and options.precision is not None:
+        command.error("--precision is for --format onnx")
     if options.precision == "int8" and options.corpus is None:
         command.error("--precision int8 is calibrated on pictures: pass --corpus CORPUS")
     return console.run(lambda: _export(options), "nothing was left half-written in its place")
@@ -92,9 +95,9 @@ def main(argv: list[str] | None = None) -> int:
 
 def _export(options: argparse.Namespace) -> int:
     console.import_tensorflow()
-    from lime_keras.export import export, target
+    from lime_keras.export import PRECISIONS, export, target
 
-    precision = options.precision
+    precision = options.precision or PRECISIONS[options.format][0]
     differences = export(
         options.out,
         options.format,

@@ -57,6 +57,11 @@ def open_saved_model(path: Path) -> dict[str, Answer]:
     return {name: opened(name) for name in loaded.signatures}
 
 
+def describe_weights(path: Path, card: Mapping[str, Any]) -> None:
+    """Put a description beside weights: `lime.json`."""
+    (path / _CARD.name).write_text(json.dumps(card, indent=2) + "\n", encoding="utf-8")
+
+
 def write_onnx(network: keras.Model, path: Path) -> None:
     """Write a model as ONNX in float32; answers by name as `served` has them."""
     import tf2onnx

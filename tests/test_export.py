@@ -160,14 +160,31 @@ def test_pictures_are_those_of_the_test_split(tiny_model, corpus, tmp_path, stan
     np.testing.assert_array_equal(np.concatenate(shown)[-2:], pictures)
 
 
+def test_weights_in_half_the_space_are_used_as_any(tiny_model, network, tmp_path, capsys):
+    out = tmp_path / "small"
+    arguments = [str(out), "--format", "weights", "--weights", str(tiny_model)]
+    assert export_cli.main(arguments) == 0
+    assert "small/model, float16" in capsys.readouterr().out
+    _, narrow = weights.load(out)
+    found = assemble(narrow)(fresh(2))
+    for name, expected in network(fresh(2)).items():
+        assert 0 < np.abs(found[name] - expected).max() < 0.01, name
+    card = json.loads((out / "model" / "lime.json").read_text(encoding="utf-8"))
+    assert card["precision"] == "float16" and card["colour_space"] == "sRGB"
+    with pytest.raises(ValueError, match="leave out what is to be answered"):
+        export.export(out, "weights", tiny_model, ["mask"])
+    with pytest.raises(ValueError, match="the format weights is float16, not float32"):
+        export.export(out, "weights", tiny_model, precision="float32")
+
+
 def test_a_precision_that_cannot_be_had_is_refused(tiny_model, tmp_path, capsys):
     out = tmp_path / "out"
-    with pytest.raises(ValueError, match="a SavedModel is float32, not float16"):
+    with pytest.raises(ValueError, match="the format savedmodel is float32, not float16"):
         export.export(out, "savedmodel", tiny_model, precision="float16")
     with pytest.raises(ValueError, match="int8 is calibrated"):
         export.export(out, "onnx", tiny_model, precision="int8")
     arguments = [str(out), "--weights", str(tiny_model), "--precision", "int8", "--format"]
-    for model_format, told in (("savedmodel", "a SavedModel is float32"), ("onnx", "--corpus")):
+    for model_format, told in (("savedmodel", "is for --format onnx"), ("onnx", "--corpus")):
         with pytest.raises(SystemExit) as stopped:
             export_cli.main([*arguments, model_format])
         assert stopped.value.code == 2 and told in capsys.readouterr().err

@@ -144,7 +144,7 @@ def test_the_commands_offer_what_the_library_has():
     systems = ({}, {"exponent": "regression"}, {"system": "reflectance-map"})
     known = [answers(build(Architecture(32, 1, 1, 1, 1, **system))) for system in systems]
     assert export_cli._OUTPUTS == tuple(dict.fromkeys(itertools.chain(*known)))
-    assert export_cli._PRECISIONS == export.PRECISIONS
+    assert export_cli._PRECISIONS == export.PRECISIONS[export.ONNX]
     preset = next(action for action in parser()._actions if action.dest == "preset")
     assert set(preset.choices) == set(PRESETS)
 
