@@ -51,8 +51,8 @@ def parser() -> argparse.ArgumentParser:
     """The command's options."""
     out = argparse.ArgumentParser(
         prog="lime-export",
-        description="Write a trained model as TensorFlow SavedModel, as ONNX or as weights of half the "
-        "size, and prove it equal.",
+        description="Write a trained model as TensorFlow SavedModel, as ONNX, or as weights of half "
+        "the size, and prove it equal.",
         epilog=_EXAMPLE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
