@@ -51,7 +51,7 @@ def parser() -> argparse.ArgumentParser:
     """The command's options."""
     out = argparse.ArgumentParser(
         prog="lime-export",
-        description="Write a trained model as TensorFlow SavedModel, as ONNX, or as weights of half "
+        description="Write a trained model as TensorFlow SavedModel, as ONNX or as weights of half "
         "the size, and prove it equal.",
         epilog=_EXAMPLE,
         formatter_class=argparse.RawDescriptionHelpFormatter,

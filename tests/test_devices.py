@@ -30,7 +30,7 @@ def corpora(tmp_path_factory):
     return folder
 
 
-@pytest.fixture(scope="module", params=["tensorflow", "jax"])
+@pytest.fixture(scope="module", params=["tensorflow", pytest.param("jax", marks=pytest.mark.slow)])
 def runs(request, corpora, tmp_path_factory):
     """Folder of what a process with two devices left under a backend."""
     if request.param == "jax":
