@@ -1,7 +1,6 @@
 """A video to look at: each frame with the object's outline, beside what was estimated of it."""
 
 import functools
-import math
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
@@ -76,6 +75,8 @@ class OverlayFile:
     """
 
     def __init__(self, path: Path):
+        # FFmpeg would tell of a place that cannot be written later, and without its name.
+        path.open("wb").close()
         # Fragments, and nothing held back: what was written is complete even if the program is
         # killed.
         options = {"movflags": "frag_keyframe+empty_moov+default_base_moof", "flush_packets": "1"}
@@ -170,27 +171,8 @@ def _written(pixels: np.ndarray, lines: list) -> np.ndarray:
 
 def _ball(material: Material) -> np.ndarray | None:
     """`preview.sphere` as bytes; None of what is not a whole material."""
-    albedo, specular, exponent = (
-        material.diffuse_albedo,
-        material.specular_albedo,
-        material.exponent,
-    )
-    if albedo is None or specular is None or exponent is None:
+    if None in (material.specular_albedo, material.exponent) or material.diffuse_albedo is None:
         return None
-    # To what the eye tells apart: fused estimates soon settle, and need not be shaded anew.
-    levels = tuple(round(256 * float(value)) / 256 for value in (*albedo, specular))
-    return _shaded(*levels, round(math.log10(exponent), 2))
-
-
-@functools.lru_cache(maxsize=1)
-def _shaded(
-    red: float, green: float, blue: float, specular: float, log_exponent: float
-) -> np.ndarray:
-    """As `_ball`, from its numbers."""
-    albedo = np.array([red, green, blue], np.float32)
-    material = Material(
-        diffuse_albedo=albedo, specular_albedo=specular, exponent=10.0**log_exponent
-    )
     return np.rint(255 * preview.sphere(material, _SPHERE)).astype(np.uint8)
 
 

@@ -1,6 +1,7 @@
 """An estimate as a picture: its layers, the object recomposed, and a sphere of the material."""
 
 import functools
+import math
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
@@ -33,20 +34,30 @@ def sphere(material: Material, size: int) -> np.ndarray:
     Raises:
         ValueError: if the estimate holds no albedos or no exponent.
     """
-    if material.diffuse_albedo is None or material.exponent is None:
-        raise ValueError("a sphere needs a whole material: estimate `albedo` and `exponent`")
-    radiance = reflectance_map(
-        studio.light()[None, ..., None].astype(np.float32),
-        np.array([material.exponent], np.float32),
-        np.asarray(material.diffuse_albedo, np.float32)[None],
-        np.array([material.specular_albedo], np.float32),
-        np.zeros(1, np.float32),
-        2 * size,
+    albedo, specular, exponent = (
+        material.diffuse_albedo,
+        material.specular_albedo,
+        material.exponent,
     )
-    covered = disc(2 * size)
-    linear = np.clip(np.array(radiance)[0], 0, 1) + _BACKGROUND * (1 - covered)
+    if albedo is None or specular is None or exponent is None:
+        raise ValueError("a sphere needs a whole material: estimate `albedo` and `exponent`")
+    # To a fiftieth of a decade, which no eye tells apart.
+    diffuse_shading, lobe = _shaded(round(50 * math.log10(max(exponent, 1e-3))) / 50, 2 * size)
+    radiance = np.asarray(albedo, np.float32) * diffuse_shading + np.float32(specular) * lobe
+    linear = np.clip(radiance, 0, 1) + _BACKGROUND * (1 - disc(2 * size))
     linear = linear.reshape(size, 2, size, 2, 3).mean((1, 3))
     return colour.linear_to_srgb(linear).astype(np.float32)
+
+
+@functools.lru_cache(maxsize=64)
+def _shaded(log_exponent: float, size: int) -> tuple[np.ndarray, np.ndarray]:
+    """D and S of the sphere in the studio, each `(size, size, 1)`."""
+    light = studio.light()[None, ..., None].astype(np.float32)
+    red, one = np.array([[1, 0, 0]], np.float32), np.ones(1, np.float32)
+    exponent = np.array([10.0**log_exponent], np.float32)
+    found = np.array(reflectance_map(light, exponent, red, one, 0 * one, size))[0]
+    # Red shows both, green the white lobe alone.
+    return found[..., :1] - found[..., 1:2], found[..., 1:2]
 
 
 def sheet(image_srgb: np.ndarray, material: Material) -> np.ndarray:

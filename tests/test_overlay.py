@@ -93,7 +93,7 @@ def test_the_sphere_is_of_the_fused_material():
     black = np.zeros(3)
     dull, shiny = (ball(Material(black, 0.2, exponent)) for exponent in (2.0, 900.0))
     assert np.ptp(shiny[60:130, 60:130]) > 2 * np.ptp(dull[60:130, 60:130])
-    np.testing.assert_array_equal(shiny[0, 0], bare[0, 0])  # beside the sphere
+    np.testing.assert_array_equal(shiny[0, 0], matt[0, 0])  # beside the sphere
 
 
 @pytest.mark.parametrize("missing", ["diffuse_albedo", "specular_albedo", "exponent"])
