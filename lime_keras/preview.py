@@ -41,8 +41,8 @@ def sphere(material: Material, size: int) -> np.ndarray:
     )
     if albedo is None or specular is None or exponent is None:
         raise ValueError("a sphere needs a whole material: estimate `albedo` and `exponent`")
-    # To a fiftieth of a decade, which no eye tells apart.
-    diffuse_shading, lobe = _shaded(round(50 * math.log10(max(exponent, 1e-3))) / 50, 2 * size)
+    # To a twentieth of a decade, which no eye tells apart.
+    diffuse_shading, lobe = _shaded(round(20 * math.log10(max(exponent, 1e-3))) / 20, 2 * size)
     radiance = np.asarray(albedo, np.float32) * diffuse_shading + np.float32(specular) * lobe
     linear = np.clip(radiance, 0, 1) + _BACKGROUND * (1 - disc(2 * size))
     linear = linear.reshape(size, 2, size, 2, 3).mean((1, 3))
