@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from lime_keras import estimate_files, photo
+from lime_keras import estimate_files, photo, scene_files
 from lime_keras.estimate import Estimator
 from lime_keras.material import Material
 
@@ -25,13 +25,26 @@ class Batch:
         out: folder, which exists, for their files (`estimate_files.write`).
         masks: the one photo's mask, or a folder with one of the same name for each; None where they
             are to be looked for.
+        light: whether to write the light of each photo, too (`scene_files.write`).
+        normals: the one object's normals, or a folder likewise; None where they are to be guessed.
+        mesh: to put in each object's place.
 
     Attributes:
         failed: photos that could not be read.
     """
 
-    def __init__(self, estimator: Estimator, out: Path, masks: Path | None = None):
+    def __init__(
+        self,
+        estimator: Estimator,
+        out: Path,
+        *,
+        masks: Path | None = None,
+        light: bool = False,
+        normals: Path | None = None,
+        mesh: Path | None = None,
+    ):
         self._estimator, self._out, self._masks = estimator, out, masks
+        self._light, self._normals, self._mesh = light, normals, mesh
         self._seconds = {"reading": 0.0, "networks": 0.0, "writing": 0.0}
         self._masks_looked_for = self._done = self._empty = 0
         self.failed = 0
@@ -92,8 +105,7 @@ class Batch:
         image, alpha = photo.read(path)
         if self._masks is None:
             return image, alpha
-        mask = _mask_of(path, self._masks) if self._masks.is_dir() else self._masks
-        return image, photo.read_mask(mask, *image.shape[:2])
+        return image, photo.read_mask(_belonging(path, self._masks), *image.shape[:2])
 
     def _estimate(self, batch: list[tuple[Any, ...]]) -> None:
         paths, names, images, masks = zip(*batch, strict=True)
@@ -103,11 +115,23 @@ class Batch:
         for path, name, image in zip(paths, names, images, strict=True):
             material = next(materials)
             estimated = time.perf_counter()
-            text = estimate_files.write(self._out, name, path, image, material)
-            self._tell(path, material, text)
+            self._write(path, name, image, material)
             self._seconds["networks"] += estimated - begun
             begun = time.perf_counter()
             self._seconds["writing"] += begun - estimated
+
+    def _write(self, path: Path, name: str, image: np.ndarray, material: Material) -> None:
+        text = estimate_files.write(self._out, name, path, image, material)
+        try:
+            if self._light:
+                normals = self._normals and _belonging(path, self._normals)
+                scene_files.write(
+                    self._out, name, image, material, normals=normals, mesh=self._mesh
+                )
+        except ValueError as error:
+            self._tell_failure(path, error)
+            return
+        self._tell(path, material, text)
 
     def _tell(self, path: Path, material: Material, text: str) -> None:
         tqdm.write(text)
@@ -126,10 +150,11 @@ class Batch:
         tqdm.write(f"error: {told if str(path) in told else f'{path}: {told}'}", file=sys.stderr)
 
 
-def _mask_of(path: Path, folder: Path) -> Path:
-    found = sorted(file for file in folder.iterdir() if file.stem == path.stem)
+def _belonging(path: Path, given: Path) -> Path:
+    """The file given, or, of a folder, the one in it that is called as the photo is."""
+    if not given.is_dir():
+        return given
+    found = sorted(file for file in given.iterdir() if file.stem == path.stem)
     if not found:
-        raise ValueError(
-            f"{folder} holds no mask for {path}: name it {path.stem}.png, or leave out --mask"
-        )
+        raise ValueError(f"{given} holds nothing for {path}: call it {path.stem}, as the photo")
     return found[0]

@@ -1,6 +1,7 @@
 """`lime-estimate`: photos and videos in, materials out."""
 
 import argparse
+import os
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,6 +23,7 @@ examples:
   lime-estimate camera:0 --out live
   lime-estimate photos/ --out materials --only albedo,exponent
   lime-estimate photo.jpg --mask mask.png --weights runs/mine
+  lime-estimate photo.jpg --clone-onto teapot.ply
 
 Photos: JPEG, PNG, HEIC, TIFF, WebP, OpenEXR, Radiance and more, up to 50 million pixels.
 The object is looked for in the whole photo and, if it is small, once more from near. A photo with
@@ -31,6 +33,10 @@ Each photo's numbers go to standard output and to OUT/NAME.json, and into OUT/NA
 NAME.gltf (glTF 2.0, on a sphere) and NAME-mitsuba.json (a scene for mitsuba.load_dict); its layers,
 of the photo's size, to NAME-LAYER.png and, of linear radiance (specular shading, mirror image; of
 the baseline, its reflectance map), NAME-LAYER.exr; all in one picture is NAME-preview.png.
+
+--normals also writes the light that the photo was taken under, OUT/NAME-environment.exr (64×128,
+linear radiance, camera space). --clone-onto puts the material, under that light, onto a mesh in the
+object's place: OUT/NAME-clone.png; without --normals they are guessed, roughly, from the mask.
 
 Videos (MP4, MOV, MKV, WebM, AVI and more) and cameras (`camera:0`, until Ctrl-C) are estimated
 frame by frame and fused by a median over five frames and a decaying average, which scene cuts and
@@ -76,6 +82,19 @@ def parser() -> argparse.ArgumentParser:
         help="picture of the photo's size, white where the object is, in place of looking for it; "
         "for several photos, a folder with one of the same name for each",
     )
+    out.add_argument(
+        "--normals",
+        type=Path,
+        metavar="FILE",
+        help="the object's normals in camera space (x right, y up, z towards the camera), of the "
+        "photo's size: OpenEXR, or PNG of (n + 1) / 2; for several photos, a folder as for --mask",
+    )
+    out.add_argument(
+        "--clone-onto",
+        type=Path,
+        metavar="MESH",
+        help="OBJ, PLY, STL or GLB to render in the object's place",
+    )
     out.add_argument("--version", action="version", version=__version__)
     return out
 
@@ -87,23 +106,29 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _estimate(options: argparse.Namespace) -> int:
+    photos, videos = _sorted(options.sources)
+    _check(options, photos, videos)
+    if options.clone_onto:
+        # Before TensorFlow, or the process crashes.
+        from lime_keras.render import variants
+
+        variants.activate(variants.choose(), os.cpu_count() or 1)
     console.import_tensorflow()
     from lime_keras.batch import Batch
     from lime_keras.estimate_files import distinct_names
 
-    photos, videos = _sorted(options.sources)
-    if options.mask and videos:
-        raise ValueError(f"--mask is for photos, and {videos[0]} is a video: leave one of them out")
-    if options.mask and not options.mask.is_dir() and len(photos) > 1:
-        raise ValueError(
-            f"--mask {options.mask} is one file for {len(photos)} photos: pass a folder that holds "
-            "a mask of the same name for each"
-        )
     options.out.mkdir(parents=True, exist_ok=True)
     names = distinct_names([*photos, *map(_path, videos)])
     failed = 0
     if photos:
-        batch = Batch(_estimator(options, options.only), options.out, options.mask)
+        batch = Batch(
+            _estimator(options, options.only),
+            options.out,
+            masks=options.mask,
+            light=bool(options.normals or options.clone_onto),
+            normals=options.normals,
+            mesh=options.clone_onto,
+        )
         batch.run(dict(zip(names, photos, strict=False)))
         print(batch.summary(), file=sys.stderr)
         failed += batch.failed
@@ -112,6 +137,22 @@ def _estimate(options: argparse.Namespace) -> int:
         for source, name in zip(videos, names[len(photos) :], strict=True):
             failed += not _estimate_video(estimator, source, options.out, name)
     return 1 if failed else 0
+
+
+def _check(options: argparse.Namespace, photos: list[Path], videos: list[str]) -> None:
+    """Refuse what does not go together, before anything is loaded."""
+    for option, given in (("--mask", options.mask), ("--normals", options.normals)):
+        if given and videos:
+            raise ValueError(f"{option} is for photos, and {videos[0]} is a video: leave one out")
+        if given and not given.is_dir() and len(photos) > 1:
+            raise ValueError(
+                f"{option} {given} is one file for {len(photos)} photos: pass a folder that holds "
+                "one of the same name for each"
+            )
+    if options.only and (options.normals or options.clone_onto):
+        raise ValueError("--normals and --clone-onto take the whole estimate: leave out --only")
+    if options.clone_onto and not options.clone_onto.is_file():
+        raise ValueError(f"{options.clone_onto} is no file: pass a mesh to --clone-onto")
 
 
 def _estimator(options: argparse.Namespace, only: tuple[str, ...] | None) -> "Estimator":

@@ -100,7 +100,7 @@ def test_a_folder_of_masks_has_one_for_each_photo(folder, tiny_model, tmp_path, 
     arguments = (folder, "--mask", tmp_path / "masks", "--only", "mask")
     assert run(*arguments, weights_folder=tiny_model, out=tmp_path / "out") == 1
     told = capsys.readouterr().err
-    assert "holds no mask for" in told and "name it b.png" in told
+    assert "holds nothing for" in told and "call it b" in told
     assert "1 done, 1 failed" in told
     arguments = (folder, "--mask", tmp_path / "masks" / "a.png")
     assert run(*arguments, weights_folder=tiny_model, out=tmp_path / "out2") == 1

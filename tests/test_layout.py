@@ -49,7 +49,11 @@ ALLOWED = {
     "preview": {"colour", "framing", "material", "reflectance_map", "studio"},
     "estimate": {"colour", "framing", "material", "networks", "shininess", "weights"},
     "estimate_files": {"colour", "interchange", "material", "photo", "preview"},
-    "batch": {"estimate", "estimate_files", "material", "photo"},
+    # Cloning alone renders, and imports Mitsuba when it does.
+    "scene_files": {
+        *("colour", "dome", "illumination", "material", "normal_map", "photo", "render"),
+    },
+    "batch": {"estimate", "estimate_files", "material", "photo", "scene_files"},
     "overlay": {"colour", "material", "preview"},
     "video": {"cuts", "frames", "fusion", "material", "overlay"},
     "estimate_cli": {
@@ -60,6 +64,7 @@ ALLOWED = {
         "estimate_files",
         "frames",
         "photo",
+        "render",
         "video",
         "weights",
     },
