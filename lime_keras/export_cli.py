@@ -58,7 +58,12 @@ def parser() -> argparse.ArgumentParser:
     )
     out.add_argument("out", type=Path, metavar="OUT", help="folder to write to")
     out.add_argument("--format", choices=("savedmodel", "onnx", "weights"), required=True)
-    out.add_argument("--weights", type=Path, required=True, metavar="RUN", help="run of lime-train")
+    out.add_argument(
+        "--weights",
+        type=Path,
+        metavar="RUN",
+        help="run of lime-train (default: the model that comes with the package)",
+    )
     out.add_argument(
         "--only",
         type=_names,
@@ -95,13 +100,14 @@ def main(argv: list[str] | None = None) -> int:
 
 def _export(options: argparse.Namespace) -> int:
     console.import_tensorflow()
+    from lime_keras import weights
     from lime_keras.export import PRECISIONS, export, target
 
     precision = options.precision or PRECISIONS[options.format][0]
     differences = export(
         options.out,
         options.format,
-        options.weights,
+        options.weights or weights.SHIPPED,
         options.only,
         precision=precision,
         corpus=options.corpus,

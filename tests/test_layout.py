@@ -68,7 +68,7 @@ ALLOWED = {
         "video",
         "weights",
     },
-    "export_cli": {"console", "version", "export"},
+    "export_cli": {"console", "version", "export", "weights"},
     "__init__": {"version", "estimate", "material"},
 }
 
