@@ -52,8 +52,8 @@ def parser() -> argparse.ArgumentParser:
         "--weights",
         type=Path,
         metavar="RUN",
-        help="run of lime-train, or a folder with its model, to be measured (default, with a CORPUS "
-        "and nothing else asked for: the model that comes with the package)",
+        help="run of lime-train, or a folder with its model, to be measured (default, with a "
+        "CORPUS and nothing else asked for: the model that comes with the package)",
     )
     command.add_argument(
         "--table1",
