@@ -83,7 +83,7 @@ class OverlayFile:
         options = {"movflags": "frag_keyframe+empty_moov+default_base_moof", "flush_packets": "1"}
         self._container: Any = av.open(str(path.absolute()), "w", format="mp4", options=options)
         self._stream: Any = None
-        self._last = -1
+        self._path, self._last = path, -1
 
     def __enter__(self) -> Self:
         return self
@@ -116,7 +116,11 @@ class OverlayFile:
         # A file's clock must go on, though a camera's may stand still or jump back.
         self._last = max(self._last + 1, round(seconds * _TICKS))
         picture.pts, picture.time_base = self._last, Fraction(1, _TICKS)
-        self._container.mux(self._stream.encode(picture))
+        try:
+            self._container.mux(self._stream.encode(picture))
+        except av.error.FFmpegError as error:
+            self._stream = None  # nothing more is to be written
+            raise OSError(f"{self._path} cannot be written: {error.strerror}") from error
 
     def _opened(self, height: int, width: int) -> Any:
         # Builds of FFmpeg without x264 have at least its forerunner.

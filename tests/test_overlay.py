@@ -185,7 +185,7 @@ def test_an_empty_file_is_no_error(tmp_path):
 
 def test_a_place_that_cannot_be_written_is_refused(tmp_path):
     with (
-        pytest.raises(OSError, match=r"missing.o\.mp4"),
+        pytest.raises(OSError, match=r"missing.o\.mp4 cannot be written"),
         OverlayFile(tmp_path / "missing/o.mp4") as o,
     ):
         o.write(np.zeros((32, 32, 3), np.uint8), 0.0)
