@@ -94,9 +94,11 @@ class OverlayFile:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        if self._stream is not None:
-            self._container.mux(self._stream.encode())
-        self._container.close()
+        try:
+            if self._stream is not None:
+                self._append(None)
+        finally:
+            self._container.close()
 
     def write(self, image_srgb: np.ndarray, seconds: float) -> None:
         """Append `(H, W, 3)` uint8, H and W even; the first image's size is the file's.
@@ -116,6 +118,10 @@ class OverlayFile:
         # A file's clock must go on, though a camera's may stand still or jump back.
         self._last = max(self._last + 1, round(seconds * _TICKS))
         picture.pts, picture.time_base = self._last, Fraction(1, _TICKS)
+        self._append(picture)
+
+    def _append(self, picture: Any) -> None:
+        """Encode one more picture, or at last those that the encoder still holds."""
         try:
             self._container.mux(self._stream.encode(picture))
         except av.error.FFmpegError as error:
