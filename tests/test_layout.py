@@ -14,7 +14,7 @@ ROOT = Path(__file__).parent.parent
 COMMANDS = ("lime-render", "lime-train", "lime-eval", "lime-estimate", "lime-export")
 
 LEAVES = {"arrays", "version", "environment", "corpus", "console", "material"}
-LEAVES |= {"fusion", "frames", "cuts"}
+LEAVES |= {"fusion", "frames", "cuts", "movie"}
 # What each module of the library may import from it; the leaves import no sibling.
 ALLOWED = {
     "colour": {"arrays"},
@@ -37,7 +37,8 @@ ALLOWED = {
     "estimate": {"colour", "material", "networks", "photo", "shininess", "weights"},
     "export": {"networks", "weights"},
     "overlay": {"colour", "environment", "material", "reflectance_map"},
-    "video": {"cuts", "frames", "fusion", "material", "overlay"},
+    "tracking": {"cuts", "fusion", "material"},
+    "video": {"frames", "material", "movie", "overlay", "tracking"},
     "estimate_cli": {"console", "version", "estimate", "photo", "colour"},
     "export_cli": {"console", "version", "export"},
     "__init__": {"version", "estimate", "material"},
