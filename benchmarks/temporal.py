@@ -23,6 +23,7 @@ from lime_keras import console, cuts, shininess
 from lime_keras.fusion import Fusion
 from lime_keras.render import examples, scenes, sources, variants
 from lime_keras.render.gbuffer import Tracer
+from lime_keras.tracking import parameters
 
 _DISTANCE = 6.0
 _FILL = 0.8
@@ -107,8 +108,6 @@ def estimates(estimator, sequence: Sequence) -> tuple[np.ndarray, np.ndarray]:
 
     NaN in frames without an object, and for probabilities that the model does not give.
     """
-    from lime_keras.video import parameters
-
     materials = [estimator.estimate(frame / np.float32(255)) for frame in sequence.frames]
     nothing = np.full(shininess.BIN_COUNT, np.nan)
     probabilities = [

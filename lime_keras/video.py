@@ -22,20 +22,16 @@ from typing import Protocol
 import numpy as np
 from tqdm import tqdm
 
-from lime_keras.cuts import CutDetector
 from lime_keras.frames import Footage, Frame, is_camera
-from lime_keras.fusion import Fusion
 from lime_keras.material import Material
-from lime_keras.overlay import OverlayFile, draw
+from lime_keras.movie import Movie
+from lime_keras.overlay import draw
+from lime_keras.tracking import PARAMETERS, Step, Tracker, material_of
 
-LOST_AFTER = 30
-"""Frames in a row without an object, a second's, after which another object is expected."""
-
-_PARAMETERS = ("diffuse_r", "diffuse_g", "diffuse_b", "specular", "exponent")
 COLUMNS = (
     *("frame", "time", "found", "cut", "coverage"),
-    *_PARAMETERS,
-    *(f"fused_{name}" for name in _PARAMETERS),
+    *PARAMETERS,
+    *(f"fused_{name}" for name in PARAMETERS),
 )
 """Of the table that `estimate_video` writes."""
 
@@ -45,23 +41,6 @@ class Estimates(Protocol):
 
     def estimate(self, image_srgb: np.ndarray) -> Material:
         """The material of the object in a frame `(H, W, 3)`, float32 sRGB in [0, 1]."""
-
-
-@dataclass(frozen=True)
-class Step:
-    """What is known after one frame.
-
-    Attributes:
-        found: whether there was an object.
-        cut: whether a new scene begins.
-        estimate: of this frame alone, `(5,)` as of `parameters`.
-        fused: over the frames since the last restart, likewise; NaN if none had an object.
-    """
-
-    found: bool
-    cut: bool
-    estimate: np.ndarray
-    fused: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -88,29 +67,6 @@ class Summary:
     remarks: tuple[str, ...]
     table: Path
     overlay: Path
-
-
-class Tracker:
-    """Follows one object through the frames, and notices when it may be another.
-
-    A scene cut restarts the fusion; so do more than `LOST_AFTER` frames in a row without an object.
-    During fewer the fused estimate is held.
-    """
-
-    def __init__(self) -> None:
-        self._cuts = CutDetector()
-        self._fusion = Fusion()
-        self._lost = 0
-
-    def step(self, image_srgb: np.ndarray, material: Material) -> Step:
-        """Take in the next frame `(H, W, 3)` uint8 and its estimate."""
-        cut, found = self._cuts.is_cut(image_srgb), is_found(material)
-        self._lost = 0 if found else self._lost + 1
-        if cut or self._lost > LOST_AFTER:
-            self._fusion.restart()
-        estimate = parameters(material)
-        fused = self._fusion.update(estimate)
-        return Step(found, cut, estimate, fused)
 
 
 def estimate_video(
@@ -162,13 +118,13 @@ class _Run:
         self._paths = table, overlay
         self._frames = self._found = self._cuts = 0
         self._seconds = 0.0
-        self._last = np.full(len(_PARAMETERS), np.nan)
+        self._last = np.full(len(PARAMETERS), np.nan)
 
     def follow(self, pictures: Iterable[Frame], estimator: Estimates) -> None:
         """Estimate, fuse and write frame by frame."""
         tracker, (table, overlay) = Tracker(), self._paths
         # Line by line, so that the table can be read while it grows.
-        with table.open("w", newline="", buffering=1) as file, OverlayFile(overlay) as video:
+        with table.open("w", newline="", buffering=1) as file, Movie(overlay) as video:
             rows = csv.writer(file)
             rows.writerow(COLUMNS)
             for frame in pictures:
@@ -201,39 +157,6 @@ class _Run:
             table=self._paths[0],
             overlay=self._paths[1],
         )
-
-
-def is_found(material: Material) -> bool:
-    """Whether an estimate is of anything."""
-    return bool(material.mask_coverage)
-
-
-def parameters(material: Material) -> np.ndarray:
-    """What is fused of an estimate: m_d, m_s and log10 s, `(5,)` float64.
-
-    NaN stands for what was not asked for, and for everything if no object was found.
-    """
-    # The exponent is fused by its logarithm: s is uncertain by factors, and the mean of 10 and 1000
-    # should be 100. Not by the eight probabilities: their expected log10 s is linear in them, so
-    # the average comes to the same, while medians of single probabilities no longer belong to one
-    # distribution (when a frame's vote wanders from bin to bin all of them are 0), and a network
-    # that regresses has none.
-    if not is_found(material):
-        return np.full(len(_PARAMETERS), np.nan)
-    diffuse = np.full(3, np.nan) if material.diffuse_albedo is None else material.diffuse_albedo
-    specular = math.nan if material.specular_albedo is None else material.specular_albedo
-    log_exponent = math.nan if material.exponent is None else math.log10(material.exponent)
-    return np.array([*diffuse, specular, log_exponent], np.float64)
-
-
-def material_of(fused: np.ndarray) -> Material:
-    """The material of `(5,)` parameters; what is NaN becomes None."""
-    *diffuse, specular, log_exponent = (float(value) for value in fused)
-    return Material(
-        diffuse_albedo=None if math.isnan(diffuse[0]) else np.array(diffuse, np.float32),
-        specular_albedo=None if math.isnan(specular) else specular,
-        exponent=None if math.isnan(log_exponent) else 10.0**log_exponent,
-    )
 
 
 def _row(number: int, seconds: float, material: Material, step: Step) -> Iterator[str]:

@@ -15,7 +15,7 @@ COMMANDS = ("lime-render", "lime-train", "lime-eval", "lime-estimate", "lime-exp
 
 LEAVES = {
     *("arrays", "version", "environment", "corpus", "console", "material"),
-    *("fusion", "frames", "cuts", "formats", "narrowing"),
+    *("fusion", "frames", "cuts", "movie", "formats", "narrowing"),
 }
 # What each module of the library may import from it; the leaves import no sibling.
 ALLOWED = {
@@ -55,7 +55,8 @@ ALLOWED = {
     },
     "batch": {"estimate", "estimate_files", "material", "photo", "scene_files"},
     "overlay": {"colour", "material", "preview"},
-    "video": {"cuts", "frames", "fusion", "material", "overlay"},
+    "tracking": {"cuts", "fusion", "material"},
+    "video": {"frames", "material", "movie", "overlay", "tracking"},
     "estimate_cli": {
         "console",
         "version",
