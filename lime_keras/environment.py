@@ -52,19 +52,69 @@ def lookup(radiance: np.ndarray, direction: np.ndarray) -> np.ndarray:
 
     Longitude wraps; at the poles the row is clamped. Directions need not be exactly unit length.
     """
+    top, bottom, left, right, right_share, bottom_share = _between(direction, *radiance.shape)
+    upper = radiance[top, left] * (1 - right_share) + radiance[top, right] * right_share
+    lower = radiance[bottom, left] * (1 - right_share) + radiance[bottom, right] * right_share
+    return upper * (1 - bottom_share) + lower * bottom_share
+
+
+def splat(values: np.ndarray, direction: np.ndarray, height: int, width: int) -> np.ndarray:
+    """Sums `(height, width)` of values `(N,)` in directions `(N, 3)`, each shared by four texels.
+
+    The transpose of `lookup`: Σ splat(v) · E = Σ v · lookup(E). In double precision.
+    """
+    top, bottom, left, right, right_share, bottom_share = _between(direction, height, width)
+    total = np.zeros(height * width)
+    for row, row_share in ((top, 1 - bottom_share), (bottom, bottom_share)):
+        for column, column_share in ((left, 1 - right_share), (right, right_share)):
+            weights = values * row_share * column_share
+            total += np.bincount(row * width + column, weights, minlength=len(total))
+    return total.reshape(height, width)
+
+
+def blur(radiance: np.ndarray, angle: float) -> np.ndarray:
+    """A map `(H, W)` blurred by a Gaussian on the sphere; W is even. The integral stays.
+
+    Along the parallels, then along the meridians and across the poles: round except within some
+    angles of a pole.
+
+    Args:
+        radiance: any values per steradian.
+        angle: standard deviation in radians.
+    """
     height, width = radiance.shape
+    solid_angle = solid_angles(height, width)
+    energy = radiance * solid_angle
+    sin_theta = np.sin(np.pi * (np.arange(height) + 0.5) / height)[:, None]
+    energy = _smooth(energy, angle / (2 * np.pi * sin_theta), axis=1)
+    # A meridian goes on behind the pole on the opposite one: 2 H rows make a full circle. Shares of
+    # a texel's energy move to texels of other sizes, so what each could receive is blurred as well.
+    both = [
+        _smooth(np.concatenate([part, np.roll(part, width // 2, 1)[::-1]]), angle / 2 / np.pi, 0)
+        for part in (energy, solid_angle)
+    ]
+    return np.maximum(both[0][:height] / both[1][:height], 0)
+
+
+def _smooth(values: np.ndarray, share: np.ndarray | float, axis: int) -> np.ndarray:
+    """Periodic Gaussian blur along an axis; `share`: its deviation as a share of the period."""
+    count = values.shape[axis]
+    frequency = np.fft.rfftfreq(count, 1 / count)
+    frequency = frequency[:, None] if axis == 0 else frequency
+    response = np.exp(-2 * (np.pi * frequency * share) ** 2)
+    return np.fft.irfft(np.fft.rfft(values, axis=axis) * response, count, axis=axis)
+
+
+def _between(direction: np.ndarray, height: int, width: int) -> tuple[np.ndarray, ...]:
+    """The rows and columns of texels around directions, and the shares of the latter of each."""
     x, y, z = np.moveaxis(direction, -1, 0)
     u = np.arctan2(x, -z) / (2 * np.pi)
     v = np.arctan2(np.hypot(x, z), y) / np.pi
     column = u * width - 0.5
     row = np.clip(v * height - 0.5, 0, height - 1)
     left, top = np.floor(column).astype(np.int64), np.floor(row).astype(np.int64)
-    right_share, bottom_share = column - left, row - top
     bottom = np.minimum(top + 1, height - 1)
-    left, right = left % width, (left + 1) % width
-    upper = radiance[top, left] * (1 - right_share) + radiance[top, right] * right_share
-    lower = radiance[bottom, left] * (1 - right_share) + radiance[bottom, right] * right_share
-    return upper * (1 - bottom_share) + lower * bottom_share
+    return top, bottom, left % width, (left + 1) % width, column - left, row - top
 
 
 def rotate(radiance: np.ndarray, rotation: np.ndarray, height: int, width: int) -> np.ndarray:

@@ -18,6 +18,10 @@ from lime_keras.reflectance import normaliser
 _CHUNK = 2**17
 """Pixel-light pairs computed at once: few enough that all stays in the processor's cache."""
 
+ASSUMED_FOCAL = 1.2
+"""Focal length over the photo's longer side: 43 mm on 36 mm film, between a telephone and a long
+lens."""
+
 
 def view_directions(camera: np.ndarray, height: int, width: int) -> np.ndarray:
     """Directions o to the viewer, `(height, width, 3)`, one for each pixel centre.
@@ -32,6 +36,12 @@ def view_directions(camera: np.ndarray, height: int, width: int) -> np.ndarray:
     y = -(np.arange(height) + 0.5 - cy) / fy
     towards_scene = np.stack(np.broadcast_arrays(x[None, :], y[:, None], -1.0), axis=-1)
     return -towards_scene / np.linalg.norm(towards_scene, axis=-1, keepdims=True)
+
+
+def assumed_camera(height: int, width: int) -> np.ndarray:
+    """fx, fy, cx, cy in pixels of a photo whose camera is not known: a normal lens, not cropped."""
+    focal = ASSUMED_FOCAL * max(height, width)
+    return np.array([focal, focal, width / 2, height / 2])
 
 
 def reflect(normal: np.ndarray, view: np.ndarray) -> np.ndarray:

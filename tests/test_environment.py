@@ -174,3 +174,52 @@ def test_what_is_no_radiance_is_refused_by_place(value):
         environment.check(radiance)
     with pytest.raises(ValueError, match=f"the first {np.float32(value)} in row 2"):
         environment.rotate(radiance, np.eye(3), 4, 8)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_splatting_is_the_transpose_of_looking_up(shape):
+    rng = np.random.default_rng(5)
+    towards = rng.normal(size=(200, 3))
+    towards = np.concatenate([towards, [[0, 1, 0], [0, -1, 0], [0, 0, -1], [1e-9, 0, -1]]])
+    values, radiance = rng.uniform(size=len(towards)), noise(*shape)
+    found = environment.splat(values, towards, *shape)
+    assert found.shape == shape
+    assert np.sum(found * radiance) == pytest.approx(
+        np.sum(values * environment.lookup(radiance, towards))
+    )
+    assert np.sum(found) == pytest.approx(np.sum(values))
+
+
+def test_nothing_splatted_is_black():
+    assert not environment.splat(np.zeros(0), np.zeros((0, 3)), 4, 8).any()
+
+
+@pytest.mark.parametrize("degrees", [3, 10, 40])
+def test_an_even_light_stays_even_under_blur(degrees):
+    blurred = environment.blur(np.full((64, 128), 2.5), np.radians(degrees))
+    assert blurred == pytest.approx(2.5, rel=1e-6)
+
+
+@pytest.mark.parametrize("towards", [(0, 0, 1), (0.01, 0.3, -1), (1, -0.9, 0)])
+def test_a_lamps_blur_is_round_and_keeps_its_energy(towards):
+    """Second moments along the parallel and the meridian are those of the Gaussian."""
+    towards = np.array(towards) / np.linalg.norm(towards)
+    lamp = environment.splat(np.ones(1), towards[None], 64, 128)
+    solid_angle = environment.solid_angles(64, 128)
+    angle = np.radians(8)
+    blurred = environment.blur(lamp / solid_angle, angle) * solid_angle
+    assert np.sum(blurred) == pytest.approx(1, rel=0.02)
+    place = environment.directions(64, 128)
+    east = np.cross((0, 1, 0), towards)
+    east /= np.linalg.norm(east)
+    for axis in (east, np.cross(towards, east)):
+        spread = np.sqrt(np.sum(blurred * (place @ axis) ** 2) / np.sum(blurred))
+        assert spread == pytest.approx(angle, rel=0.12)
+
+
+def test_blur_crosses_the_poles():
+    lamp = np.zeros((64, 128))
+    lamp[1, 0] = 1.0
+    blurred = environment.blur(lamp, np.radians(8))
+    assert blurred[1, 64] > 0.3 * blurred[1, 0]
+    assert blurred.min() >= 0

@@ -15,7 +15,7 @@ COMMANDS = ("lime-render", "lime-train", "lime-eval", "lime-estimate", "lime-exp
 
 LEAVES = {
     *("arrays", "version", "environment", "corpus", "console", "material"),
-    *("fusion", "frames", "cuts", "movie", "formats", "narrowing"),
+    *("fusion", "frames", "cuts", "movie", "formats", "narrowing", "normal_map", "dome"),
 }
 # What each module of the library may import from it; the leaves import no sibling.
 ALLOWED = {
@@ -29,6 +29,7 @@ ALLOWED = {
     "studio": {"environment"},
     "records": {"environment"},
     "shading": {"environment", "reflectance"},
+    "illumination": {"environment", "material", "shading"},
     "metrics": {"arrays", "shininess"},
     "streaming_metrics": {"metrics"},
     "losses": {"colour", "compositing", "dynamic_range", "masking", "shininess"},

@@ -300,3 +300,10 @@ def test_view_directions_by_the_records_formula():
         np.testing.assert_allclose(found[y, x], expected, rtol=1e-12)
     # A pixel to the right and above sees along (+, +, −): its viewer lies the other way.
     assert (np.sign(found[0, 5]) == [-1, -1, 1]).all()
+
+
+def test_an_unknown_camera_looks_straight_at_the_photos_centre():
+    view = shading.view_directions(shading.assumed_camera(101, 301), 101, 301)
+    assert view[50, 150] == pytest.approx([0, 0, 1])
+    half_angle = math.atan(0.5 / shading.ASSUMED_FOCAL * 300 / 301)
+    assert view[50, 0] == pytest.approx([math.sin(half_angle), 0, math.cos(half_angle)])

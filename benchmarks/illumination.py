@@ -1,0 +1,158 @@
+"""How well the light of a scene is found (paper, section 7), for each bin of the exponent.
+
+    python benchmarks/illumination.py CORPUS --weights RUN --count 100
+
+Over the test split's first images, by where the layers come from: "true" S, M and D; "estimated",
+those of a run's networks (with --weights), with the true normals in either case; "constant" stands
+for no estimate at all: an even light of the true mean radiance, the best that an answer without
+any layer could be told. Measures:
+
+- error: ∫|E − E*| / ∫E* over the sphere, of maps blurred by 5.6° (two texels), finer than which
+  64 × 128 maps hold little; "seen": over the directions that the object mirrors.
+- relit: PSNR of the true material rendered under E against E*, by Eq. 4 as sRGB, on the object's
+  own pixels; "ball": on a ball, which also shows the light that the object did not see.
+"""
+
+import argparse
+import math
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+from tqdm import tqdm
+
+from lime_keras import colour, console, environment, illumination, shading, shininess
+
+_BLUR = 2 * math.pi / environment.STORED_SHAPE[0]
+_BATCH = 10
+_BALL = 48
+"""Pixels across the ball."""
+_COLUMNS = ("error", "seen", "relit", "ball")
+_FEATURES = ("image", "mirror", "diffuse_shading")
+
+
+def main() -> None:
+    """Print a Markdown table for each source of the layers."""
+    options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    options.add_argument("corpus", type=Path, help="of lime-render, furnace shading")
+    options.add_argument("--weights", type=Path, help="run of lime-train")
+    options.add_argument("--count", type=int, default=100, help="images (default: 100)")
+    arguments = options.parse_args()
+    console.import_tensorflow()
+    rows: dict[str, list[tuple[int, list[float]]]] = {}
+    examples = _examples(arguments.corpus, arguments.weights, arguments.count)
+    for truth, estimate in tqdm(examples, total=arguments.count):
+        exponent_bin = int(shininess.bin_of(truth["shininess"]))
+        for name, row in _measured(truth, estimate).items():
+            rows.setdefault(name, []).append((exponent_bin, row))
+    for name, found in rows.items():
+        print(_table(name, found))
+
+
+def _examples(
+    corpus: Path, run: Path | None, count: int
+) -> Iterator[tuple[dict[str, np.ndarray], dict[str, np.ndarray] | None]]:
+    """The test split's first examples, and the networks' outputs for them."""
+    from lime_keras import pipeline, weights
+    from lime_keras.eval import relighting
+    from lime_keras.eval.evaluate import test_shards
+    from lime_keras.networks import assemble
+
+    size, system = 128, None
+    if run is not None:
+        architecture, subnetworks = weights.load(run)
+        size, system = architecture.size, assemble(subnetworks)
+    features = (*relighting.FEATURES, *_FEATURES)
+    batches = pipeline.evaluation(
+        test_shards(corpus), size=size, batch_size=_BATCH, features=features
+    )
+    left = count
+    for batch in batches.as_numpy_iterator():
+        found = system.predict_on_batch(batch["image"]) if system else None
+        for index in range(min(left, len(batch["mask"]))):
+            truth = {name: values[index] for name, values in batch.items()}
+            yield truth, found and {name: values[index] for name, values in found.items()}
+        left -= len(batch["mask"])
+        if left <= 0:
+            return
+
+
+def _measured(
+    truth: Mapping[str, np.ndarray], estimate: Mapping[str, np.ndarray] | None
+) -> dict[str, list[float]]:
+    """By source, the four measures."""
+    true = truth["environment"][..., 0].astype(np.float64)
+    view = shading.view_directions(truth["camera"], *truth["mask"].shape[:2])
+
+    def observed(mirror: np.ndarray, diffuse: np.ndarray, mask: np.ndarray):
+        # The true mask tells where the true normals are.
+        known = (truth["mask"] > 0) * mask
+        return illumination.observe(truth["normal"], view, mirror, diffuse, known)
+
+    evidence = observed(truth["mirror"], truth["diffuse_shading"], truth["mask"])
+    lights = {"true": illumination.estimate(evidence)}
+    if estimate is not None:
+        mask = estimate["mask"] * (estimate["mask"] >= 0.5)
+        specular = estimate["specular_albedo"] * estimate["specular_shading"]
+        layer = np.maximum(colour.srgb_to_linear(truth["image"]) - specular, 0)
+        diffuse = illumination.diffuse_shading(layer, estimate["diffuse_albedo"])
+        found = observed(np.maximum(estimate["mirror"], 0), diffuse, mask)
+        lights["estimated"] = illumination.estimate(found)
+    lights["constant"] = np.full(true.shape, environment.spherical_mean(true))
+    seen = illumination.seen(evidence)
+    return {
+        name: [*_errors(light, true, seen), *_relit(truth, light, true)]
+        for name, light in lights.items()
+    }
+
+
+def _errors(light: np.ndarray, true: np.ndarray, seen: np.ndarray) -> list[float]:
+    """Relative error of the blurred map over the sphere, and over what was seen."""
+    solid_angle = environment.solid_angles(*true.shape)
+    light, true = environment.blur(light, _BLUR), environment.blur(true, _BLUR)
+    return [
+        float(np.sum(weight * np.abs(light - true)) / np.sum(weight * true))
+        for weight in (solid_angle, solid_angle * seen)
+    ]
+
+
+def _relit(truth: Mapping[str, np.ndarray], light: np.ndarray, true: np.ndarray) -> list[float]:
+    """PSNR of the true material under one light against the other, on the object and a ball."""
+    from lime_keras.eval import relighting
+
+    material = relighting.Material(
+        truth["diffuse_albedo"], float(truth["specular_albedo"]), float(truth["shininess"])
+    )
+    return [
+        relighting.psnr(*(relighting.Lit(shape, map_).photo(material) for map_ in (true, light)))
+        for shape in (truth, {**truth, **_ball()})
+    ]
+
+
+def _ball() -> dict[str, np.ndarray]:
+    """Mask, normals and camera of a ball seen from afar."""
+    down, across = (np.mgrid[:_BALL, :_BALL] + 0.5) * (2 / _BALL) - 1
+    inside = np.hypot(across, down) < 0.97
+    towards = np.sqrt(np.maximum(1 - across**2 - down**2, 0))
+    normal = np.stack([across, -down, towards], axis=-1) * inside[..., None]
+    camera = np.array([10 * _BALL, 10 * _BALL, _BALL / 2, _BALL / 2])
+    return {"mask": inside[..., None].astype(np.float32), "normal": normal, "camera": camera}
+
+
+def _table(name: str, found: list[tuple[int, list[float]]]) -> str:
+    """Means by bin, and over all."""
+    bins = np.array([exponent_bin for exponent_bin, _ in found])
+    rows = np.array([row for _, row in found])
+    lines = [f"\n{name}\n", f"| s | count | {' | '.join(_COLUMNS)} |", "|---|" + "---:|" * 5]
+    edges = 10.0**shininess.LOG_EDGES
+    groups = [(f"{edges[k]:.3g}–{edges[k + 1]:.3g}", bins == k) for k in range(len(edges) - 1)]
+    for label, chosen in [*groups, ("all", bins >= 0)]:
+        if chosen.any():
+            error, seen, relit, ball = rows[chosen].mean(axis=0)
+            numbers = f"{error:.3f} | {seen:.3f} | {relit:.2f} dB | {ball:.2f} dB"
+            lines.append(f"| {label} | {np.sum(chosen)} | {numbers} |")
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    main()

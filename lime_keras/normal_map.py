@@ -1,0 +1,91 @@
+"""Normals from files: what a user's scanner or renderer knows of the shape in a photo."""
+
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+
+_LEAST_LENGTH = 0.5
+"""Shorter vectors are background: black and mid-grey are both used for it."""
+_UNIT_WITHIN = 0.1
+"""At half of a map's pixels at least; where normals meet they are averaged, and shorter."""
+_NAMES = (("normal.X", "normal.Y", "normal.Z"), ("X", "Y", "Z"), ("R", "G", "B"))
+"""Channels looked for, in this order: those of `lime-render --export` first."""
+
+
+def read(path: str | Path) -> np.ndarray:
+    """Read unit normals in camera space (x right, y up, z towards the camera).
+
+    An OpenEXR file holds them as they are, in channels normal.X, normal.Y, normal.Z, or X, Y, Z, or
+    R, G, B; a PNG of 8 or 16 bits holds v = (n + 1) / 2, as colours without a gamma. Vectors
+    shorter than a half, black pixels of a PNG and those of alpha 0 are background.
+
+    Returns:
+        `(H, W, 3)` float32, of length 1, or 0 in the background.
+
+    Raises:
+        ValueError: if the file is missing, neither EXR nor PNG, has no three channels, holds NaN or
+            infinity or no normal at all, or vectors that are no normals facing the camera.
+    """
+    path = Path(path)
+    file = oiio.ImageInput.open(str(path), _raw())
+    if file is None:
+        raise ValueError(f"{path} cannot be read: {oiio.geterror()}; check the path")
+    try:
+        kind, names = file.format_name(), file.spec().channelnames
+        if kind not in ("openexr", "png"):
+            raise ValueError(f"{path} is {kind.upper()}: save normals as OpenEXR or PNG")
+        pixels = file.read_image(oiio.FLOAT)
+        if pixels is None:
+            raise ValueError(f"{path} cannot be read: {file.geterror()}; export it anew")
+    finally:
+        file.close()
+    vectors = pixels[..., _channels(path, names)]
+    if not np.all(np.isfinite(vectors)):
+        count = np.sum(~np.isfinite(vectors).all(axis=-1))
+        raise ValueError(f"{path} holds {count} pixels of NaN or infinity: write 0 there")
+    if kind == "png":
+        black = ~vectors.any(axis=-1, keepdims=True)
+        vectors = np.where(black, 0, 2 * vectors - 1)
+    if "A" in names:
+        vectors = np.where(pixels[..., names.index("A"), None] > 0, vectors, 0)
+    return _normals(path, vectors.astype(np.float32))
+
+
+def _raw() -> oiio.ImageSpec:
+    """Colours as stored: not multiplied by alpha."""
+    config = oiio.ImageSpec()
+    config.attribute("oiio:UnassociatedAlpha", 1)
+    return config
+
+
+def _channels(path: Path, names: tuple[str, ...]) -> list[int]:
+    """Which channels hold x, y and z."""
+    for wanted in _NAMES:
+        if set(wanted) <= set(names):
+            return [names.index(name) for name in wanted]
+    raise ValueError(
+        f"{path} has the channels {', '.join(names)}: name those of the normals X, Y, Z or R, G, B"
+    )
+
+
+def _normals(path: Path, vectors: np.ndarray) -> np.ndarray:
+    """Vectors `(H, W, 3)` made unit, the background 0; refused if they are no normals."""
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    seen = length[..., 0] >= _LEAST_LENGTH
+    if not seen.any():
+        raise ValueError(f"{path} holds no normal: all vectors are shorter than {_LEAST_LENGTH}")
+    share = float(np.mean(np.abs(length[seen] - 1) < _UNIT_WITHIN))
+    if share < 0.5:
+        raise ValueError(
+            f"{path}: {share:.0%} of the vectors have length 1, the median is "
+            f"{np.median(length[seen]):.3g}: an EXR holds n itself, a PNG (n + 1) / 2 without a "
+            "gamma"
+        )
+    away = float(np.mean(vectors[seen][:, 2] < 0))
+    if away > 0.5:
+        raise ValueError(
+            f"{path}: {away:.0%} of the normals point away from the camera: z points towards the "
+            "camera here, flip z, or rotate world-space normals into camera space"
+        )
+    return np.where(seen[..., None], vectors / np.maximum(length, _LEAST_LENGTH), 0)
