@@ -32,7 +32,7 @@ setup(
         "lime_keras.eval",
     ],
     package_data={
-        "lime_keras": ["py.typed", "pretrained/*/*", "pretrained/*.md"],
+        "lime_keras": ["py.typed", "pretrained/*.md", "pretrained/*/*/*"],
         "lime_keras.eval": ["templates/*.html"],
     },
     install_requires=[

@@ -81,6 +81,9 @@ def export(
         elif model_format == WEIGHTS:
             weights.save(partial, architecture, subnetworks, half=True)
             formats.describe_weights(partial, card)
+            record = weights.folder(weights_folder) / "training.json"
+            if record.is_file():
+                shutil.copyfile(record, partial / record.name)
             signatures = {SERVED: assemble(weights.load(partial)[1])}
         else:
             _write_onnx(network, partial, precision, corpus)

@@ -1,6 +1,7 @@
 """SavedModel and ONNX answer as Keras does, or are not left behind."""
 
 import json
+import shutil
 
 import numpy as np
 import onnxruntime
@@ -161,7 +162,11 @@ def test_pictures_are_those_of_the_test_split(tiny_model, corpus, tmp_path, stan
 
 
 def test_weights_in_half_the_space_are_used_as_any(tiny_model, network, tmp_path, capsys):
-    out = tmp_path / "small"
+    out, record = tmp_path / "small", '{"config": {}}'
+    run = tmp_path / "run"
+    shutil.copytree(tiny_model, run / "model")
+    (run / "model" / "training.json").write_text(record, encoding="utf-8")
+    tiny_model = run
     arguments = [str(out), "--format", "weights", "--weights", str(tiny_model)]
     assert export_cli.main(arguments) == 0
     assert "small/model, float16" in capsys.readouterr().out
@@ -171,6 +176,7 @@ def test_weights_in_half_the_space_are_used_as_any(tiny_model, network, tmp_path
         assert 0 < np.abs(found[name] - expected).max() < 0.01, name
     card = json.loads((out / "model" / "lime.json").read_text(encoding="utf-8"))
     assert card["precision"] == "float16" and card["colour_space"] == "sRGB"
+    assert (out / "model" / "training.json").read_text(encoding="utf-8") == record
     with pytest.raises(ValueError, match="leave out what is to be answered"):
         export.export(out, "weights", tiny_model, ["mask"])
     with pytest.raises(ValueError, match="the format weights is float16, not float32"):
