@@ -9,7 +9,7 @@ import numpy as np
 
 THRESHOLD = 0.25
 """Distance of two frames from which a cut may lie between them: that of rendered scenes, between
-cuts, stays below a tenth of it (`benchmarks/temporal.py`), and a step of a third of a stop in the
+cuts, stays below an eighth of it (`benchmarks/temporal.py`), and a step of a third of a stop in the
 camera's exposure below it."""
 _STANDS_OUT = 2.0
 """A cut is so many times the distance before it: in a fast pan or a fade all are large."""
