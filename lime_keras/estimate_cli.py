@@ -117,12 +117,13 @@ def _estimate(options: argparse.Namespace) -> int:
     from lime_keras.batch import Batch
     from lime_keras.estimate_files import distinct_names
 
-    options.out.mkdir(parents=True, exist_ok=True)
     names = distinct_names([*photos, *map(_path, videos)])
     failed = 0
     if photos:
+        estimator = _estimator(options, options.only)
+        options.out.mkdir(parents=True, exist_ok=True)
         batch = Batch(
-            _estimator(options, options.only),
+            estimator,
             options.out,
             masks=options.mask,
             light=bool(options.normals or options.clone_onto),
