@@ -271,6 +271,7 @@ def test_a_runs_config_is_read_back(config, finished, tmp_path):
 # Stages alone, and from other runs.
 
 
+@pytest.mark.slow
 def test_stages_run_apart_are_the_same_as_together(corpus, config, finished, tmp_path):
     for only in (["mirror"], ["specular"], ["specular+mirror"]):
         untrained = trainer.train(corpus, tmp_path, config, _ignore, only=only)
@@ -327,14 +328,15 @@ def test_a_run_begins_with_another_models_weights(corpus, config, finished, tmp_
         np.testing.assert_array_equal(found, expected)
     # It is resumed without them.
     shutil.rmtree(given)
-    assert trainer.train(corpus, run, on, _ignore) == []
+    left = trainer.train(corpus, run, on, _ignore, only=["segmentation"])
+    assert left == ["specular", "mirror", "exponent", "albedo"]
     described = "segmentation and specular and mirror and exponent and albedo continued"
     assert beginning.described(run) == described
-    before, after = _weights(finished), _weights(run)
-    for name in before:
-        steps = [np.abs(a - b).max() for a, b in zip(after[name], before[name], strict=True)]
-        # A few steps of Adam at 1e-3 from where it began.
-        assert 0 < max(steps) < 0.05, name
+    with np.load(run / "stages" / "1-segmentation.npz") as stored:
+        after = [stored[f"arr_{index}"] for index in range(len(seen["segmentation"]))]
+    steps = [np.abs(a - b).max() for a, b in zip(after, seen["segmentation"], strict=True)]
+    # Two steps of Adam at 1e-3 from where it began.
+    assert 0 < max(steps) < 0.01
 
 
 def test_at_another_size_the_u_nets_go_on_and_the_encoders_begin(
@@ -392,6 +394,7 @@ def _trained_anew(corpus, run, config, **options):
     return {name for name, step in steps if (name, step - 1) in steps}
 
 
+@pytest.mark.slow
 def test_ablations_take_over_what_is_the_same(corpus, config, finished, tmp_path):
     """And end as if they had trained all of it themselves."""
     one, two = tmp_path / "one", tmp_path / "two"
