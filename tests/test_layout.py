@@ -183,6 +183,8 @@ def test_the_wheel_owns_one_name(wheel):
     assert tops == {"lime_keras"}
     assert "lime_keras/eval/templates/report.html" in names
     assert "lime_keras/render/shards.py" in names
+    shipped = {name for name in names if name.startswith("lime_keras/pretrained/live/model/")}
+    assert {Path(name).name for name in shipped} >= {"architecture.json", "albedo.weights.h5"}
 
 
 @pytest.mark.slow
