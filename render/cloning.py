@@ -19,6 +19,7 @@ from lime_keras.material import Material
 from . import lights, meshes
 from .examples import layers
 from .gbuffer import Tracer
+from .lights import Light
 from .meshes import Mesh
 from .scenes import Pose
 
@@ -28,6 +29,7 @@ _PITCH = math.radians(12)
 """The camera looks down at things that stand on a table."""
 _MOST_PIXELS = 1024
 """Across what is rendered; larger objects are rendered at this size and enlarged."""
+_FINE = (256, 512)
 _RIM = 0.03
 """Of the object's size: the mask is widened by it, so that no edge of the old object stays."""
 
@@ -62,9 +64,9 @@ def clone(
         ValueError: if the shapes differ, the mask is empty, the material lacks a number, the light
             is black or unsound, or the mesh cannot be read.
     """
-    _check(photo_srgb, mask, material)
-    environment.check(radiance)
-    light = lights.prepare("the estimated light", radiance, environment.spherical_mean(radiance))
+    _check(photo_srgb, mask)
+    m_d, m_s, exponent = _numbers(material)
+    light = _light(radiance)
     mesh = meshes.load(mesh_path)
     top, left, side = _square(mask)
     size = min(side, _MOST_PIXELS)
@@ -72,9 +74,8 @@ def clone(
     scale = size / side
     crop = (pose.camera - np.array([0, 0, left, top])) * scale
     gbuffer = Tracer(mesh, size).trace(pose.rotation, pose.translation, crop)
-    diffuse, specular, _ = layers(gbuffer, light, np.eye(3), float(material.exponent or 0))
-    albedo = np.asarray(material.diffuse_albedo), np.asarray(material.specular_albedo)
-    composed = compose(*albedo, np.zeros(1), diffuse[None], specular[None])[0]
+    diffuse, specular, _ = layers(gbuffer, light, np.eye(3), exponent)
+    composed = compose(m_d, np.asarray(m_s), np.zeros(1), diffuse[None], specular[None])[0]
     coverage = gbuffer.coverage[..., None]
     rendered = _resized(np.concatenate([coverage * composed, coverage], axis=-1), side)
     over = _pasted(rendered, mask.shape[:2], top, left)
@@ -101,7 +102,7 @@ def without_object(photo_linear: np.ndarray, mask: np.ndarray) -> np.ndarray:
     return np.where(kept > 0, photo_linear, np.maximum(filled, 0))
 
 
-def _check(photo: np.ndarray, mask: np.ndarray, material: Material) -> None:
+def _check(photo: np.ndarray, mask: np.ndarray) -> None:
     """Refuse what cannot be cloned."""
     if photo.ndim != 3 or photo.shape[-1] != 3 or mask.shape != (*photo.shape[:2], 1):
         raise ValueError(
@@ -110,11 +111,22 @@ def _check(photo: np.ndarray, mask: np.ndarray, material: Material) -> None:
         )
     if not np.any(mask >= 0.5):
         raise ValueError("the mask is empty: there is no object to replace; pass another mask")
-    numbers = material.diffuse_albedo, material.specular_albedo, material.exponent
-    if any(number is None for number in numbers):
+
+
+def _numbers(material: Material) -> tuple[np.ndarray, float, float]:
+    """m_d, m_s and s of a whole material."""
+    m_d, m_s, exponent = material.diffuse_albedo, material.specular_albedo, material.exponent
+    if m_d is None or m_s is None or exponent is None:
         raise ValueError(
             "the material lacks an albedo or the exponent: estimate everything, without `only`"
         )
+    return np.asarray(m_d), m_s, exponent
+
+
+def _light(radiance: np.ndarray) -> Light:
+    """The estimated map at its own brightness, so fine that no sharp lobe tells its texels."""
+    fine = environment.rotate(radiance, np.eye(3), *_FINE)
+    return lights.prepare("the estimated light", fine, environment.spherical_mean(radiance))
 
 
 def _box(mask: np.ndarray) -> tuple[int, int, int, int]:

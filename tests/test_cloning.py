@@ -119,7 +119,7 @@ def test_the_old_object_is_gone_and_the_rest_untouched(slab):
 def test_edges_are_antialiased(ball):
     photo, mask = _photo(240, 240, (60, 180, 60, 180))
     white = dataclasses.replace(DULL, diffuse_albedo=np.ones(3))
-    picture = cloning.clone(0 * photo, mask, white, 4 * EVEN, ball)[..., 0]
+    picture = cloning.clone(0 * photo, mask, white, 2 * EVEN, ball)[..., 0]
     between = (picture > 0.05) & (picture < 0.95)
     assert 200 < np.sum(between) < 1000
 
