@@ -31,7 +31,10 @@ setup(
         "lime_keras.train",
         "lime_keras.eval",
     ],
-    package_data={"lime_keras": ["py.typed"], "lime_keras.eval": ["templates/*.html"]},
+    package_data={
+        "lime_keras": ["py.typed", "pretrained/*.md", "pretrained/*/*/*"],
+        "lime_keras.eval": ["templates/*.html"],
+    },
     install_requires=[
         "tensorflow>=2.20,<2.22",
         "keras>=3.13,<3.16",
@@ -45,7 +48,12 @@ setup(
         "onnx>=1.17,<2",
         "onnxruntime>=1.20,<2",
         "trimesh>=4.5,<6",
+        # FFmpeg with it: reads and writes videos, and reads cameras.
+        "av>=17,<19",
         "scikit-image>=0.24,<1",
+        "pillow>=10.1,<13",
+        # OpenImageIO's wheels are built without HEIF.
+        "pillow-heif>=0.18,<2",
         "scipy>=1.13,<2",
         "matplotlib>=3.9,<4",
         "jinja2>=3.1,<4",

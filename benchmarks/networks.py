@@ -25,7 +25,7 @@ import tensorflow as tf
 import tf2onnx
 from tqdm import tqdm
 
-from lime_keras import export
+from lime_keras import formats, proof
 from lime_keras.eval.costs import TITAN_XP, flop
 from lime_keras.networks import PRESETS, Architecture, assemble, build
 
@@ -87,7 +87,7 @@ def _measure(
 
 def _runners(network: keras.Model, threads: int) -> tuple[Callable, Callable]:
     """The network answering one image of noise: by `tf.function`, and by ONNX Runtime."""
-    serve = export.served(network)
+    serve = formats.served(network)
     rng = np.random.default_rng(0)
     shapes = {spec.name: (1, *spec.shape[1:]) for spec in serve.input_signature}
     images = {name: rng.uniform(size=shape).astype(np.float32) for name, shape in shapes.items()}
@@ -96,7 +96,7 @@ def _runners(network: keras.Model, threads: int) -> tuple[Callable, Callable]:
     expected = serve(*tensors)
     for name, value in expected.items():
         [answer] = session.run([name], images)
-        np.testing.assert_allclose(answer, value, export.TOLERANCE, export.TOLERANCE)
+        np.testing.assert_allclose(answer, value, proof.TOLERANCE, proof.TOLERANCE)
     return lambda: serve(*tensors), lambda: session.run(None, images)
 
 
@@ -104,7 +104,7 @@ def _session(
     serve: tf.types.experimental.PolymorphicFunction, threads: int
 ) -> onnxruntime.InferenceSession:
     model, _ = tf2onnx.convert.from_function(
-        serve, input_signature=serve.input_signature, opset=export._OPSET
+        serve, input_signature=serve.input_signature, opset=formats._OPSET
     )
     # The converter's copies of the graph hold one another, and 1 GB for a U-Net of 20 MB.
     gc.collect()

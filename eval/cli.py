@@ -52,7 +52,8 @@ def parser() -> argparse.ArgumentParser:
         "--weights",
         type=Path,
         metavar="RUN",
-        help="run of lime-train, or a folder with its model, to be measured",
+        help="run of lime-train, or a folder with its model, to be measured (default, with a "
+        "CORPUS and nothing else asked for: the model that comes with the package)",
     )
     command.add_argument(
         "--table1",
@@ -99,13 +100,13 @@ def _checked(command: argparse.ArgumentParser, arguments: list[str]) -> argparse
     """The options, after refusing those that do not go together."""
     options = command.parse_args(arguments)
     on_corpus = options.weights or options.table1 or options.tradeoff
-    if not on_corpus and not options.stability:
-        command.error("nothing to do: pass --weights, --table1, --tradeoff or --stability")
+    if not on_corpus and not options.stability and options.corpus is None:
+        command.error("nothing to do: pass a CORPUS, or --stability")
     if options.corpus is None and (options.table1 or options.tradeoff):
         command.error("--table1 and --tradeoff need a CORPUS to measure on")
     if options.corpus is None and options.weights and not options.stability:
         command.error("--weights needs a CORPUS to measure on")
-    if options.corpus is not None and not on_corpus:
+    if options.corpus is not None and not on_corpus and options.stability:
         command.error("a CORPUS takes --weights, --table1 or --tradeoff")
     if options.out is None and options.weights is None:
         command.error("pass --out: without --weights there is no run's folder to write to")
@@ -117,13 +118,17 @@ def _evaluate(options: argparse.Namespace, command: str) -> int:
     out = options.out or options.weights / "eval"
     _check_writable(out)
     console.import_tensorflow()
+    from lime_keras.weights import SHIPPED
+
     from . import parts
 
+    asked = options.weights or options.table1 or options.tradeoff or options.stability
+    model = options.weights if asked else SHIPPED
     corpus, how = options.corpus, {"command": command}
     seen = how | {"camera": options.camera}
     failed = False
-    if options.weights and corpus:
-        print(parts.evaluation(out, options.weights, corpus, **seen), end="")
+    if model and corpus:
+        print(parts.evaluation(out, model, corpus, **seen), end="")
     if options.table1:
         print(parts.compare(out, options.table1, corpus, **seen), end="")
     if options.tradeoff:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 
-from lime_keras import photo
+from lime_keras import framing, photo
 
 from . import srgb_standard
 from .precisions import NUMPY_SINGLE
@@ -105,7 +105,7 @@ def _refused(value: float, kind: str) -> Outcome:
 def _fitted(image: np.ndarray, size: int) -> Outcome:
     """Made smaller by whole factors, an area's mean in linear light; else, one level stays."""
     image = NUMPY_SINGLE.rounded(image)
-    found = photo.fit_square(image.astype(np.float32), size)
+    found = framing.cut(image.astype(np.float32), framing.whole(*image.shape[:2]), size)
     low, high = np.full((size, size, 3), image.min()), np.full((size, size, 3), image.max())
     if size <= len(image) == image.shape[1]:
         factor = len(image) // size

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from lime_keras import export
+from lime_keras import proof
 
 from . import kept, machine, measures
 from .evaluate import evaluate
@@ -32,7 +32,7 @@ class Fidelity:
     def difference(self, runtime: str, precision: str) -> dict[str, float]:
         """Largest difference of each output from Keras in the same precision, on test images.
 
-        As `export.compare` has it: relative above 1. Eight bits are compared with float32.
+        As `proof.compare` has it: relative above 1. Eight bits are compared with float32.
         """
 
         def compare() -> dict[str, float]:
@@ -41,7 +41,7 @@ class Fidelity:
             if reference not in self._of_keras:
                 self._of_keras[reference] = self._run.answer(KERAS, reference)(images)
             answer = dict(self._run.answer(runtime, precision)(images))
-            return export.compare(dict(self._of_keras[reference]), answer)
+            return proof.compare(dict(self._of_keras[reference]), answer)
 
         key = self._depends_on(runtime, precision) | {"images": _COMPARED}
         return self._ledger.value(f"differences/{self._name(runtime, precision)}", key, compare)
@@ -50,11 +50,11 @@ class Fidelity:
         """Errors on the whole test split.
 
         `measured_on`, a runtime's name, `errors` by measure, their `interval`s and the `count` of
-        images. A runtime whose answers are Keras' to within `export.TOLERANCE` has Keras' errors;
+        images. A runtime whose answers are Keras' to within `proof.TOLERANCE` has Keras' errors;
         the others are evaluated themselves.
         """
         if precision in POLICIES and runtime != KERAS:
-            if max(self.difference(runtime, precision).values()) <= export.TOLERANCE:
+            if max(self.difference(runtime, precision).values()) <= proof.TOLERANCE:
                 return self.errors(KERAS, precision)
         run = self._run
 

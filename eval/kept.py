@@ -12,6 +12,7 @@ import numpy as np
 from lime_keras import corpus as corpus_files
 from lime_keras import weights
 from lime_keras.networks import Architecture
+from lime_keras.version import __version__
 
 from .evaluate import Evaluation, evaluate, test_shards
 
@@ -44,7 +45,7 @@ def evaluation(folder: Path, model_dir: Path, corpus: Path, *, camera: bool = Fa
 def key(model_dir: Path, corpus: Path, camera: bool) -> str:
     """What an evaluation follows from, as a hash: weights, images, the camera and this code."""
     test_shards(corpus)  # Refuses a split that is incomplete.
-    digest = hashlib.sha256(str(camera).encode())
+    digest = hashlib.sha256(f"{__version__} {camera}".encode())
     digest.update(corpus_files.manifest_path(corpus, "test").read_bytes())
     for path in weights.files(model_dir):
         digest.update(path.name.encode() + path.read_bytes())

@@ -91,7 +91,7 @@ def trade(out: Path, runs: Sequence[Path], corpus: Path, *, camera: bool, comman
 
     result = tradeoff.measure(names(runs), corpus, out, camera=camera)
     text = tradeoff.markdown(result)
-    draw = partial(tradeoff_figures.pareto, [row for row in result["rows"] if "front" in row])
+    draw = partial(tradeoff_figures.pareto, result)
     _write_json(out / "tradeoff.json", result)
     write(out / "tradeoff.md", text.encode())
     write(out / "pareto.png", draw(figures.LIGHT))

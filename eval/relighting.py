@@ -5,14 +5,13 @@ corpus holds, clipped at 1 and encoded as sRGB, as a camera would. The material 
 this weighs its parts as the eye would: an exponent matters where there is a highlight.
 """
 
-import functools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from lime_keras import colour, environment, shading, shininess
+from lime_keras import colour, shading, shininess, studio
 from lime_keras.compositing import compose
 
 PIXELS = 128
@@ -32,12 +31,6 @@ FEATURES = (
     "ambient",
 )
 """What is read of a record."""
-_SOFT_BOXES = (
-    # Direction in camera space, angular radius in degrees, radiance.
-    ((-0.6, 0.6, 0.55), 22.0, 4.5),
-    ((0.9, 0.1, 0.35), 16.0, 2.5),
-    ((0.1, 0.9, -0.5), 18.0, 4.5),
-)
 
 
 @dataclass(frozen=True)
@@ -101,19 +94,6 @@ def psnr(true: np.ndarray, found: np.ndarray) -> float:
     return min(HIGHEST_PSNR, -10 * math.log10(error)) if error > 0 else HIGHEST_PSNR
 
 
-@functools.cache
-def studio() -> np.ndarray:
-    """The light not seen, `(64, 128)` in camera space: three soft boxes in a dark room."""
-    height, width = environment.STORED_SHAPE
-    towards = environment.directions(height, width)
-    radiance = np.zeros((height, width))
-    for direction, radius, strength in _SOFT_BOXES:
-        cosine = towards @ (np.array(direction) / np.linalg.norm(direction))
-        radiance[cosine > math.cos(math.radians(radius))] = strength
-    radiance.flags.writeable = False
-    return radiance
-
-
 def relight(
     example: Mapping[str, np.ndarray], materials: Mapping[str, Material], literal: bool = False
 ) -> dict[str, dict[str, float]]:
@@ -128,7 +108,7 @@ def relight(
         example["diffuse_albedo"], float(example["specular_albedo"]), float(example["shininess"])
     )
     out: dict[str, dict[str, float]] = {name: {} for name in materials}
-    lights = {"relit": example["environment"][..., 0], "relit_unseen": studio()}
+    lights = {"relit": example["environment"][..., 0], "relit_unseen": studio.light()}
     for column, radiance in lights.items():
         lit = Lit(example, radiance, literal)
         true = lit.photo(truth)

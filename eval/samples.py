@@ -1,22 +1,17 @@
-"""A few images of a corpus: to time with, to compare answers on, to calibrate with.
-
-Those that decide something (calibration and validation) come from the train split, the latter from
-the shards that training holds out; the test split is for what is only reported.
-"""
+"""A few images of one corpus, and what they follow from: `lime_keras.samples`, kept in a ledger."""
 
 from pathlib import Path
 
 import numpy as np
 
 from lime_keras import corpus as corpus_files
-from lime_keras import pipeline
+from lime_keras import samples
 
 from .evaluate import test_shards
 from .ledger import DependsOn, Ledger, sha256
 
 LARGEST_BATCH = 32
 """Images of the test split: as many as are answered at once."""
-_CALIBRATION, _VALIDATION = 64, 64
 
 
 class Samples:
@@ -41,7 +36,8 @@ class Samples:
         """`.npy` file of the first images of the test split."""
 
         def write(path: Path) -> None:
-            images = self._first(test_shards(self.corpus), size, LARGEST_BATCH)
+            shards = test_shards(self.corpus)
+            images = samples.first(shards, size, LARGEST_BATCH, camera=self.camera)
             with path.open("wb") as file:
                 np.save(file, images)
 
@@ -50,19 +46,8 @@ class Samples:
 
     def calibration(self, size: int) -> np.ndarray:
         """Images that the networks were trained on."""
-        return self._first(pipeline.training_shards(self.corpus)[0], size, _CALIBRATION)
+        return samples.calibration(self.corpus, size, camera=self.camera)
 
     def validation(self, size: int) -> np.ndarray:
         """Images that training held out."""
-        return self._first(pipeline.training_shards(self.corpus)[1], size, _VALIDATION)
-
-    def _first(self, shards: list[Path], size: int, count: int) -> np.ndarray:
-        """The first images of some shards: as many as asked for, or all there are."""
-        dataset = pipeline.evaluation(
-            shards, size=size, batch_size=count, camera=self.camera, features=("image",)
-        )
-        batches = pipeline.naming_damage(dataset.take(1).as_numpy_iterator(), shards)
-        first = next(batches, None)
-        if first is None:
-            raise ValueError(f"{shards[0]} and what follows hold no examples: render them again")
-        return first["image"]
+        return samples.validation(self.corpus, size, camera=self.camera)

@@ -4,12 +4,12 @@ import functools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
-from lime_keras.export import TOLERANCE
+from lime_keras.narrowing import RANGES
+from lime_keras.proof import TOLERANCE
 
 from .cases import SUBNETWORK, SYSTEM, YARDSTICK, is_crossed, is_whole
 from .costs import TITAN_XP
 from .measures import MEASURES
-from .narrowing import RANGES
 from .runtimes import ONNX
 from .table import number, with_interval
 

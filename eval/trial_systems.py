@@ -11,7 +11,7 @@ import keras
 import numpy as np
 import tensorflow as tf
 
-from lime_keras import export, weights
+from lime_keras import export, formats, weights
 from lime_keras.estimate import Estimator
 from lime_keras.networks import Architecture, assemble, build
 
@@ -92,8 +92,7 @@ class TrialSystem:
 
     def served(self, model_format: str, batch: np.ndarray) -> Answers:
         """The exported model's, for `(B, S, S, 3)`."""
-        path, run = self._exported(model_format)
-        return _numpy(run(path, batch.astype(np.float32)))
+        return _numpy(self._exported(model_format)(batch.astype(np.float32)))
 
     def exact(self, image: str) -> Answers:
         """In double precision, to one of `images`."""
@@ -143,13 +142,13 @@ class TrialSystem:
         return tf.function(lambda batch: network(batch, training=False), jit_compile=True)
 
     @functools.cache  # noqa: B019 - as above
-    def _exported(self, model_format: str) -> tuple[Path, Any]:
-        """The exported model, and what runs it."""
+    def _exported(self, model_format: str) -> formats.Answer:
+        """The exported model, opened."""
         export.export(self._scratch, model_format, self.folder)
-        return {
-            "savedmodel": (self._scratch / "saved_model", export.run_saved_model),
-            "onnx": (self._scratch / "lime.onnx", export.run_onnx),
-        }[model_format]
+        path = export.target(self._scratch, model_format)
+        if model_format == export.ONNX:
+            return formats.open_onnx(path)
+        return formats.open_saved_model(path)[formats.SERVED]
 
 
 def _drawn(architecture: Architecture) -> dict[str, keras.Model]:

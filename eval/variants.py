@@ -11,10 +11,10 @@ import keras
 import numpy as np
 import onnx.utils
 
-from lime_keras import estimate, export, weights
+from lime_keras import estimate, formats, narrowing, weights
 from lime_keras.networks import answers, assemble
 
-from . import machine, narrowing, runtimes
+from . import machine, runtimes
 from .costs import flop
 from .ledger import DependsOn, Ledger, sha256, size
 from .runtimes import KERAS, ONNX, SAVED_MODEL, Answer
@@ -107,7 +107,7 @@ class Run:
         """ONNX of one subnetwork alone, fed by nobody."""
         return self._file(
             f"subnetwork-{name}.onnx",
-            lambda path: export.write_onnx(self._subnetworks[name], path),
+            lambda path: formats.write_onnx(self._subnetworks[name], path),
         )
 
     def answer(self, runtime: str, precision: str) -> Answer:
@@ -158,10 +158,10 @@ class Run:
     def _write_saved_model(self, precision: str, path: Path) -> None:
         with runtimes.computing_in(precision):
             _, subnetworks = weights.load(self.folder)
-        export.write_saved_model(assemble(subnetworks), path)
+        formats.write_saved_model(assemble(subnetworks), path)
 
     def _write_onnx(self, path: Path) -> None:
-        export.write_onnx(assemble(self._subnetworks), path)
+        formats.write_onnx(assemble(self._subnetworks), path)
 
     def _write_prepared(self, path: Path) -> None:
         narrowing.prepare(self.path(ONNX, "float32"), path)

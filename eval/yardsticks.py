@@ -11,7 +11,7 @@ from typing import Any
 
 import keras
 
-from lime_keras import export
+from lime_keras import formats
 
 from . import machine
 from .costs import flop
@@ -54,7 +54,7 @@ class Yardstick:
         return self._ledger.file(
             f"models/{self._slug}.onnx",
             self.depends_on,
-            lambda path: export.write_onnx(self._build(), path),
+            lambda path: formats.write_onnx(self._build(), path),
         )
 
     @property

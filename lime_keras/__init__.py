@@ -3,7 +3,7 @@
 `import lime_keras` is cheap: TensorFlow is imported when `Estimator` is first asked for.
 
     from lime_keras import Estimator
-    material = Estimator("runs/quickstart/model").estimate(image_srgb)
+    material = Estimator().estimate(image_srgb)
 """
 
 from typing import Any

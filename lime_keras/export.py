@@ -1,24 +1,29 @@
-"""SavedModel and ONNX, each proved to agree with Keras before it is called done."""
+"""SavedModel, ONNX and narrow weights, each proved to agree with Keras before it is called done."""
 
-import gc
 import shutil
-from collections.abc import Collection
+import tempfile
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 import keras
 import numpy as np
-import tensorflow as tf
 
-from lime_keras import weights
+from lime_keras import corpus as corpus_files
+from lime_keras import formats, model_card, narrowing, proof, samples, weights
+from lime_keras.formats import SERVED, Answer
 from lime_keras.networks import answers, assemble
 
-TOLERANCE = 1e-3
-"""Largest accepted difference from Keras: absolute, and relative for values above 1."""
-_OPSET = 17
+SAVED_MODEL, ONNX, WEIGHTS = "savedmodel", "onnx", "weights"
+PRECISIONS = {
+    SAVED_MODEL: ("float32",),
+    ONNX: ("float32", "float16", "int8"),
+    WEIGHTS: ("float16",),
+}
+"""That a format can be had in, its usual one first; weights are computed with in float32."""
 
-
-class ParityError(RuntimeError):
-    """An exported model that does not answer as Keras does."""
+_VERSION = "1"  # TensorFlow Serving loads from a folder of numbered ones
+_PICTURES = 64
+_RANGES = "widest"  # and heads in float32: of the four ways, least harm to held-out pictures
 
 
 def export(
@@ -26,25 +31,34 @@ def export(
     model_format: str,
     weights_folder: Path,
     only: Collection[str] | None = None,
-) -> dict[str, float]:
+    *,
+    precision: str | None = None,
+    corpus: Path | None = None,
+) -> dict[str, dict[str, float]]:
     """Write a model and compare it with Keras on images it has never seen.
 
     Args:
-        folder: written to: `saved_model/` or `lime.onnx` inside it.
-        model_format: `savedmodel` or `onnx`.
+        folder: written to: what `target` names.
+        model_format: `savedmodel`, `onnx`, or `weights` (`lime_keras.weights.save`).
         weights_folder: run of `lime-train`, or folder of `lime_keras.weights.save`.
         only: names of outputs, out of `lime_keras.networks.answers`; by default all that this
             model has.
+        precision: one of the format's `PRECISIONS`; by default the first.
+        corpus: rendered pictures, photographed (`lime_keras.camera`): the first of the test split
+            are compared on, too, and the first of the train split calibrate int8.
 
     Returns:
-        The largest difference from Keras of each output (relative above 1).
+        By what was compared on, `extremes` (`proof.images`) and, given a corpus, `pictures`: what
+        `proof.judge` says of each output.
 
     Raises:
-        FileNotFoundError: if there is no trained model.
-        ValueError: if the model has no output of a name.
-        ParityError: if the written model differs from Keras by more than `TOLERANCE`; nothing is
-            left in its place.
+        FileNotFoundError: if there is no trained model, or a split is not rendered.
+        ValueError: if the model has no output of a name, or the precision cannot be had.
+        ParityError: if the written model differs from Keras by more than it may; nothing is left in
+            its place.
     """
+    precision = PRECISIONS[model_format][0] if precision is None else precision
+    _check(model_format, precision, corpus, only)
     architecture, subnetworks = weights.load(weights_folder)
     known = answers(subnetworks)
     if unknown := sorted(set(only or ()) - set(known)):
@@ -53,124 +67,104 @@ def export(
             f"choose from {', '.join(known)}"
         )
     network = assemble(subnetworks, only)
+    card = model_card.card(architecture, network, precision)
+    images = _images(architecture.size, corpus)
+    path = target(folder, model_format, precision)
+    partial = folder / f"partial-{path.name}"
     folder.mkdir(parents=True, exist_ok=True)
-    images = proof_images(architecture.size)
-    expected = {name: np.array(value) for name, value in network(images).items()}
-    write, target, run = {
-        "savedmodel": (write_saved_model, folder / "saved_model", run_saved_model),
-        "onnx": (write_onnx, folder / "lime.onnx", run_onnx),
-    }[model_format]
-    partial = target.with_name(f"partial-{target.name}")
     _remove(partial)
     try:
-        write(network, partial)
-        differences = compare(expected, run(partial, images))
-        wrong = {name: value for name, value in differences.items() if not value <= TOLERANCE}
-        if wrong:
-            raise ParityError(f"the {model_format} model differs from Keras: {wrong}")
-        _remove(target)
-        partial.rename(target)
+        if model_format == SAVED_MODEL:
+            formats.write_saved_model(network, partial)
+            formats.describe_saved_model(partial, card)
+            signatures = formats.open_saved_model(partial)
+        elif model_format == WEIGHTS:
+            weights.save(partial, architecture, subnetworks, half=True)
+            formats.describe_weights(partial, card)
+            record = weights.folder(weights_folder) / "training.json"
+            if record.is_file():
+                shutil.copyfile(record, partial / record.name)
+            signatures = {SERVED: assemble(weights.load(partial)[1])}
+        else:
+            _write_onnx(network, partial, precision, corpus)
+            formats.describe_onnx(partial, card)
+            signatures = {SERVED: formats.open_onnx(partial)}
+        differences = _prove(network, signatures, images, precision)
+        _remove(path)
+        path.parent.mkdir(exist_ok=True)
+        partial.rename(path)
     finally:
         _remove(partial)
     return differences
 
 
-def proof_images(size: int) -> np.ndarray:
-    """Images `(6, size, size, 3)` in [0, 1]: shaded balls, smooth, noisy, black and white.
+def target(folder: Path, model_format: str, precision: str = "float32") -> Path:
+    """What `export` writes.
 
-    The balls, one dull and one shiny, are there because a trained mask is empty without an object,
-    and everything behind an empty mask would agree for nothing.
+    An ONNX file; a SavedModel's folder, in one for its versions; or a model's, which makes `folder`
+    what every command takes for weights.
     """
-    rng = np.random.default_rng(0)
-    coarse = rng.uniform(size=(1, 8, 8, 3)).astype(np.float32)
-    smooth = np.array(tf.image.resize(coarse, (size, size)))
-    noisy = rng.uniform(size=(1, size, size, 3)).astype(np.float32)
-    balls = [_ball(size, exponent)[None] for exponent in (3.0, 300.0)]
-    return np.concatenate([*balls, smooth, noisy, np.zeros_like(noisy), np.ones_like(noisy)])
+    if model_format == SAVED_MODEL:
+        return folder / "saved_model" / _VERSION
+    if model_format == WEIGHTS:
+        return folder / "model"
+    return folder / ("lime.onnx" if precision == "float32" else f"lime-{precision}.onnx")
 
 
-def _ball(size: int, exponent: float) -> np.ndarray:
-    """A lit ball with a highlight before stripes, `(size, size, 3)` in [0, 1]."""
-    x, y = np.meshgrid(*[np.linspace(-1.25, 1.25, size)] * 2)
-    z = np.sqrt(np.maximum(1 - x**2 - y**2, 0))
-    towards_light = np.maximum(0.4 * x - 0.5 * y + 0.77 * z, 0)[..., None]
-    highlight = np.maximum(0.21 * x - 0.27 * y + 0.94 * z, 0)[..., None] ** exponent
-    ball = np.array([0.5, 0.3, 0.2]) * towards_light + 0.5 * highlight
-    stripes = 0.4 + 0.2 * np.sin(12 * x + 5 * y)[..., None] * np.array([1.0, 0.5, -1.0])
-    return np.clip(np.where(z[..., None] > 0, ball, stripes), 0, 1).astype(np.float32)
+def _check(
+    model_format: str, precision: str, corpus: Path | None, only: Collection[str] | None
+) -> None:
+    if precision not in PRECISIONS[model_format]:
+        raise ValueError(
+            f"the format {model_format} is {' or '.join(PRECISIONS[model_format])}, not {precision}"
+        )
+    if precision == "int8" and corpus is None:
+        raise ValueError("int8 is calibrated on pictures: pass a corpus of `lime-render`")
+    if model_format == WEIGHTS and only is not None:
+        raise ValueError("weights are those of a whole model: leave out what is to be answered")
 
 
-def compare(expected: dict[str, np.ndarray], answer: dict[str, np.ndarray]) -> dict[str, float]:
-    """Largest difference of each output, relative where the expected value is above 1.
-
-    Raises:
-        ParityError: if names or shapes differ.
-    """
-    shapes = {name: value.shape for name, value in expected.items()}
-    found = {name: value.shape for name, value in answer.items()}
-    if shapes != found:
-        raise ParityError(f"outputs {found}, expected {shapes}")
-    return {
-        name: float(np.max(np.abs(answer[name] - value) / np.maximum(np.abs(value), 1)))
-        for name, value in expected.items()
-    }
+def _images(size: int, corpus: Path | None) -> dict[str, np.ndarray]:
+    """What to compare on."""
+    out = {"extremes": proof.images(size)}
+    if corpus is not None:
+        shards = corpus_files.shard_paths(corpus, "test")
+        out["pictures"] = samples.first(shards, size, _PICTURES, camera=True)
+    return out
 
 
-def run_saved_model(path: Path, images: np.ndarray) -> dict[str, np.ndarray]:
-    """Answers of a SavedModel's `serving_default` signature."""
-    served = tf.saved_model.load(str(path)).signatures["serving_default"]
-    return {name: value.numpy() for name, value in served(image=tf.constant(images)).items()}
+def _write_onnx(network: keras.Model, path: Path, precision: str, corpus: Path | None) -> None:
+    """Write an ONNX file in any of `PRECISIONS`."""
+    if precision == "float32":
+        return formats.write_onnx(network, path)
+    with tempfile.TemporaryDirectory() as scratch:
+        whole, prepared = Path(scratch) / "whole.onnx", Path(scratch) / "prepared.onnx"
+        formats.write_onnx(network, whole)
+        narrowing.prepare(whole, prepared)
+        if precision == "float16":
+            narrowing.write_float16(prepared, path)
+        elif corpus is not None:
+            pictures = samples.calibration(corpus, network.input_shape[1], camera=True)
+            narrowing.write_int8(prepared, path, pictures, ranges=_RANGES, float_heads=True)
 
 
-def run_onnx(path: Path, images: np.ndarray) -> dict[str, np.ndarray]:
-    """Answers of an ONNX model under ONNX Runtime."""
-    import onnxruntime
-
-    session = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
-    names = [output.name for output in session.get_outputs()]
-    return dict(zip(names, session.run(names, {"image": images}), strict=True))
-
-
-def write_saved_model(network: keras.Model, path: Path) -> None:
-    """Write a model as a SavedModel folder, unproved; answers by name as `served` has them."""
-    module = tf.Module()
-    module.network = network
-    module.serve = served(network)
-    tf.saved_model.save(module, str(path), signatures={"serving_default": module.serve})
-
-
-def write_onnx(network: keras.Model, path: Path) -> None:
-    """Write a model as ONNX, unproved; answers by name as `served` has them."""
-    import tf2onnx
-
-    serve = served(network)
-    tf2onnx.convert.from_function(
-        serve, input_signature=serve.input_signature, opset=_OPSET, output_path=str(path)
-    )
-    # The converter's copies of the graph hold one another, and 1 GB for a U-Net of 20 MB.
-    gc.collect()
-
-
-def served(network: keras.Model) -> tf.types.experimental.PolymorphicFunction:
-    """The model as a function of its inputs `(B, …)`, in order, under their names.
-
-    It answers a dictionary: the model's own, or, of a model that answers tensors, one under their
-    operations' names.
-    """
-    signature = [
-        tf.TensorSpec((None, *tensor.shape[1:]), tf.float32, name=tensor.name)
-        for tensor in network.inputs
-    ]
-
-    @tf.function(input_signature=signature)
-    def serve(*tensors: tf.Tensor) -> dict[str, tf.Tensor]:
-        packed = keras.tree.pack_sequence_as(network.input, list(tensors))
-        answer = network(packed, training=False)
-        if not isinstance(answer, dict):
-            answer = dict(zip(network.output_names, keras.tree.flatten(answer), strict=True))
-        return {name: tf.identity(value, name=name) for name, value in answer.items()}
-
-    return serve
+def _prove(
+    network: keras.Model,
+    signatures: Mapping[str, Answer],
+    images: Mapping[str, np.ndarray],
+    precision: str,
+) -> dict[str, dict[str, float]]:
+    """Judge what answers everything on all images, and what answers one output on the extremes."""
+    out = {}
+    for name, batch in images.items():
+        expected = proof.answers(network, batch)
+        out[name] = proof.judge(expected, proof.answers(signatures[SERVED], batch), precision)
+        if name == "extremes":
+            for output in set(signatures) - {SERVED}:
+                found = proof.answers(signatures[output], batch)
+                alone = proof.judge({output: expected[output]}, found, precision)
+                out[name][output] = max(out[name][output], alone[output])
+    return out
 
 
 def _remove(path: Path) -> None:

@@ -17,10 +17,13 @@ class Material:
         exponent_bin_probabilities: `(8,)`, summing to 1; None under regression.
         mask_coverage: share of the image that the object covers, in [0, 1].
         exponent_entropy: bits, from 0 (certain) to 3 (nothing known); None under regression.
-        layers: images by name, each at the estimate's size: `mask` `(H, W, 1)` in [0, 1];
+        square: top row, left column and side, in the photo's pixels, of what the networks saw; it
+            may reach beyond the photo.
+        layers: images by name, each at the photo's size: `mask` `(H, W, 1)` in [0, 1];
             `specular_shading` and `mirror` `(H, W, 1)` linear radiance; `diffuse` `(H, W, 3)`, the
-            photo less m_s · S, linear radiance; of the baseline `reflectance_map` `(H, W, 3)`, a
-            sphere of the material, linear radiance, 0 beside it.
+            photo less m_s · S, and `recomposed` `(H, W, 3)`, Eq. 4 of the estimate with the grey D
+            that comes closest to the photo, linear radiance; of the baseline `reflectance_map`
+            `(S, S, 3)`, a sphere of the material, linear radiance, 0 beside it.
     """
 
     diffuse_albedo: np.ndarray | None = None
@@ -29,6 +32,7 @@ class Material:
     exponent_bin_probabilities: np.ndarray | None = None
     mask_coverage: float | None = None
     exponent_entropy: float | None = None
+    square: tuple[int, int, int] | None = None
     layers: dict[str, np.ndarray] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, object]:
@@ -46,4 +50,4 @@ class Material:
 
 
 def _rounded(value: float) -> float:
-    return float(f"{value:.6g}")
+    return value if isinstance(value, int) else float(f"{value:.6g}")

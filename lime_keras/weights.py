@@ -10,11 +10,15 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
+import h5py
 import keras
+import numpy as np
 
 from lime_keras.networks import Architecture, build
 
 _ALONE = "alone"
+SHIPPED = Path(__file__).parent / "pretrained" / "live"
+"""The model that comes with the package: what is used where no other is named."""
 
 
 def save(
@@ -22,6 +26,8 @@ def save(
     architecture: Architecture,
     subnetworks: Mapping[str, keras.Model],
     alone: Mapping[str, keras.Model] | None = None,
+    *,
+    half: bool = False,
 ) -> None:
     """Write the architecture and each subnetwork's weights, each file atomically.
 
@@ -30,6 +36,7 @@ def save(
         architecture: of the subnetworks.
         subnetworks: all of them, by name.
         alone: those of them that joined training changed, as they were before it.
+        half: keep 16 bits of each weight, in half the space; they are loaded as any.
     """
     alone = {} if alone is None else alone
     for path in (model / _ALONE).glob("*.weights.h5"):
@@ -38,7 +45,7 @@ def save(
     # The architecture comes last: only a folder that has one holds a model.
     for target, networks in ((model / _ALONE, alone), (model, subnetworks)):
         for name, network in networks.items():
-            _write(target, name, network)
+            _write(target, name, network, half)
     text = json.dumps(dataclasses.asdict(architecture), indent=2)
     partial = model / "partial-architecture.json"
     partial.write_text(text + "\n", encoding="utf-8")
@@ -112,12 +119,28 @@ def folder(model: Path) -> Path:
     return model / "model" if (model / "model").is_dir() else model
 
 
-def _write(target: Path, name: str, network: keras.Model) -> None:
+def _write(target: Path, name: str, network: keras.Model, half: bool) -> None:
     target.mkdir(parents=True, exist_ok=True)
     path = _weights_path(target, name)
     partial = path.with_name(f"partial-{path.name}")
     network.save_weights(partial)
+    if half:
+        whole = partial.rename(path.with_name(f"partial-whole-{path.name}"))
+        with h5py.File(whole) as source, h5py.File(partial, "w") as narrow:
+            _copy_half(source, narrow)
+        whole.unlink()
     os.replace(partial, path)
+
+
+def _copy_half(source: h5py.Group, target: h5py.Group) -> None:
+    """Copy a weights file's tree, its arrays as float16; Keras casts them back as it loads."""
+    target.attrs.update(source.attrs)
+    for name, item in source.items():
+        if isinstance(item, h5py.Group):
+            _copy_half(item, target.create_group(name))
+        else:
+            copy = target.create_dataset(name, data=item[...].astype(np.float16))
+            copy.attrs.update(item.attrs)
 
 
 def _read(path: Path, network: keras.Model) -> None:

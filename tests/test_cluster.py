@@ -19,6 +19,8 @@ from render_scenes import write_inputs
 from lime_keras.render import cli, cluster, inputs, nodes, shards, variants, workers
 
 ray = pytest.importorskip("ray", reason="Ray is in the extra `cluster`")
+# Clusters are started, watched dying, and shut down.
+pytestmark = pytest.mark.slow
 
 NODE = r"^node 127\.0\.0\.[23]: "
 SMALL = {"object_store_memory": 80 * 2**20, "include_dashboard": False}

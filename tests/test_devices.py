@@ -63,6 +63,7 @@ def _curve(run):
     return [{name: float(value or 0) for name, value in row.items()} for row in rows]
 
 
+@pytest.mark.slow
 def test_losses_are_those_of_one_device(runs):
     one, two = _curve(runs / "one"), _curve(runs / "two")
     assert [row["step"] for row in two] == list(range(6))
@@ -72,6 +73,7 @@ def test_losses_are_those_of_one_device(runs):
             assert row[name] == pytest.approx(expected[name], rel=1e-4), name
 
 
+@pytest.mark.slow
 def test_measures_are_those_of_one_device(runs):
     """Of batches that are shared out and of one that each device sees whole, in either backend."""
     two, one = _left(runs)["measured"]
@@ -80,18 +82,21 @@ def test_measures_are_those_of_one_device(runs):
     assert one == pytest.approx(stage_runs.measured(Devices(1)), rel=1e-3)
 
 
+@pytest.mark.slow
 def test_weights_are_those_of_one_device(runs):
     (one, _), (two, _) = _state(runs / "one"), _state(runs / "two")
     for expected, found in zip(one, two, strict=True):
         assert np.allclose(found, expected, rtol=1e-3, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_the_norm_of_a_split_gradient_is_not_that_of_a_part(runs):
     """TensorFlow's devices each know the norm of their part; its sum is an upper bound."""
     (_, one), (_, two) = _state(runs / "one"), _state(runs / "two")
     assert 0.999 * one < two < 1.5 * one
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("runs", ["tensorflow"], indirect=True)
 def test_half_precision_trains(runs):
     """Only TensorFlow's devices must agree on a loss scale."""
@@ -102,6 +107,7 @@ def test_half_precision_trains(runs):
     assert after["validation_loss"] < before["validation_loss"]
 
 
+@pytest.mark.slow
 def test_an_overflow_on_any_device_holds_the_step_back(runs):
     """Keras asks the first of TensorFlow's alone."""
     scale, steps, weight = _left(runs)["overflow"]
@@ -109,12 +115,14 @@ def test_an_overflow_on_any_device_holds_the_step_back(runs):
     assert (steps, weight) == (0, 1)
 
 
+@pytest.mark.slow
 def test_the_example_that_breaks_a_step_is_named(runs):
     found = _left(runs)["broken"]
     assert found.startswith("RuntimeError: stage albedo, step ")
     assert "from example 3 of seed 0 of the train split: render it again" in found
 
 
+@pytest.mark.slow
 def test_more_devices_than_there_are_is_refused(runs):
     found = _left(runs)["three"]
     assert found.startswith("ValueError: --devices 3, but ")

@@ -4,13 +4,11 @@ import json
 
 import keras
 import numpy as np
-import OpenImageIO as oiio
 import pytest
 
-from lime_keras import Estimator, Material, colour, estimate_cli, shininess, weights
+from lime_keras import Estimator, Material, colour, framing, shininess, weights
 from lime_keras.estimate import NEEDED
-from lime_keras.networks import answers, build
-from lime_keras.photo import fit_square, read_srgb, write
+from lime_keras.networks import assemble, build
 
 PHOTOS = {
     "noise": (32, 32),
@@ -20,7 +18,7 @@ PHOTOS = {
     "a line": (1, 500),
     "a column": (500, 1),
 }
-LAYERS = {"mask": 1, "specular_shading": 1, "mirror": 1, "diffuse": 3}
+LAYERS = {"mask": 1, "specular_shading": 1, "mirror": 1, "diffuse": 3, "recomposed": 3}
 
 
 @pytest.fixture(scope="module")
@@ -32,10 +30,17 @@ def photo(shape, seed=0):
     return np.random.default_rng(seed).uniform(size=(*shape, 3)).astype(np.float32)
 
 
-def check(material):
+def network_answer(model, image, mask=None):
+    """What the joined network says of a photo's whole square, its largest object being large."""
+    _, subnetworks = weights.load(model)
+    square = framing.cut(image, framing.whole(*image.shape[:2]), 32)[None]
+    return {name: np.array(value)[0] for name, value in assemble(subnetworks)(square).items()}
+
+
+def check(material, shape):
     assert isinstance(material, Material)
     assert {name: layer.shape for name, layer in material.layers.items()} == {
-        name: (32, 32, channels) for name, channels in LAYERS.items()
+        name: (*shape, channels) for name, channels in LAYERS.items()
     }
     for layer in material.layers.values():
         assert np.isfinite(layer).all() and (layer >= 0).all()
@@ -52,13 +57,13 @@ def check(material):
 
 @pytest.mark.parametrize("shape", PHOTOS.values(), ids=PHOTOS)
 def test_photos_of_every_shape(shape, estimator):
-    check(estimator.estimate(photo(shape)))
+    check(estimator.estimate(photo(shape)), shape)
 
 
 @pytest.mark.parametrize("level", [0.0, -0.0, 1e-30, 0.5, 1.0])
 @pytest.mark.parametrize("shape", [(1, 1), (32, 32), (50, 20)])
 def test_photos_of_one_colour(level, shape, estimator):
-    check(estimator.estimate(np.full((*shape, 3), level)))
+    check(estimator.estimate(np.full((*shape, 3), level)), shape)
 
 
 def test_double_precision_lists_and_the_same_photo_twice(estimator):
@@ -69,22 +74,137 @@ def test_double_precision_lists_and_the_same_photo_twice(estimator):
     assert estimator.estimate(photo((32, 32), seed=1)).to_json() != first.to_json()
 
 
-def test_the_numbers_are_those_of_the_network(estimator):
+def test_the_numbers_are_those_of_the_network(tiny_model, estimator):
     image = photo((40, 90))
-    square = fit_square(image, 32)
-    answer = {name: np.array(v)[0] for name, v in estimator._network(square[None]).items()}
+    answer, square = network_answer(tiny_model, image), framing.whole(40, 90)
     material = estimator.estimate(image)
+    assert material.square == square
     np.testing.assert_allclose(material.diffuse_albedo, answer["diffuse_albedo"], rtol=1e-5)
     assert material.specular_albedo == pytest.approx(answer["specular_albedo"][0], rel=1e-5)
     probabilities = answer["exponent_bin_probabilities"]
     assert np.log10(material.exponent) == pytest.approx(probabilities @ shininess.LOG_MEANS)
-    assert material.mask_coverage == pytest.approx(np.mean(answer["mask"] >= 0.5))
     for name in ("mask", "specular_shading", "mirror"):
-        np.testing.assert_allclose(material.layers[name], answer[name], rtol=1e-4, atol=1e-6)
-    specular = answer["specular_albedo"] * answer["specular_shading"]
-    diffuse = np.maximum(colour.srgb_to_linear(square) - specular, 0) * answer["mask"]
+        expected = framing.paste(answer[name], square, 40, 90)
+        np.testing.assert_allclose(material.layers[name], expected, rtol=1e-4, atol=1e-6)
+    mask, shading = material.layers["mask"], material.layers["specular_shading"]
+    assert material.mask_coverage == pytest.approx(np.mean(mask >= 0.5))
+    specular = answer["specular_albedo"] * shading
+    diffuse = np.maximum(colour.srgb_to_linear(image) - specular, 0) * mask
     np.testing.assert_allclose(material.layers["diffuse"], diffuse, rtol=1e-4, atol=1e-6)
-    assert 0 < diffuse.max() and np.ptp(answer["mask"]) > 0
+    assert 0 < diffuse.max() and np.ptp(mask) > 0
+    # Least squares, the long way: the grey shade that leaves the smallest difference.
+    albedo = answer["diffuse_albedo"][:, None]
+    shade = np.linalg.lstsq(albedo, diffuse.reshape(-1, 3).T, rcond=None)[0].reshape(40, 90, 1)
+    expected = shade * albedo[:, 0] + specular * mask
+    np.testing.assert_allclose(material.layers["recomposed"], expected, rtol=1e-3, atol=1e-5)
+
+
+def test_a_black_material_is_recomposed_as_its_highlights(tiny, tmp_path):
+    subnetworks = build(tiny)
+    subnetworks["segmentation"].get_layer("head").bias.assign([0.8])
+    albedos = subnetworks["albedo"].get_layer("albedos")
+    albedos.bias.assign([-100.0, -100.0, -100.0, 0.5])
+    weights.save(tmp_path, tiny, subnetworks)
+    material = Estimator(tmp_path).estimate(photo((20, 32)))
+    assert (material.diffuse_albedo == 0).all()
+    lobe = material.specular_albedo * material.layers["specular_shading"]
+    expected = np.repeat(lobe * material.layers["mask"], 3, axis=-1)
+    np.testing.assert_allclose(material.layers["recomposed"], expected, atol=1e-6)
+
+
+# Where the object is.
+
+
+class Finder:
+    """Stands for SegmentationNet, which finds all that is red."""
+
+    def __init__(self):
+        self.looks = 0
+
+    def predict_on_batch(self, images):
+        self.looks += len(images)
+        return {"mask": (images[..., :1] - images[..., 1:2] > 0.4).astype(np.float32)}
+
+
+def red_square(height, width, rows, columns):
+    image = np.full((height, width, 3), 0.3, np.float32)
+    image[rows, columns] = [0.9, 0.1, 0.1]
+    return image
+
+
+@pytest.fixture
+def finder(estimator, monkeypatch):
+    stand_in = Finder()
+    monkeypatch.setattr(estimator, "_finder", stand_in)
+    return stand_in
+
+
+def test_a_small_object_is_looked_at_again_from_near(estimator, finder):
+    image = red_square(200, 300, slice(20, 60), slice(240, 280))
+    material = estimator.estimate(image)
+    assert finder.looks == 2
+    top, left, side = material.square
+    assert side == pytest.approx(40 / framing.FILL, rel=0.35)
+    assert top <= 20 and top + side >= 60 and left <= 240 and left + side >= 280
+    found = material.layers["mask"][..., 0] >= 0.5
+    truth = image[..., 0] > 0.5
+    assert (found & truth).sum() / (found | truth).sum() > 0.9
+    assert (material.layers["mirror"][:, :200] == 0).all()
+
+
+def test_a_large_object_is_looked_at_once(estimator, finder):
+    material = estimator.estimate(red_square(200, 300, slice(20, 180), slice(70, 230)))
+    assert finder.looks == 1 and material.square == framing.whole(200, 300)
+
+
+def test_a_given_mask_is_not_looked_for(estimator, finder, tiny_model):
+    image = photo((60, 80))
+    mask = np.zeros((60, 80), np.float32)
+    mask[10:40, 30:60] = 1
+    material = estimator.estimate(image, mask)
+    assert finder.looks == 0
+    np.testing.assert_array_equal(material.layers["mask"][..., 0], mask)
+    assert material.mask_coverage == pytest.approx(900 / 4800)
+    assert (material.layers["specular_shading"][mask == 0] < 0.5).all()
+    again = estimator.estimate(image, mask[..., None])
+    assert again.to_json() == material.to_json()
+    # What is outside the mask's square has no influence.
+    changed = image.copy()
+    changed[:, 75:] = 1 - changed[:, 75:]
+    assert estimator.estimate(changed, mask).to_json() == material.to_json()
+
+
+def test_an_empty_mask_is_an_answer(estimator):
+    material = estimator.estimate(photo((20, 30)), np.zeros((20, 30)))
+    check(material, (20, 30))
+    assert material.mask_coverage == 0
+
+
+@pytest.mark.parametrize("shape", [(), (20,), (30, 20), (20, 30, 3), (1, 20, 30)])
+def test_a_mask_of_another_shape_is_refused(shape, estimator):
+    with pytest.raises(ValueError, match=r"a mask has its photo's shape.*got"):
+        estimator.estimate(photo((20, 30)), np.zeros(shape))
+
+
+@pytest.mark.parametrize("value", [-0.1, 1.1, 255, np.nan, np.inf])
+def test_a_mask_out_of_range_is_refused(value, estimator):
+    with pytest.raises(ValueError, match="a mask's values"):
+        estimator.estimate(photo((20, 30)), np.full((20, 30), value))
+
+
+def test_several_photos_are_answered_as_one_by_one(estimator):
+    images = [photo((40, 90)), photo((33, 20), seed=1), photo((32, 32), seed=2)]
+    masks = [None, np.ones((33, 20)), None]
+    together = list(estimator.estimate_many(images, masks))
+    for image, mask, material in zip(images, masks, together, strict=True):
+        alone = estimator.estimate(image, mask)
+        np.testing.assert_allclose(material.exponent, alone.exponent, rtol=1e-4)
+        np.testing.assert_allclose(material.diffuse_albedo, alone.diffuse_albedo, rtol=1e-4)
+        for name, layer in alone.layers.items():
+            np.testing.assert_allclose(material.layers[name], layer, atol=1e-5)
+    assert list(estimator.estimate_many([])) == []
+    with pytest.raises(ValueError, match="3 photos with 1 masks"):
+        next(estimator.estimate_many(images, [None]))
 
 
 FIELDS = {
@@ -93,7 +213,7 @@ FIELDS = {
     "mirror": (set(), {"mask", "mirror"}),
     "albedo": ({"diffuse_albedo", "specular_albedo"}, {"mask"}),
     "exponent": ({"exponent", "exponent_bin_probabilities", "exponent_entropy"}, {"mask"}),
-    "diffuse": (set(), {"mask", "diffuse"}),
+    "diffuse": (set(), {"mask", "diffuse", "recomposed"}),
 }
 
 
@@ -102,20 +222,37 @@ def test_only_what_is_asked_for_is_run_and_answered(name, tiny_model, estimator)
     numbers, layers = FIELDS[name]
     alone = Estimator(tiny_model, [name])
     material, whole = alone.estimate(photo((32, 32))), estimator.estimate(photo((32, 32)))
-    assert set(material.to_json()) == numbers | {"mask_coverage"}
+    assert set(material.to_json()) == numbers | {"mask_coverage", "square"}
     assert set(material.layers) == layers
     for layer in layers:
         np.testing.assert_allclose(material.layers[layer], whole.layers[layer], atol=1e-5)
     for number in numbers:
         found, expected = (np.asarray(getattr(m, number)) for m in (material, whole))
         np.testing.assert_allclose(found, expected, rtol=1e-4)
-    assert set(alone._network.output) == set(NEEDED[name])
+    assert alone.subnetworks == RUN[name]
 
 
-def test_the_mask_alone_takes_one_subnetwork(tiny_model):
-    network = Estimator(tiny_model, ["mask"])._network
-    held = [layer.name for layer in network.layers if isinstance(layer, keras.Model)]
-    assert held == ["segmentation_net"]
+RUN = {
+    "mask": ("segmentation",),
+    "specular": ("segmentation", "specular"),
+    "mirror": ("segmentation", "specular", "mirror"),
+    "albedo": ("segmentation", "specular", "albedo"),
+    "exponent": ("segmentation", "specular", "mirror", "exponent"),
+    "diffuse": ("segmentation", "specular", "albedo"),
+}
+
+
+@pytest.mark.parametrize("name", RUN)
+def test_only_the_subnetworks_needed_are_part_of_what_is_run(name, tiny_model):
+    estimator = Estimator(tiny_model, [name])
+    networks = [estimator._finder, *([estimator._reader] if estimator._reader else [])]
+    held = [
+        layer.name
+        for network in networks
+        for layer in network.layers
+        if isinstance(layer, keras.Model)
+    ]
+    assert sorted(held) == sorted(f"{part}_net" for part in RUN[name])
 
 
 def test_an_object_that_is_not_found_is_an_answer(tiny, tmp_path):
@@ -123,7 +260,7 @@ def test_an_object_that_is_not_found_is_an_answer(tiny, tmp_path):
     subnetworks["segmentation"].get_layer("head").bias.assign([-100.0])
     weights.save(tmp_path, tiny, subnetworks)
     material = Estimator(tmp_path).estimate(photo((32, 32)))
-    check(material)
+    check(material, (32, 32))
     assert material.mask_coverage == 0
     assert all((layer == 0).all() for layer in material.layers.values())
 
@@ -176,19 +313,21 @@ ABLATED = {
 def test_an_ablation_estimates_all_that_it_can(ablation, ablation_model):
     estimator = Estimator(ablation_model)
     image = photo((40, 90))
-    square = fit_square(image, 32)
-    assert set(estimator._network.output) == set(answers(weights.load(ablation_model)[1]))
-    answer = {name: np.array(v)[0] for name, v in estimator._network(square[None]).items()}
+    answer = network_answer(ablation_model, image)
+    assert {"mask"} | set(estimator._reader.output) == set(answer)
     material = estimator.estimate(image)
     np.testing.assert_allclose(material.diffuse_albedo, answer["diffuse_albedo"], rtol=1e-5)
     assert material.specular_albedo == pytest.approx(answer["specular_albedo"][0], rel=1e-5)
     layers = {"specular_shading", "mirror", "reflectance_map"} & set(answer)
     diffuse = {"diffuse"} & (set(NEEDED) - ABLATED[ablation.description])
+    diffuse |= {"recomposed"} if diffuse else set()
     assert set(material.layers) == {"mask"} | layers | diffuse
-    for name in layers:
-        np.testing.assert_allclose(material.layers[name], answer[name], rtol=1e-4, atol=1e-6)
+    for name in layers - {"reflectance_map"}:
+        expected = framing.paste(answer[name], framing.whole(40, 90), 40, 90)
+        np.testing.assert_allclose(material.layers[name], expected, rtol=1e-4, atol=1e-6)
     if "reflectance_map" in layers:
-        assert material.layers["reflectance_map"].shape == (32, 32, 3)
+        found = material.layers["reflectance_map"]
+        np.testing.assert_allclose(found, answer["reflectance_map"], rtol=1e-4, atol=1e-6)
     written = material.to_json()
     if ablation.exponent == "regression":
         assert np.log10(material.exponent) == pytest.approx(answer["log_exponent"][0], rel=1e-5)
@@ -218,38 +357,8 @@ def test_an_ablations_exponent_alone(ablation, ablation_model):
     estimator = Estimator(ablation_model, ["exponent"])
     regresses = ablation.exponent == "regression"
     output = "log_exponent" if regresses else "exponent_bin_probabilities"
-    assert set(estimator._network.output) == {"mask", output}
+    assert set(estimator._reader.output) == {output}
     numbers = {"exponent"} if regresses else FIELDS["exponent"][0]
     material = estimator.estimate(photo((32, 32)))
-    assert set(material.to_json()) == numbers | {"mask_coverage"}
+    assert set(material.to_json()) == numbers | {"mask_coverage", "square"}
     assert set(material.layers) == {"mask"}
-
-
-# The command.
-
-
-def test_the_command_writes_what_an_ablation_answers(ablation, ablation_model, tmp_path, capsys):
-    write(tmp_path / "ball.png", photo((40, 90)))
-    arguments = [str(tmp_path / "ball.png"), "--weights", str(ablation_model)]
-    out = tmp_path / "out"
-    assert estimate_cli.main([*arguments, "--out", str(out)]) == 0
-    material = Estimator(ablation_model).estimate(read_srgb(tmp_path / "ball.png"))
-    written = json.loads((out / "ball.json").read_text(encoding="utf-8"))
-    assert written == {"photo": str(tmp_path / "ball.png")} | material.to_json()
-    assert json.loads(capsys.readouterr().out) == written
-    pictures = {f"ball-{name}.png" for name in material.layers}
-    linear = [name for name in material.layers if name not in ("mask", "diffuse")]
-    assert {path.name for path in out.iterdir()} == pictures | {"ball.json"} | {
-        f"ball-{name}.exr" for name in linear
-    }
-    for name in linear:
-        image = oiio.ImageBuf(str(out / f"ball-{name}.exr")).get_pixels(oiio.FLOAT)
-        np.testing.assert_allclose(image, material.layers[name], rtol=1e-3, atol=1e-3)
-
-
-def test_the_command_says_what_an_ablation_cannot(ablation, ablation_model, tmp_path, capsys):
-    name = min(ABLATED[ablation.description])
-    arguments = ["photo.png", "--weights", str(ablation_model), "--only", name]
-    assert estimate_cli.main([*arguments, "--out", str(tmp_path / "out")]) == 1
-    assert f"{ablation.description}; choose from mask" in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lime_keras import export, weights
+from lime_keras import proof, weights
 from lime_keras.eval import double_precision
 from lime_keras.eval.double_precision import EXACT, Rounding
 from lime_keras.networks import assemble
@@ -11,7 +11,7 @@ from lime_keras.networks import assemble
 def compared(folder):
     """Keras' answers, ours, and the subnetworks, for the export's own images."""
     architecture, subnetworks = weights.load(folder)
-    images = export.proof_images(architecture.size)
+    images = proof.images(architecture.size)
     return assemble(subnetworks)(images), double_precision.answers(subnetworks, images), subnetworks
 
 
@@ -36,7 +36,7 @@ def check(expected, found):
 
 def test_it_computes_in_double_precision(tiny_model):
     _, found, subnetworks = compared(tiny_model)
-    images = export.proof_images(32).astype(np.float64)
+    images = proof.images(32).astype(np.float64)
     nearly = double_precision.answers(subnetworks, images + 1e-12 * (images < 0.5))
     moved = max(np.abs(nearly[name] - found[name]).max() for name in found)
     assert 0 < moved < 1e-9
@@ -47,8 +47,8 @@ def test_rounding_moves_answers_in_proportion(tiny_model):
     moved = []
     for epsilon in (1e-9, 1e-6, 1e-3):
         rounding = Rounding(epsilon, np.random.default_rng(0))
-        draw = double_precision.answers(subnetworks, export.proof_images(32), rounding)
+        draw = double_precision.answers(subnetworks, proof.images(32), rounding)
         moved.append(max(np.abs(draw[name] - found[name]).max() for name in found))
     assert 300 < moved[1] / moved[0] < 3000 and 100 < moved[2] / moved[1] < 3000
-    again = double_precision.answers(subnetworks, export.proof_images(32), EXACT)
+    again = double_precision.answers(subnetworks, proof.images(32), EXACT)
     assert all((again[name] == found[name]).all() for name in found)

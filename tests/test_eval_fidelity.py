@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from lime_keras import export
+from lime_keras import proof
 from lime_keras.eval import fidelity
 from lime_keras.eval.fidelity import Fidelity
 from lime_keras.eval.ledger import Ledger
@@ -74,7 +74,7 @@ def test_the_difference_is_from_keras_in_the_same_precision(tmp_path, images):
     assert set(of.difference(SAVED_MODEL, "bfloat16").values()) == {0}
 
 
-@pytest.mark.parametrize("apart", [0.0, 0.9 * export.TOLERANCE, -0.9 * export.TOLERANCE])
+@pytest.mark.parametrize("apart", [0.0, 0.9 * proof.TOLERANCE, -0.9 * proof.TOLERANCE])
 def test_answers_that_are_keras_have_its_errors(tmp_path, images, evaluated, apart):
     of = _fidelity(tmp_path, images, float32=0.5 * (1 + apart))
     expected = {
@@ -87,7 +87,7 @@ def test_answers_that_are_keras_have_its_errors(tmp_path, images, evaluated, apa
     assert evaluated == [0.5]
 
 
-@pytest.mark.parametrize("apart", [1.1 * export.TOLERANCE, -1.1 * export.TOLERANCE])
+@pytest.mark.parametrize("apart", [1.1 * proof.TOLERANCE, -1.1 * proof.TOLERANCE])
 def test_answers_of_their_own_are_evaluated(tmp_path, images, evaluated, apart):
     of = _fidelity(tmp_path, images, float32=0.5 * (1 + apart), int8=0.5)
     assert of.errors(ONNX, "float32")["measured_on"] == ONNX

@@ -6,8 +6,9 @@ import shutil
 
 import pytest
 import sphere_corpus
+import trade
 
-from lime_keras.eval import cli, parts
+from lime_keras.eval import cli, parts, recommendation, tradeoff
 
 
 @pytest.fixture(scope="module")
@@ -59,6 +60,19 @@ def test_one_report_gathers_what_each_command_made(compared, corpus, runs, capsy
         rows = list(csv.DictReader(file))
     assert [row["index"] for row in rows] == ["0", "1", "2", "3"]
     assert rows[0]["shape"] == "sphere" and float(rows[3]["diffuse_found_2"]) >= 0
+
+
+def test_the_trade_leaves_its_table_and_its_picture(corpus, runs, tmp_path, monkeypatch):
+    shared = recommendation.scored([row["errors"] for row in trade.ROWS])
+    measured = {"rows": trade.ROWS, "scored": shared, "machine": {"cores": 2}}
+    monkeypatch.setattr(tradeoff, "measure", lambda *_, **__: measured)
+    monkeypatch.setattr(tradeoff, "markdown", lambda result: "| a |\n|---|\n| b |\n")
+    arguments = [str(corpus), "--tradeoff", str(runs / "whole"), "--out", str(tmp_path)]
+    assert cli.main(arguments) == 0
+    assert (tmp_path / "pareto.png").stat().st_size > 10_000
+    assert json.loads((tmp_path / "tradeoff.json").read_text())["scored"] == list(shared)
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert 'id="tradeoff"' in page and "errors against latency" in page
 
 
 def test_runs_of_one_name_are_refused(runs, tmp_path):

@@ -5,7 +5,7 @@ import pytest
 import sphere_corpus
 from skimage.metrics import peak_signal_noise_ratio
 
-from lime_keras import colour, environment, shading
+from lime_keras import colour, shading
 from lime_keras.compositing import compose
 from lime_keras.eval import relighting
 from lime_keras.eval.relighting import HIGHEST_PSNR, Lit, Material
@@ -97,13 +97,3 @@ def test_extremes_stay_finite(example, exponent, strength):
     extreme = example | {"environment": example["environment"] * strength}
     found = relighting.relight(extreme, {"any": _true(example, exponent=exponent)})
     assert np.isfinite(list(found["any"].values())).all()
-
-
-def test_the_studio_lights_a_white_ball_without_burning_it_out():
-    light = relighting.studio()
-    assert light.shape == environment.STORED_SHAPE and light.min() == 0
-    normals = environment.directions(16, 32).reshape(-1, 3)
-    facing = normals[normals[:, 2] > 0]
-    diffuse = shading.diffuse(facing, *shading.texels(light))
-    assert 0.5 < diffuse.max() < 1.0
-    assert not relighting.studio().flags.writeable

@@ -14,6 +14,7 @@ from lime_keras import (
     environment,
     estimate,
     export,
+    formats,
     losses,
     masking,
     metrics,
@@ -318,7 +319,7 @@ def test_a_sum_in_half_precision_turns_verdicts(monkeypatch):
 
 
 def test_an_export_that_answers_otherwise_turns_verdicts(monkeypatch):
-    def shifted(path, images):
+    def shifted(images):
         network = system.assemble(subnetworks)
         return {name: np.array(value) + 1e-3 for name, value in network(images).items()}
 
@@ -327,7 +328,7 @@ def test_an_export_that_answers_otherwise_turns_verdicts(monkeypatch):
     trial = case.measure.args[0]
     _, subnetworks = trial._loaded
     monkeypatch.setattr(export, "export", lambda *_: None)
-    monkeypatch.setattr(export, "run_onnx", shifted)
+    monkeypatch.setattr(formats, "open_onnx", lambda path: shifted)
     assert stability.failures([case.judge()])
 
 

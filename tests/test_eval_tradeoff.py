@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import sphere_corpus
 
-from lime_keras import export
+from lime_keras import proof
 from lime_keras.eval import cases, fidelity, machine, measures, tradeoff, variants, yardsticks
 from lime_keras.eval.cases import SUBNETWORK, YARDSTICK, is_crossed, is_whole
 from lime_keras.eval.evaluate import evaluate
@@ -51,7 +51,7 @@ class Counted:
     def evaluate(self, folder, corpus, *, camera, answer):
         """Errors that the answers decide."""
         self.evaluations += 1
-        answers = answer(export.proof_images(32))
+        answers = answer(proof.images(32))
         return {name: float(np.mean(answers["mirror"])) + camera for name in SCORED}
 
     @staticmethod

@@ -9,13 +9,12 @@ import pytest
 import sphere_corpus
 from onnx import numpy_helper
 
-from lime_keras import export, pipeline
-from lime_keras.eval import narrowing, runtimes
+from lime_keras import narrowing, pipeline, proof
+from lime_keras.eval import runtimes
 from lime_keras.eval.ledger import Ledger
 from lime_keras.eval.runtimes import KERAS, ONNX, SAVED_MODEL
 from lime_keras.eval.samples import Samples
 from lime_keras.eval.variants import EVERYTHING, INT8, PRECISIONS, Run
-from lime_keras.networks import build
 from lime_keras.networks.system import OUTPUTS
 
 HALF = {"float16": 5e-3, "bfloat16": 5e-2}
@@ -41,7 +40,7 @@ def run(tiny_model, corpus, ledger):
 
 @pytest.fixture(scope="module")
 def images():
-    return export.proof_images(32)
+    return proof.images(32)
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +55,7 @@ ALL = [(runtime, name) for runtime, names in PRECISIONS.items() for name in name
 def test_a_variant_answers_within_its_precision(run, images, of_keras, runtime, precision):
     answer = dict(run.answer(runtime, precision)(images))
     assert all(value.dtype == np.float32 for value in answer.values())
-    differences = export.compare(of_keras, answer)
+    differences = proof.compare(of_keras, answer)
     largest = max(differences.values())
     if precision == "float32":
         assert largest < 1e-4
@@ -106,25 +105,6 @@ def test_heads_stay_in_floating_point_where_they_are_to(run):
     assert bits == {"int8": [8] * 5, "int8, float heads": [32] * 5}
 
 
-def test_the_heads_are_every_subnetworks_last_layers(ablation, tiny):
-    """Those with weights behind which no other layer has any."""
-    for architecture in (tiny, ablation):
-        for network in build(architecture).values():
-            weighted = [layer for layer in network.layers if layer.weights]
-            last = [
-                layer.name
-                for layer in weighted
-                if not any(
-                    after.weights
-                    for node in layer._outbound_nodes
-                    if (after := node.operation) in network.layers
-                )
-                and layer.dtype_policy.name == "float32"
-                and layer.get_config()["activation"] == "linear"
-            ]
-            assert last and set(last) <= set(narrowing.HEADS)
-
-
 def test_a_part_answers_what_is_asked_of_it_and_no_more(run, images, of_keras):
     parts = run.costs["parts"]
     assert set(parts[EVERYTHING]["outputs"]) == set(OUTPUTS)
@@ -132,7 +112,7 @@ def test_a_part_answers_what_is_asked_of_it_and_no_more(run, images, of_keras):
         answer = runtimes.open_answer(ONNX, run.part(name), "float32")(images)
         assert set(answer) == set(parts[name]["outputs"])
         expected = {output: of_keras[output] for output in answer}
-        assert max(export.compare(expected, dict(answer)).values()) < 1e-4
+        assert max(proof.compare(expected, dict(answer)).values()) < 1e-4
     costs = [parts[name]["gflop"] for name in ("mask", "specular", "mirror", "exponent")]
     assert costs == sorted(set(costs)) and costs[-1] < parts[EVERYTHING]["gflop"]
     sizes = [run.part(name).stat().st_size for name in ("mask", "albedo", EVERYTHING)]
@@ -190,12 +170,6 @@ def test_the_choice_follows_the_harm(monkeypatch, run, ranges, precision):
     harm[precision][ranges] = {"mask": 0.0, "mirror": 0.2}
     monkeypatch.setitem(vars(run), "int8_harm", harm)
     assert run.best_int8 == precision and run.best_ranges(precision) == ranges
-
-
-def test_harm_by_hand():
-    expected = {"mask": np.array([1.0, -3.0]), "mirror": np.zeros(2)}
-    answer = {"mask": np.array([1.5, -2.5]), "mirror": np.zeros(2)}
-    assert narrowing.harm(expected, answer) == {"mask": 0.25, "mirror": 0.0}
 
 
 def test_other_weights_are_another_run(run, tiny_model, tmp_path):

@@ -14,14 +14,8 @@ ROOT = Path(__file__).parent.parent
 COMMANDS = ("lime-render", "lime-train", "lime-eval", "lime-estimate", "lime-export")
 
 LEAVES = {
-    "arrays",
-    "version",
-    "environment",
-    "corpus",
-    "console",
-    "material",
-    "normal_map",
-    "dome",
+    *("arrays", "version", "environment", "corpus", "console", "material"),
+    *("fusion", "frames", "cuts", "movie", "formats", "narrowing", "normal_map", "dome"),
 }
 # What each module of the library may import from it; the leaves import no sibling.
 ALLOWED = {
@@ -32,6 +26,7 @@ ALLOWED = {
     "dynamic_range": {"arrays"},
     "compositing": {"arrays"},
     "reflectance_map": {"compositing", "environment", "reflectance"},
+    "studio": {"environment"},
     "records": {"environment"},
     "shading": {"environment", "reflectance"},
     "illumination": {"environment", "material", "shading"},
@@ -43,10 +38,39 @@ ALLOWED = {
     "networks": {"dynamic_range", "reflectance_map", "shininess"},
     "weights": {"networks"},
     "photo": {"colour"},
-    "estimate": {"colour", "material", "networks", "photo", "shininess", "weights"},
-    "export": {"networks", "weights"},
-    "estimate_cli": {"console", "version", "estimate", "photo", "colour"},
-    "export_cli": {"console", "version", "export"},
+    "samples": {"pipeline"},
+    "model_card": {"networks", "shininess", "version"},
+    "proof": {"formats", "narrowing"},
+    "export": {
+        *("corpus", "formats", "model_card", "narrowing", "networks", "proof", "samples"),
+        "weights",
+    },
+    "framing": {"colour"},
+    "interchange": {"material", "version"},
+    "preview": {"colour", "framing", "material", "reflectance_map", "studio"},
+    "estimate": {"colour", "framing", "material", "networks", "shininess", "weights"},
+    "estimate_files": {"colour", "interchange", "material", "photo", "preview"},
+    # Cloning alone renders, and imports Mitsuba when it does.
+    "scene_files": {
+        *("colour", "dome", "illumination", "material", "normal_map", "photo", "render"),
+    },
+    "batch": {"estimate", "estimate_files", "material", "photo", "scene_files"},
+    "overlay": {"colour", "material", "preview"},
+    "tracking": {"cuts", "fusion", "material"},
+    "video": {"frames", "material", "movie", "overlay", "tracking"},
+    "estimate_cli": {
+        "console",
+        "version",
+        "batch",
+        "estimate",
+        "estimate_files",
+        "frames",
+        "photo",
+        "render",
+        "video",
+        "weights",
+    },
+    "export_cli": {"console", "version", "export", "weights"},
     "__init__": {"version", "estimate", "material"},
 }
 
@@ -119,7 +143,7 @@ def test_help_needs_neither_tensorflow_nor_mitsuba(module):
 
 def test_the_commands_offer_what_the_library_has():
     """They repeat names, because asking the library would import TensorFlow for `--help`."""
-    from lime_keras import estimate, estimate_cli, export_cli
+    from lime_keras import estimate, estimate_cli, export, export_cli
     from lime_keras.networks import PRESETS, Architecture, answers, build
     from lime_keras.train.cli import parser
 
@@ -127,6 +151,7 @@ def test_the_commands_offer_what_the_library_has():
     systems = ({}, {"exponent": "regression"}, {"system": "reflectance-map"})
     known = [answers(build(Architecture(32, 1, 1, 1, 1, **system))) for system in systems]
     assert export_cli._OUTPUTS == tuple(dict.fromkeys(itertools.chain(*known)))
+    assert export_cli._PRECISIONS == export.PRECISIONS[export.ONNX]
     preset = next(action for action in parser()._actions if action.dest == "preset")
     assert set(preset.choices) == set(PRESETS)
 
@@ -158,6 +183,8 @@ def test_the_wheel_owns_one_name(wheel):
     assert tops == {"lime_keras"}
     assert "lime_keras/eval/templates/report.html" in names
     assert "lime_keras/render/shards.py" in names
+    shipped = {name for name in names if name.startswith("lime_keras/pretrained/live/model/")}
+    assert {Path(name).name for name in shipped} >= {"architecture.json", "albedo.weights.h5"}
 
 
 @pytest.mark.slow

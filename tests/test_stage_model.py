@@ -47,7 +47,11 @@ def _compiled(names, learning_rate=2e-3, architecture=SMALL, seed=1, **options):
     return subnetworks, model
 
 
-@pytest.mark.parametrize("architecture, names", STAGES)
+# Those of several subnetworks take half a minute each; the first of them stands for all.
+@pytest.mark.parametrize(
+    "architecture, names",
+    [pytest.param(*stage, marks=pytest.mark.slow if len(stage[1]) > 2 else ()) for stage in STAGES],
+)
 def test_a_stage_moves_only_its_own_weights(architecture, names, four_images):
     subnetworks, model = _compiled(names, architecture=architecture)
     before = {name: network.get_weights() for name, network in subnetworks.items()}
@@ -77,7 +81,16 @@ OVERFIT = {
 }
 
 
-@pytest.mark.parametrize("name", OVERFIT)
+# The baseline's take longest.
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(
+            name, marks=pytest.mark.slow if name in ("reflectance_map", "material") else ()
+        )
+        for name in OVERFIT
+    ],
+)
 def test_a_subnetwork_overfits_four_images(name, four_images):
     if name == "log_exponent":
         _, model = _compiled(["exponent"], architecture=REGRESSION)
@@ -102,7 +115,9 @@ def test_joint_training_lowers_every_term(four_images):
         assert value < 0.8 * first[term], term
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(
+    "seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))]
+)
 def test_no_head_dies(seed, four_images):
     """Under ℓ1 on mostly black layers, networks have died to all black within a few steps."""
     _, model = _compiled(SUBNETWORKS, 1e-3, seed=seed)

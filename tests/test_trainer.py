@@ -15,7 +15,7 @@ from lime_keras import metrics, networks, pipeline, shininess, weights
 from lime_keras.corpus import shard_paths
 from lime_keras.dynamic_range import compress
 from lime_keras.networks import Architecture, names
-from lime_keras.train import cli, stage_model, stage_training, trainer
+from lime_keras.train import beginning, cli, stage_model, stage_training, trainer
 from lime_keras.train.config import Config, corpus_sha256
 from lime_keras.train.stages import SCHEDULES, Schedule
 from lime_keras.train.state import Means
@@ -271,6 +271,7 @@ def test_a_runs_config_is_read_back(config, finished, tmp_path):
 # Stages alone, and from other runs.
 
 
+@pytest.mark.slow
 def test_stages_run_apart_are_the_same_as_together(corpus, config, finished, tmp_path):
     for only in (["mirror"], ["specular"], ["specular+mirror"]):
         untrained = trainer.train(corpus, tmp_path, config, _ignore, only=only)
@@ -295,6 +296,75 @@ def test_an_unknown_stage_is_refused_with_those_there_are(corpus, config, tmp_pa
     with pytest.raises(ValueError, match=r"no stage speculative: this run has segmentation, spec"):
         trainer.train(corpus, tmp_path, config, _ignore, only=["speculative"])
     assert not (tmp_path / "config.json").exists()
+
+
+# Begun with another run's weights.
+
+
+def _first_weights(corpus, run, config, **options):
+    """What the first stage's network had before its first step."""
+    seen = {}
+
+    def look(stage, model, *rest):
+        seen.setdefault(stage.name, [w.copy() for w in model.subnetworks[stage.name].get_weights()])
+        raise KeyboardInterrupt
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(trainer, "StageTraining", look)
+        with pytest.raises(KeyboardInterrupt):
+            trainer.train(corpus, run, config, _ignore, **options)
+    return seen
+
+
+def test_a_run_begins_with_another_models_weights(corpus, config, finished, tmp_path):
+    given = tmp_path / "given"
+    shutil.copytree(finished / "model", given)
+    on = dataclasses.replace(config, begun_from=beginning.sha256(given))
+    run = tmp_path / "run"
+    seen = _first_weights(corpus, run, on, start_from=given)
+    for found, expected in zip(
+        seen["segmentation"], _weights(finished)["segmentation"], strict=True
+    ):
+        np.testing.assert_array_equal(found, expected)
+    # It is resumed without them.
+    shutil.rmtree(given)
+    left = trainer.train(corpus, run, on, _ignore, only=["segmentation"])
+    assert left == ["specular", "mirror", "exponent", "albedo"]
+    described = "segmentation and specular and mirror and exponent and albedo continued"
+    assert beginning.described(run) == described
+    with np.load(run / "stages" / "1-segmentation.npz") as stored:
+        after = [stored[f"arr_{index}"] for index in range(len(seen["segmentation"]))]
+    steps = [np.abs(a - b).max() for a, b in zip(after, seen["segmentation"], strict=True)]
+    # Two steps of Adam at 1e-3 from where it began.
+    assert 0 < max(steps) < 0.01
+
+
+def test_at_another_size_the_u_nets_go_on_and_the_encoders_begin(
+    corpus, config, finished, tmp_path
+):
+    larger = dataclasses.replace(TINY, size=64)
+    digest = beginning.sha256(finished)
+    on = dataclasses.replace(config, architecture=larger, begun_from=digest)
+    corpus_of_64 = write_split(tmp_path / "corpus", "train", [range(3), range(3, 5)], size=64)
+    on = dataclasses.replace(on, corpus_sha256=corpus_sha256(corpus_of_64))
+    _first_weights(corpus_of_64, tmp_path / "run", on, start_from=finished)
+    expected = "segmentation and specular and mirror continued, exponent and albedo begun afresh"
+    assert beginning.described(tmp_path / "run") == expected
+
+
+def test_a_model_of_which_nothing_fits_is_refused(corpus, config, finished, tmp_path):
+    wider = dataclasses.replace(TINY, unet_width=3, encoder_width=3)
+    digest = beginning.sha256(finished)
+    on = dataclasses.replace(config, architecture=wider, begun_from=digest)
+    with pytest.raises(ValueError, match=r"none of the subnetworks .* has the layers"):
+        trainer.train(corpus, tmp_path, on, _ignore, start_from=finished)
+
+
+def test_another_beginning_is_another_run(corpus, config, finished, tmp_path):
+    shutil.copytree(finished, tmp_path / "run")
+    on = dataclasses.replace(config, begun_from=beginning.sha256(finished))
+    with pytest.raises(ValueError, match="begun_from None there"):
+        trainer.train(corpus, tmp_path / "run", on, _ignore, start_from=finished)
 
 
 def test_a_run_to_reuse_must_be_there(corpus, config, tmp_path):
@@ -324,6 +394,7 @@ def _trained_anew(corpus, run, config, **options):
     return {name for name, step in steps if (name, step - 1) in steps}
 
 
+@pytest.mark.slow
 def test_ablations_take_over_what_is_the_same(corpus, config, finished, tmp_path):
     """And end as if they had trained all of it themselves."""
     one, two = tmp_path / "one", tmp_path / "two"

@@ -39,6 +39,21 @@ def test_round_trip(tiny, tmp_path):
     assert_same(found, subnetworks)
 
 
+def test_half_the_space_keeps_sixteen_bits(tmp_path):
+    wide = Architecture(size=32, unet_width=8, unet_depth=3, encoder_width=8, dense_width=32)
+    subnetworks = build(wide, seed=1)
+    weights.save(tmp_path / "whole", wide, subnetworks)
+    weights.save(tmp_path / "half", wide, subnetworks, half=True)
+    _, found = weights.load(tmp_path / "half")
+    for name, network in subnetworks.items():
+        for one, other in zip(found[name].get_weights(), network.get_weights(), strict=True):
+            assert one.dtype == np.float32
+            np.testing.assert_array_equal(one, other.astype(np.float16).astype(np.float32))
+        whole, half = (tmp_path / kind / f"{name}.weights.h5" for kind in ("whole", "half"))
+        assert half.stat().st_size < 0.7 * whole.stat().st_size
+    assert sorted(path.name for path in (tmp_path / "half").iterdir()) == sorted(FILES)
+
+
 def test_a_model_saved_before_there_were_ablations_is_lime(tiny, model):
     path = model / "architecture.json"
     written = json.loads(path.read_text(encoding="utf-8"))

@@ -42,6 +42,8 @@ class Config:
         camera: whether the networks see the scenes photographed (`lime_keras.camera`).
         compositing: whether AlbedoNet is also held to Eq. 5.
         precision: one of `PRECISIONS`.
+        begun_from: what identifies the trained model whose weights it begins with
+            (`beginning.sha256`); None with fresh ones.
     """
 
     preset: str
@@ -53,6 +55,7 @@ class Config:
     camera: bool
     compositing: bool = True
     precision: str = "float32"
+    begun_from: str | None = None
 
     @classmethod
     def read(cls, run: Path) -> "Config":

@@ -3,7 +3,8 @@
 `RUN/config.json` says what the run is; `RUN/stages/N-name.npz` holds a stage's weights, optimiser
 state and step; `RUN/curves/N-name.csv` its losses; `RUN/tensorboard/` the same with gradient norms
 and pictures; `RUN/model/` the trained model, with the record of the run beside the weights, and in
-`alone/` the weights that the encoders had before they were joined.
+`alone/` the weights that the encoders had before they were joined; `RUN/begun-from/`, if it was
+begun from another model, that model.
 """
 
 import dataclasses
@@ -21,6 +22,7 @@ from lime_keras import corpus as corpus_files
 from lime_keras import weights
 from lime_keras.networks import build
 
+from . import beginning
 from .config import PRECISIONS, Config, claim, config_path
 from .data import Data
 from .devices import Devices
@@ -39,6 +41,7 @@ def train(
     *,
     only: Collection[str] | None = None,
     reuse: Path | None = None,
+    start_from: Path | None = None,
     devices: int = 1,
 ) -> list[str]:
     """Run or resume stages; when all subnetworks are trained, write the model.
@@ -51,6 +54,8 @@ def train(
         only: names of the stages to train; by default all. Of the others, those that are finished
             give their weights, and the rest is skipped.
         reuse: another run, whose finished stages are taken over where they are the same here.
+        start_from: the trained model that `config.begun_from` names; may be left out when the run
+            is carried on.
         devices: how many to split each batch between.
 
     Returns:
@@ -79,6 +84,10 @@ def train(
     split = Devices(devices)
     with split.scope():
         subnetworks = _build(config)
+        if start_from is not None:
+            beginning.keep(start_from, run)
+        if config.begun_from is not None:
+            beginning.load(run, subnetworks)
     trained: dict[str, str] = {}
     alone: dict[str, list[np.ndarray]] = {}
     for number, stage in enumerate(stages, 1):
@@ -179,6 +188,8 @@ def _signature(config: Config, stage: Stage, model: StageModel, trained: Mapping
         "precision": config.precision,
         "earlier": {name: trained.get(name) for name in stage.subnetworks},
     }
+    if config.begun_from is not None:
+        follows_from["begun_from"] = config.begun_from
     return hashlib.sha256(json.dumps(follows_from, sort_keys=True).encode()).hexdigest()
 
 

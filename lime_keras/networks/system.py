@@ -88,13 +88,18 @@ def answers(subnetworks: Mapping[str, keras.Model]) -> tuple[str, ...]:
 
 
 def assemble(
-    subnetworks: Mapping[str, keras.Model], outputs: Collection[str] | None = None
+    subnetworks: Mapping[str, keras.Model],
+    outputs: Collection[str] | None = None,
+    *,
+    mask_given: bool = False,
 ) -> keras.Model:
     """Join subnetworks into one functional model from the image to the named outputs.
 
     Args:
         subnetworks: as `build` returns them; those that no output needs may be missing.
         outputs: names out of `answers(subnetworks)`; by default all of them.
+        mask_given: whether `mask` `(B, S, S, 1)` in [0, 1] is an input beside the image, in place
+            of SegmentationNet's answer.
 
     Returns:
         A model from `image` `(B, S, S, 3)` sRGB in [0, 1] to a dictionary with, of the outputs
@@ -105,23 +110,27 @@ def assemble(
     Raises:
         ValueError: if no output or an unknown one is named.
     """
-    known = answers(subnetworks)
+    known = tuple(name for name in answers(subnetworks) if name != "mask" or not mask_given)
     outputs = known if outputs is None else outputs
     unknown = sorted(set(outputs) - set(known))
     if unknown or not outputs:
         raise ValueError(f"outputs {unknown} not among {', '.join(known)}: name at least one")
     image = keras.Input(subnetworks["segmentation"].input_shape[1:], name="image")
-    graph = _Graph(subnetworks, image)
-    return keras.Model(image, {name: graph.output(name) for name in outputs}, name="lime")
+    inputs = {"image": image}
+    if mask_given:
+        inputs["mask"] = keras.Input((*image.shape[1:3], 1), name="mask")
+    graph = _Graph(subnetworks, inputs)
+    found = {name: graph.output(name) for name in outputs}
+    return keras.Model(inputs if mask_given else image, found, name="lime")
 
 
 class _Graph:
     """Who feeds whom (section 5), each tensor made when first needed and once."""
 
-    def __init__(self, subnetworks: Mapping[str, keras.Model], image: KerasTensor):
+    def __init__(self, subnetworks: Mapping[str, keras.Model], inputs: dict[str, KerasTensor]):
         self._subnetworks = subnetworks
-        self._size = image.shape[1]
-        self._made = {"image": image}
+        self._size = inputs["image"].shape[1]
+        self._made = dict(inputs)
 
     def output(self, name: str) -> KerasTensor:
         """The public output `name`, under a layer of that name."""

@@ -31,7 +31,7 @@ def prepare(source: Path, target: Path) -> None:
     """Write the model with its shapes inferred and its biases fused, as the functions below need.
 
     Args:
-        source: of `lime_keras.export`.
+        source: of `lime_keras.formats.write_onnx`.
         target: written to.
     """
     quantization.quant_pre_process(str(source), str(target), skip_symbolic_shape=True)

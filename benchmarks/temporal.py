@@ -1,0 +1,197 @@
+"""What fusion over a video's frames is worth: variance over time, and error, raw and fused.
+
+    python benchmarks/temporal.py --weights RUN
+    python benchmarks/temporal.py --weights RUN --shapes DIR --environments DIR
+
+Renders short sequences, each of one test shape of one material in one light: in every other one the
+object turns before the camera, else the camera turns about the object, whose light turns with it in
+camera space. The exponents lie in the middles of every other bin. Each frame is estimated alone and
+fused as `lime-estimate` fuses a video's. Variance is over a sequence's frames, error the mean of
+|estimate − truth| over them; both are means over channels and sequences.
+"""
+
+import argparse
+import dataclasses
+import itertools
+import math
+from pathlib import Path
+
+import numpy as np
+from tqdm import tqdm
+
+from lime_keras import console, cuts, shininess
+from lime_keras.fusion import Fusion
+from lime_keras.render import examples, scenes, sources, variants
+from lime_keras.render.gbuffer import Tracer
+from lime_keras.tracking import parameters
+
+_DISTANCE = 6.0
+_FILL = 0.8
+"""Of the image by the object's bounding sphere, in which it can turn without leaving the image."""
+_TURN = math.radians(90)
+"""From the first frame to the last."""
+_PARAMETERS = {
+    "diffuse albedo": slice(0, 3),
+    "specular albedo": slice(3, 4),
+    "log10 exponent": slice(4, 5),
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class Sequence:
+    """Frames `(T, S, S, 3)` uint8 sRGB and what is true of all: m_d, m_s and log10 s, `(5,)`."""
+
+    name: str
+    frames: np.ndarray
+    truth: np.ndarray
+
+
+def main() -> None:
+    """Print a table of the means, and one by sequence."""
+    arguments = _arguments()
+    variants.activate(variants.choose(), threads=1)
+    sequences = [render(arguments, k) for k in tqdm(range(arguments.sequences), unit="sequence")]
+    console.import_tensorflow()
+    from lime_keras import Estimator
+
+    estimator = Estimator(arguments.weights, ["albedo", "exponent"])
+    rows: dict[str, list[list[float]]] = {}
+    print("| sequence | parameter | frames found |" + _HEAD + "\n|---|---|---:|" + 5 * "---:|")
+    for sequence in sequences:
+        raw, probabilities = estimates(estimator, sequence)
+        found = int(np.sum(np.isfinite(raw[:, 0])))
+        fused = {**_split(fuse(raw)), _BY_PROBABILITIES: _log_exponents(fuse(probabilities))}
+        measured = {**_split(raw), _BY_PROBABILITIES: _log_exponents(probabilities)}
+        truth = {**_split(sequence.truth), _BY_PROBABILITIES: sequence.truth[4:]}
+        for name in truth:
+            row = _measures(measured[name], fused[name], truth[name])
+            rows.setdefault(name, []).append(row)
+            print(f"| {sequence.name} | {name} | {found} of {len(raw)} |" + _cells(row))
+    print("\n| parameter |" + _HEAD + "\n|---|" + 5 * "---:|")
+    for name, measured_rows in rows.items():
+        print(f"| {name} |" + _cells(np.nanmean(measured_rows, axis=0)))
+    print("\n" + distances(sequences))
+
+
+_HEAD = " variance, raw | fused | error, raw | fused | fused, last frame |"
+_BY_PROBABILITIES = "log10 exponent, the eight probabilities fused"
+
+
+def render(arguments: argparse.Namespace, number: int) -> Sequence:
+    """One sequence: shape, light, material, pose and turn from the seed and its number."""
+    rng = np.random.default_rng([arguments.seed, number])
+    shapes = sources.ShapeSource(arguments.shapes, "test", arguments.seed)
+    lights = sources.LightSource(arguments.environments, "test", arguments.seed, arguments.cache)
+    shape, light_name = rng.choice(shapes.names()), rng.choice(lights.names())
+    tracer, light = Tracer(shapes.load(shape), arguments.size), lights.load(light_name)
+    exponent = float(10 ** shininess.LOG_MEANS[(2 * number + 1) % shininess.BIN_COUNT])
+    material = dataclasses.replace(scenes.sample_material(rng), exponent=exponent)
+    start = scenes.sample_rotation(rng)
+    light_start = scenes.sample_light_rotation(rng, light.strong_direction)
+    background = sources.BackgroundSource(None).sample(rng, arguments.size)
+    camera_moves = number % 2 == 1
+    frames = []
+    for angle in np.linspace(0, _TURN, arguments.frames):
+        turn = _turn(angle)
+        pose = scenes.Pose(turn @ start, np.array([0, 0, -_DISTANCE]), _camera(arguments.size))
+        light_rotation = turn @ light_start if camera_moves else light_start
+        example = examples.render(tracer, light, pose, light_rotation, material, background)
+        frames.append(np.rint(255 * np.asarray(example["image"])).astype(np.uint8))
+    truth = [*material.diffuse_albedo, material.specular_albedo, math.log10(exponent)]
+    mover = "camera" if camera_moves else "object"
+    name = f"{shape}, {light_name}, {mover} turns, s = {exponent:.3g}"
+    return Sequence(name, np.stack(frames), np.array(truth))
+
+
+def estimates(estimator, sequence: Sequence) -> tuple[np.ndarray, np.ndarray]:
+    """What each frame alone gives: the parameters `(T, 5)` and the probabilities `(T, 8)`.
+
+    NaN in frames without an object, and for probabilities that the model does not give.
+    """
+    materials = [estimator.estimate(frame / np.float32(255)) for frame in sequence.frames]
+    nothing = np.full(shininess.BIN_COUNT, np.nan)
+    probabilities = [
+        m.exponent_bin_probabilities
+        if m.mask_coverage and m.exponent_bin_probabilities is not None
+        else nothing
+        for m in materials
+    ]
+    return np.stack([parameters(m) for m in materials]), np.stack(probabilities)
+
+
+def fuse(estimated: np.ndarray) -> np.ndarray:
+    """The fused estimate after each frame, `(T, ...)`."""
+    fusion = Fusion()
+    return np.stack([fusion.update(estimate) for estimate in estimated])
+
+
+def distances(sequences: list[Sequence]) -> str:
+    """How far the cut detector's measure tells sequences apart."""
+    seen = [[cuts.histogram(frame) for frame in sequence.frames] for sequence in sequences]
+    within = [cuts.distance(*pair) for s in seen for pair in itertools.pairwise(s)]
+    between = [cuts.distance(a[-1], b[0]) for a, b in itertools.permutations(seen, 2)]
+    return (
+        f"Colours differ by at most {max(within, default=0):.3f} between the successive frames of "
+        f"a sequence, by at least {min(between, default=1):.3f} between two sequences; a cut is "
+        f"told from {cuts.THRESHOLD}."
+    )
+
+
+def _split(values: np.ndarray) -> dict[str, np.ndarray]:
+    return {name: values[..., part] for name, part in _PARAMETERS.items()}
+
+
+def _log_exponents(probabilities: np.ndarray) -> np.ndarray:
+    """log10 s `(T, 1)`; medians of probabilities no longer sum to 1."""
+    total = probabilities.sum(axis=-1, keepdims=True)
+    return shininess.log_expected(probabilities / total)[..., None]
+
+
+def _measures(raw: np.ndarray, fused: np.ndarray, truth: np.ndarray) -> list[float]:
+    """Variances and errors of `(T, C)` estimates, in the order of the table's columns."""
+    seen = np.isfinite(raw[:, 0])
+    raw, fused = raw[seen], fused[seen]
+    if not len(raw):
+        return [math.nan] * 5
+    return [
+        float(np.mean(np.var(raw, axis=0))),
+        float(np.mean(np.var(fused, axis=0))),
+        float(np.mean(np.abs(raw - truth))),
+        float(np.mean(np.abs(fused - truth))),
+        float(np.mean(np.abs(fused[-1] - truth))),
+    ]
+
+
+def _cells(row) -> str:
+    variance, fused_variance, *errors = row
+    return f" {variance:.2e} | {fused_variance:.2e} |" + "".join(f" {e:.3f} |" for e in errors)
+
+
+def _turn(angle: float) -> np.ndarray:
+    """Rotation `(3, 3)` about the camera's vertical."""
+    cos, sin = math.cos(angle), math.sin(angle)
+    return np.array([[cos, 0, sin], [0, 1, 0], [-sin, 0, cos]])
+
+
+def _camera(size: int) -> np.ndarray:
+    focal = _FILL * size / 2 / math.tan(math.asin(1 / _DISTANCE))
+    return np.array([focal, focal, size / 2, size / 2])
+
+
+def _arguments() -> argparse.Namespace:
+    options = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    options.add_argument("--weights", type=Path, required=True, metavar="RUN")
+    options.add_argument("--shapes", type=Path, help="(default: built-in shapes)")
+    options.add_argument("--environments", type=Path, help="(default: built-in rooms)")
+    options.add_argument("--cache", type=Path, default=Path("runs/benchmark-rooms"))
+    options.add_argument("--sequences", type=int, default=4, help="(default: 4)")
+    options.add_argument("--frames", type=int, default=40, help="of each (default: 40)")
+    options.add_argument("--size", type=int, default=128, help="in pixels (default: 128)")
+    options.add_argument("--seed", type=int, default=0, help="(default: 0)")
+    return options.parse_args()
+
+
+if __name__ == "__main__":
+    main()

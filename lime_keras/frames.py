@@ -1,0 +1,205 @@
+"""Frames of a video file or a camera, upright and in their order, by PyAV."""
+
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import av
+import numpy as np
+from av import device
+
+CAMERA = "camera:"
+"""Begins the name of a camera: `camera:0`, `camera:/dev/video2`, `camera:FaceTime HD Camera`."""
+EXTENSIONS = (
+    *(".mp4", ".m4v", ".mov", ".3gp", ".mkv", ".webm", ".avi", ".wmv"),
+    *(".mpg", ".mpeg", ".ts", ".mts", ".m2ts", ".ogv"),
+)
+"""Of the files that are taken for videos; FFmpeg looks at their bytes, not at these."""
+
+_DEVICES = {"linux": "v4l2", "darwin": "avfoundation", "win32": "dshow"}
+"""FFmpeg's name for cameras, by `sys.platform`."""
+_UNTOLD_MATRIX, _HIGH_DEFINITION = 2, 720
+_HDR = {16: "PQ", 18: "HLG"}
+"""Transfer curves of high dynamic range, by FFmpeg's number."""
+_WHOLE = 0.9
+"""Share of the time announced by a file that its frames fill if it is whole."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One frame, turned as it is to be seen.
+
+    Attributes:
+        image_srgb: `(H, W, 3)` uint8.
+        time: seconds since the first frame; of the file, so a variable rate is kept.
+    """
+
+    image_srgb: np.ndarray
+    time: float
+
+
+def is_video(source: str) -> bool:
+    """Whether a name is that of a camera or of a video file."""
+    return is_camera(source) or Path(source).suffix.lower() in EXTENSIONS
+
+
+def is_camera(source: str) -> bool:
+    """Whether a name is that of a camera."""
+    return source.startswith((CAMERA, "/dev/video"))
+
+
+class Footage:
+    """An opened video, to be read through once: `with Footage(name) as footage: for frame in …`.
+
+    Args:
+        source: path of a file, or a camera's name behind `CAMERA`: a number or a device file on
+            Linux, what the system calls it elsewhere.
+
+    Attributes:
+        expected: how many frames will come, as the file announces; None if it does not.
+        remarks: what the user should hear of, complete once the last frame was read: damage, which
+            is left out and read past, a file cut short, colours that are not sRGB's.
+
+    Raises:
+        ValueError: if the source is missing, not a video, or holds no pictures.
+    """
+
+    def __init__(self, source: str):
+        self._source = source
+        self._container: Any = _camera(source) if is_camera(source) else _file(source)
+        # A song's cover is a stream of one picture.
+        streams = [s for s in self._container.streams.video if not _is_cover(s)]
+        if not streams:
+            self._container.close()
+            raise ValueError(f"{source} holds no video stream: pass a file with moving pictures")
+        self._stream = streams[0]
+        self._rate = float(self._stream.average_rate or self._stream.guessed_rate or 25)
+        announced = (self._container.duration or 0) / av.time_base
+        self._announced = 0.0 if is_camera(source) else announced
+        self.expected: int | None = (
+            self._stream.frames or round(self._announced * self._rate) or None
+        )
+        self.remarks: list[str] = []
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._container.close()
+
+    def __iter__(self) -> Iterator[Frame]:
+        first, count, now, damaged = None, 0, 0.0, 0
+        for packet in self._packets():
+            try:
+                decoded = packet.decode()
+            except av.error.InvalidDataError:
+                damaged += 1
+                continue
+            for picture in decoded:
+                told = count / self._rate if picture.time is None else picture.time
+                first = told if first is None else first
+                now, count = told - first, count + 1
+                if count == 1 and picture.color_trc in _HDR:
+                    self.remarks.append(
+                        f"{self._source} has high dynamic range ({_HDR[picture.color_trc]}), which "
+                        "is read as if it were sRGB, so albedos will be off: record or convert it "
+                        "in standard range"
+                    )
+                yield Frame(_upright(picture), now)
+        if damaged:
+            self.remarks.append(f"{self._source}: {damaged} damaged packets were left out")
+        spacing = now / (count - 1) if count > 1 else 1 / self._rate
+        if now + spacing < _WHOLE * self._announced:
+            self.remarks.append(
+                f"{self._source} announces {self._announced:.2f} s, but its pictures end after "
+                f"{now:.2f} s: it seems cut short; what there is was read"
+            )
+
+    def _packets(self) -> Iterator[Any]:
+        """Compressed packets, last an empty one that makes the decoder give up what it holds."""
+        while True:
+            try:
+                yield from self._container.demux(self._stream)
+                return
+            except av.error.BlockingIOError:
+                time.sleep(0.002)  # a Mac's camera has no picture yet
+            except av.error.FFmpegError as error:
+                self.remarks.append(f"{self._source} ends early: {error.strerror}")
+                return
+
+
+def _file(source: str) -> Any:
+    """Open a file. Its path is made absolute, lest FFmpeg take `a:b.mp4` for a protocol."""
+    path = Path(source).absolute()
+    if not path.is_file():
+        raise ValueError(f"{source}: no such file; check the path")
+    try:
+        return av.open(str(path))
+    except av.error.FFmpegError as error:
+        raise ValueError(
+            f"{source} cannot be read as a video ({error.strerror}): it is damaged, cut short or "
+            "of another kind; export it anew, as MP4 say"
+        ) from error
+
+
+def _camera(source: str) -> Any:
+    """Open a camera."""
+    kind, name = _DEVICES.get(sys.platform, "v4l2"), source.removeprefix(CAMERA)
+    address = {"v4l2": f"/dev/video{name}" if name.isdigit() else name, "dshow": f"video={name}"}
+    # AVFoundation asks for NTSC's 29.97 frames a second, which few of its cameras have.
+    options = {"framerate": "30"} if kind == "avfoundation" else {}
+    try:
+        return av.open(address.get(kind, name), format=kind, options=options)
+    except (av.error.FFmpegError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise ValueError(f"{source} cannot be opened ({reason}): {_known(kind)}") from error
+
+
+def _known(kind: str) -> str:
+    """The cameras that there are, for an error."""
+    try:
+        found = [d for d in device.enumerate_input_devices(kind) if "audio" not in d.media_types]
+    except (av.error.FFmpegError, ValueError):
+        found = []
+    if not found:
+        return "no camera was found; plug one in and allow this program to use it"
+    return "there are " + ", ".join(f"{CAMERA}{d.name} ({d.description})" for d in found)
+
+
+def _is_cover(stream: Any) -> bool:
+    return bool(stream.disposition & stream.disposition.attached_pic)
+
+
+def _upright(picture: Any) -> np.ndarray:
+    """Pixels of a decoded picture `(H, W, 3)`, uint8 sRGB, by its colour and display matrices."""
+    untold = picture.colorspace == _UNTOLD_MATRIX
+    high = min(picture.width, picture.height) >= _HIGH_DEFINITION
+    # Where the file does not tell, FFmpeg would take BT.601 even for high definition.
+    matrix = "ITU709" if untold and high else None
+    pixels = picture.to_ndarray(format="rgb24", src_colorspace=matrix)
+    told = picture.side_data.get("DISPLAYMATRIX")
+    return pixels if told is None else oriented(pixels, np.frombuffer(bytes(told), np.int32))
+
+
+def oriented(pixels: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    """Turn and mirror an image by a display matrix, to the nearest quarter turn.
+
+    Args:
+        pixels: `(H, W, C)`.
+        matrix: `(9,)` a, b, u, c, d, v, x, y, w: the point (p, q), q downwards, is to be shown at
+            (a p + c q, b p + d q).
+    """
+    a, b, _, c, d = matrix[:5].astype(np.int64)
+    if abs(a) + abs(d) < abs(b) + abs(c):
+        pixels, a, d = pixels.transpose(1, 0, 2), c, b
+    rows, columns = slice(None, None, -1 if d < 0 else 1), slice(None, None, -1 if a < 0 else 1)
+    return np.ascontiguousarray(pixels[rows, columns])

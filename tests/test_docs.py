@@ -1,0 +1,36 @@
+"""The examples of the documentation, run as they stand."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lime_keras import photo, weights
+
+ROOT = Path(__file__).parent.parent
+PAGES = ("README.md", "docs/estimating.md")
+
+
+def examples():
+    for page in PAGES:
+        text = (ROOT / page).read_text(encoding="utf-8")
+        for number, code in enumerate(re.findall(r"```python\n(.*?)```", text, re.DOTALL), 1):
+            yield pytest.param(code, id=f"{page}-{number}")
+
+
+@pytest.fixture
+def desk(tmp_path, monkeypatch, tiny_model):
+    """A folder with the files that the examples name, and weights that load fast."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(weights, "SHIPPED", tiny_model)
+    monkeypatch.setattr("lime_keras.estimate.Estimator.__init__.__defaults__", (tiny_model, None))
+    rng = np.random.default_rng(0)
+    for name, shape in (("photo.jpg", (40, 60, 3)), ("other.png", (30, 30, 3))):
+        photo.write(tmp_path / name, rng.uniform(size=shape))
+    photo.write(tmp_path / "mask.png", np.ones((30, 30, 1)))
+
+
+@pytest.mark.parametrize("code", examples())
+def test_the_example_runs(code, desk):
+    exec(compile(code, "example", "exec"), {})

@@ -1,0 +1,122 @@
+"""The examples read the exported files, without this package, as it reads its own weights."""
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sphere_corpus
+from PIL import Image
+
+from lime_keras import export, shininess, weights
+from lime_keras.networks import assemble
+
+EXAMPLES = Path(__file__).parent.parent / "examples"
+
+
+@pytest.fixture(scope="module")
+def corpus(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("examples") / "corpus"
+    sphere_corpus.write_split(folder, "train", [range(4), range(4, 6)], size=32)
+    return sphere_corpus.write_split(folder, "test", [range(2)], seed=1, size=32)
+
+
+@pytest.fixture(scope="module")
+def photo(corpus, tmp_path_factory):
+    """A picture of the network's size, which nobody has to resample: `(1, 32, 32, 3)`, its file."""
+    shards = export.corpus_files.shard_paths(corpus, "test")
+    levels = np.round(255 * export.samples.first(shards, 32, 1, camera=True)).astype(np.uint8)
+    path = tmp_path_factory.mktemp("photo") / "photo.png"
+    Image.fromarray(levels[0]).save(path)
+    return levels.astype(np.float32) / 255, path
+
+
+@pytest.fixture(scope="module")
+def expected(tiny_model, photo):
+    """What the examples print, by Keras."""
+    answer = assemble(weights.load(tiny_model)[1])(photo[0])
+    found = {name: np.array(value)[0] for name, value in answer.items()}
+    log = shininess.log_expected(found["exponent_bin_probabilities"])
+    return {
+        "diffuse_albedo": found["diffuse_albedo"].tolist(),
+        "specular_albedo": float(found["specular_albedo"][0]),
+        "exponent": float(10**log),
+        "mask_coverage": float(found["mask"].mean()),
+    }
+
+
+@pytest.fixture(scope="module")
+def exported(tiny_model, corpus, tmp_path_factory):
+    """Exports on demand, each once: `exported(format, precision)` is its path."""
+    folder, made = tmp_path_factory.mktemp("exported"), set()
+
+    def path(model_format, precision="float32"):
+        if (model_format, precision) not in made:
+            export.export(folder, model_format, tiny_model, precision=precision, corpus=corpus)
+            made.add((model_format, precision))
+        return export.target(folder, model_format, precision)
+
+    return path
+
+
+def run(*command):
+    done = subprocess.run(list(map(str, command)), cwd=EXAMPLES, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def check(found, expected, precision):
+    """The exponent in decades; of few bits what the tiny network makes of them."""
+    within = {"float32": 1e-4, "float16": 5e-3, "int8": 0.1}[precision]
+    assert found.keys() == expected.keys()
+    np.testing.assert_allclose(found["diffuse_albedo"], expected["diffuse_albedo"], atol=within)
+    for name in ("specular_albedo", "mask_coverage"):
+        assert found[name] == pytest.approx(expected[name], abs=within)
+    assert np.log10(found["exponent"] / expected["exponent"]) == pytest.approx(0, abs=within)
+
+
+def test_no_example_imports_this_package():
+    for path in EXAMPLES.glob("*.*"):
+        assert "lime_keras" not in path.read_text(encoding="utf-8"), path
+
+
+def test_onnx_runtime_in_python(exported, photo, expected):
+    check(run(sys.executable, "onnx_python.py", exported("onnx"), photo[1]), expected, "float32")
+
+
+NARROW = [pytest.param(name, marks=pytest.mark.slow) for name in ("float16", "int8")]
+
+
+@pytest.mark.parametrize("precision", ["float32", *NARROW])
+def test_onnx_runtime_web_under_node(precision, exported, photo, expected):
+    if not shutil.which("node"):
+        pytest.skip("there is no node: install Node.js 20 or newer")
+    if not (EXAMPLES / "node_modules" / "onnxruntime-web").is_dir():
+        pytest.skip(f"there is no onnxruntime-web: npm install --prefix {EXAMPLES}")
+    file = exported("onnx", precision)
+    check(run("node", "onnx_web.mjs", file, photo[1]), expected, precision)
+
+
+def test_tensorflow_in_python(exported, photo, expected):
+    folder = exported("savedmodel")
+    check(run(sys.executable, "savedmodel_python.py", folder, photo[1]), expected, "float32")
+
+
+def test_a_photo_of_any_shape_and_orientation_is_read(exported, tmp_path):
+    """One that the camera stored lying on its side is the same photo; as JPEG, nearly."""
+    upright = Image.fromarray(np.random.default_rng(0).integers(0, 256, (3, 4, 3), np.uint8))
+    upright = upright.resize((160, 120))
+    orientation = Image.Exif()
+    orientation[274] = 6
+    upright.save(tmp_path / "upright.png")
+    upright.rotate(90, expand=True).save(tmp_path / "side.jpg", exif=orientation, quality=98)
+    file = exported("onnx")
+    commands = [[sys.executable, "onnx_python.py"]]
+    if shutil.which("node") and (EXAMPLES / "node_modules").is_dir():
+        commands.append(["node", "onnx_web.mjs"])
+    for command in commands:
+        one, other = (run(*command, file, tmp_path / name) for name in ("upright.png", "side.jpg"))
+        check(other, one, "float16")
