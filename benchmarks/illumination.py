@@ -3,7 +3,8 @@
     python benchmarks/illumination.py CORPUS --weights RUN --count 100
 
 Over the test split's first images, by where the layers come from: "true" S, M and D; "estimated",
-those of a run's networks (with --weights), with the true normals in either case; "constant" stands
+those of a run's networks (with --weights; images whose object they do not find are left out of the
+count), with the true normals in either case; "constant" stands
 for no estimate at all: an even light of the true mean radiance, the best that an answer without
 any layer could be told. Measures:
 
@@ -97,7 +98,8 @@ def _measured(
         layer = np.maximum(colour.srgb_to_linear(truth["image"]) - specular, 0)
         diffuse = illumination.diffuse_shading(layer, estimate["diffuse_albedo"])
         found = observed(np.maximum(estimate["mirror"], 0), diffuse, mask)
-        lights["estimated"] = illumination.estimate(found)
+        if found.diffuse_weight.any() or found.mirror_weight.any():
+            lights["estimated"] = illumination.estimate(found)
     lights["constant"] = np.full(true.shape, environment.spherical_mean(true))
     seen = illumination.seen(evidence)
     return {
