@@ -121,8 +121,9 @@ def paste(layer: np.ndarray, square: Square, height: int, width: int) -> np.ndar
     out = np.zeros((height, width, layer.shape[-1]), np.float32)
     inside, outside = _overlap(square, height, width)
     rows, columns = (_shares(part, square.side, len(layer)) for part in inside)
+    covered = out[outside]
     for channel in range(layer.shape[-1]):
-        out[(*outside, channel)] = rows @ layer[..., channel] @ columns.T
+        covered[..., channel] = rows @ layer[..., channel] @ columns.T
     return out
 
 

@@ -25,8 +25,7 @@ _TRUST = 0.05
 _LEAST_COSINE = 0.02
 _COSINE_LOBE = np.array([1.0, *[2 / 3] * 3, *[1 / 4] * 5])
 """What is left of each harmonic of E in D: the clamped cosine's factors over π."""
-_PENALTY = np.full(9, 1e-2)
-_RIDGE = 1e-2
+_RIDGE = 3e-3
 """Beside the mean square of a basis function over all normals, 0.08, 0.035 and 0.005 by order."""
 _BLACK = 1e-4
 """Square of an albedo below which the diffuse layer is noise."""
@@ -118,8 +117,8 @@ def _check(normal, view, mirror, diffuse, mask) -> None:
     for name, (array, channels) in arrays.items():
         if array.shape != (*shape, channels):
             raise ValueError(
-                f"{name} has shape {array.shape}, expected {(*shape, channels)}: all are "
-                "(H, W, C), of the size of the mask"
+                f"{name} has shape {array.shape}, but the mask {mask.shape}: expected "
+                f"{(*shape, channels)}; bring all to the size of the mask"
             )
     for name, values in (("mirror", mirror), ("diffuse_shading", diffuse)):
         if np.any((values < 0) | np.isinf(values)):
@@ -190,17 +189,17 @@ def harmonics(direction: np.ndarray) -> np.ndarray:
 def estimate(evidence: Evidence) -> np.ndarray:
     """The light `(64, 128)`, linear radiance, at least 0, in the scene's frame.
 
-    E = M̂ + u · e + L, added so that no light counts twice:
+    E = M̂ + u · L + C, in three steps, none of which counts what another has:
 
-    1. M̂ is the mirror image where it was seen, and u the share of a direction that was not.
-    2. u · e fills the holes with even light, of the radiance e that D asks for beside M̂; where u
-       leaves it open, the mean of D. Where D is not known, e is the mean of what was seen.
-    3. L is the light of order 2 in spherical harmonics that D shows and M̂ + u · e does not have. It
-       is added everywhere: a network's mirror image is blurred or dark where D is right.
+    1. M̂, the mirror image where it was seen, to the texel; u is the share of a direction that was
+       not seen, from 0 to 1.
+    2. L, the light of D in spherical harmonics of order 2, fills what was not seen. Where D is not
+       known either, it is even and as bright as what was seen on the mean.
+    3. C, of order 2 as well and everywhere, explains what D shows and M̂ + u · L does not.
 
-    L's nine coefficients solve a ridge regression on D at all normals seen, drawn to 0, and so the
-    light to M̂ and an even rest, the more the fewer and the more alike the normals. Negative sums
-    become 0.
+    The nine coefficients solve a ridge regression on the D of all normals seen: L is drawn towards
+    the even light of the mean D, C towards none, the more the fewer and the more alike the normals.
+    Negative sums become 0.
 
     Raises:
         ValueError: if nothing was seen: no pixel of the masks has a normal and M or D.
@@ -216,23 +215,20 @@ def estimate(evidence: Evidence) -> np.ndarray:
         solid_angle = environment.solid_angles(*STORED_SHAPE)
         even = np.sum(mirrored * solid_angle) / np.sum((1 - unseen) * solid_angle)
         return mirrored + unseen * even
-    weight = evidence.diffuse_weight[shaded] / np.sum(evidence.diffuse_weight)
-    shading_seen = evidence.diffuse[shaded] / evidence.diffuse_weight[shaded]
-    rest = shading_seen - _shading(mirrored)[shaded]
-    of_holes = _shading(unseen)[shaded]
-    even = (weight @ (of_holes * rest) + _RIDGE * (weight @ shading_seen)) / (
-        weight @ of_holes**2 + _RIDGE
-    )
-    light = mirrored + unseen * max(even, 0)
-    rest = shading_seen - _shading(light)[shaded]
-    return np.maximum(light + _low_frequencies(rest, weight, shaded), 0)
+    weight = evidence.diffuse_weight[shaded]
+    shading_seen = evidence.diffuse[shaded] / weight
+    even = np.average(shading_seen, weights=weight)
+    low = even + _low_frequencies(shading_seen - even, weight, shaded)
+    light = mirrored + unseen * np.maximum(low, 0)
+    missing = shading_seen - _shading(light)[shaded]
+    return np.maximum(light + _low_frequencies(missing, weight, shaded), 0)
 
 
 def _low_frequencies(values: np.ndarray, weight: np.ndarray, shaded: np.ndarray) -> np.ndarray:
     """The light `(64, 128)` of order 2 with the diffuse shading `(N,)` of the normals `shaded`."""
     basis = harmonics(environment.directions(*_NORMALS_SHAPE)[shaded]) * _COSINE_LOBE
-    weighted = basis * weight[:, None]
-    coefficients = np.linalg.solve(weighted.T @ basis + np.diag(_PENALTY), weighted.T @ values)
+    weighted = basis * (weight / np.sum(weight))[:, None]
+    coefficients = np.linalg.solve(weighted.T @ basis + _RIDGE * np.eye(9), weighted.T @ values)
     return harmonics(environment.directions(*STORED_SHAPE)) @ coefficients
 
 
