@@ -3,10 +3,10 @@
     python benchmarks/illumination.py CORPUS --weights RUN --count 100
 
 Over the test split's first images, by where the layers come from: "true" S, M and D; "estimated",
-those of a run's networks (with --weights; images whose object they do not find are left out of the
-count), with the true normals in either case; "constant" stands
+those of a run's networks (with --weights), with the true normals in either case; "constant" stands
 for no estimate at all: an even light of the true mean radiance, the best that an answer without
-any layer could be told. Measures:
+any layer could be told. Where the networks find no object they show no light: such an image is
+missing from the count of "estimated". Measures:
 
 - error: ∫|E − E*| / ∫E* over the sphere, of maps blurred by 5.6° (two texels), finer than which
   64 × 128 maps hold little; "seen": over the directions that the object mirrors.

@@ -218,8 +218,10 @@ def test_a_lamps_blur_is_round_and_keeps_its_energy(towards):
 
 
 def test_blur_crosses_the_poles():
+    """Across the pole is 34° away, round the parallel 180° of longitude."""
     lamp = np.zeros((64, 128))
-    lamp[1, 0] = 1.0
-    blurred = environment.blur(lamp, np.radians(8))
-    assert blurred[1, 64] > 0.3 * blurred[1, 0]
+    lamp[6, 0] = 1.0
+    blurred = environment.blur(lamp, np.radians(20))
+    expected = np.exp(-0.5 * (2 * 6.5 * 180 / 64 / 20) ** 2)
+    assert blurred[6, 64] / blurred[6, 0] == pytest.approx(expected, rel=0.3)
     assert blurred.min() >= 0
