@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from lime_keras import colour, console, environment, illumination, shading, shininess
+from lime_keras import colour, compositing, console, environment, illumination, shading, shininess
 
 _BLUR = 2 * math.pi / environment.STORED_SHAPE[0]
 _BATCH = 10
@@ -96,7 +96,7 @@ def _measured(
         mask = estimate["mask"] * (estimate["mask"] >= 0.5)
         specular = estimate["specular_albedo"] * estimate["specular_shading"]
         layer = np.maximum(colour.srgb_to_linear(truth["image"]) - specular, 0)
-        diffuse = illumination.diffuse_shading(layer, estimate["diffuse_albedo"])
+        diffuse = compositing.diffuse_shading(layer, estimate["diffuse_albedo"])
         found = observed(np.maximum(estimate["mirror"], 0), diffuse, mask)
         if found.diffuse_weight.any() or found.mirror_weight.any():
             lights["estimated"] = illumination.estimate(found)

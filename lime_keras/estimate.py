@@ -15,7 +15,7 @@ from typing import Any
 import keras
 import numpy as np
 
-from lime_keras import colour, framing, shininess, weights
+from lime_keras import colour, compositing, framing, shininess, weights
 from lime_keras.framing import Square
 from lime_keras.material import Material
 from lime_keras.networks import answers, assemble
@@ -204,10 +204,9 @@ def _recomposed(
     diffuse_albedo = answer["diffuse_albedo"]
     specular = answer["specular_albedo"] * shading
     diffuse = np.maximum(colour.srgb_to_linear(image_srgb) - specular, 0) * mask
-    # Least squares over the channels; a black material explains nothing, whatever its D.
-    energy = max(float(np.sum(diffuse_albedo**2)), 1e-6)
-    shade = np.sum(diffuse * diffuse_albedo, axis=-1, keepdims=True) / energy
-    return {"diffuse": diffuse, "recomposed": (shade * diffuse_albedo + specular * mask)}
+    # A black material explains nothing, whatever its D.
+    shade = np.nan_to_num(compositing.diffuse_shading(diffuse, diffuse_albedo))
+    return {"diffuse": diffuse, "recomposed": shade * diffuse_albedo + specular * mask}
 
 
 def _run(network: keras.Model, inputs: Any) -> dict[str, np.ndarray]:

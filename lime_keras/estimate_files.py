@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lime_keras import colour, interchange, photo, preview
+from lime_keras import colour, estimate_preview, interchange, photo
 from lime_keras.material import Material
 
 
@@ -31,7 +31,7 @@ def write(folder: Path, name: str, source: Path, image_srgb: np.ndarray, materia
         OSError: if a file cannot be written.
     """
     _write_layers(folder, name, material)
-    photo.write(folder / f"{name}-preview.png", preview.sheet(image_srgb, material))
+    photo.write(folder / f"{name}-preview.png", estimate_preview.sheet(image_srgb, material))
     if material.diffuse_albedo is not None and material.exponent is not None:
         scene = json.dumps(interchange.mitsuba_scene(material), indent=1)
         _write_text(folder / f"{name}.mtl", interchange.wavefront(material, name))

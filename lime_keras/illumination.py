@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lime_keras import environment, shading
+from lime_keras import compositing, environment, shading
 from lime_keras.environment import STORED_SHAPE
 from lime_keras.material import Material
 
@@ -27,8 +27,6 @@ _COSINE_LOBE = np.array([1.0, *[2 / 3] * 3, *[1 / 4] * 5])
 """What is left of each harmonic of E in D: the clamped cosine's factors over π."""
 _RIDGE = 3e-3
 """Beside the mean square of a basis function over all normals, 0.08, 0.035 and 0.005 by order."""
-_BLACK = 1e-4
-"""Square of an albedo below which the diffuse layer is noise."""
 _LENGTHS = (0.5, 1.5)
 """Of normals: shorter ones are background, longer ones no directions."""
 
@@ -77,7 +75,8 @@ def observe(
         normal: n, `(H, W, 3)` in camera space (x right, y up, z towards the camera).
         view: o, `(H, W, 3)` unit; `shading.view_directions` of the camera.
         mirror: M, `(H, W, 1)` linear radiance.
-        diffuse_shading: D, `(H, W, 1)` linear radiance, furnace-normalised; see `diffuse_shading`.
+        diffuse_shading: D, `(H, W, 1)` linear radiance, furnace-normalised; see
+            `compositing.diffuse_shading`.
         mask: `(H, W, 1)` coverage in [0, 1].
         camera_to_scene: `(3, 3)` rotation of this image's camera; by default the scene's frame is
             the camera's.
@@ -249,19 +248,6 @@ def _cosines() -> np.ndarray:
     return np.maximum(directions @ directions.T, 0)
 
 
-def diffuse_shading(diffuse_layer: np.ndarray, diffuse_albedo: np.ndarray) -> np.ndarray:
-    """D `(H, W, 1)`, the grey shading that m_d · D comes nearest the diffuse layer with.
-
-    Args:
-        diffuse_layer: m_d · D, `(H, W, 3)` linear radiance.
-        diffuse_albedo: m_d, `(3,)` linear; of a black one D cannot be known, and is NaN.
-    """
-    albedo = np.asarray(diffuse_albedo, np.float64)
-    square = float(albedo @ albedo)
-    shading_ = diffuse_layer @ albedo / square if square > _BLACK else np.nan
-    return np.broadcast_to(shading_, diffuse_layer.shape[:2])[..., None]
-
-
 def seen(evidence: Evidence) -> np.ndarray:
     """Which directions `(64, 128)` the object mirrors, more than half known."""
     return _filled(evidence)[1] < 0.5
@@ -293,6 +279,8 @@ def from_material(
         normal,
         shading.view_directions(camera, *mask.shape[:2]),
         np.maximum(material.layers["mirror"], 0),
-        diffuse_shading(np.maximum(material.layers["diffuse"], 0), material.diffuse_albedo),
+        compositing.diffuse_shading(
+            np.maximum(material.layers["diffuse"], 0), material.diffuse_albedo
+        ),
         np.where(mask >= 0.5, mask, 0),
     )

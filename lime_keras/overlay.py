@@ -6,7 +6,7 @@ import av
 import numpy as np
 import OpenImageIO as oiio
 
-from lime_keras import colour, preview
+from lime_keras import colour, estimate_preview
 from lime_keras.material import Material
 
 _HEIGHT, _WIDEST = 480, 1280
@@ -100,10 +100,10 @@ def _written(pixels: np.ndarray, lines: list) -> np.ndarray:
 
 
 def _ball(material: Material) -> np.ndarray | None:
-    """`preview.sphere` as bytes; None of what is not a whole material."""
+    """`estimate_preview.sphere` as bytes; None of what is not a whole material."""
     if None in (material.specular_albedo, material.exponent) or material.diffuse_albedo is None:
         return None
-    return np.rint(255 * preview.sphere(material, _SPHERE)).astype(np.uint8)
+    return np.rint(255 * estimate_preview.sphere(material, _SPHERE)).astype(np.uint8)
 
 
 def _resized(image: np.ndarray, width: int, height: int) -> np.ndarray:

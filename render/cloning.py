@@ -12,8 +12,9 @@ import numpy as np
 import OpenImageIO as oiio
 from scipy import ndimage
 
-from lime_keras import colour, environment, shading
+from lime_keras import colour, environment, framing, shading
 from lime_keras.compositing import compose
+from lime_keras.framing import Square
 from lime_keras.material import Material
 
 from . import lights, meshes
@@ -30,6 +31,7 @@ _PITCH = math.radians(12)
 _MOST_PIXELS = 1024
 """Across what is rendered; larger objects are rendered at this size and enlarged."""
 _FINE = (256, 512)
+"""Texels of the light as it is rendered."""
 _RIM = 0.03
 """Of the object's size: the mask is widened by it, so that no edge of the old object stays."""
 
@@ -68,17 +70,16 @@ def clone(
     m_d, m_s, exponent = _numbers(material)
     light = _light(radiance)
     mesh = meshes.load(mesh_path)
-    top, left, side = _square(mask)
-    size = min(side, _MOST_PIXELS)
+    square = _square(mask)
+    size = min(square.side, _MOST_PIXELS)
     pose = _standing(mesh, mask, turn)
-    scale = size / side
-    crop = (pose.camera - np.array([0, 0, left, top])) * scale
+    crop = (pose.camera - np.array([0, 0, square.left, square.top])) * (size / square.side)
     gbuffer = Tracer(mesh, size).trace(pose.rotation, pose.translation, crop)
     diffuse, specular, _ = layers(gbuffer, light, np.eye(3), exponent)
     composed = compose(m_d, np.asarray(m_s), np.zeros(1), diffuse[None], specular[None])[0]
     coverage = gbuffer.coverage[..., None]
-    rendered = _resized(np.concatenate([coverage * composed, coverage], axis=-1), side)
-    over = _pasted(rendered, mask.shape[:2], top, left)
+    rendered = np.concatenate([coverage * composed, coverage], axis=-1)
+    over = framing.paste(rendered, square, *mask.shape[:2])
     old = colour.srgb_to_linear(np.asarray(photo_srgb, np.float32))
     behind = without_object(old, mask)
     # As the corpus: the sensor clips what a pixel has gathered, object and background together.
@@ -136,11 +137,11 @@ def _box(mask: np.ndarray) -> tuple[int, int, int, int]:
     return rows[0], rows[-1] + 1, columns[0], columns[-1] + 1
 
 
-def _square(mask: np.ndarray) -> tuple[int, int, int]:
-    """Top, left and side of the square that is rendered: the box and a pixel on each side."""
+def _square(mask: np.ndarray) -> Square:
+    """What is rendered: the box and a pixel on each side."""
     top, bottom, left, right = _box(mask)
     side = max(bottom - top, right - left) + 2
-    return (top + bottom - side) // 2, (left + right - side) // 2, side
+    return Square((top + bottom - side) // 2, (left + right - side) // 2, side)
 
 
 def _standing(mesh: Mesh, mask: np.ndarray, turn: float) -> Pose:
@@ -163,29 +164,6 @@ def _standing(mesh: Mesh, mask: np.ndarray, turn: float) -> Pose:
     focal = float(np.min(box / np.maximum(high - low, 1e-9)))
     middle = (left + right) / 2 - focal * (low[0] + high[0]) / 2
     return Pose(rotation, translation, np.array([focal, focal, middle, bottom + focal * low[1]]))
-
-
-def _resized(image: np.ndarray, side: int) -> np.ndarray:
-    """A square image enlarged to `(side, side, C)`."""
-    if len(image) == side:
-        return image
-    channels = image.shape[-1]
-    source = oiio.ImageBuf(oiio.ImageSpec(len(image), len(image), channels, oiio.FLOAT))
-    source.set_pixels(oiio.ROI(), np.ascontiguousarray(image, np.float32))
-    region = oiio.ROI(0, side, 0, side, 0, 1, 0, channels)
-    larger = oiio.ImageBufAlgo.resize(source, filtername="triangle", roi=region)
-    return larger.get_pixels(oiio.FLOAT)
-
-
-def _pasted(image: np.ndarray, shape: tuple[int, ...], top: int, left: int) -> np.ndarray:
-    """A square image at its place in a black one of another shape; what lies outside is cut."""
-    height, width = shape
-    side, _, channels = image.shape
-    out = np.zeros((height, width, channels), np.float32)
-    above, before = max(-top, 0), max(-left, 0)
-    below, after = min(side, height - top), min(side, width - left)
-    out[top + above : top + below, left + before : left + after] = image[above:below, before:after]
-    return out
 
 
 def _widened(mask: np.ndarray) -> np.ndarray:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lime_keras.compositing import compose
+from lime_keras.compositing import compose, diffuse_shading
 
 
 def scene(batch=2, height=3, width=4, dtype=np.float64):
@@ -52,3 +52,11 @@ def test_gradients_are_the_layers(dtype, differentiate):
     np.testing.assert_allclose(gradients[2], [36, 36], **tolerance)
     of_specular = np.broadcast_to(3 * m_s[:, None, None], specular.shape)
     np.testing.assert_allclose(gradients[4], of_specular, **tolerance)
+
+
+def test_the_diffuse_layer_over_its_albedo_is_the_shading():
+    shade = np.random.default_rng(0).uniform(size=(4, 5, 1))
+    albedo = np.array([0.2, 0.7, 0.05])
+    assert diffuse_shading(shade * albedo, albedo) == pytest.approx(shade)
+    assert diffuse_shading(shade * [0, 0.3, 0], np.array([0, 0.3, 0])) == (pytest.approx(shade))
+    assert np.isnan(diffuse_shading(shade * 0.1 * np.ones(3), np.zeros(3))).all()

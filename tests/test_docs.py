@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lime_keras import photo, weights
+from lime_keras import photo
 
 ROOT = Path(__file__).parent.parent
 PAGES = ("README.md", "docs/estimating.md")
@@ -23,7 +23,6 @@ def examples():
 def desk(tmp_path, monkeypatch, tiny_model):
     """A folder with the files that the examples name, and weights that load fast."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(weights, "SHIPPED", tiny_model)
     monkeypatch.setattr("lime_keras.estimate.Estimator.__init__.__defaults__", (tiny_model, None))
     rng = np.random.default_rng(0)
     for name, shape in (("photo.jpg", (40, 60, 3)), ("other.png", (30, 30, 3))):

@@ -30,7 +30,7 @@ def photo(shape, seed=0):
     return np.random.default_rng(seed).uniform(size=(*shape, 3)).astype(np.float32)
 
 
-def network_answer(model, image, mask=None):
+def network_answer(model, image):
     """What the joined network says of a photo's whole square, its largest object being large."""
     _, subnetworks = weights.load(model)
     square = framing.cut(image, framing.whole(*image.shape[:2]), 32)[None]

@@ -279,16 +279,6 @@ def test_what_cannot_be_is_refused(change, mend):
         illumination.observe(**given)
 
 
-def test_the_diffuse_layer_over_its_albedo_is_the_shading():
-    shade = np.random.default_rng(0).uniform(size=(4, 5, 1))
-    albedo = np.array([0.2, 0.7, 0.05])
-    assert illumination.diffuse_shading(shade * albedo, albedo) == pytest.approx(shade)
-    assert illumination.diffuse_shading(shade * [0, 0.3, 0], np.array([0, 0.3, 0])) == (
-        pytest.approx(shade)
-    )
-    assert np.isnan(illumination.diffuse_shading(shade * 0.1 * np.ones(3), np.zeros(3))).all()
-
-
 def test_harmonics_are_orthonormal():
     basis = illumination.harmonics(environment.directions(*SHAPE)).reshape(-1, 9)
     weighted = basis * environment.solid_angles(*SHAPE).reshape(-1, 1)

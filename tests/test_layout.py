@@ -29,7 +29,7 @@ ALLOWED = {
     "studio": {"environment"},
     "records": {"environment"},
     "shading": {"environment", "reflectance"},
-    "illumination": {"environment", "material", "shading"},
+    "illumination": {"compositing", "environment", "material", "shading"},
     "metrics": {"arrays", "shininess"},
     "streaming_metrics": {"metrics"},
     "losses": {"colour", "compositing", "dynamic_range", "masking", "shininess"},
@@ -47,15 +47,17 @@ ALLOWED = {
     },
     "framing": {"colour"},
     "interchange": {"material", "version"},
-    "preview": {"colour", "framing", "material", "reflectance_map", "studio"},
-    "estimate": {"colour", "framing", "material", "networks", "shininess", "weights"},
-    "estimate_files": {"colour", "interchange", "material", "photo", "preview"},
+    "estimate_preview": {"colour", "framing", "material", "reflectance_map", "studio"},
+    "estimate": {
+        *("colour", "compositing", "framing", "material", "networks", "shininess", "weights"),
+    },
+    "estimate_files": {"colour", "estimate_preview", "interchange", "material", "photo"},
     # Cloning alone renders, and imports Mitsuba when it does.
     "scene_files": {
         *("colour", "dome", "illumination", "material", "normal_map", "photo", "render"),
     },
     "batch": {"estimate", "estimate_files", "material", "photo", "scene_files"},
-    "overlay": {"colour", "material", "preview"},
+    "overlay": {"colour", "estimate_preview", "material"},
     "tracking": {"cuts", "fusion", "material"},
     "video": {"frames", "material", "movie", "overlay", "tracking"},
     "estimate_cli": {
