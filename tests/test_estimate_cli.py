@@ -66,6 +66,18 @@ def test_a_folder_without_pictures_is_told(tmp_path, tiny_model, capsys):
     assert f"{tmp_path / 'empty'} holds no pictures" in capsys.readouterr().err
 
 
+def test_without_weights_the_packages_own_are_used(
+    folder, tiny_model, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setattr(weights, "SHIPPED", tiny_model)
+    arguments = [str(folder / "a.png"), "--only", "albedo", "--out", str(tmp_path / "out")]
+    assert estimate_cli.main(arguments) == 0
+    expected = Estimator(tiny_model, ["albedo"]).estimate(read_srgb(folder / "a.png"))
+    assert json.loads(capsys.readouterr().out)["specular_albedo"] == pytest.approx(
+        expected.specular_albedo, rel=1e-4
+    )
+
+
 def test_photos_of_one_name_are_numbered(folder, tiny_model, tmp_path):
     write(tmp_path / "a.png", photo((20, 20)))
     given = (folder / "a.png", tmp_path / "a.png")

@@ -13,7 +13,7 @@ import pytest
 import tensorflow as tf
 
 from lime_keras import environment, records, shading, shininess, weights
-from lime_keras.eval import cli, examples, measures
+from lime_keras.eval import cli, examples, measures, parts
 from lime_keras.eval.evaluate import evaluate
 from lime_keras.networks import Architecture, build
 from lime_keras.reflectance_map import reflectance_map
@@ -420,6 +420,16 @@ def test_a_file_in_the_place_of_out_is_refused_at_once(corpus, run, tmp_path, ca
     line = _fails(capsys, corpus, "--weights", run, "--out", tmp_path / "taken")
     assert "taken" in line and "--out" in line
     assert (tmp_path / "taken").read_text(encoding="utf-8") == "mine"
+
+
+def test_a_corpus_alone_measures_the_packages_own_model(corpus, run, tmp_path, monkeypatch):
+    measured = []
+    monkeypatch.setattr("lime_keras.weights.SHIPPED", run)
+    monkeypatch.setattr(
+        parts, "evaluation", lambda out, model, *_, **__: measured.append(model) or ""
+    )
+    assert cli.main([str(corpus), "--out", str(tmp_path)]) == 0
+    assert measured == [run]
 
 
 def test_an_interrupt_leaves_a_short_line_and_status_130(corpus, run, monkeypatch, capsys):

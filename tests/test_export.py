@@ -183,6 +183,13 @@ def test_weights_in_half_the_space_are_used_as_any(tiny_model, network, tmp_path
         export.export(out, "weights", tiny_model, precision="float32")
 
 
+def test_without_weights_the_packages_own_are_exported(tiny_model, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(weights, "SHIPPED", tiny_model)
+    assert export_cli.main([str(tmp_path), "--format", "weights"]) == 0
+    found, _ = weights.load(tmp_path)
+    assert found == weights.load(tiny_model)[0]
+
+
 def test_a_precision_that_cannot_be_had_is_refused(tiny_model, tmp_path, capsys):
     out = tmp_path / "out"
     with pytest.raises(ValueError, match="the format savedmodel is float32, not float16"):
