@@ -62,7 +62,7 @@ def stages(system):
 
 
 def config(corpus, architecture=TINY, **changes):
-    whole = Config("tiny", 1.0, architecture, BRIEF, 0, corpus_sha256(corpus), camera=True)
+    whole = Config("tiny", 1.0, architecture, BRIEF, 0, corpus_sha256([corpus]), camera=True)
     return dataclasses.replace(whole, **changes)
 
 
@@ -141,14 +141,14 @@ def another_backend(folder):
         weights.save(folder / f"back-{name}", *weights.load(folder / name))
     stage_training._SECONDS_BETWEEN_CHECKPOINTS = 0
     baseline = config(corpus, SYSTEMS["baseline"])
-    trainer.train(corpus, folder / "whole", baseline, ignore)
+    trainer.train([corpus], folder / "whole", baseline, ignore)
     try:
-        trainer.train(corpus, folder / "resumed", baseline, interrupted_at("material", 1))
+        trainer.train([corpus], folder / "resumed", baseline, interrupted_at("material", 1))
     except KeyboardInterrupt:
-        trainer.train(corpus, folder / "resumed", baseline, ignore)
+        trainer.train([corpus], folder / "resumed", baseline, ignore)
     told = []
     trainer.train(
-        corpus,
+        [corpus],
         folder / "begun",
         config(corpus),
         lambda progress: told.append(progress.step),
@@ -182,7 +182,7 @@ def two_devices(folder):
     corpus = folder / "corpus"
     for name, (precision, devices) in RUNS[keras.backend.backend()].items():
         trainer.train(
-            corpus,
+            [corpus],
             folder / name,
             config(corpus, schedule=UNEVEN, precision=precision),
             ignore,
@@ -192,7 +192,7 @@ def two_devices(folder):
     corpus = folder / "broken"
     left["broken"] = _error(
         lambda: trainer.train(
-            corpus,
+            [corpus],
             folder / "stopped",
             config(corpus, camera=False),
             ignore,

@@ -35,11 +35,11 @@ def exchanged(tmp_path_factory):
     for name, architecture in stage_runs.SYSTEMS.items():
         weights.save(folder / name, architecture, _alive(architecture))
     config = stage_runs.config(corpus)
-    trainer.train(corpus, folder / "unbroken", config, stage_runs.ignore, only=["specular"])
+    trainer.train([corpus], folder / "unbroken", config, stage_runs.ignore, only=["specular"])
     with pytest.MonkeyPatch.context() as patch, pytest.raises(KeyboardInterrupt):
         patch.setattr(stage_training, "_SECONDS_BETWEEN_CHECKPOINTS", 0)
         interrupt = stage_runs.interrupted_at("specular", 1)
-        trainer.train(corpus, folder / "begun", config, interrupt, only=["specular"])
+        trainer.train([corpus], folder / "begun", config, interrupt, only=["specular"])
     environment = {
         "KERAS_BACKEND": "jax",
         # Compiled in a third of the time, whatever it then takes to run.

@@ -138,5 +138,7 @@ def test_a_process_with_one_device_names_it():
 def test_a_batch_that_cannot_be_dealt_out_is_refused(count, corpora, tmp_path):
     corpus = corpora / "corpus"
     with pytest.raises(ValueError, match=f"batches of 4 cannot be split between {count} devices"):
-        trainer.train(corpus, tmp_path, stage_runs.config(corpus), stage_runs.ignore, devices=count)
+        trainer.train(
+            [corpus], tmp_path, stage_runs.config(corpus), stage_runs.ignore, devices=count
+        )
     assert not list(tmp_path.iterdir())

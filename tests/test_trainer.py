@@ -2,6 +2,7 @@
 
 import csv
 import dataclasses
+import itertools
 import json
 import re
 import shutil
@@ -17,7 +18,8 @@ from lime_keras.dynamic_range import compress
 from lime_keras.networks import Architecture, names
 from lime_keras.train import beginning, cli, stage_model, stage_training, trainer
 from lime_keras.train.config import Config, corpus_sha256
-from lime_keras.train.stages import SCHEDULES, Schedule
+from lime_keras.train.data import Data
+from lime_keras.train.stages import SCHEDULES, Schedule, Stage
 from lime_keras.train.state import Means
 
 TINY = Architecture(size=32, unet_width=2, unet_depth=2, encoder_width=2, dense_width=4)
@@ -29,6 +31,7 @@ BRIEF = Schedule(
     joint_steps=4,
     joint_learning_rate=1e-3,
     validation_examples=2,
+    cosine=True,
 )
 
 
@@ -39,13 +42,13 @@ def corpus(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def config(corpus):
-    return Config("tiny", 1.0, TINY, BRIEF, 0, corpus_sha256(corpus), camera=True)
+    return Config("tiny", 1.0, TINY, BRIEF, 0, corpus_sha256([corpus]), camera=True)
 
 
 @pytest.fixture(scope="module")
 def finished(corpus, config, tmp_path_factory):
     run = tmp_path_factory.mktemp("finished")
-    trainer.train(corpus, run, config, _ignore)
+    trainer.train([corpus], run, config, _ignore)
     return run
 
 
@@ -84,7 +87,7 @@ def test_measures_are_pooled_over_the_held_out_examples(corpus, config, tmp_path
     run = tmp_path / "run"
     schedule = dataclasses.replace(BRIEF, validation_examples=3)
     more = dataclasses.replace(config, schedule=schedule)
-    trainer.train(corpus, run, more, _ignore, only=["exponent"])
+    trainer.train([corpus], run, more, _ignore, only=["exponent"])
     with (run / "curves" / "5-exponent.csv").open(encoding="utf-8") as file:
         last = list(csv.DictReader(file))[-1]
     network, left = networks.build(TINY)["exponent"], _stage(run, "exponent")
@@ -134,7 +137,7 @@ def test_encoders_are_kept_as_they_were_before_they_were_joined(finished):
 def test_a_finished_run_without_them_gets_them(corpus, config, finished, tmp_path):
     run = tmp_path / "run"
     shutil.copytree(finished / "stages", run / "stages")
-    trainer.train(corpus, run, config, _ignore, only=[])
+    trainer.train([corpus], run, config, _ignore, only=[])
     _same_alone(run, finished, "albedo", "exponent")
     assert _same(_weights(run), _weights(finished))
 
@@ -142,11 +145,11 @@ def test_a_finished_run_without_them_gets_them(corpus, config, finished, tmp_pat
 def test_only_what_was_joined_is_kept_apart(corpus, config, finished, tmp_path):
     """Of a run that joins nothing, or not the albedos, the model itself has the weights."""
     run = _begun(finished, tmp_path / "run", config, 6)
-    assert trainer.train(corpus, run, config, _ignore, only=[]) == []
+    assert trainer.train([corpus], run, config, _ignore, only=[]) == []
     _same_alone(run, finished)
     for path in (finished / "stages").glob("[67]-*"):
         shutil.copy(path, run / "stages")
-    assert trainer.train(corpus, run, config, _ignore, only=[]) == []
+    assert trainer.train([corpus], run, config, _ignore, only=[]) == []
     _same_alone(run, finished, "exponent")
 
 
@@ -165,7 +168,7 @@ class Nudge:
 def test_the_baselines_encoder_is_kept_too(corpus, config, tmp_path, monkeypatch):
     monkeypatch.setattr(trainer, "StageTraining", Nudge)
     baseline = dataclasses.replace(TINY, system="reflectance-map")
-    trainer.train(corpus, tmp_path, dataclasses.replace(config, architecture=baseline), _ignore)
+    trainer.train([corpus], tmp_path, dataclasses.replace(config, architecture=baseline), _ignore)
     _same_alone(tmp_path, tmp_path, "material")
 
 
@@ -194,8 +197,8 @@ def test_an_interrupted_stage_ends_with_the_same_weights(
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        trainer.train(corpus, run, config, interrupt, only=[name])
-    trainer.train(corpus, run, config, _ignore, only=[name])
+        trainer.train([corpus], run, config, interrupt, only=[name])
+    trainer.train([corpus], run, config, _ignore, only=[name])
     assert _same_stage(run, finished, name)
     rows = []
     for folder in (run, finished):
@@ -210,7 +213,7 @@ def test_curves_hold_means_over_their_interval(corpus, config, tmp_path, monkeyp
     seen = []
     longer = dataclasses.replace(config.schedule, single_steps=4, single_learning_rate=0.1)
     trainer.train(
-        corpus,
+        [corpus],
         tmp_path,
         dataclasses.replace(config, schedule=longer),
         lambda progress: seen.append(progress.losses.get("mask")),
@@ -225,9 +228,60 @@ def test_curves_hold_means_over_their_interval(corpus, config, tmp_path, monkeyp
     assert batches.std() > 1e-6
 
 
+@pytest.mark.parametrize("precision", ["float32", "float16"])
+def test_the_learning_rate_falls_along_half_a_cosine(config, precision):
+    stage = Stage(("segmentation",), 4, 0.5, cosine=True)
+    network = networks.build(TINY, 0)["segmentation"]
+    model = stage_model.StageModel({"segmentation": network})
+    trainer._compile(model, stage, precision)
+    optimizer = getattr(model.optimizer, "inner_optimizer", model.optimizer)
+    rates = []
+    for step in range(5):
+        optimizer.iterations.assign(step)
+        rates.append(float(optimizer.learning_rate))
+    expected = [0.5, 0.25 + 0.25 * 0.5**0.5, 0.25, 0.25 - 0.25 * 0.5**0.5, 0.0]
+    assert rates == pytest.approx(expected, abs=1e-7)
+
+
+def test_corpora_are_learnt_from_together(corpus, config, tmp_path):
+    other = write_split(tmp_path / "other", "train", [range(2), range(3)], seed=1, size=64)
+    both = dataclasses.replace(config, corpus_sha256=corpus_sha256([corpus, other]))
+    assert both.corpus_sha256 not in (config.corpus_sha256, corpus_sha256([other]))
+    data = Data([corpus, other], both)
+    stage = Stage(("segmentation",), 4, 1e-3)
+    batches = itertools.islice(data.training(stage, ["mask"], 0), 4)
+    seen = [pair for batch in batches for pair in zip(batch["seed"], batch["index"], strict=True)]
+    # Six of one and two of the other are an epoch.
+    assert sorted((int(s), int(i)) for s, i in seen) == [
+        *((0, i) for i in range(6)),
+        (1, 0),
+        (1, 1),
+    ]
+    held_out = [int(seed) for batch in data.held_out(["seed"]) for seed in batch["seed"]]
+    assert held_out.count(0) == held_out.count(1) == 2
+    run = tmp_path / "run"
+    trainer.train([corpus, other], run, both, _ignore, only=["segmentation"])
+    record = json.loads((run / "config.json").read_text(encoding="utf-8"))
+    assert [one["path"] for one in record["corpora"]] == [str(corpus), str(other)]
+    assert [one["description"]["seed"] for one in record["corpora"]] == [0, 1]
+    with pytest.raises(ValueError, match="corpus_sha256"):
+        trainer.train([corpus], run, config, _ignore)
+
+
+def test_corpora_in_two_units_are_refused(corpus, config, tmp_path):
+    other = write_split(tmp_path / "literal", "train", [range(2), range(2)], seed=1)
+    path = other / "train" / "manifest.json"
+    manifest = json.loads(path.read_text(encoding="utf-8"))
+    manifest["description"]["shading"] = "literal"
+    path.write_text(json.dumps(manifest), encoding="utf-8")
+    with pytest.raises(ValueError, match="literal was rendered with --shading literal"):
+        trainer.train([corpus, other], tmp_path / "run", config, _ignore)
+    assert not (tmp_path / "run").exists()
+
+
 def test_a_finished_run_is_not_trained_again(corpus, config, finished):
     seen = []
-    trainer.train(corpus, finished, config, seen.append)
+    trainer.train([corpus], finished, config, seen.append)
     assert [(told.stage.name, told.step) for told in seen] == [
         (stage.name, stage.steps) for stage in BRIEF.stages(TINY)
     ]
@@ -235,7 +289,7 @@ def test_a_finished_run_is_not_trained_again(corpus, config, finished):
 
 def test_another_seed_gives_other_weights(corpus, config, finished, tmp_path):
     other = dataclasses.replace(config, seed=1)
-    trainer.train(corpus, tmp_path, other, _ignore, only=["exponent"])
+    trainer.train([corpus], tmp_path, other, _ignore, only=["exponent"])
     assert not np.array_equal(
         _stage(tmp_path, "exponent")["arr_0"], _stage(finished, "exponent")["arr_0"]
     )
@@ -244,14 +298,14 @@ def test_another_seed_gives_other_weights(corpus, config, finished, tmp_path):
 def test_another_config_is_refused_with_the_difference(corpus, config, finished):
     other = dataclasses.replace(config, seed=7)
     with pytest.raises(ValueError, match="seed 0 there, 7 asked"):
-        trainer.train(corpus, finished, other, _ignore)
+        trainer.train([corpus], finished, other, _ignore)
 
 
 def test_what_was_run_is_recorded(config, finished):
     record = json.loads((finished / "config.json").read_text(encoding="utf-8"))
     assert record["config"]["corpus_sha256"] == config.corpus_sha256
     assert record["config"]["schedule"]["joint_steps"] == 4
-    assert record["corpus"]["description"] is not None
+    assert record["corpora"][0]["description"] is not None
     assert record["backend"] == "tensorflow"
     assert {"tensorflow", "keras", "numpy"} == set(record["packages"])
     beside_the_weights = finished / "model" / "training.json"
@@ -274,7 +328,7 @@ def test_a_runs_config_is_read_back(config, finished, tmp_path):
 @pytest.mark.slow
 def test_stages_run_apart_are_the_same_as_together(corpus, config, finished, tmp_path):
     for only in (["mirror"], ["specular"], ["specular+mirror"]):
-        untrained = trainer.train(corpus, tmp_path, config, _ignore, only=only)
+        untrained = trainer.train([corpus], tmp_path, config, _ignore, only=only)
         assert _same_stage(tmp_path, finished, *only)
     assert untrained == ["segmentation", "exponent", "albedo"]
     assert not (tmp_path / "model").exists()
@@ -282,19 +336,19 @@ def test_stages_run_apart_are_the_same_as_together(corpus, config, finished, tmp
 
 def test_joined_training_may_skip_the_single_stages(corpus, config, finished, tmp_path):
     name = "specular+mirror+exponent"
-    untrained = trainer.train(corpus, tmp_path, config, _ignore, only=[name])
+    untrained = trainer.train([corpus], tmp_path, config, _ignore, only=[name])
     assert untrained == ["segmentation", "albedo"]
     assert len(list((tmp_path / "stages").iterdir())) == 1
     assert not _same_stage(tmp_path, finished, name)
     # Trained from nothing, it does not follow from the stages that now come before it.
     expected = rf"7-{re.escape(name)}\.npz was trained from other weights.*delete it"
     with pytest.raises(ValueError, match=expected):
-        trainer.train(corpus, tmp_path, config, _ignore, reuse=finished)
+        trainer.train([corpus], tmp_path, config, _ignore, reuse=finished)
 
 
 def test_an_unknown_stage_is_refused_with_those_there_are(corpus, config, tmp_path):
     with pytest.raises(ValueError, match=r"no stage speculative: this run has segmentation, spec"):
-        trainer.train(corpus, tmp_path, config, _ignore, only=["speculative"])
+        trainer.train([corpus], tmp_path, config, _ignore, only=["speculative"])
     assert not (tmp_path / "config.json").exists()
 
 
@@ -312,7 +366,7 @@ def _first_weights(corpus, run, config, **options):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(trainer, "StageTraining", look)
         with pytest.raises(KeyboardInterrupt):
-            trainer.train(corpus, run, config, _ignore, **options)
+            trainer.train([corpus], run, config, _ignore, **options)
     return seen
 
 
@@ -328,7 +382,7 @@ def test_a_run_begins_with_another_models_weights(corpus, config, finished, tmp_
         np.testing.assert_array_equal(found, expected)
     # It is resumed without them.
     shutil.rmtree(given)
-    left = trainer.train(corpus, run, on, _ignore, only=["segmentation"])
+    left = trainer.train([corpus], run, on, _ignore, only=["segmentation"])
     assert left == ["specular", "mirror", "exponent", "albedo"]
     described = "segmentation and specular and mirror and exponent and albedo continued"
     assert beginning.described(run) == described
@@ -346,7 +400,7 @@ def test_at_another_size_the_u_nets_go_on_and_the_encoders_begin(
     digest = beginning.sha256(finished)
     on = dataclasses.replace(config, architecture=larger, begun_from=digest)
     corpus_of_64 = write_split(tmp_path / "corpus", "train", [range(3), range(3, 5)], size=64)
-    on = dataclasses.replace(on, corpus_sha256=corpus_sha256(corpus_of_64))
+    on = dataclasses.replace(on, corpus_sha256=corpus_sha256([corpus_of_64]))
     _first_weights(corpus_of_64, tmp_path / "run", on, start_from=finished)
     expected = "segmentation and specular and mirror continued, exponent and albedo begun afresh"
     assert beginning.described(tmp_path / "run") == expected
@@ -357,19 +411,19 @@ def test_a_model_of_which_nothing_fits_is_refused(corpus, config, finished, tmp_
     digest = beginning.sha256(finished)
     on = dataclasses.replace(config, architecture=wider, begun_from=digest)
     with pytest.raises(ValueError, match=r"none of the subnetworks .* has the layers"):
-        trainer.train(corpus, tmp_path, on, _ignore, start_from=finished)
+        trainer.train([corpus], tmp_path, on, _ignore, start_from=finished)
 
 
 def test_another_beginning_is_another_run(corpus, config, finished, tmp_path):
     shutil.copytree(finished, tmp_path / "run")
     on = dataclasses.replace(config, begun_from=beginning.sha256(finished))
     with pytest.raises(ValueError, match="begun_from None there"):
-        trainer.train(corpus, tmp_path / "run", on, _ignore, start_from=finished)
+        trainer.train([corpus], tmp_path / "run", on, _ignore, start_from=finished)
 
 
 def test_a_run_to_reuse_must_be_there(corpus, config, tmp_path):
     with pytest.raises(FileNotFoundError, match="nothing holds no stages of a run to take over"):
-        trainer.train(corpus, tmp_path, config, _ignore, reuse=tmp_path / "nothing")
+        trainer.train([corpus], tmp_path, config, _ignore, reuse=tmp_path / "nothing")
 
 
 def test_a_checkpoint_cut_off_is_named(corpus, config, finished, tmp_path):
@@ -377,19 +431,19 @@ def test_a_checkpoint_cut_off_is_named(corpus, config, finished, tmp_path):
     path = run / "stages" / "2-specular.npz"
     path.write_bytes(path.read_bytes()[:1000])
     with pytest.raises(ValueError, match=r"2-specular\.npz cannot be read: .*delete it to train"):
-        trainer.train(corpus, run, config, _ignore, only=["specular"])
+        trainer.train([corpus], run, config, _ignore, only=["specular"])
 
 
 def test_a_batch_that_devices_cannot_share_is_refused(corpus, config, tmp_path):
     with pytest.raises(ValueError, match="batches of 2 cannot be split between 3 devices"):
-        trainer.train(corpus, tmp_path, config, _ignore, devices=3)
+        trainer.train([corpus], tmp_path, config, _ignore, devices=3)
 
 
 def _trained_anew(corpus, run, config, **options):
     """Names of the stages that took a step."""
     steps = []
     trainer.train(
-        corpus, run, config, lambda told: steps.append((told.stage.name, told.step)), **options
+        [corpus], run, config, lambda told: steps.append((told.stage.name, told.step)), **options
     )
     return {name for name, step in steps if (name, step - 1) in steps}
 
@@ -438,7 +492,7 @@ def test_ablations_take_over_what_is_the_same(corpus, config, finished, tmp_path
 def test_only_what_differs_is_trained(corpus, config, finished, tmp_path, change, anew):
     changed = dataclasses.replace(config, **change)
     taken = []
-    trainer.train(corpus, tmp_path, changed, taken.append, only=[], reuse=finished)
+    trainer.train([corpus], tmp_path, changed, taken.append, only=[], reuse=finished)
     assert all(told.step == told.stage.steps for told in taken)
     stages = changed.schedule.stages(changed.architecture)
     assert {told.stage.name for told in taken} == {stage.name for stage in stages} - anew
@@ -474,7 +528,7 @@ def test_the_example_that_breaks_a_step_is_named(corpus, config, tmp_path):
     longer = dataclasses.replace(BRIEF, encoder_steps=9)
     unseen = dataclasses.replace(config, schedule=longer, camera=False)
     with pytest.raises(RuntimeError, match=expected):
-        trainer.train(broken, tmp_path / "run", unseen, _ignore, only=["albedo"])
+        trainer.train([broken], tmp_path / "run", unseen, _ignore, only=["albedo"])
     assert not (tmp_path / "run" / "model").exists()
 
 
@@ -482,13 +536,13 @@ def test_a_record_that_holds_no_number_is_named(corpus, config, tmp_path):
     broken = _altered(corpus, tmp_path / "corpus", 3, "ambient", np.nan)
     expected = r"00000\.tfrecord is broken: record 3 .*ambient is not finite"
     with pytest.raises(ValueError, match=expected):
-        trainer.train(broken, tmp_path / "run", config, _ignore, only=["exponent"])
+        trainer.train([broken], tmp_path / "run", config, _ignore, only=["exponent"])
 
 
 def test_a_weight_that_is_no_number_is_blamed_on_no_example(corpus, config, tmp_path, monkeypatch):
     monkeypatch.setitem(stage_model.WEIGHTS, "specular", np.inf)
     with pytest.raises(RuntimeError, match=r"stage specular, step 1: loss, .*not finite; from ex"):
-        trainer.train(corpus, tmp_path, config, _ignore, only=["specular"])
+        trainer.train([corpus], tmp_path, config, _ignore, only=["specular"])
     assert not (tmp_path / "stages" / "2-specular.npz").exists()
 
 
@@ -504,7 +558,7 @@ def test_damage_stops_the_run_by_name(corpus, config, tmp_path, shard, record):
     path.write_bytes(data)
     expected = rf"{path} is broken: record {record} .*delete the file.*lime-render"
     with pytest.raises(ValueError, match=expected):
-        trainer.train(tmp_path / "corpus", tmp_path / "run", config, _ignore, only=["exponent"])
+        trainer.train([tmp_path / "corpus"], tmp_path / "run", config, _ignore, only=["exponent"])
 
 
 def test_the_camera_is_on_unless_refused(corpus, config, finished, tmp_path, monkeypatch):
@@ -513,8 +567,8 @@ def test_the_camera_is_on_unless_refused(corpus, config, finished, tmp_path, mon
     assert not cli._config(cli.parser().parse_args([*required, "--no-camera"])).camera
     clean = dataclasses.replace(config, camera=False)
     with pytest.raises(ValueError, match="camera True there, False asked"):
-        trainer.train(corpus, finished, clean, _ignore)
-    trainer.train(corpus, tmp_path, clean, _ignore, only=["segmentation"])
+        trainer.train([corpus], finished, clean, _ignore)
+    trainer.train([corpus], tmp_path, clean, _ignore, only=["segmentation"])
     rows = []
     for run in (tmp_path, finished):
         with (run / "curves" / "1-segmentation.csv").open(encoding="utf-8") as file:
@@ -527,7 +581,7 @@ def test_the_camera_is_on_unless_refused(corpus, config, finished, tmp_path, mon
 def test_one_shard_cannot_be_split(config, tmp_path):
     corpus = write_split(tmp_path, "train", [range(2)])
     with pytest.raises(ValueError, match="at least 2"):
-        trainer.train(corpus, tmp_path / "run", config, _ignore)
+        trainer.train([corpus], tmp_path / "run", config, _ignore)
 
 
 def test_the_command_names_what_is_missing(tmp_path, capsys):

@@ -15,14 +15,15 @@ examples:
   lime-train corpus --out runs/first --preset smoke
   lime-train corpus --out runs/paper --preset paper --precision bfloat16
   lime-train corpus --out runs/paper --resume
+  lime-train meshes procedural --out runs/both --preset live
   lime-train corpus --out runs/longer --preset live --start-from runs/live
   lime-train corpus --out runs/no-mirror --preset paper --without mirror --reuse runs/paper
   tensorboard --logdir runs
 
 Stages: the five subnetworks alone on truth (segmentation, specular, mirror, albedo, exponent), then
 specular+mirror, specular+mirror+exponent and specular+mirror+exponent+albedo joined. An interrupted
-command, run again, goes on from its last checkpoint, at most a minute back. The last tenth of the
-train split's files is held out for validation.
+command, run again, goes on from its last checkpoint, at most a minute back. The last tenth of
+each train split's files is held out for validation.
 """
 
 
@@ -30,11 +31,17 @@ def parser() -> argparse.ArgumentParser:
     """The command's options."""
     out = argparse.ArgumentParser(
         prog="lime-train",
-        description="Train the subnetworks of LIME on a corpus of `lime-render`.",
+        description="Train the subnetworks of LIME on corpora of `lime-render`.",
         epilog=_EXAMPLE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    out.add_argument("corpus", type=Path, metavar="CORPUS", help="folder that lime-render wrote")
+    out.add_argument(
+        "corpora",
+        nargs="+",
+        type=Path,
+        metavar="CORPUS",
+        help="folder that lime-render wrote; of several all are learnt from together",
+    )
     out.add_argument("--out", type=Path, required=True, metavar="RUN", help="folder of the run")
     begun = out.add_mutually_exclusive_group(required=True)
     begun.add_argument(
@@ -143,7 +150,7 @@ def _train(options: argparse.Namespace) -> int:
     config = _config(options)
     with _Bars(config.schedule.stages(config.architecture)) as bars:
         untrained = trainer.train(
-            options.corpus,
+            options.corpora,
             options.out,
             config,
             bars.tell,
@@ -200,7 +207,7 @@ def _config(options: argparse.Namespace) -> Any:
         ),
         schedule=SCHEDULES[preset].scaled(scale),
         seed=chosen(options.seed, lambda c: c.seed, 0),
-        corpus_sha256=corpus_sha256(options.corpus),
+        corpus_sha256=corpus_sha256(options.corpora),
         camera=chosen(options.camera, lambda c: c.camera, True),
         compositing=chosen(
             None if without is None else "perceptual" not in without,

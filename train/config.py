@@ -6,7 +6,7 @@ import importlib.metadata
 import json
 import os
 import subprocess
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -38,7 +38,7 @@ class Config:
         architecture: of the subnetworks.
         schedule: of the stages.
         seed: of initialisation and order; 0 is a seed.
-        corpus_sha256: of the train split's manifest.
+        corpus_sha256: of the train splits' manifests (`corpus_sha256`).
         camera: whether the networks see the scenes photographed (`lime_keras.camera`).
         compositing: whether AlbedoNet is also held to Eq. 5.
         precision: one of `PRECISIONS`.
@@ -87,13 +87,17 @@ def config_path(run: Path) -> Path:
     return run / "config.json"
 
 
-def corpus_sha256(corpus: Path) -> str:
-    """What identifies the train split of a corpus: its shards' checksums, hashed."""
-    digests = corpus_files.read_manifest(corpus, "train")["sha256"]
+def corpus_sha256(corpora: Sequence[Path]) -> str:
+    """What identifies the train splits of corpora: their shards' checksums in order, hashed."""
+    digests = [
+        digest
+        for corpus in corpora
+        for digest in corpus_files.read_manifest(corpus, "train")["sha256"]
+    ]
     return hashlib.sha256("".join(digests).encode()).hexdigest()
 
 
-def claim(run: Path, corpus: Path, config: Config) -> None:
+def claim(run: Path, corpora: Sequence[Path], config: Config) -> None:
     """Record in `RUN/config.json` what the run is.
 
     Raises:
@@ -115,10 +119,13 @@ def claim(run: Path, corpus: Path, config: Config) -> None:
         return
     record = {
         "config": wanted,
-        "corpus": {
-            "path": str(corpus),
-            "description": corpus_files.read_manifest(corpus, "train").get("description"),
-        },
+        "corpora": [
+            {
+                "path": str(corpus),
+                "description": corpus_files.read_manifest(corpus, "train").get("description"),
+            }
+            for corpus in corpora
+        ],
         "version": __version__,
         "backend": keras.backend.backend(),
         "packages": {name: _installed(name) for name in _PACKAGES},

@@ -1,8 +1,9 @@
 """The batches that stages learn from, and the held-out ones that they are judged by."""
 
+import functools
 import math
 import zlib
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,19 +21,20 @@ Batch = dict[str, Any]
 
 
 class Data:
-    """A corpus' train split, the last tenth of its files held out.
+    """The train splits of corpora, the last tenth of each one's files held out.
 
     Args:
-        corpus: folder with a complete train split.
+        corpora: folders with complete train splits.
         config: of the run.
 
     Raises:
-        FileNotFoundError: if the split is incomplete.
-        ValueError: if it is too small or damaged.
+        FileNotFoundError: if a split is incomplete.
+        ValueError: if one is too small or damaged.
     """
 
-    def __init__(self, corpus: Path, config: Config):
-        self._training, self._held_out = pipeline.training_shards(corpus)
+    def __init__(self, corpora: Sequence[Path], config: Config):
+        training, self._held_out = zip(*map(pipeline.training_shards, corpora), strict=True)
+        self._training = [path for shards in training for path in shards]
         self._config = config
 
     def training(self, stage: Stage, features: Collection[str], first_step: int) -> Iterator[Batch]:
@@ -51,17 +53,22 @@ class Data:
             yield _native(batch)
 
     def held_out(self, features: Collection[str]) -> "HeldOut":
-        """The examples that a stage is judged by."""
+        """The examples that a stage is judged by, as many of each corpus if they are there."""
         config = self._config
-        dataset = pipeline.evaluation(
-            self._held_out,
-            size=config.architecture.size,
-            batch_size=config.schedule.batch_size,
-            camera=config.camera,
-            features=features,
-        )
-        count = math.ceil(config.schedule.validation_examples / config.schedule.batch_size)
-        return HeldOut(dataset.take(count).cache(), self._held_out)
+        share = config.schedule.validation_examples / len(self._held_out)
+        count = math.ceil(share / config.schedule.batch_size)
+        datasets = [
+            pipeline.evaluation(
+                shards,
+                size=config.architecture.size,
+                batch_size=config.schedule.batch_size,
+                camera=config.camera,
+                features=features,
+            ).take(count)
+            for shards in self._held_out
+        ]
+        dataset = functools.reduce(lambda one, other: one.concatenate(other), datasets)
+        return HeldOut(dataset.cache(), [path for shards in self._held_out for path in shards])
 
 
 class HeldOut:

@@ -14,11 +14,11 @@ class WatchedAdam(keras.optimizers.Adam):
     any more which example it was.
 
     Args:
-        learning_rate: Adam's.
+        learning_rate: Adam's, a number or a schedule.
         groups: name and number of trainable variables of each subnetwork, in the variables' order.
     """
 
-    def __init__(self, learning_rate: float, groups: Sequence[tuple[str, int]], **kwargs: Any):
+    def __init__(self, learning_rate: Any, groups: Sequence[tuple[str, int]], **kwargs: Any):
         super().__init__(learning_rate, **kwargs)
         self._groups = [(name, int(count)) for name, count in groups]
 

@@ -14,11 +14,13 @@ class Stage:
         subnetworks: names of those trained; what they need of the others is taken from the truth.
         steps: batches.
         learning_rate: Adam's.
+        cosine: whether it falls to nothing by the last batch, along half a cosine.
     """
 
     subnetworks: tuple[str, ...]
     steps: int
     learning_rate: float
+    cosine: bool = False
 
     @property
     def name(self) -> str:
@@ -39,6 +41,7 @@ class Schedule:
         joint_steps: batches of each stage of joined subnetworks.
         joint_learning_rate: Adam's, of joined subnetworks.
         validation_examples: how many held-out examples are looked at, at most.
+        cosine: whether each stage's learning rate falls to nothing, along half a cosine.
     """
 
     batch_size: int
@@ -48,6 +51,7 @@ class Schedule:
     joint_steps: int
     joint_learning_rate: float
     validation_examples: int
+    cosine: bool = False
 
     def scaled(self, factor: float) -> "Schedule":
         """The same with `factor` times the batches, at least one a stage."""
@@ -66,6 +70,7 @@ class Schedule:
                 (name,),
                 self.encoder_steps if name in ENCODERS else self.single_steps,
                 self.single_learning_rate,
+                self.cosine,
             )
             for name in singles
             if name not in left_out
@@ -73,7 +78,8 @@ class Schedule:
         for names in joined:
             kept = tuple(name for name in names if name not in left_out)
             if len(kept) > 1:
-                out.append(Stage(kept, self.joint_steps, self.joint_learning_rate))
+                rate = self.joint_learning_rate
+                out.append(Stage(kept, self.joint_steps, rate, self.cosine))
         return out
 
 
@@ -115,6 +121,7 @@ SCHEDULES = {
         joint_steps=5_000,
         joint_learning_rate=1e-4,
         validation_examples=512,
+        cosine=True,
     ),
     # Section 5.4 to the letter.
     "paper": Schedule(

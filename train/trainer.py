@@ -11,7 +11,7 @@ import dataclasses
 import hashlib
 import json
 import shutil
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +34,7 @@ from .state import Checkpoint
 
 
 def train(
-    corpus: Path,
+    corpora: Sequence[Path],
     run: Path,
     config: Config,
     tell: Tell,
@@ -47,7 +47,7 @@ def train(
     """Run or resume stages; when all subnetworks are trained, write the model.
 
     Args:
-        corpus: folder with a complete train split.
+        corpora: folders with complete train splits, which are learnt from together.
         run: folder of the run; one that was begun with the same config is carried on.
         config: of the run.
         tell: called as training goes on.
@@ -62,9 +62,9 @@ def train(
         Names of the subnetworks that no finished stage has trained; empty if there is a model.
 
     Raises:
-        FileNotFoundError: if the corpus is incomplete, or there is no run to reuse.
-        ValueError: if the folder holds a run of another config, the corpus is too small or
-            damaged, or a stage has no such name.
+        FileNotFoundError: if a corpus is incomplete, or there is no run to reuse.
+        ValueError: if the folder holds a run of another config, a corpus is too small or damaged
+            or in another unit than the first, or a stage has no such name.
         RuntimeError: if a loss or a gradient is not finite.
     """
     stages = config.schedule.stages(config.architecture)
@@ -78,9 +78,10 @@ def train(
         )
     if reuse is not None and not (reuse / "stages").is_dir():
         raise FileNotFoundError(f"{reuse} holds no stages of a run to take over: check --reuse")
-    data = Data(corpus, config)
-    _check_size(corpus, config.architecture.size)
-    claim(run, corpus, config)
+    data = Data(corpora, config)
+    _check_sizes(corpora, config.architecture.size)
+    _check_units(corpora)
+    claim(run, corpora, config)
     split = Devices(devices)
     with split.scope():
         subnetworks = _build(config)
@@ -107,7 +108,7 @@ def train(
             tell(Progress(stage, stage.steps, {}, 0.0))
         elif only is None or stage.name in only:
             with split.scope():
-                _compile(model, stage.learning_rate, config.precision)
+                _compile(model, stage, config.precision)
             StageTraining(stage, model, checkpoint, files, data, split, tell).run()
         else:
             continue
@@ -122,15 +123,32 @@ def train(
     return untrained
 
 
-def _check_size(corpus: Path, size: int) -> None:
+def _check_sizes(corpora: Sequence[Path], size: int) -> None:
     """Refuse images that cannot be averaged to the networks' size."""
-    stored = corpus_files.read_manifest(corpus, "train").get("description", {}).get("size", size)
-    if stored % size:
-        raise ValueError(
-            f"{corpus} holds images of {stored} pixels, which cannot be averaged to the {size} "
-            f"that the networks take: pass --size with a divisor of {stored}, or render with "
-            f"--size {size} or a multiple of it"
-        )
+    for corpus in corpora:
+        stored = _described(corpus, "size", size)
+        if stored % size:
+            raise ValueError(
+                f"{corpus} holds images of {stored} pixels, which cannot be averaged to the {size} "
+                f"that the networks take: pass --size with a divisor of {stored}, or render with "
+                f"--size {size} or a multiple of it"
+            )
+
+
+def _check_units(corpora: Sequence[Path]) -> None:
+    """Refuse specular albedos in two units."""
+    first, *others = [_described(corpus, "shading", "furnace") for corpus in corpora]
+    for corpus, shading in zip(corpora[1:], others, strict=True):
+        if shading != first:
+            raise ValueError(
+                f"{corpus} was rendered with --shading {shading} and {corpora[0]} with {first}: "
+                "their specular albedos have different units, so render one of them again"
+            )
+
+
+def _described(corpus: Path, name: str, default: Any) -> Any:
+    """What a train split's description says, or the default if it says nothing."""
+    return corpus_files.read_manifest(corpus, "train").get("description", {}).get(name, default)
 
 
 def _build(config: Config) -> dict[str, keras.Model]:
@@ -156,12 +174,15 @@ def _changed_since(
     return out
 
 
-def _compile(model: StageModel, learning_rate: float, precision: str) -> None:
+def _compile(model: StageModel, stage: Stage, precision: str) -> None:
     """Give a stage its optimiser, whose variables exist from then on."""
     groups = [
         (name, len(network.trainable_variables)) for name, network in model.subnetworks.items()
     ]
-    optimizer: Any = WatchedAdam(learning_rate, groups)
+    rate: Any = stage.learning_rate
+    if stage.cosine:
+        rate = keras.optimizers.schedules.CosineDecay(stage.learning_rate, stage.steps)
+    optimizer: Any = WatchedAdam(rate, groups)
     if precision == "float16":
         optimizer = LossScale(optimizer)
     model.compile(optimizer=optimizer)
