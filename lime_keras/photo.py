@@ -1,6 +1,7 @@
 """Pictures from and to files, by OpenImageIO."""
 
 import contextlib
+import io
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -25,8 +26,9 @@ _LINEAR_SPACES = ("lin", "scene_linear")
 def read(path: str | Path) -> tuple[np.ndarray, np.ndarray | None]:
     """Read a photo of any kind, and the cut-out that its alpha channel holds, if any.
 
-    Integer formats are taken to be sRGB, and OpenEXR, Radiance and files that say so (a PNG with
-    gamma 1) to be linear; those are clipped at 1 and encoded. Grey is repeated, palettes and CMYK
+    Integer formats are taken to be sRGB, unless they bring a profile, such as the Display P3 of
+    phones, from which they are converted. OpenEXR, Radiance and files that say so (a PNG with
+    gamma 1) are linear; those are clipped at 1 and encoded. Grey is repeated, palettes and CMYK
     become RGB, EXIF rotation is applied, and of many pages the first is taken. Transparent pixels
     lie over black.
 
@@ -84,6 +86,7 @@ def _read(path: Path) -> tuple[np.ndarray, np.ndarray | None, bool]:
     # Reorienting makes a new image, which no longer knows its format.
     space = image.spec().get_string_attribute("oiio:ColorSpace").lower()
     is_linear = image.file_format_name in _LINEAR_FORMATS or space.startswith(_LINEAR_SPACES)
+    profile = image.spec().getattribute("ICCProfile")
     alpha_channel = image.spec().alpha_channel
     image = oiio.ImageBufAlgo.reorient(image)
     pixels = image.get_pixels(oiio.FLOAT)
@@ -92,7 +95,11 @@ def _read(path: Path) -> tuple[np.ndarray, np.ndarray | None, bool]:
     pixels = pixels.reshape(*pixels.shape[:2], -1)
     has_alpha = 0 < alpha_channel < pixels.shape[-1]
     alpha = pixels[..., alpha_channel : alpha_channel + 1] if has_alpha else None
-    pixels = pixels[..., :3] if pixels.shape[-1] >= 3 else np.repeat(pixels[..., :1], 3, axis=-1)
+    if pixels.shape[-1] < 3:
+        return np.repeat(pixels[..., :1], 3, axis=-1), alpha, is_linear
+    pixels = pixels[..., :3]
+    if profile is not None and not is_linear:
+        pixels = _from_profile(pixels, bytes(profile))
     return pixels, alpha, is_linear
 
 
@@ -114,9 +121,31 @@ def _read_heif(path: Path) -> tuple[np.ndarray, np.ndarray | None, bool]:
     if pixels.shape[-1] < 3:
         return np.repeat(pixels[..., :1], 3, axis=-1), None, False
     alpha = pixels[..., 3:] if pixels.shape[-1] == 4 else None
-    if alpha is None:
-        return pixels, None, False
-    return pixels[..., :3] * alpha, alpha, False
+    pixels = _from_profile(pixels[..., :3], image.info.get("icc_profile"))
+    return pixels if alpha is None else pixels * alpha, alpha, False
+
+
+def _from_profile(pixels: np.ndarray, profile: bytes | None) -> np.ndarray:
+    """Pixels `(H, W, 3)` in [0, 1] of an ICC profile, in sRGB, to 8 bits.
+
+    A profile that is broken, of other than RGB (OpenImageIO has made RGB of CMYK already), or
+    sRGB's own leaves them as they are.
+    """
+    if not profile:
+        return pixels
+    from PIL import Image, ImageCms
+
+    try:
+        source = ImageCms.ImageCmsProfile(io.BytesIO(profile))
+        is_srgb = "srgb" in ImageCms.getProfileDescription(source).lower()
+        if is_srgb or source.profile.xcolor_space.strip() != "RGB":
+            return pixels
+        transform = ImageCms.buildTransform(source, ImageCms.createProfile("sRGB"), "RGB", "RGB")
+    except (OSError, ImageCms.PyCMSError):
+        return pixels
+    levels = (np.clip(pixels, 0, 1) * 255 + 0.5).astype(np.uint8)
+    image = ImageCms.applyTransform(Image.fromarray(levels, "RGB"), transform)
+    return np.asarray(image) / np.float32(255)
 
 
 @contextlib.contextmanager

@@ -1,5 +1,7 @@
 """Pictures of every format in and out, and files that are none."""
 
+import struct
+
 import numpy as np
 import OpenImageIO as oiio
 import pillow_heif
@@ -127,6 +129,76 @@ def test_colours_of_every_kind_of_file(tmp_path, kind):
     # Away from the patches' borders, where chroma bleeds.
     centres = np.s_[8, 8::16]
     np.testing.assert_allclose(found[centres] * 255, chart()[centres], atol=tolerance)
+
+
+# Display P3's primaries in XYZ under D50, as columns of red, green and blue (SMPTE EG 432-1).
+P3 = np.array(
+    [[0.51512, 0.29198, 0.15710], [0.24120, 0.69225, 0.06657], [-0.00105, 0.04189, 0.78407]]
+)
+SRGB = np.array(
+    [[0.43607, 0.38515, 0.14307], [0.22249, 0.71687, 0.06061], [0.01392, 0.09708, 0.71410]]
+)
+
+
+def profile(space=b"RGB ", description="Display P3"):
+    """An ICC profile (version 4) of P3's primaries and sRGB's curve."""
+
+    def fixed(*values):
+        return struct.pack(f">{len(values)}i", *(round(value * 65536) for value in values))
+
+    text = description.encode("utf-16-be")
+    naming = b"mluc" + struct.pack(">III2s2sII", 0, 1, 12, b"en", b"US", len(text), 28) + text
+    curve = b"para" + struct.pack(">IHH", 0, 3, 0)
+    curve += fixed(2.4, 1 / 1.055, 0.055 / 1.055, 1 / 12.92, 0.04045)
+    white = (0.9642, 1.0, 0.8249)
+    columns = dict(zip((b"rXYZ", b"gXYZ", b"bXYZ", b"wtpt"), (*P3.T, white), strict=True))
+    tags = {b"desc": naming, b"cprt": naming}
+    tags |= {name: b"XYZ " + bytes(4) + fixed(*column) for name, column in columns.items()}
+    tags |= dict.fromkeys((b"rTRC", b"gTRC", b"bTRC"), curve)
+    table, data = struct.pack(">I", len(tags)), b""
+    for name, content in tags.items():
+        content += bytes(-len(content) % 4)
+        table += name + struct.pack(">II", 132 + 12 * len(tags) + len(data), len(content))
+        data += content
+    size = 128 + len(table) + len(data)
+    head = struct.pack(">I4sI4s4s4s", size, bytes(4), 0x04300000, b"mntr", space, b"XYZ ")
+    head += bytes(12) + b"acsp" + bytes(28) + fixed(*white)
+    return head.ljust(128, b"\0") + table + data
+
+
+def in_srgb(p3):
+    """The same colours, by the definition."""
+    linear = colour.srgb_to_linear(p3.astype(np.float64)) @ P3.T @ np.linalg.inv(SRGB).T
+    return colour.linear_to_srgb(np.clip(linear, 0, 1))
+
+
+@pytest.mark.parametrize("suffix", ["png", "tif", "webp", "heic"])
+def test_a_profile_is_converted_from(tmp_path, suffix):
+    levels = (noise() * 255).astype(np.uint8)
+    path = tmp_path / f"phone.{suffix}"
+    lossless = {"webp": {"lossless": True}, "heic": {"quality": -1, "chroma": 444}}
+    image = Image.fromarray(levels)
+    if suffix == "heic":
+        pillow_heif.register_heif_opener()
+    image.save(path, icc_profile=profile(), **lossless.get(suffix, {}))
+    kept = tmp_path / f"kept.{suffix}"
+    image.save(kept, **lossless.get(suffix, {}))
+    plain = photo.read_srgb(kept)
+    found, expected = photo.read_srgb(path), in_srgb(plain)
+    assert np.abs(found - expected).max() < 1.6 / 255
+    assert np.abs(found - plain).max() > 20 / 255
+
+
+@pytest.mark.parametrize(
+    "content",
+    [profile(b"GRAY"), profile(description="sRGB IEC61966-2.1"), profile()[:200], b"no profile"],
+    ids=["grey", "sRGB", "cut off", "none"],
+)
+def test_a_profile_that_does_not_apply_changes_nothing(tmp_path, content):
+    levels = (noise() * 255).astype(np.uint8)
+    Image.fromarray(levels).save(tmp_path / "photo.png", icc_profile=content)
+    found = photo.read_srgb(tmp_path / "photo.png")
+    np.testing.assert_allclose(found, levels / 255, atol=1e-6)
 
 
 def test_a_heics_exif_does_not_turn_it(tmp_path):

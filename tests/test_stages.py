@@ -30,6 +30,11 @@ def test_the_papers_schedule_is_the_papers():
     assert [stage.steps for stage in stages] == [100_000] * 5 + [45_000] * 3
     assert {stage.learning_rate for stage in stages[5:]} == {1e-4}
     assert SCHEDULES["paper"].batch_size == 32
+    assert not any(stage.cosine for stage in stages)
+
+
+def test_the_live_presets_learning_rate_falls_in_every_stage():
+    assert all(stage.cosine for stage in SCHEDULES["live"].stages(PRESETS["live"]))
 
 
 def test_without_a_mirror_nothing_is_joined_with_it():
