@@ -34,7 +34,8 @@ def save(
     Args:
         model: folder; what it held is replaced.
         architecture: of the subnetworks.
-        subnetworks: all of them, by name.
+        subnetworks: by name: all of them, or those that are trained yet, with which a further run
+            can begin.
         alone: those of them that joined training changed, as they were before it.
         half: keep 16 bits of each weight, in half the space; they are loaded as any.
     """
@@ -52,11 +53,12 @@ def save(
     os.replace(partial, model / "architecture.json")
 
 
-def load(model: Path) -> tuple[Architecture, dict[str, keras.Model]]:
+def load(model: Path, *, whole: bool = True) -> tuple[Architecture, dict[str, keras.Model]]:
     """Build the subnetworks and load what `save` wrote, or what a training run holds.
 
     Args:
         model: folder written by `save`, or a run of `lime-train`, whose `model/` is taken.
+        whole: refuse a model of which not all subnetworks are there; else return those that are.
 
     Raises:
         FileNotFoundError: if the folder holds no complete model.
@@ -70,6 +72,8 @@ def load(model: Path) -> tuple[Architecture, dict[str, keras.Model]]:
         subnetworks = build(architecture)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{description} is not of this version: {error}; train again") from error
+    if not whole:
+        subnetworks = {n: s for n, s in subnetworks.items() if _weights_path(model, n).is_file()}
     _check_present(model, *(_weights_path(model, name) for name in subnetworks))
     for name, subnetwork in subnetworks.items():
         _read(_weights_path(model, name), subnetwork)

@@ -331,7 +331,24 @@ def test_stages_run_apart_are_the_same_as_together(corpus, config, finished, tmp
         untrained = trainer.train([corpus], tmp_path, config, _ignore, only=only)
         assert _same_stage(tmp_path, finished, *only)
     assert untrained == ["segmentation", "exponent", "albedo"]
-    assert not (tmp_path / "model").exists()
+    with pytest.raises(FileNotFoundError, match=r"segmentation.weights.h5 is missing"):
+        weights.load(tmp_path)
+
+
+def test_a_run_begins_with_what_another_has_trained_yet(corpus, config, tmp_path):
+    some = tmp_path / "some"
+    untrained = trainer.train([corpus], some, config, _ignore, only=["specular", "segmentation"])
+    assert untrained == ["mirror", "exponent", "albedo"]
+    on = dataclasses.replace(config, begun_from=beginning.sha256(some))
+    seen = _first_weights(corpus, tmp_path / "run", on, start_from=some)
+    _, trained = weights.load(some, whole=False)
+    assert sorted(trained) == ["segmentation", "specular"]
+    for expected, found in zip(
+        trained["segmentation"].get_weights(), seen["segmentation"], strict=True
+    ):
+        np.testing.assert_array_equal(found, expected)
+    expected = "segmentation and specular continued, mirror and exponent and albedo begun afresh"
+    assert beginning.described(tmp_path / "run") == expected
 
 
 def test_joined_training_may_skip_the_single_stages(corpus, config, finished, tmp_path):
@@ -601,7 +618,7 @@ def test_the_command_trains_some_stages_and_resumes(corpus, tmp_path, brief_smok
     begun = [str(corpus), *run, "--preset", "smoke", "--scale-steps", "2", "--without", "mirror"]
     assert cli.main([*begun, "--stages", "exponent"]) == 0
     told = capsys.readouterr()
-    assert "no model yet: segmentation, specular, albedo not trained" in told.out
+    assert "no whole model yet: segmentation, specular, albedo not trained" in told.out
     assert re.search(r"exponent +4 +\d+\.\d +exponent +\d\.\d{4} +\d\.\d{4}", told.out)
     assert re.search(r"\n +exponent_within_one +[01]\.\d{4} +[01]\.\d{4}\n", told.out)
     assert "4/6 exponent: 100%" in told.err and "data=" in told.err

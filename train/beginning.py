@@ -51,7 +51,7 @@ def load(run: Path, subnetworks: Mapping[str, keras.Model]) -> None:
     Raises:
         ValueError: if no subnetwork fits, or a file is broken.
     """
-    _, others = weights.load(run / _FOLDER)
+    _, others = weights.load(run / _FOLDER, whole=False)
     taken = [
         name for name in subnetworks if name in others and _fit(subnetworks[name], others[name])
     ]

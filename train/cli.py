@@ -16,7 +16,8 @@ examples:
   lime-train corpus --out runs/paper --preset paper --precision bfloat16
   lime-train corpus --out runs/paper --resume
   lime-train meshes procedural --out runs/both --preset live
-  lime-train corpus --out runs/longer --preset live --start-from runs/live
+  lime-train corpus --out runs/64 --preset live --size 64 --stages segmentation specular mirror
+  lime-train corpus --out runs/live --preset live --start-from runs/64
   lime-train corpus --out runs/no-mirror --preset paper --without mirror --reuse runs/paper
   tensorboard --logdir runs
 
@@ -109,9 +110,9 @@ def parser() -> argparse.ArgumentParser:
         "--start-from",
         type=Path,
         metavar="RUN",
-        help="begin with the weights of a trained model, of those subnetworks that have the same "
-        "layers: to train on, or to begin at a smaller --size, where U-Nets learn the coarse "
-        "things in a quarter of the time",
+        help="begin with the weights of another run, of those subnetworks that it has trained and "
+        "that have the same layers: to train on, or to begin at a smaller --size, where U-Nets "
+        "learn the coarse things in a quarter of the time",
     )
     out.add_argument(
         "--precision",
@@ -163,7 +164,10 @@ def _train(options: argparse.Namespace) -> int:
     if config.begun_from is not None:
         print(beginning.described(options.out))
     if untrained:
-        print(f"no model yet: {', '.join(untrained)} not trained; run the other --stages")
+        print(
+            f"no whole model yet: {', '.join(untrained)} not trained; run the other --stages, or "
+            f"begin another run with --start-from {options.out}"
+        )
     else:
         print(f"trained model in {options.out / 'model'}")
     return 0

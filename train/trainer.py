@@ -44,7 +44,7 @@ def train(
     start_from: Path | None = None,
     devices: int = 1,
 ) -> list[str]:
-    """Run or resume stages; when all subnetworks are trained, write the model.
+    """Run or resume stages, and write the model: all subnetworks that are trained.
 
     Args:
         corpora: folders with complete train splits, which are learnt from together.
@@ -59,7 +59,7 @@ def train(
         devices: how many to split each batch between.
 
     Returns:
-        Names of the subnetworks that no finished stage has trained; empty if there is a model.
+        Names of the subnetworks that no finished stage has trained; empty if the model is whole.
 
     Raises:
         FileNotFoundError: if a corpus is incomplete, or there is no run to reuse.
@@ -115,12 +115,12 @@ def train(
         trained |= dict.fromkeys(stage.subnetworks, signature)
         if stage.name in ENCODERS:
             alone[stage.name] = subnetworks[stage.name].get_weights()
-    untrained = [name for name in subnetworks if name not in trained]
-    if not untrained:
-        before_joining = _changed_since(alone, subnetworks)
-        weights.save(run / "model", config.architecture, subnetworks, before_joining)
+    done = {name: network for name, network in subnetworks.items() if name in trained}
+    if done:
+        before_joining = _changed_since(alone, done)
+        weights.save(run / "model", config.architecture, done, before_joining)
         shutil.copyfile(config_path(run), run / "model" / "training.json")
-    return untrained
+    return [name for name in subnetworks if name not in trained]
 
 
 def _check_sizes(corpora: Sequence[Path], size: int) -> None:
