@@ -3,14 +3,13 @@
 import dataclasses
 import hashlib
 import json
-import os
 import zipfile
 from pathlib import Path
 
 import numpy as np
 
 from lime_keras import corpus as corpus_files
-from lime_keras import weights
+from lime_keras import weights, whole_files
 from lime_keras.networks import Architecture
 from lime_keras.version import __version__
 
@@ -35,10 +34,8 @@ def evaluation(folder: Path, model_dir: Path, corpus: Path, *, camera: bool = Fa
     except (OSError, KeyError, ValueError, zipfile.BadZipFile):
         pass  # Not there, or not whole: evaluated again.
     found = evaluate(model_dir, corpus, camera=camera)
-    folder.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(f"partial-{path.name}")
-    _write(partial, found)
-    os.replace(partial, path)
+    with whole_files.replacing(path) as partial:
+        _write(partial, found)
     return found
 
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from lime_keras import photo
+from lime_keras.whole_files import write
 
 from . import (
     comparison,
@@ -25,7 +26,6 @@ from . import (
     report,
     table,
 )
-from .files import write
 
 _TITLES = {
     "evaluation": "Accuracy",
@@ -48,9 +48,9 @@ def evaluation(out: Path, run: Path, corpus: Path, *, camera: bool, command: str
     )
     text = table.markdown(summary, found.architecture)
     _write_json(out / "metrics.json", summary)
-    write(out / "table1.md", text.encode())
+    write(out / "table1.md", text)
     write(out / "confusion.png", figures.confusion(found.confusion))
-    write(out / "images.csv", _csv(found.rows).encode())
+    write(out / "images.csv", _csv(found.rows))
     (out / "examples").mkdir(exist_ok=True)
     for stale in (out / "examples").glob("[0-9]*.png"):
         stale.unlink()
@@ -74,7 +74,7 @@ def compare(out: Path, runs: Sequence[Path], corpus: Path, *, camera: bool, comm
     text = comparison.markdown(compared)
     matrices = {f"{name}: {systems[name]}": found[name].confusion for name in compared["runs"]}
     _write_json(out / "comparison.json", compared)
-    write(out / "comparison.md", text.encode())
+    write(out / "comparison.md", text)
     write(out / "confusions.png", figures.confusions(matrices))
     picture = report.Picture(
         partial(figures.confusions, matrices),
@@ -93,7 +93,7 @@ def trade(out: Path, runs: Sequence[Path], corpus: Path, *, camera: bool, comman
     text = tradeoff.markdown(result)
     draw = partial(tradeoff_figures.pareto, result)
     _write_json(out / "tradeoff.json", result)
-    write(out / "tradeoff.md", text.encode())
+    write(out / "tradeoff.md", text)
     write(out / "pareto.png", draw(figures.LIGHT))
     picture = report.Picture(
         draw,
@@ -112,7 +112,7 @@ def drive_to_extremes(out: Path, run: Path | None, *, command: str) -> tuple[str
     verdicts = stability.run(run)
     text = stability.markdown(verdicts)
     _write_json(out / "stability.json", stability.to_json(verdicts))
-    write(out / "stability.md", text.encode())
+    write(out / "stability.md", text)
     _keep(out, "stability", report.measured(_TITLES["stability"], text, [], command=command))
     return text, not stability.failures(verdicts)
 
@@ -125,7 +125,7 @@ def write_report(out: Path) -> Path:
         if (path := _section(out, name)).is_file()
     ]
     path = out / "report.html"
-    write(path, report.page(sections).encode())
+    write(path, report.page(sections))
     return path
 
 
@@ -148,11 +148,11 @@ def _section(out: Path, name: str) -> Path:
 
 
 def _keep(out: Path, name: str, section: str) -> None:
-    write(_section(out, name), section.encode())
+    write(_section(out, name), section)
 
 
 def _write_json(path: Path, content: Any) -> None:
-    write(path, (json.dumps(content, indent=2, allow_nan=False) + "\n").encode())
+    write(path, json.dumps(content, indent=2, allow_nan=False) + "\n")
 
 
 def _csv(rows: Mapping[str, np.ndarray]) -> str:

@@ -1,13 +1,12 @@
 """The files of one photo's estimate."""
 
 import json
-import os
 from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
 
-from lime_keras import colour, estimate_preview, interchange, photo
+from lime_keras import colour, estimate_preview, interchange, photo, whole_files
 from lime_keras.material import Material
 
 
@@ -34,11 +33,11 @@ def write(folder: Path, name: str, source: Path, image_srgb: np.ndarray, materia
     photo.write(folder / f"{name}-preview.png", estimate_preview.sheet(image_srgb, material))
     if material.diffuse_albedo is not None and material.exponent is not None:
         scene = json.dumps(interchange.mitsuba_scene(material), indent=1)
-        _write_text(folder / f"{name}.mtl", interchange.wavefront(material, name))
-        _write_text(folder / f"{name}.gltf", interchange.gltf(material, name))
-        _write_text(folder / f"{name}-mitsuba.json", scene + "\n")
+        whole_files.write(folder / f"{name}.mtl", interchange.wavefront(material, name))
+        whole_files.write(folder / f"{name}.gltf", interchange.gltf(material, name))
+        whole_files.write(folder / f"{name}-mitsuba.json", scene + "\n")
     numbers = json.dumps({"photo": str(source)} | material.to_json(), indent=1)
-    _write_text(folder / f"{name}.json", numbers + "\n")
+    whole_files.write(folder / f"{name}.json", numbers + "\n")
     return numbers
 
 
@@ -65,9 +64,3 @@ def _write_layers(folder: Path, name: str, material: Material) -> None:
             image = image / (1 + image)
         encoded = colour.linear_to_srgb(np.clip(image, 0, 1))
         photo.write(folder / f"{name}-{layer}.png", encoded)
-
-
-def _write_text(path: Path, text: str) -> None:
-    partial = path.with_name(f"partial-{path.name}")
-    partial.write_text(text, encoding="utf-8")
-    os.replace(partial, path)

@@ -6,7 +6,6 @@ worse. As its own stage left it, it may lie beside the rest: `MODEL/alone/{subne
 
 import dataclasses
 import json
-import os
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -14,6 +13,7 @@ import h5py
 import keras
 import numpy as np
 
+from lime_keras import whole_files
 from lime_keras.networks import Architecture, build
 
 _ALONE = "alone"
@@ -48,9 +48,7 @@ def save(
         for name, network in networks.items():
             _write(target, name, network, half)
     text = json.dumps(dataclasses.asdict(architecture), indent=2)
-    partial = model / "partial-architecture.json"
-    partial.write_text(text + "\n", encoding="utf-8")
-    os.replace(partial, model / "architecture.json")
+    whole_files.write(model / "architecture.json", text + "\n")
 
 
 def load(model: Path, *, whole: bool = True) -> tuple[Architecture, dict[str, keras.Model]]:
@@ -124,16 +122,14 @@ def folder(model: Path) -> Path:
 
 
 def _write(target: Path, name: str, network: keras.Model, half: bool) -> None:
-    target.mkdir(parents=True, exist_ok=True)
     path = _weights_path(target, name)
-    partial = path.with_name(f"partial-{path.name}")
-    network.save_weights(partial)
-    if half:
-        whole = partial.rename(path.with_name(f"partial-whole-{path.name}"))
-        with h5py.File(whole) as source, h5py.File(partial, "w") as narrow:
-            _copy_half(source, narrow)
-        whole.unlink()
-    os.replace(partial, path)
+    with whole_files.replacing(path) as partial:
+        network.save_weights(partial)
+        if half:
+            whole = partial.rename(path.with_name(f"partial-whole-{path.name}"))
+            with h5py.File(whole) as source, h5py.File(partial, "w") as narrow:
+                _copy_half(source, narrow)
+            whole.unlink()
 
 
 def _copy_half(source: h5py.Group, target: h5py.Group) -> None:

@@ -8,10 +8,11 @@ not read every file again, and notices a file that was changed meanwhile.
 import dataclasses
 import hashlib
 import json
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+
+from lime_keras import whole_files
 
 from . import backgrounds, environments, meshes
 from .examples import LEAST_COVERAGE
@@ -191,9 +192,7 @@ def repairs(findings: Findings) -> list[str]:
 def write(path: Path, findings: Findings) -> None:
     """Keeps findings as JSON."""
     value = {kind: [dataclasses.asdict(f) for f in found] for kind, found in findings.items()}
-    partial = path.with_name(f"partial-{path.name}")
-    partial.write_text(json.dumps(value, indent=1) + "\n", encoding="utf-8")
-    os.replace(partial, path)
+    whole_files.write(path, json.dumps(value, indent=1) + "\n")
 
 
 def read(path: Path) -> Findings | None:

@@ -12,7 +12,6 @@ environment has another size, which the parts of one EXR file should not: it is 
 channel Y in half, equirectangular in camera space, up at the top and the camera in the middle.
 """
 
-import os
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,7 @@ import numpy as np
 import OpenImageIO as oiio
 import tensorflow as tf
 
-from lime_keras import colour, pipeline, records
+from lime_keras import colour, pipeline, records, whole_files
 from lime_keras import corpus as corpus_files
 
 _LAYERS = (
@@ -125,12 +124,10 @@ def _write(
             spec.attribute(name, oiio.TypeDesc("float[3]"), value)
         else:
             spec.attribute(name, value)
-    partial = path.with_name(f"partial-{path.name}")
-    file = oiio.ImageOutput.create(str(partial))
-    if file is None:
-        raise OSError(f"{path} cannot be written: {oiio.geterror()}; name it .exr")
-    written = file.open(str(partial), spec) and file.write_image(np.ascontiguousarray(pixels))
-    if not (file.close() and written):
-        partial.unlink(missing_ok=True)
-        raise OSError(f"{path} cannot be written: {file.geterror()}")
-    os.replace(partial, path)
+    with whole_files.replacing(path) as partial:
+        file = oiio.ImageOutput.create(str(partial))
+        if file is None:
+            raise OSError(f"{path} cannot be written: {oiio.geterror()}; name it .exr")
+        written = file.open(str(partial), spec) and file.write_image(np.ascontiguousarray(pixels))
+        if not (file.close() and written):
+            raise OSError(f"{path} cannot be written: {file.geterror()}")

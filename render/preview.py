@@ -4,7 +4,6 @@
 """
 
 import collections
-import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,7 +14,7 @@ import tensorflow as tf
 from matplotlib.figure import Figure
 
 from lime_keras import corpus as corpus_files
-from lime_keras import pipeline, records
+from lime_keras import pipeline, records, whole_files
 
 from . import contact_sheet, histograms, quantities
 
@@ -86,9 +85,8 @@ def preview(corpus: Path, split: str, on_example: Callable[[int, int], None]) ->
 
 
 def _save(figure: Figure, path: Path) -> None:
-    partial = path.with_name(f"partial-{path.name}")
-    figure.savefig(partial)
-    os.replace(partial, path)
+    with whole_files.replacing(path) as partial:
+        figure.savefig(partial)
 
 
 def _gather(

@@ -14,7 +14,7 @@ ROOT = Path(__file__).parent.parent
 COMMANDS = ("lime-render", "lime-train", "lime-eval", "lime-estimate", "lime-export")
 
 LEAVES = {
-    *("arrays", "version", "environment", "corpus", "console", "material"),
+    *("arrays", "version", "environment", "corpus", "console", "material", "whole_files"),
     *("fusion", "frames", "cuts", "movie", "formats", "narrowing", "normal_map", "dome"),
 }
 # What each module of the library may import from it; the leaves import no sibling.
@@ -36,7 +36,7 @@ ALLOWED = {
     "camera": {"colour"},
     "pipeline": {"camera", "colour", "corpus", "records", "shininess"},
     "networks": {"dynamic_range", "reflectance_map", "shininess"},
-    "weights": {"networks"},
+    "weights": {"networks", "whole_files"},
     "photo": {"colour"},
     "samples": {"pipeline"},
     "model_card": {"networks", "shininess", "version"},
@@ -51,7 +51,9 @@ ALLOWED = {
     "estimate": {
         *("colour", "compositing", "framing", "material", "networks", "shininess", "weights"),
     },
-    "estimate_files": {"colour", "estimate_preview", "interchange", "material", "photo"},
+    "estimate_files": {
+        *("colour", "estimate_preview", "interchange", "material", "photo", "whole_files"),
+    },
     # Cloning alone renders, and imports Mitsuba when it does.
     "scene_files": {
         *("colour", "dome", "illumination", "material", "normal_map", "photo", "render"),

@@ -4,7 +4,6 @@ import dataclasses
 import hashlib
 import importlib.metadata
 import json
-import os
 import subprocess
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -13,6 +12,7 @@ from typing import Any
 import keras
 
 from lime_keras import corpus as corpus_files
+from lime_keras import whole_files
 from lime_keras.networks import Architecture
 from lime_keras.version import __version__
 
@@ -131,10 +131,7 @@ def claim(run: Path, corpora: Sequence[Path], config: Config) -> None:
         "packages": {name: _installed(name) for name in _PACKAGES},
         "commit": _commit(),
     }
-    run.mkdir(parents=True, exist_ok=True)
-    partial = run / "partial-config.json"
-    partial.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
-    os.replace(partial, path)
+    whole_files.write(path, json.dumps(record, indent=1) + "\n")
 
 
 def _differences(

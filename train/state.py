@@ -1,7 +1,6 @@
 """What a stage leaves on disk as it goes: checkpoints and loss curves, replaced atomically."""
 
 import csv
-import os
 import time
 import zipfile
 from collections.abc import Mapping
@@ -9,6 +8,8 @@ from pathlib import Path
 
 import keras
 import numpy as np
+
+from lime_keras import whole_files
 
 from .stage_model import StageModel
 
@@ -54,11 +55,9 @@ class Checkpoint:
 
     def save(self, model: StageModel, step: int) -> None:
         """Write the state after `step` batches."""
-        self.path.parent.mkdir(parents=True, exist_ok=True)
         values = [keras.ops.convert_to_numpy(variable) for variable in _variables(model)]
-        partial = self.path.with_name(f"partial-{self.path.name}")
-        np.savez(partial, *values, step=step, signature=self._signature)
-        os.replace(partial, self.path)
+        with whole_files.replacing(self.path) as partial:
+            np.savez(partial, *values, step=step, signature=self._signature)
 
     def restore(self, model: StageModel) -> None:
         """Load the state, or, into a model that is not compiled, the weights; there must be one."""
@@ -125,11 +124,11 @@ class Curve:
         for group, values in groups.items():
             row |= {f"{group}_{name}": f"{value:.6g}" for name, value in values.items()}
         self._rows.append(row)
-        self._path.parent.mkdir(parents=True, exist_ok=True)
         columns = dict.fromkeys(name for one in self._rows for name in one)
-        partial = self._path.with_name(f"partial-{self._path.name}")
-        with partial.open("w", newline="", encoding="utf-8") as file:
+        with (
+            whole_files.replacing(self._path) as partial,
+            partial.open("w", newline="", encoding="utf-8") as file,
+        ):
             writer = csv.DictWriter(file, list(columns))
             writer.writeheader()
             writer.writerows(self._rows)
-        os.replace(partial, self._path)

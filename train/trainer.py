@@ -19,7 +19,7 @@ import keras
 import numpy as np
 
 from lime_keras import corpus as corpus_files
-from lime_keras import weights
+from lime_keras import weights, whole_files
 from lime_keras.networks import build
 
 from . import beginning
@@ -225,7 +225,5 @@ def _take_over(reuse: Path, stage: Stage, signature: str, files: Files) -> None:
         if Checkpoint(path, signature).step(refuse=False) == stage.steps:
             other = Files(reuse, path.stem)
             for source, target in ((other.curve, files.curve), (path, files.checkpoint)):
-                target.parent.mkdir(parents=True, exist_ok=True)
-                partial = target.with_name(f"partial-{target.name}")
-                shutil.copyfile(source, partial)
-                partial.replace(target)
+                with whole_files.replacing(target) as partial:
+                    shutil.copyfile(source, partial)
