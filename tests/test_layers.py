@@ -119,7 +119,15 @@ def test_a_shard_of_other_examples_is_refused(tmp_path):
         layers.export(tmp_path, "test", 3, tmp_path / "none.exr")
 
 
-@pytest.mark.parametrize("name", ["nowhere/example.exr", "example.nothing"])
-def test_a_file_that_cannot_be_written_is_told(corpus, tmp_path, name):
-    with pytest.raises(OSError, match=f"{name} cannot be written: "):
-        layers.export(corpus, "test", 0, tmp_path / name)
+def test_a_file_that_cannot_be_written_is_told(corpus, tmp_path):
+    with pytest.raises(OSError, match=r"example.nothing cannot be written: "):
+        layers.export(corpus, "test", 0, tmp_path / "example.nothing")
+    (tmp_path / "example.exr").mkdir()
+    with pytest.raises(IsADirectoryError, match=r"example.exr"):
+        layers.export(corpus, "test", 0, tmp_path / "example.exr")
+    assert [path.name for path in tmp_path.iterdir()] == ["example.exr"]
+
+
+def test_the_folder_is_made(corpus, tmp_path):
+    layers.export(corpus, "test", 0, tmp_path / "new" / "example.exr")
+    assert (tmp_path / "new" / "example.exr").stat().st_size > 1000
