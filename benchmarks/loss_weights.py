@@ -38,7 +38,7 @@ def main() -> None:
             run = options.out / f"{term}-{factor:g}"
             with tqdm(desc=name, unit="step") as bar:
                 trainer.train(
-                    options.corpus,
+                    [options.corpus],
                     run,
                     config,
                     lambda told, bar=bar: bar.update(),

@@ -112,7 +112,7 @@ def parser() -> argparse.ArgumentParser:
         metavar="RUN",
         help="begin with the weights of another run, of those subnetworks that it has trained and "
         "that have the same layers: to train on, or to begin at a smaller --size, where U-Nets "
-        "learn the coarse things in a quarter of the time",
+        "learn the coarse things in half the time",
     )
     out.add_argument(
         "--precision",
