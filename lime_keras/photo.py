@@ -144,7 +144,7 @@ def _from_profile(pixels: np.ndarray, profile: bytes | None) -> np.ndarray:
     except (OSError, ImageCms.PyCMSError):
         return pixels
     levels = (np.clip(pixels, 0, 1) * 255 + 0.5).astype(np.uint8)
-    image = ImageCms.applyTransform(Image.fromarray(levels, "RGB"), transform)
+    image = ImageCms.applyTransform(Image.fromarray(levels), transform)
     return np.asarray(image) / np.float32(255)
 
 
