@@ -16,6 +16,7 @@ import tensorflow.experimental.numpy as tnp
 from lime_keras import colour, records, shininess
 from lime_keras import corpus as corpus_files
 from lime_keras.camera import SCENE, photograph
+from lime_keras.flipping import flip
 
 FEATURES = (*records.FEATURES, "clipped", "exponent_bin")
 """All that a batch may hold."""
@@ -68,6 +69,7 @@ def training(
     seed: int,
     first_step: int = 0,
     camera: bool = True,
+    flips: bool = False,
     features: Collection[str] = LEARNT_FROM,
 ) -> tf.data.Dataset:
     """Endless shuffled batches; the same seed gives the same ones, from any `first_step` on.
@@ -82,6 +84,7 @@ def training(
         first_step: batches to pass over, when training is resumed. Of epochs that are over nothing
             is read, and of the one it falls into nothing is decoded.
         camera: whether to photograph the scenes anew each time (`camera.photograph`).
+        flips: whether every other scene, drawn anew each time, is a mirror's (`flipping.flip`).
         features: what the batches are to hold; nothing else is decoded without need.
 
     Raises:
@@ -96,7 +99,7 @@ def training(
     epochs = tf.data.Dataset.range(first // count, tf.int64.max)
     dataset = epochs.flat_map(lambda epoch: _epoch(paths, tf.stack([seed, epoch])))
     dataset = dataset.skip(first % count).enumerate(first).prefetch(_AHEAD)
-    prepare = _prepare(size, features, camera)
+    prepare = _prepare(size, features, camera, flips)
 
     def prepared(position: tf.Tensor, serialized: tf.Tensor) -> dict[str, tf.Tensor]:
         return prepare(serialized, tf.stack([tf.constant(seed, tf.int64), position]))
@@ -287,9 +290,12 @@ def _broken(path: Path, record: int, found: str) -> ValueError:
 
 
 def _prepare(
-    size: int, features: Collection[str], camera: bool
+    size: int, features: Collection[str], camera: bool, flips: bool = False
 ) -> Callable[..., dict[str, tf.Tensor]]:
-    """The map function: bytes, and the camera's seed → the features of an example of that size."""
+    """The map function: bytes, and a seed → the features of an example of that size.
+
+    The seed is the camera's, which has one of its own by default, and that of the flips.
+    """
     if unknown := sorted(set(features) - set(FEATURES)):
         raise ValueError(f"a batch can hold no {', '.join(unknown)}, but {', '.join(FEATURES)}")
     edges = tf.constant(shininess.LOG_EDGES[1:-1], tf.float32)
@@ -302,6 +308,11 @@ def _prepare(
         if camera:
             example = photograph(example, seed)
         example = resize(example, size)
+        if flips:
+            # The camera splits the seed in two.
+            drawn = tf.random.stateless_uniform((), tf.random.split(seed, 3)[2])
+            whole = example
+            example = tf.cond(drawn < 0.5, lambda: flip(whole), lambda: whole)
         if "exponent_bin" in features:
             log = tf.math.log(tf.maximum(example["shininess"], 1.0)) / math.log(10.0)
             # The same slack as shininess.bin_of.

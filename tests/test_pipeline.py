@@ -176,7 +176,7 @@ def test_unknown_features_are_refused(shards):
 # Photos.
 
 
-def photos(shards, steps, *, size=SIZE, seed=0, first_step=0):
+def photos(shards, steps, *, size=SIZE, seed=0, first_step=0, flips=False):
     """So many training batches as arrays."""
     dataset = pipeline.training(
         shards,
@@ -184,6 +184,7 @@ def photos(shards, steps, *, size=SIZE, seed=0, first_step=0):
         batch_size=3,
         seed=seed,
         first_step=first_step,
+        flips=flips,
         features=pipeline.FEATURES,
     )
     return list(itertools.islice(dataset.as_numpy_iterator(), steps))
@@ -236,6 +237,34 @@ def test_training_without_a_camera_shows_what_is_stored(shards):
     for index in range(COUNT):
         parsed = records.parse(records.encode(example(index, size=SIZE)))
         np.testing.assert_allclose(stored["image"][index], parsed["image"], atol=1e-6)
+
+
+def test_every_other_scene_is_a_mirrors(shards):
+    options = {"size": SIZE, "batch_size": COUNT, "seed": 0, "camera": False}
+    features = ("image", "mirror", "index")
+    plain, flipped = (
+        list(pipeline.training(shards, **options, flips=flips, features=features).take(20))
+        for flips in (False, True)
+    )
+    turned = []
+    for stored, seen in zip(plain, flipped, strict=True):
+        np.testing.assert_array_equal(seen["index"], stored["index"])
+        for row in range(COUNT):
+            turned.append(not np.array_equal(seen["image"][row], stored["image"][row]))
+            for name in ("image", "mirror"):
+                there = stored[name][row].numpy()
+                expected = there[:, ::-1] if turned[-1] else there
+                np.testing.assert_array_equal(seen[name][row], expected)
+    # 240 throws of a coin: five standard deviations.
+    assert 0.34 < np.mean(turned) < 0.66
+    # An example is seen both ways in the course of the epochs.
+    each = np.array(turned)[np.argsort(np.concatenate([b["index"] for b in plain]), kind="stable")]
+    assert all(0 < epochs.sum() < 20 for epochs in each.reshape(COUNT, 20))
+
+
+def test_resuming_flips_as_an_uninterrupted_run(shards):
+    whole = photos(shards, 8, flips=True)
+    assert_same(photos(shards, 4, first_step=4, flips=True), whole[4:])
 
 
 def test_evaluation_photographs_only_if_asked_and_always_alike(shards):

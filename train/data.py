@@ -47,6 +47,7 @@ class Data:
             seed=zlib.crc32(f"{config.seed} {stage.name}".encode()),
             first_step=first_step,
             camera=config.camera,
+            flips=config.schedule.flips,
             features=(*features, *_ORIGIN),
         )
         for batch in pipeline.naming_damage(dataset, self._training):

@@ -42,6 +42,7 @@ class Schedule:
         joint_learning_rate: Adam's, of joined subnetworks.
         validation_examples: how many held-out examples are looked at, at most.
         cosine: whether each stage's learning rate falls to nothing, along half a cosine.
+        flips: whether every other scene is learnt from as a mirror shows it.
     """
 
     batch_size: int
@@ -52,6 +53,7 @@ class Schedule:
     joint_learning_rate: float
     validation_examples: int
     cosine: bool = False
+    flips: bool = False
 
     def scaled(self, factor: float) -> "Schedule":
         """The same with `factor` times the batches, at least one a stage."""
@@ -122,6 +124,7 @@ SCHEDULES = {
         joint_learning_rate=1e-4,
         validation_examples=512,
         cosine=True,
+        flips=True,
     ),
     # Section 5.4 to the letter.
     "paper": Schedule(

@@ -211,6 +211,8 @@ def _signature(config: Config, stage: Stage, model: StageModel, trained: Mapping
     }
     if config.begun_from is not None:
         follows_from["begun_from"] = config.begun_from
+    if config.schedule.flips:
+        follows_from["flips"] = True
     return hashlib.sha256(json.dumps(follows_from, sort_keys=True).encode()).hexdigest()
 
 
