@@ -1,5 +1,9 @@
 """Backgrounds: range, determinism, variety, and photographs of every kind."""
 
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import OpenImageIO as oiio
 import pytest
@@ -146,3 +150,33 @@ def test_unreadable_photographs_are_refused_by_name(tmp_path):
     (tmp_path / "cut.png").write_bytes(whole.read_bytes()[:9000])
     with pytest.raises(ValueError, match=r"cut\.png: cannot be read"):
         backgrounds.photograph(tmp_path / "cut.png", rng, 32)
+
+
+VIEWS = Path(__file__).parent.parent / "examples" / "room_views.py"
+
+
+@pytest.mark.parametrize("radiance", [1e-3, 1.0, 1e5])
+def test_views_of_a_map_are_upright_exposed_and_of_the_train_split(tmp_path, radiance):
+    """A red floor under a sky five stops brighter; the other map is kept for the test split."""
+    maps = np.zeros((64, 128, 3), np.float32)
+    maps[:32] = radiance * 32
+    maps[32:, :, 0] = radiance
+    for split in ("train", "test"):
+        folder = tmp_path / "maps" / split
+        folder.mkdir(parents=True)
+        assert oiio.ImageBuf(maps).write(str(folder / f"{split}.exr"))
+    out = tmp_path / "views"
+    command = [sys.executable, str(VIEWS), str(tmp_path / "maps"), str(out), "12"]
+    subprocess.run(command, check=True)
+    paths = sorted(out.iterdir())
+    assert [path.name for path in paths] == [f"train-{index:02d}.png" for index in range(12)]
+    skies = 0
+    for path in paths:
+        picture = np.asarray(Image.open(path))
+        assert picture.shape == (288, 384, 3)
+        assert 0 < picture[..., 0].mean() <= 255 and picture[..., 0].max() > 64
+        # Above the horizon all channels are alike, below it there is only red.
+        sky = picture[..., 1].astype(float).mean(1) > 8
+        assert (np.diff(sky.astype(int)) <= 0).all(), "the sky is above"
+        skies += 0 < sky.sum() < len(sky)
+    assert skies > 3
