@@ -11,8 +11,11 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import keras
+import numpy as np
 
 from lime_keras import weights
+
+from .stages import ENCODERS
 
 _FOLDER, _TAKEN = "begun-from", "taken.json"
 
@@ -43,15 +46,22 @@ def keep(model: Path, run: Path) -> None:
     partial.rename(run / _FOLDER)
 
 
-def load(run: Path, subnetworks: Mapping[str, keras.Model]) -> None:
+def load(
+    run: Path, subnetworks: Mapping[str, keras.Model]
+) -> tuple[list[str], dict[str, list[np.ndarray]]]:
     """Set the subnetworks that have the same layers in the model that `keep` copied.
 
     U-Nets have them at any size of image; an encoder's first dense layer depends on it.
+
+    Returns:
+        Names of those, and the weights that the encoders among them had before they were joined;
+        where the model does not hold such, those that it has.
 
     Raises:
         ValueError: if no subnetwork fits, or a file is broken.
     """
     _, others = weights.load(run / _FOLDER, whole=False)
+    alone = others | weights.load_alone(run / _FOLDER, others)
     taken = [
         name for name in subnetworks if name in others and _fit(subnetworks[name], others[name])
     ]
@@ -64,6 +74,7 @@ def load(run: Path, subnetworks: Mapping[str, keras.Model]) -> None:
         subnetworks[name].set_weights(others[name].get_weights())
     text = json.dumps({"taken": taken, "fresh": [n for n in subnetworks if n not in taken]})
     (run / _FOLDER / _TAKEN).write_text(text + "\n", encoding="utf-8")
+    return taken, {name: alone[name].get_weights() for name in taken if name in ENCODERS}
 
 
 def described(run: Path) -> str:

@@ -59,7 +59,8 @@ def train(
         devices: how many to split each batch between.
 
     Returns:
-        Names of the subnetworks that no finished stage has trained; empty if the model is whole.
+        Names of the subnetworks that no finished stage has trained, nor the model that it began
+        with; empty if the run's model is whole.
 
     Raises:
         FileNotFoundError: if a corpus is incomplete, or there is no run to reuse.
@@ -82,15 +83,16 @@ def train(
     _check_sizes(corpora, config.architecture.size)
     _check_units(corpora)
     claim(run, corpora, config)
+    begun: list[str] = []
+    alone: dict[str, list[np.ndarray]] = {}
     split = Devices(devices)
     with split.scope():
         subnetworks = _build(config)
         if start_from is not None:
             beginning.keep(start_from, run)
         if config.begun_from is not None:
-            beginning.load(run, subnetworks)
+            begun, alone = beginning.load(run, subnetworks)
     trained: dict[str, str] = {}
-    alone: dict[str, list[np.ndarray]] = {}
     for number, stage in enumerate(stages, 1):
         with split.scope():
             model = StageModel(
@@ -115,12 +117,12 @@ def train(
         trained |= dict.fromkeys(stage.subnetworks, signature)
         if stage.name in ENCODERS:
             alone[stage.name] = subnetworks[stage.name].get_weights()
-    done = {name: network for name, network in subnetworks.items() if name in trained}
-    if done:
+    done = {name: network for name, network in subnetworks.items() if name in {*trained, *begun}}
+    if trained:
         before_joining = _changed_since(alone, done)
         weights.save(run / "model", config.architecture, done, before_joining)
         shutil.copyfile(config_path(run), run / "model" / "training.json")
-    return [name for name in subnetworks if name not in trained]
+    return [name for name in subnetworks if name not in done]
 
 
 def _check_sizes(corpora: Sequence[Path], size: int) -> None:
