@@ -181,7 +181,7 @@ def loss_curves(curves: Path, theme: Theme = LIGHT) -> bytes | None:
     figure.legend(
         handles=handles,
         loc="outside lower center",
-        ncols=6,
+        ncols=min(6, int(size[0] / 1.5)),
         fontsize=8,
         frameon=False,
         labelcolor=theme.ink,

@@ -74,6 +74,17 @@ def test_odd_curves_do_not_break_the_figure(tmp_path, text):
     figures.loss_curves(tmp_path / "curves")
 
 
+@pytest.mark.parametrize("stages", [1, 2, 4])
+def test_the_legend_of_a_few_stages_is_not_cut_off(tmp_path, stages):
+    terms = "compositing diffuse_albedo exponent loss mirror specular specular_albedo".split()
+    heading = ",".join(["step", *(f"train_{term}" for term in terms)])
+    for number in range(stages):
+        text = f"{heading}\n1{',0.5' * len(terms)}\n2{',0.4' * len(terms)}\n"
+        _write(tmp_path / "curves", f"{number}-joined.csv", text)
+    pixels = _pixels(figures.loss_curves(tmp_path / "curves"))
+    assert (pixels[:, [0, -1]] == pixels[0, 0]).all()
+
+
 def test_no_curves_no_figure(tmp_path):
     assert figures.loss_curves(tmp_path / "curves") is None
 
