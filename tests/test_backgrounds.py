@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio
@@ -152,9 +151,6 @@ def test_unreadable_photographs_are_refused_by_name(tmp_path):
         backgrounds.photograph(tmp_path / "cut.png", rng, 32)
 
 
-VIEWS = Path(__file__).parent.parent / "examples" / "room_views.py"
-
-
 @pytest.mark.parametrize("radiance", [1e-3, 1.0, 1e5])
 def test_views_of_a_map_are_upright_exposed_and_of_the_train_split(tmp_path, radiance):
     """A red floor under a sky five stops brighter; the other map is kept for the test split."""
@@ -166,7 +162,7 @@ def test_views_of_a_map_are_upright_exposed_and_of_the_train_split(tmp_path, rad
         folder.mkdir(parents=True)
         assert oiio.ImageBuf(maps).write(str(folder / f"{split}.exr"))
     out = tmp_path / "views"
-    command = [sys.executable, str(VIEWS), str(tmp_path / "maps"), str(out), "12"]
+    command = [sys.executable, "-m", "lime_keras.render.room_views", tmp_path / "maps", out, "12"]
     subprocess.run(command, check=True)
     paths = sorted(out.iterdir())
     assert [path.name for path in paths] == [f"train-{index:02d}.png" for index in range(12)]

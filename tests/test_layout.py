@@ -16,6 +16,7 @@ COMMANDS = ("lime-render", "lime-train", "lime-eval", "lime-estimate", "lime-exp
 LEAVES = {
     *("arrays", "version", "environment", "corpus", "console", "material", "whole_files"),
     *("fusion", "frames", "cuts", "movie", "formats", "narrowing", "normal_map", "dome"),
+    "flipping",
 }
 # What each module of the library may import from it; the leaves import no sibling.
 ALLOWED = {
@@ -34,7 +35,7 @@ ALLOWED = {
     "streaming_metrics": {"metrics"},
     "losses": {"colour", "compositing", "dynamic_range", "masking", "shininess"},
     "camera": {"colour"},
-    "pipeline": {"camera", "colour", "corpus", "records", "shininess"},
+    "pipeline": {"camera", "colour", "corpus", "flipping", "records", "shininess"},
     "networks": {"dynamic_range", "reflectance_map", "shininess"},
     "weights": {"networks", "whole_files"},
     "photo": {"colour"},

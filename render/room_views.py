@@ -1,6 +1,6 @@
 """Views into environment maps, as pictures for `lime-render --backgrounds`: real rooms, cluttered.
 
-python examples/room_views.py hdris/ views/ [views of each map, by default 16]
+    python -m lime_keras.render.room_views hdris/ views/ [views of each map, by default 16]
 
 Only the maps that `lime-render --environments hdris/` deals to the train split are looked into.
 Each view is exposed for itself: its geometric mean becomes 18 % grey, or up to a stop more or less.
@@ -13,7 +13,8 @@ import numpy as np
 import OpenImageIO as oiio
 
 from lime_keras import colour, environment, shading
-from lime_keras.render import environments, sources
+
+from . import environments, sources
 
 HEIGHT, WIDTH = 288, 384
 GREY, LARGEST = 0.18, 1e4
