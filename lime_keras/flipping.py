@@ -12,7 +12,8 @@ def flip(example: dict[str, tf.Tensor]) -> dict[str, tf.Tensor]:
     depends on angles alone; so Eqs. 2 to 5 hold as before, with the same material.
 
     Args:
-        example: as of `records.parse` or `pipeline.resize`: all of it, or some of it.
+        example: as of `records.parse` or `pipeline.resize`: all of it, or some of it, with the
+            mask if the camera is there.
 
     Returns:
         The example with its pictures' and its light's columns reversed, the first component of its

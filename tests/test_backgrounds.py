@@ -8,7 +8,7 @@ import OpenImageIO as oiio
 import pytest
 from PIL import Image
 
-from lime_keras.render import backgrounds
+from lime_keras.render import backgrounds, room_views
 
 
 def write(path, pixels, orientation=1):
@@ -162,8 +162,8 @@ def test_views_of_a_map_are_upright_exposed_and_of_the_train_split(tmp_path, rad
         folder.mkdir(parents=True)
         assert oiio.ImageBuf(maps).write(str(folder / f"{split}.exr"))
     out = tmp_path / "views"
-    command = [sys.executable, "-m", "lime_keras.render.room_views", tmp_path / "maps", out, "12"]
-    subprocess.run(command, check=True)
+    command = [sys.executable, "-m", "lime_keras.render.room_views", tmp_path / "maps", out]
+    subprocess.run([*command, "--count", "12"], check=True)
     paths = sorted(out.iterdir())
     assert [path.name for path in paths] == [f"train-{index:02d}.png" for index in range(12)]
     skies = 0
@@ -176,3 +176,12 @@ def test_views_of_a_map_are_upright_exposed_and_of_the_train_split(tmp_path, rad
         assert (np.diff(sky.astype(int)) <= 0).all(), "the sky is above"
         skies += 0 < sky.sum() < len(sky)
     assert skies > 3
+
+
+def test_a_map_that_cannot_be_looked_into_is_named(tmp_path, capsys, monkeypatch):
+    for split in ("train", "test"):
+        (tmp_path / split).mkdir()
+        (tmp_path / split / "broken.hdr").write_bytes(b"not a map")
+    monkeypatch.setattr(sys, "argv", ["room_views", str(tmp_path), str(tmp_path / "views")])
+    assert room_views.main() == 1
+    assert "broken.hdr: cannot be read" in capsys.readouterr().err
