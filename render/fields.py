@@ -1,9 +1,9 @@
-"""Implicit fields: what is inside a composition of primitives, or a blend of blobs.
+"""Implicit fields: what is inside a composition of primitives, a blend of blobs, or a frame.
 
 The families follow the procedural shapes of Xu et al., "Deep image-based relighting from optimal
 sparse samples" (2018), and Li et al., "Learning to reconstruct shape and spatially-varying
 reflectance from a single image" (2018): displaced primitives joined at random. Metaballs are added
-to them for necks.
+to them for necks, and frames for legs, wings, handles and hoops, which a mask misses first.
 
 Letters: `p` points (3, N); `d` (N,) approximate signed distance, negative inside.
 """
@@ -66,6 +66,61 @@ def blobs(rng: np.random.Generator) -> tuple[Field, float]:
     return field, float(reach / stretch.min()) + 0.5
 
 
+def frame(rng: np.random.Generator) -> tuple[Field, float]:
+    """Thin bars, blades and hoops that grow out of a body, often mirrored left to right."""
+    mirrored = rng.random() < 0.5
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0].astype(np.float32)  # about its own axes
+    body = rng.uniform(0.08, 0.35, 3)
+    body[rng.integers(3)] = rng.uniform(0.3, 0.8)
+    a = body.astype(np.float32)[:, None]
+    rounding = float(a.min()) * rng.uniform(0.1, 0.9)
+    parts, joints = [lambda p: _box(p, a, rounding)], [body * rng.uniform(-0.8, 0.8, 3)]
+    for _ in range(rng.integers(2, 7)):
+        start = joints[rng.integers(len(joints))]
+        along = _direction(rng)
+        if mirrored:  # the half of it with x > 0 is kept
+            start[0], along[0] = abs(start[0]), abs(along[0])
+        part, end = _limb(rng, start, along)
+        parts.append(part)
+        joints.extend([end, (start + end) / 2, body * rng.uniform(-0.8, 0.8, 3)])
+    softness = rng.choice([0.0, rng.uniform(0.02, 0.08)])
+
+    def field(p: np.ndarray) -> np.ndarray:
+        q = turn @ p
+        if mirrored:
+            q[0] = np.abs(q[0])
+        d = parts[0](q)
+        for part in parts[1:]:
+            d = _join(d, part(q), softness)
+        return d
+
+    return field, max(float(np.linalg.norm(joint)) for joint in joints) + 1.5
+
+
+def _limb(
+    rng: np.random.Generator, start: np.ndarray, along: np.ndarray
+) -> tuple[Field, np.ndarray]:
+    """A bar, blade or hoop that begins at a point, and a point of its far end."""
+    kind = rng.choice(3, p=(0.5, 0.3, 0.2))
+    thickness = float(np.exp(rng.uniform(np.log(0.045), np.log(0.13))))
+    if kind == 0:
+        end = start + rng.uniform(0.4, 1.3) * along
+        taper = rng.uniform(0.6, 1.6)
+        return lambda p: _bar(p, start, end, thickness, thickness * taper), end
+    across = np.cross(along, _direction(rng))
+    across /= np.linalg.norm(across) + 1e-9
+    axes = np.stack([along, np.cross(across, along), across]).astype(np.float32)
+    if kind == 1:
+        length, width = rng.uniform(0.25, 0.6), rng.uniform(0.12, 0.4)
+        centre = (start + length * along).astype(np.float32)[:, None]
+        a = np.float32([[length], [0.8 * thickness], [width]])
+        rounding = 0.8 * thickness * rng.uniform(0.2, 1.0)
+        return lambda p: _box(axes @ (p - centre), a, rounding), start + 1.8 * length * along
+    ring = rng.uniform(0.25, 0.6)
+    centre = (start + ring * along).astype(np.float32)[:, None]
+    return lambda p: _torus(axes @ (p - centre), ring, thickness), start + 2 * ring * along
+
+
 def _primitive(rng: np.random.Generator, size: float, centre: np.ndarray) -> Field:
     """A superquadric, rounded box or torus, turned at random, of half extents up to `size`."""
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0].astype(np.float32)
@@ -93,6 +148,17 @@ def _box(p: np.ndarray, a: np.ndarray, rounding: float) -> np.ndarray:
     q = np.abs(p) - (a - np.float32(rounding))
     outside = np.sqrt((np.maximum(q, 0) ** 2).sum(0))
     return outside + np.minimum(q.max(0), 0) - np.float32(rounding)
+
+
+def _bar(
+    p: np.ndarray, start: np.ndarray, end: np.ndarray, radius: float, end_radius: float
+) -> np.ndarray:
+    """A round bar whose radius goes from one to the other along its axis."""
+    axis = (end - start).astype(np.float32)
+    q = p - start.astype(np.float32)[:, None]
+    t = np.clip((axis @ q) / np.float32(axis @ axis), 0, 1)
+    radii = np.float32(radius) + t * np.float32(end_radius - radius)
+    return np.sqrt(((q - axis[:, None] * t) ** 2).sum(0)) - radii
 
 
 def _torus(p: np.ndarray, ring: float, tube: float) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Shapes: procedural closed surfaces of three families, and meshes read from files."""
+"""Shapes: procedural closed surfaces of four families, and meshes read from files."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ __all__ = ["EXTENSIONS", "Mesh", "load", "procedural"]
 
 
 def procedural(rng: np.random.Generator) -> Mesh:
-    """Makes a random closed surface: a composition, a turned piece or a blend of blobs.
+    """Makes a random closed surface: a composition, turned piece, blend of blobs, or thin frame.
 
     Args:
         rng: The only source of randomness; the same state gives the same mesh.
@@ -18,9 +18,9 @@ def procedural(rng: np.random.Generator) -> Mesh:
         One connected, watertight `Mesh` of 5,000 to 40,000 faces. Pieces turned on a lathe stand
         upright, the others lie as they fell.
     """
-    family = rng.choice(3, p=(0.4, 0.3, 0.3))
+    family = rng.choice(4, p=(0.25, 0.2, 0.2, 0.35))
     if family == 0:
         return solids.polygonise(*fields.composition(rng))
     if family == 1:
         return lathe.sample(rng)
-    return solids.polygonise(*fields.blobs(rng))
+    return solids.polygonise(*(fields.blobs if family == 2 else fields.frame)(rng))
