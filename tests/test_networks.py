@@ -76,7 +76,7 @@ def subnetworks(tiny):
     keras.utils.set_random_seed(0)
     out = build(tiny)
     # Above and below 0 in turn: some of each image belongs to the object.
-    lift(out, mask=0.1, layers=0.5, albedos=0.5)
+    lift(out, mask=0.3, layers=0.5, albedos=0.5)
     return out
 
 
@@ -85,7 +85,7 @@ def ablated(ablation):
     """As `subnetworks`, of each ablation."""
     keras.utils.set_random_seed(3)
     out = build(ablation)
-    lift(out, mask=0.1, layers=0.5, albedos=0.5)
+    lift(out, mask=0.3, layers=0.5, albedos=0.5)
     return out
 
 
@@ -192,7 +192,7 @@ def test_the_joined_model_is_figure_2(subnetworks, tiny):
     def run(name, *inputs):
         return np.array(subnetworks[name](list(inputs) if len(inputs) > 1 else inputs[0]))
 
-    mask = np.clip(run("segmentation", image), 0, 1)
+    mask = np.clip(1.5 * run("segmentation", image) - 0.25, 0, 1)
     specular = run("specular", image * mask) * mask
     mirror = run("mirror", specular) * mask
     albedos = np.clip(run("albedo", image * mask, specular), 0, 1)
@@ -392,7 +392,7 @@ def test_the_ablations_joined_by_hand(ablated, ablation):
         answered = ablated[name](list(inputs) if len(inputs) > 1 else inputs[0])
         return list(map(np.array, answered)) if isinstance(answered, list) else np.array(answered)
 
-    mask = np.clip(run("segmentation", image), 0, 1)
+    mask = np.clip(1.5 * run("segmentation", image) - 0.25, 0, 1)
     expected = {"mask": mask}
     if ablation.system == "lime":
         specular = run("specular", image * mask) * mask

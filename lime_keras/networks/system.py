@@ -47,6 +47,11 @@ OUTPUTS = (
 )
 """What the five subnetworks answer together."""
 
+_MASK_CONTRAST = 1.5
+"""By which SegmentationNet's answer is stretched about one half before it cuts the object out: ℓ2
+draws what it is unsure of towards the middle, and a mask of 0.9 inside the object darkens the
+albedo that is read through it (docs/decisions.md)."""
+
 
 def names(architecture: Architecture) -> tuple[str, ...]:
     """Names of the subnetworks that a system of this architecture has."""
@@ -143,10 +148,11 @@ class _Graph:
         return self._made[name]
 
     def _mask(self) -> KerasTensor:
-        image = self._made["image"]
-        return self._once(
-            "mask", lambda: ops.clip(self._subnetworks["segmentation"](image), 0.0, 1.0)
-        )
+        def make() -> KerasTensor:
+            found = self._subnetworks["segmentation"](self._made["image"])
+            return ops.clip((found - 0.5) * _MASK_CONTRAST + 0.5, 0.0, 1.0)
+
+        return self._once("mask", make)
 
     def _masked_image(self) -> KerasTensor:
         return self._once("masked_image", lambda: self._made["image"] * self._mask())
