@@ -63,7 +63,7 @@ def answers(
     def run(name: str, *inputs: np.ndarray) -> Any:
         return _run(subnetworks[name], inputs, rounding)
 
-    mask = np.clip(run("segmentation", images), 0, 1)
+    mask = np.clip(1.5 * run("segmentation", images) - 0.25, 0, 1)
     out = {"mask": mask}
     if "material" in subnetworks:
         sphere = run("reflectance_map", images * mask)
