@@ -76,7 +76,7 @@ def frame(rng: np.random.Generator) -> tuple[Field, float]:
     rounding = float(a.min()) * rng.uniform(0.1, 0.9)
     parts, joints = [lambda p: _box(p, a, rounding)], [body * rng.uniform(-0.8, 0.8, 3)]
     for _ in range(rng.integers(2, 7)):
-        start = joints[rng.integers(len(joints))]
+        start = joints[rng.integers(len(joints))].copy()
         along = _direction(rng)
         if mirrored:  # the half of it with x > 0 is kept
             start[0], along[0] = abs(start[0]), abs(along[0])
