@@ -85,11 +85,14 @@ def _radiance(example: dict[str, tf.Tensor], exposure: tf.Tensor) -> tf.Tensor:
     """
     levels = tf.cast(example["image"] * 255.0 + 0.5, tf.int32)
     decoded = colour.srgb_to_linear(np.arange(256) / 255).astype(np.float32)
-    return tf.maximum(_look_up(decoded * exposure, levels), _objects_share(example))
+    return tf.maximum(_look_up(decoded * exposure, levels), objects_share(example))
 
 
-def _objects_share(example: dict[str, tf.Tensor]) -> tf.Tensor:
-    """Coverage × Eq. 4, `(S, S, 3)`; as a matrix product, thrice as fast as by broadcasting."""
+def objects_share(example: dict[str, tf.Tensor]) -> tf.Tensor:
+    """What of each pixel's light comes from the object: coverage × Eq. 4, `(S, S, 3)`, not clipped.
+
+    Of an example with the features of `SCENE`. A matrix product is thrice as fast as broadcasting.
+    """
     grey = example["specular_albedo"] * example["specular_shading"] + example["ambient"]
     layers = tf.stack([example["diffuse_shading"] * example["mask"], grey * example["mask"]])
     weights = tf.stack([example["diffuse_albedo"], tf.ones(3)])

@@ -17,6 +17,7 @@ from lime_keras import colour, records, shininess
 from lime_keras import corpus as corpus_files
 from lime_keras.camera import SCENE, photograph
 from lime_keras.flipping import flip
+from lime_keras.repainting import repaint
 
 FEATURES = (*records.FEATURES, "clipped", "exponent_bin")
 """All that a batch may hold."""
@@ -70,6 +71,7 @@ def training(
     first_step: int = 0,
     camera: bool = True,
     flips: bool = False,
+    repaints: bool = False,
     features: Collection[str] = LEARNT_FROM,
 ) -> tf.data.Dataset:
     """Endless shuffled batches; the same seed gives the same ones, from any `first_step` on.
@@ -85,6 +87,7 @@ def training(
             is read, and of the one it falls into nothing is decoded.
         camera: whether to photograph the scenes anew each time (`camera.photograph`).
         flips: whether every other scene, drawn anew each time, is a mirror's (`flipping.flip`).
+        repaints: whether each scene has albedos drawn anew each time (`repainting.repaint`).
         features: what the batches are to hold; nothing else is decoded without need.
 
     Raises:
@@ -99,7 +102,7 @@ def training(
     epochs = tf.data.Dataset.range(first // count, tf.int64.max)
     dataset = epochs.flat_map(lambda epoch: _epoch(paths, tf.stack([seed, epoch])))
     dataset = dataset.skip(first % count).enumerate(first).prefetch(_AHEAD)
-    prepare = _prepare(size, features, camera, flips)
+    prepare = _prepare(size, features, camera, flips, repaints)
 
     def prepared(position: tf.Tensor, serialized: tf.Tensor) -> dict[str, tf.Tensor]:
         return prepare(serialized, tf.stack([tf.constant(seed, tf.int64), position]))
@@ -290,11 +293,15 @@ def _broken(path: Path, record: int, found: str) -> ValueError:
 
 
 def _prepare(
-    size: int, features: Collection[str], camera: bool, flips: bool = False
+    size: int,
+    features: Collection[str],
+    camera: bool,
+    flips: bool = False,
+    repaints: bool = False,
 ) -> Callable[..., dict[str, tf.Tensor]]:
     """The map function: bytes, and a seed → the features of an example of that size.
 
-    The seed is the camera's, which has one of its own by default, and that of the flips.
+    The seed is the camera's, which has one of its own by default, and that of flips and paint.
     """
     if unknown := sorted(set(features) - set(FEATURES)):
         raise ValueError(f"a batch can hold no {', '.join(unknown)}, but {', '.join(FEATURES)}")
@@ -302,14 +309,18 @@ def _prepare(
     wanted = {"mask", *(_SOURCES.get(name, name) for name in features)}
     if camera:
         wanted |= {"seed", "index", *SCENE}
+    if repaints:
+        wanted |= {*SCENE}
 
     def prepare(serialized: tf.Tensor, seed: tf.Tensor | None = None) -> dict[str, tf.Tensor]:
         example = _refuse_non_finite(records.parse(serialized, wanted))
+        if repaints:
+            # The camera splits the seed in two, a flip takes the third of three.
+            example = repaint(example, tf.random.split(seed, 4)[3])
         if camera:
             example = photograph(example, seed)
         example = resize(example, size)
         if flips:
-            # The camera splits the seed in two.
             drawn = tf.random.stateless_uniform((), tf.random.split(seed, 3)[2])
             whole = example
             example = tf.cond(drawn < 0.5, lambda: flip(whole), lambda: whole)

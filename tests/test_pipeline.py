@@ -12,6 +12,7 @@ from lime_keras.corpus import shard_paths
 
 SIZE = 16
 COUNT = 12
+PAINT = ("diffuse_albedo", "specular_albedo")
 HALF = 2.0**-11
 """Rounding of a half float below 1, which normals of the stored size keep."""
 
@@ -176,7 +177,7 @@ def test_unknown_features_are_refused(shards):
 # Photos.
 
 
-def photos(shards, steps, *, size=SIZE, seed=0, first_step=0, flips=False):
+def photos(shards, steps, *, size=SIZE, seed=0, first_step=0, **augmentations):
     """So many training batches as arrays."""
     dataset = pipeline.training(
         shards,
@@ -184,8 +185,8 @@ def photos(shards, steps, *, size=SIZE, seed=0, first_step=0, flips=False):
         batch_size=3,
         seed=seed,
         first_step=first_step,
-        flips=flips,
         features=pipeline.FEATURES,
+        **augmentations,
     )
     return list(itertools.islice(dataset.as_numpy_iterator(), steps))
 
@@ -262,9 +263,38 @@ def test_every_other_scene_is_a_mirrors(shards):
     assert all(0 < epochs.sum() < 20 for epochs in each.reshape(COUNT, 20))
 
 
-def test_resuming_flips_as_an_uninterrupted_run(shards):
-    whole = photos(shards, 8, flips=True)
-    assert_same(photos(shards, 4, first_step=4, flips=True), whole[4:])
+@pytest.mark.parametrize("augmentation", ["flips", "repaints"])
+def test_resuming_augments_as_an_uninterrupted_run(shards, augmentation):
+    whole = photos(shards, 8, **{augmentation: True})
+    assert_same(photos(shards, 4, first_step=4, **{augmentation: True}), whole[4:])
+
+
+@pytest.mark.parametrize("with_camera", [False, True])
+def test_a_scene_is_painted_anew_in_every_epoch(shards, with_camera):
+    options = {"size": SIZE, "batch_size": COUNT, "seed": 0, "camera": with_camera}
+    options["features"] = pipeline.FEATURES
+    plain, painted = (
+        list(pipeline.training(shards, **options, repaints=repaints).take(3))
+        for repaints in (False, True)
+    )
+    for before, after in zip(plain, painted, strict=True):
+        for name in set(pipeline.FEATURES) - {"image", "clipped", *PAINT}:
+            np.testing.assert_array_equal(after[name], before[name], err_msg=name)
+        for name in ("image", *PAINT):
+            assert all(
+                not np.array_equal(a, b) for a, b in zip(after[name], before[name], strict=True)
+            )
+    for name in PAINT:
+        seen = np.stack([b[name].numpy()[np.argsort(b["index"])] for b in painted])
+        assert not np.array_equal(seen[0], seen[1])
+
+
+def test_paint_needs_no_more_features_than_are_asked_for(shards):
+    options = {"size": SIZE, "batch_size": COUNT, "seed": 0, "camera": False, "repaints": True}
+    [batch] = pipeline.training(shards, **options, features=("image",)).take(1)
+    [whole] = pipeline.training(shards, **options, features=pipeline.FEATURES).take(1)
+    assert set(batch) == {"image"}
+    np.testing.assert_array_equal(batch["image"], whole["image"])
 
 
 def test_evaluation_photographs_only_if_asked_and_always_alike(shards):

@@ -48,6 +48,7 @@ class Data:
             first_step=first_step,
             camera=config.camera,
             flips=config.schedule.flips,
+            repaints=config.schedule.repaints,
             features=(*features, *_ORIGIN),
         )
         for batch in pipeline.naming_damage(dataset, self._training):

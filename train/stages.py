@@ -43,6 +43,7 @@ class Schedule:
         validation_examples: how many held-out examples are looked at, at most.
         cosine: whether each stage's learning rate falls to nothing, along half a cosine.
         flips: whether every other scene is learnt from as a mirror shows it.
+        repaints: whether each scene is learnt from in albedos drawn anew.
     """
 
     batch_size: int
@@ -54,6 +55,7 @@ class Schedule:
     validation_examples: int
     cosine: bool = False
     flips: bool = False
+    repaints: bool = False
 
     def scaled(self, factor: float) -> "Schedule":
         """The same with `factor` times the batches, at least one a stage."""
@@ -125,6 +127,7 @@ SCHEDULES = {
         validation_examples=512,
         cosine=True,
         flips=True,
+        repaints=True,
     ),
     # Section 5.4 to the letter.
     "paper": Schedule(

@@ -215,6 +215,8 @@ def _signature(config: Config, stage: Stage, model: StageModel, trained: Mapping
         follows_from["begun_from"] = config.begun_from
     if config.schedule.flips:
         follows_from["flips"] = True
+    if config.schedule.repaints:
+        follows_from["repaints"] = True
     return hashlib.sha256(json.dumps(follows_from, sort_keys=True).encode()).hexdigest()
 
 
