@@ -35,7 +35,7 @@ lint: .venv/development
 
 # The fast renderer needs a libLLVM; where none works, one is unpacked into .venv (see docs).
 llvm: .venv/installed
-	$(BIN)/python -m lime_keras.render.fetch_llvm
+	$(BIN)/python -m lime_keras.render.mitsuba_setup.fetch_llvm
 
 .venv/installed: setup.py
 	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))' \

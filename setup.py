@@ -2,11 +2,18 @@
 
 from pathlib import Path
 
-from setuptools import setup
+from setuptools import find_packages, setup
 
 HERE = Path(__file__).parent
 ABOUT: dict[str, str] = {}
 exec((HERE / "lime_keras" / "version.py").read_text(encoding="utf-8"), ABOUT)
+
+PACKAGE_DIR = {
+    "lime_keras": "lime_keras",
+    "lime_keras.render": "render",
+    "lime_keras.train": "train",
+    "lime_keras.eval": "eval",
+}
 
 setup(
     name="lime-keras",
@@ -17,23 +24,15 @@ setup(
     license="MIT",
     license_files=["LICENSE"],
     python_requires=">=3.11,<3.14",
-    package_dir={
-        "lime_keras": "lime_keras",
-        "lime_keras.networks": "lime_keras/networks",
-        "lime_keras.render": "render",
-        "lime_keras.train": "train",
-        "lime_keras.eval": "eval",
-    },
+    package_dir=PACKAGE_DIR,
     packages=[
-        "lime_keras",
-        "lime_keras.networks",
-        "lime_keras.render",
-        "lime_keras.train",
-        "lime_keras.eval",
+        f"{name}{'.' if inside else ''}{inside}"
+        for name, folder in PACKAGE_DIR.items()
+        for inside in ["", *find_packages(folder)]
     ],
     package_data={
         "lime_keras": ["py.typed", "pretrained/*.md", "pretrained/*/*/*"],
-        "lime_keras.eval": ["templates/*.html"],
+        "lime_keras.eval.report": ["templates/*.html"],
     },
     install_requires=[
         "tensorflow>=2.20,<2.22",
@@ -84,8 +83,8 @@ setup(
             "lime-render = lime_keras.render.cli:main",
             "lime-train = lime_keras.train.cli:main",
             "lime-eval = lime_keras.eval.cli:main",
-            "lime-estimate = lime_keras.estimate_cli:main",
-            "lime-export = lime_keras.export_cli:main",
+            "lime-estimate = lime_keras.commands.estimate:main",
+            "lime-export = lime_keras.commands.export:main",
         ]
     },
 )

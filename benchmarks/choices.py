@@ -24,9 +24,9 @@ import numpy as np
 from keras import ops
 from tqdm import tqdm
 
-from lime_keras import pipeline
-from lime_keras.masking import masked_mean
+from lime_keras.data import pipeline
 from lime_keras.networks import PRESETS, SUBNETWORKS
+from lime_keras.optics.masking import masked_mean
 from lime_keras.train.stages import SCHEDULES
 
 BRIGHTEST = 1.0

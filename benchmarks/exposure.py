@@ -12,10 +12,11 @@ from pathlib import Path
 import numpy as np
 import tensorflow as tf
 
-from lime_keras import colour, records
-from lime_keras.compositing import compose
-from lime_keras.corpus import shard_paths
-from lime_keras.render.lights import MEAN_RADIANCE
+from lime_keras.data import records
+from lime_keras.data.corpus import shard_paths
+from lime_keras.optics import colour
+from lime_keras.optics.compositing import compose
+from lime_keras.render.scene.lights import MEAN_RADIANCE
 
 MEANS = (0.2, 0.3, 0.4, 0.55, 0.7, 1.0)
 EXAMPLES = 300

@@ -12,7 +12,7 @@ from pathlib import Path
 import keras
 from keras import ops
 
-from lime_keras import pipeline
+from lime_keras.data import pipeline
 from lime_keras.networks import PRESETS, SUBNETWORKS
 from lime_keras.train.stage_model import StageModel
 from lime_keras.train.stages import SCHEDULES

@@ -22,7 +22,9 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from lime_keras import colour, compositing, console, environment, illumination, shading, shininess
+from lime_keras import console
+from lime_keras.lighting import illumination
+from lime_keras.optics import colour, compositing, environment, shading, shininess
 
 _BLUR = 2 * math.pi / environment.STORED_SHAPE[0]
 _BATCH = 10
@@ -54,10 +56,10 @@ def _examples(
     corpus: Path, run: Path | None, count: int
 ) -> Iterator[tuple[dict[str, np.ndarray], dict[str, np.ndarray] | None]]:
     """The test split's first examples, and the networks' outputs for them."""
-    from lime_keras import pipeline, weights
-    from lime_keras.eval import relighting
-    from lime_keras.eval.evaluate import test_shards
-    from lime_keras.networks import assemble
+    from lime_keras.data import pipeline
+    from lime_keras.eval.accuracy import relighting
+    from lime_keras.eval.accuracy.evaluate import test_shards
+    from lime_keras.networks import assemble, weights
 
     size, system = 128, None
     if run is not None:
@@ -120,7 +122,7 @@ def _errors(light: np.ndarray, true: np.ndarray, seen: np.ndarray) -> list[float
 
 def _relit(truth: Mapping[str, np.ndarray], light: np.ndarray, true: np.ndarray) -> list[float]:
     """PSNR of the true material under one light against the other, on the object and a ball."""
-    from lime_keras.eval import relighting
+    from lime_keras.eval.accuracy import relighting
 
     material = relighting.Material(
         truth["diffuse_albedo"], float(truth["specular_albedo"]), float(truth["shininess"])

@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from lime_keras import console, metrics, shininess
+from lime_keras import console, metrics
+from lime_keras.optics import shininess
 
 _CONTRASTS = (1.0, 1.5, 2.0, 3.0, 5.0)
 _BATCH = 16
@@ -51,8 +52,8 @@ def main() -> None:
 
 def _measured(corpora: list[Path], run: Path, count: int) -> dict[str, np.ndarray]:
     """Errors `(N, 9)` of each mask's name, the images in the same order."""
-    from lime_keras import pipeline, weights
-    from lime_keras.networks import assemble
+    from lime_keras.data import pipeline
+    from lime_keras.networks import assemble, weights
 
     architecture, networks = weights.load(run)
     system = assemble(networks, mask_given=True)

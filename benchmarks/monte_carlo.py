@@ -18,9 +18,13 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from lime_keras.reflectance import normaliser
-from lime_keras.render import integrals, lights, meshes, scenes, sources, variants
-from lime_keras.render.quality import FAST, QUALITIES, Quality
+from lime_keras.optics.reflectance import normaliser
+from lime_keras.render.corpus import sources
+from lime_keras.render.mitsuba_setup import variants
+from lime_keras.render.scene import integrals, lights
+from lime_keras.render.scene import sampling as scenes
+from lime_keras.render.scene.quality import FAST, QUALITIES, Quality
+from lime_keras.render.shapes import meshes
 
 SIZE = 256
 SAMPLES = (16, 64, 256)
@@ -73,7 +77,7 @@ def _ours(
     mesh: meshes.Mesh, radiance: np.ndarray, exponent: float | None, quality: Quality
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """A layer `(SIZE, SIZE)`, where pixels are wholly covered, and seconds with the tracing."""
-    from lime_keras.render.gbuffer import Tracer
+    from lime_keras.render.scene.gbuffer import Tracer
 
     tracer = Tracer(mesh, SIZE, quality)
     light = lights.prepare("", radiance, quality=quality)
@@ -103,7 +107,7 @@ def _monte_carlo(
     """Two independent images `(SIZE, SIZE)`, and the seconds that one takes."""
     import mitsuba as mi
 
-    from lime_keras.render.gbuffer import mitsuba_mesh
+    from lime_keras.render.scene.gbuffer import mitsuba_mesh
 
     material = (
         {"type": "diffuse", "reflectance": {"type": "spectrum", "value": 1.0}}

@@ -25,8 +25,8 @@ import tensorflow as tf
 import tf2onnx
 from tqdm import tqdm
 
-from lime_keras import formats, proof
-from lime_keras.eval.costs import TITAN_XP, flop
+from lime_keras.eval.tradeoff.costs import TITAN_XP, flop
+from lime_keras.export import formats, parity
 from lime_keras.networks import PRESETS, Architecture, assemble, build
 
 WHOLE = "whole system"
@@ -96,7 +96,7 @@ def _runners(network: keras.Model, threads: int) -> tuple[Callable, Callable]:
     expected = serve(*tensors)
     for name, value in expected.items():
         [answer] = session.run([name], images)
-        np.testing.assert_allclose(answer, value, proof.TOLERANCE, proof.TOLERANCE)
+        np.testing.assert_allclose(answer, value, parity.TOLERANCE, parity.TOLERANCE)
     return lambda: serve(*tensors), lambda: session.run(None, images)
 
 

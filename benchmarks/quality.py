@@ -19,9 +19,14 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from lime_keras import console, shading, shininess
-from lime_keras.render import examples, lights, scenes, sources, variants
-from lime_keras.render.quality import FAST, QUALITIES, Quality
+from lime_keras import console
+from lime_keras.optics import shading, shininess
+from lime_keras.render.corpus import sources
+from lime_keras.render.mitsuba_setup import variants
+from lime_keras.render.scene import example as examples
+from lime_keras.render.scene import lights
+from lime_keras.render.scene import sampling as scenes
+from lime_keras.render.scene.quality import FAST, QUALITIES, Quality
 
 LOBES = {"dull": 2.4, "middle": 42.0, "shiny": 650.0}
 KNOBS: dict[str, tuple] = {
@@ -167,7 +172,7 @@ def _storage(chosen: list[Scene]) -> str:
 
     import tensorflow as tf
 
-    from lime_keras import records
+    from lime_keras.data import records
 
     encodings = {
         **{
@@ -294,7 +299,7 @@ def _curves() -> list[tuple[str, str | None]]:
 
 def _example(scene: Scene, quality: Quality, light: lights.Light, exponent: float) -> bytes:
     """All of an example: traced, lit, composed, encoded."""
-    from lime_keras import records
+    from lime_keras.data import records
 
     material = scenes.Material(np.full(3, 0.4), 0.5, exponent, 0.02)
     background = np.full((scene.size, scene.size, 3), 0.5, np.float32)
@@ -325,7 +330,7 @@ def _cached(key: tuple, make) -> Any:
 
 
 def _tracer(scene: Scene, quality: Quality):
-    from lime_keras.render.gbuffer import Tracer
+    from lime_keras.render.scene.gbuffer import Tracer
 
     key = ("tracer", id(scene.mesh), scene.size, _sampling(quality))
     return _cached(key, lambda: Tracer(scene.mesh, scene.size, quality))

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import tensorflow as tf
 
-from lime_keras import camera, pipeline, records
-from lime_keras.corpus import shard_paths
+from lime_keras.data import camera, pipeline, records
+from lime_keras.data.corpus import shard_paths
 
 WARM_UP = 256
 """Examples before the clock starts: the shuffle buffer is full then, and the threads are many."""

@@ -25,9 +25,9 @@ def main() -> None:
     options.add_argument("--size", type=int, default=128, help="of the images (default: 128)")
     arguments = options.parse_args()
     console.import_tensorflow()
-    from lime_keras import pipeline
-    from lime_keras.eval import relighting
-    from lime_keras.eval.evaluate import test_shards
+    from lime_keras.data import pipeline
+    from lime_keras.eval.accuracy import relighting
+    from lime_keras.eval.accuracy.evaluate import test_shards
 
     dataset = pipeline.evaluation(
         test_shards(arguments.corpus),

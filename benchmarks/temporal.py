@@ -19,11 +19,16 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from lime_keras import console, cuts, shininess
-from lime_keras.fusion import Fusion
-from lime_keras.render import examples, scenes, sources, variants
-from lime_keras.render.gbuffer import Tracer
-from lime_keras.tracking import parameters
+from lime_keras import console
+from lime_keras.optics import shininess
+from lime_keras.render.corpus import sources
+from lime_keras.render.mitsuba_setup import variants
+from lime_keras.render.scene import example as examples
+from lime_keras.render.scene import sampling as scenes
+from lime_keras.render.scene.gbuffer import Tracer
+from lime_keras.video import cuts
+from lime_keras.video.fusion import Fusion
+from lime_keras.video.tracking import parameters
 
 _DISTANCE = 6.0
 _FILL = 0.8

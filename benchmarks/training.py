@@ -17,8 +17,8 @@ import keras
 import numpy as np
 from tqdm import tqdm
 
-from lime_keras.environment import STORED_SHAPE
 from lime_keras.networks import PRESETS, Architecture, build
+from lime_keras.optics.environment import STORED_SHAPE
 from lime_keras.train.config import PRECISIONS
 from lime_keras.train.stage_model import StageModel
 from lime_keras.train.stages import SCHEDULES, Stage

@@ -118,9 +118,9 @@ def _evaluate(options: argparse.Namespace, command: str) -> int:
     out = options.out or options.weights / "eval"
     _check_writable(out)
     console.import_tensorflow()
-    from lime_keras.weights import SHIPPED
+    from lime_keras.networks.weights import SHIPPED
 
-    from . import parts
+    from . import sections
 
     asked = options.weights or options.table1 or options.tradeoff or options.stability
     model = options.weights if asked else SHIPPED
@@ -128,16 +128,16 @@ def _evaluate(options: argparse.Namespace, command: str) -> int:
     seen = how | {"camera": options.camera}
     failed = False
     if model and corpus:
-        print(parts.evaluation(out, model, corpus, **seen), end="")
+        print(sections.evaluation(out, model, corpus, **seen), end="")
     if options.table1:
-        print(parts.compare(out, options.table1, corpus, **seen), end="")
+        print(sections.compare(out, options.table1, corpus, **seen), end="")
     if options.tradeoff:
-        print(parts.trade(out, options.tradeoff, corpus, **seen), end="")
+        print(sections.trade(out, options.tradeoff, corpus, **seen), end="")
     if options.stability:
-        text, as_expected = parts.drive_to_extremes(out, options.weights, **how)
+        text, as_expected = sections.drive_to_extremes(out, options.weights, **how)
         print(text, end="")
         failed = not as_expected
-    print(f"wrote {parts.write_report(out)}", file=sys.stderr)
+    print(f"wrote {sections.write_report(out)}", file=sys.stderr)
     return 1 if failed else 0
 
 

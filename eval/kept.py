@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from lime_keras import corpus as corpus_files
-from lime_keras import weights, whole_files
-from lime_keras.networks import Architecture
+from lime_keras.data import corpus as corpus_files
+from lime_keras.io import atomic
+from lime_keras.networks import Architecture, weights
 from lime_keras.version import __version__
 
-from .evaluate import Evaluation, evaluate, test_shards
+from .accuracy.evaluate import Evaluation, evaluate, test_shards
 
 _MEASURED_BY = ("evaluate.py", "flip.py", "relighting.py", "tone.py")
 """Files of this package that an evaluation's numbers come from."""
@@ -34,7 +34,7 @@ def evaluation(folder: Path, model_dir: Path, corpus: Path, *, camera: bool = Fa
     except (OSError, KeyError, ValueError, zipfile.BadZipFile):
         pass  # Not there, or not whole: evaluated again.
     found = evaluate(model_dir, corpus, camera=camera)
-    with whole_files.replacing(path) as partial:
+    with atomic.replacing(path) as partial:
         _write(partial, found)
     return found
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from lime_keras import whole_files
+from lime_keras.io import atomic
 
 DependsOn = Mapping[str, Any]
 """What a result follows from, as JSON; a result is reused while this is the same."""
@@ -83,7 +83,7 @@ def _as_read(content: Any) -> Any:
 
 
 def _write(path: Path, content: Any) -> None:
-    whole_files.write(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
+    atomic.write(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
 
 
 def _remove(path: Path) -> None:

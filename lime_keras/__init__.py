@@ -16,7 +16,7 @@ __all__ = ["Estimator", "Material", "__version__"]
 def __getattr__(name: str) -> Any:
     """Import the two public classes on first use, so that `--help` need not wait for TensorFlow."""
     if name == "Estimator":
-        from lime_keras.estimate import Estimator
+        from lime_keras.estimate.estimator import Estimator
 
         return Estimator
     if name == "Material":

@@ -7,11 +7,11 @@ from typing import Any
 
 from keras import ops
 
-from lime_keras import colour
-from lime_keras.compositing import compose
-from lime_keras.dynamic_range import compress, expand
-from lime_keras.masking import masked_mean
-from lime_keras.shininess import LOG_LOW
+from lime_keras.optics import colour
+from lime_keras.optics.compositing import compose
+from lime_keras.optics.dynamic_range import compress, expand
+from lime_keras.optics.masking import masked_mean
+from lime_keras.optics.shininess import LOG_LOW
 
 
 def mask_l2(mask: Any, predicted: Any) -> Any:

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from lime_keras import shininess
 from lime_keras.arrays import namespace
+from lime_keras.optics import shininess
 
 
 def overlap(mask: Any, predicted: Any) -> tuple[Any, Any]:

@@ -6,10 +6,10 @@ import sys
 from pathlib import Path
 
 from lime_keras import console
-from lime_keras.corpus import SPLITS
+from lime_keras.data.corpus import SPLITS
 from lime_keras.version import __version__
 
-from .quality import QUALITIES
+from .scene.quality import QUALITIES
 
 _EXAMPLE = """
 examples:
@@ -152,7 +152,7 @@ def _look(options: argparse.Namespace) -> int:
     """Verify, preview or export what was rendered."""
     if options.layers is not None:
         console.import_tensorflow()
-        from . import layers
+        from .inspect import layers
 
         out = layers.default_path(options.out, options.split, options.layers)
         layers.export(options.out, options.split, options.layers, out)
@@ -178,7 +178,7 @@ def _splits(out: Path) -> list[str]:
 
 
 def _verify(out: Path, split: str) -> int:
-    from . import verification
+    from .inspect import verification
 
     with _Bar(f"verify {split}", "example") as bar:
         faults = verification.verify(out, split, bar.move)
@@ -191,7 +191,7 @@ def _verify(out: Path, split: str) -> int:
 
 
 def _preview(out: Path, split: str) -> int:
-    from . import preview
+    from .inspect import preview
 
     with _Bar(f"preview {split}", "example") as bar:
         paths = preview.preview(out, split, bar.move)
@@ -201,7 +201,8 @@ def _preview(out: Path, split: str) -> int:
 
 
 def _render(options: argparse.Namespace) -> int:
-    from . import shards, variants
+    from .corpus import shards
+    from .mitsuba_setup import variants
 
     choice = variants.choose()
     if shards.held_variant(options.out, options.split) == variants.SLOW:

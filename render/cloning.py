@@ -12,17 +12,19 @@ import numpy as np
 import OpenImageIO as oiio
 from scipy import ndimage
 
-from lime_keras import colour, environment, framing, shading
-from lime_keras.compositing import compose
-from lime_keras.framing import Square
+from lime_keras.estimate import framing
+from lime_keras.estimate.framing import Square
 from lime_keras.material import Material
+from lime_keras.optics import colour, environment, shading
+from lime_keras.optics.compositing import compose
 
-from . import lights, meshes
-from .examples import layers
-from .gbuffer import Tracer
-from .lights import Light
-from .meshes import Mesh
-from .scenes import Pose
+from .scene import lights
+from .scene.example import layers
+from .scene.gbuffer import Tracer
+from .scene.lights import Light
+from .scene.sampling import Pose
+from .shapes import meshes
+from .shapes.meshes import Mesh
 
 TURN = math.radians(30)
 """About the mesh's vertical, to the right: a three-quarter view shows more than a front."""

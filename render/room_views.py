@@ -14,9 +14,11 @@ import numpy as np
 import OpenImageIO as oiio
 from tqdm import tqdm
 
-from lime_keras import colour, console, environment, shading
+from lime_keras import console
+from lime_keras.optics import colour, environment, shading
 
-from . import backgrounds, environments, sources
+from .corpus import sources
+from .scene import backgrounds, environments
 
 HEIGHT, WIDTH = 288, 384
 GREY, LARGEST = 0.18, 1e4

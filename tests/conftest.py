@@ -5,7 +5,7 @@ import functools
 
 import pytest
 
-from lime_keras.render import variants
+from lime_keras.render.mitsuba_setup import variants
 
 # Before anything imports Mitsuba, whose library is chosen here, or TensorFlow, which crashes if it
 # comes first.
@@ -85,8 +85,7 @@ def _saved(folder, architecture, seed):
     """Weights of a seed that leaves no network this small dead."""
     import keras
 
-    from lime_keras import weights
-    from lime_keras.networks import build
+    from lime_keras.networks import build, weights
 
     keras.utils.set_random_seed(seed)
     subnetworks = build(architecture)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lime_keras import photo
+from lime_keras.io import photo
 
 ROOT = Path(__file__).parent.parent
 PAGES = ("README.md", "docs/estimating.md")
@@ -23,7 +23,9 @@ def examples():
 def desk(tmp_path, monkeypatch, tiny_model):
     """A folder with the files that the examples name, and weights that load fast."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("lime_keras.estimate.Estimator.__init__.__defaults__", (tiny_model, None))
+    monkeypatch.setattr(
+        "lime_keras.estimate.estimator.Estimator.__init__.__defaults__", (tiny_model, None)
+    )
     rng = np.random.default_rng(0)
     for name, shape in (("photo.jpg", (40, 60, 3)), ("other.png", (30, 30, 3))):
         photo.write(tmp_path / name, rng.uniform(size=shape))
@@ -33,3 +35,13 @@ def desk(tmp_path, monkeypatch, tiny_model):
 @pytest.mark.parametrize("code", examples())
 def test_the_example_runs(code, desk):
     exec(compile(code, "example", "exec"), {})
+
+
+def paths_of_paper():
+    text = (ROOT / "docs" / "paper.md").read_text(encoding="utf-8")
+    return sorted(set(re.findall(r"`([\w/]+\.py)", text)))
+
+
+@pytest.mark.parametrize("path", paths_of_paper())
+def test_the_map_of_the_paper_names_files_that_exist(path):
+    assert (ROOT / path).is_file() or (ROOT / "tests" / path).is_file()

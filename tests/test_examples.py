@@ -1,178 +1,123 @@
-"""Rendered examples, as they come back out of a record."""
+"""The examples read the exported files, without this package, as it reads its own weights."""
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
-from render_scenes import photographed, sphere
+import sphere_corpus
+from PIL import Image
 
-from lime_keras import colour, environment, records, shading
-from lime_keras.compositing import compose
-from lime_keras.reflectance import normaliser
-from lime_keras.render import examples, gbuffer, lights, scenes
-from lime_keras.render.quality import QUALITIES
+from lime_keras.export import exporter
+from lime_keras.networks import assemble, weights
+from lime_keras.optics import shininess
 
-SIZE = 64
-POSE = scenes.Pose(
-    scenes.sample_rotation(np.random.default_rng(0)),
-    np.array([0.3, -0.2, -6.0]),
-    np.array([130.0, 130.0, 30.0, 28.0]),
-)
-MATERIAL = scenes.Material(np.array([0.6, 0.3, 0.1]), 0.4, 35.0, 0.03)
-WHITE = scenes.Material(np.ones(3), 0.0, 35.0, 0.0)
-BACKGROUND = np.random.default_rng(1).uniform(size=(SIZE, SIZE, 3)).astype(np.float32)
+EXAMPLES = Path(__file__).parent.parent / "examples"
 
 
 @pytest.fixture(scope="module")
-def tracer(mitsuba_choice):
-    return gbuffer.Tracer(sphere(4), SIZE)
+def corpus(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("examples") / "corpus"
+    sphere_corpus.write_split(folder, "train", [range(4), range(4, 6)], size=32)
+    return sphere_corpus.write_split(folder, "test", [range(2)], seed=1, size=32)
 
 
 @pytest.fixture(scope="module")
-def light():
-    return lights.prepare("photographed", photographed(128))
+def photo(corpus, tmp_path_factory):
+    """A picture of the network's size, which nobody has to resample: `(1, 32, 32, 3)`, its file."""
+    shards = exporter.corpus_files.shard_paths(corpus, "test")
+    levels = np.round(255 * exporter.samples.first(shards, 32, 1, camera=True)).astype(np.uint8)
+    path = tmp_path_factory.mktemp("photo") / "photo.png"
+    Image.fromarray(levels[0]).save(path)
+    return levels.astype(np.float32) / 255, path
 
 
 @pytest.fixture(scope="module")
-def turn(light):
-    return scenes.sample_light_rotation(np.random.default_rng(2), light.strong_direction)
-
-
-def parsed(tracer, light, turn, material=MATERIAL, pose=POSE, **options):
-    """An example, encoded as a record and read back."""
-    features = examples.render(tracer, light, pose, turn, material, BACKGROUND, **options)
-    names = {"shape": "sphere", "light": light.name, "seed": 0, "index": 0}
-    read = records.parse(records.encode(features | names))
-    return {name: tensor.numpy() for name, tensor in read.items()}
+def expected(tiny_model, photo):
+    """What the examples print, by Keras."""
+    answer = assemble(weights.load(tiny_model)[1])(photo[0])
+    found = {name: np.array(value)[0] for name, value in answer.items()}
+    log = shininess.log_expected(found["exponent_bin_probabilities"])
+    return {
+        "diffuse_albedo": found["diffuse_albedo"].tolist(),
+        "specular_albedo": float(found["specular_albedo"][0]),
+        "exponent": float(10**log),
+        "mask_coverage": float(found["mask"].mean()),
+    }
 
 
 @pytest.fixture(scope="module")
-def example(tracer, light, turn):
-    return parsed(tracer, light, turn)
+def exported(tiny_model, corpus, tmp_path_factory):
+    """Exports on demand, each once: `exported(format, precision)` is its path."""
+    folder, made = tmp_path_factory.mktemp("exported"), set()
+
+    def path(model_format, precision="float32"):
+        if (model_format, precision) not in made:
+            exporter.export(folder, model_format, tiny_model, precision=precision, corpus=corpus)
+            made.add((model_format, precision))
+        return exporter.target(folder, model_format, precision)
+
+    return path
 
 
-def radiance(example):
-    return compose(
-        example["diffuse_albedo"],
-        example["specular_albedo"],
-        example["ambient"],
-        example["diffuse_shading"][None],
-        example["specular_shading"][None],
-    )[0]
+def run(*command):
+    done = subprocess.run(list(map(str, command)), cwd=EXAMPLES, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
 
 
-def recomposed(example):
-    return colour.linear_to_srgb(np.clip(radiance(example), 0, 1))
+def check(found, expected, precision):
+    """The exponent in decades; of few bits what the tiny network makes of them."""
+    within = {"float32": 1e-4, "float16": 5e-3, "int8": 0.1}[precision]
+    assert found.keys() == expected.keys()
+    np.testing.assert_allclose(found["diffuse_albedo"], expected["diffuse_albedo"], atol=within)
+    for name in ("specular_albedo", "mask_coverage"):
+        assert found[name] == pytest.approx(expected[name], abs=within)
+    assert np.log10(found["exponent"] / expected["exponent"]) == pytest.approx(0, abs=within)
 
 
-@pytest.mark.parametrize("literal", [False, True])
-def test_the_layers_recompose_to_the_image(tracer, light, turn, literal):
-    example = parsed(tracer, light, turn, literal=literal)
-    whole = example["mask"][..., 0] == 1
-    assert whole.sum() > 500
-    difference = np.abs(recomposed(example) - example["image"])[whole]
-    assert difference.max() <= 1.01 / 255
-    assert 0.05 < example["image"][whole].mean() < 0.95
+def test_no_example_imports_this_package():
+    for path in EXAMPLES.glob("*.*"):
+        assert "lime_keras" not in path.read_text(encoding="utf-8"), path
 
 
-def test_outside_the_mask_lies_the_background(example):
-    outside = example["mask"][..., 0] == 0
-    assert outside.sum() > 500
-    difference = np.abs(example["image"] - BACKGROUND)[outside]
-    assert difference.max() <= 0.51 / 255
+def test_onnx_runtime_in_python(exported, photo, expected):
+    check(run(sys.executable, "onnx_python.py", exported("onnx"), photo[1]), expected, "float32")
 
 
-@pytest.mark.parametrize("specular_albedo", [0.4, 1.0])
-def test_the_edge_mixes_linear_light_and_the_sensor_clips_the_mixture(
-    tracer, light, turn, specular_albedo
-):
-    material = scenes.Material(np.ones(3), specular_albedo, 3.0, 0.05)
-    example = parsed(tracer, light, turn, material)
-    mask = example["mask"]
-    edge = (mask[..., 0] > 0) & (mask[..., 0] < 1)
-    inside = radiance(example)
-    assert (inside[edge] > 1).mean() > 0.02  # some are bright enough to outshine the background
-    expected = mask * inside + (1 - mask) * colour.srgb_to_linear(BACKGROUND)
-    expected = colour.linear_to_srgb(np.clip(expected, 0, 1))
-    difference = np.abs(expected - example["image"])[edge]
-    assert edge.sum() > 50 and difference.max() <= 3 / 255
+NARROW = [pytest.param(name, marks=pytest.mark.slow) for name in ("float16", "int8")]
 
 
-def test_reference_quality_sees_the_same_scene(light, turn, tracer, example):
-    reference = QUALITIES["reference"]
-    fine_light = lights.prepare("photographed", photographed(128), quality=reference)
-    fine = parsed(gbuffer.Tracer(sphere(4), SIZE, reference), fine_light, turn)
-    both = (fine["mask"][..., 0] == 1) & (example["mask"][..., 0] == 1)
-    for name, median, most in (
-        ("diffuse_shading", 0.01, 0.05),
-        ("specular_shading", 0.02, 0.2),
-        ("mirror", 0.05, 1.0),  # a pixel of so small an image sees much of a map at once
-    ):
-        errors = np.abs(example[name] - fine[name])[both] / np.maximum(fine[name][both], 1e-3)
-        assert np.median(errors) < median and np.percentile(errors, 99) < most, name
+@pytest.mark.parametrize("precision", ["float32", *NARROW])
+def test_onnx_runtime_web_under_node(precision, exported, photo, expected):
+    if not shutil.which("node"):
+        pytest.skip("there is no node: install Node.js 20 or newer")
+    if not (EXAMPLES / "node_modules" / "onnxruntime-web").is_dir():
+        pytest.skip(f"there is no onnxruntime-web: npm install --prefix {EXAMPLES}")
+    file = exported("onnx", precision)
+    check(run("node", "onnx_web.mjs", file, photo[1]), expected, precision)
 
 
-def test_layers_are_black_outside_and_normals_unit_inside(example):
-    inside = example["mask"] > 0
-    for name in ("diffuse_shading", "specular_shading", "mirror"):
-        assert not example[name][~inside].any()
-    length = np.linalg.norm(example["normal"], axis=-1)
-    np.testing.assert_allclose(length, inside[..., 0], atol=2e-3)
+def test_tensorflow_in_python(exported, photo, expected):
+    folder = exported("savedmodel")
+    check(run(sys.executable, "savedmodel_python.py", folder, photo[1]), expected, "float32")
 
 
-def test_the_stored_light_shades_the_stored_normals(example):
-    """The environment is in camera space: from it, normals and camera, D and M follow anew."""
-    whole = example["mask"][..., 0] == 1
-    normal, radiance = example["normal"][whole], example["environment"][..., 0]
-    view = shading.view_directions(example["camera"], SIZE, SIZE)[whole]
-    diffuse = shading.diffuse(normal, *shading.texels(radiance))
-    stored = example["diffuse_shading"][whole][:, 0]
-    np.testing.assert_allclose(diffuse, stored, rtol=0.05, atol=0.01)
-    specular = shading.specular(
-        normal, view.astype(np.float32), MATERIAL.exponent, *shading.texels(radiance)
-    )
-    stored = example["specular_shading"][whole][:, 0]
-    errors = np.abs(specular - stored) / (stored + 0.05 * stored.mean())
-    assert np.median(errors) < 0.03
-    mirror = shading.mirror(normal, view, radiance)
-    stored = example["mirror"][whole][:, 0]
-    assert np.corrcoef(np.log(mirror), np.log(stored))[0, 1] > 0.85
-
-
-def test_the_stored_light_keeps_its_mean(example):
-    mean = environment.spherical_mean(example["environment"][..., 0])
-    assert mean == pytest.approx(lights.MEAN_RADIANCE, rel=0.02)
-
-
-def test_a_white_sphere_in_a_white_world_is_white(tracer):
-    even = lights.prepare("even", np.ones((64, 128)), 1.0)
-    example = parsed(tracer, even, np.eye(3), WHITE)
-    inside = example["mask"][..., 0] > 0
-    np.testing.assert_allclose(example["mirror"][inside], 1, atol=1e-3)
-    np.testing.assert_allclose(example["diffuse_shading"][inside], 1, atol=2e-3)
-    np.testing.assert_allclose(example["environment"], 1, atol=1e-3)
-    whole = example["mask"][..., 0] == 1
-    np.testing.assert_allclose(example["image"][whole], 1, atol=1.01 / 255)
-
-
-def test_literal_shading_is_printed_equations_in_a_dimmer_world(tracer, light, turn, example):
-    literal = parsed(tracer, light, turn, literal=True)
-    for name in ("mask", "normal", "diffuse_shading"):
-        np.testing.assert_array_equal(literal[name], example[name])
-    for name in ("mirror", "environment"):
-        np.testing.assert_allclose(literal[name], example[name] / np.pi, rtol=2e-3, atol=1e-6)
-    scale = 1 / (np.pi * normaliser(MATERIAL.exponent))
-    expected = example["specular_shading"] * scale
-    np.testing.assert_allclose(literal["specular_shading"], expected, rtol=2e-3, atol=1e-6)
-
-
-def test_the_material_and_the_camera_are_stored(example):
-    np.testing.assert_allclose(example["camera"], POSE.camera)
-    np.testing.assert_allclose(example["diffuse_albedo"], MATERIAL.diffuse_albedo, rtol=1e-6)
-    stored = [example[name] for name in ("specular_albedo", "shininess", "ambient")]
-    np.testing.assert_allclose(stored, [0.4, 35.0, 0.03], rtol=1e-6)
-
-
-@pytest.mark.parametrize("translation", [(0.3, -0.2, -60.0), (40.0, 0.0, -6.0)])
-def test_an_object_too_small_or_out_of_sight_is_refused(tracer, light, turn, translation):
-    pose = scenes.Pose(POSE.rotation, np.array(translation), POSE.camera)
-    with pytest.raises(ValueError, match=r"the object covers \d\.\d% of the image"):
-        examples.render(tracer, light, pose, turn, MATERIAL, BACKGROUND)
+def test_a_photo_of_any_shape_and_orientation_is_read(exported, tmp_path):
+    """One that the camera stored lying on its side is the same photo; as JPEG, nearly."""
+    upright = Image.fromarray(np.random.default_rng(0).integers(0, 256, (3, 4, 3), np.uint8))
+    upright = upright.resize((160, 120))
+    orientation = Image.Exif()
+    orientation[274] = 6
+    upright.save(tmp_path / "upright.png")
+    upright.rotate(90, expand=True).save(tmp_path / "side.jpg", exif=orientation, quality=98)
+    file = exported("onnx")
+    commands = [[sys.executable, "onnx_python.py"]]
+    if shutil.which("node") and (EXAMPLES / "node_modules").is_dir():
+        commands.append(["node", "onnx_web.mjs"])
+    for command in commands:
+        one, other = (run(*command, file, tmp_path / name) for name in ("upright.png", "side.jpg"))
+        check(other, one, "float16")

@@ -11,118 +11,120 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent
-COMMANDS = ("lime-render", "lime-train", "lime-eval", "lime-estimate", "lime-export")
-
-LEAVES = {
-    *("arrays", "version", "environment", "corpus", "console", "material", "whole_files"),
-    *("fusion", "frames", "cuts", "movie", "formats", "narrowing", "normal_map", "dome"),
-    "flipping",
+COMMANDS = {
+    "lime-render": "render.cli",
+    "lime-train": "train.cli",
+    "lime-eval": "eval.cli",
+    "lime-estimate": "commands.estimate",
+    "lime-export": "commands.export",
 }
-# What each module of the library may import from it; the leaves import no sibling.
-ALLOWED = {
-    "colour": {"arrays"},
-    "reflectance": {"arrays"},
-    "shininess": {"arrays"},
-    "masking": {"arrays"},
-    "dynamic_range": {"arrays"},
-    "compositing": {"arrays"},
-    "reflectance_map": {"compositing", "environment", "reflectance"},
-    "studio": {"environment"},
-    "records": {"environment"},
-    "shading": {"environment", "reflectance"},
-    "illumination": {"compositing", "environment", "material", "shading"},
-    "metrics": {"arrays", "shininess"},
-    "streaming_metrics": {"metrics"},
-    "losses": {"colour", "compositing", "dynamic_range", "masking", "shininess"},
-    "camera": {"colour"},
-    "pipeline": {"camera", "colour", "corpus", "flipping", "records", "repainting", "shininess"},
-    "repainting": {"camera", "colour"},
-    "networks": {"dynamic_range", "reflectance_map", "shininess"},
-    "weights": {"networks", "whole_files"},
-    "photo": {"colour"},
-    "samples": {"pipeline"},
-    "model_card": {"networks", "shininess", "version"},
-    "proof": {"formats", "narrowing"},
-    "export": {
-        *("corpus", "formats", "model_card", "narrowing", "networks", "proof", "samples"),
-        "weights",
-    },
-    "framing": {"colour"},
-    "interchange": {"material", "version"},
-    "estimate_preview": {"colour", "framing", "material", "reflectance_map", "studio"},
-    "estimate": {
-        *("colour", "compositing", "framing", "material", "networks", "shininess", "weights"),
-    },
-    "estimate_files": {
-        *("colour", "estimate_preview", "interchange", "material", "photo", "whole_files"),
-    },
-    # Cloning alone renders, and imports Mitsuba when it does.
-    "scene_files": {
-        *("colour", "dome", "illumination", "material", "normal_map", "photo", "render"),
-    },
-    "batch": {"estimate", "estimate_files", "material", "photo", "scene_files"},
-    "overlay": {"colour", "estimate_preview", "material"},
-    "tracking": {"cuts", "fusion", "material"},
-    "video": {"frames", "material", "movie", "overlay", "tracking"},
-    "estimate_cli": {
-        "console",
-        "version",
-        "batch",
-        "estimate",
-        "estimate_files",
-        "frames",
-        "photo",
-        "render",
-        "video",
-        "weights",
-    },
-    "export_cli": {"console", "version", "export", "weights"},
-    "__init__": {"version", "estimate", "material"},
+# Each row may import from the rows above it and, in it, from its own room. The rooms of one row do
+# not know each other.
+ROWS = {
+    "lime_keras": (
+        ("version", "arrays", "console", "material"),
+        ("optics",),
+        ("io", "data", "losses", "metrics", "streaming_metrics"),
+        ("networks", "lighting"),
+        ("estimate", "export", "photo"),
+        ("video", "__init__"),
+        ("commands",),
+    ),
+    "render": (
+        ("mitsuba_setup", "shapes", "rooms"),
+        ("scene",),
+        ("corpus", "inspect", "cloning", "room_views"),
+        ("cli",),
+    ),
+    "eval": (
+        ("ledger",),
+        ("accuracy", "stability"),
+        ("kept", "report"),
+        ("tradeoff",),
+        ("sections",),
+        ("cli",),
+    ),
 }
 
 
-def _library_imports(path):
-    """Names of the library's modules that a file imports, at any depth."""
-    found = set()
+def _imports(path):
+    """Dotted names that a file imports, at any depth: modules, or what is in them."""
+    package = ["lime_keras", *path.parent.relative_to(ROOT).parts]
+    package = package[1:] if package[1] == "lime_keras" else package
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.ImportFrom) and node.level:
-            # A sibling, or, with more dots than the folder is deep, somebody else.
-            inside = path.parent.relative_to(ROOT).parts
-            assert node.level <= len(inside), f"{path} imports from above its folder"
-            assert inside[0] != "lime_keras", f"{path}: the library imports absolutely"
-            continue
         if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom) and node.level == 0:
-            names = [f"{node.module}.{alias.name}" for alias in node.names]
-            names = [node.module] if node.module != "lime_keras" else names
-        else:
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            above = package[: len(package) + 1 - node.level] if node.level else []
+            module = ".".join([*above, *([node.module] if node.module else [])])
+            yield from (f"{module}.{alias.name}" for alias in node.names)
+
+
+def _files(folder):
+    return sorted((ROOT / folder).rglob("*.py"))
+
+
+def _room(folder, path):
+    """The first part of a file's place below one of the four folders."""
+    return path.relative_to(ROOT / folder).parts[0].removesuffix(".py")
+
+
+@pytest.mark.parametrize("folder", ROWS)
+def test_each_room_imports_from_the_rows_above_it(folder):
+    row_of = {room: row for row, rooms in enumerate(ROWS[folder]) for room in rooms}
+    inside = "lime_keras." if folder == "lime_keras" else f"lime_keras.{folder}."
+    elsewhere = set() if folder == "lime_keras" else {"cli"}
+    wrong = []
+    for path in _files(folder):
+        room = _room(folder, path)
+        if room == "__init__" and folder != "lime_keras":
             continue
-        found |= {name.split(".")[1] for name in names if name.startswith("lime_keras.")}
-    return found
+        for name in _imports(path):
+            if not name.startswith(inside):
+                continue
+            other = name.removeprefix(inside).split(".")[0]
+            if other in {"render", "train", "eval", "__version__"} - elsewhere:
+                continue
+            if other != room and row_of[other] >= row_of[room]:
+                wrong.append(f"{path.relative_to(ROOT)} imports {name}")
+    assert not wrong, "\n".join(wrong)
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "lime_keras").rglob("*.py")), ids=lambda p: p.stem)
-def test_the_library_imports_downwards_only(path):
-    relative = path.relative_to(ROOT / "lime_keras")
-    module = relative.parts[0].removesuffix(".py")
-    imported = _library_imports(path) - {module}
-    if module in LEAVES:
-        assert imported == set()
-    else:
-        assert imported <= ALLOWED[module]
+def test_every_room_has_its_row():
+    for folder, rows in ROWS.items():
+        rooms = {_room(folder, path) for path in _files(folder)}
+        assert rooms - {"__init__"} == set(itertools.chain(*rows)) - {"__init__"}
 
 
-@pytest.mark.parametrize("folder", ["render", "train", "eval"])
-def test_render_train_and_eval_do_not_know_each_other(folder):
-    for path in (ROOT / folder).rglob("*.py"):
-        others = {"render", "train", "eval"} - {folder}
-        assert not _library_imports(path) & others, path
+@pytest.mark.parametrize("folder", ["lime_keras", "render", "train", "eval"])
+def test_the_four_folders_do_not_know_each_other(folder):
+    """But render, train and eval know the library; its commands know render."""
+    others = {"render", "train", "eval"} - {folder}
+    for path in _files(folder):
+        if folder == "lime_keras" and _room(folder, path) in ("commands", "lighting"):
+            continue
+        rooms = {name.split(".")[1] for name in _imports(path) if name.startswith("lime_keras.")}
+        assert not rooms & others, path
+
+
+def test_no_room_holds_a_single_file():
+    folders = {path.parent for folder in (*ROWS, "train") for path in _files(folder)}
+    for folder in folders:
+        assert len([path for path in folder.glob("*.py") if path.stem != "__init__"]) > 1, folder
+
+
+def test_every_test_has_its_room():
+    """A test lies where its module does, under the same name."""
+    for path in _files("tests"):
+        place = path.relative_to(ROOT / "tests")
+        if len(place.parts) == 1 or place.parts[0] == "fixtures":
+            continue
+        assert (ROOT / place.parent).is_dir(), path
 
 
 def test_networks_losses_and_stages_are_written_for_any_backend():
     files = [
-        *(ROOT / "lime_keras" / "networks").glob("*.py"),
+        *_files("lime_keras/networks"),
         ROOT / "lime_keras" / "losses.py",
         ROOT / "lime_keras" / "streaming_metrics.py",
         ROOT / "train" / "measures.py",
@@ -132,11 +134,10 @@ def test_networks_losses_and_stages_are_written_for_any_backend():
         assert "tensorflow" not in path.read_text(encoding="utf-8"), path
 
 
-@pytest.mark.parametrize("module", ["render", "train", "eval", "estimate_cli", "export_cli"])
+@pytest.mark.parametrize("module", COMMANDS.values())
 def test_help_needs_neither_tensorflow_nor_mitsuba(module):
-    name = f"lime_keras.{module}" if module.endswith("cli") else f"lime_keras.{module}.cli"
     code = (
-        f"import sys, {name} as command\n"
+        f"import sys, lime_keras.{module} as command\n"
         "try: command.main(['--help'])\n"
         "except SystemExit as stop: assert stop.code == 0\n"
         "heavy = {'tensorflow', 'keras', 'mitsuba', 'matplotlib', 'numpy'} & set(sys.modules)\n"
@@ -149,15 +150,18 @@ def test_help_needs_neither_tensorflow_nor_mitsuba(module):
 
 def test_the_commands_offer_what_the_library_has():
     """They repeat names, because asking the library would import TensorFlow for `--help`."""
-    from lime_keras import estimate, estimate_cli, export, export_cli
+    from lime_keras.commands import estimate as estimate_command
+    from lime_keras.commands import export as export_command
+    from lime_keras.estimate import estimator
+    from lime_keras.export import exporter
     from lime_keras.networks import PRESETS, Architecture, answers, build
     from lime_keras.train.cli import parser
 
-    assert estimate_cli._ONLY == tuple(estimate.NEEDED)
+    assert estimate_command._ONLY == tuple(estimator.NEEDED)
     systems = ({}, {"exponent": "regression"}, {"system": "reflectance-map"})
     known = [answers(build(Architecture(32, 1, 1, 1, 1, **system))) for system in systems]
-    assert export_cli._OUTPUTS == tuple(dict.fromkeys(itertools.chain(*known)))
-    assert export_cli._PRECISIONS == export.PRECISIONS[export.ONNX]
+    assert export_command._OUTPUTS == tuple(dict.fromkeys(itertools.chain(*known)))
+    assert export_command._PRECISIONS == exporter.PRECISIONS[exporter.ONNX]
     preset = next(action for action in parser()._actions if action.dest == "preset")
     assert set(preset.choices) == set(PRESETS)
 
@@ -187,8 +191,8 @@ def test_the_wheel_owns_one_name(wheel):
     names = zipfile.ZipFile(wheel).namelist()
     tops = {name.split("/")[0] for name in names if ".dist-info/" not in name}
     assert tops == {"lime_keras"}
-    assert "lime_keras/eval/templates/report.html" in names
-    assert "lime_keras/render/shards.py" in names
+    assert "lime_keras/eval/report/templates/report.html" in names
+    assert "lime_keras/render/corpus/shards.py" in names
     shipped = {name for name in names if name.startswith("lime_keras/pretrained/live/model/")}
     assert {Path(name).name for name in shipped} >= {"architecture.json", "albedo.weights.h5"}
 

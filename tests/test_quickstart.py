@@ -6,12 +6,13 @@ import OpenImageIO as oiio
 import pytest
 from render_scenes import write_inputs
 
-from lime_keras import estimate_cli, export_cli
-from lime_keras.corpus import read_manifest
+from lime_keras.commands import estimate as estimate_cli
+from lime_keras.commands import export as export_cli
+from lime_keras.data.corpus import read_manifest
 from lime_keras.eval import cli as eval_cli
 from lime_keras.networks import PRESETS, Architecture
 from lime_keras.render import cli as render_cli
-from lime_keras.render import workers
+from lime_keras.render.corpus import processes
 from lime_keras.train import cli as train_cli
 from lime_keras.train import stages
 
@@ -31,7 +32,7 @@ SMALL = Architecture(size=128, unet_width=2, unet_depth=2, encoder_width=2, dens
 def run(tmp_path_factory):
     """A folder in which every command has succeeded."""
     with pytest.MonkeyPatch.context() as patch:
-        for name in workers.THREAD_VARIABLES:
+        for name in processes.THREAD_VARIABLES:
             patch.setenv(name, "1")
         patch.setitem(stages.SCHEDULES, "smoke", BRIEF)
         patch.setitem(PRESETS, "smoke", SMALL)

@@ -146,7 +146,7 @@ def main(argv: list[str] | None = None) -> int:
 
 def _train(options: argparse.Namespace) -> int:
     console.import_tensorflow()
-    from . import beginning, summary, trainer
+    from . import initial_weights, summary, trainer
 
     config = _config(options)
     with _Bars(config.schedule.stages(config.architecture)) as bars:
@@ -162,7 +162,7 @@ def _train(options: argparse.Namespace) -> int:
         )
     print(summary.table(options.out))
     if config.begun_from is not None:
-        print(beginning.described(options.out))
+        print(initial_weights.described(options.out))
     if untrained:
         print(
             f"no whole model yet: {', '.join(untrained)} not trained; run the other --stages, or "
@@ -179,7 +179,7 @@ def _config(options: argparse.Namespace) -> Any:
 
     from lime_keras.networks import PRESETS
 
-    from . import beginning
+    from . import initial_weights
     from .config import Config, corpus_sha256
     from .stages import SCHEDULES
 
@@ -220,7 +220,7 @@ def _config(options: argparse.Namespace) -> Any:
         ),
         precision=chosen(options.precision, lambda c: c.precision, "float32"),
         begun_from=chosen(
-            None if options.start_from is None else beginning.sha256(options.start_from),
+            None if options.start_from is None else initial_weights.sha256(options.start_from),
             lambda c: c.begun_from,
             None,
         ),

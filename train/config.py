@@ -11,8 +11,8 @@ from typing import Any
 
 import keras
 
-from lime_keras import corpus as corpus_files
-from lime_keras import whole_files
+from lime_keras.data import corpus as corpus_files
+from lime_keras.io import atomic
 from lime_keras.networks import Architecture
 from lime_keras.version import __version__
 
@@ -39,7 +39,7 @@ class Config:
         schedule: of the stages.
         seed: of initialisation and order; 0 is a seed.
         corpus_sha256: of the train splits' manifests (`corpus_sha256`).
-        camera: whether the networks see the scenes photographed (`lime_keras.camera`).
+        camera: whether the networks see the scenes photographed (`lime_keras.data.camera`).
         compositing: whether AlbedoNet is also held to Eq. 5.
         precision: one of `PRECISIONS`.
         begun_from: what identifies the trained model whose weights it begins with
@@ -131,7 +131,7 @@ def claim(run: Path, corpora: Sequence[Path], config: Config) -> None:
         "packages": {name: _installed(name) for name in _PACKAGES},
         "commit": _commit(),
     }
-    whole_files.write(path, json.dumps(record, indent=1) + "\n")
+    atomic.write(path, json.dumps(record, indent=1) + "\n")
 
 
 def _differences(

@@ -9,7 +9,7 @@ from typing import Any
 
 import keras
 
-from lime_keras import pipeline
+from lime_keras.data import pipeline
 
 from .config import Config
 from .stages import Stage

@@ -10,8 +10,8 @@ from typing import Any
 import keras
 from keras import ops
 
-from lime_keras import shininess
-from lime_keras.dynamic_range import expand
+from lime_keras.optics import shininess
+from lime_keras.optics.dynamic_range import expand
 from lime_keras.streaming_metrics import MaskedRelativeError, PooledIoU, WithinBins
 
 _MADE: dict[str, Callable[[str], keras.metrics.Metric]] = {

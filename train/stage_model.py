@@ -9,10 +9,11 @@ from typing import Any
 import keras
 from keras import ops
 
-from lime_keras import losses, pipeline
-from lime_keras.dynamic_range import compress
-from lime_keras.masking import masked_mean
-from lime_keras.reflectance_map import disc, reflectance_map
+from lime_keras import losses
+from lime_keras.data import pipeline
+from lime_keras.optics.dynamic_range import compress
+from lime_keras.optics.masking import masked_mean
+from lime_keras.optics.reflectance_map import disc, reflectance_map
 
 from . import measures
 

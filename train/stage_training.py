@@ -7,13 +7,13 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import NoReturn
 
-from .board import Board
 from .data import Batch, Data, origin, without_origin
 from .devices import Devices
 from .optimizer import gradient_norms
 from .stage_model import StageModel
 from .stages import Stage
 from .state import Checkpoint, Curve, Means
+from .tensorboard_log import Board
 
 _SECONDS_BETWEEN_CHECKPOINTS = 60
 _CURVE_POINTS, _LONGEST_INTERVAL = 10, 500

@@ -9,7 +9,7 @@ from pathlib import Path
 import keras
 import numpy as np
 
-from lime_keras import whole_files
+from lime_keras.io import atomic
 
 from .stage_model import StageModel
 
@@ -56,7 +56,7 @@ class Checkpoint:
     def save(self, model: StageModel, step: int) -> None:
         """Write the state after `step` batches."""
         values = [keras.ops.convert_to_numpy(variable) for variable in _variables(model)]
-        with whole_files.replacing(self.path) as partial:
+        with atomic.replacing(self.path) as partial:
             np.savez(partial, *values, step=step, signature=self._signature)
 
     def restore(self, model: StageModel) -> None:
@@ -126,7 +126,7 @@ class Curve:
         self._rows.append(row)
         columns = dict.fromkeys(name for one in self._rows for name in one)
         with (
-            whole_files.replacing(self._path) as partial,
+            atomic.replacing(self._path) as partial,
             partial.open("w", newline="", encoding="utf-8") as file,
         ):
             writer = csv.DictWriter(file, list(columns))

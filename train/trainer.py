@@ -18,11 +18,11 @@ from typing import Any
 import keras
 import numpy as np
 
-from lime_keras import corpus as corpus_files
-from lime_keras import weights, whole_files
-from lime_keras.networks import build
+from lime_keras.data import corpus as corpus_files
+from lime_keras.io import atomic
+from lime_keras.networks import build, weights
 
-from . import beginning
+from . import initial_weights
 from .config import PRECISIONS, Config, claim, config_path
 from .data import Data
 from .devices import Devices
@@ -89,9 +89,9 @@ def train(
     with split.scope():
         subnetworks = _build(config)
         if start_from is not None:
-            beginning.keep(start_from, run)
+            initial_weights.keep(start_from, run)
         if config.begun_from is not None:
-            begun, alone = beginning.load(run, subnetworks)
+            begun, alone = initial_weights.load(run, subnetworks)
     trained: dict[str, str] = {}
     for number, stage in enumerate(stages, 1):
         with split.scope():
@@ -231,5 +231,5 @@ def _take_over(reuse: Path, stage: Stage, signature: str, files: Files) -> None:
         if Checkpoint(path, signature).step(refuse=False) == stage.steps:
             other = Files(reuse, path.stem)
             for source, target in ((other.curve, files.curve), (path, files.checkpoint)):
-                with whole_files.replacing(target) as partial:
+                with atomic.replacing(target) as partial:
                     shutil.copyfile(source, partial)

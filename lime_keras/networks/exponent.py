@@ -5,7 +5,7 @@ from keras import layers
 
 from lime_keras.networks.architecture import Architecture
 from lime_keras.networks.blocks import encoder
-from lime_keras.shininess import BIN_COUNT, LOG_HIGH, LOG_LOW
+from lime_keras.optics.shininess import BIN_COUNT, LOG_HIGH, LOG_LOW
 
 
 def exponent_net(architecture: Architecture) -> keras.Model:

@@ -10,7 +10,6 @@ from typing import Any
 import keras
 from keras import KerasTensor, layers, ops
 
-from lime_keras.dynamic_range import expand
 from lime_keras.networks.albedo import albedo_net
 from lime_keras.networks.architecture import Architecture
 from lime_keras.networks.exponent import exponent_net
@@ -19,8 +18,9 @@ from lime_keras.networks.mirror import mirror_net
 from lime_keras.networks.reflectance_map import reflectance_map_net
 from lime_keras.networks.segmentation import segmentation_net
 from lime_keras.networks.specular import specular_net
-from lime_keras.reflectance_map import disc
-from lime_keras.shininess import LOG_HIGH, LOG_LOW
+from lime_keras.optics.dynamic_range import expand
+from lime_keras.optics.reflectance_map import disc
+from lime_keras.optics.shininess import LOG_HIGH, LOG_LOW
 
 SUBNETWORKS: dict[str, Callable[[Architecture], keras.Model]] = {
     "segmentation": segmentation_net,

@@ -1,0 +1,1 @@
+"""Table 1: errors of a trained system on a corpus' test split."""

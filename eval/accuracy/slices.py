@@ -1,0 +1,88 @@
+"""Where a system is good and where it is not: the measures on parts of the test images."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from lime_keras.optics import shininess
+
+from ..report.examples import bin_label
+from . import measures
+
+SHOWN = {
+    "mask_iou": "mask IoU",
+    "exponent_exact": "right bin",
+    "exponent_within_one": "right or next",
+    "log_exponent_mae": "log10 s error",
+    "diffuse_albedo_mae": "diffuse MAE",
+    "specular_albedo_mae": "specular MAE",
+    "relighting_psnr": "relit",
+}
+"""Measures of a part, and their short titles."""
+
+_QUARTERS = (
+    ("coverage", "coverage", "{:.0%}"),
+    ("light's contrast", "light_contrast", "{:,.0f}"),
+    ("saturated", "saturated", "{:.1%}"),
+)
+
+
+@dataclass(frozen=True)
+class Slice:
+    """Some of the test images.
+
+    Attributes:
+        by: what they were sorted by.
+        label: which of them these are.
+        count: how many.
+        value: `SHOWN`, those that the system has, by name.
+        interval: of each, 95 % bootstrap, `[low, high]`.
+    """
+
+    by: str
+    label: str
+    count: int
+    value: dict[str, float]
+    interval: dict[str, list[float]]
+
+
+def slices(rows: Mapping[str, np.ndarray]) -> list[Slice]:
+    """By exponent bin, coverage, light contrast, saturation, shape and light; none is empty.
+
+    The three continuous ones are cut into four at their quartiles; equal values stay together, so
+    there may be fewer.
+    """
+    return [_slice(rows, *part) for part in _parts(rows) if part[-1].size]
+
+
+def _parts(rows: Mapping[str, np.ndarray]) -> Iterator[tuple[str, str, np.ndarray]]:
+    """What by, which, and the positions."""
+    for k in range(shininess.BIN_COUNT):
+        yield "exponent", bin_label(k), np.flatnonzero(rows["bin"] == k)
+    for title, name, style in _QUARTERS:
+        yield from _quarters(title, rows[name], style)
+    for name in ("shape", "light"):
+        for value in np.unique(rows[name]):
+            yield name, value.decode(), np.flatnonzero(rows[name] == value)
+
+
+def _quarters(title: str, values: np.ndarray, style: str) -> Iterator[tuple[str, str, np.ndarray]]:
+    """Four parts between the quartiles, each with its least and greatest value."""
+    part = np.searchsorted(np.percentile(values, (25, 50, 75)), values, side="left")
+    for quarter in range(4):
+        chosen = np.flatnonzero(part == quarter)
+        if chosen.size:
+            ends = [style.format(end(values[chosen])) for end in (np.min, np.max)]
+            yield title, " to ".join(dict.fromkeys(ends)), chosen
+
+
+def _slice(rows: Mapping[str, np.ndarray], by: str, label: str, chosen: np.ndarray) -> Slice:
+    part = {name: column[chosen] for name, column in rows.items()}
+    value, interval = measures.values(part), measures.intervals(part)
+
+    def shown(numbers: Mapping[str, Any]) -> dict[str, Any]:
+        return {name: numbers[name] for name in SHOWN if name in numbers}
+
+    return Slice(by, label, len(chosen), shown(value), shown(interval))

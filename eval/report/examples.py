@@ -1,0 +1,138 @@
+"""The examples that a report shows: chosen from the rows, then read and estimated once more."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tensorflow as tf
+
+from lime_keras.data import pipeline, records
+from lime_keras.data.camera import photograph
+from lime_keras.networks import assemble, weights
+from lime_keras.optics import shininess
+
+from ..accuracy.evaluate import found_log_exponent, is_literal, test_shards
+
+_WORST = 2
+"""Examples shown of each kind of failure."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Why the test example at `position` (0 is the first of the split) is shown."""
+
+    position: int
+    reason: str
+
+
+@dataclass(frozen=True)
+class Example:
+    """One test example beside its estimate.
+
+    Attributes:
+        choice: which one, and why.
+        truth: the record, resized to the model's size: arrays, and names as bytes.
+        estimate: the system's outputs for this image, without the batch axis.
+        literal: whether the corpus holds S as Eq. 3 is printed, without furnace normalisation.
+        photo_srgb: the input image at its stored size, sRGB in [0, 1].
+    """
+
+    choice: Choice
+    truth: dict[str, Any]
+    estimate: dict[str, np.ndarray]
+    literal: bool = False
+    photo_srgb: np.ndarray | None = None
+
+    @property
+    def exponent(self) -> float:
+        """Estimated exponent, from the expected log10 s over the eight classes or as a number."""
+        return float(10.0 ** found_log_exponent(self.estimate))
+
+
+def choose(rows: Mapping[str, np.ndarray]) -> list[Choice]:
+    """The first example of each exponent bin, then the worst by exponent and by either albedo.
+
+    No example is shown twice; equally bad ones are taken in the split's order.
+    """
+    spread = [
+        Choice(int(np.argmax(rows["bin"] == k)), f"first with {bin_label(k)}")
+        for k in range(shininess.BIN_COUNT)
+        if np.any(rows["bin"] == k)
+    ]
+    taken = {choice.position for choice in spread}
+    failures = (
+        # A tenth of the log error breaks ties.
+        ("worst exponent", rows["bin_distance"] + rows["log_error"] / 10),
+        ("worst diffuse albedo", rows["diffuse_absolute"]),
+        ("worst specular albedo", rows["specular_absolute"]),
+    )
+    chosen = spread
+    for reason, error in failures:
+        worst_first = np.argsort(-error, kind="stable").tolist()
+        positions = [position for position in worst_first if position not in taken][:_WORST]
+        chosen += [Choice(position, reason) for position in positions]
+        taken.update(positions)
+    return chosen
+
+
+def worst(rows: Mapping[str, np.ndarray], count: int = 20) -> list[Choice]:
+    """Those that relight worst under their own light, worst first."""
+    order = np.argsort(rows["relit"], kind="stable")[:count]
+    return [Choice(position, "worst relit") for position in order.tolist()]
+
+
+def read(
+    model_dir: Path, corpus: Path, choices: list[Choice], *, camera: bool = False
+) -> list[Example]:
+    """Read the chosen test examples and estimate them, in the order of `choices`.
+
+    Args:
+        model_dir: folder of `weights.save`, or a run of `lime-train`.
+        corpus: folder with a complete `test` split.
+        choices: positions in the split.
+        camera: show the system photos of the scenes, the same as `evaluate`.
+
+    Raises:
+        FileNotFoundError: if the weights or the test split are missing.
+        IndexError: if a position lies beyond the split.
+    """
+    architecture, subnetworks = weights.load(model_dir)
+    system = assemble(subnetworks)
+    wanted = {choice.position for choice in choices}
+    found: dict[int, dict[str, Any]] = {}
+    photos: dict[int, np.ndarray] = {}
+    shards = test_shards(corpus)
+    records_of_all = tf.data.TFRecordDataset([str(path) for path in shards])
+    for position, serialized in enumerate(pipeline.naming_damage(records_of_all, shards)):
+        # Only the wanted ones are decoded.
+        if position in wanted:
+            stored = records.parse(serialized)
+            stored = photograph(stored) if camera else stored
+            photos[position] = stored["image"].numpy()
+            example = pipeline.resize(stored, architecture.size)
+            found[position] = {name: value.numpy() for name, value in example.items()}
+        if len(found) == len(wanted):
+            break
+    if len(found) < len(wanted):
+        raise IndexError(f"the test split holds no examples {sorted(wanted - set(found))}")
+    truths = [found[choice.position] for choice in choices]
+    literal = is_literal(corpus)
+    estimates = system.predict_on_batch(np.stack([truth["image"] for truth in truths]))
+    return [
+        Example(
+            choice,
+            truth,
+            {name: values[row] for name, values in estimates.items()},
+            literal,
+            photos[choice.position],
+        )
+        for row, (choice, truth) in enumerate(zip(choices, truths, strict=True))
+    ]
+
+
+def bin_label(k: int) -> str:
+    """The exponents of class `k`, such as "s 13.3–31.6"."""
+    low, high = np.round(10.0 ** shininess.LOG_EDGES[k : k + 2], 1)
+    return f"s {low:g}–{high:g}"

@@ -1,0 +1,268 @@
+"""Matplotlib figures as PNG: the confusion matrix, albedo scatter and loss curves.
+
+Each is drawn for a light or a dark page, without pyplot's global state.
+"""
+
+import csv
+import io
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator, NullFormatter
+
+from lime_keras.optics import shininess
+
+from ..accuracy import calibration
+from .examples import bin_label
+
+_DPI = 150
+_TRAIN, _VALIDATION = "train_", "validation_"
+_LINES = ("#3b82c4", "#e07b39", "#4a9d5b", "#b455a0", "#8a6d3b", "#c2434a", "#3fa7a7", "#7a6fd0")
+"""Colours of a stage's terms: told apart on white and on near-black."""
+
+
+@dataclass(frozen=True)
+class Theme:
+    """Colours of a page: its paper, its ink its faint lines, and the tone of a full share."""
+
+    paper: str
+    ink: str
+    faint: str
+    accent: str
+
+
+LIGHT = Theme(paper="#ffffff", ink="#1d2430", faint="#d5dae1", accent="#1f63b0")
+DARK = Theme(paper="#1b212b", ink="#e4e8ee", faint="#3a4454", accent="#74b0f4")
+
+
+def confusion(matrix: np.ndarray, theme: Theme = LIGHT) -> bytes:
+    """Confusion matrix `(8, 8)` of counts, each row divided by its sum; empty rows stay empty."""
+    figure = Figure(figsize=(5.4, 4.9), dpi=_DPI, facecolor=theme.paper, layout="constrained")
+    _confusion(figure.subplots(), matrix, theme)
+    return _png(figure)
+
+
+def confusions(matrices: Mapping[str, np.ndarray], theme: Theme = LIGHT) -> bytes:
+    """Figure 7: the confusion matrices of several systems, by title, side by side."""
+    across = min(3, len(matrices))
+    down = math.ceil(len(matrices) / across)
+    size = (4.9 * across, 4.7 * down)
+    figure = Figure(figsize=size, dpi=_DPI, facecolor=theme.paper, layout="constrained")
+    panels = figure.subplots(down, across, squeeze=False).ravel()
+    for axes, (title, matrix) in zip(panels, matrices.items(), strict=False):
+        _confusion(axes, matrix, theme)
+        axes.set_title(title, color=theme.ink, fontsize=10)
+    for axes in panels[len(matrices) :]:
+        axes.set_axis_off()
+    return _png(figure)
+
+
+def reliability(rows: Mapping[str, np.ndarray], theme: Theme = LIGHT) -> bytes | None:
+    """Share of right answers by confidence, over a histogram; None without probabilities."""
+    if "bin_probabilities" not in rows:
+        return None
+    found = calibration.reliability(rows["bin_probabilities"], rows["bin_distance"] == 0)
+    figure = Figure(figsize=(5.4, 4.9), dpi=_DPI, facecolor=theme.paper, layout="constrained")
+    curve, counts = figure.subplots(2, 1, sharex=True, height_ratios=(4, 1))
+    for axes in (curve, counts):
+        _dress(axes, theme)
+    curve.plot([0, 1], [0, 1], color=theme.ink, linewidth=0.8, alpha=0.6)
+    known = found.count > 0
+    # 95 % of a share of n examples, by the normal limit.
+    spread = 1.96 * np.sqrt(found.right * (1 - found.right) / np.maximum(found.count, 1))
+    curve.errorbar(
+        found.confidence[known],
+        found.right[known],
+        spread[known],
+        color=theme.accent,
+        marker="o",
+        markersize=4,
+        linewidth=1.2,
+    )
+    curve.set(xlim=(0, 1), ylim=(0, 1), ylabel="share in the right bin")
+    centres = (np.arange(calibration.BINS) + 0.5) / calibration.BINS
+    counts.bar(centres, found.count, width=0.9 / calibration.BINS, color=theme.accent, alpha=0.6)
+    counts.set(xlabel="probability of the winning bin", ylabel="images")
+    return _png(figure)
+
+
+def relighting(rows: Mapping[str, np.ndarray], theme: Theme = LIGHT) -> bytes:
+    """Share of the images that are relit at least so well, under both lights."""
+    figure = Figure(figsize=(7.0, 4.9), dpi=_DPI, facecolor=theme.paper, layout="constrained")
+    axes = figure.subplots()
+    _dress(axes, theme)
+    count = len(rows["relit"])
+    share = 1 - np.arange(count) / count
+    for column, style, light in (
+        ("relit", "-", "photo's light"),
+        ("relit_unseen", "--", "light not seen"),
+    ):
+        for prefix, tone, who in (
+            ("", theme.accent, "estimated"),
+            ("average_", "#8a93a1", "middle of all ranges"),
+        ):
+            sorted_psnr = np.sort(rows[prefix + column])
+            axes.plot(sorted_psnr, share, style, color=tone, label=f"{who}, {light}")
+    axes.set(xlabel="PSNR in dB, at least", ylabel="share of the images", ylim=(0, 1))
+    axes.legend(fontsize=8, frameon=False, labelcolor=theme.ink)
+    return _png(figure)
+
+
+def _confusion(axes: Axes, matrix: np.ndarray, theme: Theme) -> None:
+    counts = matrix.sum(axis=1, keepdims=True)
+    shares = matrix / np.maximum(counts, 1)
+    _dress(axes, theme)
+    tones = LinearSegmentedColormap.from_list("shares", [theme.paper, theme.accent])
+    axes.imshow(shares, cmap=tones, vmin=0, vmax=1)
+    labels = [bin_label(k).removeprefix("s ") for k in range(shininess.BIN_COUNT)]
+    axes.set_xticks(range(len(labels)), labels, rotation=40, ha="right")
+    axes.set_yticks(
+        range(len(labels)),
+        [f"{label} (n={n})" for label, n in zip(labels, counts[:, 0], strict=True)],
+    )
+    axes.set_xlabel("estimated exponent's bin")
+    axes.set_ylabel("true exponent")
+    for true, found in np.ndindex(matrix.shape):
+        share = shares[true, found]
+        ink = theme.paper if share > 0.65 else theme.ink
+        text = f"{100 * share:.0f}" if matrix[true, found] else "·"
+        axes.text(found, true, text, ha="center", va="center", color=ink, fontsize=9)
+
+
+def albedos(rows: Mapping[str, np.ndarray], theme: Theme = LIGHT) -> bytes:
+    """Estimated against true albedo: m_d's three channels in their colours, and m_s."""
+    figure = Figure(figsize=(7.0, 3.7), dpi=_DPI, facecolor=theme.paper, layout="constrained")
+    left, right = figure.subplots(1, 2)
+    size = float(np.clip(2000 / len(rows["bin"]), 3, 30))
+    style = {"s": size, "alpha": 0.55, "linewidths": 0}
+    for channel, tone in enumerate(("#d0454c", "#3f9a54", "#4a7fd0")):
+        true, found = rows["diffuse_albedo"], rows["diffuse_found"]
+        left.scatter(true[:, channel], found[:, channel], color=tone, **style)
+    right.scatter(rows["specular_albedo"], rows["specular_found"], color="#8f7bd6", **style)
+    for axes, title in ((left, "diffuse albedo (R, G, B)"), (right, "specular albedo")):
+        _dress(axes, theme)
+        axes.plot([0, 1], [0, 1], color=theme.ink, linewidth=0.8, alpha=0.6)
+        axes.set(xlim=(0, 1), ylim=(0, 1), aspect="equal", xlabel="true", ylabel="estimated")
+        axes.set_title(title, color=theme.ink, fontsize=10)
+    return _png(figure)
+
+
+def loss_curves(curves: Path, theme: Theme = LIGHT) -> bytes | None:
+    """One panel per training stage from `RUN/curves/*.csv`; None if there are no curves.
+
+    A term has one colour in all panels.
+
+    Raises:
+        ValueError: if a file is not a table of numbers.
+    """
+    stages = {path.stem: read_curves(path) for path in sorted(curves.glob("*.csv"))}
+    stages = {name: columns for name, columns in stages.items() if "step" in columns}
+    if not stages:
+        return None
+    across = min(4, len(stages))
+    down = math.ceil(len(stages) / across)
+    size = (max(3.0 * across, 6.0), 2.3 * down + 0.4)
+    figure = Figure(figsize=size, dpi=_DPI, facecolor=theme.paper, layout="constrained")
+    panels = figure.subplots(down, across, squeeze=False).ravel()
+    tones = _term_colours(list(stages.values()))
+    for axes, (name, columns) in zip(panels, stages.items(), strict=False):
+        _stage(axes, name, columns, tones, theme)
+    for axes in panels[len(stages) :]:
+        axes.set_axis_off()
+    handles = [Line2D([], [], color=tone, label=term) for term, tone in tones.items()]
+    figure.legend(
+        handles=handles,
+        loc="outside lower center",
+        ncols=min(6, int(size[0] / 1.5)),
+        fontsize=8,
+        frameon=False,
+        labelcolor=theme.ink,
+    )
+    return _png(figure)
+
+
+def read_curves(path: Path) -> dict[str, np.ndarray]:
+    """Columns of a curve file as float64; an empty cell is NaN.
+
+    Raises:
+        ValueError: if a cell is not a number.
+    """
+    with path.open(newline="", encoding="utf-8") as file:
+        lines = list(csv.DictReader(file))
+    try:
+        return {
+            name: np.array([float(line[name] or "nan") for line in lines])
+            for name in (lines[0] if lines else ())
+        }
+    except (TypeError, ValueError) as error:
+        raise ValueError(
+            f"{path} is not a table of numbers ({error}): delete or mend it"
+        ) from error
+
+
+def _stage(
+    axes: Axes,
+    name: str,
+    columns: Mapping[str, np.ndarray],
+    tones: Mapping[str, str],
+    theme: Theme,
+) -> None:
+    """Training terms as thin lines, validation as points joined by strong ones."""
+    styles: dict[str, dict[str, Any]] = {
+        _TRAIN: {"linewidth": 0.8, "alpha": 0.55},
+        _VALIDATION: {"marker": ".", "markersize": 4},
+    }
+    lowest = math.inf
+    for column, values in columns.items():
+        known = np.isfinite(values)
+        kind, term = _kind_and_term(column)
+        if term in tones and known.any():
+            axes.plot(columns["step"][known], values[known], color=tones[term], **styles[kind])
+            lowest = min(lowest, values[known].min())
+    if 0 < lowest < math.inf:
+        axes.set_yscale("log")
+        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.yaxis.set_major_formatter("{x:g}")
+        axes.yaxis.set_minor_formatter(NullFormatter())
+    _dress(axes, theme)
+    axes.set_title(name.replace("-", " · ", 1), color=theme.ink, fontsize=9)
+    axes.set_xlabel("step", fontsize=8)
+
+
+def _term_colours(stages: list[dict[str, np.ndarray]]) -> dict[str, str]:
+    """A colour for each loss term, in the order in which training meets them."""
+    terms = dict.fromkeys(_kind_and_term(column)[1] for columns in stages for column in columns)
+    terms.pop("", None)
+    return {term: _LINES[index % len(_LINES)] for index, term in enumerate(terms)}
+
+
+def _kind_and_term(column: str) -> tuple[str, str]:
+    """`train_mask` → train_, mask; a column that is no loss has no term."""
+    for kind in (_TRAIN, _VALIDATION):
+        if column.startswith(kind):
+            return kind, column.removeprefix(kind)
+    return "", ""
+
+
+def _dress(axes: Axes, theme: Theme) -> None:
+    """Colours of the page for an axis."""
+    axes.set_facecolor(theme.paper)
+    axes.tick_params(which="both", colors=theme.ink, labelsize=8)
+    axes.xaxis.label.set_color(theme.ink)
+    axes.yaxis.label.set_color(theme.ink)
+    for spine in axes.spines.values():
+        spine.set_color(theme.faint)
+
+
+def _png(figure: Figure) -> bytes:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png")
+    return buffer.getvalue()

@@ -1,0 +1,274 @@
+"""One self-contained HTML page: sections of numbers, figures, examples."""
+
+import base64
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import keras
+import numpy as np
+import tensorflow as tf
+from markdown_it import MarkdownIt
+from markupsafe import Markup
+
+from lime_keras.optics import colour, shininess
+from lime_keras.version import __version__
+
+from ..accuracy import table
+from ..accuracy.evaluate import Evaluation
+from ..accuracy.measures import MEASURES
+from ..accuracy.relighting import HIGHEST_PSNR
+from ..accuracy.slices import SHOWN, Slice, slices
+from . import figures, pictures
+from .examples import Example, bin_label
+
+_TEMPLATES = Path(__file__).parent / "templates"
+_HEADLINES = {
+    "mask_iou": "Mask IoU",
+    "exponent_exact": "Exponent, right bin",
+    "log_exponent_mae": "Exponent, error of log10 s",
+    "diffuse_albedo_mae": "Diffuse albedo, MAE",
+    "specular_albedo_mae": "Specular albedo, MAE",
+    "relighting_psnr": "Relit, PSNR",
+}
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure of a section.
+
+    Attributes:
+        draw: theme → PNG.
+        alt: what it is, for those who cannot see it.
+        caption: what to look for.
+    """
+
+    draw: Callable[[figures.Theme], bytes | None]
+    alt: str
+    caption: str
+
+
+def evaluation(
+    found: Evaluation,
+    summary: Mapping[str, Any],
+    examples: list[Example],
+    worst: list[Example],
+    *,
+    command: str,
+    corpus: Path,
+    run: Path,
+) -> str:
+    """The section about one run, as HTML.
+
+    Args:
+        found: rows and confusion matrix.
+        summary: of `measures.summarise`.
+        examples: to be shown with their layers, of `examples.read`.
+        worst: to be shown small, with their relighting error.
+        command: that made the report, as typed.
+        corpus: folder that was evaluated on.
+        run: folder of the weights; its `config.json` and `curves/` are shown where they exist.
+
+    Raises:
+        ValueError: if a file of loss curves is not a table of numbers.
+    """
+    architecture = found.architecture
+    parts = slices(found.rows)
+    return _rendered(
+        "evaluation.html",
+        command=command,
+        corpus=corpus.name or str(corpus),
+        run=run.name or str(run),
+        summary=summary,
+        oracle=table.oracle(architecture),
+        exponent=table.exponent(architecture),
+        tiles=[_tile(name, title, summary) for name, title in _HEADLINES.items()],
+        header=table.HEADER,
+        rows=table.rows(summary),
+        constants=_constants(summary),
+        confusion=_both_themes(lambda theme: figures.confusion(found.confusion, theme)),
+        albedos=_both_themes(lambda theme: figures.albedos(found.rows, theme)),
+        reliability=_both_themes(lambda theme: figures.reliability(found.rows, theme)),
+        relighting=_both_themes(lambda theme: figures.relighting(found.rows, theme)),
+        slice_header=("Part", "images", *(SHOWN[name] for name in _shown(parts))),
+        slices=[_slice_cells(part, _shown(parts)) for part in parts],
+        curves=_both_themes(lambda theme: figures.loss_curves(run / "curves", theme)),
+        examples=[_card(example) for example in examples],
+        worst=[_small_card(example, found) for example in worst],
+        config=_pretty_json(run / "config.json"),
+        manifest=_pretty_json(corpus / "test" / "manifest.json"),
+    )
+
+
+def measured(title: str, text: str, pictures_of_it: Sequence[Picture], *, command: str) -> str:
+    """A section of figures and Markdown, as HTML.
+
+    Args:
+        title: its heading.
+        text: Markdown; tables become sortable.
+        pictures_of_it: drawn above the text.
+        command: that made it, as typed.
+    """
+    drawn = [(_both_themes(p.draw), p.alt, p.caption) for p in pictures_of_it]
+    html = MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
+    html = html.replace("<table>", '<div class="wide"><table>')
+    return _rendered(
+        "measured.html",
+        title=title,
+        command=command,
+        figures=[one for one in drawn if one[0] is not None],
+        text=Markup(html.replace("</table>", "</table></div>")),
+    )
+
+
+def page(sections: Sequence[tuple[str, str, str]]) -> str:
+    """The report as HTML; needs no other file and no network.
+
+    Args:
+        sections: name, title and HTML of each, in order.
+    """
+    shown = [{"name": name, "title": title, "html": Markup(html)} for name, title, html in sections]
+    return _rendered("report.html", sections=shown)
+
+
+def _rendered(template: str, **values: Any) -> str:
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(_TEMPLATES),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template(template).render(
+        made=date.today().isoformat(),
+        versions=f"lime_keras {__version__}, TensorFlow {tf.__version__}, "
+        f"Keras {keras.__version__}",
+        **values,
+    )
+
+
+def _shown(parts: Sequence[Slice]) -> list[str]:
+    """Measures that at least one part has."""
+    return [name for name in SHOWN if any(name in part.value for part in parts)]
+
+
+def _slice_cells(part: Slice, names: Sequence[str]) -> list[str]:
+    cells = [f"{part.by}: {part.label}", str(part.count)]
+    return cells + [
+        table.with_interval(part.value[name], part.interval[name], MEASURES[name].unit)
+        for name in names
+    ]
+
+
+def _tile(name: str, title: str, summary: Mapping[str, Any]) -> dict[str, Any]:
+    """A headline number and its place between chance (0 %) and a perfect answer (100 %)."""
+    measure = MEASURES[name]
+    perfect = {"%": 1.0, "dB": HIGHEST_PSNR}.get(measure.unit, measure.floor or 0.0)
+    chance = summary["chance"].get(name, summary["constant"].get(name))
+
+    def place(value: float | None) -> float | None:
+        if value is None or chance == perfect:
+            return None
+        return round(100 * float(np.clip((value - chance) / (perfect - chance), 0, 1)), 1)
+
+    return {
+        "title": title,
+        "value": table.number(summary[name], measure.unit),
+        "paper": table.number(measure.paper, measure.unit),
+        "ours_at": place(summary[name]),
+        "paper_at": place(measure.paper),
+        "oracle_at": place(summary["oracle"].get(name)),
+    }
+
+
+def _constants(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """What the best constant answers reach on this split, titled and ready to print."""
+    return [
+        (MEASURES[name].title, table.number(value, MEASURES[name].unit))
+        for name, value in summary["constant"].items()
+    ]
+
+
+def _small_card(example: Example, found: Evaluation) -> dict[str, Any]:
+    """One of the worst for the template."""
+    truth = example.truth
+    return _material(example) | {
+        "source": f"{truth['shape'].decode()} under {truth['light'].decode()}, "
+        f"index {truth['index']}",
+        "psnr": table.number(found.rows["relit"][example.choice.position], "dB"),
+        "photo": _data_uri(pictures.png(truth["image"])),
+        "true": _data_uri(pictures.png(pictures.true_render(example))),
+        "estimated": _data_uri(pictures.png(pictures.estimated_render(example))),
+    }
+
+
+def _material(example: Example) -> dict[str, Any]:
+    """True and estimated m_d, m_s and s, ready to print."""
+    truth, estimate = example.truth, example.estimate
+    return {
+        "diffuse": [_swatch(material["diffuse_albedo"]) for material in (truth, estimate)],
+        "specular": [f"{float(m['specular_albedo'].item()):.2f}" for m in (truth, estimate)],
+        "exponent": [f"{s:.1f}" for s in (float(truth["shininess"]), example.exponent)],
+    }
+
+
+def _card(example: Example) -> dict[str, Any]:
+    """One example for the template."""
+    truth, estimate = example.truth, example.estimate
+    probabilities = estimate.get("exponent_bin_probabilities", ())
+    true_bin = int(shininess.bin_of(truth["shininess"]))
+    return _material(example) | {
+        "reason": example.choice.reason,
+        "source": f"{truth['shape'].decode()} under {truth['light'].decode()}, "
+        f"seed {truth['seed']}, index {truth['index']}",
+        "photo": _data_uri(pictures.png(truth["image"])),
+        "pairs": [
+            {
+                "title": pair.title,
+                "truth": _data_uri(pictures.png(pair.truth)),
+                "estimate": _data_uri(pictures.png(pair.estimate)),
+            }
+            for pair in pictures.pairs(example)
+        ],
+        "bars": [
+            {"height": round(100 * float(p), 1), "label": bin_label(k), "is_true": k == true_bin}
+            for k, p in enumerate(probabilities)
+        ],
+    }
+
+
+def _swatch(albedo_linear: np.ndarray) -> dict[str, str]:
+    """An albedo as a CSS colour and as text."""
+    srgb = np.clip(colour.linear_to_srgb(albedo_linear), 0, 1)
+    red, green, blue = np.round(255 * srgb).astype(int).tolist()
+    return {
+        "css": f"rgb({red}, {green}, {blue})",
+        "text": " ".join(f"{value:.2f}" for value in albedo_linear),
+    }
+
+
+def _both_themes(draw: Any) -> dict[str, str] | None:
+    """The figure for a light and for a dark page as data URIs; None if there is none to draw."""
+    drawn = {"light": draw(figures.LIGHT), "dark": draw(figures.DARK)}
+    if drawn["light"] is None:
+        return None
+    return {name: _data_uri(data) for name, data in drawn.items()}
+
+
+def _data_uri(data: bytes) -> str:
+    return f"data:image/png;base64,{base64.b64encode(data).decode()}"
+
+
+def _pretty_json(path: Path) -> str | None:
+    """The file's JSON, indented; as it stands if it is none; None if there is no file."""
+    if not path.is_file():
+        return None
+    text = path.read_text(encoding="utf-8", errors="replace")
+    try:
+        return json.dumps(json.loads(text), indent=2, ensure_ascii=False)
+    except json.JSONDecodeError:
+        return text

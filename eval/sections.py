@@ -1,0 +1,166 @@
+"""What `lime-eval` can make, each a set of files and a section of the report.
+
+A section is kept as HTML in `OUT/sections/`, so that commands which measure one thing each fill one
+report.
+"""
+
+import csv
+import io
+import json
+from collections.abc import Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lime_keras.io import photo
+from lime_keras.io.atomic import write
+
+from . import kept
+from .accuracy import comparison, measures, table
+from .report import examples, figures
+from .report import page as report
+
+_TITLES = {
+    "evaluation": "Accuracy",
+    "comparison": "Table 1",
+    "tradeoff": "Speed against accuracy",
+    "stability": "Extremes",
+}
+"""Sections in the order of the report, and their titles."""
+
+
+def evaluation(out: Path, run: Path, corpus: Path, *, camera: bool, command: str) -> str:
+    """Measure one run; returns the table."""
+    found = kept.evaluation(out / "kept", run, corpus, camera=camera)
+    summary = measures.summarise(found) | {"camera": camera}
+    choices, worst = examples.choose(found.rows), examples.worst(found.rows)
+    shown = examples.read(run, corpus, choices + worst, camera=camera)
+    chosen, failed = shown[: len(choices)], shown[len(choices) :]
+    section = report.evaluation(
+        found, summary, chosen, failed, command=command, corpus=corpus, run=run
+    )
+    text = table.markdown(summary, found.architecture)
+    _write_json(out / "metrics.json", summary)
+    write(out / "table1.md", text)
+    write(out / "confusion.png", figures.confusion(found.confusion))
+    write(out / "images.csv", _csv(found.rows))
+    (out / "examples").mkdir(exist_ok=True)
+    for stale in (out / "examples").glob("[0-9]*.png"):
+        stale.unlink()
+    for example in chosen:
+        photo.write(out / "examples" / f"{example.choice.position:05d}.png", example.photo_srgb)
+    _keep(out, "evaluation", section)
+    return text
+
+
+def compare(out: Path, runs: Sequence[Path], corpus: Path, *, camera: bool, command: str) -> str:
+    """Table 1 of several runs; returns it."""
+    named = names(runs)
+    found = {
+        name: kept.evaluation(out / "kept", run, corpus, camera=camera)
+        for name, run in named.items()
+    }
+    systems = {
+        name: comparison.system(found[name].architecture, run) for name, run in named.items()
+    }
+    compared = comparison.compare(found, systems) | {"camera": camera}
+    text = comparison.markdown(compared)
+    matrices = {f"{name}: {systems[name]}": found[name].confusion for name in compared["runs"]}
+    _write_json(out / "comparison.json", compared)
+    write(out / "comparison.md", text)
+    write(out / "confusions.png", figures.confusions(matrices))
+    picture = report.Picture(
+        partial(figures.confusions, matrices),
+        "confusion matrices of the runs",
+        "Figure 7: which exponent bin is taken for which, a row a true bin, in per cent.",
+    )
+    _keep(out, "comparison", report.measured("Table 1", text, [picture], command=command))
+    return text
+
+
+def trade(out: Path, runs: Sequence[Path], corpus: Path, *, camera: bool, command: str) -> str:
+    """Speed against accuracy of several runs; returns the tables."""
+    from .tradeoff import figures as tradeoff_figures
+    from .tradeoff import measure as tradeoff
+
+    result = tradeoff.measure(names(runs), corpus, out, camera=camera)
+    text = tradeoff.markdown(result)
+    draw = partial(tradeoff_figures.pareto, result)
+    _write_json(out / "tradeoff.json", result)
+    write(out / "tradeoff.md", text)
+    write(out / "pareto.png", draw(figures.LIGHT))
+    picture = report.Picture(
+        draw,
+        "errors against latency",
+        "Each point is one way to run one model; those on the line are beaten by none in both.",
+    )
+    section = report.measured(_TITLES["tradeoff"], text, [picture], command=command)
+    _keep(out, "tradeoff", section)
+    return text
+
+
+def drive_to_extremes(out: Path, run: Path | None, *, command: str) -> tuple[str, bool]:
+    """The stability suite; returns its table, and whether all passed that should."""
+    from .stability import suite as stability
+
+    verdicts = stability.run(run)
+    text = stability.markdown(verdicts)
+    _write_json(out / "stability.json", stability.to_json(verdicts))
+    write(out / "stability.md", text)
+    _keep(out, "stability", report.measured(_TITLES["stability"], text, [], command=command))
+    return text, not stability.failures(verdicts)
+
+
+def write_report(out: Path) -> Path:
+    """Write `report.html` from all sections that were ever made for this folder."""
+    sections = [
+        (name, title, path.read_text(encoding="utf-8"))
+        for name, title in _TITLES.items()
+        if (path := _section(out, name)).is_file()
+    ]
+    path = out / "report.html"
+    write(path, report.page(sections))
+    return path
+
+
+def names(runs: Sequence[Path]) -> dict[str, Path]:
+    """The runs by their folders' names.
+
+    Raises:
+        ValueError: if two have the same.
+    """
+    named = {run.resolve().name: run for run in runs}
+    if len(named) < len(runs):
+        raise ValueError(
+            f"runs are told by their folders' names, which must differ: {', '.join(map(str, runs))}"
+        )
+    return named
+
+
+def _section(out: Path, name: str) -> Path:
+    return out / "sections" / f"{name}.html"
+
+
+def _keep(out: Path, name: str, section: str) -> None:
+    write(_section(out, name), section)
+
+
+def _write_json(path: Path, content: Any) -> None:
+    write(path, json.dumps(content, indent=2, allow_nan=False) + "\n")
+
+
+def _csv(rows: Mapping[str, np.ndarray]) -> str:
+    """All columns of all images; those of several numbers as `name_0`, `name_1` and so on."""
+    columns: dict[str, list[Any]] = {}
+    for name, column in rows.items():
+        if column.ndim == 1:
+            columns[name] = [v.decode() if isinstance(v, bytes) else v for v in column.tolist()]
+        else:
+            columns |= {f"{name}_{k}": column[:, k].tolist() for k in range(column.shape[1])}
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(zip(*columns.values(), strict=True))
+    return text.getvalue()

@@ -1,0 +1,216 @@
+"""The exponent's bins, their probabilities, and its losses, at their edges."""
+
+import functools
+import math
+from typing import Any
+
+import mpmath
+import numpy as np
+from keras import ops
+
+from lime_keras import losses
+from lime_keras.optics import shininess
+
+from ..trials.images import pairs
+from ..trials.precisions import NUMPY_DOUBLE, NUMPY_SINGLE, SINGLE, TENSORS, Precision
+from ..trials.verdicts import Case, Compared, Outcome, refusal
+
+_BINS = 8
+_FLOOR = 1e-7
+"""Probability below which `losses.exponent_cross_entropy` tells no difference."""
+_EVEN = np.zeros(_BINS)
+_LOGITS = {
+    "all 0": _EVEN,
+    "true class at 1e4": 1e4 * np.eye(_BINS)[2],
+    "wrong class at 1e4": 1e4 * np.eye(_BINS)[5],
+    "true class at -1e4": -1e4 * np.eye(_BINS)[2],
+    "all others at -1e4": -1e4 * (1 - np.eye(_BINS)[2]),
+    "true class at 1e4, wrong at -1e4": 1e4 * (np.eye(_BINS)[2] - np.eye(_BINS)[5]),
+    "true class at -1e4, wrong at 1e4": 1e4 * (np.eye(_BINS)[5] - np.eye(_BINS)[2]),
+    "two classes at 1e4": 1e4 * (np.eye(_BINS)[2] + np.eye(_BINS)[5]),
+    "all at 1e4": 1e4 + _EVEN,
+    "all at -1e4": -1e4 + _EVEN,
+    "wrong class 10 ahead": 10 * np.eye(_BINS)[5],
+    "wrong class 15 ahead": 15 * np.eye(_BINS)[5],
+}
+_TRUE = 2
+_PROBABILITIES = {
+    "certain": np.eye(_BINS)[2],
+    "certain of another": np.eye(_BINS)[5],
+    "even": np.full(_BINS, 1 / _BINS),
+    "1e-30 left": np.where(np.arange(_BINS) == 2, 1.0, 1e-30),
+}
+_EXPONENTS = {
+    "0": (0.0, 0),
+    "-0": (-0.0, 0),
+    "1e-38": (1e-38, 0),
+    "just below 1": (1 - 1e-4, 0),
+    "1": (1.0, 0),
+    "just below 1000": (999.9, 7),
+    "1000": (1000.0, 7),
+    "1e6": (1e6, 7),
+    "infinity": (math.inf, 7),
+} | {
+    f"{side} edge {k}": (10 ** (0.375 * k) * factor, k - (factor < 1))
+    for k in range(1, _BINS)
+    for side, factor in (("at", 1.0), ("just below", 1 - 1e-4))
+}
+
+
+def cases() -> list[Case]:
+    """Every case of these parts."""
+    out = []
+    for precision in TENSORS:
+        for name in _LOGITS:
+            for part, measure in (("softmax", _softmax), ("cross-entropy", _cross_entropy)):
+                measure = functools.partial(measure, name, precision)
+                out.append(Case(part, f"logits: {name}", precision.name, measure))
+        measure = functools.partial(_beyond_the_floor, precision)
+        out.append(Case("cross-entropy", BEYOND, precision.name, measure))
+        measure = functools.partial(_log_loss, precision)
+        out.append(Case("loss on log s", "s from 0 to 65504", precision.name, measure))
+    for name in _PROBABILITIES:
+        for precision in (*TENSORS, NUMPY_SINGLE):
+            measure = functools.partial(_expected, name, precision)
+            out.append(Case("expected log s", name, precision.name, measure))
+        measure = functools.partial(_entropy, name)
+        out.append(Case("entropy", name, NUMPY_DOUBLE.name, measure))
+    for name, (s, index) in _EXPONENTS.items():
+        for precision in (NUMPY_SINGLE, NUMPY_DOUBLE):
+            if precision.holds(s):
+                measure = functools.partial(_bin, s, index, precision)
+                out.append(Case("bins", f"s = {name}", precision.name, measure))
+    for name, s in {"NaN": math.nan, "-1e-9": -1e-9, "-infinity": -math.inf}.items():
+        measure = functools.partial(_refused, s)
+        out.append(Case("bins", f"s = {name} refused", NUMPY_DOUBLE.name, measure))
+    return out
+
+
+BEYOND = "its own logarithm, where a wrong class leads by 20"
+"""Case that the loss is known not to meet."""
+
+
+def _rows(values: np.ndarray) -> np.ndarray:
+    """Enough equal rows for vectorised loops."""
+    return np.tile(values, (5, 1))
+
+
+def _exact_softmax(logits: np.ndarray) -> np.ndarray:
+    """Probabilities `(8,)`, none of which underflows."""
+    with mpmath.workdps(50):
+        powers = [mpmath.exp(mpmath.mpf(float(x))) for x in logits]
+        return np.array([float(power / sum(powers)) for power in powers])
+
+
+# Softmax and cross-entropy.
+
+
+def _probability(logits: Any) -> Any:
+    """Of the true class: what the loss learns from."""
+    return ops.softmax(logits)[:, _TRUE]
+
+
+def _loss(logits: Any) -> Any:
+    """As the networks have it: whatever computes the logits, their softmax is in float32."""
+    bins = np.full(5, _TRUE, np.int32)
+    probabilities = ops.softmax(ops.cast(logits, "float32"))
+    return losses.exponent_cross_entropy(bins, probabilities)
+
+
+def _softmax(name: str, precision: Precision) -> Outcome:
+    """The probability p of the true class; its derivatives are p (1 − p), and −p q."""
+    logits = precision.rounded(_LOGITS[name])
+    found, gradients = precision.evaluate(_probability, _rows(logits))
+    p = _exact_softmax(logits)
+    # Rounded, a difference of logits changes a probability by as much times it.
+    size = p * (1 + np.abs(logits - logits.max()))
+    slope = p[_TRUE] * (np.eye(_BINS)[_TRUE] - p)
+    magnitude = p[_TRUE] * (np.eye(_BINS)[_TRUE] + p) + size[_TRUE] + size
+    return Outcome(
+        precision.compare(found, p[_TRUE], p[_TRUE], size[_TRUE], terms=_BINS),
+        precision.compare(gradients[0], slope, slope, magnitude, terms=_BINS),
+    )
+
+
+def _cross_entropy(name: str, precision: Precision) -> Outcome:
+    """−ln p with its floor: below, the loss is constant and its derivative 0."""
+    logits = precision.rounded(_LOGITS[name])
+    p = _exact_softmax(logits)
+    slope = (p - np.eye(_BINS)[_TRUE]) * (p[_TRUE] > _FLOOR)
+    return _compared_loss(logits, -math.log(max(p[_TRUE], _FLOOR)), slope, precision)
+
+
+def _beyond_the_floor(precision: Precision) -> Outcome:
+    """−ln p itself, as far from the floor as no class of eight may be called impossible."""
+    logits = 20.0 * np.eye(_BINS)[5]
+    p = _exact_softmax(logits)
+    return _compared_loss(logits, -math.log(p[_TRUE]), p - np.eye(_BINS)[_TRUE], precision)
+
+
+def _compared_loss(
+    logits: np.ndarray, right: float, slope: np.ndarray, precision: Precision
+) -> Outcome:
+    found, gradients = precision.evaluate(_loss, _rows(logits))
+    # The logarithm of a probability is as wrong as that is relatively, which is by the difference
+    # of logits; the derivative passes through the probability and back.
+    spread = min(float(np.ptp(logits)), -math.log(_FLOOR))
+    return Outcome(
+        SINGLE.compare(found, right, right, 1 + right + spread, terms=_BINS),
+        precision.compare(gradients[0], slope, slope, 1 + spread, terms=_BINS),
+    )
+
+
+def _log_exponent_loss(log_predicted: Any, exponent: Any) -> Any:
+    return losses.log_exponent_l2(exponent, log_predicted)
+
+
+def _log_loss(precision: Precision) -> Outcome:
+    held = [s for s in (0.0, 1e-6, 1.0, 1e3, 65504.0) if precision.holds(s)]
+    exponents, predicted = pairs(held, (-100.0, 0.0, 1.5, 3.0, 100.0))
+    found, gradients = precision.evaluate(_log_exponent_loss, predicted[:, None], exponents)
+    log = np.log10(np.maximum(precision.rounded(exponents), 1.0))
+    answer = precision.rounded(predicted)
+    size = np.abs(answer) + log + 1
+    slope, right = 2 * (answer - log), (answer - log) ** 2
+    return Outcome(
+        precision.compare(found, right, right, size * (abs(slope) + size * precision.epsilon)),
+        precision.compare(gradients[0][:, 0], slope, slope, 2 * size),
+    )
+
+
+# Bins.
+
+
+def _expected(name: str, precision: Precision) -> Outcome:
+    """Σ p · (0.375 k + 0.1875)."""
+    means = 0.375 * np.arange(_BINS) + 0.1875
+    probabilities = precision.rounded(_PROBABILITIES[name])
+    found, gradients = precision.evaluate(_expected_log, _rows(probabilities))
+    right = probabilities @ means
+    value = precision.compare(found, right, right, right, terms=_BINS)
+    if not gradients:
+        return Outcome(value)
+    return Outcome(value, precision.compare(gradients[0], means, means, means))
+
+
+def _expected_log(probabilities: Any) -> Any:
+    return shininess.log_expected(probabilities)
+
+
+def _entropy(name: str) -> Outcome:
+    probabilities = _PROBABILITIES[name]
+    with mpmath.workdps(50):
+        terms = [mpmath.mpf(float(p)) for p in probabilities]
+        right = float(-sum(p * mpmath.log(p, 2) for p in terms if p > 0))
+    found = shininess.entropy(_rows(probabilities))
+    return Outcome(NUMPY_DOUBLE.compare(found, right, right, right, terms=_BINS))
+
+
+def _bin(s: float, index: int, precision: Precision) -> Outcome:
+    """The class, by every way that the library has to it."""
+    found = shininess.bin_of(np.full(5, precision.array(s)))
+    return Outcome(Compared(found, index, index, 0.0))
+
+
+def _refused(s: float) -> Outcome:
+    return refusal(lambda: shininess.bin_of([3.0, s]), "at least 0", "check the material")

@@ -1,0 +1,180 @@
+"""The masked mean and the losses on masks, shading and albedos, at every level.
+
+The references are the losses' definitions for chosen pixels, in double precision, with the
+derivatives worked out by hand.
+"""
+
+import functools
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from lime_keras import losses
+from lime_keras.optics import masking
+
+from ..trials.images import PIXELS, Slopes, fields, judged, masks, pairs, repeated, signs
+from ..trials.precisions import NUMPY_SINGLE, TENSORS, Precision
+from ..trials.verdicts import Case, Outcome
+
+_PREDICTED = (-1e4, 0.0, 1.0, 11.0, 1e4)
+_SHADINGS = (0.0, 1e-30, 1.0, 65504.0, 1e30)
+
+
+def cases() -> list[Case]:
+    """Every case of these parts."""
+    masked: dict[str, Callable[[np.ndarray, Precision], Outcome]] = {
+        "masked mean": _masked_mean,
+        "loss on masks": _mask_l2,
+        "loss on shading": _shading_l1,
+    }
+    out = []
+    for part, function in masked.items():
+        for name, mask in masks().items():
+            for precision in TENSORS:
+                measure = functools.partial(function, mask, precision)
+                out.append(Case(part, f"{name} mask", precision.name, measure))
+    for precision in (*TENSORS, NUMPY_SINGLE):
+        measure = functools.partial(_large_mask, precision)
+        out.append(Case("masked mean", "full mask of 256 × 256", precision.name, measure))
+    for precision in TENSORS:
+        measure = functools.partial(_albedo, precision)
+        out.append(Case("loss on albedos", "albedos from -30 to 10000", precision.name, measure))
+    return out
+
+
+# What is tried, the arguments that are differentiated by first. Looked up in the library when it
+# is run, so that a test may put something broken there.
+
+
+def _mean(values: Any, mask: Any) -> Any:
+    return masking.masked_mean(values, mask)
+
+
+def _mask_loss(predicted: Any, mask: Any) -> Any:
+    return losses.mask_l2(mask, predicted)
+
+
+def _shading_loss(predicted: Any, mask: Any, shading: Any) -> Any:
+    return losses.shading_l1(shading, predicted, mask)
+
+
+def _albedo_loss(predicted: Any, albedo: Any) -> Any:
+    return losses.albedo_l2(albedo, predicted)
+
+
+# The masked mean.
+
+
+def _masked_mean(mask: np.ndarray, precision: Precision) -> Outcome:
+    """With NaN wherever nothing is covered."""
+    levels = [x for x in (0.0, 1.0, -1e4, 65504.0, 1e30) if precision.holds(x)]
+    values = np.where(mask > 0, fields(levels), np.nan)
+    return judged(
+        _mean,
+        _masked_mean_reference,
+        precision,
+        values,
+        repeated(mask, len(levels)),
+    )
+
+
+def _masked_mean_reference(
+    precision: Precision, values: np.ndarray, masks: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, Slopes]:
+    count = len(values)
+    value, size = np.zeros(count), np.zeros(count)
+    by_value, by_mask, mask_size = (np.zeros_like(values) for _ in range(3))
+    for b in range(count):
+        chosen = masks[b] > 0
+        if not chosen.any():
+            continue
+        weights, inside = masks[b][chosen], values[b][chosen]
+        value[b] = np.average(inside, weights=weights)
+        size[b] = np.average(np.abs(inside), weights=weights)
+        by_value[b][chosen] = weights / weights.sum()
+        by_mask[b] = -value[b] / weights.sum()
+        by_mask[b][chosen] += inside / weights.sum()
+        mask_size[b] = (np.abs(np.where(chosen, values[b], 0)) + size[b]) / weights.sum()
+    return value, size, [(by_value, by_value, by_value), (by_mask, by_mask, mask_size)]
+
+
+def _large_mask(precision: Precision) -> Outcome:
+    """More pixels than float16's largest number."""
+    shape = (1, 256, 256, 1)
+    found, gradients = precision.evaluate(_mean, np.full(shape, 3.0), np.ones(shape))
+    value = precision.compare(found, 3.0, 3.0, 3.0, terms=256 * 256)
+    if not gradients:
+        return Outcome(value)
+    slope = 1 / (256 * 256)
+    return Outcome(value, precision.compare(gradients[0], slope, slope, slope))
+
+
+# Losses under a mask.
+
+
+def _mask_l2(mask: np.ndarray, precision: Precision) -> Outcome:
+    return judged(
+        _mask_loss,
+        _mask_l2_reference,
+        precision,
+        fields(_PREDICTED),
+        repeated(mask, len(_PREDICTED)),
+    )
+
+
+def _mask_l2_reference(
+    precision: Precision, predicted: np.ndarray, mask: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, Slopes]:
+    difference = predicted - mask
+    slope = 2 * difference / PIXELS
+    size = (np.abs(predicted) + np.abs(mask)) * np.abs(difference)
+    value = np.array([np.square(d).sum() / PIXELS for d in difference])
+    slope_size = 2 * (np.abs(predicted) + np.abs(mask)) / PIXELS
+    return value, 2 * size.mean((1, 2, 3)), [(slope, slope, slope_size)]
+
+
+def _shading_l1(mask: np.ndarray, precision: Precision) -> Outcome:
+    shadings = [x for x in _SHADINGS if precision.holds(x)]
+    predicted, shading = pairs(_PREDICTED, shadings)
+    return judged(
+        _shading_loss,
+        _shading_l1_reference,
+        precision,
+        fields(predicted),
+        repeated(mask, len(predicted)),
+        fields(shading),
+    )
+
+
+def _shading_l1_reference(
+    precision: Precision, predicted: np.ndarray, mask: np.ndarray, shading: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, Slopes]:
+    target = np.log1p(shading)
+    size = np.abs(predicted) + np.abs(target)
+    difference = predicted - target
+    low, high = signs(difference, size, precision)
+    weights = mask / np.maximum(mask.sum((1, 2, 3), keepdims=True), 1e-30)
+    value = (np.abs(difference) * weights).sum((1, 2, 3))
+    return value, (size * weights).sum((1, 2, 3)), [(low * weights, high * weights, weights)]
+
+
+def _albedo(precision: Precision) -> Outcome:
+    albedo, predicted = pairs((0.0, 1.0), (-30.0, 0.0, 1e-7, 1.0, 1e4))
+    scale = np.array([1.0, 0.5, 0.25])
+    return judged(
+        _albedo_loss,
+        _albedo_reference,
+        precision,
+        predicted[:, None] * scale,
+        albedo[:, None] * scale,
+    )
+
+
+def _albedo_reference(
+    precision: Precision, predicted: np.ndarray, albedo: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, Slopes]:
+    difference, size = predicted - albedo, np.abs(predicted) + np.abs(albedo)
+    slope = 2 * difference / 3
+    value = np.array([np.square(d).sum() / 3 for d in difference])
+    return value, 2 * (size * np.abs(difference)).mean(-1), [(slope, slope, 2 * size / 3)]

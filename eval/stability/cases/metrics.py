@@ -1,0 +1,82 @@
+"""Table 1's measures where masks are empty, light is out, or exponents are 0."""
+
+import functools
+
+import numpy as np
+
+from lime_keras import metrics
+
+from ..trials.precisions import NUMPY_DOUBLE, NUMPY_SINGLE, Precision
+from ..trials.verdicts import Case, Outcome
+
+UNLIT = "black layer, answered with 1"
+"""Case that the relative error is known not to meet."""
+
+_SHAPE = (2, 6, 5, 1)
+_EMPTY, _FULL = np.zeros(_SHAPE), np.ones(_SHAPE)
+_ONE = np.zeros(_SHAPE)
+_ONE[:, 2, 3] = 1.0
+# True mask, mask found, the share of the union that both hold.
+_MASKS = {
+    "both masks empty": (_EMPTY, _EMPTY, 1.0),
+    "both masks full": (_FULL, _FULL, 1.0),
+    "both masks one pixel": (_ONE, _ONE, 1.0),
+    "empty mask, one pixel found": (_EMPTY, _ONE, 0.0),
+    "one-pixel mask, nothing found": (_ONE, _EMPTY, 0.0),
+    "one-pixel mask, all found": (_ONE, _FULL, 1 / 30),
+    "mask of exactly one half": (0.5 * _FULL, _FULL, 1.0),
+}
+# Mask, shading, answer, Σ|answer − shading| / Σ shading.
+_LAYERS = {
+    "empty mask": (_EMPTY, _FULL, 2 * _FULL, 0.0),
+    "one pixel": (_ONE, _FULL, 1.5 * _FULL, 0.5),
+    "radiance 1e-8": (_FULL, 1e-8 * _FULL, 2e-8 * _FULL, 1.0),
+    "radiance 65504": (_FULL, 65504 * _FULL, 0 * _FULL, 1.0),
+    "radiance 1e30": (_FULL, 1e30 * _FULL, 0 * _FULL, 1.0),
+    "black layer, answered with black": (_FULL, _EMPTY, _EMPTY, 0.0),
+    UNLIT: (_FULL, _EMPTY, _FULL, np.inf),
+}
+# True exponent, log10 of the answer, their distance.
+_EXPONENTS = {
+    "s = 0": (0.0, 1.5, np.inf),
+    "s = 1": (1.0, 0.0, 0.0),
+    "s = 1e6, answer 1": (1e6, 0.0, 6.0),
+}
+
+
+def cases() -> list[Case]:
+    """Every case of this part."""
+    out = []
+    for precision in (NUMPY_SINGLE, NUMPY_DOUBLE):
+        for name, masks in _MASKS.items():
+            measure = functools.partial(_overlap, *masks, precision)
+            out.append(Case("measures", f"overlap of masks, {name}", precision.name, measure))
+        for name, layer in _LAYERS.items():
+            measure = functools.partial(_relative, *layer, precision)
+            out.append(Case("measures", f"relative error, {name}", precision.name, measure))
+        for name, exponent in _EXPONENTS.items():
+            measure = functools.partial(_log_error, *exponent, precision)
+            out.append(Case("measures", f"error of log s, {name}", precision.name, measure))
+    return out
+
+
+def _overlap(
+    mask: np.ndarray, predicted: np.ndarray, right: float, precision: Precision
+) -> Outcome:
+    found, _ = precision.evaluate(metrics.intersection_over_union, mask, predicted)
+    return Outcome(precision.compare(found, right, right, right))
+
+
+def _relative(
+    mask: np.ndarray, shading: np.ndarray, predicted: np.ndarray, right: float, precision: Precision
+) -> Outcome:
+    found, _ = precision.evaluate(metrics.masked_relative_error, shading, predicted, mask)
+    size = np.nan_to_num(right, posinf=0.0)
+    return Outcome(precision.compare(found, right, right, size, terms=mask[0].size))
+
+
+def _log_error(exponent: float, answer: float, right: float, precision: Precision) -> Outcome:
+    found, _ = precision.evaluate(
+        metrics.log_exponent_error, np.full(2, exponent), np.full(2, answer)
+    )
+    return Outcome(precision.compare(found, right, right, np.nan_to_num(right, posinf=0.0)))

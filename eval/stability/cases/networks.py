@@ -1,0 +1,179 @@
+"""Whole systems shown the strangest images: precisions, batches, exported formats, refusals.
+
+Answers are held against `double_precision`; how much they may differ is learnt there from random
+rounding errors of the precision's size.
+"""
+
+import functools
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lime_keras.networks import weights
+
+from ..trials.precisions import BRAIN, HALF, SINGLE, TENSORS, Precision
+from ..trials.systems import BATCH, FRESH, Answers, TrialSystem
+from ..trials.verdicts import Case, Compared, Outcome, joined, refusal
+from .photos import images
+
+FORMATS = {"savedmodel": "SavedModel", "onnx": "ONNX"}
+_SQUARABLE = 1e15
+"""What the optimiser can square in single precision."""
+_IN_A_BATCH = f"all images, in a batch of {BATCH} that ends in NaN"
+_UNSOUND: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "a NaN pixel": lambda image: _with_pixel(image, np.nan),
+    "an infinite pixel": lambda image: _with_pixel(image, np.inf),
+    "a pixel of -0.1": lambda image: _with_pixel(image, -0.1),
+    "levels up to 255": lambda image: 255 * image,
+    "no colours": lambda image: image[..., 0],
+    "an alpha channel": lambda image: np.concatenate([image, image[..., :1]], axis=-1),
+    "no pixels": lambda image: image[:0],
+}
+
+
+def cases(model_dir: Path | None = None) -> list[Case]:
+    """Every case of these parts.
+
+    Args:
+        model_dir: of a trained system; without one, those of `trials.systems.FRESH` are tried.
+    """
+    if model_dir is not None:
+        system = TrialSystem(model_dir)
+        return _cases("trained system", system) + _exports("trained system", system)
+    systems = {f"fresh {name}": TrialSystem(a) for name, a in FRESH.items()}
+    # The baseline is made of the same layers: that is enough of compiling and exporting.
+    out = _cases("fresh LIME", systems["fresh LIME"])
+    out += _cases("fresh baseline", systems["fresh baseline"], (SINGLE, HALF, BRAIN))
+    return out + _exports("fresh LIME", systems["fresh LIME"])
+
+
+def check(model_dir: Path) -> None:
+    """Refuse a folder that holds no model, before anything is tried.
+
+    Raises:
+        FileNotFoundError: if it holds none.
+        ValueError: if the model cannot be read.
+    """
+    weights.load(model_dir)
+
+
+def _cases(part: str, system: TrialSystem, precisions: Sequence[Precision] = TENSORS) -> list[Case]:
+    out = []
+
+    def add(name: str, precision: Precision, measure: Callable[..., Outcome], *more: Any) -> None:
+        measure = functools.partial(measure, system, *more)
+        out.append(Case(part, name, precision.name, measure))
+
+    for precision in precisions:
+        for image in images(2):
+            add(image, precision, _alone, precision, image)
+        add(_IN_A_BATCH, precision, _in_a_batch, precision)
+        if not precision.compiled:
+            add("derivatives by the weights, all images", precision, _derivatives, precision)
+    for image in images(2):
+        add(f"{image}, estimated", SINGLE, _estimated, image)
+    for name, spoil in _UNSOUND.items():
+        add(f"{name}, refused", SINGLE, _refused, spoil)
+    return out
+
+
+def _exports(part: str, system: TrialSystem) -> list[Case]:
+    out = []
+    for model_format, title in FORMATS.items():
+        measures = {
+            image: functools.partial(_exported, system, model_format, image) for image in images(2)
+        }
+        measures["an image alone"] = functools.partial(_exported_alone, system, model_format)
+        measures[_IN_A_BATCH] = functools.partial(_exported_batch, system, model_format)
+        out += [Case(part, name, title, measure) for name, measure in measures.items()]
+    return out
+
+
+def _alone(system: TrialSystem, precision: Precision, image: str) -> Outcome:
+    """A batch of one."""
+    found = system.answers(precision, system.images[image][None])
+    tolerance = system.tolerance(image, precision.epsilon)
+    return Outcome(_compared(found, system.exact(image), tolerance))
+
+
+def _derivatives(system: TrialSystem, precision: Precision) -> Outcome:
+    """Small enough for the optimiser, which squares them."""
+    steepest = system.steepest(precision)
+    return Outcome(gradient=Compared(steepest, 0.0, _SQUARABLE, 0.0))
+
+
+def _in_a_batch(system: TrialSystem, precision: Precision) -> Outcome:
+    """Every image, wherever it stands in the batch, and whatever another one is."""
+    return _every(system, system.answers(precision, system.batch[1]), precision)
+
+
+def _exported_batch(system: TrialSystem, model_format: str) -> Outcome:
+    return _every(system, system.served_batch(model_format), SINGLE)
+
+
+def _every(system: TrialSystem, found: Answers, precision: Precision) -> Outcome:
+    parts = []
+    for position, image in enumerate(system.batch[0]):
+        tolerance = system.tolerance(image, precision.epsilon)
+        parts.append(_compared(_at(position, found), system.exact(image), tolerance))
+    return Outcome(joined(parts))
+
+
+def _at(position: int, found: Answers) -> Answers:
+    """One image's answers of a batch's."""
+    return {name: x[position : position + 1] for name, x in found.items()}
+
+
+def _exported(system: TrialSystem, model_format: str, image: str) -> Outcome:
+    """In the batch, against Keras, which sees one image; both may err."""
+    position = system.batch[0].index(image)
+    return _beside_keras(system, image, _at(position, system.served_batch(model_format)))
+
+
+def _exported_alone(system: TrialSystem, model_format: str) -> Outcome:
+    image = "in steps of 16 bits"
+    return _beside_keras(system, image, system.served(model_format, system.images[image][None]))
+
+
+def _beside_keras(system: TrialSystem, image: str, found: Answers) -> Outcome:
+    right = system.answers(SINGLE, system.images[image][None])
+    twice = {name: 2 * x for name, x in system.tolerance(image, SINGLE.epsilon).items()}
+    return Outcome(_compared(found, right, twice))
+
+
+def _estimated(system: TrialSystem, image: str) -> Outcome:
+    """What the public interface answers, and that it is within its ranges."""
+    material = system.estimator.estimate(system.images[image])
+    found: Answers = {name: np.asarray(layer)[None] for name, layer in material.layers.items()}
+    found["diffuse_albedo"] = np.asarray(material.diffuse_albedo)[None]
+    found["specular_albedo"] = np.array([[material.specular_albedo]])
+    exact, tolerance = system.exact(image), system.tolerance(image, SINGLE.epsilon)
+    shared = found.keys() & exact.keys()
+    parts = [_compared(*({name: x[name] for name in shared} for x in (found, exact, tolerance)))]
+    if "diffuse" in found:
+        parts.append(Compared(found["diffuse"], 0.0, 1.0, 0.0))
+    parts.append(Compared(np.array(material.mask_coverage), 0.0, 1.0, 0.0))
+    parts.append(Compared(np.array(material.exponent), 1.0, 1000.0, 1e-3))
+    return Outcome(joined(parts))
+
+
+def _refused(system: TrialSystem, spoil: Callable[[np.ndarray], np.ndarray]) -> Outcome:
+    photo = spoil(system.images["in steps of 16 bits"])
+    return refusal(lambda: system.estimator.estimate(photo), "photo")
+
+
+def _with_pixel(image: np.ndarray, value: float) -> np.ndarray:
+    out = image.copy()
+    out[1, 2, 0] = value
+    return out
+
+
+def _compared(
+    found: Mapping[str, np.ndarray], right: Mapping[str, np.ndarray], tolerance: Answers
+) -> Compared:
+    """All answers in one row."""
+    if set(found) != set(right):
+        raise ValueError(f"answers {sorted(found)}, expected {sorted(right)}")
+    return joined([Compared(found[name], x, x, tolerance[name]) for name, x in right.items()])

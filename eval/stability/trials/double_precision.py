@@ -1,0 +1,145 @@
+"""A system in double precision, layer by layer: what single and half precision are held against.
+
+Keras' own float64 would not do: the networks' heads are told to compute in float32.
+"""
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import keras
+import numpy as np
+import tensorflow as tf
+from keras import layers
+
+from lime_keras.optics import reflectance_map
+
+
+@dataclass(frozen=True)
+class Rounding:
+    """Random errors of the size that a precision makes, to learn what they lead to.
+
+    A sum of N products is as wrong as if each weight were by some √N ε of itself, and each
+    layer's answer is rounded by ε.
+
+    Attributes:
+        epsilon: of the precision; 0 makes none.
+        rng: draws them.
+    """
+
+    epsilon: float
+    rng: np.random.Generator
+
+    def weights(self, values: np.ndarray) -> np.ndarray:
+        """A layer's weights, outputs last."""
+        terms = values.size / values.shape[-1]
+        return self._moved(values, np.sqrt(terms))
+
+    def answer(self, values: np.ndarray) -> np.ndarray:
+        """What a layer answers."""
+        return self._moved(values, 1.0)
+
+    def _moved(self, values: np.ndarray, units: float) -> np.ndarray:
+        if self.epsilon == 0:
+            return values
+        return values * (1 + units * self.epsilon * self.rng.uniform(-0.5, 0.5, values.shape))
+
+
+EXACT = Rounding(0.0, np.random.default_rng(0))
+
+
+def answers(
+    subnetworks: Mapping[str, keras.Model], images: np.ndarray, rounding: Rounding = EXACT
+) -> dict[str, np.ndarray]:
+    """What `lime_keras.networks.assemble` answers, float64.
+
+    Args:
+        subnetworks: of a whole system.
+        images: `(B, S, S, 3)` sRGB in [0, 1].
+        rounding: made at each layer.
+    """
+    images = np.asarray(images, np.float64)
+
+    def run(name: str, *inputs: np.ndarray) -> Any:
+        return _run(subnetworks[name], inputs, rounding)
+
+    mask = np.clip(1.5 * run("segmentation", images) - 0.25, 0, 1)
+    out = {"mask": mask}
+    if "material" in subnetworks:
+        sphere = run("reflectance_map", images * mask)
+        sphere = sphere * reflectance_map.disc(images.shape[1])
+        out["reflectance_map"] = _expanded(sphere)
+        albedos, exponent = run("material", sphere)
+    else:
+        specular = run("specular", images * mask) * mask
+        seen = [specular]
+        out["specular_shading"] = _expanded(specular)
+        if "mirror" in subnetworks:
+            seen.append(run("mirror", specular) * mask)
+            out["mirror"] = _expanded(seen[1])
+        albedos, exponent = run("albedo", images * mask, specular), run("exponent", *seen)
+    albedos = np.clip(albedos, 0, 1)
+    out |= {"diffuse_albedo": albedos[:, :3], "specular_albedo": albedos[:, 3:]}
+    if exponent.shape[-1] == 1:
+        return out | {"log_exponent": np.clip(exponent, 0, 3)}
+    return out | {"exponent_bin_probabilities": exponent}
+
+
+def _expanded(compressed: np.ndarray) -> np.ndarray:
+    return np.expm1(np.clip(compressed, 0, 11))
+
+
+def _run(model: keras.Model, inputs: Collection[np.ndarray], rounding: Rounding) -> Any:
+    """A functional model's answer, or answers."""
+    made = {id(tensor): x for tensor, x in zip(model.inputs, inputs, strict=True)}
+    for layer in model.layers:
+        if isinstance(layer, layers.InputLayer):
+            continue
+        given = layer.input if isinstance(layer.input, list) else [layer.input]
+        answer = _LAYERS[type(layer)](layer, *[made[id(tensor)] for tensor in given], rounding)
+        made[id(layer.output)] = rounding.answer(answer)
+    found = [made[id(tensor)] for tensor in model.outputs]
+    return found[0] if len(found) == 1 else found
+
+
+def _convolution(layer: layers.Conv2D, x: np.ndarray, rounding: Rounding) -> np.ndarray:
+    kernel, bias = _weights(layer, rounding)
+    return _activated(layer, tf.nn.conv2d(x, kernel, 1, "SAME").numpy() + bias)
+
+
+def _dense(layer: layers.Dense, x: np.ndarray, rounding: Rounding) -> np.ndarray:
+    kernel, bias = _weights(layer, rounding)
+    return _activated(layer, x @ kernel + bias)
+
+
+def _weights(layer: keras.Layer, rounding: Rounding) -> tuple[np.ndarray, np.ndarray]:
+    kernel, bias = (np.asarray(weight, np.float64) for weight in layer.get_weights())
+    return rounding.weights(kernel), bias
+
+
+def _activated(layer: Any, x: np.ndarray) -> np.ndarray:
+    name = layer.activation.__name__
+    return {"relu": lambda: np.maximum(x, 0), "linear": lambda: x}[name]()
+
+
+def _softmax(layer: layers.Softmax, x: np.ndarray, rounding: Rounding) -> np.ndarray:
+    powers = np.exp(x - x.max(-1, keepdims=True))
+    return powers / powers.sum(-1, keepdims=True)
+
+
+def _pooled(layer: layers.MaxPooling2D, x: np.ndarray, rounding: Rounding) -> np.ndarray:
+    count, height, width, channels = x.shape
+    return x.reshape(count, height // 2, 2, width // 2, 2, channels).max((2, 4))
+
+
+_LAYERS: dict[type, Callable[..., np.ndarray]] = {
+    layers.Conv2D: _convolution,
+    layers.Dense: _dense,
+    layers.Softmax: _softmax,
+    layers.MaxPooling2D: _pooled,
+    layers.UpSampling2D: lambda layer, x, rounding: x.repeat(2, 1).repeat(2, 2),
+    layers.Concatenate: lambda layer, *xs: np.concatenate(xs[:-1], axis=-1),
+    layers.Flatten: lambda layer, x, rounding: x.reshape(len(x), -1),
+    layers.Reshape: lambda layer, x, rounding: x.reshape(len(x), *layer.target_shape),
+}
+"""Of each kind of layer that the networks are made of, what it computes."""

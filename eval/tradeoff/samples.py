@@ -1,0 +1,53 @@
+"""A few images of one corpus, and what they follow from: `data.samples`, kept in a ledger."""
+
+from pathlib import Path
+
+import numpy as np
+
+from lime_keras.data import corpus as corpus_files
+from lime_keras.data import samples
+
+from ..accuracy.evaluate import test_shards
+from ..ledger import DependsOn, Ledger, sha256
+
+LARGEST_BATCH = 32
+"""Images of the test split: as many as are answered at once."""
+
+
+class Samples:
+    """Images `(N, S, S, 3)` sRGB in [0, 1] of one corpus, float32.
+
+    Args:
+        corpus: folder with complete `train` and `test` splits.
+        ledger: keeps the test images.
+        camera: take photos of the scenes (`lime_keras.data.camera`), the same every time.
+    """
+
+    def __init__(self, corpus: Path, ledger: Ledger, *, camera: bool):
+        self.corpus, self.camera = corpus, camera
+        self._ledger = ledger
+
+    def depends_on(self, split: str) -> DependsOn:
+        """What images of a split follow from, their size apart."""
+        manifest = sha256(corpus_files.manifest_path(self.corpus, split))
+        return {"corpus": manifest, "camera": self.camera}
+
+    def test(self, size: int) -> Path:
+        """`.npy` file of the first images of the test split."""
+
+        def write(path: Path) -> None:
+            shards = test_shards(self.corpus)
+            images = samples.first(shards, size, LARGEST_BATCH, camera=self.camera)
+            with path.open("wb") as file:
+                np.save(file, images)
+
+        key = {**self.depends_on("test"), "size": size, "count": LARGEST_BATCH}
+        return self._ledger.file(f"images/{size}.npy", key, write)
+
+    def calibration(self, size: int) -> np.ndarray:
+        """Images that the networks were trained on."""
+        return samples.calibration(self.corpus, size, camera=self.camera)
+
+    def validation(self, size: int) -> np.ndarray:
+        """Images that training held out."""
+        return samples.validation(self.corpus, size, camera=self.camera)

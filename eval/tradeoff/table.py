@@ -1,0 +1,298 @@
+"""The trade in Markdown: what was measured, what it was measured on, and what to take."""
+
+import functools
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
+
+from lime_keras.export.parity import TOLERANCE
+from lime_keras.export.quantisation import RANGES
+
+from ..accuracy.measures import MEASURES
+from ..accuracy.table import number, with_interval
+from .cases import SUBNETWORK, SYSTEM, YARDSTICK, is_crossed, is_whole
+from .costs import TITAN_XP
+from .runtimes import ONNX
+
+Row = Mapping[str, Any]
+_ABSENT = "–"
+_ERRORS = {
+    "mask_iou": "IoU",
+    "exponent_exact": "bin",
+    "exponent_within_one": "bin ± 1",
+    "log_exponent_mae": "log s",
+    "diffuse_albedo_mae": "m_d",
+    "specular_albedo_mae": "m_s",
+    "specular_shading_relative": "S",
+    "mirror_relative": "M",
+    "relighting_psnr": "relit",
+    "relighting_psnr_unseen": "relit, unseen",
+}
+"""Columns of the tables; all the other measures stand in the JSON."""
+_COLUMNS: dict[str, Callable[[Row], str]] = {
+    "": lambda row: "◆" if row["front"] else "",
+    "run": lambda row: row["model"],
+    "pixels": lambda row: str(row["image_size"]),
+    "runtime": lambda row: row["runtime"],
+    "precision": lambda row: row["precision"],
+    "only": lambda row: row["part"],
+    "batch": lambda row: str(row["batch"]),
+    "threads": lambda row: str(row["threads"]),
+    "ms": lambda row: _ms(row["latency_ms"]),
+    "p95": lambda row: _ms(row["p95_ms"]),
+    "images/s": lambda row: f"{row['images_per_second']:.1f}",
+    "Δ Keras": lambda row: f"{row['difference']:.0e}",
+    "score": lambda row: f"{row['score']:.3f}",
+    "parameters": lambda row: _count(row["parameters"]),
+    "GFLOP": lambda row: f"{row['gflop']:.2f}",
+    "GFLOP/s": lambda row: f"{1e3 * row['gflop'] / row['latency_ms']:.0f}",
+    "paper, Titan Xp ms": lambda row: _paper(row),
+    "model MiB": lambda row: f"{row['model_mib']:.1f}",
+    "peak MiB": lambda row: f"{row['peak_memory_mib']:.0f}",
+    "cold start s": lambda row: f"{row['cold_start_ms'] / 1e3:.2f}",
+    "import": lambda row: f"{row['import_ms'] / 1e3:.2f}",
+    "load": lambda row: f"{row['load_ms'] / 1e3:.2f}",
+    "first": lambda row: f"{row['first_ms'] / 1e3:.2f}",
+    "samples": lambda row: str(row["samples"]),
+    "spread": lambda row: f"{100 * row['spread']:.0f} %",
+    "busy": lambda row: f"{row['busy']:.1f}",
+}
+_TEXTS = ("", "run", "runtime", "precision", "only", "ranges", "measured on")
+"""Columns that are flush left."""
+
+
+def markdown(result: Mapping[str, Any]) -> str:
+    """The tables of `tradeoff.measure`'s result, each under its heading."""
+    sections = {
+        "The trade": _cross,
+        "Recommendations": _recommendations,
+        "What a precision does": _precisions,
+        "Eight bits": _int8,
+        "Threads": _threads,
+        "Batch": _batches,
+        "What is asked for": _parts,
+        "Subnetworks, beside the paper's": _subnetworks,
+        "Yardsticks": _yardsticks,
+        "Memory, size and cold start": _resources,
+    }
+    texts = [f"## {title}\n\n{section(result)}" for title, section in sections.items()]
+    return "\n\n".join([_conditions(result), *texts]) + "\n"
+
+
+def _conditions(result: Mapping[str, Any]) -> str:
+    machine = result["machine"]
+    packages = ", ".join(" ".join(pair) for pair in machine["packages"].items())
+    instructions = ", ".join(machine["instructions"]) or "unknown instructions"
+    seen = ", seen through a camera" if result["camera"] else ""
+    busy = min(row["busy"] for row in result["rows"])
+    return (
+        f"{result['date']}, {machine['processor']} ({instructions}), {machine['cores']} cores, "
+        f"{machine['memory_gib']} GiB, {machine['system']}; Python {machine['python']}, "
+        f"{packages}. Load as it began: {result['load']:.1f}. Times are medians over the calls of "
+        f"{result['rounds']} processes of their own, taken in turns, after warm-up; each had "
+        f"{busy:.2f} processors or more, and below 1 other programs were in the way. Errors are "
+        f"those of {result['count']} test images of {result['corpus']}{seen}."
+    )
+
+
+def _cross(result: Mapping[str, Any]) -> str:
+    rows = sorted(_crossed(result), key=lambda row: row["latency_ms"])
+    scored = ", ".join(_ERRORS[name] for name in result["scored"])
+    about = (
+        f"One image, all {result['machine']['cores']} threads. Score: mean of error ÷ chance over "
+        f"{scored}; 0 is perfect, 1 knows nothing. ◆: no variant is both faster and better by "
+        "score. Δ Keras: largest difference from Keras in the same precision (eight bits: in "
+        f"float32) on test images, relative above 1; up to {TOLERANCE} the errors are Keras' own. "
+        "IoU, S and M are each at the run's own number of pixels. A processor without arithmetic "
+        "of float16 or bfloat16 emulates it, and is slower then: see its instructions above. ONNX "
+        "Runtime on x86 computes float16 models in float32, between casts, whatever the "
+        "processor can: they are half the size, not half the time."
+    )
+    columns = ("", "run", "pixels", "runtime", "precision", "ms", "p95", "Δ Keras", "score")
+    return f"{about}\n\n{_rows(rows, *columns, *_shown(rows))}"
+
+
+def _recommendations(result: Mapping[str, Any]) -> str:
+    rule = (
+        "The least score within the budget, and of those within 1 % of it the cheapest. Of the "
+        "eight-bit precisions only the one that held-out training images chose takes part."
+    )
+    return "\n".join([rule, "", *map(_recommendation, result["recommendations"])])
+
+
+def _recommendation(one: Mapping[str, Any]) -> str:
+    row, unit = one["row"], one["unit"]
+    name = f"{row['model']}, {row['runtime']}, {row['precision']}"
+    if one["within"]:
+        said = f"**{name}** ({one['cost']:.1f} {unit}, score {row['score']:.3f})"
+    else:
+        said = f"**nothing measured meets the budget**; nearest is {name}, {one['cost']:.1f} {unit}"
+    return f"- For {one['device']}: {said}. Rule: {one['rule']}."
+
+
+def _precisions(result: Mapping[str, Any]) -> str:
+    rows = _crossed(result)
+    shown = _shown(rows)
+    plain = {row["model"]: row for row in rows if row["precision"] == "float32"}
+    distinct = {(row["model"], row["precision"], row["measured_on"]): row for row in rows}
+    lines = [
+        [*key, *(_change(row, plain[row["model"]], title) for title in shown)]
+        for key, row in distinct.items()
+    ]
+    about = (
+        "The errors of float32 with half their 95 % intervals, and by how much those of another "
+        "precision are higher."
+    )
+    return f"{about}\n\n{_table(['run', 'precision', 'measured on', *shown], lines)}"
+
+
+def _int8(result: Mapping[str, Any]) -> str:
+    harms = [
+        (name, precision, ranges, harm)
+        for name, run in result["runs"].items()
+        for precision, by_ranges in run["int8_harm"].items()
+        for ranges, harm in by_ranges.items()
+    ]
+    outputs = list(dict.fromkeys(output for *_, harm in harms for output in harm))
+    lines = [
+        [
+            *key,
+            *(f"{100 * harm[output]:.2f}" if output in harm else _ABSENT for output in outputs),
+            f"{100 * sum(harm.values()) / len(harm):.2f}",
+            _taken(result["runs"][key[0]], *key[1:]),
+        ]
+        for *key, harm in harms
+    ]
+    about = (
+        "Mean difference from float32 over mean magnitude, in per cent, on training images that "
+        "were held out; calibrated on others of them. Ranges: what a scale covers, the "
+        f"{' or the '.join(RANGES)} of the calibration images' ranges. ✓: the better ranges; ✓✓: "
+        "and the better precision."
+    )
+    return f"{about}\n\n{_table(['run', 'precision', 'ranges', *outputs, 'mean', 'taken'], lines)}"
+
+
+def _taken(run: Mapping[str, Any], precision: str, ranges: str) -> str:
+    if run["best_ranges"][precision] != ranges:
+        return ""
+    return "✓✓" if precision == run["best_int8"] else "✓"
+
+
+def _threads(result: Mapping[str, Any]) -> str:
+    rows = [r for r in result["rows"] if is_whole(r) and r["runtime"] == ONNX and r["batch"] == 1]
+    rows.sort(key=lambda row: (row["model"], row["precision"], row["threads"]))
+    columns = ("run", "precision", "threads", "ms", "p95", "busy")
+    return f"ONNX Runtime, one image.\n\n{_rows(rows, *columns)}"
+
+
+def _batches(result: Mapping[str, Any]) -> str:
+    rows = sorted(filter(is_whole, _plain(result)), key=lambda row: (row["model"], row["batch"]))
+    columns = ("run", "batch", "ms", "p95", "images/s", "peak MiB")
+    return f"ONNX Runtime, float32, all threads; ms of a whole batch.\n\n{_rows(rows, *columns)}"
+
+
+def _parts(result: Mapping[str, Any]) -> str:
+    rows = [row for row in _plain(result) if row["batch"] == 1]
+    rows.sort(key=lambda row: (row["model"], row["gflop"]))
+    about = "As `lime-estimate --only` asks: ONNX Runtime, float32, one image, all threads."
+    columns = ("run", "only", "ms", "p95", "GFLOP", "model MiB", "peak MiB")
+    return f"{about}\n\n{_rows(rows, *columns)}"
+
+
+def _subnetworks(result: Mapping[str, Any]) -> str:
+    rows = [row for row in result["rows"] if row["kind"] == SUBNETWORK] + _systems(result)
+    rows.sort(key=lambda row: row["model"])
+    about = (
+        "ONNX Runtime, float32, one image, all threads, each alone. The paper's networks, timed on "
+        "a Titan Xp, are of unknown width and see 256 × 256 pixels."
+    )
+    columns = ("run", "pixels", "only", "parameters", "GFLOP", "ms", "paper, Titan Xp ms")
+    return f"{about}\n\n{_rows(rows, *columns)}"
+
+
+def _paper(row: Row) -> str:
+    """The paper's time for a subnetwork, or for all of them together."""
+    milliseconds = sum(TITAN_XP.values()) if is_whole(row) else TITAN_XP.get(row["part"])
+    return _ABSENT if milliseconds is None else f"{milliseconds:.2f}"
+
+
+def _yardsticks(result: Mapping[str, Any]) -> str:
+    rows = [row for row in result["rows"] if row["kind"] == YARDSTICK] + _systems(result)
+    rows.sort(key=lambda row: (row["image_size"], row["gflop"]))
+    about = (
+        "No network published for this very task could be had: of the paper there is neither code "
+        "nor weights. Public classifiers of known size, with random weights, exported and timed "
+        "the same way in the same rounds (ONNX Runtime, float32, one image, all threads):"
+    )
+    columns = ("run", "pixels", "parameters", "GFLOP", "ms", "GFLOP/s")
+    return f"{about}\n\n{_rows(rows, *columns)}"
+
+
+def _resources(result: Mapping[str, Any]) -> str:
+    about = (
+        "One image, all threads. Peak memory is the whole process's. Cold start: from the start of "
+        "the process to its first answer, with the files in the system's cache; of it the import "
+        "of the runtime, the loading of the model and the first answer. Spread: of the rounds' "
+        "medians. Busy: processor seconds a second."
+    )
+    columns = (
+        *("run", "runtime", "precision", "model MiB", "peak MiB", "cold start s", "import", "load"),
+        *("first", "images/s", "samples", "spread", "busy"),
+    )
+    return f"{about}\n\n{_rows(_crossed(result), *columns)}"
+
+
+def _crossed(result: Mapping[str, Any]) -> list[Row]:
+    return [row for row in result["rows"] if is_crossed(row, result["machine"]["cores"])]
+
+
+def _plain(result: Mapping[str, Any]) -> list[Row]:
+    """Systems and their parts under ONNX Runtime in float32, on all threads."""
+    wanted = ("kind", "runtime", "precision", "threads")
+    of = (SYSTEM, ONNX, "float32", result["machine"]["cores"])
+    return [row for row in result["rows"] if tuple(row[name] for name in wanted) == of]
+
+
+def _systems(result: Mapping[str, Any]) -> list[Row]:
+    """Each run under ONNX Runtime in float32, one image, all threads."""
+    return [row for row in _plain(result) if is_whole(row) and row["batch"] == 1]
+
+
+def _shown(rows: Sequence[Row]) -> list[str]:
+    """Those of `_ERRORS` that a run has, by their titles."""
+    return [title for name, title in _ERRORS.items() if any(name in r["errors"] for r in rows)]
+
+
+def _error(row: Row, name: str) -> str:
+    return number(row["errors"].get(name), MEASURES[name].unit)
+
+
+def _change(row: Row, plain: Row, title: str) -> str:
+    """A measure of float32 with half its interval; of another precision, what it adds to that."""
+    name = next(name for name in _ERRORS if _ERRORS[name] == title)
+    if name not in row["errors"]:
+        return _ABSENT
+    unit = MEASURES[name].unit
+    if row["precision"] == "float32":
+        return with_interval(row["errors"][name], row["interval"][name], unit)
+    change = row["errors"][name] - plain["errors"][name]
+    return ("−" if change < 0 else "+") + number(abs(change), unit)
+
+
+def _ms(value: float) -> str:
+    return f"{value:.1f}" if value >= 10 else f"{value:.2f}"
+
+
+def _count(value: float) -> str:
+    return f"{value / 1e6:.2f} M" if value >= 1e6 else f"{value / 1e3:.0f} k"
+
+
+def _rows(rows: Iterable[Row], *columns: str) -> str:
+    """A table of `_COLUMNS` and `_ERRORS`, a line for each row."""
+    errors = {title: functools.partial(_error, name=name) for name, title in _ERRORS.items()}
+    cells = _COLUMNS | errors
+    return _table(columns, ([cells[column](row) for column in columns] for row in rows))
+
+
+def _table(header: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
+    rule = ["---" if column in _TEXTS else "---:" for column in header]
+    return "\n".join("| " + " | ".join(line) + " |" for line in [header, rule, *lines])

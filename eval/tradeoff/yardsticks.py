@@ -1,0 +1,66 @@
+"""Public networks of known size, to hold a machine's times against.
+
+No network published for this very task could be had: the paper's authors gave out neither code nor
+weights. MobileNetV2 and ResNet50 are in Keras itself; with random weights they take as long as
+with trained ones.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import keras
+
+from lime_keras.export import formats
+
+from ..ledger import Ledger
+from . import machine
+from .costs import flop
+
+NETWORKS: dict[str, Callable[..., keras.Model]] = {
+    "MobileNetV2": keras.applications.MobileNetV2,
+    "ResNet50": keras.applications.ResNet50,
+}
+"""1,000 classes from an image `(B, S, S, 3)`."""
+
+
+class Yardstick:
+    """One of `NETWORKS` for images of one size, exported as a run is.
+
+    Args:
+        name: of the network.
+        image_size: height and width of its images; 32 or more.
+        ledger: keeps its files.
+    """
+
+    def __init__(self, name: str, image_size: int, ledger: Ledger):
+        self.name, self.image_size = name, image_size
+        self._ledger = ledger
+        self.depends_on = {"network": name, "size": image_size, "packages": machine.packages()}
+
+    @property
+    def costs(self) -> dict[str, Any]:
+        """`parameters`, and `gflop` for one image."""
+
+        def count() -> dict[str, Any]:
+            network = self._build()
+            return {"parameters": network.count_params(), "gflop": 1e-9 * flop(network)}
+
+        return self._ledger.value(f"costs/{self._slug}", self.depends_on, count)
+
+    @property
+    def path(self) -> Path:
+        """ONNX in float32."""
+        return self._ledger.file(
+            f"models/{self._slug}.onnx",
+            self.depends_on,
+            lambda path: formats.write_onnx(self._build(), path),
+        )
+
+    @property
+    def _slug(self) -> str:
+        return f"yardstick-{self.name}-{self.image_size}"
+
+    def _build(self) -> keras.Model:
+        shape = (self.image_size, self.image_size, 3)
+        return NETWORKS[self.name](weights=None, input_shape=shape)

@@ -1,0 +1,1 @@
+"""`lime-estimate` and `lime-export`."""

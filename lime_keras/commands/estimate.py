@@ -1,0 +1,225 @@
+"""`lime-estimate`: photos and videos in, materials out."""
+
+import argparse
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lime_keras import console
+from lime_keras.version import __version__
+
+if TYPE_CHECKING:
+    from lime_keras.estimate.estimator import Estimator
+
+_ONLY = ("mask", "specular", "mirror", "albedo", "exponent", "diffuse", "reflectance_map")
+_OF_A_FRAME = ("mask", "albedo", "exponent")
+"""What a video's table and overlay show."""
+
+_EXAMPLE = """
+examples:
+  lime-estimate photo.jpg
+  lime-estimate turntable.mp4
+  lime-estimate camera:0 --out live
+  lime-estimate photos/ --out materials --only albedo,exponent
+  lime-estimate photo.jpg --mask mask.png --weights runs/mine
+  lime-estimate photo.jpg --clone-onto teapot.ply
+
+Photos: JPEG, PNG, HEIC, TIFF, WebP, OpenEXR, Radiance and more, up to 50 million pixels.
+The object is looked for in the whole photo and, if it is small, once more from near. A photo with
+transparency brings its own mask. A file that cannot be read is told by name; the rest is done.
+
+Each photo's numbers go to standard output and to OUT/NAME.json, and into OUT/NAME.mtl (Wavefront),
+NAME.gltf (glTF 2.0, on a sphere) and NAME-mitsuba.json (a scene for mitsuba.load_dict); its layers,
+of the photo's size, to NAME-LAYER.png and, of linear radiance (specular shading, mirror image; of
+the baseline, its reflectance map), NAME-LAYER.exr; all in one picture is NAME-preview.png.
+
+--normals also writes the light that the photo was taken under, OUT/NAME-environment.exr (64×128,
+linear radiance, camera space). --clone-onto puts the material, under that light, onto a mesh in the
+object's place: OUT/NAME-clone.png; without --normals they are guessed, roughly, from the mask.
+
+Videos (MP4, MOV, MKV, WebM, AVI and more) and cameras (`camera:0`, until Ctrl-C) are estimated
+frame by frame and fused by a median over five frames and a decaying average, which scene cuts and
+lost objects restart: OUT/NAME.csv has a row for each frame; OUT/NAME-overlay.mp4 shows them.
+"""
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command's options."""
+    out = argparse.ArgumentParser(
+        prog="lime-estimate",
+        description="Estimate mask, specular shading, mirror image, albedos and shininess of the "
+        "one object in each photo or video.",
+        epilog=_EXAMPLE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    out.add_argument(
+        "sources",
+        nargs="+",
+        metavar="PHOTO",
+        help="picture, video, camera, or folder of pictures and videos",
+    )
+    out.add_argument(
+        "--weights",
+        type=Path,
+        metavar="RUN",
+        help="run of lime-train (default: the model that comes with the package)",
+    )
+    out.add_argument(
+        "--out", type=Path, default=Path("materials"), metavar="DIR", help="(default: materials)"
+    )
+    out.add_argument(
+        "--only",
+        type=_names,
+        metavar="NAMES",
+        help=f"comma-separated: {', '.join(_ONLY)}; only the subnetworks it takes are run "
+        "(default: all that RUN can estimate)",
+    )
+    out.add_argument(
+        "--mask",
+        type=Path,
+        metavar="FILE",
+        help="picture of the photo's size, white where the object is, in place of looking for it; "
+        "for several photos, a folder with one of the same name for each",
+    )
+    out.add_argument(
+        "--normals",
+        type=Path,
+        metavar="FILE",
+        help="the object's normals in camera space (x right, y up, z towards the camera), of the "
+        "photo's size: OpenEXR, or PNG of (n + 1) / 2; for several photos, a folder as for --mask",
+    )
+    out.add_argument(
+        "--clone-onto",
+        type=Path,
+        metavar="MESH",
+        help="OBJ, PLY, STL or GLB to render in the object's place",
+    )
+    out.add_argument("--version", action="version", version=__version__)
+    return out
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Estimate the material of each photo; returns the exit status."""
+    options = parser().parse_args(argv)
+    return console.run(lambda: _estimate(options), "photos done so far are in the output folder")
+
+
+def _estimate(options: argparse.Namespace) -> int:
+    photos, videos = _sorted(options.sources)
+    _check(options, photos, videos)
+    if options.clone_onto:
+        # Before TensorFlow, or the process crashes.
+        from lime_keras.render.mitsuba_setup import variants
+
+        variants.activate(variants.choose(), os.cpu_count() or 1)
+    console.import_tensorflow()
+    from lime_keras.estimate.batch import Batch
+    from lime_keras.estimate.files import distinct_names
+
+    names = distinct_names([*photos, *map(_path, videos)])
+    failed = 0
+    if photos:
+        estimator = _estimator(options, options.only)
+        options.out.mkdir(parents=True, exist_ok=True)
+        batch = Batch(
+            estimator,
+            options.out,
+            masks=options.mask,
+            light=bool(options.normals or options.clone_onto),
+            normals=options.normals,
+            mesh=options.clone_onto,
+        )
+        batch.run(dict(zip(names, photos, strict=False)))
+        print(batch.summary(), file=sys.stderr)
+        failed += batch.failed
+    if videos:
+        estimator = _estimator(options, options.only or _OF_A_FRAME)
+        for source, name in zip(videos, names[len(photos) :], strict=True):
+            failed += not _estimate_video(estimator, source, options.out, name)
+    return 1 if failed else 0
+
+
+def _check(options: argparse.Namespace, photos: list[Path], videos: list[str]) -> None:
+    """Refuse what does not go together, before anything is loaded."""
+    for option, given in (("--mask", options.mask), ("--normals", options.normals)):
+        if given and videos:
+            raise ValueError(f"{option} is for photos, and {videos[0]} is a video: leave one out")
+        if given and not given.is_dir() and len(photos) > 1:
+            raise ValueError(
+                f"{option} {given} is one file for {len(photos)} photos: pass a folder that holds "
+                "one of the same name for each"
+            )
+    if options.only and (options.normals or options.clone_onto):
+        raise ValueError("--normals and --clone-onto take the whole estimate: leave out --only")
+    if options.clone_onto and not options.clone_onto.is_file():
+        raise ValueError(f"{options.clone_onto} is no file: pass a mesh to --clone-onto")
+
+
+def _estimator(options: argparse.Namespace, only: tuple[str, ...] | None) -> "Estimator":
+    from lime_keras.estimate.estimator import Estimator
+    from lime_keras.networks import weights
+
+    return Estimator(options.weights or weights.SHIPPED, only)
+
+
+def _estimate_video(estimator: "Estimator", source: str, out: Path, name: str) -> bool:
+    """Estimate and tell; returns whether it could be done."""
+    import json
+
+    from lime_keras.video.estimate import estimate_video
+
+    try:
+        summary = estimate_video(source, estimator, out, name)
+    except ValueError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return False
+    print(json.dumps({"video": source} | summary.material.to_json(), indent=1))
+    for remark in summary.remarks:
+        print(f"warning: {remark}", file=sys.stderr)
+    if not summary.found:
+        print(f"warning: {source}: no object was found in any frame", file=sys.stderr)
+    print(
+        f"{source}: {summary.frames} frames, an object in {summary.found} of them, "
+        f"{summary.cuts} scene cuts; {summary.table}, {summary.overlay}",
+        file=sys.stderr,
+    )
+    return True
+
+
+def _sorted(given: list[str]) -> tuple[list[Path], list[str]]:
+    """The photos and the videos among what is named, and in the folders that are named."""
+    from lime_keras.io.photo import SUFFIXES
+    from lime_keras.io.video_reader import is_camera, is_video
+
+    photos: list[Path] = []
+    videos: list[str] = []
+    for source in given:
+        path = Path(source)
+        if is_camera(source) or not path.is_dir():
+            videos.append(source) if is_video(source) else photos.append(path)
+            continue
+        files = sorted(path.iterdir())
+        held = [file for file in files if file.suffix.lower() in SUFFIXES]
+        moving = [str(file) for file in files if is_video(str(file))]
+        if not held and not moving:
+            raise ValueError(f"{path} holds no pictures: {', '.join(SUFFIXES)} are looked for")
+        photos, videos = photos + held, videos + moving
+    return photos, videos
+
+
+def _path(video: str) -> Path:
+    """What a video's files are named after; of a camera's name, what a file may be called."""
+    from lime_keras.io.video_reader import is_camera
+
+    return Path(video.replace(":", "-").replace("/", "-")) if is_camera(video) else Path(video)
+
+
+def _names(text: str) -> tuple[str, ...]:
+    names = tuple(part.strip() for part in text.split(","))
+    unknown = [name for name in names if name not in _ONLY]
+    if unknown:
+        raise argparse.ArgumentTypeError(
+            f"unknown: {', '.join(unknown)}; choose from {', '.join(_ONLY)}"
+        )
+    return names

@@ -1,0 +1,1 @@
+"""Corpora: the record of one example, the pipeline that reads it, and its augmentations."""

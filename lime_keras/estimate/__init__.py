@@ -1,0 +1,1 @@
+"""From photos to materials, and the files that are written of each."""

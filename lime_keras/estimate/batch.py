@@ -1,0 +1,162 @@
+"""Many photos with one model: read, estimated and written batch by batch."""
+
+import sys
+import time
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from lime_keras.estimate import files as estimate_files
+from lime_keras.estimate.estimator import Estimator
+from lime_keras.io import photo
+from lime_keras.lighting import files as lighting_files
+from lime_keras.material import Material
+
+_BATCH, _BATCH_PIXELS = 8, 25_000_000
+"""Photos whose networks run at once: at most so many, and some 1 GB of pixels."""
+
+
+class Batch:
+    """Photos estimated one batch after another with one model, and how it went.
+
+    Args:
+        estimator: of all of them.
+        out: folder, which exists, for their files (`estimate_files.write`).
+        masks: the one photo's mask, or a folder with one of the same name for each; None where they
+            are to be looked for.
+        light: whether to write the light of each photo, too (`lighting_files.write`).
+        normals: the one object's normals, or a folder likewise; None where they are to be guessed.
+        mesh: to put in each object's place.
+
+    Attributes:
+        failed: photos that could not be read.
+    """
+
+    def __init__(
+        self,
+        estimator: Estimator,
+        out: Path,
+        *,
+        masks: Path | None = None,
+        light: bool = False,
+        normals: Path | None = None,
+        mesh: Path | None = None,
+    ):
+        self._estimator, self._out, self._masks = estimator, out, masks
+        self._light, self._normals, self._mesh = light, normals, mesh
+        self._seconds = {"reading": 0.0, "networks": 0.0, "writing": 0.0}
+        self._masks_looked_for = self._done = self._empty = 0
+        self.failed = 0
+
+    def run(self, photos: Mapping[str, Path]) -> None:
+        """Estimate and write photos, by the name that their files are to have.
+
+        Their numbers go to standard output, progress and errors to standard error.
+        """
+        with tqdm(total=len(photos), unit="photo", delay=2) as bar:
+            for batch in self._batches(photos):
+                self._estimate(batch)
+                bar.update(self._done + self.failed - bar.n)
+            bar.update(self._done + self.failed - bar.n)
+
+    def summary(self) -> str:
+        """What was done, in one line."""
+        ran = [
+            name
+            for name in self._estimator.subnetworks
+            if name != "segmentation" or self._masks_looked_for
+        ]
+        each = {
+            name: f"{1000 * s / max(self._done, 1):.0f} ms" for name, s in self._seconds.items()
+        }
+        return (
+            f"{self._done} done, {self.failed} failed, {self._empty} without an object, in "
+            f"{self._out}; a photo took {each['networks']} in the networks "
+            f"({', '.join(ran) or 'none'}), {each['reading']} to read, {each['writing']} to write"
+        )
+
+    def _batches(self, photos: Mapping[str, Path]) -> Iterator[list[tuple[Any, ...]]]:
+        """Some photos with their path, name and mask; those that cannot be read are told."""
+        batch: list[tuple[Any, ...]] = []
+        pixels = 0
+        for name, path in photos.items():
+            begun = time.perf_counter()
+            try:
+                image, mask = self._read(path)
+            except (ValueError, OSError) as error:
+                self._tell_failure(path, error)
+                continue
+            finally:
+                self._seconds["reading"] += time.perf_counter() - begun
+            if batch and pixels + image[..., 0].size > _BATCH_PIXELS:
+                yield batch
+                batch, pixels = [], 0
+            batch.append((path, name, image, mask))
+            pixels += image[..., 0].size
+            if len(batch) == _BATCH:
+                yield batch
+                batch, pixels = [], 0
+        if batch:
+            yield batch
+
+    def _read(self, path: Path) -> tuple[np.ndarray, np.ndarray | None]:
+        """The photo and, if there is one, its mask."""
+        image, alpha = photo.read(path)
+        if self._masks is None:
+            return image, alpha
+        return image, photo.read_mask(_belonging(path, self._masks), *image.shape[:2])
+
+    def _estimate(self, batch: list[tuple[Any, ...]]) -> None:
+        paths, names, images, masks = zip(*batch, strict=True)
+        self._masks_looked_for += sum(mask is None for mask in masks)
+        begun = time.perf_counter()
+        materials = self._estimator.estimate_many(images, masks)
+        for path, name, image in zip(paths, names, images, strict=True):
+            material = next(materials)
+            estimated = time.perf_counter()
+            self._write(path, name, image, material)
+            self._seconds["networks"] += estimated - begun
+            begun = time.perf_counter()
+            self._seconds["writing"] += begun - estimated
+
+    def _write(self, path: Path, name: str, image: np.ndarray, material: Material) -> None:
+        text = estimate_files.write(self._out, name, path, image, material)
+        try:
+            if self._light:
+                normals = self._normals and _belonging(path, self._normals)
+                lighting_files.write(
+                    self._out, name, image, material, normals=normals, mesh=self._mesh
+                )
+        except ValueError as error:
+            self._tell_failure(path, error)
+            return
+        self._tell(path, material, text)
+
+    def _tell(self, path: Path, material: Material, text: str) -> None:
+        tqdm.write(text)
+        self._done += 1
+        if material.mask_coverage == 0:
+            self._empty += 1
+            tqdm.write(
+                f"warning: {path}: no object was found, so its numbers mean nothing: pass --mask, "
+                "or a photo that shows it larger",
+                file=sys.stderr,
+            )
+
+    def _tell_failure(self, path: Path, error: Exception) -> None:
+        self.failed += 1
+        told = str(error)
+        tqdm.write(f"error: {told if str(path) in told else f'{path}: {told}'}", file=sys.stderr)
+
+
+def _belonging(path: Path, given: Path) -> Path:
+    """The file given, or, of a folder, the one in it that is called as the photo is."""
+    if not given.is_dir():
+        return given
+    found = sorted(file for file in given.iterdir() if file.stem == path.stem)
+    if not found:
+        raise ValueError(f"{given} holds nothing for {path}: call it {path.stem}, as the photo")
+    return found[0]

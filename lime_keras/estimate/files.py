@@ -1,0 +1,69 @@
+"""The files of one photo's estimate."""
+
+import json
+from collections.abc import Collection
+from pathlib import Path
+
+import numpy as np
+
+from lime_keras.estimate import interchange
+from lime_keras.estimate import preview as estimate_preview
+from lime_keras.io import atomic, photo
+from lime_keras.material import Material
+from lime_keras.optics import colour
+
+
+def write(folder: Path, name: str, source: Path, image_srgb: np.ndarray, material: Material) -> str:
+    """Write `NAME.json` and, before it, all that goes with it.
+
+    Layers: `NAME-LAYER.png`, 8 bits, and, of linear radiance, `NAME-LAYER.exr`; a preview,
+    `NAME-preview.png`; of a whole material `NAME.mtl`, `NAME.gltf` and `NAME-mitsuba.json`.
+
+    Args:
+        folder: that exists.
+        name: of the files.
+        source: of the photo, for the record.
+        image_srgb: the photo `(H, W, 3)`.
+        material: estimated from it.
+
+    Returns:
+        What `NAME.json` holds.
+
+    Raises:
+        OSError: if a file cannot be written.
+    """
+    _write_layers(folder, name, material)
+    photo.write(folder / f"{name}-preview.png", estimate_preview.sheet(image_srgb, material))
+    if material.diffuse_albedo is not None and material.exponent is not None:
+        scene = json.dumps(interchange.mitsuba_scene(material), indent=1)
+        atomic.write(folder / f"{name}.mtl", interchange.wavefront(material, name))
+        atomic.write(folder / f"{name}.gltf", interchange.gltf(material, name))
+        atomic.write(folder / f"{name}-mitsuba.json", scene + "\n")
+    numbers = json.dumps({"photo": str(source)} | material.to_json(), indent=1)
+    atomic.write(folder / f"{name}.json", numbers + "\n")
+    return numbers
+
+
+def distinct_names(sources: Collection[Path]) -> list[str]:
+    """A file stem for each source; those of the same stem are numbered."""
+    names: list[str] = []
+    for path in sources:
+        name, number = path.stem, 2
+        while name in names:
+            name, number = f"{path.stem}-{number}", number + 1
+        names.append(name)
+    return names
+
+
+def _write_layers(folder: Path, name: str, material: Material) -> None:
+    """Write each layer in the formats that keep its range and that show it."""
+    for layer, image in material.layers.items():
+        if layer == "mask":
+            photo.write(folder / f"{name}-mask.png", image)
+            continue
+        if image.shape[-1] == 1 or layer == "reflectance_map":
+            photo.write(folder / f"{name}-{layer}.exr", image)
+            # The eye's copy: bright parts compressed, then encoded for a screen.
+            image = image / (1 + image)
+        encoded = colour.linear_to_srgb(np.clip(image, 0, 1))
+        photo.write(folder / f"{name}-{layer}.png", encoded)

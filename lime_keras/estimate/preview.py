@@ -1,0 +1,138 @@
+"""An estimate as a picture: its layers, the object recomposed, and a sphere of the material."""
+
+import functools
+import math
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from lime_keras.estimate import framing
+from lime_keras.estimate.framing import Square
+from lime_keras.material import Material
+from lime_keras.optics import colour, studio_light
+from lime_keras.optics.reflectance_map import disc, reflectance_map
+
+_TILE = 256
+_MARGIN, _TITLE = 12, 24
+_PAPER, _INK = (250, 250, 251), (29, 36, 48)
+_BACKGROUND = 0.16
+"""Linear grey behind the sphere."""
+_OUTLINE = np.array([1.0, 0.25, 0.1], np.float32)
+_TITLES = {
+    "photo": "photo and mask",
+    "recomposed": "m_d · D + m_s · S",
+    "diffuse": "diffuse part",
+    "specular_shading": "specular shading S",
+    "mirror": "mirror image M",
+}
+
+
+def sphere(material: Material, size: int) -> np.ndarray:
+    """A sphere of the material in a dark studio with three soft boxes, `(size, size, 3)` sRGB.
+
+    In [0, 1], rendered by Eqs. 1–4 at twice the size, over grey.
+
+    Raises:
+        ValueError: if the estimate holds no albedos or no exponent.
+    """
+    albedo, specular, exponent = (
+        material.diffuse_albedo,
+        material.specular_albedo,
+        material.exponent,
+    )
+    if albedo is None or specular is None or exponent is None:
+        raise ValueError("a sphere needs a whole material: estimate `albedo` and `exponent`")
+    # To a twentieth of a decade, which no eye tells apart.
+    diffuse_shading, lobe = _shaded(round(20 * math.log10(max(exponent, 1e-3))) / 20, 2 * size)
+    radiance = np.asarray(albedo, np.float32) * diffuse_shading + np.float32(specular) * lobe
+    linear = np.clip(radiance, 0, 1) + _BACKGROUND * (1 - disc(2 * size))
+    linear = linear.reshape(size, 2, size, 2, 3).mean((1, 3))
+    return colour.linear_to_srgb(linear).astype(np.float32)
+
+
+@functools.lru_cache(maxsize=64)
+def _shaded(log_exponent: float, size: int) -> tuple[np.ndarray, np.ndarray]:
+    """D and S of the sphere in the studio, each `(size, size, 1)`."""
+    light = studio_light.light()[None, ..., None].astype(np.float32)
+    red, one = np.array([[1, 0, 0]], np.float32), np.ones(1, np.float32)
+    exponent = np.array([10.0**log_exponent], np.float32)
+    found = np.array(reflectance_map(light, exponent, red, one, 0 * one, size))[0]
+    # Red shows both, green the white lobe alone.
+    return found[..., :1] - found[..., 1:2], found[..., 1:2]
+
+
+def sheet(image_srgb: np.ndarray, material: Material) -> np.ndarray:
+    """All that an estimate holds, side by side: `(H, W, 3)` sRGB in [0, 1].
+
+    Args:
+        image_srgb: the photo, `(H, W, 3)`.
+        material: estimated from it.
+    """
+    tiles = {_TITLES["photo"]: _with_outline(image_srgb, material)}
+    for name, title in list(_TITLES.items())[1:]:
+        if name in material.layers:
+            tile = _seen(material.layers[name], material)
+            # S and M reach far above white: their bright parts are compressed.
+            shown = tile / (1 + tile) if tile.shape[-1] == 1 else np.clip(tile, 0, 1)
+            tiles[title] = np.broadcast_to(colour.linear_to_srgb(shown), (_TILE, _TILE, 3))
+    if "reflectance_map" in material.layers:
+        tiles["reflectance map"] = _enlarged(
+            colour.linear_to_srgb(np.clip(material.layers["reflectance_map"], 0, 1))
+        )
+    if material.diffuse_albedo is not None and material.exponent is not None:
+        tiles["in a studio"] = sphere(material, _TILE)
+    return _side_by_side(tiles, caption(material))
+
+
+def caption(material: Material) -> str:
+    """The numbers in one line; what was not estimated is left out."""
+    parts = []
+    if material.diffuse_albedo is not None:
+        red, green, blue = material.diffuse_albedo
+        parts += [f"m_d {red:.2f} {green:.2f} {blue:.2f}", f"m_s {material.specular_albedo:.2f}"]
+    if material.exponent is not None:
+        parts.append(f"s {material.exponent:.3g}")
+    if material.exponent_entropy is not None:
+        parts.append(f"entropy {material.exponent_entropy:.1f} of 3 bits")
+    return "    ".join([*parts, f"covers {material.mask_coverage or 0:.0%}"])
+
+
+def _with_outline(image_srgb: np.ndarray, material: Material) -> np.ndarray:
+    """The photo's square with a line where the mask ends."""
+    inside = _seen(material.layers["mask"], material)[..., 0] >= framing.THRESHOLD
+    padded = np.pad(inside, 1, mode="edge")
+    neighbours = [padded[1:-1, :-2], padded[1:-1, 2:], padded[:-2, 1:-1], padded[2:, 1:-1]]
+    edge = inside & ~np.logical_and.reduce(neighbours)
+    photo = framing.cut(image_srgb, _square(material, image_srgb), _TILE)
+    return np.where(edge[..., None], _OUTLINE, photo)
+
+
+def _seen(layer: np.ndarray, material: Material) -> np.ndarray:
+    """What the networks saw of a linear layer `(H, W, C)`, as a tile."""
+    return framing.cut_layer(layer, _square(material, layer), _TILE)
+
+
+def _square(material: Material, image: np.ndarray) -> Square:
+    return Square(*material.square) if material.square else framing.whole(*image.shape[:2])
+
+
+def _enlarged(tile: np.ndarray) -> np.ndarray:
+    return framing.cut(tile.astype(np.float32), framing.whole(*tile.shape[:2]), _TILE)
+
+
+def _side_by_side(tiles: dict[str, np.ndarray], numbers: str) -> np.ndarray:
+    width = _MARGIN + len(tiles) * (_TILE + _MARGIN)
+    page = Image.new("RGB", (width, _TITLE + _TILE + 2 * _TITLE), _PAPER)
+    pen = ImageDraw.Draw(page)
+    for index, (title, tile) in enumerate(tiles.items()):
+        left = _MARGIN + index * (_TILE + _MARGIN)
+        pen.text((left, 4), title, fill=_INK, font=_font())
+        levels = np.round(np.clip(tile, 0, 1) * 255).astype(np.uint8)
+        page.paste(Image.fromarray(levels), (left, _TITLE))
+    pen.text((_MARGIN, _TITLE + _TILE + 8), numbers, fill=_INK, font=_font())
+    return np.asarray(page, np.float32) / 255
+
+
+@functools.cache
+def _font() -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+    return ImageFont.load_default(size=15)

@@ -1,0 +1,1 @@
+"""SavedModel, ONNX and narrow weights, each checked against Keras."""

@@ -1,0 +1,174 @@
+"""SavedModel, ONNX and narrow weights, each proved to agree with Keras before it is called done."""
+
+import shutil
+import tempfile
+from collections.abc import Collection, Mapping
+from pathlib import Path
+
+import keras
+import numpy as np
+
+from lime_keras.data import corpus as corpus_files
+from lime_keras.data import samples
+from lime_keras.export import formats, model_card, parity, quantisation
+from lime_keras.export.formats import SERVED, Answer
+from lime_keras.networks import answers, assemble, weights
+
+SAVED_MODEL, ONNX, WEIGHTS = "savedmodel", "onnx", "weights"
+PRECISIONS = {
+    SAVED_MODEL: ("float32",),
+    ONNX: ("float32", "float16", "int8"),
+    WEIGHTS: ("float16",),
+}
+"""That a format can be had in, its usual one first; weights are computed with in float32."""
+
+_VERSION = "1"  # TensorFlow Serving loads from a folder of numbered ones
+_PICTURES = 64
+_RANGES = "widest"  # and heads in float32: of the four ways, least harm to held-out pictures
+
+
+def export(
+    folder: Path,
+    model_format: str,
+    weights_folder: Path,
+    only: Collection[str] | None = None,
+    *,
+    precision: str | None = None,
+    corpus: Path | None = None,
+) -> dict[str, dict[str, float]]:
+    """Write a model and compare it with Keras on images it has never seen.
+
+    Args:
+        folder: written to: what `target` names.
+        model_format: `savedmodel`, `onnx`, or `weights` (`lime_keras.networks.weights.save`).
+        weights_folder: run of `lime-train`, or folder of `lime_keras.networks.weights.save`.
+        only: names of outputs, out of `lime_keras.networks.answers`; by default all that this
+            model has.
+        precision: one of the format's `PRECISIONS`; by default the first.
+        corpus: rendered pictures, photographed (`lime_keras.data.camera`): the first of the test
+            split are compared on, too, and the first of the train split calibrate int8.
+
+    Returns:
+        By what was compared on, `extremes` (`parity.images`) and, given a corpus, `pictures`: what
+        `parity.judge` says of each output.
+
+    Raises:
+        FileNotFoundError: if there is no trained model, or a split is not rendered.
+        ValueError: if the model has no output of a name, or the precision cannot be had.
+        ParityError: if the written model differs from Keras by more than it may; nothing is left in
+            its place.
+    """
+    precision = PRECISIONS[model_format][0] if precision is None else precision
+    _check(model_format, precision, corpus, only)
+    architecture, subnetworks = weights.load(weights_folder)
+    known = answers(subnetworks)
+    if unknown := sorted(set(only or ()) - set(known)):
+        raise ValueError(
+            f"cannot export {unknown}: {weights_folder} holds {architecture.description}; "
+            f"choose from {', '.join(known)}"
+        )
+    network = assemble(subnetworks, only)
+    card = model_card.card(architecture, network, precision)
+    images = _images(architecture.size, corpus)
+    path = target(folder, model_format, precision)
+    partial = folder / f"partial-{path.name}"
+    folder.mkdir(parents=True, exist_ok=True)
+    _remove(partial)
+    try:
+        if model_format == SAVED_MODEL:
+            formats.write_saved_model(network, partial)
+            formats.describe_saved_model(partial, card)
+            signatures = formats.open_saved_model(partial)
+        elif model_format == WEIGHTS:
+            weights.save(partial, architecture, subnetworks, half=True)
+            formats.describe_weights(partial, card)
+            record = weights.folder(weights_folder) / "training.json"
+            if record.is_file():
+                shutil.copyfile(record, partial / record.name)
+            signatures = {SERVED: assemble(weights.load(partial)[1])}
+        else:
+            _write_onnx(network, partial, precision, corpus)
+            formats.describe_onnx(partial, card)
+            signatures = {SERVED: formats.open_onnx(partial)}
+        differences = _prove(network, signatures, images, precision)
+        _remove(path)
+        path.parent.mkdir(exist_ok=True)
+        partial.rename(path)
+    finally:
+        _remove(partial)
+    return differences
+
+
+def target(folder: Path, model_format: str, precision: str = "float32") -> Path:
+    """What `export` writes.
+
+    An ONNX file; a SavedModel's folder, in one for its versions; or a model's, which makes `folder`
+    what every command takes for weights.
+    """
+    if model_format == SAVED_MODEL:
+        return folder / "saved_model" / _VERSION
+    if model_format == WEIGHTS:
+        return folder / "model"
+    return folder / ("lime.onnx" if precision == "float32" else f"lime-{precision}.onnx")
+
+
+def _check(
+    model_format: str, precision: str, corpus: Path | None, only: Collection[str] | None
+) -> None:
+    if precision not in PRECISIONS[model_format]:
+        raise ValueError(
+            f"the format {model_format} is {' or '.join(PRECISIONS[model_format])}, not {precision}"
+        )
+    if precision == "int8" and corpus is None:
+        raise ValueError("int8 is calibrated on pictures: pass a corpus of `lime-render`")
+    if model_format == WEIGHTS and only is not None:
+        raise ValueError("weights are those of a whole model: leave out what is to be answered")
+
+
+def _images(size: int, corpus: Path | None) -> dict[str, np.ndarray]:
+    """What to compare on."""
+    out = {"extremes": parity.images(size)}
+    if corpus is not None:
+        shards = corpus_files.shard_paths(corpus, "test")
+        out["pictures"] = samples.first(shards, size, _PICTURES, camera=True)
+    return out
+
+
+def _write_onnx(network: keras.Model, path: Path, precision: str, corpus: Path | None) -> None:
+    """Write an ONNX file in any of `PRECISIONS`."""
+    if precision == "float32":
+        return formats.write_onnx(network, path)
+    with tempfile.TemporaryDirectory() as scratch:
+        whole, prepared = Path(scratch) / "whole.onnx", Path(scratch) / "prepared.onnx"
+        formats.write_onnx(network, whole)
+        quantisation.prepare(whole, prepared)
+        if precision == "float16":
+            quantisation.write_float16(prepared, path)
+        elif corpus is not None:
+            pictures = samples.calibration(corpus, network.input_shape[1], camera=True)
+            quantisation.write_int8(prepared, path, pictures, ranges=_RANGES, float_heads=True)
+
+
+def _prove(
+    network: keras.Model,
+    signatures: Mapping[str, Answer],
+    images: Mapping[str, np.ndarray],
+    precision: str,
+) -> dict[str, dict[str, float]]:
+    """Judge what answers everything on all images, and what answers one output on the extremes."""
+    out = {}
+    for name, batch in images.items():
+        expected = parity.answers(network, batch)
+        out[name] = parity.judge(expected, parity.answers(signatures[SERVED], batch), precision)
+        if name == "extremes":
+            for output in set(signatures) - {SERVED}:
+                found = parity.answers(signatures[output], batch)
+                alone = parity.judge({output: expected[output]}, found, precision)
+                out[name][output] = max(out[name][output], alone[output])
+    return out
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir():
+        shutil.rmtree(path)
+    path.unlink(missing_ok=True)

@@ -1,0 +1,116 @@
+"""A network as SavedModel and as ONNX: written, described, and opened again."""
+
+import gc
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import keras
+import numpy as np
+import onnx
+import onnxruntime
+import tensorflow as tf
+
+Answer = Callable[[np.ndarray], Mapping[str, np.ndarray]]
+"""From images `(B, S, S, 3)` sRGB in [0, 1] to the outputs of `lime_keras.networks.assemble`."""
+
+SERVED = "serving_default"
+"""The signature that answers every output; each output's own is called after it."""
+
+_CARD = Path("assets.extra") / "lime.json"  # where SavedModels keep what no loader reads
+_OPSET = 17
+
+
+def write_saved_model(network: keras.Model, path: Path) -> None:
+    """Write an assembled model as a SavedModel folder.
+
+    It has the signatures `SERVED` and one for each output, which computes no more than that output
+    needs; all share the variables.
+    """
+    module = tf.Module()
+    module.shared = [variable.value for variable in network.variables]
+    signatures = {SERVED: served(network)}
+    for name, tensor in network.output.items():
+        signatures[name] = served(keras.Model(network.input, {name: tensor}))
+    tf.saved_model.save(module, str(path), signatures=signatures)
+
+
+def describe_saved_model(path: Path, card: Mapping[str, Any]) -> None:
+    """Put a description (of `export.model_card`) into a SavedModel: `assets.extra/lime.json`."""
+    (path / _CARD).parent.mkdir()
+    (path / _CARD).write_text(json.dumps(card, indent=2) + "\n", encoding="utf-8")
+
+
+def open_saved_model(path: Path) -> dict[str, Answer]:
+    """Load a SavedModel folder: its signatures by name."""
+    # The signatures alone do not keep the loaded model, and its variables, alive.
+    loaded = tf.saved_model.load(str(path))
+
+    def opened(name: str) -> Answer:
+        def answer(images: np.ndarray) -> dict[str, np.ndarray]:
+            found = loaded.signatures[name](image=tf.constant(images))
+            return {output: value.numpy() for output, value in found.items()}
+
+        return answer
+
+    return {name: opened(name) for name in loaded.signatures}
+
+
+def describe_weights(path: Path, card: Mapping[str, Any]) -> None:
+    """Put a description beside weights: `lime.json`."""
+    (path / _CARD.name).write_text(json.dumps(card, indent=2) + "\n", encoding="utf-8")
+
+
+def write_onnx(network: keras.Model, path: Path) -> None:
+    """Write a model as ONNX in float32; answers by name as `served` has them."""
+    import tf2onnx
+
+    serve = served(network)
+    tf2onnx.convert.from_function(
+        serve, input_signature=serve.input_signature, opset=_OPSET, output_path=str(path)
+    )
+    # The converter's copies of the graph hold one another, and 1 GB for a U-Net of 20 MB.
+    gc.collect()
+
+
+def describe_onnx(path: Path, card: Mapping[str, Any]) -> None:
+    """Put a description into an ONNX file: its properties, what is not a text as JSON.
+
+    The dimension of the batch gets its name, too.
+    """
+    model = onnx.load(path)
+    texts = {k: v if isinstance(v, str) else json.dumps(v) for k, v in card.items()}
+    onnx.helper.set_model_props(model, texts)
+    for tensor in (*model.graph.input, *model.graph.output):
+        tensor.type.tensor_type.shape.dim[0].dim_param = "batch"
+    onnx.save(model, path)
+
+
+def open_onnx(path: Path) -> Answer:
+    """Load an ONNX model under ONNX Runtime."""
+    session = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
+    names = [output.name for output in session.get_outputs()]
+    return lambda images: dict(zip(names, session.run(names, {"image": images}), strict=True))
+
+
+def served(network: keras.Model) -> tf.types.experimental.PolymorphicFunction:
+    """The model as a function of its inputs `(B, …)`, in order, under their names.
+
+    It answers a dictionary: the model's own, or, of a model that answers tensors, one under their
+    operations' names.
+    """
+    signature = [
+        tf.TensorSpec((None, *tensor.shape[1:]), tf.float32, name=tensor.name)
+        for tensor in network.inputs
+    ]
+
+    @tf.function(input_signature=signature)
+    def serve(*tensors: tf.Tensor) -> dict[str, tf.Tensor]:
+        packed = keras.tree.pack_sequence_as(network.input, list(tensors))
+        answer = network(packed, training=False)
+        if not isinstance(answer, dict):
+            answer = dict(zip(network.output_names, keras.tree.flatten(answer), strict=True))
+        return {name: tf.identity(value, name=name) for name, value in answer.items()}
+
+    return serve

@@ -1,0 +1,106 @@
+"""Whether a written model answers as Keras does: on which images, and how nearly it has to."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import tensorflow as tf
+
+from lime_keras.export.formats import Answer
+from lime_keras.export.quantisation import harm
+
+TOLERANCE = 1e-3
+"""Largest accepted difference in float32: absolute, and relative for values above 1."""
+GROSS = {"float16": 0.05, "int8": 0.5}
+"""Largest accepted `narrowing.harm` of an output in fewer bits.
+
+What so few bits cost is for their users to judge. Beyond these, something is broken: float16 has 11
+bits, and of eight, half of an output's mean magnitude wrong is half of what silence gets wrong.
+"""
+_BATCH = 4
+
+
+class ParityError(RuntimeError):
+    """A written model that does not answer as Keras does."""
+
+
+def images(size: int) -> np.ndarray:
+    """Images `(8, size, size, 3)` in [0, 1]: two shaded balls, then the extremes.
+
+    Smooth, noisy, black, white, one colour, and one lit pixel. The balls, one dull and one shiny,
+    are there because a trained mask is empty without an object, and everything behind an empty mask
+    would agree for nothing.
+    """
+    rng = np.random.default_rng(0)
+    coarse = rng.uniform(size=(1, 8, 8, 3)).astype(np.float32)
+    smooth = np.array(tf.image.resize(coarse, (size, size)))[0]
+    noisy = rng.uniform(size=(size, size, 3)).astype(np.float32)
+    black, white = np.zeros_like(noisy), np.ones_like(noisy)
+    colour = white * np.array([0.8, 0.5, 0.2], np.float32)
+    lit = black.copy()
+    lit[size // 3, size // 2] = 1
+    balls = [_ball(size, exponent) for exponent in (3.0, 300.0)]
+    return np.stack([*balls, smooth, noisy, black, white, colour, lit])
+
+
+def _ball(size: int, exponent: float) -> np.ndarray:
+    """A lit ball with a highlight before stripes, `(size, size, 3)` in [0, 1]."""
+    x, y = np.meshgrid(*[np.linspace(-1.25, 1.25, size)] * 2)
+    z = np.sqrt(np.maximum(1 - x**2 - y**2, 0))
+    towards_light = np.maximum(0.4 * x - 0.5 * y + 0.77 * z, 0)[..., None]
+    highlight = np.maximum(0.21 * x - 0.27 * y + 0.94 * z, 0)[..., None] ** exponent
+    ball = np.array([0.5, 0.3, 0.2]) * towards_light + 0.5 * highlight
+    stripes = 0.4 + 0.2 * np.sin(12 * x + 5 * y)[..., None] * np.array([1.0, 0.5, -1.0])
+    return np.clip(np.where(z[..., None] > 0, ball, stripes), 0, 1).astype(np.float32)
+
+
+def answers(answer: Answer, images: np.ndarray) -> dict[str, np.ndarray]:
+    """Answers to all images: to the first alone, then in batches of several."""
+    found = [answer(batch) for batch in np.split(images, range(1, len(images), _BATCH))]
+    return {name: np.concatenate([np.array(one[name]) for one in found]) for name in found[0]}
+
+
+def judge(
+    expected: Mapping[str, np.ndarray], found: Mapping[str, np.ndarray], precision: str
+) -> dict[str, float]:
+    """How far answers are from Keras', of each output.
+
+    Args:
+        expected: Keras' in float32.
+        found: the written model's, to the same images.
+        precision: its own: `float32`, `float16` or `int8`.
+
+    Returns:
+        The largest difference (`compare`) in float32, else `narrowing.harm`.
+
+    Raises:
+        ParityError: if names or shapes differ, a value is not finite, or the difference is beyond
+            `TOLERANCE` or `GROSS`.
+    """
+    differences, limit = compare(expected, found), TOLERANCE
+    if not np.all(np.isfinite(list(differences.values()))):
+        raise ParityError(f"the written model's answers are not finite: {differences}")
+    if precision != "float32":
+        differences, limit = harm(expected, found), GROSS[precision]
+    if wrong := {name: value for name, value in differences.items() if value > limit}:
+        raise ParityError(
+            f"the written model differs from Keras: {wrong}; in {precision} it may by {limit}"
+        )
+    return differences
+
+
+def compare(
+    expected: Mapping[str, np.ndarray], found: Mapping[str, np.ndarray]
+) -> dict[str, float]:
+    """Largest difference of each output, relative where the expected value is above 1.
+
+    Raises:
+        ParityError: if names or shapes differ.
+    """
+    shapes = {name: value.shape for name, value in expected.items()}
+    others = {name: value.shape for name, value in found.items()}
+    if shapes != others:
+        raise ParityError(f"outputs {others}, expected {shapes}")
+    return {
+        name: float(np.max(np.abs(found[name] - value) / np.maximum(np.abs(value), 1)))
+        for name, value in expected.items()
+    }

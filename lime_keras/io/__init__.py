@@ -1,0 +1,1 @@
+"""Pictures, normal maps and videos, from and to files."""

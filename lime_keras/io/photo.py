@@ -1,0 +1,188 @@
+"""Pictures from and to files, by OpenImageIO."""
+
+import contextlib
+import io
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+
+from lime_keras.optics import colour
+
+LARGEST = 50_000_000
+"""Most pixels that a photo may have: it takes 6 GB of memory then."""
+SMALLEST = 16
+"""Fewest pixels of a photo's shorter side: in fewer, no object's shading can be seen."""
+SUFFIXES = tuple(
+    ".jpg .jpeg .png .heic .heif .exr .hdr .tif .tiff .webp .jp2 .jxl .bmp .gif .tga .ppm".split()
+)
+"""What is taken for a photo when a folder is gone through; a file named is read in any case."""
+_HEIF = (".heic", ".heif", ".hif")
+_LINEAR_FORMATS = ("openexr", "hdr")
+_LINEAR_SPACES = ("lin", "scene_linear")
+
+
+def read(path: str | Path) -> tuple[np.ndarray, np.ndarray | None]:
+    """Read a photo of any kind, and the cut-out that its alpha channel holds, if any.
+
+    Integer formats are taken to be sRGB, unless they bring a profile, such as the Display P3 of
+    phones, from which they are converted. OpenEXR, Radiance and files that say so (a PNG with
+    gamma 1) are linear; those are clipped at 1 and encoded. Grey is repeated, palettes and CMYK
+    become RGB, EXIF rotation is applied, and of many pages the first is taken. Transparent pixels
+    lie over black.
+
+    Returns:
+        image: `(H, W, 3)` float32 sRGB in [0, 1].
+        alpha: `(H, W, 1)` float32 in [0, 1]; None if nothing is transparent.
+
+    Raises:
+        ValueError: if the file is missing, no picture, empty, not finite, below `SMALLEST` or above
+            `LARGEST`.
+    """
+    path = Path(path)
+    pixels, alpha, is_linear = _read_heif(path) if _is_heif(path) else _read(path)
+    if not np.all(np.isfinite(pixels)):
+        raise ValueError(f"{path} holds NaN or infinite pixels: repair or convert it")
+    if is_linear:
+        pixels = colour.linear_to_srgb(np.clip(pixels, 0, 1))
+    if alpha is not None:
+        alpha = np.clip(alpha, 0, 1) if np.min(alpha) < 1 else None
+    return np.clip(pixels, 0, 1).astype(np.float32), alpha
+
+
+def read_srgb(path: str | Path) -> np.ndarray:
+    """Read a photo as `(H, W, 3)` float32 sRGB in [0, 1], without its alpha; errors as `read`."""
+    return read(path)[0]
+
+
+def read_mask(path: str | Path, height: int, width: int) -> np.ndarray:
+    """Read an object's mask, white where it is, as `(height, width, 1)` float32 in [0, 1].
+
+    Of a colour picture the mean of its channels counts; of a cut-out, its alpha.
+
+    Raises:
+        ValueError: as `read`, or if it is not of the photo's size, or black.
+    """
+    image, alpha = read(path)
+    mask = image.mean(-1, keepdims=True) if alpha is None else alpha
+    if mask.shape[:2] != (height, width):
+        raise ValueError(
+            f"{path} has {mask.shape[1]}×{mask.shape[0]} pixels and its photo {width}×{height}: "
+            "a mask has its photo's size"
+        )
+    if not np.any(mask >= 0.5):
+        raise ValueError(f"{path} is black, so it masks no object: paint the object white")
+    return mask
+
+
+def _read(path: Path) -> tuple[np.ndarray, np.ndarray | None, bool]:
+    """Colour `(H, W, 3)`, alpha `(H, W, 1)` or None, and whether the colour is linear."""
+    image = oiio.ImageBuf(str(path))
+    if not image.has_error:
+        _check_size(path, image.spec().width, image.spec().height)
+    if image.has_error or not image.read(force=True, convert=oiio.FLOAT):
+        raise ValueError(f"{path} cannot be read as a picture: {image.geterror()}")
+    # Reorienting makes a new image, which no longer knows its format.
+    space = image.spec().get_string_attribute("oiio:ColorSpace").lower()
+    is_linear = image.file_format_name in _LINEAR_FORMATS or space.startswith(_LINEAR_SPACES)
+    profile = image.spec().getattribute("ICCProfile")
+    alpha_channel = image.spec().alpha_channel
+    image = oiio.ImageBufAlgo.reorient(image)
+    pixels = image.get_pixels(oiio.FLOAT)
+    if pixels is None or pixels.size == 0:
+        raise ValueError(f"{path} holds no pixels: check the file")
+    pixels = pixels.reshape(*pixels.shape[:2], -1)
+    has_alpha = 0 < alpha_channel < pixels.shape[-1]
+    alpha = pixels[..., alpha_channel : alpha_channel + 1] if has_alpha else None
+    if pixels.shape[-1] < 3:
+        return np.repeat(pixels[..., :1], 3, axis=-1), alpha, is_linear
+    pixels = pixels[..., :3]
+    if profile is not None and not is_linear:
+        pixels = _from_profile(pixels, bytes(profile))
+    return pixels, alpha, is_linear
+
+
+def _is_heif(path: Path) -> bool:
+    return path.suffix.lower() in _HEIF and path.is_file()
+
+
+def _read_heif(path: Path) -> tuple[np.ndarray, np.ndarray | None, bool]:
+    """As `_read`, of a phone's HEIC, which OpenImageIO's wheels are built without."""
+    import pillow_heif
+
+    with _naming(path):
+        # Upright already: the library applies the file's rotation.
+        image = pillow_heif.open_heif(path)
+    _check_size(path, *image.size)
+    with _naming(path):
+        pixels = np.asarray(image)
+    pixels = pixels.reshape(*pixels.shape[:2], -1) / np.float32(np.iinfo(pixels.dtype).max)
+    if pixels.shape[-1] < 3:
+        return np.repeat(pixels[..., :1], 3, axis=-1), None, False
+    alpha = pixels[..., 3:] if pixels.shape[-1] == 4 else None
+    pixels = _from_profile(pixels[..., :3], image.info.get("icc_profile"))
+    return pixels if alpha is None else pixels * alpha, alpha, False
+
+
+def _from_profile(pixels: np.ndarray, profile: bytes | None) -> np.ndarray:
+    """Pixels `(H, W, 3)` in [0, 1] of an ICC profile, in sRGB, to 8 bits.
+
+    A profile that is broken, of other than RGB (OpenImageIO has made RGB of CMYK already), or
+    sRGB's own leaves them as they are.
+    """
+    if not profile:
+        return pixels
+    from PIL import Image, ImageCms
+
+    try:
+        source = ImageCms.ImageCmsProfile(io.BytesIO(profile))
+        is_srgb = "srgb" in ImageCms.getProfileDescription(source).lower()
+        if is_srgb or source.profile.xcolor_space.strip() != "RGB":
+            return pixels
+        transform = ImageCms.buildTransform(source, ImageCms.createProfile("sRGB"), "RGB", "RGB")
+    except (OSError, ImageCms.PyCMSError):
+        return pixels
+    levels = (np.clip(pixels, 0, 1) * 255 + 0.5).astype(np.uint8)
+    image = ImageCms.applyTransform(Image.fromarray(levels), transform)
+    return np.asarray(image) / np.float32(255)
+
+
+@contextlib.contextmanager
+def _naming(path: Path) -> Iterator[None]:
+    """Say which file it was that a decoder could not read."""
+    try:
+        yield
+    except (OSError, RuntimeError, SyntaxError, ValueError) as error:
+        raise ValueError(f"{path} cannot be read as a picture: {error}") from error
+
+
+def _check_size(path: Path, width: int, height: int) -> None:
+    if min(width, height) < SMALLEST:
+        raise ValueError(
+            f"{path} has {width}×{height} pixels, too few to see an object in: pass a picture of "
+            f"at least {SMALLEST} on each side"
+        )
+    if width * height > LARGEST:
+        raise ValueError(
+            f"{path} has {width}×{height} pixels, more than the {LARGEST // 10**6} million that "
+            "are taken: make it smaller first; the networks look at far fewer"
+        )
+
+
+def write(path: str | Path, image: np.ndarray) -> None:
+    """Write `(H, W, C)` floats: a `.png` as 8 bits of [0, 1], an `.exr` as half floats.
+
+    Raises:
+        OSError: if the file cannot be written.
+    """
+    path = Path(path)
+    height, width, channels = image.shape
+    kind = oiio.HALF if path.suffix == ".exr" else oiio.UINT8
+    spec = oiio.ImageSpec(width, height, channels, kind)
+    # Half the default's time, for a tenth more bytes.
+    spec.attribute("png:compressionLevel", 4)
+    buffer = oiio.ImageBuf(spec)
+    buffer.set_pixels(oiio.ROI(), np.ascontiguousarray(image, np.float32))
+    if not buffer.write(str(path)):
+        raise OSError(f"{path} cannot be written: {buffer.geterror()}")

@@ -1,0 +1,61 @@
+"""The files of section 7: the light that a photo was taken under, and its material on a mesh."""
+
+from pathlib import Path
+
+import numpy as np
+
+from lime_keras.io import normal_map, photo
+from lime_keras.lighting import guessed_normals, illumination
+from lime_keras.material import Material
+from lime_keras.optics import colour
+
+
+def write(
+    folder: Path,
+    name: str,
+    image_srgb: np.ndarray,
+    material: Material,
+    *,
+    normals: Path | None,
+    mesh: Path | None,
+) -> None:
+    """Write `NAME-environment.exr` and `.png` and, given a mesh, `NAME-clone.png`.
+
+    Args:
+        folder: that exists.
+        name: of the files.
+        image_srgb: the photo `(H, W, 3)`.
+        material: estimated from it, with all layers.
+        normals: file of the object's normals (`normal_map.read`), of the photo's size; without one
+            they are guessed from the mask (`guessed_normals.normals`).
+        mesh: file of what is to take the object's place, made of its material.
+
+    Raises:
+        OSError: if a file cannot be written.
+        ValueError: if no object was found, the normals or the mesh cannot be read, or the normals
+            are of another size.
+    """
+    mask = material.layers["mask"]
+    if material.mask_coverage == 0:
+        raise ValueError("no object was found that could show the light: pass --mask")
+    normal = guessed_normals.normals(mask) if normals is None else _read(normals, mask)
+    light = illumination.estimate(illumination.from_material(material, normal))
+    photo.write(folder / f"{name}-environment.exr", light[..., None])
+    seen = colour.linear_to_srgb(light / (1 + light))
+    photo.write(folder / f"{name}-environment.png", seen[..., None])
+    if mesh is not None:
+        # Mitsuba, which nothing else here needs.
+        from lime_keras.render.cloning import clone
+
+        cloned = clone(image_srgb, mask, material, light, mesh)
+        photo.write(folder / f"{name}-clone.png", cloned)
+
+
+def _read(path: Path, mask: np.ndarray) -> np.ndarray:
+    normal = normal_map.read(path)
+    if normal.shape[:2] != mask.shape[:2]:
+        raise ValueError(
+            f"{path} has {normal.shape[1]}×{normal.shape[0]} pixels and its photo "
+            f"{mask.shape[1]}×{mask.shape[0]}: normals have their photo's size"
+        )
+    return normal

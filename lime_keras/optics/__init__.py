@@ -1,0 +1,1 @@
+"""The equations: colour spaces, lobes, shading integrals, environment and reflectance maps."""

@@ -1,0 +1,28 @@
+"""A light of our own to show materials under, which no corpus holds."""
+
+import functools
+import math
+
+import numpy as np
+
+from lime_keras.optics import environment
+
+_SOFT_BOXES = (
+    # Direction in camera space, angular radius in degrees, radiance.
+    ((-0.6, 0.6, 0.55), 22.0, 4.5),
+    ((0.9, 0.1, 0.35), 16.0, 2.5),
+    ((0.1, 0.9, -0.5), 18.0, 4.5),
+)
+
+
+@functools.cache
+def light() -> np.ndarray:
+    """Linear radiance `(64, 128)` in camera space: three soft boxes in a dark room; read-only."""
+    height, width = environment.STORED_SHAPE
+    towards = environment.directions(height, width)
+    radiance = np.zeros((height, width))
+    for direction, radius, strength in _SOFT_BOXES:
+        cosine = towards @ (np.array(direction) / np.linalg.norm(direction))
+        radiance[cosine > math.cos(math.radians(radius))] = strength
+    radiance.flags.writeable = False
+    return radiance

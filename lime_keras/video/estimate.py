@@ -1,0 +1,168 @@
+"""A video's material: each frame estimated alone, and fused over time (section 5.5).
+
+Example:
+    from pathlib import Path
+
+    from lime_keras import Estimator
+    from lime_keras.video.estimate import estimate_video
+
+    summary = estimate_video("turntable.mp4", Estimator("runs/live"), Path("materials"), "vase")
+    print(summary.material.to_json(), summary.table, summary.overlay)
+"""
+
+import csv
+import itertools
+import math
+import sys
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from tqdm import tqdm
+
+from lime_keras.io.video_reader import Footage, Frame, is_camera
+from lime_keras.io.video_writer import Movie
+from lime_keras.material import Material
+from lime_keras.video.overlay import draw
+from lime_keras.video.tracking import PARAMETERS, Step, Tracker, material_of
+
+COLUMNS = (
+    *("frame", "time", "found", "cut", "coverage"),
+    *PARAMETERS,
+    *(f"fused_{name}" for name in PARAMETERS),
+)
+"""Of the table that `estimate_video` writes."""
+
+
+class Estimates(Protocol):
+    """What can estimate a frame, as `lime_keras.Estimator` does."""
+
+    def estimate(self, image_srgb: np.ndarray) -> Material:
+        """The material of the object in a frame `(H, W, 3)`, float32 sRGB in [0, 1]."""
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What became of a video.
+
+    Attributes:
+        frames: how many were read.
+        found: in how many there was an object.
+        cuts: how many scene cuts there were.
+        seconds: from the first frame to the last.
+        material: fused, as it stood when the last scene with an object ended; without layers, and
+            every number None if there never was an object.
+        remarks: on the source (`frames.Footage`), for the user.
+        table: the CSV file.
+        overlay: the video with outline and panel.
+    """
+
+    frames: int
+    found: int
+    cuts: int
+    seconds: float
+    material: Material
+    remarks: tuple[str, ...]
+    table: Path
+    overlay: Path
+
+
+def estimate_video(
+    source: str, estimator: Estimates, folder: Path, name: str, *, frames: int | None = None
+) -> Summary:
+    """Estimate every frame of a video; write its table and overlay while it goes on.
+
+    Progress goes to standard error. Ctrl-C leaves both files valid; it is the usual end of a
+    camera's video, and passed on for a file's.
+
+    Args:
+        source: path, or a camera's name (`frames.Footage`).
+        estimator: of single frames.
+        folder: for the files; made if it is missing.
+        name: they are called `NAME.csv` and `NAME-overlay.mp4`.
+        frames: to stop after; by default only the video's end or Ctrl-C does.
+
+    Raises:
+        ValueError: if the source cannot be opened or holds no picture; nothing is written then.
+        OSError: if a file cannot be written.
+    """
+    with Footage(source) as footage:
+        pictures = iter(footage)
+        first = next(pictures, None)
+        if first is None:
+            told = "; ".join([f"{source} holds no frame that can be decoded", *footage.remarks])
+            raise ValueError(f"{told}: export it anew, as MP4 say")
+        total = min(filter(None, (footage.expected, frames)), default=None)
+        shown = tqdm(
+            itertools.islice(itertools.chain([first], pictures), frames),
+            total=total,
+            unit="frame",
+            file=sys.stderr,
+        )
+        folder.mkdir(parents=True, exist_ok=True)
+        run = _Run(folder / f"{name}.csv", folder / f"{name}-overlay.mp4")
+        try:
+            run.follow(shown, estimator)
+        except KeyboardInterrupt:
+            if not is_camera(source):
+                raise
+        return run.summary(footage.remarks)
+
+
+class _Run:
+    """The files and counts of a video while it is read."""
+
+    def __init__(self, table: Path, overlay: Path):
+        self._paths = table, overlay
+        self._frames = self._found = self._cuts = 0
+        self._seconds = 0.0
+        self._last = np.full(len(PARAMETERS), np.nan)
+
+    def follow(self, pictures: Iterable[Frame], estimator: Estimates) -> None:
+        """Estimate, fuse and write frame by frame."""
+        tracker, (table, overlay) = Tracker(), self._paths
+        # Line by line, so that the table can be read while it grows.
+        with table.open("w", newline="", buffering=1) as file, Movie(overlay) as video:
+            rows = csv.writer(file)
+            rows.writerow(COLUMNS)
+            for frame in pictures:
+                material = estimator.estimate(frame.image_srgb / np.float32(255))
+                step = tracker.step(frame.image_srgb, material)
+                rows.writerow(_row(self._frames, frame.time, material, step))
+                status = "new scene" if step.cut else "" if step.found else "no object"
+                seen = material if step.found else Material(layers=material.layers)
+                picture = draw(frame.image_srgb, frame.time, status, seen, material_of(step.fused))
+                video.write(picture, frame.time)
+                self._count(frame, step)
+
+    def _count(self, frame: Frame, step: Step) -> None:
+        self._frames += 1
+        self._found += step.found
+        self._cuts += step.cut
+        self._seconds = frame.time
+        if np.isfinite(step.fused).any():
+            self._last = step.fused
+
+    def summary(self, remarks: list[str]) -> Summary:
+        """What became of it so far."""
+        return Summary(
+            frames=self._frames,
+            found=self._found,
+            cuts=self._cuts,
+            seconds=self._seconds,
+            material=material_of(self._last),
+            remarks=tuple(remarks),
+            table=self._paths[0],
+            overlay=self._paths[1],
+        )
+
+
+def _row(number: int, seconds: float, material: Material, step: Step) -> Iterator[str]:
+    """A row of the table; an empty cell is unknown."""
+    yield from (str(number), f"{seconds:.6f}", str(int(step.found)), str(int(step.cut)))
+    yield f"{material.mask_coverage or 0:.6g}"
+    for values in (step.estimate, step.fused):
+        linear = [*values[:4], 10.0 ** values[4]]
+        yield from ("" if math.isnan(value) else f"{value:.6g}" for value in linear)

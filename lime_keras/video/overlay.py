@@ -1,0 +1,130 @@
+"""A video to look at: each frame with the object's outline, beside what was estimated of it."""
+
+import functools
+
+import av
+import numpy as np
+import OpenImageIO as oiio
+
+from lime_keras.estimate import preview as estimate_preview
+from lime_keras.material import Material
+from lime_keras.optics import colour
+
+_HEIGHT, _WIDEST = 480, 1280
+"""Of the frame as it is shown, in pixels."""
+_PANEL, _SPHERE = 280, 192
+_RAW, _FUSED, _SWATCH = 96, 186, (80, 34)
+"""Left edges of the panel's two columns; width and height of a swatch."""
+_PAPER, _INK, _FAINT, _OUTLINE = (24, 26, 30), (235, 235, 235), (150, 155, 165), (255, 225, 0)
+_ROWS = {"red": 132, "green": 154, "blue": 176, "specular": 204, "exponent": 232, "coverage": 260}
+"""Base lines of the panel's numbers."""
+
+
+def draw(
+    image_srgb: np.ndarray, seconds: float, status: str, estimate: Material, fused: Material
+) -> np.ndarray:
+    """A frame and its panel side by side, `(480, W, 3)` uint8 sRGB, W even.
+
+    Args:
+        image_srgb: `(H, W, 3)` uint8.
+        seconds: since the first frame.
+        status: a word or two on the frame, such as `no object`.
+        estimate: of this frame, with its `mask` among the layers; numbers that are None stay empty.
+        fused: likewise, without layers; shown as a sphere if it is complete.
+    """
+    height, width, _ = image_srgb.shape
+    scale = min(_HEIGHT / height, _WIDEST / width)
+    shown = max(2, round(width * scale / 2) * 2), max(2, round(height * scale / 2) * 2)
+    picture = _resized(image_srgb, *shown)
+    if "mask" in estimate.layers:
+        picture[_outline(estimate.layers["mask"], *shown)] = _OUTLINE
+    canvas = np.full((_HEIGHT, shown[0] + _PANEL, 3), _PAPER, np.uint8)
+    top = (_HEIGHT - shown[1]) // 2
+    canvas[top : top + shown[1], : shown[0]] = picture
+    canvas[:, shown[0] :] = panel(seconds, status, estimate, fused)
+    return canvas
+
+
+def panel(seconds: float, status: str, estimate: Material, fused: Material) -> np.ndarray:
+    """Swatches, numbers and a sphere, `(480, 280, 3)` uint8 sRGB; arguments as of `draw`."""
+    pixels = _form().copy()
+    for left, material in ((_RAW, estimate), (_FUSED, fused)):
+        if material.diffuse_albedo is not None:
+            swatch = _bytes(np.clip(material.diffuse_albedo, 0, 1))
+            pixels[72 : 72 + _SWATCH[1], left : left + _SWATCH[0]] = swatch
+    ball = _ball(fused)
+    if ball is not None:
+        left, top = (_PANEL - _SPHERE) // 2, _HEIGHT - _SPHERE - 10
+        pixels[top : top + _SPHERE, left : left + _SPHERE] = ball
+    lines = [(12, 30, f"{seconds:.2f} s", 18, _INK), (_RAW, 30, status, 18, _OUTLINE)]
+    for column, material in ((_RAW, estimate), (_FUSED, fused)):
+        lines += [(column, _ROWS[row], told, 17, _INK) for row, told in _numbers(material).items()]
+    return _written(pixels, lines)
+
+
+def _numbers(material: Material) -> dict[str, str]:
+    """What the panel tells of a material, by row."""
+    told: dict[str, str] = {}
+    if material.diffuse_albedo is not None:
+        told = {
+            name: f"{value:.3f}"
+            for name, value in zip(("red", "green", "blue"), material.diffuse_albedo, strict=True)
+        }
+    if material.specular_albedo is not None:
+        told["specular"] = f"{material.specular_albedo:.3f}"
+    if material.exponent is not None:
+        told["exponent"] = f"{material.exponent:.3g}"
+    if material.mask_coverage is not None:
+        told["coverage"] = f"{material.mask_coverage:.1%}"
+    return told
+
+
+@functools.cache
+def _form() -> np.ndarray:
+    """The panel without its entries."""
+    pixels = np.full((_HEIGHT, _PANEL, 3), _PAPER, np.uint8)
+    lines = [(12, y, row, 15, _FAINT) for row, y in _ROWS.items()]
+    headings = [(12, 95, "diffuse"), (_RAW, 62, "this frame"), (_FUSED, 62, "fused")]
+    return _written(pixels, lines + [(*heading, 15, _FAINT) for heading in headings])
+
+
+def _written(pixels: np.ndarray, lines: list) -> np.ndarray:
+    """Pixels with lines of text, each (x, y of the base line, text, size, colour)."""
+    height, width, channels = pixels.shape
+    image = oiio.ImageBuf(oiio.ImageSpec(width, height, channels, oiio.UINT8))
+    image.set_pixels(oiio.ROI(), pixels)
+    for x, y, text, size, ink in lines:
+        if text:
+            told = tuple(level / 255 for level in ink)
+            oiio.ImageBufAlgo.render_text(image, x, y, text, size, "DroidSans", told)
+    return np.asarray(image.get_pixels(oiio.UINT8))
+
+
+def _ball(material: Material) -> np.ndarray | None:
+    """`estimate_preview.sphere` as bytes; None of what is not a whole material."""
+    if None in (material.specular_albedo, material.exponent) or material.diffuse_albedo is None:
+        return None
+    return np.rint(255 * estimate_preview.sphere(material, _SPHERE)).astype(np.uint8)
+
+
+def _resized(image: np.ndarray, width: int, height: int) -> np.ndarray:
+    picture = av.VideoFrame.from_ndarray(np.ascontiguousarray(image), format="rgb24")
+    return picture.reformat(width=width, height=height, interpolation="AREA").to_ndarray()
+
+
+def _outline(mask: np.ndarray, width: int, height: int) -> np.ndarray:
+    """Where the rim of a mask `(H, W, 1)` runs in an image of another size, two pixels wide."""
+    rows = (np.arange(height) * mask.shape[0]) // height
+    columns = (np.arange(width) * mask.shape[1]) // width
+    inside = mask[rows[:, None], columns, 0] >= 0.5
+    core = inside
+    for _ in range(2):
+        around = np.pad(core, 1, mode="edge")
+        across = around[1:-1, :-2] & around[1:-1, 2:]
+        core = core & across & around[:-2, 1:-1] & around[2:, 1:-1]
+    return inside & ~core
+
+
+def _bytes(linear: np.ndarray) -> np.ndarray:
+    """Linear radiance as uint8 sRGB, clipped."""
+    return np.rint(255 * colour.linear_to_srgb(np.clip(linear, 0, 1))).astype(np.uint8)

@@ -1,0 +1,1 @@
+"""The corpus writer: sources, worker processes, machines, shards."""

@@ -1,0 +1,227 @@
+"""The user's files, read once before rendering starts, and judged.
+
+Whether a file is usable depends on the file alone; what is done about one that is not, refuse it or
+skip it, is the caller's choice. Findings are kept beside the split, so that going on with it need
+not read every file again, and notices a file that was changed meanwhile.
+"""
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from lime_keras.io import atomic
+
+from ..scene import backgrounds, environments
+from ..scene.example import LEAST_COVERAGE
+from ..shapes import meshes
+
+KINDS = ("shapes", "environments", "backgrounds")
+_LISTED = 20
+
+
+@dataclasses.dataclass(frozen=True)
+class Finding:
+    """What was found in one file.
+
+    Attributes:
+        name: of the file, without its folder.
+        sha256: of its bytes; empty if they cannot be read.
+        size: in bytes.
+        mtime_ns: when it was last changed.
+        problem: why it cannot be used, and how to mend it; None if it can.
+        notes: on what was repaired to use it.
+    """
+
+    name: str
+    sha256: str
+    size: int
+    mtime_ns: int
+    problem: str | None = None
+    notes: tuple[str, ...] = ()
+
+
+Findings = dict[str, list[Finding]]
+"""By kind, in the order of the files."""
+
+
+def check(kind: str, path: Path) -> Finding:
+    """Reads one file as it will be read for rendering.
+
+    Args:
+        kind: One of `KINDS`.
+        path: The file.
+    """
+    try:
+        stat = path.stat()
+        with path.open("rb") as file:
+            digest = hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        return Finding(path.name, "", 0, 0, f"cannot be read: {error.strerror}")
+    finding = Finding(path.name, digest, stat.st_size, stat.st_mtime_ns)
+    try:
+        path.name.encode()
+        return dataclasses.replace(finding, notes=_notes(kind, path))
+    except UnicodeEncodeError:
+        return dataclasses.replace(finding, problem="its name is not UTF-8; rename it.")
+    except ValueError as error:
+        reason = str(error).removeprefix(f"{path}: ").replace(str(path), path.name)
+        return dataclasses.replace(finding, problem=reason)
+    except MemoryError:
+        return dataclasses.replace(finding, problem="is too large for this machine's memory.")
+
+
+def _notes(kind: str, path: Path) -> tuple[str, ...]:
+    """What was repaired in a file that can be used.
+
+    Raises:
+        ValueError: If it cannot.
+    """
+    if kind == "environments":
+        return environments.read(path)[1]
+    if kind == "backgrounds":
+        return backgrounds.read(path)[1]
+    mesh, notes = meshes.read(path)
+    if not meshes.may_cover(mesh, LEAST_COVERAGE):
+        raise ValueError(
+            f"{path}: covers less than {LEAST_COVERAGE:.0%} of a picture from every side, as it is "
+            "too thin or a part of it lies far off; remove what is stray."
+        )
+    return notes
+
+
+def inspect(
+    files: dict[str, list[Path]],
+    held: Findings | None,
+    run: Callable[[Callable[[tuple[str, Path]], Finding], list[tuple[str, Path]]], list[Finding]],
+) -> Findings:
+    """Judges all files of a split, reading those that were changed since they were last judged.
+
+    Args:
+        files: By kind; none for a kind that is built in.
+        held: What was found when the split was begun; None for a new one.
+        run: `run(function, items)` gives the function's result for each item, in order; the
+            function can be sent to another process.
+
+    Raises:
+        ValueError: If files were changed, came or went since the split was begun.
+    """
+    known = {(kind, f.name): f for kind, found in (held or {}).items() for f in found}
+    asked = {(kind, path.name): path for kind, paths in files.items() for path in paths}
+    if held is not None and known.keys() != asked.keys():
+        differing = sorted(name for _, name in known.keys() ^ asked.keys())
+        raise ValueError(
+            f"{_listed(differing)} came or went since the split was begun: restore the folders, or "
+            "remove the split to render it anew"
+        )
+    found = {key: known[key] for key, path in asked.items() if _is_as_held(path, known.get(key))}
+    unread = [(kind, path) for (kind, name), path in asked.items() if (kind, name) not in found]
+    for (kind, _), finding in zip(unread, run(_checked, unread), strict=True):
+        found[kind, finding.name] = finding
+    changed = [key[1] for key in known if known[key].sha256 != found[key].sha256]
+    if changed:
+        raise ValueError(
+            f"{_listed(changed)} changed since the split was begun: restore it, or remove the "
+            "split to render it anew"
+        )
+    return {kind: [found[kind, path.name] for path in paths] for kind, paths in files.items()}
+
+
+def _checked(file: tuple[str, Path]) -> Finding:
+    return check(*file)
+
+
+def _is_as_held(path: Path, held: Finding | None) -> bool:
+    """Whether a file's size and time of change are those with which it was judged."""
+    if held is None or not path.is_file():
+        return False
+    stat = path.stat()
+    return (stat.st_size, stat.st_mtime_ns) == (held.size, held.mtime_ns)
+
+
+def unusable(findings: Findings) -> dict[str, dict[str, str]]:
+    """By kind, the files that cannot be used, with the reasons."""
+    return {
+        kind: {f.name: f.problem for f in found if f.problem is not None}
+        for kind, found in findings.items()
+    }
+
+
+def refuse(findings: Findings) -> None:
+    """Insists that every file can be used.
+
+    Raises:
+        ValueError: If one cannot: tells all of them with their reasons, or the first of many.
+    """
+    reasons = _reasons(unusable(findings))
+    if reasons:
+        raise ValueError(
+            f"{len(reasons)} {'file' if len(reasons) == 1 else 'files'} cannot be used:\n  "
+            + _listed(reasons, "\n  ")
+            + "\nmend or remove them, or pass --unusable skip"
+        )
+
+
+def skip(findings: Findings) -> dict[str, frozenset[str]]:
+    """By kind, the names to leave out.
+
+    Raises:
+        ValueError: If nothing is left of a kind.
+    """
+    problems = unusable(findings)
+    for kind, found in findings.items():
+        if found and len(problems[kind]) == len(found):
+            raise ValueError(
+                f"none of the split's {kind} can be used:\n  "
+                + _listed(_reasons({kind: problems[kind]}), "\n  ")
+            )
+    return {kind: frozenset(names) for kind, names in problems.items()}
+
+
+def repairs(findings: Findings) -> list[str]:
+    """One line for each note on a file that is used, to be told."""
+    return [
+        f"{kind}: {finding.name}: {note}"
+        for kind, found in findings.items()
+        for finding in found
+        for note in finding.notes
+    ]
+
+
+def write(path: Path, findings: Findings) -> None:
+    """Keeps findings as JSON."""
+    value = {kind: [dataclasses.asdict(f) for f in found] for kind, found in findings.items()}
+    atomic.write(path, json.dumps(value, indent=1) + "\n")
+
+
+def read(path: Path) -> Findings | None:
+    """Findings that were kept; None if there is no such file.
+
+    Raises:
+        ValueError: If it holds something else.
+    """
+    if not path.is_file():
+        return None
+    try:
+        value: dict[str, list[dict[str, Any]]] = json.loads(path.read_text(encoding="utf-8"))
+        return {
+            kind: [Finding(**{**f, "notes": tuple(f["notes"])}) for f in found]
+            for kind, found in value.items()
+        }
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise ValueError(f"{path} holds no findings ({error}): remove it") from error
+
+
+def _reasons(problems: dict[str, dict[str, str]]) -> list[str]:
+    return [
+        f"{kind}: {name}: {problem}"
+        for kind, reasons in problems.items()
+        for name, problem in reasons.items()
+    ]
+
+
+def _listed(items: list[str], separator: str = ", ") -> str:
+    shown = separator.join(items[:_LISTED])
+    return shown if len(items) <= _LISTED else f"{shown}{separator}and {len(items) - _LISTED} more"

@@ -1,0 +1,222 @@
+"""Where shapes, lights and backgrounds come from: built in, or the user's folders.
+
+Training and test never share a shape or a light. Built-in ones are seeded by split; the files of a
+folder are dealt out by a hash of their names, or by its subfolders `train` and `test` if it has
+them.
+"""
+
+import hashlib
+import os
+import uuid
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+
+from lime_keras.data.corpus import SPLITS
+
+from ..rooms import sampling as room_sampling
+from ..scene import backgrounds, environments
+from ..scene.lights import Light, prepare
+from ..scene.quality import FAST, Quality
+from ..shapes import procedural
+
+TEST_SHARE = 0.2
+PROCEDURAL_SHAPES = {"train": 400, "test": 100}
+PROCEDURAL_ROOMS = {"train": 40, "test": 12}
+_KINDS = {"example": 0, "shape": 1, "room": 2, "shard": 3}
+
+
+def generator(seed: int, split: str, kind: str, *indices: int) -> np.random.Generator:
+    """The random generator of one thing in a corpus, independent of every other thing's."""
+    key = (SPLITS.index(split), _KINDS[kind], *indices)
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
+
+
+def some(rng: np.random.Generator, names: list[str], most: int) -> list[str]:
+    """All names, or a random choice of `most` of them, in their order."""
+    if len(names) <= most:
+        return names
+    return [names[k] for k in sorted(rng.choice(len(names), most, replace=False))]
+
+
+def files(folder: Path, split: str, extensions: tuple[str, ...]) -> list[Path]:
+    """Files of a folder that belong to a split, sorted by name.
+
+    Raises:
+        ValueError: if the folder is missing or too small to give both splits a file.
+    """
+    if not folder.is_dir():
+        raise ValueError(f"{folder} is no folder: pass one with {', '.join(extensions)} files")
+    dealt = {name: folder / name for name in SPLITS}
+    if all(path.is_dir() for path in dealt.values()):
+        found = _matching(dealt[split], extensions)
+        if not found:
+            raise ValueError(f"{dealt[split]} holds no {', '.join(extensions)} file")
+        return found
+    found = _matching(folder, extensions)
+    if len(found) < 2:
+        raise ValueError(
+            f"{folder} holds {len(found)} {', '.join(extensions)} files; training and test share "
+            "none, so at least 2 are needed"
+        )
+    ranked = sorted(found, key=lambda path: hashlib.sha256(os.fsencode(path.name)).digest())
+    tests = set(ranked[: max(1, round(len(ranked) * TEST_SHARE))])
+    return [path for path in found if (path in tests) == (split == "test")]
+
+
+def _matching(folder: Path, extensions: tuple[str, ...]) -> list[Path]:
+    """A folder's files of that kind, but those that a system hides beside the user's own."""
+    with os.scandir(folder) as entries:
+        found = [folder / e.name for e in entries if e.name[0] != "." and not e.is_dir()]
+    return sorted(path for path in found if path.suffix.lower() in extensions)
+
+
+@dataclass(frozen=True)
+class ShapeSource:
+    """Meshes of one split, by name.
+
+    Args:
+        folder: of mesh files, or None for built-in shapes.
+        split: `train` or `test`.
+        seed: of the corpus.
+        usable: names of its files, once they were checked; None to list them.
+    """
+
+    folder: Path | None
+    split: str
+    seed: int
+    usable: tuple[str, ...] | None = None
+
+    def names(self) -> list[str]:
+        """All shapes of the split, in a fixed order."""
+        if self.usable is not None:
+            return list(self.usable)
+        if self.folder:
+            return [path.name for path in files(self.folder, self.split, procedural.EXTENSIONS)]
+        return [f"{self.split}-{index:04d}" for index in range(PROCEDURAL_SHAPES[self.split])]
+
+    def load(self, name: str) -> procedural.Mesh:
+        """The mesh of that name.
+
+        Raises:
+            ValueError: if its file cannot be used.
+        """
+        if self.folder:
+            return procedural.load(_find(self.folder, self.split, name))
+        index = int(name.rsplit("-", 1)[1])
+        return procedural.procedural(generator(self.seed, self.split, "shape", index))
+
+
+@dataclass(frozen=True)
+class LightSource:
+    """Environment maps of one split, by name.
+
+    Args:
+        folder: of map files, or None for built-in rooms.
+        split: `train` or `test`.
+        seed: of the corpus.
+        cache: folder that keeps rendered rooms.
+        usable: names of its files, once they were checked; None to list them.
+    """
+
+    folder: Path | None
+    split: str
+    seed: int
+    cache: Path
+    usable: tuple[str, ...] | None = None
+
+    def names(self) -> list[str]:
+        """All maps of the split, in a fixed order."""
+        if self.usable is not None:
+            return list(self.usable)
+        if self.folder:
+            return [path.name for path in files(self.folder, self.split, environments.EXTENSIONS)]
+        return [f"room-{index:04d}.exr" for index in range(PROCEDURAL_ROOMS[self.split])]
+
+    def load(self, name: str, quality: Quality = FAST) -> Light:
+        """The map of that name, ready to light; a room is rendered when first asked for.
+
+        Raises:
+            ValueError: if its file cannot be used.
+        """
+        if self.folder:
+            path = _find(self.folder, self.split, name)
+        else:
+            path = self.cache / name
+            if not path.is_file():
+                self.render_room(name)
+        radiance = environments.load(path)
+        if len(radiance) > _LARGEST_MAP:
+            height = min(_LARGEST_MAP, radiance.shape[1] // 2)
+            radiance = environments.resized(radiance, height)
+        return prepare(name, radiance, quality=quality)
+
+    def render_room(self, name: str) -> None:
+        """Render one built-in room into the cache; needs Mitsuba's variant to be set."""
+        # Imports Mitsuba, which must not happen before `variants.activate` chose its library.
+        from ..rooms import renderer as room_renderer
+
+        index = int(name.removeprefix("room-").removesuffix(".exr"))
+        rng = generator(self.seed, self.split, "room", index)
+        radiance = room_renderer.render(room_sampling.sample(rng), seed=int(rng.integers(2**31)))
+        self.cache.mkdir(parents=True, exist_ok=True)
+        partial = self.cache / f"partial-{uuid.uuid4().hex}-{name}"
+        height, width = radiance.shape
+        image = oiio.ImageBuf(oiio.ImageSpec(width, height, 1, oiio.HALF))
+        image.set_pixels(oiio.ROI(), np.minimum(radiance, 65504)[..., None])
+        if not image.write(str(partial)):
+            raise OSError(f"{partial} cannot be written: {image.geterror()}")
+        os.replace(partial, self.cache / name)
+
+
+@dataclass(frozen=True)
+class BackgroundSource:
+    """What lies behind the object: random textures, or crops of the user's pictures.
+
+    Args:
+        folder: of pictures, or None for random textures.
+        usable: names of its files, once they were checked; None to list them.
+    """
+
+    folder: Path | None
+    usable: tuple[str, ...] | None = None
+
+    def pictures(self) -> list[Path]:
+        """The user's pictures, sorted by name; none without a folder.
+
+        Raises:
+            ValueError: if the folder is missing or holds no picture.
+        """
+        if not self.folder:
+            return []
+        if self.usable is not None:
+            return [self.folder / name for name in self.usable]
+        if not self.folder.is_dir():
+            raise ValueError(f"{self.folder} is no folder: pass one with pictures")
+        pictures = _matching(self.folder, (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp"))
+        if not pictures:
+            raise ValueError(f"{self.folder} holds no picture (PNG, JPEG, TIFF or WebP)")
+        return pictures
+
+    def sample(self, rng: np.random.Generator, size: int) -> np.ndarray:
+        """A background `(size, size, 3)`, sRGB in [0, 1].
+
+        Raises:
+            ValueError: if the folder holds no picture, or a picture cannot be read.
+        """
+        pictures = self.pictures()
+        if not pictures:
+            return backgrounds.procedural(rng, size)
+        return backgrounds.photograph(pictures[rng.integers(len(pictures))], rng, size)
+
+
+_LARGEST_MAP = 512
+"""Rows of the finest map kept; a larger one is averaged down, as 1.4 megapixels light no better."""
+
+
+def _find(folder: Path, split: str, name: str) -> Path:
+    """A file in a folder, or in its subfolder for the split, as `files` deals them."""
+    dealt = all((folder / name).is_dir() for name in SPLITS)
+    return (folder / split if dealt else folder) / name

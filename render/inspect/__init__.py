@@ -1,0 +1,1 @@
+"""A look at a corpus: verification, contact sheets, histograms, layers."""

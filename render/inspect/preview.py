@@ -1,0 +1,133 @@
+"""A corpus at a glance: a contact sheet, and histograms of all that was drawn at random.
+
+`lime-render --preview` writes them beside the shards.
+"""
+
+import collections
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+import tensorflow as tf
+from matplotlib.figure import Figure
+
+from lime_keras.data import corpus as corpus_files
+from lime_keras.data import pipeline, records
+from lime_keras.io import atomic
+
+from . import contact_sheet, histograms, quantities
+
+_SHOWN = 24
+_PICTURED = 2000
+"""Examples whose images are decoded: enough for a histogram, quick for any corpus."""
+
+
+@dataclass
+class Gathered:
+    """What a pass over a split found.
+
+    Attributes:
+        columns: values of each quantity, one for each example that has it.
+        shapes: how often each shape was used.
+        lights: how often each light was used.
+        pictured: number of examples whose images were looked at.
+        shown: whole records, in NumPy.
+    """
+
+    columns: dict[str, list[float]] = field(default_factory=dict)
+    shapes: collections.Counter[str] = field(default_factory=collections.Counter)
+    lights: collections.Counter[str] = field(default_factory=collections.Counter)
+    pictured: int = 0
+    shown: list[dict] = field(default_factory=list)
+
+    def add(self, row: dict[str, float]) -> None:
+        """Append the quantities of an example."""
+        for name, value in row.items():
+            self.columns.setdefault(name, []).append(value)
+
+
+def preview(corpus: Path, split: str, on_example: Callable[[int, int], None]) -> list[Path]:
+    """Write `preview.png` and `histograms.png` into a split's folder.
+
+    Args:
+        corpus: folder that `lime-render` wrote.
+        split: `train` or `test`.
+        on_example: called with (done, total) as records are read.
+
+    Returns:
+        The two files.
+
+    Raises:
+        FileNotFoundError: if the split is incomplete.
+        ValueError: if a record is damaged.
+    """
+    manifest = corpus_files.read_manifest(corpus, split)
+    gathered = _gather(corpus, split, manifest["examples"], on_example)
+    folder = corpus_files.manifest_path(corpus, split).parent
+    title = f"{Path(corpus).resolve().name}/{split}"
+    sheet, chart = folder / "preview.png", folder / "histograms.png"
+    # A file's name may hold dollar signs; they are no formula.
+    with matplotlib.rc_context({"text.parse_math": False}):
+        _save(contact_sheet.draw(gathered.shown, manifest["examples"], title), sheet)
+        histogram = histograms.draw(
+            {name: np.array(values) for name, values in gathered.columns.items()},
+            {
+                "shapes": _uses(gathered.shapes, manifest["shapes"]),
+                "lights": _uses(gathered.lights, manifest["lights"]),
+            },
+            gathered.pictured,
+            manifest["description"]["shading"] == "literal",
+            title,
+        )
+        _save(histogram, chart)
+    return [sheet, chart]
+
+
+def _save(figure: Figure, path: Path) -> None:
+    with atomic.replacing(path) as partial:
+        figure.savefig(partial)
+
+
+def _gather(
+    corpus: Path, split: str, count: int, on_example: Callable[[int, int], None]
+) -> Gathered:
+    """Read a split once: of every record the numbers, of some the images."""
+    paths = corpus_files.shard_paths(corpus, split)
+    dataset = tf.data.TFRecordDataset([str(path) for path in paths])
+    dataset = dataset.map(
+        lambda serialized: (records.parse(serialized, quantities.RECORDED), serialized),
+        num_parallel_calls=tf.data.AUTOTUNE,
+    )
+    shown, pictured = _spread(count, _SHOWN), _spread(count, _PICTURED)
+    gathered = Gathered()
+    examples = pipeline.naming_damage(dataset.prefetch(tf.data.AUTOTUNE), paths)
+    for position, (example, serialized) in enumerate(examples):
+        example = _in_numpy(example)
+        gathered.shapes[example["shape"].decode()] += 1
+        gathered.lights[example["light"].decode()] += 1
+        row = quantities.of_record(example)
+        if position in shown:
+            gathered.shown.append(_in_numpy(records.parse(serialized)))
+        if position in pictured:
+            pictures = _in_numpy(records.parse(serialized, quantities.PICTURED))
+            row |= quantities.of_pictures(pictures)
+            gathered.pictured += 1
+        gathered.add(row)
+        on_example(position + 1, count)
+    return gathered
+
+
+def _uses(counts: collections.Counter[str], manifest_names: list[str]) -> dict[str, int]:
+    """How often each of the manifest's names was used, unused ones included."""
+    return {name: counts[name] for name in manifest_names}
+
+
+def _spread(count: int, most: int) -> set[int]:
+    """At most `most` of `count` positions, evenly spread."""
+    return set(np.linspace(0, count - 1, min(count, most)).astype(int).tolist())
+
+
+def _in_numpy(example: dict[str, tf.Tensor]) -> dict:
+    return {name: value.numpy() for name, value in example.items()}

@@ -1,0 +1,254 @@
+"""Whether a split on disk is what its manifest says: `lime-render --verify`.
+
+Every shard is read once, hashed and decoded; memory holds a few examples. Nothing stops at the
+first fault.
+"""
+
+import collections
+import hashlib
+import json
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import tensorflow as tf
+
+from lime_keras.data import corpus as corpus_files
+from lime_keras.data import records
+
+from . import record_checks
+from .faults import Faults
+
+_AHEAD = 8
+"""Records in work for each thread: so many are held at once."""
+_MANIFEST = {
+    "description": dict,
+    "shards": int,
+    "examples": int,
+    "sha256": list,
+    "shapes": list,
+    "lights": list,
+    "inputs": dict,
+}
+_DESCRIPTION = {
+    "split": str,
+    "count": int,
+    "seed": int,
+    "size": int,
+    "shard_size": int,
+    "shading": str,
+}
+
+
+def verify(corpus: Path, split: str, on_example: Callable[[int, int], None]) -> Faults:
+    """Check one split of a corpus: files, counts, checksums, and every record.
+
+    Args:
+        corpus: folder that `lime-render` wrote.
+        split: `train` or `test`.
+        on_example: called with (done, total) as records are checked.
+    """
+    faults = Faults()
+    manifest = _read_manifest(corpus, split, faults)
+    if manifest is None:
+        return faults
+    _check_manifest(corpus, split, manifest, faults)
+    _check_other_split(corpus, split, manifest, faults)
+    _check_strays(corpus, split, manifest["shards"], faults)
+    count, shard_size = (manifest["description"][name] for name in ("count", "shard_size"))
+    expected = record_checks.Expected(
+        seed=manifest["description"]["seed"],
+        size=manifest["description"]["size"],
+        literal=manifest["description"]["shading"] == "literal",
+        shapes=frozenset(manifest["shapes"]),
+        lights=frozenset(manifest["lights"]),
+    )
+    with ThreadPoolExecutor(os.cpu_count()) as threads:
+        for shard in range(manifest["shards"]):
+            path = corpus_files.shard_path(corpus, split, shard)
+            indices = range(shard * shard_size, min((shard + 1) * shard_size, count))
+            if not path.is_file():
+                faults.add("file", path, "the shard is missing: render the split again")
+            else:
+                _check_digests(path, manifest["sha256"][shard:][:1], len(indices), faults)
+                for done in _check_records(path, indices, expected, threads, faults):
+                    on_example(min(indices.start + done, count), count)
+            on_example(min(indices.stop, count), count)
+    return faults
+
+
+def _read_manifest(corpus: Path, split: str, faults: Faults) -> dict[str, Any] | None:
+    """The manifest, or None if nothing can be checked against it."""
+    path = corpus_files.manifest_path(corpus, split)
+    try:
+        manifest = corpus_files.read_manifest(corpus, split)
+    except FileNotFoundError as error:
+        faults.add("manifest", path, str(error).removeprefix(f"{path} "))
+        return None
+    except ValueError as error:
+        faults.add("manifest", path, f"is no JSON ({error}): render the split again")
+        return None
+    unknown = _misfits(manifest, _MANIFEST, "")
+    if not unknown:
+        unknown = _misfits(manifest["description"], _DESCRIPTION, "description.")
+    if unknown:
+        wanted = ", ".join(unknown)
+        faults.add("manifest", path, f"expected {wanted}: a corpus of another version?")
+        return None
+    return manifest
+
+
+def _misfits(held: Any, wanted: dict[str, type], prefix: str) -> list[str]:
+    """Keys that are missing or of another type, as a user reads them."""
+    if not isinstance(held, dict):
+        return ["a JSON object"]
+    return [
+        f"{prefix}{name} ({kind.__name__})"
+        for name, kind in wanted.items()
+        if not isinstance(held.get(name), kind)
+    ]
+
+
+def _check_manifest(corpus: Path, split: str, manifest: dict, faults: Faults) -> None:
+    """Whether the manifest agrees with itself and with the description beside it."""
+    path = corpus_files.manifest_path(corpus, split)
+    description = manifest["description"]
+    shards = -(-description["count"] // max(description["shard_size"], 1))
+    for name, found, expected in (
+        ("split", description["split"], split),
+        ("examples", manifest["examples"], description["count"]),
+        ("shards", manifest["shards"], shards),
+        ("number of checksums", len(manifest["sha256"]), manifest["shards"]),
+    ):
+        if found != expected:
+            faults.add("manifest", path, f"{name} is {found}, expected {expected}")
+    beside = path.with_name("description.json")
+    if not beside.is_file():
+        faults.add("file", beside, "is missing")
+    elif _read_json(beside) != description:
+        faults.add("manifest", beside, f"differs from the description in {path.name}")
+
+
+def _check_other_split(corpus: Path, split: str, manifest: dict, faults: Faults) -> None:
+    """No shape or light of the user's is in both splits; built-in ones are seeded by split."""
+    other = next(name for name in corpus_files.SPLITS if name != split)
+    beside = _read_json(corpus_files.manifest_path(corpus, other))
+    if beside is None or _misfits(beside, _MANIFEST, ""):
+        return
+    for kind in ("shapes", "environments"):
+        # By contents: two files of one name may differ, and one may have two names.
+        theirs = set(beside["inputs"].get(kind, {}).values())
+        ours = manifest["inputs"].get(kind, {})
+        shared = sorted(name for name, digest in ours.items() if digest in theirs)
+        if shared:
+            faults.add(
+                "split",
+                corpus_files.manifest_path(corpus, split),
+                f"{kind} {', '.join(shared[:5])} {'…' if len(shared) > 5 else ''}are in the "
+                f"{other} split too, expected none in both",
+            )
+
+
+def _check_strays(corpus: Path, split: str, shards: int, faults: Faults) -> None:
+    """Files that an interrupted or another run left behind."""
+    folder = corpus / split
+    known = {corpus_files.shard_path(corpus, split, shard) for shard in range(shards)}
+    known |= {path.with_suffix(".json") for path in known}
+    known |= {folder / f"{name}.json" for name in ("manifest", "description", "inputs")}
+    for path in sorted([*folder.glob("*"), *folder.glob("rooms/partial-*")]):
+        if path.name.startswith("partial-"):
+            faults.add("file", path, "was left by an interrupted run: delete it")
+        elif path.suffix in (".tfrecord", ".json") and path not in known:
+            faults.add("file", path, f"is none of the split's {shards} shards: delete it")
+
+
+def _check_digests(path: Path, listed: list[str], count: int, faults: Faults) -> None:
+    """A shard's bytes and count against the manifest and the sidecar."""
+    with path.open("rb") as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    beside = path.with_suffix(".json")
+    sidecar = _read_json(beside)
+    if listed and digest != listed[0]:
+        faults.add("sha256", path, f"is {digest}, expected {listed[0]} of the manifest")
+    if not isinstance(sidecar, dict):
+        faults.add("file", beside, "is missing or no JSON: it vouches for the shard")
+        return
+    if digest != sidecar.get("sha256"):
+        faults.add("sha256", path, f"is {digest}, expected {sidecar.get('sha256')} of its .json")
+    if sidecar.get("examples") != count:
+        faults.add("count", beside, f"tells {sidecar.get('examples')} examples, expected {count}")
+
+
+def _check_records(
+    path: Path,
+    indices: range,
+    expected: record_checks.Expected,
+    threads: ThreadPoolExecutor,
+    faults: Faults,
+) -> Iterator[int]:
+    """Check the records of a shard, in several threads; yields how many are done."""
+    window: collections.deque[Future] = collections.deque()
+    done = 0
+    for serialized in _serialized(path, faults):
+        window.append(threads.submit(_check_record, serialized, expected))
+        if len(window) >= _AHEAD * (os.cpu_count() or 1):
+            _gather(window.popleft(), path, indices, done, faults)
+            yield (done := done + 1)
+    while window:
+        _gather(window.popleft(), path, indices, done, faults)
+        yield (done := done + 1)
+    if done != len(indices):
+        faults.add("count", path, f"holds {done} readable records, expected {len(indices)}")
+
+
+def _serialized(path: Path, faults: Faults) -> Iterator[tf.Tensor]:
+    """The records of a shard, up to the first whose checksum does not fit."""
+    dataset = iter(tf.data.TFRecordDataset(str(path)))
+    for record in range(2**63):
+        try:
+            yield next(dataset)
+        except StopIteration:
+            return
+        except tf.errors.DataLossError as error:
+            what = f"{str(error).splitlines()[0]}: it and all after it are lost; delete the shard "
+            faults.add("record", f"{path}, record {record}", what + "and render the split again")
+            return
+
+
+def _check_record(
+    serialized: tf.Tensor, expected: record_checks.Expected
+) -> tuple[int | None, list[tuple[str, str]]]:
+    """The record's index and faults; no index if it cannot be decoded."""
+    try:
+        example = {name: value.numpy() for name, value in _parse(serialized).items()}
+    except tf.errors.InvalidArgumentError as error:
+        return None, [("record", f"cannot be decoded: {str(error).splitlines()[0]}")]
+    return int(example["index"]), record_checks.faults(example, expected)
+
+
+@tf.function(input_signature=[tf.TensorSpec([], tf.string)])
+def _parse(serialized: tf.Tensor) -> dict[str, tf.Tensor]:
+    return records.parse(serialized)
+
+
+def _gather(checked: Future, path: Path, indices: range, record: int, faults: Faults) -> None:
+    """Write down what was found in a record, with where it is."""
+    where = f"{path}, record {record}"
+    index, found = checked.result()
+    if index is not None:
+        faults.examples += 1
+        expected = indices.start + record
+        if index != expected:
+            faults.add("index", where, f"is example {index}, expected {expected}")
+    for kind, what in found:
+        faults.add(kind, where, what)
+
+
+def _read_json(path: Path) -> Any:
+    """What a JSON file holds; None if it is missing or broken."""
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except (FileNotFoundError, ValueError):
+        return None

@@ -1,0 +1,83 @@
+"""A libLLVM for the fast renderer, without root.
+
+    python -m lime_keras.render.mitsuba_setup.fetch_llvm
+
+Does nothing where a usable one is found. Else downloads Debian's or Ubuntu's package, with what it
+and Mitsuba need and this system lacks, and unpacks all into the virtual environment, where
+`variants` looks first.
+"""
+
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from lime_keras import console
+
+from . import variants
+
+_VERSIONS = ("20", "19", "18", "17")
+_NEEDED_BY_MITSUBA = "libatomic1"
+_NEVER_UNPACKED = ("libc6_", "libgcc-s1_", "libstdc++6_")
+"""The running process has these loaded; a second copy would break it."""
+
+
+def main() -> int:
+    """Fetch a library if none is usable; 0 even if that fails, since rendering works without."""
+    return console.run(_fetch, "run it again to have the fast renderer")
+
+
+def _fetch() -> int:
+    if not any(variants.works(library) for library in variants.candidates()):
+        print("no usable libLLVM here: fetching one into the virtual environment", file=sys.stderr)
+        try:
+            _unpack(variants.own_folder())
+        except (OSError, subprocess.SubprocessError) as error:
+            print(f"could not fetch one: {error}", file=sys.stderr)
+    print(variants.choose().explain(), file=sys.stderr)
+    return 0
+
+
+def _unpack(target: Path) -> None:
+    """Download the newest packaged libLLVM, with what it lacks here, and unpack it into a folder.
+
+    Raises:
+        OSError: if there is no `apt-get`, or no package of a usable version.
+        subprocess.SubprocessError: if a package cannot be downloaded in time or unpacked.
+    """
+    with tempfile.TemporaryDirectory() as scratch:
+        apt = _apt(Path(scratch))
+        archives = Path(scratch) / "cache" / "archives"
+        if not any(_download(apt, version) for version in _VERSIONS):
+            raise OSError(f"apt-get has no libllvm{_VERSIONS[-1]} … libllvm{_VERSIONS[0]}")
+        for package in archives.glob("*.deb"):
+            if not package.name.startswith(_NEVER_UNPACKED):
+                subprocess.run(["dpkg", "-x", package, target], check=True)
+
+
+def _apt(scratch: Path) -> list[str]:
+    """An `apt-get` with lists and cache of its own, which an ordinary user may update."""
+    for folder in ("lists/partial", "cache/archives/partial"):
+        (scratch / folder).mkdir(parents=True)
+    options = {
+        "Dir::State::Lists": scratch / "lists",
+        "Dir::Cache": scratch / "cache",
+        "APT::Sandbox::User": "",
+        "Debug::NoLocking": "true",
+    }
+    apt = ["apt-get", "-qq", *(f"-o{name}={value}" for name, value in options.items())]
+    subprocess.run([*apt, "update"], check=True, capture_output=True, timeout=300)
+    return apt
+
+
+def _download(apt: list[str], version: str) -> bool:
+    """Download what installing a version would take here; False if there is no such version."""
+    command = [*apt, "install", "--yes", "--download-only", "--no-install-recommends"]
+    answer = subprocess.run(
+        [*command, f"libllvm{version}", _NEEDED_BY_MITSUBA], capture_output=True, timeout=600
+    )
+    return answer.returncode == 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,202 @@
+"""Which Mitsuba variant can run here, chosen without ever aborting the process.
+
+`llvm_ad_rgb` needs a shared libLLVM. Some versions abort the whole process while compiling a
+kernel (15 and 16 do, with Dr.Jit 1.5), so each candidate library is tried in a child process first.
+Without a usable one, `scalar_rgb` traces rays and NumPy shades.
+"""
+
+import contextlib
+import ctypes
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+FAST, SLOW = "llvm_ad_rgb", "scalar_rgb"
+_LIBRARY_VARIABLE = "DRJIT_LIBLLVM_PATH"
+_PROBE_SECONDS = 120
+
+# What aborted with a bad library: a float minimum; then a traced ray. Answers are checked.
+_PROBE = """
+import resource
+resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+from lime_keras.render.mitsuba_setup import variants
+variants.load_companions()
+import drjit as dr, mitsuba as mi
+mi.set_variant("llvm_ad_rgb")
+x = dr.linspace(mi.Float, -1, 1, 9)
+assert abs(dr.sum(dr.minimum(dr.maximum(x, 0), dr.exp2(x)))[0] - 2.5) < 1e-5
+scene = mi.load_dict({"type": "scene", "shape": {"type": "sphere"}})
+hit = scene.ray_intersect(mi.Ray3f(mi.Point3f(0.5 * x, 0, 4), mi.Vector3f(0, 0, -1)))
+assert dr.all(hit.is_valid())
+"""
+_SCALAR_PROBE = """
+from lime_keras.render.mitsuba_setup import variants
+variants.load_companions()
+import mitsuba
+mitsuba.set_variant("scalar_rgb")
+"""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A Mitsuba variant that was seen to run, with the libLLVM it needs.
+
+    Attributes:
+        variant: `llvm_ad_rgb` or `scalar_rgb`.
+        library: the libLLVM of the former, None for the latter.
+        tried: libraries that were found and do not work.
+    """
+
+    variant: str
+    library: Path | None
+    tried: tuple[Path, ...] = ()
+
+    def explain(self) -> str:
+        """One or two lines for the user: what runs, and how to get the faster one."""
+        if self.library:
+            return f"rendering with {self.variant}, {self.library}"
+        found = f" (found but unusable: {', '.join(map(str, self.tried))})" if self.tried else ""
+        return (
+            f"rendering with {self.variant}: no usable libLLVM{found}. This works, many times "
+            "slower.\nFor the fast variant: `python -m "
+            "lime_keras.render.mitsuba_setup.fetch_llvm`, or `apt-get install libllvm19`, or set "
+            f"{_LIBRARY_VARIABLE} to a libLLVM of version 17 or later"
+        )
+
+
+def choose() -> Choice:
+    """Find the fastest variant that works here; takes a second or two.
+
+    The environment variable `DRJIT_LIBLLVM_PATH` is tried first, then the library of the virtual
+    environment (`fetch_llvm` puts one there), then the system's, newest first.
+
+    Raises:
+        RuntimeError: if Mitsuba cannot be loaded at all, naming what it lacks.
+    """
+    tried = []
+    for library in candidates():
+        if works(library):
+            return Choice(FAST, library, tuple(tried))
+        tried.append(library)
+    missing = _failure(_SCALAR_PROBE, os.environ)
+    if missing is not None:
+        raise RuntimeError(
+            f"Mitsuba cannot be loaded: {missing or 'no reason given'}. On Debian or Ubuntu, "
+            "`python -m lime_keras.render.mitsuba_setup.fetch_llvm` or `apt-get install "
+            "libatomic1` may mend it"
+        )
+    return Choice(SLOW, None, tuple(tried))
+
+
+def candidates() -> list[Path]:
+    """Files of libLLVM on this machine, each once, in the order in which to try them."""
+    named = os.environ.get(_LIBRARY_VARIABLE)
+    system = [*Path("/usr/lib").glob("llvm*/lib/libLLVM*.so*"), *_linker_cache()]
+    ordered = [
+        *([Path(named).resolve()] if named else []),
+        *_newest_first(own_folder().rglob("libLLVM*.so*")),
+        *_newest_first(system),
+    ]
+    return list(dict.fromkeys(ordered))
+
+
+def own_folder() -> Path:
+    """Where this environment keeps a libLLVM of its own, if it has one."""
+    return Path(sys.prefix) / "llvm"
+
+
+def works(library: Path) -> bool:
+    """Whether Mitsuba's LLVM variant computes rightly with this libLLVM, tried in a child."""
+    return _failure(_PROBE, os.environ | {_LIBRARY_VARIABLE: str(library)}) is None
+
+
+def _failure(probe: str, environment: Mapping[str, str]) -> str | None:
+    """Run code in a child; None if it succeeded, else the reason as far as it can be told."""
+    try:
+        child = subprocess.run(
+            [sys.executable, "-c", probe],
+            env=environment,
+            capture_output=True,
+            text=True,
+            timeout=_PROBE_SECONDS,
+        )
+    except subprocess.TimeoutExpired:
+        return f"it did not answer within {_PROBE_SECONDS} s"
+    if child.returncode == 0:
+        return None
+    reasons = [line for line in child.stderr.splitlines() if line.startswith("ImportError: ")]
+    return reasons[0].removeprefix("ImportError: ") if reasons else ""
+
+
+def activate(choice: Choice, threads: int) -> None:
+    """Set Mitsuba's variant in this process; call once, before anything is rendered.
+
+    Args:
+        choice: from `choose`.
+        threads: of Dr.Jit's and Mitsuba's pool. One thread makes every sum's order, and so every
+            byte, reproducible.
+
+    Raises:
+        RuntimeError: if TensorFlow was imported before Mitsuba, which ends in a segmentation fault,
+            or Mitsuba before its library was chosen, which takes the system's first.
+    """
+    if "tensorflow" in sys.modules and "drjit" not in sys.modules:
+        raise RuntimeError(
+            "TensorFlow was imported before Mitsuba, which crashes the process: put "
+            "`import mitsuba` before the first import of tensorflow or keras"
+        )
+    if choice.library:
+        if "drjit" in sys.modules and os.environ.get(_LIBRARY_VARIABLE) != str(choice.library):
+            raise RuntimeError(
+                "Mitsuba was imported before its libLLVM was chosen: call `variants.activate` "
+                f"before the first `import mitsuba`, or set {_LIBRARY_VARIABLE} yourself"
+            )
+        os.environ[_LIBRARY_VARIABLE] = str(choice.library)
+    load_companions()
+    import drjit
+    import mitsuba
+
+    mitsuba.set_variant(choice.variant)
+    drjit.set_thread_count(threads)
+
+
+def load_companions() -> None:
+    """Load the libraries that this environment keeps for libLLVM and Mitsuba to be linked to.
+
+    The dynamic linker does not look there, but takes what is loaded already.
+    """
+    waiting = [
+        path
+        for path in own_folder().rglob("*.so.*")
+        if not path.is_symlink() and not path.name.startswith("libLLVM")
+    ]
+    for _ in range(len(waiting)):
+        for path in list(waiting):
+            # One may need another: those that do not load yet are tried again.
+            with contextlib.suppress(OSError):
+                ctypes.CDLL(str(path), mode=ctypes.RTLD_GLOBAL)
+                waiting.remove(path)
+
+
+def _linker_cache() -> list[Path]:
+    """Files of libLLVM that the dynamic linker knows; none where there is no `ldconfig`."""
+    try:
+        listing = subprocess.run(
+            ["/sbin/ldconfig", "-p"], capture_output=True, text=True, timeout=20
+        ).stdout
+    except (OSError, subprocess.TimeoutExpired):
+        return []
+    return [Path(path) for path in re.findall(r"libLLVM\S* .*=> (\S+)", listing)]
+
+
+def _newest_first(libraries: Iterable[Path]) -> list[Path]:
+    """Sort by the numbers in the files' names: libLLVM.so.19.1 before libLLVM-15.so.1."""
+    return sorted(
+        {path.resolve() for path in libraries},
+        key=lambda path: [int(number) for number in re.findall(r"\d+", path.name)],
+        reverse=True,
+    )

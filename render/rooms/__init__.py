@@ -1,0 +1,1 @@
+"""Procedural rooms, path traced to environment maps."""

@@ -1,0 +1,195 @@
+"""Rooms, path traced to environment maps of photographed dynamic range.
+
+One Mitsuba scene serves all rooms of a process: its meshes have a fixed number of faces, and each
+room only fills their buffers. So nothing is compiled twice, and the memory that Mitsuba keeps with
+every scene loaded (its issue 1890) is spent once.
+"""
+
+from functools import lru_cache
+
+import mitsuba as mi
+import numpy as np
+
+from .meshes import Piece, Vector, area, merged, panel_piece, solid_piece
+from .sampling import LIGHTS, Light, Room
+
+FACES = {"matte": 16384, "glossy": 8192, "light": 640}  # of each mesh of the scene
+BOUNCES = 4  # depth of the path tracer: enough to lift the shadows, too short for caustics
+SUBDIVISION = 8  # directions across and down a texel that are looked up in the views
+VIEWS = (
+    ((0, 0, -1), (0, 1, 0)),
+    ((1, 0, 0), (0, 1, 0)),
+    ((0, 0, 1), (0, 1, 0)),
+    ((-1, 0, 0), (0, 1, 0)),
+    ((0, 1, 0), (0, 0, 1)),
+    ((0, -1, 0), (0, 0, -1)),
+)  # forward and up
+
+
+def render(room: Room, *, height: int = 128, samples: int = 32, seed: int) -> np.ndarray:
+    """Path traces a room from its viewpoint, in the variant of Mitsuba that is active.
+
+    Paths end after `BOUNCES` segments. Where no light is seen directly, a pixel of the six views
+    may be at most twice as bright as its brightest neighbour, so that rare paths leave no speckles.
+
+    Args:
+        room: What to render.
+        height: Rows of the map.
+        samples: Paths per pixel of the six views that the map is put together from.
+        seed: Of the sampler; the same seed gives the same map, to the bit if Dr.Jit has one thread.
+
+    Returns:
+        `(height, 2 * height)` float32 radiance, non-negative, one channel: equirectangular,
+        direction(u, v) = (sin(pi v) sin(2 pi u), cos(pi v), -sin(pi v) cos(2 pi u)).
+
+    Raises:
+        ValueError: If the room has more faces or lights than the scene holds.
+    """
+    side = 3 * height // 4  # a view's pixels in its middle then are about as wide as the texels
+    scene = _scene(mi.variant(), side)
+    _furnish(scene[1], room)
+    views = _views(scene, "path", side, samples, seed)
+    lights = _views(scene, "lights", side, samples, seed)
+    padded = np.pad(views, ((0, 0), (1, 1), (1, 1)), mode="edge")
+    shifts = [(i, j) for i in range(3) for j in range(3) if (i, j) != (1, 1)]
+    around = np.max([padded[:, i : i + side, j : j + side] for i, j in shifts], axis=0)
+    views = np.where(lights > 0, views, np.minimum(views, 2 * around))
+    return _equirectangular(views, height)
+
+
+@lru_cache(maxsize=2)
+def _scene(variant: str, side: int) -> tuple["mi.Scene", "mi.SceneParameters", dict]:
+    """The scene that all rooms share, its parameters and integrators, for one variant and size."""
+    albedo = {"type": "mesh_attribute", "name": "face_albedo"}
+    rough = {"type": "mesh_attribute", "name": "face_roughness"}
+    matte = {"type": "diffuse", "reflectance": albedo}
+    glossy = {"type": "principled", "base_color": albedo, "roughness": rough, "specular": 0.5}
+    black = {"type": "diffuse", "reflectance": {"type": "rgb", "value": 0.0}}
+    light = {"type": "area", "radiance": {"type": "uniform", "value": 1.0}}
+    meshes = {"matte": _mesh("matte", matte), "glossy": _mesh("glossy", glossy)}
+    meshes |= {f"light{k}": _mesh("light", black, light) for k in range(LIGHTS)}
+    film = {"type": "hdrfilm", "pixel_format": "luminance", "rfilter": {"type": "box"}}
+    cameras = {
+        f"view{k}": {
+            "type": "perspective",
+            "fov": 90.0,
+            "near_clip": 0.001,
+            "to_world": mi.ScalarTransform4f().look_at([0, 0, 0], forward, up),
+            "film": film | {"width": side, "height": side},
+        }
+        for k, (forward, up) in enumerate(VIEWS)
+    }
+    sensor = {"type": "batch", "film": film | {"width": 6 * side, "height": side}} | cameras
+    scene = mi.load_dict({"type": "scene", "sensor": sensor} | meshes)
+    depths = {"path": BOUNCES, "lights": 1}
+    integrators = {k: mi.load_dict({"type": "path", "max_depth": n}) for k, n in depths.items()}
+    return scene, mi.traverse(scene), integrators
+
+
+def _mesh(kind: str, bsdf: dict, emitter: dict | None = None) -> "mi.Mesh":
+    """A mesh with as many faces as `FACES` says, all but one of them without area."""
+    properties = mi.Properties()
+    properties["bsdf"] = mi.load_dict(bsdf)
+    if emitter:
+        properties["emitter"] = mi.load_dict(emitter)
+    faces = FACES[kind]
+    mesh = mi.Mesh(kind, 2 * faces, faces, has_vertex_normals=True, props=properties)
+    mesh.add_attribute("face_albedo", 1, [0.5] * faces)
+    mesh.add_attribute("face_roughness", 1, [0.5] * faces)
+    parameters = mi.traverse(mesh)
+    for name, values in _buffers(kind, [], np.zeros(3)).items():
+        parameters[name] = values
+    parameters.update()
+    return mesh
+
+
+def _furnish(parameters: "mi.SceneParameters", room: Room) -> None:
+    """Writes a room into the scene's buffers, the viewpoint at the origin."""
+    if len(room.lights) > LIGHTS:
+        raise ValueError(
+            f"the room has {len(room.lights)} lights, expected at most {LIGHTS}; "
+            f"leave some out or raise LIGHTS."
+        )
+    meshes = {
+        "matte": [panel_piece(panel) for panel in room.panels]
+        + [solid_piece(solid) for solid in room.solids if solid.roughness is None],
+        "glossy": [solid_piece(solid) for solid in room.solids if solid.roughness is not None],
+    }
+    for k in range(LIGHTS):
+        light = room.lights[k] if k < len(room.lights) else Light(0.0)
+        pieces = [*map(panel_piece, light.panels), *map(solid_piece, light.solids)]
+        meshes[f"light{k}"] = pieces
+        parameters[f"light{k}.emitter.radiance.value"] = light.radiance
+        flux = light.radiance * sum(map(area, pieces))
+        # Not 0 for the last, or a room without light would leave Mitsuba nothing to choose from.
+        parameters[f"light{k}.emitter.sampling_weight"] = float(flux) or 1e-6 * (k == LIGHTS - 1)
+    for name, pieces in meshes.items():
+        for key, values in _buffers(name.rstrip("0123456789"), pieces, room.viewpoint).items():
+            parameters[f"{name}.{key}"] = values
+        # Equal normals count as unchanged, and Mitsuba would compute its own for new positions.
+        parameters.set_dirty(f"{name}.vertex_normals")
+    parameters.update()
+
+
+def _buffers(kind: str, pieces: list[Piece], origin: Vector) -> dict[str, np.ndarray]:
+    """Mitsuba's flat buffers, filled up with faces of no area behind a tiny triangle far below."""
+    room = FACES[kind]
+    far = np.array([[0, 0, 0], [0, 0, 1e-3], [1e-3, 0, 0]]) - (0, 100, 0)
+    tiny = (far + origin, np.tile([0.0, 1.0, 0.0], (3, 1)), np.arange(3)[None], *np.ones((2, 1)))
+    vertices, normals, faces, albedo, roughness = merged([tiny, *pieces])
+    if len(faces) > room:
+        raise ValueError(
+            f"the room has {len(faces)} {kind} faces, expected at most {room}; "
+            f"use fewer cells or solids, or raise FACES."
+        )
+    return {
+        "vertex_positions": _filled(vertices - origin, far[0], 2 * room),
+        "vertex_normals": _filled(normals, (0, 1, 0), 2 * room),
+        "faces": _filled(faces, (0, 0, 0), room).astype(np.uint32),
+        "face_albedo": _filled(albedo, 0, room),
+        "face_roughness": _filled(roughness, 1, room),
+    }
+
+
+def _filled(values: np.ndarray, filler: np.ndarray, count: int) -> np.ndarray:
+    out = np.empty((count, *values.shape[1:]), np.float32)
+    out[: len(values)], out[len(values) :] = values, filler
+    return out.ravel()
+
+
+def _views(scene: tuple, kind: str, side: int, samples: int, seed: int) -> np.ndarray:
+    """The six views `(6, side, side)`, non-finite pixels black."""
+    image = mi.render(scene[0], integrator=scene[2][kind], seed=seed, spp=samples)
+    image = np.array(image, np.float32).reshape(side, 6, side).swapaxes(0, 1)
+    return np.where(np.isfinite(image), np.maximum(image, 0), 0)
+
+
+def _equirectangular(views: np.ndarray, height: int) -> np.ndarray:
+    """Averages the views over each texel's solid angle."""
+    pixels, weights = _lookup(height, views.shape[1])
+    values = (views.ravel()[pixels] * weights).reshape(height, SUBDIVISION, 2 * height, -1)
+    return values.sum(axis=(1, 3)).astype(np.float32)
+
+
+@lru_cache(maxsize=2)
+def _lookup(height: int, side: int) -> tuple[np.ndarray, np.ndarray]:
+    """For each sub-texel the view's pixel it falls in, and its share of the texel's solid angle."""
+    rows = SUBDIVISION * height
+    theta = np.pi * (np.arange(rows, dtype=np.float32)[:, None] + 0.5) / rows
+    phi = np.pi * (np.arange(2 * rows, dtype=np.float32) + 0.5) / rows
+    x, y, z = np.broadcast_arrays(
+        np.sin(theta) * np.sin(phi), np.cos(theta), -np.sin(theta) * np.cos(phi)
+    )
+    pixels = np.zeros((rows, 2 * rows), np.int32)
+    for k, (forward, up) in enumerate(VIEWS):
+        right = np.cross(forward, up)
+        ahead, aside, above = (a[0] * x + a[1] * y + a[2] * z for a in (forward, right, up))
+        seen = ahead >= np.maximum(np.abs(aside), np.abs(above)) * np.float32(1 - 1e-6)
+        column, row = (
+            np.clip((1 + slope[seen] / ahead[seen]) / 2 * side, 0, side - 1).astype(np.int32)
+            for slope in (aside, -above)
+        )
+        pixels[seen] = (k * side + row) * side + column
+    weights = np.sin(theta).reshape(height, SUBDIVISION)
+    weights = weights / weights.sum(1, keepdims=True) / SUBDIVISION
+    return pixels, weights.reshape(-1, 1).astype(np.float32)

@@ -1,0 +1,172 @@
+"""Procedural rooms: plain data, drawn at random.
+
+Everything is grey, as the paper's light is white-balanced. Metres; Y up; the floor is the plane
+y = 0, the vertical axis runs through the middle of the room.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from . import furniture
+from .meshes import Panel, Pattern, Solid, Vector, area, as_pattern, as_vector, solid_piece
+
+LIGHTS = 11  # emitters of the scene: up to three windows of sky and ground, and five lamps
+
+
+@dataclass(frozen=True)
+class Light:
+    """What emits the same radiance everywhere: a lamp, or the sky or the ground in a window."""
+
+    radiance: float
+    panels: tuple[Panel, ...] = ()
+    solids: tuple[Solid, ...] = ()
+
+
+@dataclass(frozen=True)
+class Room:
+    """A room: its width, height and depth, where it is seen from, what it holds and what shines."""
+
+    size: Vector
+    viewpoint: Vector
+    panels: tuple[Panel, ...]
+    solids: tuple[Solid, ...]
+    lights: tuple[Light, ...]
+
+
+def sample(rng: np.random.Generator) -> Room:
+    """Draws a room: walls with patterns and pictures, windows, lamps and furniture.
+
+    Args:
+        rng: The only source of randomness.
+
+    Returns:
+        The room; its viewpoint keeps `furniture.CLEARANCE` from everything.
+    """
+    size = np.array([rng.uniform(3, 8), rng.uniform(2.3, 4), rng.uniform(3, 8)])
+    viewpoint = np.array([rng.uniform(-0.5, 0.5), 0, rng.uniform(-0.5, 0.5)]) * (size - 2)
+    viewpoint[1] = rng.uniform(0.7, 1.6)
+    walls = _walls(rng, size)
+    order = rng.permutation(4)
+    glazed = rng.choice(4, p=(0.2, 0.4, 0.25, 0.15))
+    frames, lights = [], []
+    for k in order[:glazed]:
+        frame, sky, ground = _window(rng, walls[k])
+        frames.append(frame)
+        lights += [sky, ground]
+    lights += [_lamp(rng, size, viewpoint) for _ in range(rng.integers(1, 6))]
+    pictures = [_picture(rng, walls[k]) for k in order[glazed:] if rng.random() < 0.6]
+    return Room(
+        size=as_vector(size),
+        viewpoint=as_vector(viewpoint),
+        panels=(*walls, *frames, *pictures),
+        solids=tuple(furniture.sample(rng, size, viewpoint)),
+        lights=tuple(lights),
+    )
+
+
+def _walls(rng: np.random.Generator, size: np.ndarray) -> list[Panel]:
+    """Back, front, left, right, floor and ceiling, seen from inside."""
+    w, h, d = size
+    x, y, z = np.diag(size)
+    corners = [(-w, 0, -d), (w, 0, d), (-w, 0, d), (w, 0, -d), (-w, 0, d), (-w, 2 * h, -d)]
+    edges = [(x, y), (-x, y), (-z, y), (z, y), (x, -z), (x, z)]
+    tone = rng.uniform(0.25, 0.85)
+    tones = [*np.clip(tone + rng.normal(0, 0.08, 4), 0.1, 0.9), rng.uniform(0.08, 0.6)]
+    tones.append(rng.uniform(0.5, 0.9))
+    plain = [0.55] * 4 + [0.4, 0.85]
+    return [
+        Panel(
+            as_vector(np.array(corner) / 2),
+            as_vector(across),
+            as_vector(up),
+            ((float(tone),),) if rng.random() < share else _pattern(rng, tone),
+        )
+        for corner, (across, up), tone, share in zip(corners, edges, tones, plain, strict=True)
+    ]
+
+
+def _pattern(rng: np.random.Generator, tone: float) -> Pattern:
+    """Stripes, checks, a dado or patches around a tone."""
+    rows, columns = rng.integers(4, 20, 2)
+    other = np.clip(tone * np.exp(rng.choice([-1, 1]) * rng.uniform(0.3, 1.5)), 0.03, 0.95)
+    i, j = np.mgrid[:rows, :columns]
+    kind = rng.choice(5)
+    if kind == 0:
+        share = np.broadcast_to(j[:1] % 2, (1, columns))
+    elif kind == 1:
+        share = i[:, :1] % 2
+    elif kind == 2:
+        share = (i + j) % 2
+    elif kind == 3:
+        share = i[:, :1] < rows * rng.uniform(0.2, 0.5)
+    else:
+        share = rng.random((rows, columns))
+    return as_pattern(tone + (other - tone) * share)
+
+
+def _on_wall(wall: Panel, rect: np.ndarray, lift: float, cells: Pattern) -> Panel:
+    """A panel at `rect` (left, bottom, width, height; metres), lifted off the wall."""
+    across, up = np.array(wall.across), np.array(wall.up)
+    u, v = across / np.linalg.norm(across), up / np.linalg.norm(up)
+    corner = np.array(wall.corner) + rect[0] * u + rect[1] * v + lift * np.cross(u, v)
+    return Panel(as_vector(corner), as_vector(rect[2] * u), as_vector(rect[3] * v), cells)
+
+
+def _place(rng: np.random.Generator, wall: Panel, width: tuple, height: tuple) -> np.ndarray:
+    """A random rectangle of a wall, kept off its edges."""
+    room = np.array([np.linalg.norm(wall.across), np.linalg.norm(wall.up)]) - 0.4
+    extent = np.minimum([rng.uniform(*width), rng.uniform(*height)], room)
+    start = 0.2 + rng.uniform(0.3, 1.0, 2) * (room - extent)
+    return np.r_[start, extent]
+
+
+def _window(rng: np.random.Generator, wall: Panel) -> tuple[Panel, Light, Light]:
+    """A frame, and behind its bars bright sky above darker ground."""
+    rect = _place(rng, wall, (0.6, 3.0), (0.8, 2.0))
+    bar, columns, rows = rng.uniform(0.03, 0.08), rng.integers(1, 4), rng.integers(1, 4)
+    frame = _on_wall(wall, rect, 0.01, ((float(rng.uniform(0.05, 0.9)),),))
+    cell = (rect[2:] - bar) / (columns, rows)
+    horizon = rect[1] + rect[3] * rng.uniform(0.05, 0.6)
+    halves: tuple[list, list] = ([], [])
+    for left in rect[0] + bar + cell[0] * np.arange(columns):
+        for low in rect[1] + bar + cell[1] * np.arange(rows):
+            high, split = low + cell[1] - bar, np.clip(horizon, low, low + cell[1] - bar)
+            for half, (a, b) in zip(halves, ((split, high), (low, split)), strict=True):
+                if b > a:
+                    pane = np.array([left, a, cell[0] - bar, b - a])
+                    half.append(_on_wall(wall, pane, 0.02, ((0.0,),)))
+    sky = np.exp(rng.uniform(np.log(2), np.log(40)))
+    ground = sky * rng.uniform(0.05, 0.6)
+    return frame, *(Light(float(x), tuple(h)) for x, h in zip((sky, ground), halves, strict=True))
+
+
+def _picture(rng: np.random.Generator, wall: Panel) -> Panel:
+    """A picture, a door or a poster: a framed patchwork."""
+    rect = _place(rng, wall, (0.4, 1.8), (0.4, 1.4))
+    cells = np.pad(rng.uniform(0.03, 0.95, rng.integers(1, 8, 2)), 1, constant_values=rng.random())
+    return _on_wall(wall, rect, 0.015, as_pattern(cells))
+
+
+def _lamp(rng: np.random.Generator, size: np.ndarray, viewpoint: np.ndarray) -> Light:
+    """A bulb, globe, downlight, tube, ceiling panel or studio softbox."""
+    top = size[1]
+    kind = rng.choice(["bulb", "globe", "downlight", "tube", "panel", "softbox"])
+    shape, extent, y = {
+        "bulb": ("sphere", [rng.uniform(0.03, 0.08)] * 3, rng.uniform(1.2, top - 0.2)),
+        "globe": ("sphere", [rng.uniform(0.1, 0.3)] * 3, rng.uniform(1.2, top - 0.3)),
+        "downlight": ("cylinder", [rng.uniform(0.04, 0.12), 0.01, 0.0], top - 0.01),
+        "tube": ("tube", [rng.uniform(0.3, 0.9), rng.uniform(0.015, 0.04), 0.0], top - 0.15),
+        "panel": ("box", [rng.uniform(0.15, 0.6), 0.01, rng.uniform(0.15, 0.6)], top - 0.01),
+        "softbox": ("box", [rng.uniform(0.2, 0.5), rng.uniform(0.2, 0.6), 0.02], 1.7),
+    }[kind]
+    if kind in ("downlight", "tube"):
+        extent[2] = extent[0] if kind == "downlight" else extent[1]
+    reach = size / 2 - max(extent[0], extent[2]) - 0.05
+    for _ in range(100):
+        x, z = rng.uniform(-1, 1, 2) * reach[[0, 2]]
+        if np.linalg.norm([x - viewpoint[0], y - viewpoint[1], z - viewpoint[2]]) > 1.2:
+            break
+    solid = Solid(shape, as_vector((x, y, z)), as_vector(extent), float(rng.uniform(0, np.pi)), 0.0)
+    flux = np.exp(rng.uniform(np.log(3), np.log(60)))
+    return Light(float(flux / (np.pi * area(solid_piece(solid)))), solids=(solid,))

@@ -1,0 +1,174 @@
+"""Environment maps: read from files, and brought to sizes without losing light.
+
+A map is `(H, W)` float32 radiance of one channel, W about 2 H, equirectangular: rows are equal
+steps of the polar angle from the zenith, columns equal steps of the azimuth. Whenever a map
+changes its size, every new texel is the mean of what it covers, weighted by solid angle; so the
+integral over the sphere stays, wherever the light is.
+"""
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+
+from lime_keras.optics import colour
+
+EXTENSIONS = (".hdr", ".exr")
+
+ASPECT = 0.02  # by which share W may differ from 2 H
+_BAND = 256  # rows converted to floats at a time
+
+
+def load(path: str | Path) -> np.ndarray:
+    """Reads an environment map as radiance of one channel; `read` tells what had to be repaired."""
+    return read(path)[0]
+
+
+def read(path: str | Path) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Reads an environment map as radiance of one channel, upright and whole.
+
+    Infinite texels, lights too bright for the file's half floats, become the largest finite value
+    of the file; texels that are not a number or negative become 0. Where an OpenEXR file has no
+    data in its display window, the map is black.
+
+    Args:
+        path: An OpenEXR or Radiance file with 1, 3 or 4 channels, or R, G and B among others,
+            linear Rec. 709, about 2:1, of any size and orientation.
+
+    Returns:
+        `(H, W)` float32, finite, non-negative: the luminance of the colour channels, in the file's
+        unit and size; and notes on what was repaired.
+
+    Raises:
+        ValueError: If the file is missing, cannot be read, has another shape or number of channels,
+            or is black everywhere.
+    """
+    image = oiio.ImageBuf(str(path))
+    if image.has_error:
+        raise _unreadable(path, image)
+    if image.file_format_name not in ("openexr", "hdr"):
+        raise ValueError(
+            f"{path}: is a {image.file_format_name.upper()} file by its content, whose numbers are "
+            "no radiance; use the OpenEXR or Radiance HDR original."
+        )
+    spec, window = image.spec(), image.roi_full
+    channels = _colour_channels(spec.channelnames)
+    if not channels:
+        raise ValueError(
+            f"{path}: has {spec.nchannels} channels, expected 1, 3 or 4; save it as grey or RGB."
+        )
+    height, width = (window.height, window.width)[:: 1 if image.orientation < 5 else -1]
+    if abs(width - 2 * height) > 2 * height * ASPECT:
+        raise ValueError(
+            f"{path}: is {width}x{height}, expected twice as wide as high; "
+            f"convert it to an equirectangular panorama of the whole sphere."
+        )
+    largest, broken = 0.0, 0
+    for texels in _bands(image, channels, path):
+        sound = np.isfinite(texels) & (texels >= 0)
+        largest = max(largest, float(texels.max(where=sound, initial=0)))
+        broken += int(np.sum(~sound.all(-1)))
+    weights = colour.LUMINANCE_WEIGHTS if len(channels) == 3 else np.ones(1, np.float32)
+    radiance = np.concatenate(
+        [_repaired(texels, largest) @ weights for texels in _bands(image, channels, path)]
+    )
+    if not radiance.any():
+        raise ValueError(f"{path}: is black everywhere, expected some light; use another map.")
+    notes = []
+    if broken:
+        notes.append(f"repaired {broken} texels that were negative or not finite")
+    absent = 1 - _overlap(spec.roi, window) / (window.width * window.height)
+    if absent > 0:
+        notes.append(f"{absent:.0%} of its display window holds no data: black")
+    if spec.nchannels > 4:
+        notes.append(f"of {spec.nchannels} channels, R, G and B are used")
+    return _upright(radiance, image.orientation), tuple(notes)
+
+
+def _unreadable(path: str | Path, image: oiio.ImageBuf) -> ValueError:
+    reason = image.geterror().strip().splitlines()
+    return ValueError(
+        f"{path}: cannot be read as an image ({reason[0] if reason else 'no reason given'}); check "
+        "the path, or save it again as OpenEXR or Radiance HDR."
+    )
+
+
+def _colour_channels(names: Sequence[str]) -> list[int]:
+    """Which channels hold the radiance: R, G and B; Y; or the first. None if it is not clear."""
+    if {"R", "G", "B"} <= set(names):
+        return [names.index(name) for name in "RGB"]
+    if len(names) not in (1, 3, 4):
+        return []
+    return [names.index("Y")] if "Y" in names else list(range(min(len(names), 3)))
+
+
+def _bands(image: oiio.ImageBuf, channels: list[int], path: str | Path) -> Iterator[np.ndarray]:
+    """The display window's texels in `(h, W, C)` bands: floats of a whole large map take much."""
+    window = image.roi_full
+    for top in range(window.ybegin, window.yend, _BAND):
+        bottom = min(top + _BAND, window.yend)
+        texels = image.get_pixels(oiio.FLOAT, oiio.ROI(window.xbegin, window.xend, top, bottom))
+        if texels is None or image.has_error:
+            raise _unreadable(path, image)
+        yield texels[..., channels]
+
+
+def _repaired(texels: np.ndarray, largest: float) -> np.ndarray:
+    """Replaces what is no radiance, by the rule that `read` states."""
+    sound = np.where(texels > 0, texels, 0)  # NaN compares false
+    return np.where(np.isposinf(texels), np.float32(largest), sound)
+
+
+def _overlap(data: oiio.ROI, window: oiio.ROI) -> int:
+    """Texels of a window that hold data."""
+    width = min(data.xend, window.xend) - max(data.xbegin, window.xbegin)
+    height = min(data.yend, window.yend) - max(data.ybegin, window.ybegin)
+    return max(width, 0) * max(height, 0)
+
+
+def _upright(radiance: np.ndarray, orientation: int) -> np.ndarray:
+    """Turns and mirrors a map `(H, W)` as its file's orientation, 1 to 8, asks."""
+    if orientation == 1:
+        return radiance
+    image = oiio.ImageBuf(np.ascontiguousarray(radiance[..., None]))
+    image.orientation = orientation
+    return oiio.ImageBufAlgo.reorient(image).get_pixels(oiio.FLOAT)[..., 0]
+
+
+def resized(radiance: np.ndarray, height: int) -> np.ndarray:
+    """Averages a map over the texels of a smaller one.
+
+    Args:
+        radiance: `(H, W)` map, W about 2 H.
+        height: Rows of the new map, at most H.
+
+    Returns:
+        `(height, 2 * height)` float32 with the same integral over the sphere.
+
+    Raises:
+        ValueError: If the new map would be larger.
+    """
+    rows, columns = radiance.shape
+    if height > rows or 2 * height > columns:
+        raise ValueError(
+            f"a map of {columns}x{rows} cannot be averaged to {2 * height}x{height}, which is "
+            f"larger; ask for at most {min(rows, columns // 2)} rows."
+        )
+    zenith = np.cos(np.linspace(0, np.pi, rows + 1))
+    rings = _averaged(radiance, -zenith, -np.cos(np.linspace(0, np.pi, height + 1)))
+    edges = np.linspace(0, 1, 2 * height + 1)
+    texels = _averaged(rings.T, np.linspace(0, 1, columns + 1), edges).T
+    return np.ascontiguousarray(texels, np.float32)
+
+
+def _averaged(values: np.ndarray, edges: np.ndarray, coarse: np.ndarray) -> np.ndarray:
+    """Means over the rows between `coarse` edges of values that are constant between `edges`."""
+    means = np.empty((len(coarse) - 1, values.shape[1]))
+    for k, (low, high) in enumerate(pairwise(coarse)):
+        first = max(np.searchsorted(edges, low, "right") - 1, 0)
+        last = max(np.searchsorted(edges, high, "left"), first + 1)
+        overlap = np.diff(np.clip(edges[first : last + 1], low, high))
+        means[k] = overlap @ values[first:last].astype(float) / (high - low)
+    return means

@@ -1,0 +1,317 @@
+"""What each pixel sees: coverage, normals and view directions, traced by Mitsuba.
+
+Every pixel is sampled on a regular grid. Where it sees an edge, or a surface that bends so much
+that mirror directions spread, it is rough and sampled again on a finer one. What a lobe blurs needs
+fewer samples: a pixel is divided into cells, each represented by its covered sample nearest its
+middle.
+"""
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+
+from lime_keras.optics.shading import reflect
+
+from ..shapes.meshes import Mesh
+from .quality import FAST, Quality
+
+_MOST_RAYS = 2**22
+"""Traced at once: some 500 MB."""
+_LEAST_COSINE = 0.02
+"""Smooth shading can turn a normal away from the viewer; it is bent back to this o·n."""
+
+
+@dataclass(frozen=True)
+class GBuffer:
+    """Samples of one image, all directions in camera space.
+
+    Attributes:
+        coverage: `(S, S)` in [0, 1].
+        normal: `(N, 3)` unit normals of all samples that hit the object.
+        view: `(N, 3)` unit directions from them to the viewer.
+        pixel: `(N,)` row-major pixel of each sample.
+        central: `(P,)` the sample nearest the centre of each covered pixel.
+        spread: `(P,)` variance of the mirror directions in each covered pixel, 0 … 1.
+        cells: `(Q,)` the sample standing for each covered cell.
+        cell_weights: `(Q,)` how many covered samples it stands for.
+    """
+
+    coverage: np.ndarray
+    normal: np.ndarray
+    view: np.ndarray
+    pixel: np.ndarray
+    central: np.ndarray
+    spread: np.ndarray
+    cells: np.ndarray
+    cell_weights: np.ndarray
+
+    @property
+    def covered_pixels(self) -> np.ndarray:
+        """`(P,)` row-major indices of the pixels with any coverage."""
+        return self.pixel[self.central]
+
+    def pixel_means(
+        self,
+        values: np.ndarray,
+        samples: np.ndarray | slice = slice(None),
+        weights: np.ndarray | None = None,
+    ) -> np.ndarray:
+        """Weighted mean over each covered pixel of values at some, by default all, samples: `(P,)`.
+
+        Every covered pixel needs a sample.
+        """
+        return _means(self.pixel[samples], values, weights, self.coverage.size)[self.covered_pixels]
+
+    def lobe_samples(self, most: float) -> tuple[np.ndarray, np.ndarray]:
+        """Samples for what a lobe blurs, and their weights.
+
+        The central one of each pixel whose spread is at most `most`, else those of its cells.
+        """
+        rough = np.zeros(self.coverage.size, bool)
+        rough[self.covered_pixels] = self.spread > most
+        cells = rough[self.pixel[self.cells]]
+        smooth = self.central[self.spread <= most]
+        weights = np.concatenate([np.ones(len(smooth)), self.cell_weights[cells]])
+        return np.concatenate([smooth, self.cells[cells]]), weights
+
+    def image(self, pixel_values: np.ndarray) -> np.ndarray:
+        """Put values `(P,)` or `(P, C)` of the covered pixels into an `(S, S, C)` image."""
+        values = pixel_values.reshape(len(pixel_values), -1)
+        flat = np.zeros((self.coverage.size, values.shape[1]), np.float32)
+        flat[self.covered_pixels] = values
+        return flat.reshape(*self.coverage.shape, -1)
+
+    def part(self, kept: np.ndarray) -> "GBuffer":
+        """Only what lies in the pixels where `kept` `(S · S,)` is true."""
+        samples, pixels = kept[self.pixel], kept[self.covered_pixels]
+        cells, place = kept[self.pixel[self.cells]], np.cumsum(samples) - 1
+        return GBuffer(
+            coverage=self.coverage * kept.reshape(self.coverage.shape),
+            normal=self.normal[samples],
+            view=self.view[samples],
+            pixel=self.pixel[samples],
+            central=place[self.central[pixels]],
+            spread=self.spread[pixels],
+            cells=place[self.cells[cells]],
+            cell_weights=self.cell_weights[cells],
+        )
+
+
+class Tracer:
+    """One mesh, ready to be looked at from anywhere.
+
+    The mesh stays in its own frame and the camera moves: one Mitsuba scene and one acceleration
+    structure serve every image of a mesh, and no kernel is compiled twice.
+
+    Args:
+        mesh: surface in its own frame.
+        size: height and width of the images in pixels.
+        quality: how finely pixels are sampled.
+    """
+
+    def __init__(self, mesh: Mesh, size: int, quality: Quality = FAST):
+        import mitsuba as mi
+
+        self._size = size
+        self._quality = quality
+        self._vertices = mesh.vertices
+        self._scene = mi.load_dict({"type": "scene", "shape": mitsuba_mesh(mesh)})
+
+    def trace(self, rotation: np.ndarray, translation: np.ndarray, camera: np.ndarray) -> GBuffer:
+        """Look at the mesh.
+
+        Args:
+            rotation: `(3, 3)`, object to camera space.
+            translation: `(3,)`, the object's origin in camera space; its z is negative.
+            camera: (fx, fy, cx, cy) in pixels.
+        """
+        place = rotation, translation, camera
+        quality = self._quality
+        seen = self._look(*place, self._in_sight(*place), quality.subsamples)
+        if quality.refined == quality.subsamples:
+            return seen
+        rough = _edges(seen.coverage)
+        rough[seen.covered_pixels[seen.spread > quality.rough_above]] = True
+        again = self._look(*place, np.flatnonzero(rough), quality.refined)
+        return _joined(seen.part(~rough), again)
+
+    def _in_sight(self, rotation, translation, camera) -> np.ndarray:
+        """Row-major pixels of the box around the projected vertices."""
+        fx, fy, cx, cy = camera
+        x, y, z = rotation @ self._vertices.T + translation[:, None]
+        if z.max() >= 0:  # partly behind the camera
+            return np.arange(self._size**2)
+        columns, rows = cx - fx * x / z, cy + fy * y / z
+        top, bottom, left, right = (
+            int(np.clip(edge, 0, self._size))
+            for edge in (rows.min(), rows.max() + 1, columns.min(), columns.max() + 1)
+        )
+        row, column = np.mgrid[top:bottom, left:right]
+        return (row * self._size + column).ravel()
+
+    def _look(self, rotation, translation, camera, pixels: np.ndarray, across: int) -> GBuffer:
+        """Sample some pixels, each on a grid of `across` × `across`."""
+        if len(pixels) > max(_MOST_RAYS // across**2, 1):
+            middle = len(pixels) // 2
+            place = rotation, translation, camera
+            return _joined(
+                self._look(*place, pixels[:middle], across),
+                self._look(*place, pixels[middle:], across),
+            )
+        grid = _Grid(across, self._quality.cells)
+        fx, fy, cx, cy = camera
+        row, column = np.divmod(pixels, self._size)
+        x = (column[:, None] + grid.x - cx) / fx
+        y = (cy - row[:, None] - grid.y) / fy
+        rays = np.stack([x, y, np.full_like(x, -1.0)], axis=-1).astype(np.float32).reshape(-1, 3)
+        rays /= _length(rays)
+        turn = rotation.astype(np.float32)  # rows times it: from camera to object space
+        hit, shading_normal, geometric = _intersect(
+            self._scene, -rotation.T @ translation, rays @ turn
+        )
+        view = -rays[hit]
+        normal = _facing(shading_normal @ turn.T, geometric @ turn.T, view)
+        return grid.gather(self._size, pixels, hit.reshape(-1, across**2), normal, view)
+
+
+def _intersect(
+    scene, origin: np.ndarray, directions: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """First hits of rays from one point: which `(R,)` hit, and shading and geometric normals.
+
+    The normals are those of the rays that hit, `(N, 3)`, in the scene's frame.
+    """
+    import drjit as dr
+    import mitsuba as mi
+
+    if "scalar" in mi.variant():
+        found = [scene.ray_intersect(mi.Ray3f(origin, direction)) for direction in directions]
+        hit = np.array([surface.is_valid() for surface in found], bool)
+        normals = [(surface.sh_frame.n, surface.n) for surface in found if surface.is_valid()]
+        shading_normal, geometric = np.array(normals, np.float32).reshape(-1, 2, 3).swapaxes(0, 1)
+        return hit, shading_normal, geometric
+    if not len(directions):
+        return np.zeros(0, bool), np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32)
+    start, towards = mi.Point3f(origin), mi.Vector3f(*map(mi.Float, directions.T))
+    dr.make_opaque(start)  # literals would compile a new kernel for every image
+    surface = scene.ray_intersect(mi.Ray3f(start, towards))
+    valid, shading_normal, geometric = surface.is_valid(), surface.sh_frame.n, surface.n
+    dr.eval(valid, shading_normal, geometric)
+    hit = np.array(valid)
+    return hit, np.array(shading_normal).T[hit], np.array(geometric).T[hit]
+
+
+def mitsuba_mesh(mesh: Mesh):
+    """A Mitsuba shape with the mesh's vertices, faces and normals."""
+    import mitsuba as mi
+
+    shape = mi.Mesh("mesh", len(mesh.vertices), len(mesh.faces), has_vertex_normals=True)
+    parameters = mi.traverse(shape)
+    parameters["vertex_positions"] = np.ascontiguousarray(mesh.vertices, np.float32).ravel()
+    parameters["vertex_normals"] = np.ascontiguousarray(mesh.normals, np.float32).ravel()
+    parameters["faces"] = np.ascontiguousarray(mesh.faces, np.uint32).ravel()
+    parameters.update()
+    return shape
+
+
+def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Of rows, `(N, 1)`."""
+    return np.einsum("ij,ij->i", a, b)[:, None]
+
+
+def _length(vectors: np.ndarray) -> np.ndarray:
+    return np.sqrt(_dot(vectors, vectors))
+
+
+def _facing(normal: np.ndarray, geometric: np.ndarray, view: np.ndarray) -> np.ndarray:
+    """Unit normals on the viewer's side of the surface, at least `_LEAST_COSINE` towards it."""
+    normal = np.where(_dot(geometric, view) < 0, -normal, normal)
+    normal = normal + np.maximum(_LEAST_COSINE - _dot(normal, view), 0) * view
+    return normal / _length(normal)
+
+
+def _edges(coverage: np.ndarray) -> np.ndarray:
+    """Row-major flags of the pixels that the silhouette may touch, uncovered neighbours too."""
+    touched = ndimage.maximum_filter(coverage, 3) > 0
+    return (touched & (ndimage.minimum_filter(coverage, 3, mode="nearest") < 1)).ravel()
+
+
+def _means(
+    groups: np.ndarray, values: np.ndarray, weights: np.ndarray | None, count: int
+) -> np.ndarray:
+    """Weighted mean of the values of each of `count` groups, NaN for an empty one."""
+    weighted = values if weights is None else values * weights
+    total = np.bincount(groups, weights=weighted, minlength=count)
+    with np.errstate(invalid="ignore"):
+        return (total / np.bincount(groups, weights=weights, minlength=count)).astype(np.float32)
+
+
+def _joined(first: GBuffer, second: GBuffer) -> GBuffer:
+    """Two parts of an image that share no pixel."""
+    shift = {"central": len(first.pixel), "cells": len(first.pixel)}
+    fields = {
+        field.name: np.concatenate(
+            [getattr(first, field.name), getattr(second, field.name) + shift.get(field.name, 0)]
+        )
+        for field in dataclasses.fields(GBuffer)
+        if field.name != "coverage"
+    }
+    return GBuffer(coverage=first.coverage + second.coverage, **fields)
+
+
+class _Grid:
+    """Places of a pixel's samples, ordered by cell, then by distance from its middle."""
+
+    def __init__(self, across: int, cells: int):
+        row, column = np.divmod(np.arange(across**2), across)
+        row, column = (row + 0.5) / across, (column + 0.5) / across
+        cell_row, cell_column = np.floor(row * cells), np.floor(column * cells)
+        cell = (cell_row * cells + cell_column).astype(int)
+        off_cell = np.hypot(row * cells - cell_row - 0.5, column * cells - cell_column - 0.5)
+        order = np.lexsort((off_cell.round(6), cell))
+        self.x, self.y = column[order], row[order]
+        self._cell = cell[order]
+        self._cells_a_pixel = cells**2
+        off_centre = np.hypot(row - 0.5, column - 0.5)[order]
+        self._by_distance = np.argsort(off_centre.round(6), kind="stable")
+
+    def gather(
+        self,
+        size: int,
+        pixels: np.ndarray,
+        hit: np.ndarray,
+        normal: np.ndarray,
+        view: np.ndarray,
+    ) -> GBuffer:
+        """Find which samples stand for others.
+
+        Args:
+            size: height and width of the image.
+            pixels: `(K,)` that were sampled.
+            hit: `(K, samples a pixel)`.
+            normal: `(N, 3)` of those that hit.
+            view: `(N, 3)` of those that hit.
+        """
+        owner, sample = np.nonzero(hit)
+        coverage = np.zeros(size * size, np.float32)
+        coverage[pixels] = hit.mean(axis=1, dtype=np.float32)
+        covered = np.flatnonzero(hit.any(axis=1))
+        nearest = self._by_distance[np.argmax(hit[covered][:, self._by_distance], axis=1)]
+        # Of row k, sample m is the (hits of earlier rows + earlier hits of this row)th that hit.
+        ordinal = np.cumsum(hit).reshape(hit.shape) - 1
+        cell = owner * self._cells_a_pixel + self._cell[sample]
+        first = np.flatnonzero(np.diff(cell, prepend=-1))
+        mirrored = reflect(normal, view)
+        means = [_means(owner, mirrored[:, axis], None, len(hit))[covered] for axis in range(3)]
+        return GBuffer(
+            coverage=coverage.reshape(size, size),
+            normal=normal,
+            view=view,
+            pixel=pixels[owner],
+            central=ordinal[covered, nearest],
+            spread=np.maximum(1 - sum(mean**2 for mean in means), 0),
+            cells=first,
+            cell_weights=np.diff(first, append=len(cell)),
+        )

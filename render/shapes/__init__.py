@@ -1,0 +1,1 @@
+"""Shapes: procedural surfaces, and triangle meshes from files."""

@@ -1,0 +1,223 @@
+"""Aggregates against numbers worked out by hand."""
+
+import dataclasses
+import json
+import math
+
+import numpy as np
+import pytest
+
+from lime_keras.eval.accuracy import measures
+from lime_keras.eval.accuracy.evaluate import Evaluation
+from lime_keras.networks import Architecture
+from lime_keras.optics import shininess
+
+LIME = Architecture(size=32, unet_width=1, unet_depth=1, encoder_width=1, dense_width=1)
+
+
+def _evaluation(**changes):
+    """Four examples: bins 0, 0, 3 and 7; found 0, 1, 5 and 6."""
+    rows = {
+        "bin": np.array([0, 0, 3, 7]),
+        "predicted_bin": np.array([0, 1, 5, 6]),
+        "bin_distance": np.array([0, 1, 2, 1]),
+        "log_exponent": np.array([0.0, 0.2, 1.2, 3.0]),
+        "diffuse_albedo": np.array([[0.0, 0, 0], [1, 0, 0], [0, 0, 0], [1, 0, 0]]),
+        "specular_albedo": np.array([0.0, 0.0, 1.0, 1.0]),
+        "iou": np.array([1.0, 0.5, 1.0, 0.5]),
+        "intersection": np.array([30.0, 5, 30, 5]),
+        "union": np.array([30.0, 10, 30, 10]),
+        "coverage": np.array([0.3, 0.1, 0.3, 0.1]),
+        "log_error": np.array([0.1, 0.2, 0.3, 0.4]),
+        "log_error_winning": np.array([0.0, 0.2, 0.4, 0.6]),
+        "diffuse_absolute": np.array([0.1, 0.1, 0.1, 0.1]),
+        "diffuse_squared": np.array([0.01, 0.01, 0.01, 0.01]),
+        "specular_absolute": np.array([0.0, 0.0, 0.0, 0.4]),
+        "specular_squared": np.array([0.0, 0.0, 0.0, 0.16]),
+        "specular_shading_relative": np.array([0.5, 0.5, 0.0, 1.0]),
+        "mirror_relative": np.array([1.0, 1.0, 1.0, 3.0]),
+        "log_squared": np.array([0.01, 0.04, 0.09, 0.22]),
+        "specular_shading_flip": np.array([0.1, 0.2, 0.3, 0.4]),
+        "mirror_flip": np.array([0.2, 0.2, 0.2, 0.6]),
+        "relit": np.array([20.0, 30.0, 20.0, 30.0]),
+        "relit_unseen": np.array([10.0, 20.0, 10.0, 20.0]),
+        "average_relit": np.array([10.0, 10.0, 10.0, 14.0]),
+        "average_relit_unseen": np.array([8.0, 8.0, 8.0, 12.0]),
+        "bin_probabilities": np.eye(8)[[0, 1, 5, 6]] * 0.55 + 0.05,
+    } | changes
+    of_layers = ("specular_shading_", "mirror_")
+    own = ("bin_d", "log_error", "log_squared", "diffuse_", "specul", "relit")
+    names = [name for name in rows if name.startswith(own) and not name.startswith(of_layers)]
+    oracle = {name: rows[name] / 2 for name in names} | {"bin_distance": np.array([0, 1, 0, 4])}
+    return Evaluation(rows, oracle, np.zeros((8, 8), np.int64), LIME)
+
+
+def test_the_means_are_those_of_hand_arithmetic():
+    summary = measures.summarise(_evaluation())
+    expected = {
+        "mask_iou": 0.75,
+        "mask_iou_pooled": 70 / 80,
+        "exponent_exact": 0.25,
+        "exponent_adjacent": 0.5,
+        "exponent_within_one": 0.75,
+        "log_exponent_mae": 0.25,
+        "log_exponent_rmse": 0.3,
+        "log_exponent_mae_winning": 0.3,
+        "diffuse_albedo_mae": 0.1,
+        "diffuse_albedo_rmse": 0.1,
+        "specular_albedo_mae": 0.1,
+        "specular_albedo_rmse": 0.2,
+        "specular_shading_relative": 0.5,
+        "specular_shading_flip": 0.25,
+        "mirror_relative": 1.5,
+        "mirror_flip": 0.3,
+        "relighting_psnr": 25.0,
+        "relighting_psnr_unseen": 15.0,
+        # All were called 60 % probable, and a quarter is right.
+        "calibration_error": 0.35,
+    }
+    assert {name: summary[name] for name in measures.MEASURES} == pytest.approx(expected)
+    assert summary["count"] == 4
+
+
+def test_exact_and_adjacent_add_up_to_within_one():
+    summary = measures.summarise(_evaluation())
+    for part in (summary, summary["oracle"], summary["paper"], summary["chance"]):
+        total = part["exponent_exact"] + part["exponent_adjacent"]
+        assert total == pytest.approx(part["exponent_within_one"])
+
+
+def test_the_oracle_is_summarised_from_its_own_columns():
+    oracle = measures.summarise(_evaluation())["oracle"]
+    assert oracle["log_exponent_mae"] == pytest.approx(0.125)
+    assert oracle["specular_albedo_rmse"] == pytest.approx(math.sqrt(0.02))
+    assert "mask_iou" not in oracle and "mirror_relative" not in oracle
+
+
+def test_chance_is_what_uniform_draws_give():
+    rng = np.random.default_rng(0)
+    drawn = rng.uniform(size=200_000)
+    chance = measures.summarise(_evaluation())["chance"]
+    assert np.mean(np.abs(drawn - 0.5)) == pytest.approx(chance["specular_albedo_mae"], rel=0.01)
+    rmse = np.sqrt(np.mean((drawn - 0.5) ** 2))
+    assert rmse == pytest.approx(chance["diffuse_albedo_rmse"], rel=0.01)
+    log_error = np.mean(np.abs(3 * drawn - 1.5))
+    assert log_error == pytest.approx(chance["log_exponent_mae"], rel=0.01)
+    log_rmse = np.sqrt(np.mean((3 * drawn - 1.5) ** 2))
+    assert log_rmse == pytest.approx(chance["log_exponent_rmse"], rel=0.01)
+    # What the middle of all ranges does on these very examples.
+    assert (chance["relighting_psnr"], chance["relighting_psnr_unseen"]) == (11.0, 9.0)
+
+
+def test_the_floor_is_what_a_perfect_classifier_errs():
+    log = np.random.default_rng(0).uniform(0, 3, size=200_000)
+    error = np.abs(log - shininess.LOG_MEANS[shininess.bin_of(10**log)])
+    floor = measures.summarise(_evaluation())["floor"]
+    assert np.mean(error) == pytest.approx(floor["log_exponent_mae_winning"], rel=0.01)
+
+
+def test_constant_answers_beat_every_other_constant():
+    rows = _evaluation().rows
+    constant = measures.constant_answers(rows)
+    assert constant["exponent_exact"] == 0.5
+    # Bin 1 has two examples beside it, in bin 0.
+    assert constant["exponent_adjacent"] == 0.5
+    assert constant["exponent_within_one"] == 0.5
+    assert constant["mask_iou"] == pytest.approx(0.2)
+    assert constant["diffuse_albedo_rmse"] == pytest.approx(math.sqrt(0.25 / 3))
+    for guess in np.linspace(0, 3, 31):
+        error = np.mean(np.abs(rows["log_exponent"] - guess))
+        assert constant["log_exponent_mae"] <= error + 1e-12
+
+
+def test_the_interval_is_that_of_the_normal_limit():
+    rng = np.random.default_rng(1)
+    error = rng.exponential(size=4000)
+    columns = {name: np.ones(4000) for name in _needed()} | {"log_error": error}
+    low, high = measures.intervals(columns)["log_exponent_mae"]
+    half = 1.96 * np.std(error) / math.sqrt(4000)
+    assert low == pytest.approx(np.mean(error) - half, abs=half / 5)
+    assert high == pytest.approx(np.mean(error) + half, abs=half / 5)
+
+
+def test_intervals_hold_the_mean_and_repeat():
+    first, again = measures.summarise(_evaluation()), measures.summarise(_evaluation())
+    assert first == again
+    for name, (low, high) in first["interval"].items():
+        assert low - 1e-9 <= first[name] <= high + 1e-9
+
+
+def test_one_example_has_an_interval_of_no_width():
+    rows = {name: column[:1] for name, column in _evaluation().rows.items()}
+    summary = measures.summarise(_evaluation(**rows))
+    assert summary["interval"]["mask_iou"] == [1.0, 1.0]
+
+
+def test_extremes_stay_finite_and_become_strict_json():
+    huge = np.array([0.0, 1e20, 4e21, 0.0])
+    none = np.zeros(4)
+    changes = {"mirror_relative": huge, "union": none, "intersection": none, "coverage": none}
+    summary = measures.summarise(_evaluation(**changes))
+    assert summary["mask_iou_pooled"] == 1.0
+    assert json.loads(json.dumps(summary, allow_nan=False)) == summary
+
+
+def test_paper_row_is_the_full_approach():
+    paper = measures.summarise(_evaluation())["paper"]
+    assert paper == {
+        "mask_iou": 0.9983,
+        "exponent_exact": 0.4507,
+        "exponent_adjacent": 0.4012,
+        "exponent_within_one": 0.8519,
+        "log_exponent_mae": 0.3073,
+        "log_exponent_mae_winning": 0.3073,
+        "diffuse_albedo_mae": 0.0674,
+        "specular_albedo_mae": 0.2158,
+    }
+
+
+@pytest.mark.parametrize(
+    "columns, lacking",
+    [
+        (["mirror_relative"], {"mirror_relative"}),
+        (["log_error_winning"], {"log_exponent_mae_winning"}),
+        (
+            ["specular_shading_relative", "mirror_relative"],
+            {"specular_shading_relative", "mirror_relative"},
+        ),
+        (["bin_probabilities"], {"calibration_error"}),
+        (["specular_shading_flip", "mirror_flip"], {"specular_shading_flip", "mirror_flip"}),
+    ],
+)
+def test_what_a_system_does_not_have_is_left_out_everywhere(columns, lacking):
+    whole = _evaluation()
+    rows, oracle = (
+        {name: values for name, values in held.items() if name not in columns}
+        for held in (whole.rows, whole.oracle)
+    )
+    summary = measures.summarise(Evaluation(rows, oracle, whole.confusion, LIME))
+    complete = measures.summarise(whole)
+    assert set(complete) - set(summary) == lacking
+    for kind in ("interval", "oracle", "paper", "chance", "floor", "constant"):
+        assert set(summary[kind]) == set(complete[kind]) - lacking, kind
+    for name in set(summary) - {"interval", "oracle", "paper", "chance", "floor", "constant"}:
+        assert summary[name] == complete[name]
+
+
+def test_without_an_oracle_there_is_no_row_of_it():
+    whole = _evaluation()
+    summary = measures.summarise(dataclasses.replace(whole, oracle={}))
+    assert summary["oracle"] == {}
+    assert summary["interval"] == measures.summarise(whole)["interval"]
+
+
+def test_the_system_is_named():
+    whole = _evaluation()
+    assert measures.summarise(whole)["system"] == "LIME"
+    alone = dataclasses.replace(whole, architecture=dataclasses.replace(LIME, mirror=False))
+    assert measures.summarise(alone)["system"] == "LIME without MirrorNet"
+
+
+def _needed():
+    rows = _evaluation().rows
+    return ["exact", "adjacent", "within_one", *rows]

@@ -1,0 +1,338 @@
+"""The extremes: every verdict, and that the suite turns when something breaks."""
+
+import json
+import math
+
+import keras
+import numpy as np
+import pytest
+from keras import ops
+
+from lime_keras import losses, metrics
+from lime_keras.data import records
+from lime_keras.estimate import estimator
+from lime_keras.eval.stability import suite as stability
+from lime_keras.eval.stability.trials.verdicts import Verdict
+from lime_keras.export import exporter, formats
+from lime_keras.io import photo
+from lime_keras.networks import system
+from lime_keras.optics import (
+    colour,
+    dynamic_range,
+    environment,
+    masking,
+    reflectance,
+    shading,
+    shininess,
+)
+from lime_keras.optics.compositing import compose
+
+CASES = stability.cases()
+
+
+@pytest.fixture(scope="module")
+def verdicts():
+    return {verdict.id: verdict for verdict in stability.run(progress=False)}
+
+
+@pytest.mark.parametrize("name", [case.id for case in CASES])
+def test_each_part_holds_at_its_extremes(name, verdicts):
+    """A failure that is known must go on failing, or its reason is out of date."""
+    verdict = verdicts[name]
+    assert verdict.passed != stability.is_known(verdict), verdict
+
+
+def test_no_case_is_told_twice_and_none_is_lost(verdicts):
+    names = [case.id for case in CASES]
+    assert len(set(names)) == len(names)
+    assert list(verdicts) == names
+
+
+def test_what_is_known_is_tried():
+    assert set(stability.KNOWN) <= {(case.part, case.name) for case in CASES}
+
+
+def test_verdicts_have_numbers_or_a_refusal(verdicts):
+    for verdict in verdicts.values():
+        numbers = (verdict.reference, verdict.error, verdict.tolerance)
+        if "refused" in verdict.case:
+            assert numbers == (None,) * 3 and verdict.value is None
+            assert verdict.note.startswith("refused: ") and len(verdict.note) > 20
+        else:
+            assert None not in numbers
+            assert not math.isnan(verdict.error) and verdict.tolerance >= 0
+            assert verdict.passed == (verdict.error <= verdict.tolerance)
+
+
+def test_every_precision_format_and_derivative_is_there(verdicts):
+    found = {verdict.precision for verdict in verdicts.values()}
+    assert found >= {"float32", "float16", "bfloat16", "XLA float32", "SavedModel", "ONNX"}
+    differentiated = {v.part for v in verdicts.values() if v.gradient is not None}
+    assert differentiated >= {
+        "normaliser",
+        "sRGB to linear",
+        "compress",
+        "expand",
+        "Eq. 4",
+        "masked mean",
+        "compositing loss",
+        "cross-entropy",
+        "reflectance map",
+        "fresh LIME",
+    }
+
+
+def test_the_tables_hold_every_verdict(verdicts):
+    text = stability.markdown(list(verdicts.values()))
+    rows = [[cell.strip() for cell in line.strip("| ").split(" | ")] for line in text.splitlines()]
+    for verdict in verdicts.values():
+        assert any(row[:2] == [verdict.case, verdict.precision] for row in rows), verdict.id
+    tables = [line for line in text.splitlines() if line.startswith("|")]
+    parts = len({verdict.part for verdict in verdicts.values()})
+    # Each table has a header and a rule, the first a row for each part and their sum.
+    assert len(tables) == len(verdicts) + 2 * (parts + 1) + parts + 1
+    known = sum(map(stability.is_known, verdicts.values()))
+    assert ["all", str(len(verdicts)), str(len(verdicts) - known), str(known), "0"] in rows
+    for table in text.split("\n\n"):
+        assert len({len(line) for line in table.splitlines()}) == 1
+
+
+def test_json_holds_every_verdict(verdicts):
+    kept = json.loads(json.dumps(stability.to_json(verdicts.values()), allow_nan=False))
+    assert len(kept) == len(verdicts)
+    for row, verdict in zip(kept, verdicts.values(), strict=True):
+        numbers = {
+            name: float(x) if x in ("nan", "inf", "-inf") else x
+            for name, x in row.items()
+            if name not in ("part", "case", "note")
+        }
+        again = Verdict(**row | numbers)
+        assert again == verdict or math.isnan(again.value)
+
+
+def test_failures_are_told_apart():
+    broken = Verdict("lobe", "s = 1", "float32", 1.0, None, 2.0, 1.0, 0.1, passed=False)
+    [(part, case), reason] = next(iter(stability.KNOWN.items()))
+    known = Verdict(part, case, "float32", 1.0, None, 2.0, 1.0, 0.1, passed=False)
+    assert stability.failures([broken, known]) == [broken]
+    text = stability.markdown([broken, known])
+    assert "| FAILED  |" in text and "| known " in text
+    assert stability._explained(known).note == reason and stability._explained(broken) is broken
+
+
+def test_a_folder_without_a_model_is_refused_before_anything_is_tried(tmp_path):
+    with pytest.raises(FileNotFoundError, match="lime-train"):
+        stability.run(tmp_path, progress=False)
+
+
+def test_another_backend_is_refused(monkeypatch):
+    monkeypatch.setattr(keras.backend, "backend", lambda: "jax")
+    with pytest.raises(ValueError, match="unset KERAS_BACKEND"):
+        stability.run(progress=False)
+
+
+def test_a_trained_model_is_tried(tiny_model):
+    found = {case.part for case in stability.cases(tiny_model)}
+    assert "trained system" in found and not any(part.startswith("fresh") for part in found)
+    names = ("constant", "black, estimated", "an alpha channel, refused")
+    tried = [
+        case.judge()
+        for case in stability.cases(tiny_model)
+        if case.name in names and case.precision == "float32" and case.part == "trained system"
+    ]
+    assert len(tried) == 3 and not stability.failures(tried)
+
+
+# The suite can fail. Each of these is a mistake that could be made, and the part that it breaks.
+
+
+def lobe_without_a_horizon(normal, view, exponent, light, energy):
+    half = light + view
+    half /= np.maximum(np.linalg.norm(half, axis=-1, keepdims=True), 1e-6)
+    return np.abs(np.sum(half * normal, axis=-1)) ** exponent * reflectance.normaliser(exponent)
+
+
+def lobe_by_squares(normal, view, exponent, light, energy):
+    """As it was: what is below 1e-19 loses its digits when squared."""
+    half = np.sum((light + view) * normal, axis=-1) ** 2
+    half /= np.maximum(2 + 2 * np.sum(light * view, axis=-1), 1e-12)
+    lit = (np.sum(light * normal, axis=-1) > 0) & (np.sum((light + view) * normal, axis=-1) > 0)
+    return lit * np.clip(half, 1e-37, 1) ** (exponent / 2) * reflectance.normaliser(exponent)
+
+
+def cancelling_normaliser(exponent):
+    return (exponent + 2) / (8 * math.pi * (1 - 2 ** (-exponent / 2)))
+
+
+def srgb_without_a_select_before_the_power(srgb):
+    high = ((srgb + 0.055) / 1.055) ** 2.4
+    return ops.where(srgb <= 0.04045, srgb / 12.92, high)
+
+
+def srgb_with_another_power(srgb):
+    high = ((ops.maximum(srgb, 0.04045) + 0.055) / 1.055) ** 2.2
+    return ops.where(srgb <= 0.04045, srgb / 12.92, high)
+
+
+def texels_that_pass_over_nan(radiance):
+    energy = (radiance * environment.solid_angles(*radiance.shape)).reshape(-1)
+    return environment.directions(*radiance.shape).reshape(-1, 3)[energy > 0], energy[energy > 0]
+
+
+def look_up_without_a_seam(radiance, direction):
+    height, width = radiance.shape
+    x, y, z = np.moveaxis(direction, -1, 0)
+    column = np.arctan2(x, -z) / (2 * np.pi) % 1 * width - 0.5
+    row = np.clip(np.arctan2(np.hypot(x, z), y) / np.pi * height - 0.5, 0, height - 1)
+    left = np.clip(column, 0, width - 2).astype(int)
+    top = np.minimum(row.astype(int), height - 2)
+    a, b = column - left, row - top
+    upper = radiance[top, left] * (1 - a) + radiance[top, left + 1] * a
+    return upper * (1 - b) + b * (
+        radiance[top + 1, left] * (1 - a) + radiance[top + 1, left + 1] * a
+    )
+
+
+def masked_mean_of_nothing(values, mask):
+    weight = ops.sum(mask, axis=(1, 2, 3)) * values.shape[-1]
+    return ops.sum(ops.where(mask > 0, values, 0.0) * mask, axis=(1, 2, 3)) / weight
+
+
+def masked_mean_of_nan(values, mask):
+    weight = ops.sum(mask, axis=(1, 2, 3)) * values.shape[-1]
+    return ops.sum(values * mask, axis=(1, 2, 3)) / ops.maximum(weight, 1e-6)
+
+
+def masked_mean_in_half(values, mask):
+    """As it was: float16 adds up to no more than 65,504."""
+    weight = ops.sum(mask, axis=(1, 2, 3)) * values.shape[-1]
+    inside = ops.where(mask > 0, values, ops.zeros_like(values))
+    return ops.sum(inside * mask, axis=(1, 2, 3)) / ops.maximum(weight, 1e-6)
+
+
+def loss_over_the_whole_image(shading, predicted, mask):
+    return ops.mean(ops.abs(predicted - dynamic_range.compress(shading)) * mask, axis=(1, 2, 3))
+
+
+def two_sided_compositing(image, mask, m_d, m_s, m_a, diffuse, compressed, clipped=None):
+    composed = compose(m_d, m_s, m_a, diffuse, dynamic_range.expand(compressed))
+    error = ops.abs(composed - colour.srgb_to_linear(image))
+    return masking.masked_mean(error, ops.cast(mask >= 1, error.dtype))
+
+
+def cross_entropy_without_a_floor(exponent_bin, probabilities):
+    return -ops.log(ops.take_along_axis(probabilities, exponent_bin[:, None], axis=-1)[:, 0])
+
+
+def bins_without_slack(exponent):
+    log = np.log10(np.maximum(np.asarray(exponent, np.float64), 1))
+    return np.clip(np.floor(log / 0.375), 0, 7).astype(int)
+
+
+def overlap_of_nothing(mask, predicted):
+    true, found = mask >= 0.5, predicted >= 0.5
+    union = np.sum(true | found, axis=(1, 2, 3))
+    return np.sum(true & found, axis=(1, 2, 3)) / np.maximum(union, 1)
+
+
+class NumPy:
+    """NumPy for one module, with a function of it replaced."""
+
+    def __init__(self, **replaced):
+        self.__dict__.update(replaced)
+
+    def __getattr__(self, name):
+        return getattr(np, name)
+
+
+BROKEN = {
+    "a lobe without a horizon": ("lobe: ", shading, "specular", lobe_without_a_horizon),
+    "a lobe by squares": ("lobe: ", shading, "specular", lobe_by_squares),
+    "a normaliser that cancels": ("normaliser: ", reflectance, "normaliser", cancelling_normaliser),
+    "NaN taken for darkness": ("map: ", shading, "texels", texels_that_pass_over_nan),
+    "a map with a seam": ("M: ", environment, "lookup", look_up_without_a_seam),
+    "a power of what is negative": (
+        "sRGB to linear: ",
+        colour,
+        "srgb_to_linear",
+        srgb_without_a_select_before_the_power,
+    ),
+    "sRGB with another power": (
+        "sRGB to linear: ",
+        colour,
+        "srgb_to_linear",
+        srgb_with_another_power,
+    ),
+    "compression by log": (
+        "compress: ",
+        dynamic_range,
+        "compress",
+        lambda x: ops.log(1 + ops.maximum(x, 0.0)),
+    ),
+    "no ceiling": ("expand: ", dynamic_range, "expand", lambda x: ops.expm1(ops.maximum(x, 0.0))),
+    "a mean of nothing": ("masked mean: ", masking, "masked_mean", masked_mean_of_nothing),
+    "a mean of NaN": ("masked mean: ", masking, "masked_mean", masked_mean_of_nan),
+    "a loss over the image": (
+        "loss on shading: ",
+        losses,
+        "shading_l1",
+        loss_over_the_whole_image,
+    ),
+    "two-sided compositing": (
+        "compositing loss: ",
+        losses,
+        "compositing_l1",
+        two_sided_compositing,
+    ),
+    "cross-entropy without a floor": (
+        "cross-entropy: ",
+        losses,
+        "exponent_cross_entropy",
+        cross_entropy_without_a_floor,
+    ),
+    "bins without slack": ("bins: ", shininess, "bin_of", bins_without_slack),
+    "an overlap of nothing": ("measures: ", metrics, "intersection_over_union", overlap_of_nothing),
+    "records unchecked": ("records: ", records, "_check", lambda example: None),
+    "photos unchecked": ("photo read: ", photo, "np", NumPy(isfinite=np.ones_like)),
+    "estimates unchecked": (
+        "fresh LIME: a NaN pixel",
+        estimator,
+        "np",
+        NumPy(all=lambda values: True),
+    ),
+    "a network that answers compressed": ("fresh LIME: constant [", system, "expand", lambda x: x),
+}
+
+
+@pytest.mark.parametrize("beginning, module, name, broken", BROKEN.values(), ids=BROKEN)
+def test_a_mistake_turns_verdicts(beginning, module, name, broken, monkeypatch):
+    monkeypatch.setattr(module, name, broken)
+    assert stability.failures(judged(beginning, ("float32", "NumPy float32")))
+
+
+def test_a_sum_in_half_precision_turns_verdicts(monkeypatch):
+    monkeypatch.setattr(masking, "masked_mean", masked_mean_in_half)
+    assert stability.failures(judged("masked mean: ", ("float16",)))
+    assert not stability.failures(judged("masked mean: ", ("float32",)))
+
+
+def test_an_export_that_answers_otherwise_turns_verdicts(monkeypatch):
+    def shifted(images):
+        network = system.assemble(subnetworks)
+        return {name: np.array(value) + 1e-3 for name, value in network(images).items()}
+
+    cases = [c for c in stability.cases() if c.precision == "ONNX" and c.name == "constant"]
+    [case] = cases
+    trial = case.measure.args[0]
+    _, subnetworks = trial._loaded
+    monkeypatch.setattr(exporter, "export", lambda *_: None)
+    monkeypatch.setattr(formats, "open_onnx", lambda path: shifted)
+    assert stability.failures([case.judge()])
+
+
+def judged(beginning, precisions):
+    """Verdicts on the cases whose id begins like this."""
+    chosen = [c for c in stability.cases() if c.id.startswith(beginning)]
+    chosen = [case for case in chosen if case.precision in precisions]
+    assert chosen
+    return [case.judge() for case in chosen]

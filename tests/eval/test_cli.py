@@ -1,0 +1,476 @@
+"""From a tiny corpus and untrained weights to the four files."""
+
+import dataclasses
+import json
+import re
+import shutil
+import subprocess
+import sys
+
+import keras
+import numpy as np
+import pytest
+import tensorflow as tf
+
+from lime_keras.data import records
+from lime_keras.eval import cli, sections
+from lime_keras.eval.accuracy import measures
+from lime_keras.eval.accuracy.evaluate import evaluate
+from lime_keras.eval.report import examples
+from lime_keras.networks import Architecture, build, weights
+from lime_keras.optics import environment, shading, shininess
+from lime_keras.optics.reflectance_map import reflectance_map
+
+SIZE = 64
+COUNT = 7
+TINY = Architecture(size=SIZE, unet_width=2, unet_depth=2, encoder_width=2, dense_width=4)
+FILES = [
+    "confusion.png",
+    "examples",
+    "images.csv",
+    "kept",
+    "metrics.json",
+    "report.html",
+    "sections",
+    "table1.md",
+]
+
+
+def _example(index):
+    """Random layers on a disc; index 1 has no object, index 2 is extreme in every number."""
+    rng = np.random.default_rng((3, index))
+    y, x = np.mgrid[:SIZE, :SIZE] - SIZE / 2
+    mask = (np.hypot(x, y) < (0 if index == 1 else 20)).astype(np.float32)[..., None]
+    camera = np.array([100, 100, SIZE / 2, SIZE / 2], np.float32)
+    strength = 65504.0 if index == 2 else 1.0
+    layers = {
+        name: (rng.uniform(size=mask.shape) * strength * mask).astype(np.float32)
+        for name in ("diffuse_shading", "specular_shading", "mirror")
+    }
+    return layers | {
+        "image": rng.uniform(size=(SIZE, SIZE, 3)).astype(np.float32),
+        "mask": mask,
+        "normal": shading.view_directions(camera, SIZE, SIZE) * mask,
+        "environment": rng.uniform(size=(*environment.STORED_SHAPE, 1)) * strength,
+        "camera": camera,
+        "diffuse_albedo": rng.uniform(size=3),
+        "specular_albedo": rng.uniform(),
+        "shininess": 0.0 if index == 2 else 10 ** rng.uniform(0, 3),
+        "ambient": 0.02,
+        "shape": "<b>blob</b>",
+        "light": "room",
+        "seed": 0,
+        "index": index,
+    }
+
+
+def _write_split(folder, shards):
+    folder.mkdir(parents=True)
+    for shard, indices in enumerate(shards):
+        with tf.io.TFRecordWriter(str(folder / f"{shard:05d}.tfrecord")) as writer:
+            for index in indices:
+                writer.write(records.encode(_example(index)))
+    (folder / "manifest.json").write_text(json.dumps({"shards": len(shards)}), encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def corpus(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("corpus")
+    _write_split(folder / "test", [range(4), range(4, COUNT)])
+    return folder
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("run")
+    keras.utils.set_random_seed(0)
+    weights.save(folder / "model", TINY, build(TINY))
+    (folder / "config.json").write_text('{"preset": "tiny"}', encoding="utf-8")
+    (folder / "curves").mkdir()
+    (folder / "curves" / "1-segmentation.csv").write_text(
+        "step,seconds,train_mask,validation_mask\n1,0.1,0.5,\n2,0.2,0.4,0.45\n", encoding="utf-8"
+    )
+    return folder
+
+
+@pytest.fixture(scope="module")
+def evaluation(corpus, run):
+    return evaluate(run, corpus, batch_size=5)
+
+
+@pytest.fixture(scope="module")
+def written(corpus, run):
+    assert cli.main([str(corpus), "--weights", str(run)]) == 0
+    return run / "eval"
+
+
+def test_the_batch_size_changes_no_number(corpus, run, evaluation):
+    one_by_one = evaluate(run, corpus, batch_size=1)
+    assert np.array_equal(one_by_one.confusion, evaluation.confusion)
+    for name, column in evaluation.rows.items():
+        if column.dtype.kind == "f":
+            assert one_by_one.rows[name] == pytest.approx(column, rel=1e-3, abs=1e-5), name
+        else:
+            assert np.array_equal(one_by_one.rows[name], column), name
+    for name, column in evaluation.oracle.items():
+        assert one_by_one.oracle[name] == pytest.approx(column, rel=1e-3, abs=1e-5), name
+
+
+def test_every_example_is_measured_once_in_order(evaluation):
+    assert evaluation.count == COUNT
+    assert evaluation.rows["index"].tolist() == list(range(COUNT))
+    assert evaluation.confusion.sum() == COUNT
+    true_bins = np.bincount(evaluation.rows["bin"], minlength=8)
+    assert evaluation.confusion.sum(axis=1).tolist() == true_bins.tolist()
+
+
+def test_the_oracle_sees_the_true_mask_shading_and_mirror(corpus, run, evaluation):
+    [example] = examples.read(run, corpus, [examples.Choice(3, "any")])
+    truth = {name: np.asarray(value)[None] for name, value in example.truth.items()}
+    _, subnetworks = weights.load(run)
+    masked = {
+        name: truth["mask"] * np.log1p(truth[name]) for name in ("specular_shading", "mirror")
+    }
+    image = truth["image"] * truth["mask"]
+    albedos = np.asarray(subnetworks["albedo"]([image, masked["specular_shading"]])).clip(0, 1)
+    error = np.abs(albedos[0, :3] - truth["diffuse_albedo"][0]).mean()
+    assert evaluation.oracle["diffuse_absolute"][3] == pytest.approx(error, rel=1e-4)
+    bins = np.asarray(subnetworks["exponent"]([masked["specular_shading"], masked["mirror"]]))
+    log_error = abs(bins[0] @ shininess.LOG_MEANS - np.log10(truth["shininess"][0]))
+    assert evaluation.oracle["log_error"][3] == pytest.approx(log_error, rel=1e-3)
+    # The system's own layers lead elsewhere, or this test would see nothing.
+    assert evaluation.rows["log_error"][3] != pytest.approx(log_error, rel=1e-3)
+    assert evaluation.rows["diffuse_absolute"][3] != pytest.approx(error, rel=1e-3)
+
+
+def test_chosen_examples_cover_the_bins_and_none_comes_twice(evaluation):
+    chosen = examples.choose(evaluation.rows)
+    positions = [choice.position for choice in chosen]
+    assert len(positions) == len(set(positions)) <= COUNT
+    assert set(evaluation.rows["bin"]) == set(evaluation.rows["bin"][positions])
+
+
+def test_read_examples_are_those_of_the_rows(corpus, run, evaluation):
+    chosen = [examples.Choice(5, "later shard"), examples.Choice(0, "first")]
+    for choice, example in zip(chosen, examples.read(run, corpus, chosen), strict=True):
+        assert example.choice == choice
+        assert example.truth["index"] == choice.position
+        found = evaluation.rows["diffuse_found"][choice.position]
+        assert example.estimate["diffuse_albedo"] == pytest.approx(found, abs=1e-5)
+
+
+def test_a_position_beyond_the_split_is_refused(corpus, run):
+    with pytest.raises(IndexError, match="no examples"):
+        examples.read(run, corpus, [examples.Choice(COUNT, "none")])
+
+
+def test_the_four_files_are_written_and_nothing_else(written):
+    assert sorted(path.name for path in written.iterdir()) == FILES
+
+
+def test_metrics_hold_every_measure_finite(written):
+    text = (written / "metrics.json").read_text(encoding="utf-8")
+    found = json.loads(text, parse_constant=lambda constant: pytest.fail(constant))
+    assert set(measures.MEASURES) < set(found)
+    assert found["count"] == COUNT
+    assert set(found["interval"]) == set(measures.MEASURES)
+    assert found["floor"] and found["chance"] and found["paper"] and found["oracle"]
+
+
+def test_the_report_needs_nothing_else(written):
+    page = (written / "report.html").read_text(encoding="utf-8")
+    assert not re.search(r"https?://|@import|<link[^>]+stylesheet|<script[^>]+src", page)
+    sources = re.findall(r'\b(?:src|srcset)="([^"]*)"', page)
+    assert len(sources) > 9 * 2
+    assert all(source.startswith("data:image/png;base64,") for source in sources)
+    assert "undefined" not in page.lower()
+
+
+def test_the_report_tells_what_made_it_and_escapes_names(written, corpus):
+    page = (written / "report.html").read_text(encoding="utf-8")
+    assert f"lime-eval {corpus}" in page
+    assert "&#34;preset&#34;: &#34;tiny&#34;" in page
+    assert "&lt;b&gt;blob" in page and "<b>blob" not in page
+
+
+def test_out_and_the_table_on_standard_output(corpus, run, tmp_path, capsys):
+    out = tmp_path / "deep" / "folder"
+    model = str(run / "model")
+    assert cli.main([str(corpus), "--weights", model, "--out", str(out)]) == 0
+    assert sorted(path.name for path in out.iterdir()) == FILES
+    captured = capsys.readouterr()
+    assert captured.out == (out / "table1.md").read_text(encoding="utf-8")
+    assert str(out / "report.html") in captured.err
+    # A bare model has neither curves nor configuration; the report does without.
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert "Loss by stage" not in page and "Configuration" not in page
+
+
+# The ablations.
+
+ABLATED = {
+    "without MirrorNet": ({"mirror": False}, {"mirror_relative", "mirror_flip"}),
+    "regression": (
+        {"exponent": "regression"},
+        {"log_exponent_mae_winning", "calibration_error"},
+    ),
+    "baseline": (
+        {"system": "reflectance-map"},
+        {
+            "specular_shading_relative",
+            "specular_shading_flip",
+            "mirror_relative",
+            "mirror_flip",
+        },
+    ),
+}
+"""What each is, and the measures it does not have."""
+
+
+@pytest.fixture(scope="module", params=ABLATED.values(), ids=ABLATED)
+def ablation(request, corpus, tmp_path_factory):
+    """An ablation's architecture, run, lacking measures, and the folder of its evaluation."""
+    fields, lacking = request.param
+    architecture = dataclasses.replace(TINY, **fields)
+    run = tmp_path_factory.mktemp("ablation")
+    keras.utils.set_random_seed(6)
+    subnetworks = build(architecture)
+    for name in {"albedo", "material"} & set(subnetworks):
+        subnetworks[name].get_layer("albedos").bias.assign([0.5] * 4)
+    weights.save(run / "model", architecture, subnetworks)
+    assert cli.main([str(corpus), "--weights", str(run)]) == 0
+    return architecture, run, lacking, run / "eval"
+
+
+def test_an_ablations_metrics_lack_what_it_has_not(ablation):
+    architecture, _, lacking, folder = ablation
+    text = (folder / "metrics.json").read_text(encoding="utf-8")
+    found = json.loads(text, parse_constant=lambda constant: pytest.fail(constant))
+    had = set(measures.MEASURES) - lacking
+    assert set(found) & set(measures.MEASURES) == had == set(found["interval"])
+    assert found["system"] == architecture.description
+    of_material = {
+        name for name in had if name.startswith(("exponent", "log_", "diffuse", "specular_albedo"))
+    }
+    of_material |= {name for name in had if name.startswith(("relighting", "calibration"))}
+    assert set(found["oracle"]) == of_material
+    table = (folder / "table1.md").read_text(encoding="utf-8")
+    for name, measure in measures.MEASURES.items():
+        assert (f"| {measure.title} " in table) == (name in had), name
+    assert f"answered by {architecture.description}." in table
+    assert "nan" not in table.lower()
+
+
+def test_an_ablations_report_shows_what_it_has(ablation):
+    architecture, _, lacking, folder = ablation
+    assert sorted(path.name for path in folder.iterdir()) == FILES
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert f"</b>, {architecture.description}, reads the material" in page
+    assert ("Mirror image M" in page) == ("mirror_relative" not in lacking)
+    assert ("Specular shading S" in page) == ("specular_shading_relative" not in lacking)
+    baseline = architecture.system == "reflectance-map"
+    assert ("Reflectance map, true" in page) == baseline
+    regresses = architecture.exponent == "regression"
+    assert ('<div class="bars">' in page) == (not regresses)
+    columns = {"without MirrorNet": 4, "regression": 5, "baseline": 4}
+    [expected] = [n for name, n in columns.items() if ABLATED[name][1] == lacking]
+    assert f"repeat({expected}, 1fr)" in page
+
+
+def test_an_ablations_oracle_sees_true_layers(ablation, corpus):
+    architecture, run, _, _ = ablation
+    evaluated = evaluate(run, corpus, batch_size=5)
+    assert evaluated.confusion.sum() == COUNT and evaluated.architecture == architecture
+    [example] = examples.read(run, corpus, [examples.Choice(3, "any")])
+    truth = {name: np.asarray(value)[None] for name, value in example.truth.items()}
+    _, subnetworks = weights.load(run)
+    mask = truth["mask"]
+    if architecture.system == "reflectance-map":
+        named = ("environment", "shininess", "diffuse_albedo", "specular_albedo", "ambient")
+        sphere = np.asarray(reflectance_map(*(truth[name] for name in named), SIZE))
+        albedos, exponent = subnetworks["material"](np.log1p(sphere))
+    else:
+        shading, mirror = (np.log1p(truth[n]) * mask for n in ("specular_shading", "mirror"))
+        albedos = subnetworks["albedo"]([truth["image"] * mask, shading])
+        exponent = subnetworks["exponent"]([shading, mirror] if architecture.mirror else [shading])
+    albedos, exponent = np.asarray(albedos).clip(0, 1), np.asarray(exponent)[0]
+    regresses = architecture.exponent == "regression"
+    log = exponent[0].clip(0, 3) if regresses else exponent @ shininess.LOG_MEANS
+    true_log = np.log10(truth["shininess"][0])
+    oracle, rows = evaluated.oracle, evaluated.rows
+    assert oracle["log_error"][3] == pytest.approx(abs(log - true_log), rel=1e-3)
+    error = np.abs(albedos[0, :3] - truth["diffuse_albedo"][0]).mean()
+    assert oracle["diffuse_absolute"][3] == pytest.approx(error, rel=1e-3)
+    # The system's own layers lead elsewhere, or this test would see nothing.
+    assert rows["log_error"][3] != pytest.approx(oracle["log_error"][3], rel=1e-3)
+    assert rows["diffuse_absolute"][3] != pytest.approx(error, rel=1e-3)
+
+
+def test_broken_weights_of_a_regression_are_refused(corpus, tmp_path, capsys):
+    architecture = dataclasses.replace(TINY, exponent="regression")
+    subnetworks = build(architecture)
+    subnetworks["exponent"].get_layer("log_exponent").bias.assign([np.nan])
+    weights.save(tmp_path, architecture, subnetworks)
+    line = _fails(capsys, corpus, "--weights", tmp_path)
+    assert "log_exponent_found is not finite for test example 0" in line and str(tmp_path) in line
+
+
+def _fails(capsys, *arguments):
+    """The one line that a failing command prints."""
+    assert cli.main([str(argument) for argument in arguments]) == 1
+    captured = capsys.readouterr()
+    lines = [line for line in captured.err.splitlines() if line.startswith("error: ")]
+    assert len(lines) == 1 and not captured.out and "Traceback" not in captured.err
+    return lines[0]
+
+
+def test_missing_weights_are_named(corpus, tmp_path, capsys):
+    line = _fails(capsys, corpus, "--weights", tmp_path / "no-run")
+    assert "no-run" in line and "lime-train" in line
+    assert not (tmp_path / "no-run").exists()
+
+
+def test_a_missing_corpus_is_named(run, tmp_path, capsys):
+    line = _fails(capsys, tmp_path, "--weights", run)
+    assert "manifest.json is missing" in line and "lime-render" in line
+
+
+def test_a_broken_manifest_is_named(run, tmp_path, capsys):
+    (tmp_path / "test").mkdir()
+    (tmp_path / "test" / "manifest.json").write_text("{}", encoding="utf-8")
+    line = _fails(capsys, tmp_path, "--weights", run)
+    assert "manifest.json" in line and "render the split again" in line
+
+
+@pytest.mark.parametrize("shards", [[], [[]]])
+def test_an_empty_split_is_refused(run, tmp_path, capsys, shards):
+    _write_split(tmp_path / "test", shards)
+    assert "holds no examples" in _fails(capsys, tmp_path, "--weights", run)
+
+
+def test_a_damaged_shard_is_named(run, tmp_path, capsys):
+    _write_split(tmp_path / "test", [[0]])
+    shard = tmp_path / "test" / "00000.tfrecord"
+    shard.write_bytes(shard.read_bytes()[:-40])
+    line = _fails(capsys, tmp_path, "--weights", run)
+    assert f"{shard} is broken: record 0" in line and "lime-render" in line
+
+
+def test_a_damaged_record_is_named(corpus, run, tmp_path, capsys):
+    shutil.copytree(corpus, tmp_path / "corpus")
+    shard = tmp_path / "corpus" / "test" / "00001.tfrecord"
+    data = bytearray(shard.read_bytes())
+    data[-100] ^= 1
+    shard.write_bytes(data)
+    line = _fails(capsys, tmp_path / "corpus", "--weights", run, "--out", tmp_path)
+    assert f"{shard} is broken: record 2" in line and "lime-render" in line
+
+
+def test_a_broken_picture_is_named(corpus, run, tmp_path, capsys):
+    """The record's checksum is right, so only decoding finds it."""
+    shutil.copytree(corpus, tmp_path / "corpus")
+    shard = tmp_path / "corpus" / "test" / "00001.tfrecord"
+    stored = [serialized.numpy() for serialized in tf.data.TFRecordDataset(str(shard))]
+    message = tf.train.Example.FromString(stored[1])
+    message.features.feature["mirror"].bytes_list.value[:] = [b"no picture"]
+    with tf.io.TFRecordWriter(str(shard)) as writer:
+        for serialized in (stored[0], message.SerializeToString(), stored[2]):
+            writer.write(serialized)
+    line = _fails(capsys, tmp_path / "corpus", "--weights", run, "--out", tmp_path)
+    assert f"{shard} is broken: record 1" in line and "lime-render" in line
+
+
+def test_the_camera_is_used_only_if_asked(corpus, run, written, evaluation, tmp_path):
+    out = tmp_path / "photos"
+    assert cli.main([str(corpus), "--weights", str(run), "--out", str(out), "--camera"]) == 0
+    clean, asked = (
+        json.loads((folder / "metrics.json").read_text(encoding="utf-8"))
+        for folder in (written, out)
+    )
+    assert not clean["camera"] and asked["camera"]
+    assert clean["diffuse_albedo_mae"] != asked["diffuse_albedo_mae"]
+    assert clean["diffuse_albedo_mae"] == pytest.approx(evaluation.rows["diffuse_absolute"].mean())
+
+
+def test_the_examples_shown_are_the_photos_that_were_measured(corpus, run):
+    photographed = evaluate(run, corpus, batch_size=5, camera=True)
+    chosen = [examples.Choice(5, "later shard"), examples.Choice(0, "first")]
+    for example in examples.read(run, corpus, chosen, camera=True):
+        found = photographed.rows["diffuse_found"][example.choice.position]
+        assert example.estimate["diffuse_albedo"] == pytest.approx(found, abs=1e-5)
+        [clean] = examples.read(run, corpus, [example.choice])
+        assert not np.array_equal(clean.photo_srgb, example.photo_srgb)
+
+
+def test_images_that_the_model_cannot_take_are_refused(corpus, tmp_path, capsys):
+    larger = Architecture(size=96, unet_width=1, unet_depth=1, encoder_width=1, dense_width=1)
+    weights.save(tmp_path, larger, build(larger))
+    line = _fails(capsys, corpus, "--weights", tmp_path)
+    assert "64 pixels" in line and "--size 96" in line
+
+
+def test_broken_weights_are_refused(corpus, tmp_path, capsys):
+    subnetworks = build(TINY)
+    albedos = subnetworks["albedo"].get_layer("albedos")
+    albedos.set_weights([np.full_like(value, np.nan) for value in albedos.get_weights()])
+    weights.save(tmp_path, TINY, subnetworks)
+    line = _fails(capsys, corpus, "--weights", tmp_path)
+    assert "is not finite for test example 0" in line and str(tmp_path) in line
+
+
+def test_a_file_in_the_place_of_out_is_refused_at_once(corpus, run, tmp_path, capsys):
+    (tmp_path / "taken").write_text("mine", encoding="utf-8")
+    line = _fails(capsys, corpus, "--weights", run, "--out", tmp_path / "taken")
+    assert "taken" in line and "--out" in line
+    assert (tmp_path / "taken").read_text(encoding="utf-8") == "mine"
+
+
+def test_a_corpus_alone_measures_the_packages_own_model(corpus, run, tmp_path, monkeypatch):
+    measured = []
+    monkeypatch.setattr("lime_keras.networks.weights.SHIPPED", run)
+    monkeypatch.setattr(
+        sections, "evaluation", lambda out, model, *_, **__: measured.append(model) or ""
+    )
+    assert cli.main([str(corpus), "--out", str(tmp_path)]) == 0
+    assert measured == [run]
+
+
+def test_an_interrupt_leaves_a_short_line_and_status_130(corpus, run, monkeypatch, capsys):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(cli, "_evaluate", interrupted)
+    assert cli.main([str(corpus), "--weights", str(run)]) == 130
+    assert capsys.readouterr().err.strip().count("\n") == 0
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        [],
+        ["corpus"],
+        ["corpus", "--weights", "run", "--fast"],
+        ["--weights", "run"],
+        ["--table1", "run", "--out", "here"],
+        ["corpus", "--table1", "run"],
+        ["corpus", "--stability", "--out", "here"],
+        ["--stability"],
+    ],
+)
+def test_wrong_usage_exits_with_2(arguments, capsys):
+    with pytest.raises(SystemExit) as stop:
+        cli.main(arguments)
+    assert stop.value.code == 2
+    assert "usage: lime-eval" in capsys.readouterr().err
+
+
+def test_help_is_complete_and_imports_no_tensorflow():
+    code = (
+        "import sys\nfrom lime_keras.eval import cli\n"
+        "try:\n    cli.main(['--help'])\nexcept SystemExit as stop:\n"
+        "    sys.exit(stop.code or bool({'tensorflow', 'matplotlib', 'keras'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    for word in ("CORPUS", "--weights", "--out", "examples:", "metrics.json", "Exit status"):
+        assert word in done.stdout

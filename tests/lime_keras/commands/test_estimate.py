@@ -1,0 +1,161 @@
+"""The command: files and folders in, files out, and what it says about those that fail."""
+
+import json
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+
+from lime_keras import Estimator
+from lime_keras.commands import estimate as estimate_cli
+from lime_keras.estimate.estimator import NEEDED, available
+from lime_keras.io.photo import read_srgb, write
+from lime_keras.networks import weights
+
+
+def photo(shape, seed=0):
+    return np.random.default_rng(seed).uniform(size=(*shape, 3)).astype(np.float32)
+
+
+def lacking(model):
+    """What a model cannot estimate."""
+    return set(NEEDED) - set(available(weights.load(model)[1]))
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """Two photos of different sizes, and a text."""
+    (tmp_path / "photos").mkdir()
+    write(tmp_path / "photos" / "a.png", photo((40, 90)))
+    write(tmp_path / "photos" / "b.png", photo((33, 20), seed=1))
+    (tmp_path / "photos" / "notes.txt").write_text("none of them")
+    return tmp_path / "photos"
+
+
+def run(*arguments, weights_folder, out):
+    return estimate_cli.main(
+        [*map(str, arguments), "--weights", str(weights_folder), "--out", str(out)]
+    )
+
+
+def test_a_folder_is_all_its_pictures(folder, tiny_model, tmp_path, capsys):
+    assert run(folder, weights_folder=tiny_model, out=tmp_path / "out") == 0
+    written = {path.name for path in (tmp_path / "out").iterdir()}
+    names = ("json", "mtl", "gltf")
+    assert {f"{name}.{kind}" for name in "ab" for kind in names} <= written
+    assert not any(name.startswith("partial-") for name in written)
+    told = capsys.readouterr()
+    assert told.out.count('"photo"') == 2
+    assert "2 done, 0 failed, 0 without an object" in told.err
+    assert "(segmentation, specular, mirror, exponent, albedo)" in told.err
+
+
+def test_files_that_fail_are_told_and_the_rest_is_done(folder, tiny_model, tmp_path, capsys):
+    (folder / "broken.jpg").write_bytes(b"\xff\xd8\xff\xe0 and then nothing")
+    (folder / "empty.png").write_bytes(b"")
+    write(folder / "dot.png", photo((1, 1)))
+    given = (folder, folder / "notes.txt", folder / "none.png")
+    assert run(*given, weights_folder=tiny_model, out=tmp_path / "out") == 1
+    errors = [line for line in capsys.readouterr().err.splitlines() if "error: " in line]
+    for name in ("broken.jpg", "empty.png", "dot.png", "notes.txt", "none.png"):
+        assert sum(str(folder / name) in line for line in errors) == 1, name
+    assert {path.stem for path in (tmp_path / "out").glob("*.gltf")} == {"a", "b"}
+
+
+def test_a_folder_without_pictures_is_told(tmp_path, tiny_model, capsys):
+    (tmp_path / "empty").mkdir()
+    assert run(tmp_path / "empty", weights_folder=tiny_model, out=tmp_path / "out") == 1
+    assert f"{tmp_path / 'empty'} holds no pictures" in capsys.readouterr().err
+
+
+def test_without_weights_the_packages_own_are_used(
+    folder, tiny_model, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setattr(weights, "SHIPPED", tiny_model)
+    arguments = [str(folder / "a.png"), "--only", "albedo", "--out", str(tmp_path / "out")]
+    assert estimate_cli.main(arguments) == 0
+    expected = Estimator(tiny_model, ["albedo"]).estimate(read_srgb(folder / "a.png"))
+    assert json.loads(capsys.readouterr().out)["specular_albedo"] == pytest.approx(
+        expected.specular_albedo, rel=1e-4
+    )
+
+
+def test_photos_of_one_name_are_numbered(folder, tiny_model, tmp_path):
+    write(tmp_path / "a.png", photo((20, 20)))
+    given = (folder / "a.png", tmp_path / "a.png")
+    assert run(*given, "--only", "mask", weights_folder=tiny_model, out=tmp_path / "out") == 0
+    assert {path.name for path in (tmp_path / "out").glob("*.json")} == {"a.json", "a-2.json"}
+
+
+def test_only_what_is_asked_for_is_run_and_written(folder, tiny_model, tmp_path, capsys):
+    arguments = (folder / "a.png", "--only", "mask")
+    assert run(*arguments, weights_folder=tiny_model, out=tmp_path / "out") == 0
+    written = {path.name for path in (tmp_path / "out").iterdir()}
+    assert written == {"a.json", "a-mask.png", "a-preview.png"}
+    assert "(segmentation)" in capsys.readouterr().err
+
+
+def test_a_given_mask_is_used_and_segmentation_is_not(folder, tiny_model, tmp_path, capsys):
+    mask = np.zeros((40, 90, 1))
+    mask[5:30, 20:60] = 1
+    write(tmp_path / "mask.png", mask)
+    arguments = (folder / "a.png", "--mask", tmp_path / "mask.png", "--only", "albedo")
+    assert run(*arguments, weights_folder=tiny_model, out=tmp_path / "out") == 0
+    told = capsys.readouterr()
+    assert json.loads(told.out)["mask_coverage"] == pytest.approx(25 * 40 / 3600, rel=1e-5)
+    assert "(specular, albedo)" in told.err
+    found = read_srgb(tmp_path / "out" / "a-mask.png")[..., :1]
+    np.testing.assert_array_equal(found, mask)
+
+
+def test_a_folder_of_masks_has_one_for_each_photo(folder, tiny_model, tmp_path, capsys):
+    (tmp_path / "masks").mkdir()
+    write(tmp_path / "masks" / "a.png", np.ones((40, 90, 1)))
+    arguments = (folder, "--mask", tmp_path / "masks", "--only", "mask")
+    assert run(*arguments, weights_folder=tiny_model, out=tmp_path / "out") == 1
+    told = capsys.readouterr().err
+    assert "holds nothing for" in told and "call it b" in told
+    assert "1 done, 1 failed" in told
+    arguments = (folder, "--mask", tmp_path / "masks" / "a.png")
+    assert run(*arguments, weights_folder=tiny_model, out=tmp_path / "out2") == 1
+    assert "is one file for 2 photos" in capsys.readouterr().err
+
+
+def test_a_cut_outs_transparency_is_its_mask(tiny_model, tmp_path, capsys):
+    from PIL import Image
+
+    levels = np.full((32, 32, 4), 150, np.uint8)
+    levels[:, :16, 3], levels[:, 16:, 3] = 0, 255
+    Image.fromarray(levels).save(tmp_path / "cut.png")
+    arguments = (tmp_path / "cut.png", "--only", "albedo")
+    assert run(*arguments, weights_folder=tiny_model, out=tmp_path / "out") == 0
+    told = capsys.readouterr()
+    assert json.loads(told.out)["mask_coverage"] == 0.5 and "(specular, albedo)" in told.err
+
+
+def test_the_command_writes_what_an_ablation_answers(ablation, ablation_model, tmp_path, capsys):
+    write(tmp_path / "ball.png", photo((40, 90)))
+    arguments = [str(tmp_path / "ball.png"), "--weights", str(ablation_model)]
+    out = tmp_path / "out"
+    assert estimate_cli.main([*arguments, "--out", str(out)]) == 0
+    material = Estimator(ablation_model).estimate(read_srgb(tmp_path / "ball.png"))
+    written = json.loads((out / "ball.json").read_text(encoding="utf-8"))
+    assert written == {"photo": str(tmp_path / "ball.png")} | material.to_json()
+    assert json.loads(capsys.readouterr().out) == written
+    pictures = {f"ball-{name}.png" for name in [*material.layers, "preview"]}
+    linear = [n for n in material.layers if n not in ("mask", "diffuse", "recomposed")]
+    engines = {"ball.mtl", "ball.gltf", "ball-mitsuba.json"}
+    assert {path.name for path in out.iterdir()} == pictures | engines | {"ball.json"} | {
+        f"ball-{name}.exr" for name in linear
+    }
+    for name in linear:
+        image = oiio.ImageBuf(str(out / f"ball-{name}.exr")).get_pixels(oiio.FLOAT)
+        np.testing.assert_allclose(image, material.layers[name], rtol=1e-3, atol=1e-3)
+
+
+def test_the_command_says_what_an_ablation_cannot(ablation, ablation_model, tmp_path, capsys):
+    name = min(lacking(ablation_model))
+    arguments = ["photo.png", "--weights", str(ablation_model), "--only", name]
+    assert estimate_cli.main([*arguments, "--out", str(tmp_path / "out")]) == 1
+    assert f"{ablation.description}; choose from mask" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,368 @@
+"""SavedModel and ONNX answer as Keras does, or are not left behind."""
+
+import json
+import shutil
+
+import numpy as np
+import onnxruntime
+import pytest
+import sphere_corpus
+
+from lime_keras import __version__
+from lime_keras.commands import export as export_cli
+from lime_keras.export import exporter, formats, parity, quantisation
+from lime_keras.networks import answers, assemble, weights
+from lime_keras.networks.system import OUTPUTS
+
+FORMATS = ("savedmodel", "onnx")
+# A SavedModel takes long to write, and is no other for an ablation or a part of the outputs.
+ONE_IS_SLOW = (pytest.param("savedmodel", marks=pytest.mark.slow), "onnx")
+
+
+def opened(folder, model_format, precision="float32"):
+    """What answers everything in an exported model."""
+    path = exporter.target(folder, model_format, precision)
+    if model_format == "onnx":
+        return formats.open_onnx(path)
+    return formats.open_saved_model(path)[formats.SERVED]
+
+
+@pytest.fixture(scope="module", params=FORMATS)
+def exported(request, tiny_model, tmp_path_factory):
+    """A whole model in one format: its folder, format and differences."""
+    folder = tmp_path_factory.mktemp(request.param) / "deep" / "folder"
+    return folder, request.param, exporter.export(folder, request.param, tiny_model)
+
+
+@pytest.fixture(scope="module")
+def network(tiny_model):
+    return assemble(weights.load(tiny_model)[1])
+
+
+def fresh(batch, size=32):
+    return np.random.default_rng(batch).uniform(size=(batch, size, size, 3)).astype(np.float32)
+
+
+def test_differences_are_reported_and_small(exported):
+    folder, model_format, differences = exported
+    assert set(differences) == {"extremes"} and set(differences["extremes"]) == set(OUTPUTS)
+    assert all(0 <= difference <= 1e-4 for difference in differences["extremes"].values())
+    expected = {"savedmodel": "saved_model/1", "onnx": "lime.onnx"}[model_format]
+    path = exporter.target(folder, model_format)
+    assert path == folder / expected and path.exists()
+    assert len(list(folder.iterdir())) == len(list(path.parent.iterdir())) == 1
+
+
+@pytest.mark.parametrize("batch", [1, 3])
+def test_fresh_images_in_any_batch_agree_with_keras(batch, exported, network):
+    folder, model_format, _ = exported
+    expected, found = network(fresh(batch)), opened(folder, model_format)(fresh(batch))
+    assert set(found) == set(OUTPUTS)
+    for name in OUTPUTS:
+        assert found[name].dtype == np.float32
+        np.testing.assert_allclose(found[name], expected[name], rtol=1e-3, atol=1e-4, err_msg=name)
+        if found[name].ndim == 4:
+            assert np.ptp(found[name]) > 1e-3, f"{name} says nothing"
+
+
+def test_the_file_describes_itself(exported, tiny):
+    folder, model_format, _ = exported
+    found = description(exporter.target(folder, model_format))
+    assert found["version"] == __version__ and found["precision"] == "float32"
+    assert found["architecture"]["unet_width"] == tiny.unet_width
+    assert set(found["outputs"]) == set(OUTPUTS)
+
+
+def description(path):
+    """The model card, read without this package."""
+    if path.is_dir():
+        return json.loads((path / "assets.extra" / "lime.json").read_text(encoding="utf-8"))
+    session = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
+    texts = session.get_modelmeta().custom_metadata_map
+    plain = ("package", "version", "description", "precision", "input_layout", "colour_space")
+    plain = (*plain, "normalisation")
+    return {k: text if k in plain else json.loads(text) for k, text in texts.items()}
+
+
+@pytest.mark.parametrize("model_format", ONE_IS_SLOW)
+def test_only_what_is_asked_for_is_exported(model_format, tiny_model, tmp_path, network):
+    only = ["mask", "specular_albedo"]
+    differences = exporter.export(tmp_path, model_format, tiny_model, only)
+    assert set(differences["extremes"]) == set(only)
+    found = opened(tmp_path, model_format)(fresh(2))
+    assert set(found) == set(only)
+    for output, expected in network(fresh(2)).items():
+        if output in only:
+            np.testing.assert_allclose(found[output], expected, rtol=1e-3, atol=1e-4)
+
+
+def test_an_unknown_output_or_no_model_is_refused(tiny_model, tmp_path):
+    with pytest.raises(ValueError, match="normals"):
+        exporter.export(tmp_path / "out", "onnx", tiny_model, ["normals"])
+    with pytest.raises(FileNotFoundError, match="lime-train"):
+        exporter.export(tmp_path / "out", "onnx", tmp_path)
+    assert not (tmp_path / "out").exists()
+
+
+# Fewer bits, and a corpus.
+
+
+@pytest.fixture(scope="module")
+def corpus(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("export") / "corpus"
+    sphere_corpus.write_split(folder, "train", [range(4), range(4, 6)], size=32)
+    return sphere_corpus.write_split(folder, "test", [range(2)], seed=1, size=32)
+
+
+@pytest.mark.parametrize("precision", ["float16", "int8"])
+def test_fewer_bits_are_compared_on_pictures_and_on_extremes(
+    precision, tiny_model, network, corpus, tmp_path
+):
+    differences = exporter.export(
+        tmp_path, "onnx", tiny_model, ["mask", "mirror"], precision=precision, corpus=corpus
+    )
+    assert set(differences) == {"extremes", "pictures"}
+    for of_each in differences.values():
+        assert set(of_each) == {"mask", "mirror"}
+        assert 0 < max(of_each.values()) < parity.GROSS[precision]
+    path = tmp_path / f"lime-{precision}.onnx"
+    assert list(tmp_path.iterdir()) == [path] == [exporter.target(tmp_path, "onnx", precision)]
+    assert description(path)["precision"] == precision
+    images = parity.images(32)
+    expected = {name: np.array(value) for name, value in network(images).items()}
+    expected = {name: expected[name] for name in ("mask", "mirror")}
+    harm = quantisation.harm(expected, opened(tmp_path, "onnx", precision)(images))
+    assert harm == pytest.approx(differences["extremes"], rel=0.05)
+
+
+def test_eight_bits_are_calibrated_on_what_was_trained_on(
+    tiny_model, corpus, tmp_path, monkeypatch
+):
+    seen = []
+
+    def write_int8(prepared, path, images, **options):
+        seen.append(images)
+        path.write_bytes(prepared.read_bytes())
+
+    monkeypatch.setattr(quantisation, "write_int8", write_int8)
+    exporter.export(tmp_path, "onnx", tiny_model, ["mask"], precision="int8", corpus=corpus)
+    [images] = seen
+    np.testing.assert_array_equal(images, exporter.samples.calibration(corpus, 32, camera=True))
+    # The second shard is held out.
+    assert images.shape == (4, 32, 32, 3)
+
+
+def test_pictures_are_those_of_the_test_split(tiny_model, corpus, tmp_path, stand_in):
+    shown = []
+    stand_in(lambda answer: answer, seen=shown)
+    differences = exporter.export(tmp_path, "savedmodel", tiny_model, ["mask"], corpus=corpus)
+    assert differences == {"extremes": {"mask": 0}, "pictures": {"mask": 0}}
+    shards = exporter.corpus_files.shard_paths(corpus, "test")
+    pictures = exporter.samples.first(shards, 32, 9, camera=True)
+    assert len(pictures) == 2
+    np.testing.assert_array_equal(np.concatenate(shown)[-2:], pictures)
+
+
+def test_weights_in_half_the_space_are_used_as_any(tiny_model, network, tmp_path, capsys):
+    out, record = tmp_path / "small", '{"config": {}}'
+    run = tmp_path / "run"
+    shutil.copytree(tiny_model, run / "model")
+    (run / "model" / "training.json").write_text(record, encoding="utf-8")
+    tiny_model = run
+    arguments = [str(out), "--format", "weights", "--weights", str(tiny_model)]
+    assert export_cli.main(arguments) == 0
+    assert "small/model, float16" in capsys.readouterr().out
+    _, narrow = weights.load(out)
+    found = assemble(narrow)(fresh(2))
+    differences = [np.abs(found[name] - x).max() for name, x in network(fresh(2)).items()]
+    assert 0 < max(differences) < 0.01
+    card = json.loads((out / "model" / "lime.json").read_text(encoding="utf-8"))
+    assert card["precision"] == "float16" and card["colour_space"] == "sRGB"
+    assert (out / "model" / "training.json").read_text(encoding="utf-8") == record
+    with pytest.raises(ValueError, match="leave out what is to be answered"):
+        exporter.export(out, "weights", tiny_model, ["mask"])
+    with pytest.raises(ValueError, match="the format weights is float16, not float32"):
+        exporter.export(out, "weights", tiny_model, precision="float32")
+
+
+def test_without_weights_the_packages_own_are_exported(tiny_model, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(weights, "SHIPPED", tiny_model)
+    assert export_cli.main([str(tmp_path), "--format", "weights"]) == 0
+    found, _ = weights.load(tmp_path)
+    assert found == weights.load(tiny_model)[0]
+
+
+def test_a_precision_that_cannot_be_had_is_refused(tiny_model, tmp_path, capsys):
+    out = tmp_path / "out"
+    with pytest.raises(ValueError, match="the format savedmodel is float32, not float16"):
+        exporter.export(out, "savedmodel", tiny_model, precision="float16")
+    with pytest.raises(ValueError, match="int8 is calibrated"):
+        exporter.export(out, "onnx", tiny_model, precision="int8")
+    arguments = [str(out), "--weights", str(tiny_model), "--precision", "int8", "--format"]
+    for model_format, told in (("savedmodel", "is for --format onnx"), ("onnx", "--corpus")):
+        with pytest.raises(SystemExit) as stopped:
+            export_cli.main([*arguments, model_format])
+        assert stopped.value.code == 2 and told in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_a_corpus_that_is_not_rendered_is_told(tiny_model, tmp_path, capsys):
+    arguments = [str(tmp_path / "out"), "--format", "onnx", "--weights", str(tiny_model)]
+    assert export_cli.main([*arguments, "--corpus", str(tmp_path / "nothing")]) == 1
+    assert "lime-render" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+# The ablations.
+
+
+@pytest.mark.parametrize("model_format", ONE_IS_SLOW)
+def test_ablations_agree_with_keras(model_format, ablation_model, tmp_path):
+    subnetworks = weights.load(ablation_model)[1]
+    differences = exporter.export(tmp_path, model_format, ablation_model)["extremes"]
+    assert set(differences) == set(answers(subnetworks))
+    assert all(0 <= difference <= 1e-4 for difference in differences.values())
+    images = np.concatenate([parity.images(32), fresh(3)])
+    expected, found = assemble(subnetworks)(images), opened(tmp_path, model_format)(images)
+    assert set(found) == set(expected)
+    for output, value in expected.items():
+        np.testing.assert_allclose(found[output], value, rtol=1e-3, atol=1e-4, err_msg=output)
+        assert np.ptp(found[output], axis=0).max() > 1e-4, f"{output} says nothing"
+    if model_format == "savedmodel":
+        signatures = formats.open_saved_model(exporter.target(tmp_path, model_format))
+        assert set(signatures) == {formats.SERVED, *expected}
+
+
+def test_the_command_names_what_an_ablation_answers(
+    ablation, ablation_model, tmp_path, stand_in, capsys
+):
+    stand_in(lambda answer: answer)
+    known = answers(weights.load(ablation_model)[1])
+    arguments = [str(tmp_path / "out"), "--format", "savedmodel", "--weights", str(ablation_model)]
+    for lacking in set(export_cli._OUTPUTS) - set(known):
+        assert export_cli.main([*arguments, "--only", f"mask,{lacking}"]) == 1
+        told = f"holds {ablation.description}; choose from {', '.join(known)}\n"
+        assert capsys.readouterr().err.endswith(told)
+        assert not (tmp_path / "out").exists()
+    assert export_cli.main(arguments) == 0
+    title, columns, *rows = capsys.readouterr().out.splitlines()
+    assert title.startswith(f"{tmp_path / 'out' / 'saved_model' / '1'}, float32, ")
+    assert columns.split() == ["extremes"]
+    assert tuple(line.split()[0] for line in rows) == known
+    assert all(float(line.split()[1]) == 0 for line in rows)
+    for name in known:
+        assert export_cli.main([*arguments, "--only", name]) == 0
+
+
+# A wrong model is refused. Files stand in for SavedModels, which take seconds to write.
+
+
+@pytest.fixture
+def stand_in(monkeypatch):
+    """A function that sets what becomes of Keras' answer in the written model."""
+
+    def change_answers(change, signature=None, seen=None):
+        """Of one signature, or of all; `seen` collects what they are shown."""
+        held = {}
+
+        def write(network, path):
+            held.clear()
+            held["network"] = network
+            path.mkdir()
+            (path / "outputs").write_text(" ".join(network.output), encoding="utf-8")
+
+        def answer(name, images):
+            if seen is not None:
+                seen.append(images)
+            if images.tobytes() not in held:
+                found = {key: np.array(v) for key, v in held["network"](images).items()}
+                held[images.tobytes()] = found
+            found = held[images.tobytes()]
+            if name != formats.SERVED:
+                found = {name: found[name]}
+            return change(found) if signature in (None, name) else found
+
+        def open_saved_model(path):
+            names = (formats.SERVED, *held["network"].output)
+            return {name: lambda images, name=name: answer(name, images) for name in names}
+
+        monkeypatch.setattr(formats, "write_saved_model", write)
+        monkeypatch.setattr(formats, "open_saved_model", open_saved_model)
+
+    return change_answers
+
+
+def left_in(folder):
+    """What the one model in a folder, standing in, answers."""
+    [base] = folder.iterdir()
+    [path] = base.iterdir()
+    assert (base.name, path.name) == ("saved_model", "1")
+    return (path / "outputs").read_text(encoding="utf-8")
+
+
+def one_pixel(answer):
+    out = np.zeros_like(answer["mask"])
+    out[-1, -1, -1] = 1
+    return out
+
+
+WRONG = {
+    "a value": lambda answer: answer | {"specular_albedo": answer["specular_albedo"] + 0.01},
+    "one pixel": lambda answer: answer | {"mask": answer["mask"] + 0.01 * one_pixel(answer)},
+    "not a number": lambda answer: answer | {"mask": answer["mask"] * np.nan},
+    "a missing output": lambda answer: {k: v for k, v in answer.items() if k != "mask"},
+    "another output": lambda answer: answer | {"normal": answer["mask"]},
+    "a shape": lambda answer: answer | {"mask": answer["mask"][:1]},
+}
+
+
+@pytest.mark.parametrize("change", WRONG.values(), ids=WRONG)
+def test_a_model_that_answers_otherwise_is_refused(change, tiny_model, tmp_path, stand_in):
+    stand_in(change, signature=formats.SERVED)
+    with pytest.raises(parity.ParityError, match=r"differs from Keras|outputs|not finite"):
+        exporter.export(tmp_path, "savedmodel", tiny_model)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_one_signature_that_answers_otherwise_is_enough(tiny_model, tmp_path, stand_in):
+    def change(by):
+        return lambda answer: {"mask": answer["mask"] + by}
+
+    stand_in(change(0.01), signature="mask")
+    with pytest.raises(parity.ParityError, match="differs from Keras"):
+        exporter.export(tmp_path, "savedmodel", tiny_model)
+    assert list(tmp_path.iterdir()) == []
+    stand_in(change(5e-4), signature="mask")
+    differences = exporter.export(tmp_path, "savedmodel", tiny_model)["extremes"]
+    assert differences.pop("mask") == pytest.approx(5e-4, rel=1e-3)
+    assert set(differences.values()) == {0}
+
+
+def test_a_refused_or_failing_export_leaves_the_last_good_one(
+    tiny_model, tmp_path, stand_in, monkeypatch
+):
+    stand_in(lambda answer: answer)
+    exporter.export(tmp_path, "savedmodel", tiny_model, ["mask"])
+    stand_in(WRONG["a value"])
+    with pytest.raises(parity.ParityError):
+        exporter.export(tmp_path, "savedmodel", tiny_model, ["specular_albedo"])
+
+    def fails(network, path):
+        path.write_text("half a model", encoding="utf-8")
+        raise RuntimeError("no space left")
+
+    monkeypatch.setattr(formats, "write_saved_model", fails)
+    with pytest.raises(RuntimeError, match="no space"):
+        exporter.export(tmp_path, "savedmodel", tiny_model)
+    assert left_in(tmp_path) == "mask"
+
+
+def test_exporting_again_replaces_the_model(tiny_model, tmp_path, stand_in):
+    stand_in(lambda answer: answer)
+    (tmp_path / "saved_model" / "1").mkdir(parents=True)
+    (tmp_path / "partial-1").mkdir()
+    for only in ("mask", "specular_albedo"):
+        assert exporter.export(tmp_path, "savedmodel", tiny_model, [only]) == {
+            "extremes": {only: 0}
+        }
+        assert left_in(tmp_path) == only

@@ -1,0 +1,148 @@
+"""What is in the written files: signatures, their sub-graphs, names, dimensions, descriptions."""
+
+import json
+
+import numpy as np
+import onnx
+import onnxruntime
+import pytest
+import tensorflow as tf
+
+from lime_keras.export import formats, parity
+from lime_keras.networks import assemble, weights
+from lime_keras.networks.system import OUTPUTS
+
+CARD = {"version": "1.2", "preset": None, "bins": [1.0, 2.5], "outputs": {"mask": "share"}}
+NEEDED = {
+    "mask": ["segmentation"],
+    "specular_shading": ["segmentation", "specular"],
+    "mirror": ["segmentation", "specular", "mirror"],
+    "diffuse_albedo": ["segmentation", "specular", "albedo"],
+    "specular_albedo": ["segmentation", "specular", "albedo"],
+    "exponent_bin_probabilities": ["segmentation", "specular", "mirror", "exponent"],
+    "serving_default": ["segmentation", "specular", "mirror", "albedo", "exponent"],
+}
+
+
+@pytest.fixture(scope="module")
+def subnetworks(tiny_model):
+    return weights.load(tiny_model)[1]
+
+
+@pytest.fixture(scope="module")
+def saved_model(subnetworks, tmp_path_factory):
+    path = tmp_path_factory.mktemp("formats") / "saved_model"
+    formats.write_saved_model(assemble(subnetworks), path)
+    formats.describe_saved_model(path, CARD)
+    return path
+
+
+@pytest.fixture(scope="module")
+def onnx_file(subnetworks, tmp_path_factory):
+    path = tmp_path_factory.mktemp("formats") / "lime.onnx"
+    formats.write_onnx(assemble(subnetworks), path)
+    formats.describe_onnx(path, CARD)
+    return path
+
+
+@pytest.fixture(scope="module")
+def loaded(saved_model):
+    return tf.saved_model.load(str(saved_model))
+
+
+def test_there_is_a_signature_for_everything_and_one_for_each_output(loaded):
+    assert set(loaded.signatures) == set(NEEDED) == {formats.SERVED, *OUTPUTS}
+    for name, signature in loaded.signatures.items():
+        outputs = set(OUTPUTS) if name == formats.SERVED else {name}
+        assert set(signature.structured_outputs) == outputs
+        [image] = signature.structured_input_signature[1].values()
+        assert image == tf.TensorSpec((None, 32, 32, 3), tf.float32, name="image")
+        for output in signature.structured_outputs.values():
+            assert output.shape[0] is None and None not in output.shape[1:]
+
+
+@pytest.mark.parametrize("name", NEEDED)
+def test_a_signature_holds_the_subnetworks_that_its_output_needs(name, loaded, subnetworks):
+    """Its captured variables are theirs, and its convolutions and products as many as theirs."""
+    needed = [subnetworks[one] for one in NEEDED[name]]
+    signature = loaded.signatures[name]
+    assert len(signature.captured_inputs) == sum(len(network.variables) for network in needed)
+    kernels = [v for network in needed for v in network.variables if v.name == "kernel"]
+    weighted = {"Conv2D", "MatMul", "Conv2DBackpropInput"}
+    assert sum(node.op in weighted for node in nodes(signature)) == len(kernels)
+
+
+def nodes(signature):
+    """All that a signature runs, functions that it calls included."""
+    definition = signature.graph.as_graph_def()
+    return [*definition.node, *(n for f in definition.library.function for n in f.node_def)]
+
+
+def test_signatures_share_the_variables(loaded, saved_model, subnetworks):
+    whole = {id(handle) for handle in loaded.signatures[formats.SERVED].captured_inputs}
+    for signature in loaded.signatures.values():
+        assert {id(handle) for handle in signature.captured_inputs} <= whole
+    stored = tf.train.list_variables(str(saved_model / "variables" / "variables"))
+    numbers = sum(np.prod(shape, dtype=int) for name, shape in stored if "shared" in name)
+    assert numbers == sum(network.count_params() for network in subnetworks.values())
+
+
+def test_what_tensorflow_serving_reads_is_there(saved_model, subnetworks):
+    """Its loader takes the graph tagged `serve`, and feeds and fetches tensors by their names."""
+    images = parity.images(32)[:3]
+    expected = assemble(subnetworks)(images)
+    with tf.Graph().as_default(), tf.compat.v1.Session() as session:
+        loaded = tf.compat.v1.saved_model.load(session, ["serve"], str(saved_model))
+        for name in NEEDED:
+            definition = loaded.signature_def[name]
+            assert definition.method_name == "tensorflow/serving/predict"
+            fetched = {key: tensor.name for key, tensor in definition.outputs.items()}
+            found = session.run(fetched, {definition.inputs["image"].name: images})
+            assert set(found) == (set(OUTPUTS) if name == formats.SERVED else {name})
+            for output, value in found.items():
+                np.testing.assert_allclose(value, expected[output], rtol=1e-4, atol=1e-5)
+
+
+def test_a_saved_model_answers_one_image_and_several(saved_model, subnetworks):
+    images = parity.images(32)
+    expected = parity.answers(assemble(subnetworks), images)
+    for name, answer in formats.open_saved_model(saved_model).items():
+        found = parity.answers(answer, images)
+        alone = {output: expected[output] for output in found}
+        assert max(parity.compare(alone, found).values()) < 1e-4, name
+
+
+def test_the_description_lies_in_a_saved_models_extra_assets(saved_model):
+    text = (saved_model / "assets.extra" / "lime.json").read_text(encoding="utf-8")
+    assert json.loads(text) == CARD
+
+
+def test_an_onnx_file_names_its_tensors_and_the_batch(onnx_file):
+    onnx.checker.check_model(str(onnx_file), full_check=True)
+    session = onnxruntime.InferenceSession(str(onnx_file), providers=["CPUExecutionProvider"])
+    [image] = session.get_inputs()
+    assert (image.name, image.type) == ("image", "tensor(float)")
+    assert image.shape == ["batch", 32, 32, 3]
+    shapes = {output.name: output.shape for output in session.get_outputs()}
+    layers = {key: ["batch", 32, 32, 1] for key in ("mask", "specular_shading", "mirror")}
+    assert shapes == layers | {
+        "diffuse_albedo": ["batch", 3],
+        "specular_albedo": ["batch", 1],
+        "exponent_bin_probabilities": ["batch", 8],
+    }
+
+
+def test_an_onnx_file_answers_one_image_and_several(onnx_file, subnetworks):
+    images = parity.images(32)
+    expected = parity.answers(assemble(subnetworks), images)
+    found = parity.answers(formats.open_onnx(onnx_file), images)
+    assert max(parity.compare(expected, found).values()) < 1e-4
+
+
+def test_the_description_is_an_onnx_files_properties(onnx_file):
+    session = onnxruntime.InferenceSession(str(onnx_file), providers=["CPUExecutionProvider"])
+    found = session.get_modelmeta().custom_metadata_map
+    assert found.pop("version") == CARD["version"]
+    assert {name: json.loads(text) for name, text in found.items()} == {
+        name: value for name, value in CARD.items() if name != "version"
+    }

@@ -1,0 +1,339 @@
+"""Pictures of every format in and out, and files that are none."""
+
+import struct
+
+import numpy as np
+import OpenImageIO as oiio
+import pillow_heif
+import pytest
+from PIL import Image
+
+from lime_keras.io import photo
+from lime_keras.optics import colour
+
+
+def write(path, pixels, kind=oiio.UINT8, orientation=1):
+    height, width, channels = pixels.shape
+    spec = oiio.ImageSpec(width, height, channels, kind)
+    spec.attribute("Orientation", orientation)
+    image = oiio.ImageBuf(spec)
+    image.set_pixels(oiio.ROI(), np.ascontiguousarray(pixels, np.float32))
+    assert image.write(str(path)), image.geterror()
+    return path
+
+
+def noise(channels=3, height=20, width=28):
+    return np.random.default_rng(0).uniform(size=(height, width, channels)).astype(np.float32)
+
+
+@pytest.mark.parametrize("kind, levels", [(oiio.UINT8, 255), (oiio.UINT16, 65535)])
+def test_png_keeps_its_levels(tmp_path, kind, levels):
+    pixels = np.round(noise() * levels) / levels
+    found = photo.read_srgb(write(tmp_path / "photo.png", pixels, kind))
+    assert found.dtype == np.float32
+    np.testing.assert_allclose(found, pixels, atol=1e-6)
+
+
+@pytest.mark.parametrize("kind", [oiio.UINT8, oiio.UINT16])
+def test_grey_is_repeated(tmp_path, kind):
+    pixels = noise(1)
+    found = photo.read_srgb(write(tmp_path / "grey.png", pixels, kind))
+    assert found.shape == (20, 28, 3)
+    np.testing.assert_allclose(found, np.repeat(pixels, 3, axis=-1), atol=0.5 / 255 + 1e-6)
+
+
+def test_alpha_is_dropped(tmp_path):
+    pixels = np.concatenate([noise(), np.ones((20, 28, 1))], axis=-1)
+    found = photo.read_srgb(write(tmp_path / "alpha.png", pixels))
+    np.testing.assert_allclose(found, pixels[..., :3], atol=0.5 / 255 + 1e-6)
+    grey = write(tmp_path / "grey_alpha.tif", pixels[..., 2:])
+    found = photo.read_srgb(grey)
+    np.testing.assert_allclose(found, np.repeat(pixels[..., 2:3], 3, -1), atol=0.5 / 255 + 1e-6)
+
+
+@pytest.mark.parametrize("suffix", ["exr", "hdr"])
+def test_linear_formats_are_encoded_and_clipped(tmp_path, suffix):
+    linear = noise() * 2
+    linear[0, 0] = 0
+    found = photo.read_srgb(write(tmp_path / f"linear.{suffix}", linear, oiio.FLOAT))
+    assert found.min() == 0 and 0.999 < found.max() <= 1 and found.dtype == np.float32
+    # Radiance's shared exponent keeps 8 bits of the brightest channel.
+    np.testing.assert_allclose(colour.srgb_to_linear(found), np.clip(linear, 0, 1), atol=0.01)
+
+
+def test_linear_grey_is_encoded_too(tmp_path):
+    found = photo.read_srgb(write(tmp_path / "grey.exr", np.full((20, 30, 1), 0.25), oiio.HALF))
+    np.testing.assert_allclose(found, 0.5370987, atol=1e-3)
+
+
+def test_photographs_are_turned_upright(tmp_path):
+    pixels = np.zeros((16, 24, 3))
+    pixels[:, :12] = 1
+    found = photo.read_srgb(write(tmp_path / "turned.jpg", pixels, orientation=6))
+    assert found.shape == (24, 16, 3)
+    assert found[:8].min() > 0.8 and found[-8:].max() < 0.2
+
+
+@pytest.mark.parametrize("shape", [(16, 16), (16, 3000), (3000, 16)])
+def test_pictures_of_every_shape(tmp_path, shape):
+    assert photo.read_srgb(write(tmp_path / "p.png", noise(3, *shape))).shape == (*shape, 3)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (15, 400), (400, 15)])
+@pytest.mark.parametrize("suffix", ["png", "heic"])
+def test_pictures_too_small_to_show_an_object_are_named(tmp_path, shape, suffix):
+    path = save(tmp_path / f"p.{suffix}", np.zeros((*shape, 3), np.uint8))
+    refused(path, reason=f"has {shape[1]}×{shape[0]} pixels, too few")
+
+
+def test_pictures_too_large_are_named_before_they_are_decoded(tmp_path):
+    path = save(tmp_path / "huge.png", np.zeros((7_100, 7_100), bool))
+    refused(path, reason="has 7100×7100 pixels, more than the 50 million")
+
+
+# Pictures as others write them.
+
+
+def save(path, levels, mode=None, **options):
+    """Write with Pillow, another library than the one that reads."""
+    pillow_heif.register_heif_opener()
+    image = Image.fromarray(levels)
+    if mode:
+        image = image.convert(mode, palette=Image.Palette.ADAPTIVE)
+    image.save(path, **options)
+    return path
+
+
+def chart():
+    """Four patches of 16 pixels: red, green, blue and grey."""
+    colours = np.array([[200, 30, 20], [20, 180, 40], [30, 60, 220], [128, 128, 128]], np.uint8)
+    return np.repeat(np.repeat(colours[None], 16, axis=0), 16, axis=1)
+
+
+KINDS = {
+    "JPEG": ("p.jpg", None, {"quality": 95, "subsampling": 0}, 6),
+    "CMYK JPEG": ("p.jpg", "CMYK", {"quality": 95}, 6),
+    "CMYK TIFF": ("p.tif", "CMYK", {}, 6),
+    "palette PNG": ("p.png", "P", {}, 1),
+    "GIF": ("p.gif", "P", {}, 1),
+    "WebP": ("p.webp", None, {"lossless": True}, 1),
+    "BMP": ("p.bmp", None, {}, 1),
+    "HEIC": ("p.heic", None, {"quality": 95}, 12),
+    "JPEG 2000": ("p.jp2", None, {}, 1),
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_colours_of_every_kind_of_file(tmp_path, kind):
+    name, mode, options, tolerance = KINDS[kind]
+    found = photo.read_srgb(save(tmp_path / name, chart(), mode, **options))
+    # Away from the patches' borders, where chroma bleeds.
+    centres = np.s_[8, 8::16]
+    np.testing.assert_allclose(found[centres] * 255, chart()[centres], atol=tolerance)
+
+
+# Display P3's primaries in XYZ under D50, as columns of red, green and blue (SMPTE EG 432-1).
+P3 = np.array(
+    [[0.51512, 0.29198, 0.15710], [0.24120, 0.69225, 0.06657], [-0.00105, 0.04189, 0.78407]]
+)
+SRGB = np.array(
+    [[0.43607, 0.38515, 0.14307], [0.22249, 0.71687, 0.06061], [0.01392, 0.09708, 0.71410]]
+)
+
+
+def profile(space=b"RGB ", description="Display P3"):
+    """An ICC profile (version 4) of P3's primaries and sRGB's curve."""
+
+    def fixed(*values):
+        return struct.pack(f">{len(values)}i", *(round(value * 65536) for value in values))
+
+    text = description.encode("utf-16-be")
+    naming = b"mluc" + struct.pack(">III2s2sII", 0, 1, 12, b"en", b"US", len(text), 28) + text
+    curve = b"para" + struct.pack(">IHH", 0, 3, 0)
+    curve += fixed(2.4, 1 / 1.055, 0.055 / 1.055, 1 / 12.92, 0.04045)
+    white = (0.9642, 1.0, 0.8249)
+    columns = dict(zip((b"rXYZ", b"gXYZ", b"bXYZ", b"wtpt"), (*P3.T, white), strict=True))
+    tags = {b"desc": naming, b"cprt": naming}
+    tags |= {name: b"XYZ " + bytes(4) + fixed(*column) for name, column in columns.items()}
+    tags |= dict.fromkeys((b"rTRC", b"gTRC", b"bTRC"), curve)
+    table, data = struct.pack(">I", len(tags)), b""
+    for name, content in tags.items():
+        content += bytes(-len(content) % 4)
+        table += name + struct.pack(">II", 132 + 12 * len(tags) + len(data), len(content))
+        data += content
+    size = 128 + len(table) + len(data)
+    head = struct.pack(">I4sI4s4s4s", size, bytes(4), 0x04300000, b"mntr", space, b"XYZ ")
+    head += bytes(12) + b"acsp" + bytes(28) + fixed(*white)
+    return head.ljust(128, b"\0") + table + data
+
+
+def in_srgb(p3):
+    """The same colours, by the definition."""
+    linear = colour.srgb_to_linear(p3.astype(np.float64)) @ P3.T @ np.linalg.inv(SRGB).T
+    return colour.linear_to_srgb(np.clip(linear, 0, 1))
+
+
+@pytest.mark.parametrize("suffix", ["png", "tif", "webp", "heic"])
+def test_a_profile_is_converted_from(tmp_path, suffix):
+    levels = (noise() * 255).astype(np.uint8)
+    path = tmp_path / f"phone.{suffix}"
+    lossless = {"webp": {"lossless": True}, "heic": {"quality": -1, "chroma": 444}}
+    image = Image.fromarray(levels)
+    if suffix == "heic":
+        pillow_heif.register_heif_opener()
+    image.save(path, icc_profile=profile(), **lossless.get(suffix, {}))
+    kept = tmp_path / f"kept.{suffix}"
+    image.save(kept, **lossless.get(suffix, {}))
+    plain = photo.read_srgb(kept)
+    found, expected = photo.read_srgb(path), in_srgb(plain)
+    assert np.abs(found - expected).max() < 1.6 / 255
+    assert np.abs(found - plain).max() > 20 / 255
+
+
+@pytest.mark.parametrize(
+    "content",
+    [profile(b"GRAY"), profile(description="sRGB IEC61966-2.1"), profile()[:200], b"no profile"],
+    ids=["grey", "sRGB", "cut off", "none"],
+)
+def test_a_profile_that_does_not_apply_changes_nothing(tmp_path, content):
+    levels = (noise() * 255).astype(np.uint8)
+    Image.fromarray(levels).save(tmp_path / "photo.png", icc_profile=content)
+    found = photo.read_srgb(tmp_path / "photo.png")
+    np.testing.assert_allclose(found, levels / 255, atol=1e-6)
+
+
+def test_a_heics_exif_does_not_turn_it(tmp_path):
+    """HEIF has a rotation of its own, which the decoder applies; EXIF's only repeats it."""
+    exif = Image.Exif()
+    exif[0x0112] = 6
+    path = save(tmp_path / "turned.heic", np.zeros((32, 48, 3), np.uint8), exif=exif)
+    assert photo.read_srgb(path).shape == (32, 48, 3)
+
+
+def test_a_file_that_says_it_is_linear_is_encoded(tmp_path):
+    spec = oiio.ImageSpec(16, 16, 3, oiio.UINT16)
+    spec.attribute("oiio:Gamma", 1.0)
+    spec.attribute("oiio:ColorSpace", "lin_rec709")
+    image = oiio.ImageBuf(spec)
+    oiio.ImageBufAlgo.fill(image, (0.25, 0.25, 0.25))
+    assert image.write(str(tmp_path / "linear.png"))
+    np.testing.assert_allclose(photo.read_srgb(tmp_path / "linear.png"), 0.5370987, atol=1e-3)
+
+
+def test_grey_of_two_bytes_and_of_one_bit(tmp_path):
+    deep = np.full((16, 16), 30_000, np.uint16)
+    found = photo.read_srgb(save(tmp_path / "deep.png", deep))
+    np.testing.assert_allclose(found, 30_000 / 65_535, atol=1e-5)
+    bits = np.eye(16, dtype=np.uint8) * 255
+    found = photo.read_srgb(save(tmp_path / "bits.png", bits, "1"))
+    np.testing.assert_array_equal(found[..., 1], np.eye(16))
+
+
+# Transparency and masks.
+
+
+@pytest.mark.parametrize("suffix", ["png", "webp", "heic"])
+def test_a_cut_out_brings_its_mask(tmp_path, suffix):
+    levels = np.full((32, 32, 4), 200, np.uint8)
+    levels[..., 3] = 255
+    levels[:16, :, 3] = 0
+    options = {"quality": 95} if suffix == "heic" else {"lossless": True}
+    options = {} if suffix == "png" else options
+    image, alpha = photo.read(save(tmp_path / f"cut.{suffix}", levels, **options))
+    assert image.shape == (32, 32, 3) and alpha.shape == (32, 32, 1)
+    assert alpha[:14].max() < 0.1 and alpha[18:].min() > 0.9
+    assert image[:14].max() < 0.1
+    np.testing.assert_allclose(image[18:], 200 / 255, atol=0.03)
+
+
+def test_opaque_alpha_is_no_mask(tmp_path):
+    levels = np.full((16, 16, 4), 255, np.uint8)
+    assert photo.read(save(tmp_path / "opaque.png", levels))[1] is None
+    assert photo.read(save(tmp_path / "rgb.png", levels[..., :3]))[1] is None
+
+
+def test_masks_of_every_kind(tmp_path):
+    expected = np.zeros((20, 30, 1), np.float32)
+    expected[5:15, 8:20] = 1
+    grey = (expected[..., 0] * 255).astype(np.uint8)
+    colour_ = np.repeat(grey[..., None], 3, axis=-1)
+    cut_out = np.concatenate([np.full((20, 30, 3), 9, np.uint8), grey[..., None]], axis=-1)
+    for name, levels in (("grey", grey), ("colour", colour_), ("cut-out", cut_out)):
+        found = photo.read_mask(save(tmp_path / f"{name}.png", levels), 20, 30)
+        np.testing.assert_array_equal(found, expected)
+
+
+def test_masks_of_another_size_and_black_ones_are_named(tmp_path):
+    path = save(tmp_path / "mask.png", np.zeros((20, 30), np.uint8))
+    with pytest.raises(ValueError, match=r"mask\.png is black"):
+        photo.read_mask(path, 20, 30)
+    with pytest.raises(ValueError, match="has 30×20 pixels and its photo 20×30"):
+        photo.read_mask(path, 30, 20)
+
+
+def refused(path, reason="cannot be read as a picture"):
+    with pytest.raises(ValueError, match=rf"{path.name} {reason}"):
+        photo.read_srgb(path)
+
+
+@pytest.mark.parametrize("name", ["none.png", "none.exr", "none.txt", "none"])
+def test_a_missing_file_is_named(name, tmp_path):
+    refused(tmp_path / name)
+
+
+@pytest.mark.parametrize("name", ["folder", "folder.png", "folder.exr"])
+def test_a_folder_is_named(name, tmp_path):
+    (tmp_path / name).mkdir()
+    refused(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    "name", ["broken.png", "broken.jpg", "broken.exr", "broken.txt", "broken.heic"]
+)
+@pytest.mark.parametrize("content", [b"", b"not a picture at all"])
+def test_a_file_that_is_no_picture_is_named(name, content, tmp_path):
+    (tmp_path / name).write_bytes(content)
+    refused(tmp_path / name)
+
+
+@pytest.mark.parametrize("suffix", ["png", "exr", "tif"])
+def test_a_picture_cut_off_is_named(suffix, tmp_path):
+    path = write(tmp_path / f"whole.{suffix}", noise(3, 64, 64), oiio.UINT8)
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) // 2])
+    refused(path)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_pixels_that_are_not_finite_are_named(value, tmp_path):
+    pixels = noise()
+    pixels[1, 2, 0] = value
+    refused(write(tmp_path / "nan.exr", pixels, oiio.FLOAT), reason="holds NaN or infinite")
+
+
+# Writing.
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+def test_what_is_written_as_png_is_read_back(tmp_path, channels):
+    pixels = noise(channels)
+    photo.write(tmp_path / "out.png", pixels)
+    found = photo.read_srgb(tmp_path / "out.png")[..., :channels]
+    np.testing.assert_allclose(found, np.round(pixels * 255) / 255, atol=1e-6)
+
+
+def test_png_clips_and_exr_keeps_radiance(tmp_path):
+    pixels = np.tile([-1, 0, 0.5, 1, 3, 60_000.0], (16, 3))[..., None]
+    photo.write(tmp_path / "out.png", pixels)
+    found = photo.read_srgb(tmp_path / "out.png")[0, :, 0]
+    np.testing.assert_allclose(found, np.tile([0, 0, 128 / 255, 1, 1, 1], 3), atol=1e-6)
+    photo.write(tmp_path / "out.exr", pixels)
+    linear = oiio.ImageBuf(str(tmp_path / "out.exr")).get_pixels(oiio.FLOAT)
+    np.testing.assert_allclose(linear.reshape(-1), pixels.reshape(-1), rtol=1e-3)
+
+
+@pytest.mark.parametrize("suffix", ["png", "exr"])
+def test_where_nothing_can_be_written_is_named(tmp_path, suffix):
+    path = tmp_path / "none" / f"out.{suffix}"
+    with pytest.raises(OSError, match=rf"out\.{suffix} cannot be written"):
+        photo.write(path, noise())

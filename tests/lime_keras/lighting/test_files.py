@@ -1,0 +1,100 @@
+"""The light of a photo and clones, as files."""
+
+import subprocess
+import sys
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+import trimesh
+
+from lime_keras import Estimator
+from lime_keras.io import photo
+from lime_keras.lighting import files as lighting_files
+
+SHAPE = (48, 64)
+
+
+@pytest.fixture(scope="module")
+def picture():
+    """A photo of a disc and the disc's mask."""
+    rows, columns = np.mgrid[: SHAPE[0], : SHAPE[1]] + 0.5
+    mask = ((rows - 24) ** 2 + (columns - 32) ** 2 < 18**2)[..., None].astype(np.float32)
+    shade = np.clip(1.2 - columns / SHAPE[1], 0, 1)[..., None] * np.array([0.7, 0.4, 0.3])
+    return np.where(mask > 0, shade, 0.5).astype(np.float32), mask
+
+
+@pytest.fixture(scope="module")
+def material(picture, tiny_model):
+    return Estimator(tiny_model).estimate(*picture)
+
+
+@pytest.fixture(scope="module")
+def mesh(tmp_path_factory):
+    path = tmp_path_factory.mktemp("mesh") / "ball.ply"
+    trimesh.creation.icosphere(3).export(path)
+    return path
+
+
+def normals_of_a_dome(mask):
+    """Normals of a hemisphere, 8 bits a channel, black in the background."""
+    rows, columns = np.mgrid[: SHAPE[0], : SHAPE[1]] + 0.5
+    x, y = (columns - 32) / 18, -(rows - 24) / 18
+    z = np.sqrt(np.maximum(1 - x**2 - y**2, 0))
+    return np.where(mask > 0, (np.stack([x, y, z], axis=-1) + 1) / 2, 0)
+
+
+def test_the_light_is_a_map_in_camera_space(picture, material, tmp_path):
+    image, mask = picture
+    photo.write(tmp_path / "n.png", normals_of_a_dome(mask))
+    for name, normals in (("given", tmp_path / "n.png"), ("guessed", None)):
+        lighting_files.write(tmp_path, name, image, material, normals=normals, mesh=None)
+        found = oiio.ImageBuf(str(tmp_path / f"{name}-environment.exr")).get_pixels(oiio.FLOAT)
+        assert found.reshape(64, 128, -1).shape == (64, 128, 1)
+        assert np.isfinite(found).all() and found.min() >= 0 and found.max() > 0
+        assert (tmp_path / f"{name}-environment.png").is_file()
+        assert not (tmp_path / f"{name}-clone.png").exists()
+
+
+def test_a_clone_takes_the_objects_place(picture, material, mesh, mitsuba_choice, tmp_path):
+    image, mask = picture
+    lighting_files.write(tmp_path, "a", image, material, normals=None, mesh=mesh)
+    found = photo.read_srgb(tmp_path / "a-clone.png")
+    assert found.shape == image.shape
+    far = np.zeros(SHAPE, bool)
+    far[:3], far[-3:], far[:, :8], far[:, -8:] = True, True, True, True
+    np.testing.assert_allclose(found[far], image[far], atol=0.5 / 255 + 1e-6)
+    assert np.abs(found - image)[mask[..., 0] > 0].mean() > 0.01
+
+
+def test_normals_of_another_size_are_named(picture, material, tmp_path):
+    photo.write(tmp_path / "n.png", np.tile(np.array([0.5, 0.5, 1.0]), (20, 20, 1)))
+    with pytest.raises(ValueError, match=r"n\.png has 20×20 pixels and its photo 64×48"):
+        lighting_files.write(
+            tmp_path, "a", picture[0], material, normals=tmp_path / "n.png", mesh=None
+        )
+
+
+def test_no_object_shows_no_light(picture, tiny_model, tmp_path):
+    image, mask = picture
+    nothing = Estimator(tiny_model).estimate(image, 0 * mask)
+    with pytest.raises(ValueError, match="no object was found"):
+        lighting_files.write(tmp_path, "a", image, nothing, normals=None, mesh=None)
+
+
+@pytest.mark.slow
+def test_the_command_loads_mitsuba_before_tensorflow(picture, tiny_model, mesh, tmp_path):
+    """In a process of its own: the other order ends in a crash."""
+    image, mask = picture
+    photo.write(tmp_path / "photo.png", image)
+    photo.write(tmp_path / "mask.png", mask)
+    program = (
+        "import sys; from lime_keras.commands.estimate import main; sys.exit(main(sys.argv[1:]))"
+    )
+    command = [sys.executable, "-c", program, str(tmp_path / "photo.png")]
+    options = {"--mask": tmp_path / "mask.png", "--clone-onto": mesh, "--weights": tiny_model}
+    for option, value in (options | {"--out": tmp_path / "out"}).items():
+        command += [option, str(value)]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "out" / "photo-clone.png").is_file()

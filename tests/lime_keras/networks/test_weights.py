@@ -1,0 +1,223 @@
+"""Weights on disk: a round trip, and an error that names the file for everything else."""
+
+import dataclasses
+import json
+import re
+import shutil
+
+import keras
+import numpy as np
+import pytest
+
+from lime_keras.networks import SUBNETWORKS, Architecture, build, names, weights
+
+NAMES = [field.name for field in dataclasses.fields(Architecture) if field.type is int]
+FILES = ["architecture.json", *(f"{name}.weights.h5" for name in SUBNETWORKS)]
+
+
+@pytest.fixture
+def model(tiny_model, tmp_path):
+    """A copy that a test may break."""
+    return shutil.copytree(tiny_model, tmp_path / "copy")
+
+
+def assert_same(found, expected):
+    assert set(found) == set(expected)
+    for name in expected:
+        pairs = zip(found[name].get_weights(), expected[name].get_weights(), strict=True)
+        assert all(np.array_equal(a, b) for a, b in pairs), name
+
+
+def test_round_trip(tiny, tmp_path):
+    keras.utils.set_random_seed(5)
+    subnetworks = build(tiny)
+    weights.save(tmp_path / "deep" / "model", tiny, subnetworks)
+    assert sorted(path.name for path in (tmp_path / "deep" / "model").iterdir()) == sorted(FILES)
+    architecture, found = weights.load(tmp_path / "deep" / "model")
+    assert architecture == tiny
+    assert_same(found, subnetworks)
+
+
+def test_half_the_space_keeps_sixteen_bits(tmp_path):
+    wide = Architecture(size=32, unet_width=8, unet_depth=3, encoder_width=8, dense_width=32)
+    subnetworks = build(wide, seed=1)
+    weights.save(tmp_path / "whole", wide, subnetworks)
+    weights.save(tmp_path / "half", wide, subnetworks, half=True)
+    _, found = weights.load(tmp_path / "half")
+    for name, network in subnetworks.items():
+        for one, other in zip(found[name].get_weights(), network.get_weights(), strict=True):
+            assert one.dtype == np.float32
+            np.testing.assert_array_equal(one, other.astype(np.float16).astype(np.float32))
+        whole, half = (tmp_path / kind / f"{name}.weights.h5" for kind in ("whole", "half"))
+        assert half.stat().st_size < 0.7 * whole.stat().st_size
+    assert sorted(path.name for path in (tmp_path / "half").iterdir()) == sorted(FILES)
+
+
+def test_a_model_saved_before_there_were_ablations_is_lime(tiny, model):
+    path = model / "architecture.json"
+    written = json.loads(path.read_text(encoding="utf-8"))
+    assert set(written) == {*NAMES, "system", "mirror", "exponent"}
+    path.write_text(json.dumps({name: written[name] for name in NAMES}), encoding="utf-8")
+    architecture, found = weights.load(model)
+    assert architecture == tiny and architecture.description == "LIME"
+    assert set(found) == set(SUBNETWORKS)
+
+
+def test_ablations_come_back(ablation, tmp_path):
+    keras.utils.set_random_seed(6)
+    subnetworks = build(ablation)
+    weights.save(tmp_path, ablation, subnetworks)
+    kept = {"architecture.json", *(f"{name}.weights.h5" for name in names(ablation))}
+    assert {path.name for path in tmp_path.iterdir()} == kept
+    architecture, found = weights.load(tmp_path)
+    assert architecture == ablation
+    assert_same(found, subnetworks)
+    for name in sorted(kept):
+        (tmp_path / name).rename(tmp_path / "elsewhere")
+        with pytest.raises(FileNotFoundError, match=rf"{name} is missing.*lime-train"):
+            weights.load(tmp_path)
+        (tmp_path / "elsewhere").rename(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    "fields, file",
+    [
+        ({"mirror": False}, "exponent.weights.h5 cannot be read"),
+        ({"exponent": "regression"}, "exponent.weights.h5 cannot be read"),
+        ({"system": "reflectance-map"}, "reflectance_map.weights.h5 is missing"),
+        ({"system": "shading"}, "architecture.json is not of this version: no system shading"),
+        ({"mirror": False, "system": "reflectance-map"}, "one ablation at a time; train again"),
+    ],
+)
+def test_the_weights_of_another_system_are_named(fields, file, tiny, model):
+    text = json.dumps(dataclasses.asdict(tiny) | fields)
+    (model / "architecture.json").write_text(text, encoding="utf-8")
+    with pytest.raises((ValueError, FileNotFoundError), match=re.escape(file)):
+        weights.load(model)
+
+
+def test_saving_again_replaces_everything(tiny, model):
+    wider = dataclasses.replace(tiny, unet_width=3)
+    subnetworks = build(wider)
+    weights.save(model, wider, subnetworks)
+    architecture, found = weights.load(model)
+    assert architecture == wider
+    assert_same(found, subnetworks)
+    assert sorted(path.name for path in model.iterdir()) == sorted(FILES)
+
+
+def test_a_run_is_taken_for_its_model(tiny, model, tmp_path):
+    (tmp_path / "run").mkdir()
+    model.rename(tmp_path / "run" / "model")
+    for folder in (tmp_path / "run", str(tmp_path / "run" / "model")):
+        assert weights.load(folder)[0] == tiny
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_missing_file_is_named(name, model):
+    (model / name).unlink()
+    with pytest.raises(FileNotFoundError, match=rf"{name} is missing.*lime-train"):
+        weights.load(model)
+
+
+def test_a_folder_that_holds_nothing_or_is_not_there(tmp_path):
+    for folder in (tmp_path, tmp_path / "none"):
+        with pytest.raises(FileNotFoundError, match=r"architecture\.json is missing"):
+            weights.load(folder)
+
+
+@pytest.mark.parametrize("name", FILES[1:])
+@pytest.mark.parametrize("kept", [0, -500])
+def test_a_file_cut_off_is_named(name, kept, model):
+    path = model / name
+    path.write_bytes(path.read_bytes()[:kept])
+    with pytest.raises(ValueError, match=rf"{name} cannot be read: .*; train again$"):
+        weights.load(model)
+
+
+@pytest.mark.parametrize("name, other", [("mirror", "specular"), ("albedo", "exponent")])
+def test_another_subnetworks_file_is_named(name, other, model):
+    shutil.copy(model / f"{other}.weights.h5", model / f"{name}.weights.h5")
+    with pytest.raises(ValueError, match=rf"{name}\.weights\.h5 cannot be read: .*; train again$"):
+        weights.load(model)
+
+
+def test_another_architectures_weights_are_named(tiny, model):
+    text = json.dumps(dataclasses.asdict(tiny) | {"unet_width": 3})
+    (model / "architecture.json").write_text(text, encoding="utf-8")
+    with pytest.raises(ValueError, match=r"segmentation\.weights\.h5 cannot be read"):
+        weights.load(model)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "{",
+        "[]",
+        "3",
+        '{"size": 32}',
+        json.dumps(dict.fromkeys([*NAMES, "another"], 32)),
+        json.dumps(dict.fromkeys(NAMES, 4) | {"size": "32"}),
+        json.dumps(dict.fromkeys(NAMES, 4) | {"size": 30}),
+    ],
+)
+def test_an_architecture_of_another_version_is_named(text, model):
+    (model / "architecture.json").write_text(text, encoding="utf-8")
+    with pytest.raises(ValueError, match=r"architecture\.json is not of this version.*train again"):
+        weights.load(model)
+
+
+# As their own stages left them.
+
+
+@pytest.fixture
+def with_alone(tiny, model):
+    """A model with two subnetworks of other weights beside it, and those."""
+    alone = {name: build(tiny, seed=9)[name] for name in ("albedo", "exponent")}
+    architecture, subnetworks = weights.load(model)
+    weights.save(model, architecture, subnetworks, alone)
+    return model, subnetworks, alone
+
+
+def test_subnetworks_alone_come_back_beside_the_joined(with_alone):
+    model, subnetworks, alone = with_alone
+    assert_same(weights.load(model)[1], subnetworks)
+    before = {name: network.get_weights() for name, network in subnetworks.items()}
+    assert_same(weights.load_alone(model, subnetworks), alone)
+    for name, network in subnetworks.items():
+        assert all(map(np.array_equal, before[name], network.get_weights())), name
+    assert not np.array_equal(before["albedo"][0], alone["albedo"].get_weights()[0])
+    files = sorted(path.name for path in (model / "alone").iterdir())
+    assert files == ["albedo.weights.h5", "exponent.weights.h5"]
+
+
+def test_subnetworks_alone_are_taken_from_a_run(with_alone, tmp_path):
+    model, subnetworks, alone = with_alone
+    (tmp_path / "run").mkdir()
+    model.rename(tmp_path / "run" / "model")
+    for folder in (tmp_path / "run", str(tmp_path / "run")):
+        assert_same(weights.load_alone(folder, subnetworks), alone)
+
+
+def test_a_model_saved_by_hand_has_none_alone(tiny, model):
+    assert weights.load_alone(model, weights.load(model)[1]) == {}
+
+
+def test_saving_again_leaves_no_others_alone(tiny, with_alone):
+    model, subnetworks, alone = with_alone
+    weights.save(model, tiny, subnetworks, {"albedo": alone["albedo"]})
+    assert set(weights.load_alone(model, subnetworks)) == {"albedo"}
+    weights.save(model, tiny, subnetworks)
+    assert weights.load_alone(model, subnetworks) == {}
+
+
+def test_a_broken_file_alone_is_named(with_alone):
+    model, subnetworks, _ = with_alone
+    path = model / "alone" / "exponent.weights.h5"
+    whole = path.read_bytes()
+    for broken in (b"", whole[:-500], (path.parent / "albedo.weights.h5").read_bytes()):
+        path.write_bytes(broken)
+        expected = r"alone/exponent\.weights\.h5 cannot be read: .*; train again$"
+        with pytest.raises(ValueError, match=expected):
+            weights.load_alone(model, subnetworks)

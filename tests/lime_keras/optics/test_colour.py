@@ -1,0 +1,104 @@
+"""sRGB and YUV: round trips, known values, gradients at the knee and beyond the range."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lime_keras.optics import colour
+
+UNIT = st.floats(0, 1, allow_nan=False)
+
+
+def srgb_by_the_standard(linear):
+    """IEC 61966-2-1, one number at a time."""
+    return 12.92 * linear if linear <= 0.0031308 else 1.055 * linear ** (1 / 2.4) - 0.055
+
+
+def test_known_values():
+    srgb = np.array([0.0, 0.04045, 0.5, 188 / 255, 1.0])
+    linear = [0.0, 0.0031308, 0.21404114, 0.50288646, 1.0]
+    np.testing.assert_allclose(colour.srgb_to_linear(srgb), linear, rtol=1e-5)
+
+
+def test_encoding_is_the_standards():
+    for linear in np.linspace(0, 1, 301):
+        assert colour.linear_to_srgb(np.float64(linear)) == pytest.approx(
+            srgb_by_the_standard(linear), abs=1e-12
+        )
+
+
+@given(st.floats(-0.5, 100))
+def test_round_trip_even_beyond_the_range(value):
+    value = np.float64(value)
+    there_and_back = colour.linear_to_srgb(colour.srgb_to_linear(value))
+    assert there_and_back == pytest.approx(value, rel=1e-5, abs=1e-7)
+    back_and_there = colour.srgb_to_linear(colour.linear_to_srgb(value))
+    assert back_and_there == pytest.approx(value, rel=1e-5, abs=1e-7)
+
+
+def test_every_byte_survives_single_precision():
+    bytes_ = np.arange(256)
+    linear = colour.srgb_to_linear((bytes_ / 255).astype(np.float32))
+    assert linear.dtype == np.float32
+    back = colour.linear_to_srgb(linear)
+    np.testing.assert_array_equal(np.round(back * 255), bytes_)
+
+
+@pytest.mark.parametrize("curve", [colour.srgb_to_linear, colour.linear_to_srgb])
+def test_curves_rise_and_join_at_the_knee(curve):
+    x = np.linspace(-0.2, 4, 20_001)
+    steps = np.diff(curve(x))
+    assert (steps > 0).all() and steps.max() < 0.01
+
+
+@pytest.mark.parametrize("curve", [colour.srgb_to_linear, colour.linear_to_srgb])
+@pytest.mark.parametrize("dtype", [np.float16, np.float32, np.float64])
+def test_gradients_are_finite_and_positive(curve, dtype, differentiate):
+    x = np.array([-1, -0.0, 0, 1e-7, 0.0031308, 0.04045, 0.5, 1, 10], dtype)
+    value, [gradient] = differentiate(curve, x)
+    assert value.dtype == dtype and np.isfinite(value).all()
+    assert np.isfinite(gradient).all() and (gradient > 0).all()
+
+
+@pytest.mark.parametrize("curve", [colour.srgb_to_linear, colour.linear_to_srgb])
+def test_gradients_are_those_of_finite_differences(curve, differentiate):
+    x, step = np.array([-0.3, 0.001, 0.01, 0.2, 0.9, 3.0]), 1e-6
+    _, [gradient] = differentiate(curve, x)
+    difference = (curve(x + step) - curve(x - step)) / (2 * step)
+    np.testing.assert_allclose(gradient, difference, rtol=1e-6)
+
+
+@pytest.mark.parametrize("curve", [colour.srgb_to_linear, colour.linear_to_srgb])
+def test_not_a_number_stays_one_and_infinity_too(curve):
+    value = curve(np.array([np.nan, np.inf, -np.inf]))
+    assert np.isnan(value[0]) and value[1] == np.inf and value[2] == -np.inf
+
+
+@given(st.tuples(UNIT, UNIT, UNIT))
+def test_yuv_round_trip_inside_its_box(rgb):
+    yuv = colour.rgb_to_yuv(np.array(rgb))
+    np.testing.assert_allclose(colour.yuv_to_rgb(yuv), rgb, atol=1e-12)
+    assert (yuv >= colour.YUV_LOW - 1e-12).all() and (yuv <= colour.YUV_HIGH + 1e-12).all()
+
+
+def test_the_yuv_box_is_the_smallest():
+    cube = np.stack(np.meshgrid([0, 1], [0, 1], [0, 1]), axis=-1).reshape(-1, 3)
+    yuv = colour.rgb_to_yuv(cube.astype(float))
+    np.testing.assert_allclose(yuv.min(0), colour.YUV_LOW, atol=1e-12)
+    np.testing.assert_allclose(yuv.max(0), colour.YUV_HIGH, atol=1e-12)
+
+
+def test_grey_has_no_chrominance_and_luma_is_its_value():
+    np.testing.assert_allclose(colour.rgb_to_yuv(np.full(3, 0.3)), [0.3, 0, 0], atol=1e-12)
+    # BT.601: U = 0.492 (B − Y), V = 0.877 (R − Y).
+    r, g, b = 0.2, 0.7, 0.4
+    y = 0.299 * r + 0.587 * g + 0.114 * b
+    expected = [y, 0.492 * (b - y), 0.877 * (r - y)]
+    np.testing.assert_allclose(colour.rgb_to_yuv(np.array([r, g, b])), expected, atol=1e-12)
+
+
+def test_luminance_of_white_is_one_and_green_weighs_most():
+    assert colour.luminance(np.ones((2, 5, 3))) == pytest.approx(np.ones((2, 5)))
+    assert colour.luminance(np.eye(3)) == pytest.approx([0.2126, 0.7152, 0.0722], abs=1e-6)
+    assert colour.luminance(np.ones(3, np.float16)).dtype == np.float16

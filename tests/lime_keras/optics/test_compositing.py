@@ -1,0 +1,62 @@
+"""Eq. 4 against a loop over pixels."""
+
+import numpy as np
+import pytest
+
+from lime_keras.optics.compositing import compose, diffuse_shading
+
+
+def scene(batch=2, height=3, width=4, dtype=np.float64):
+    rng = np.random.default_rng(0)
+    m_d, m_s, m_a = (rng.uniform(size=shape) for shape in ((batch, 3), (batch, 1), (batch,)))
+    shading = [rng.exponential(size=(batch, height, width, 1)) for _ in range(2)]
+    return [value.astype(dtype) for value in (m_d, m_s, m_a, *shading)]
+
+
+def test_composing_is_equation_4_at_every_pixel():
+    m_d, m_s, m_a, diffuse, specular = scene()
+    image = compose(m_d, m_s, m_a, diffuse, specular)
+    assert image.shape == (2, 3, 4, 3)
+    for b, y, x, c in np.ndindex(image.shape):
+        expected = m_a[b] + m_d[b, c] * diffuse[b, y, x, 0] + m_s[b, 0] * specular[b, y, x, 0]
+        assert image[b, y, x, c] == pytest.approx(expected)
+
+
+def test_scalars_with_and_without_a_channel_axis():
+    m_d, m_s, m_a, diffuse, specular = scene()
+    image = compose(m_d, m_s, m_a, diffuse, specular)
+    np.testing.assert_array_equal(compose(m_d, m_s[:, 0], m_a[:, None], diffuse, specular), image)
+
+
+def test_a_black_material_shows_the_ambient_term_alone():
+    m_d, m_s, m_a, diffuse, specular = scene()
+    image = compose(0 * m_d, 0 * m_s, m_a, diffuse, specular)
+    np.testing.assert_array_equal(image, np.broadcast_to(m_a[:, None, None, None], image.shape))
+
+
+def test_bright_light_is_not_clipped():
+    m_d, m_s, m_a, diffuse, specular = scene(dtype=np.float32)
+    assert compose(m_d, m_s, m_a, diffuse, specular * 1e6).max() > 1e5
+
+
+@pytest.mark.parametrize("dtype", [np.float16, np.float32, np.float64])
+def test_gradients_are_the_layers(dtype, differentiate):
+    m_d, m_s, m_a, diffuse, specular = scene(dtype=dtype)
+    value, gradients = differentiate(compose, m_d, m_s, m_a, diffuse, specular)
+    assert value.dtype == dtype
+    tolerance = {"rtol": 1e-2 if dtype == np.float16 else 1e-5}
+    np.testing.assert_allclose(value, compose(m_d, m_s, m_a, diffuse, specular), **tolerance)
+    sums = diffuse.sum((1, 2, 3))[:, None]
+    np.testing.assert_allclose(gradients[0], np.broadcast_to(sums, (2, 3)), **tolerance)
+    np.testing.assert_allclose(gradients[1], 3 * specular.sum((1, 2, 3))[:, None], **tolerance)
+    np.testing.assert_allclose(gradients[2], [36, 36], **tolerance)
+    of_specular = np.broadcast_to(3 * m_s[:, None, None], specular.shape)
+    np.testing.assert_allclose(gradients[4], of_specular, **tolerance)
+
+
+def test_the_diffuse_layer_over_its_albedo_is_the_shading():
+    shade = np.random.default_rng(0).uniform(size=(4, 5, 1))
+    albedo = np.array([0.2, 0.7, 0.05])
+    assert diffuse_shading(shade * albedo, albedo) == pytest.approx(shade)
+    assert diffuse_shading(shade * [0, 0.3, 0], np.array([0, 0.3, 0])) == (pytest.approx(shade))
+    assert np.isnan(diffuse_shading(shade * 0.1 * np.ones(3), np.zeros(3))).all()

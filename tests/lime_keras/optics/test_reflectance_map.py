@@ -1,0 +1,181 @@
+"""Reflectance maps: against the sums over the light's texels, by closed forms, at the extremes."""
+
+import functools
+
+import numpy as np
+import pytest
+
+from lime_keras.optics import environment, shading
+from lime_keras.optics.reflectance_map import disc, reflectance_map
+
+SHAPE = environment.STORED_SHAPE
+
+
+@functools.cache
+def _compiled(size):
+    import tensorflow as tf
+
+    return tf.function(functools.partial(reflectance_map, size=size))
+
+
+def _drawn(maps, exponents, m_d=(0.0, 0.0, 0.0), m_s=0.0, m_a=0.0, size=32):
+    """Maps of a list of lights `(64, 128)`, compiled, as an array `(B, size, size, 3)`."""
+    count = len(maps)
+    arrays = (
+        np.stack(maps)[..., None],
+        np.broadcast_to(exponents, count),
+        np.broadcast_to(m_d, (count, 3)),
+        np.broadcast_to(m_s, count),
+        np.broadcast_to(m_a, count),
+    )
+    return _compiled(size)(*(array.astype(np.float32) for array in arrays)).numpy()
+
+
+def _diffuse(maps, size=32):
+    return _drawn(maps, 1.0, m_d=(1.0, 1.0, 1.0), size=size)[..., 0]
+
+
+def _specular(maps, exponents, size=32):
+    return _drawn(maps, exponents, m_s=1.0, size=size)[..., 0]
+
+
+def _normals(size):
+    """Normals `(N, 3)` of the pixels on the sphere, and where they are."""
+    centres = (2 * np.arange(size) + 1) / size - 1
+    u, v = np.meshgrid(centres, -centres)
+    on = u**2 + v**2 <= 1
+    return np.stack([u, v, np.sqrt(np.maximum(1 - u**2 - v**2, 0))], axis=-1)[on], on
+
+
+def _lamp(direction, radiance, sky):
+    """One texel of the given radiance under an even sky."""
+    light = environment.directions(*SHAPE)
+    out = np.full(SHAPE, float(sky))
+    out[np.unravel_index(np.argmax(light @ np.asarray(direction, float)), SHAPE)] = radiance
+    return out
+
+
+def _room():
+    """Light that varies smoothly, and vanishes in places."""
+    x, y, z = np.moveaxis(environment.directions(*SHAPE), -1, 0)
+    return np.maximum(1 + np.sin(3 * x + 1) * np.cos(2 * y) + 0.5 * z, 0)
+
+
+@pytest.mark.parametrize("size", [1, 2, 33, 64])
+def test_the_disc_is_where_the_centres_show_the_sphere(size):
+    _, on = _normals(size)
+    mask = disc(size)
+    assert mask.shape == (size, size, 1) and mask.dtype == np.float32
+    np.testing.assert_array_equal(mask[..., 0], on)
+
+
+def test_a_furnace_is_one():
+    exponents = np.array([0, 1, 2.37, 10, 100, 1000])
+    maps = [np.ones(SHAPE)] * len(exponents)
+    on = disc(33)[..., 0] > 0
+    np.testing.assert_allclose(_diffuse(maps, size=33)[:, on], 1, rtol=2e-3)
+    # An odd size has a pixel at n = o.
+    specular = _specular(maps, exponents, size=33)
+    np.testing.assert_allclose(specular[:, 16, 16], 1, rtol=5e-3)
+    assert (specular[:, ~on] == 0).all()
+
+
+@pytest.mark.parametrize("exponent", [0, 1.5, 10, 100, 1000])
+@pytest.mark.parametrize(
+    "light",
+    [
+        _room(),
+        _lamp([0.6, 0.5, 0.62], 100, 1),
+        _lamp([-0.3, 0.8, -0.5], 100, 1),
+        _lamp([0, 0, 1], 100, 1),
+    ],
+    ids=["room", "in front", "behind", "at the viewer"],
+)
+def test_the_map_agrees_with_the_sums_over_texels(light, exponent):
+    normal, on = _normals(32)
+    view = np.broadcast_to([0.0, 0.0, 1.0], normal.shape)
+    texels = shading.texels(light)
+    for drawn, exact in (
+        (_diffuse([light]), shading.diffuse(normal, *texels)),
+        (_specular([light], exponent), shading.specular(normal, view, exponent, *texels)),
+    ):
+        error = np.abs(drawn[0][on] - exact)
+        assert np.median(error / exact) < 2e-3
+        # What is left lies where a lamp rises over the horizon, and at the foot of highlights.
+        assert np.percentile(error, 95) < 0.015 * exact.max()
+
+
+@pytest.mark.parametrize("exponent", [30.0, 300.0, 1000.0])
+def test_the_peak_of_a_highlight_is_where_and_what_it_should_be(exponent):
+    lights = [_lamp(np.array([x, 0.3, 0.6]), 1e4, 0) for x in np.linspace(-0.7, 0.7, 5)]
+    normal, on = _normals(64)
+    view = np.broadcast_to([0.0, 0.0, 1.0], normal.shape)
+    for light, drawn in zip(lights, _specular(lights, exponent, size=64), strict=True):
+        exact = shading.specular(normal, view, exponent, *shading.texels(light))
+        assert np.argmax(drawn[on]) == np.argmax(exact)
+        assert drawn.max() == pytest.approx(exact.max(), rel=0.03)
+
+
+def test_a_lamp_darkens_nothing():
+    """Interpolation must not ring into a dark halo around a highlight."""
+    lights = [_lamp([0.6, 0.5, 0.62], radiance, 1) for radiance in (1, 1000)]
+    sky, lit = _specular(lights, 1000.0, size=64)[:, disc(64)[..., 0] > 0]
+    assert (lit > 0.95 * sky).all()
+
+
+def test_light_comes_from_where_it_is():
+    sides = {"right": [1, 0, 0.2], "left": [-1, 0, 0.2], "top": [0, 1, 0.2], "bottom": [0, -1, 0.2]}
+    maps = [_lamp(side, 1000, 0) for side in sides.values()]
+    for drawn in (_diffuse(maps), _specular(maps, 20.0)):
+        halves = [drawn[0][:, 16:], drawn[1][:, :16], drawn[2][:16], drawn[3][16:]]
+        for whole, half in zip(drawn, halves, strict=True):
+            assert half.sum() > 0.9 * whole.sum()
+
+
+def test_each_example_is_the_sum_of_its_layers():
+    """Eq. 4, with a material and a light of each example's own."""
+    maps, exponents = [_room(), _lamp([0.5, 0.5, 0.7], 50, 1)], np.array([7.0, 300.0])
+    m_d = np.array([[0.1, 0.5, 0.9], [0.3, 0.2, 0.0]])
+    m_s, m_a = np.array([0.8, 0.3]), np.array([0.05, 0.0])
+    drawn = _drawn(maps, exponents, m_d, m_s, m_a)
+    layers = (
+        m_a[:, None, None, None]
+        + m_d[:, None, None, :] * _diffuse(maps)[..., None]
+        + m_s[:, None, None, None] * _specular(maps, exponents)[..., None]
+    )
+    np.testing.assert_allclose(drawn, layers * disc(32), rtol=1e-5, atol=1e-6)
+
+
+def test_the_map_is_linear_in_the_light():
+    first, second = _lamp([0.5, 0.5, 0.7], 50, 1), _room()
+    maps = [first, second, 2 * first + 3 * second]
+    for one, other, both in (_diffuse(maps), _specular(maps, 100.0)):
+        # Not exactly: what would be below 0 is cut off.
+        np.testing.assert_allclose(both, 2 * one + 3 * other, rtol=1e-2, atol=1e-2)
+
+
+@pytest.mark.parametrize("exponent", [0.0, 1e-6, 1.0, 1000.0, 1e4, 1e30])
+def test_the_extremes_stay_finite(exponent):
+    lamps = [_lamp([0, 0, -1], 6e4, 0), _lamp([0, 0, 1], 6e4, 0)]
+    maps = [np.zeros(SHAPE), np.full(SHAPE, 6e4), *lamps]
+    drawn = _drawn(maps, exponent, m_d=(1.0, 0.5, 0.0), m_s=1.0)
+    assert np.isfinite(drawn).all() and (drawn >= 0).all()
+    assert (drawn[0] == 0).all()
+    assert drawn[1, 16, 16, 0] > 6e4 and drawn[3, 16, 16, 0] > 0
+    matte = _drawn(maps, exponent, m_d=(1.0, 0.5, 0.0), m_s=0.0)
+    np.testing.assert_allclose(matte[1, 16, 16], [6e4, 3e4, 0], rtol=1e-2)
+
+
+def test_exponents_above_the_range_count_as_its_end():
+    light = [_lamp([0.3, 0.2, 0.9], 100, 1)]
+    np.testing.assert_array_equal(_specular(light, 1e4), _specular(light, 1e3))
+
+
+def test_eager_and_compiled_agree_for_a_single_example():
+    light = _room().astype(np.float32)
+    one = np.ones(1, np.float32)
+    red = np.array([[1, 0, 0]], np.float32)
+    eager = reflectance_map(light[None, ..., None], 20 * one, red, one, 0 * one, size=16)
+    compiled = _drawn([light], 20.0, (1.0, 0.0, 0.0), 1.0, size=16)
+    assert eager.shape == (1, 16, 16, 3)
+    np.testing.assert_allclose(eager, compiled, rtol=1e-5, atol=1e-6)

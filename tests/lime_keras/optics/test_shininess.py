@@ -1,0 +1,92 @@
+"""Bins of the exponent: edges, ends, floors and the expected value."""
+
+import numpy as np
+import pytest
+import tensorflow as tf
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lime_keras.optics import shininess
+
+PROBABILITIES = st.lists(st.floats(0, 1), min_size=8, max_size=8).filter(lambda p: sum(p) > 1e-3)
+
+
+def test_eight_equal_bins_from_one_to_a_thousand():
+    np.testing.assert_allclose(shininess.LOG_EDGES, 0.375 * np.arange(9))
+    np.testing.assert_allclose(shininess.LOG_MEANS, 0.375 * np.arange(8) + 0.1875)
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_a_lower_edge_belongs_to_its_bin_in_either_precision(dtype):
+    edges = (10.0 ** shininess.LOG_EDGES[:8]).astype(dtype)
+    np.testing.assert_array_equal(shininess.bin_of(edges), np.arange(8))
+    np.testing.assert_array_equal(shininess.bin_of(edges[1:] * dtype(0.9999)), np.arange(7))
+
+
+def test_means_lie_in_their_bins():
+    np.testing.assert_array_equal(shininess.bin_of(10.0**shininess.LOG_MEANS), np.arange(8))
+
+
+def test_everything_beyond_the_range_goes_to_the_end_bins():
+    exponents = [0, -0.0, 1e-38, 0.999, 1, 999, 1000, 1e6, 1e38, np.inf]
+    assert shininess.bin_of(exponents).tolist() == [0] * 5 + [7] * 5
+    assert shininess.bin_of(np.ones((2, 3, 1))).shape == (2, 3, 1)
+    assert shininess.bin_of([]).shape == (0,)
+
+
+@pytest.mark.parametrize("exponent", [-1e-9, -np.inf, np.nan, [3.0, np.nan]])
+def test_negative_exponents_and_nan_are_refused(exponent):
+    with pytest.raises(ValueError, match="at least 0"):
+        shininess.bin_of(exponent)
+
+
+@given(st.floats(0, 3, exclude_max=True))
+def test_bins_by_counting_edges(log):
+    inside = min(abs(log - edge) for edge in shininess.LOG_EDGES) > 1e-5
+    if inside:
+        assert shininess.bin_of(10.0**log) == sum(log >= e for e in shininess.LOG_EDGES[1:8])
+
+
+def test_bins_of_logarithms_are_those_of_their_exponents_in_either_backend():
+    logs = np.concatenate([shininess.LOG_EDGES, np.linspace(-1, 4, 999)]).astype(np.float32)
+    expected = shininess.bin_of(10.0 ** logs.astype(np.float64))
+    for found in (shininess.bin_of_log(logs), shininess.bin_of_log(tf.constant(logs))):
+        np.testing.assert_array_equal(found, expected)
+
+
+def test_the_floor_and_chance_are_what_uniform_draws_give():
+    log = (np.arange(80_000) + 0.5) / 80_000 * 3
+    perfect = shininess.LOG_MEANS[shininess.bin_of(10.0**log)]
+    assert np.abs(perfect - log).mean() == pytest.approx(shininess.QUANTISATION_FLOOR, rel=1e-3)
+    assert np.abs(1.5 - log).mean() == pytest.approx(shininess.CHANCE_LOG_ERROR, rel=1e-3)
+
+
+@given(PROBABILITIES)
+def test_expected_value_stays_within_the_means(weights):
+    probabilities = np.array(weights) / sum(weights)
+    slow = sum(p * m for p, m in zip(probabilities, shininess.LOG_MEANS, strict=True))
+    expected = shininess.log_expected(probabilities)
+    assert expected == pytest.approx(slow, rel=1e-6)
+    assert shininess.LOG_MEANS[0] - 1e-6 <= expected <= shininess.LOG_MEANS[-1] + 1e-6
+
+
+@given(PROBABILITIES)
+def test_entropy_lies_between_certain_and_knowing_nothing(weights):
+    probabilities = np.array(weights) / sum(weights)
+    assert -1e-9 <= shininess.entropy(probabilities) <= 3 + 1e-9
+
+
+def test_certain_and_uniform():
+    certain, uniform = np.eye(8), np.full((1, 8), 1 / 8)
+    np.testing.assert_allclose(shininess.log_expected(certain), shininess.LOG_MEANS, rtol=1e-6)
+    np.testing.assert_array_equal(shininess.log_winning(certain), shininess.LOG_MEANS)
+    np.testing.assert_array_equal(shininess.entropy(certain), 0)
+    np.testing.assert_allclose(shininess.log_expected(uniform), 1.5, rtol=1e-6)
+    np.testing.assert_allclose(shininess.entropy(uniform), 3)
+
+
+def test_expected_value_of_tensors_has_a_gradient(differentiate):
+    probabilities = np.eye(8, dtype=np.float32)
+    value, [gradient] = differentiate(shininess.log_expected, probabilities)
+    np.testing.assert_allclose(value, shininess.LOG_MEANS, rtol=1e-6)
+    np.testing.assert_allclose(gradient, np.tile(shininess.LOG_MEANS, (8, 1)), rtol=1e-6)

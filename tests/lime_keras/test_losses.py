@@ -1,0 +1,291 @@
+"""Each loss by hand, as compaction, and finite with finite gradients at the extremes."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from lime_keras import losses
+from lime_keras.optics import colour
+from lime_keras.optics.compositing import compose
+from lime_keras.optics.dynamic_range import HIGHEST_COMPRESSED, compress
+
+SHAPE = (2, 4, 5)
+SQUARABLE = 1e15  # Adam squares gradients in float32
+
+
+def uniform(*shape, seed=0, high=1.0):
+    return np.random.default_rng(seed).uniform(0, high, shape).astype(np.float32)
+
+
+def masks():
+    one = np.zeros((*SHAPE, 1), np.float32)
+    one[:, 1, 2] = 1
+    faint = np.zeros_like(one)
+    faint[:, 1, 2] = 1 / 255
+    half = (uniform(*SHAPE, 1, seed=5) > 0.5).astype(np.float32)
+    return {
+        "empty": np.zeros_like(one),
+        "one pixel": one,
+        "faint": faint,
+        "half": half,
+        "full": np.ones_like(one),
+    }
+
+
+def check(value, gradients):
+    assert value.shape == SHAPE[:1] and np.isfinite(value).all() and (value >= 0).all()
+    for gradient in gradients:
+        assert np.isfinite(gradient).all() and np.abs(gradient).max() < SQUARABLE
+
+
+def photo(image=None, mask=None, m_d=None, m_s=None, m_a=0.02, diffuse=None, specular=None):
+    """The arguments of the compositing loss: an object whose image is exact unless told."""
+    m_d = uniform(2, 3, seed=1) * 0.3 if m_d is None else np.full((2, 3), m_d, np.float32)
+    m_s = uniform(2, 1, seed=2) * 0.3 if m_s is None else np.full((2, 1), m_s, np.float32)
+    m_a = np.full(2, m_a, np.float32)
+    diffuse = uniform(*SHAPE, 1, seed=3) if diffuse is None else diffuse
+    specular = uniform(*SHAPE, 1, seed=4) if specular is None else specular
+    mask = np.ones((*SHAPE, 1), np.float32) if mask is None else mask
+    if image is None:
+        image = colour.linear_to_srgb(np.clip(compose(m_d, m_s, m_a, diffuse, specular), 0, 1))
+    return [image, mask, m_d, m_s, m_a, diffuse, compress(specular)]
+
+
+# What each loss says.
+
+
+def test_mask_l2_is_the_mean_square_over_the_whole_image(differentiate):
+    mask, predicted = masks()["half"], uniform(*SHAPE, 1)
+    value, [gradient] = differentiate(lambda p: losses.mask_l2(mask, p), predicted)
+    np.testing.assert_allclose(value, np.square(predicted - mask).mean((1, 2, 3)), rtol=1e-5)
+    np.testing.assert_allclose(gradient, 2 * (predicted - mask) / 20, rtol=1e-4)
+    assert (differentiate(losses.mask_l2, mask, mask)[0] == 0).all()
+
+
+def test_shading_l1_is_compaction_and_zero_for_the_truth(differentiate):
+    shading, predicted = uniform(*SHAPE, 1, high=1e4), uniform(*SHAPE, 1, seed=1, high=9)
+    mask = masks()["half"]
+    value, _ = differentiate(losses.shading_l1, shading, predicted, mask)
+    for b in range(2):
+        chosen = mask[b] > 0
+        expected = np.abs(predicted[b][chosen] - np.log1p(shading[b][chosen])).mean()
+        assert value[b] == pytest.approx(expected, rel=1e-5)
+    value, _ = differentiate(losses.shading_l1, shading, compress(shading), mask)
+    np.testing.assert_allclose(value, 0, atol=1e-6)
+
+
+def test_shading_l1_sees_negative_answers(differentiate):
+    """The head is linear: an answer below 0 must be pushed up."""
+    predicted = np.full((*SHAPE, 1), -2, np.float32)
+    zeros, full = np.zeros_like(predicted), masks()["full"]
+    value, [gradient] = differentiate(lambda p: losses.shading_l1(zeros, p, full), predicted)
+    np.testing.assert_allclose(value, 2)
+    assert (gradient < 0).all()
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+def test_albedo_l2_is_the_mean_square(channels, differentiate):
+    true, predicted = uniform(5, channels), uniform(5, channels, seed=1)
+    value, _ = differentiate(losses.albedo_l2, true, predicted)
+    np.testing.assert_allclose(value, np.square(true - predicted).mean(-1), rtol=1e-5)
+    assert (differentiate(losses.albedo_l2, true, true)[0] == 0).all()
+
+
+def test_cross_entropy_picks_the_true_class(differentiate):
+    probabilities = uniform(8, 8) + 0.1
+    probabilities /= probabilities.sum(-1, keepdims=True)
+    bins = np.array([3, 0, 7, 1, 1, 6, 5, 2], np.int32)
+    value, [gradient] = differentiate(
+        lambda p: losses.exponent_cross_entropy(bins, p), probabilities
+    )
+    chosen = probabilities[np.arange(8), bins]
+    np.testing.assert_allclose(value, -np.log(chosen), rtol=1e-5)
+    expected = np.zeros_like(probabilities)
+    expected[np.arange(8), bins] = -1 / chosen
+    np.testing.assert_allclose(gradient, expected, rtol=1e-5)
+
+
+def test_compositing_of_the_truth_is_zero(differentiate):
+    value, _ = differentiate(losses.compositing_l1, *photo())
+    np.testing.assert_allclose(value, 0, atol=1e-6)
+
+
+def test_compositing_is_the_distance_in_linear_radiance(differentiate):
+    arguments = photo()
+    arguments[4] = arguments[4] + np.float32(0.125)
+    value, gradients = differentiate(losses.compositing_l1, *arguments)
+    np.testing.assert_allclose(value, 0.125, rtol=1e-4)
+    np.testing.assert_allclose(gradients[4], 1, rtol=1e-4)
+
+
+def test_compositing_is_compaction_over_fully_covered_pixels(differentiate):
+    mask = masks()["half"] * np.float32(0.9)
+    mask[:, :2] = masks()["half"][:, :2]
+    arguments = photo(image=uniform(*SHAPE, 3, seed=9, high=0.9), mask=mask)
+    value, _ = differentiate(losses.compositing_l1, *arguments)
+    image, _, m_d, m_s, m_a, diffuse, compressed = arguments
+    composed = compose(m_d, m_s, m_a, diffuse, np.expm1(compressed))
+    for b in range(2):
+        covered = mask[b, ..., 0] == 1
+        expected = np.abs(composed[b][covered] - colour.srgb_to_linear(image[b][covered]))
+        assert value[b] == pytest.approx(expected.mean(), rel=1e-4)
+
+
+# One-sided where the camera clipped.
+
+
+def saturated(level):
+    """A clipped photo of something whose prediction has that radiance, by its ambient term."""
+    image = np.ones((*SHAPE, 3), np.float32)
+    return photo(image=image, m_d=0.0, m_s=0.0, m_a=level)
+
+
+def test_overshoot_of_a_clipped_channel_is_free(differentiate):
+    for level in (1.0, 1.5, 1e4):
+        value, gradients = differentiate(losses.compositing_l1, *saturated(level))
+        np.testing.assert_array_equal(value, 0)
+        if level > 1:
+            assert all((gradient == 0).all() for gradient in gradients[1:])
+
+
+def test_undershoot_of_a_clipped_channel_costs_what_is_missing(differentiate):
+    value, gradients = differentiate(losses.compositing_l1, *saturated(0.25))
+    np.testing.assert_allclose(value, 0.75, rtol=1e-5)
+    np.testing.assert_allclose(gradients[4], -1, rtol=1e-5)
+    assert (gradients[2] < 0).all() and (gradients[3] < 0).all()
+
+
+def test_channels_are_clipped_one_by_one(differentiate):
+    arguments = photo(m_d=0.0, m_s=0.0, m_a=2.0, image=np.full((*SHAPE, 3), 0.5, np.float32))
+    arguments[0][..., 0] = 1.0
+    value, _ = differentiate(losses.compositing_l1, *arguments)
+    distance = 2 - colour.srgb_to_linear(np.float32(0.5))
+    np.testing.assert_allclose(value, 2 / 3 * distance, rtol=1e-5)
+
+
+def test_overshoot_of_an_unclipped_pixel_keeps_its_gradient(differentiate):
+    """A prediction far above 1 must come down again: it is not clipped like the photo."""
+    image = np.full((*SHAPE, 3), 0.9, np.float32)
+    bright = np.full((*SHAPE, 1), 50, np.float32)
+    arguments = photo(image=image, m_d=1.0, m_s=1.0, specular=bright)
+    value, gradients = differentiate(losses.compositing_l1, *arguments)
+    assert (value > 40).all()
+    for gradient in gradients[2:]:
+        assert (gradient > 0).all()
+
+
+# Extremes.
+
+
+@pytest.mark.parametrize("name", masks())
+def test_every_loss_is_finite_whatever_the_mask(name, differentiate):
+    mask = masks()[name]
+    for level in (-1e4, 0.0, 0.5, 1.0, 1e4):
+        predicted = np.full((*SHAPE, 1), level, np.float32)
+        check(*differentiate(losses.mask_l2, mask, predicted))
+        for radiance in (0.0, 1.0, 65504.0):
+            shading = np.full_like(predicted, radiance)
+            check(*differentiate(losses.shading_l1, shading, predicted, mask))
+
+
+@pytest.mark.parametrize("name", masks())
+def test_an_empty_mask_costs_nothing_and_teaches_nothing(name, differentiate):
+    mask = masks()[name]
+    shading = differentiate(losses.shading_l1, uniform(*SHAPE, 1), uniform(*SHAPE, 1, seed=1), mask)
+    image = uniform(*SHAPE, 3, seed=9)
+    composed = differentiate(losses.compositing_l1, *photo(image=image, mask=mask))
+    assert (shading[0] == 0).all() == (name == "empty")
+    # A faint pixel shows mostly background.
+    assert (composed[0] == 0).all() == (name in ("empty", "faint"))
+    if name == "empty":
+        assert (shading[1][1] == 0).all()
+        assert all((gradient == 0).all() for gradient in composed[1][2:])
+
+
+LEVELS = {"black": 0.0, "dark": 1e-7, "grey": 0.5, "nearly clipped": 0.998, "white": 1.0}
+ALBEDOS = [(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0), (-30.0, 30.0)]
+
+
+@pytest.mark.parametrize("level", LEVELS.values(), ids=LEVELS)
+def test_compositing_is_finite_at_the_extremes(level, differentiate):
+    image = np.full((*SHAPE, 3), level, np.float32)
+    names, radiances = ("empty", "one pixel", "full"), (0.0, 1.0, 65504.0)
+    for name, (m_d, m_s), radiance in itertools.product(names, ALBEDOS, radiances):
+        shading = np.full((*SHAPE, 1), radiance, np.float32)
+        arguments = photo(image, masks()[name], m_d, m_s, 0.0, shading, shading)
+        check(*differentiate(losses.compositing_l1, *arguments))
+
+
+@pytest.mark.parametrize("compressed", [-1e4, -1.0, HIGHEST_COMPRESSED, 88.0, 1e4, 3e38])
+def test_compositing_is_finite_far_above_the_ceiling(compressed, differentiate):
+    arguments = photo(image=np.full((*SHAPE, 3), 0.5, np.float32))
+    arguments[-1] = np.full((*SHAPE, 1), compressed, np.float32)
+    value, gradients = differentiate(losses.compositing_l1, *arguments)
+    check(value, gradients)
+    # Whatever S may be, the specular albedo learns.
+    assert (gradients[3] != 0).all() or compressed < 0
+
+
+@pytest.mark.parametrize("true_class", [0, 7])
+def test_cross_entropy_of_certainty_is_finite(true_class, differentiate):
+    bins = np.full(2, true_class, np.int32)
+    for answered, expected in ((true_class, 0.0), (7 - true_class, -np.log(1e-7))):
+        probabilities = np.tile(np.eye(8, dtype=np.float32)[answered], (2, 1))
+        value, gradients = differentiate(
+            lambda p: losses.exponent_cross_entropy(bins, p), probabilities
+        )
+        check(value, gradients)
+        np.testing.assert_allclose(value, expected, rtol=1e-5)
+
+
+@pytest.mark.parametrize("logit", [0.0, 10.0, 100.0, 1e4])
+def test_cross_entropy_behind_a_softmax_is_finite(logit, differentiate):
+    from keras import ops
+
+    bins = np.array([0, 7], np.int32)
+    logits = np.zeros((2, 8), np.float32)
+    logits[:, 3] = logit
+    value, [gradient] = differentiate(
+        lambda x: losses.exponent_cross_entropy(bins, ops.softmax(x)), logits
+    )
+    check(value, [gradient])
+    assert np.abs(gradient).max() <= 1 + 1e-5
+
+
+def test_gradients_of_compositing_are_those_of_finite_differences(differentiate):
+    arguments = photo(image=uniform(*SHAPE, 3, seed=9))
+    arguments[0][0, :2] = 1.0
+    arguments = [argument.astype(np.float64) for argument in arguments]
+    _, gradients = differentiate(losses.compositing_l1, *arguments)
+    step = 1e-6
+    for number in (2, 3, 4, 6):
+        index = (0,) * arguments[number].ndim
+        ends = []
+        for sign in (1, -1):
+            moved = [argument.copy() for argument in arguments]
+            moved[number][index] += sign * step
+            ends.append(differentiate(losses.compositing_l1, *moved)[0].sum())
+        assert gradients[number][index] == pytest.approx((ends[0] - ends[1]) / (2 * step), rel=1e-4)
+
+
+def test_the_truth_costs_little_after_the_photo_was_made_smaller():
+    """Highlights clipped in a part of a pixel are a lower bound there, not an observation."""
+    import tensorflow as tf
+    from sphere_corpus import example
+
+    from lime_keras.data import pipeline, records
+
+    for index in range(6):
+        truth = pipeline.resize(records.parse(records.encode(example(index))), 32)
+        batch = {name: tf.expand_dims(value, 0) for name, value in truth.items()}
+        arguments = (
+            batch["image"],
+            batch["mask"],
+            batch["diffuse_albedo"],
+            batch["specular_albedo"],
+            batch["ambient"],
+            batch["diffuse_shading"],
+            compress(batch["specular_shading"]),
+        )
+        assert losses.compositing_l1(*arguments, batch["clipped"]) < 2e-3

@@ -1,0 +1,239 @@
+"""The user's files, judged before rendering: every reason told, nothing read twice."""
+
+import pickle
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+import trimesh
+
+from lime_keras.render.corpus import inputs, sources
+
+
+def in_turn(function, items):
+    return [function(item) for item in items]
+
+
+def write_image(path, texels, kind=oiio.FLOAT):
+    height, width, channels = texels.shape
+    image = oiio.ImageBuf(oiio.ImageSpec(width, height, channels, kind))
+    image.set_pixels(oiio.ROI(), np.ascontiguousarray(texels, np.float32))
+    assert image.write(str(path)), image.geterror()
+    return path
+
+
+@pytest.fixture
+def files(tmp_path):
+    """By kind, a few usable files."""
+    trimesh.creation.icosphere(subdivisions=1).export(tmp_path / "ball.ply")
+    trimesh.creation.box().export(tmp_path / "box.obj")
+    write_image(tmp_path / "map.exr", np.ones((8, 16, 3)))
+    write_image(tmp_path / "photo.png", np.full((20, 20, 3), 0.5), oiio.UINT8)
+    names = {
+        "shapes": ["ball.ply", "box.obj"],
+        "environments": ["map.exr"],
+        "backgrounds": ["photo.png"],
+    }
+    return {kind: [tmp_path / name for name in listed] for kind, listed in names.items()}
+
+
+def spoil(path):
+    path.write_bytes(b"nothing")
+    return path
+
+
+def test_usable_files_are_found_usable(files, tmp_path):
+    findings = inputs.inspect(files, None, in_turn)
+    assert [f.name for f in findings["shapes"]] == ["ball.ply", "box.obj"]
+    assert all(len(f.sha256) == 64 and f.size > 0 for found in findings.values() for f in found)
+    inputs.refuse(findings)
+    assert inputs.skip(findings) == dict.fromkeys(inputs.KINDS, frozenset())
+    assert inputs.repairs(findings) == []
+    inputs.write(tmp_path / "inputs.json", findings)
+    assert inputs.read(tmp_path / "inputs.json") == findings
+
+
+def test_all_unusable_files_are_refused_together(files):
+    for path in (files["shapes"][0], files["environments"][0], files["backgrounds"][0]):
+        spoil(path)
+    findings = inputs.inspect(files, None, in_turn)
+    with pytest.raises(ValueError, match="--unusable skip") as refusal:
+        inputs.refuse(findings)
+    told = str(refusal.value).splitlines()
+    assert told[0] == "3 files cannot be used:" and len(told) == 5
+    starts = ["shapes: ball.ply: ", "environments: map.exr: ", "backgrounds: photo.png: "]
+    for line, start in zip(told[1:4], starts, strict=True):
+        assert line.strip().startswith(f"{start}cannot be read")
+
+
+def test_unusable_files_are_skipped_with_their_reasons(files):
+    spoil(files["shapes"][0])
+    findings = inputs.inspect(files, None, in_turn)
+    assert inputs.skip(findings)["shapes"] == {"ball.ply"}
+    problems = inputs.unusable(findings)
+    assert list(problems["shapes"]) == ["ball.ply"] and problems["environments"] == {}
+    assert "cannot be read as a mesh" in problems["shapes"]["ball.ply"]
+    spoil(files["shapes"][1])
+    with pytest.raises(ValueError, match=r"none of the split's shapes can be used:\n  shapes:"):
+        inputs.skip(inputs.inspect(files, None, in_turn))
+
+
+def test_a_kind_that_is_built_in_needs_no_files(files):
+    findings = inputs.inspect(files | {"environments": []}, None, in_turn)
+    assert inputs.skip(findings)["environments"] == frozenset()
+
+
+def test_a_long_list_is_cut(tmp_path):
+    paths = [spoil(tmp_path / f"{k:03d}.ply") for k in range(50)]
+    with pytest.raises(ValueError, match="50 files") as refusal:
+        inputs.refuse(inputs.inspect({"shapes": paths}, None, in_turn))
+    assert "019.ply" in str(refusal.value) and "020.ply" not in str(refusal.value)
+    assert "and 30 more" in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "make", "reason"),
+    [
+        ("shapes", "gone.ply", None, "cannot be read: No such file"),
+        ("shapes", "empty.obj", lambda p: p.write_text("# nothing"), "holds no faces"),
+        (
+            "shapes",
+            "wire.stl",
+            lambda p: trimesh.creation.box((1e-3, 1e-3, 1)).export(p),
+            "covers less than 2%",
+        ),
+        ("environments", "square.exr", lambda p: write_image(p, np.ones((8, 8, 3))), "is 8x8"),
+        ("environments", "two.exr", lambda p: write_image(p, np.ones((8, 16, 2))), "2 channels"),
+        ("environments", "dark.exr", lambda p: write_image(p, np.zeros((8, 16, 3))), "is black"),
+        ("backgrounds", "dot.png", lambda p: write_image(p, np.ones((1, 1, 3))), "is 1x1"),
+        ("backgrounds", "text.jpg", lambda p: p.write_text("hello"), "cannot be read as a picture"),
+    ],
+)
+def test_reasons_are_told_without_the_folder(tmp_path, kind, name, make, reason):
+    if make:
+        make(tmp_path / name)
+    finding = inputs.check(kind, tmp_path / name)
+    assert (
+        finding.name == name and finding.problem.startswith(reason)
+    ) or reason in finding.problem
+    assert not finding.problem.startswith(str(tmp_path))
+
+
+def test_a_name_that_is_no_text_is_told(tmp_path):
+    path = tmp_path / "caf\udce9.obj"
+    trimesh.creation.box().export(tmp_path / "box.obj")
+    (tmp_path / "box.obj").rename(path)
+    findings = inputs.inspect({"shapes": [path]}, None, in_turn)
+    assert "not UTF-8" in findings["shapes"][0].problem
+    inputs.write(tmp_path / "inputs.json", findings)
+    assert inputs.read(tmp_path / "inputs.json") == findings
+
+
+def test_what_was_repaired_is_told_once_for_each_file(files, tmp_path):
+    texels = np.ones((8, 16, 3))
+    texels[0, :5] = np.nan
+    write_image(files["environments"][0], texels)
+    picture = np.full((20, 20, 3), 0.5)
+    picture[0, :3] = np.inf
+    files["backgrounds"] = [write_image(tmp_path / "photo.tif", picture)]
+    assert inputs.repairs(inputs.inspect(files, None, in_turn)) == [
+        "environments: map.exr: repaired 5 texels that were negative or not finite",
+        "backgrounds: photo.tif: 3 pixels that were not finite are black",
+    ]
+
+
+# ---- going on with a split -------------------------------------------------------------------
+
+
+class Counted:
+    """Runs in turn, and remembers what it was asked to read."""
+
+    def __init__(self):
+        self.names = []
+
+    def __call__(self, function, items):
+        self.names += [path.name for _, path in items]
+        return in_turn(function, items)
+
+
+def test_nothing_unchanged_is_read_again(files):
+    findings = inputs.inspect(files, None, in_turn)
+    run = Counted()
+    assert inputs.inspect(files, findings, run) == findings and run.names == []
+
+
+def test_a_file_copied_anew_is_read_but_not_refused(files):
+    findings = inputs.inspect(files, None, in_turn)
+    path = files["shapes"][0]
+    path.write_bytes(path.read_bytes())
+    run = Counted()
+    again = inputs.inspect(files, findings, run)
+    assert run.names == ["ball.ply"]
+    assert again["shapes"][0].sha256 == findings["shapes"][0].sha256
+    assert inputs.inspect(files, again, run) == again and run.names == ["ball.ply"]
+
+
+def test_a_changed_file_is_refused_by_name(files):
+    findings = inputs.inspect(files, None, in_turn)
+    trimesh.creation.box((1, 2, 3)).export(files["shapes"][1])
+    with pytest.raises(ValueError, match=r"box\.obj changed since the split was begun"):
+        inputs.inspect(files, findings, in_turn)
+
+
+def test_files_that_come_or_go_are_refused_by_name(files, tmp_path):
+    findings = inputs.inspect(files, None, in_turn)
+    fewer = files | {"shapes": files["shapes"][1:]}
+    with pytest.raises(ValueError, match=r"ball\.ply came or went since the split was begun"):
+        inputs.inspect(fewer, findings, in_turn)
+    with pytest.raises(ValueError, match=r"ball\.ply came or went since the split was begun"):
+        inputs.inspect(files, inputs.inspect(fewer, None, in_turn), in_turn)
+
+
+@pytest.mark.parametrize("text", ["{", "[]", '{"shapes": [{"notes": []}]}', '{"shapes": [1]}'])
+def test_findings_that_were_garbled_are_refused_by_name(tmp_path, text):
+    assert inputs.read(tmp_path / "inputs.json") is None
+    (tmp_path / "inputs.json").write_text(text)
+    with pytest.raises(ValueError, match=r"inputs\.json holds no findings"):
+        inputs.read(tmp_path / "inputs.json")
+
+
+def test_other_processes_can_judge(files):
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+        findings = inputs.inspect(files, None, lambda f, items: list(pool.map(f, items)))
+    assert findings == pickle.loads(pickle.dumps(inputs.inspect(files, None, in_turn)))
+
+
+# ---- sources draw from what was found usable --------------------------------------------------
+
+
+def test_sources_name_what_was_found_usable_whatever_comes_later(tmp_path):
+    for k in range(20):
+        for kind in ("obj", "exr", "png"):
+            (tmp_path / f"{k}.{kind}").touch()
+    usable = ("3.obj", "5.obj")
+    assert sources.ShapeSource(tmp_path, "train", 0, usable).names() == list(usable)
+    assert sources.LightSource(tmp_path, "train", 0, tmp_path, usable).names() == list(usable)
+    pictures = sources.BackgroundSource(tmp_path, ("7.png",)).pictures()
+    assert pictures == [tmp_path / "7.png"]
+
+
+def test_hidden_files_and_folders_are_no_inputs(tmp_path):
+    for name in ("a.obj", "b.obj", "._a.obj", ".c.obj"):
+        (tmp_path / name).touch()
+    (tmp_path / "folder.obj").mkdir()
+    names = [
+        path.name
+        for split in ("train", "test")
+        for path in sources.files(tmp_path, split, (".obj",))
+    ]
+    assert sorted(names) == ["a.obj", "b.obj"]
+
+
+def test_a_dealt_file_is_read_from_its_subfolder(tmp_path):
+    for folder, size in ((tmp_path, 1), (tmp_path / "train", 2), (tmp_path / "test", 3)):
+        folder.mkdir(exist_ok=True)
+        trimesh.creation.icosphere(subdivisions=size).export(folder / "ball.ply")
+    for split, faces in (("train", 320), ("test", 1280)):
+        assert len(sources.ShapeSource(tmp_path, split, 0).load("ball.ply").faces) == faces

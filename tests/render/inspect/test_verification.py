@@ -1,0 +1,376 @@
+"""A sound corpus passes; every kind of damage is told by name."""
+
+import json
+import re
+import shutil
+
+import numpy as np
+import pytest
+import sphere_corpus
+import tensorflow as tf
+
+from lime_keras.data import corpus as corpus_files
+from lime_keras.data import records
+from lime_keras.optics import colour, shading
+from lime_keras.optics.compositing import compose
+from lime_keras.render.inspect import verification
+
+SHARDS = [range(3), range(3, 5)]
+
+
+def nothing(done, total):
+    """Follows no progress."""
+
+
+@pytest.fixture(scope="module")
+def examples():
+    return [sphere_corpus.example(index) for index in range(5)]
+
+
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory):
+    out = tmp_path_factory.mktemp("sound")
+    sphere_corpus.write_split(out, "train", SHARDS)
+    return sphere_corpus.write_split(out, "test", SHARDS)
+
+
+@pytest.fixture
+def corpus(sound, tmp_path):
+    """A copy to damage."""
+    shutil.copytree(sound, tmp_path / "corpus")
+    return tmp_path / "corpus"
+
+
+def verify(corpus, split="train"):
+    return verification.verify(corpus, split, nothing)
+
+
+def edit(path, **changes):
+    """Change entries of a JSON file."""
+    content = json.loads(path.read_text(encoding="utf-8"))
+    path.write_text(json.dumps(content | changes), encoding="utf-8")
+
+
+def rewrite(corpus, records_of_shard_1):
+    """Put other records into the second shard and vouch for them: only what they hold is wrong."""
+    digest = sphere_corpus.write_shard(corpus / "train", 1, records_of_shard_1)
+    manifest = corpus / "train" / "manifest.json"
+    first = json.loads(manifest.read_text(encoding="utf-8"))["sha256"][0]
+    edit(manifest, sha256=[first, digest])
+
+
+def test_a_sound_corpus_has_no_fault(sound):
+    for split in ("train", "test"):
+        faults = verify(sound, split)
+        assert (faults.lines(), faults.count, faults.examples) == ([], 0, 5)
+
+
+def test_progress_ends_at_the_count(sound):
+    told = []
+    verification.verify(sound, "train", lambda *progress: told.append(progress))
+    assert told[0] == (1, 5) and told[-1] == (5, 5) and told == sorted(told)
+
+
+def as_printed(example):
+    """The same scene, with Eqs. 2 and 3 as printed in a light 1/π as bright."""
+    diffuse, specular = shading.literal_scale(example["shininess"])
+    changes = {
+        "specular_shading": example["specular_shading"] * specular / diffuse,
+        "mirror": example["mirror"] / diffuse,
+        "environment": example["environment"] / diffuse,
+    }
+    # Without highlight the image is the same with either S.
+    linear = example["ambient"] + example["diffuse_albedo"] * example["diffuse_shading"]
+    image = colour.linear_to_srgb(np.clip(linear * (example["mask"] > 0), 0, 1))
+    return example | changes | {"specular_albedo": 0.0, "image": image}
+
+
+def literal(corpus, shading_option):
+    for name in ("manifest", "description"):
+        path = corpus / "train" / f"{name}.json"
+        content = json.loads(path.read_text(encoding="utf-8"))
+        held = content["description"] if name == "manifest" else content
+        held["shading"] = shading_option
+        path.write_text(json.dumps(content), encoding="utf-8")
+
+
+def test_literal_shading_is_judged_by_the_printed_equations(corpus, examples):
+    for shard, indices in enumerate(SHARDS):
+        digest = sphere_corpus.write_shard(
+            corpus / "train", shard, [as_printed(examples[index]) for index in indices]
+        )
+        manifest = corpus / "train" / "manifest.json"
+        digests = json.loads(manifest.read_text(encoding="utf-8"))["sha256"]
+        digests[shard] = digest
+        edit(manifest, sha256=digests)
+    literal(corpus, "literal")
+    assert verify(corpus).lines() == []
+    literal(corpus, "furnace")
+    assert set(verify(corpus).kinds) == {"shading"}
+
+
+def changed(name, value):
+    return lambda example: example | {name: value(example[name])}
+
+
+def without(name, value):
+    """Set pixels outside the mask."""
+    return lambda example: (
+        example | {name: np.where(example["mask"] > 0, example[name], value).astype(np.float32)}
+    )
+
+
+DAMAGES = {
+    "a changed m_s": (
+        changed("specular_albedo", lambda m_s: (m_s + 0.3) % 1),
+        ("recomposition", r"pixels are not m_a \+ m_d D \+ m_s S .*worst at row \d+, column"),
+    ),
+    "a swapped channel": (
+        changed("diffuse_albedo", lambda m_d: m_d[::-1]),
+        ("recomposition", r"stored, expected \d"),
+    ),
+    "another m_a by one code": (changed("ambient", lambda m_a: m_a + 0.01), ("recomposition", "")),
+    "a light turned by a quarter": (
+        changed("environment", lambda light: np.roll(light, 32, axis=1)),
+        ("shading", "diffuse_shading is off by"),
+    ),
+    "another exponent": (
+        changed("shininess", lambda s: 2.0 if s > 50 else 400.0),
+        ("shading", "specular_shading is off by"),
+    ),
+    "flipped normals": (
+        changed("normal", lambda n: -n),
+        ("normal", r"(\d+) of \1 normals face away from the viewer"),
+    ),
+    "short normals": (changed("normal", lambda n: 0.99 * n), ("normal", "one is 0.9")),
+    "normals outside": (without("normal", 1.0), ("normal", "not 0 in")),
+    "S outside": (without("specular_shading", 0.5), ("layer", "specular_shading is not 0 in")),
+    "another seed": (changed("seed", lambda _: 7), ("seed", "seed is 7, expected the corpus' 0")),
+    "a light of the other split": (
+        changed("light", lambda _: "studio.hdr"),
+        ("name", "light is studio.hdr, which is none of the manifest's 1"),
+    ),
+    "an exponent of no bin": (
+        changed("shininess", lambda _: 2000.0),
+        ("material", "shininess is 2000, expected 1 … 1000"),
+    ),
+    "too much m_a": (
+        changed("ambient", lambda _: 0.5),
+        ("material", "ambient is 0.5, expected 0 … 0.05"),
+    ),
+    "a camera without length": (
+        changed("camera", lambda camera: 0 * camera),
+        ("camera", "expected fx > 0"),
+    ),
+    "hardly an object": (
+        lambda example: (
+            example
+            | {
+                name: np.where(np.arange(64 * 64).reshape(64, 64, 1) == 2016, example[name], 0)
+                for name in ("mask", "diffuse_shading", "specular_shading", "mirror", "normal")
+            }
+        ),
+        ("mask", r"the object covers 0.02%, expected at least 2%"),
+    ),
+    "images of another size": (
+        lambda example: sphere_corpus.example(example["index"], size=32),
+        ("size", "image is 32x32, expected 64x64"),
+    ),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_wrong_record_is_told(corpus, examples, damage):
+    change, (kind, message) = DAMAGES[damage]
+    rewrite(corpus, [examples[3], change(examples[4])])
+    faults = verify(corpus)
+    assert set(faults.kinds) == {kind}, faults.lines()
+    assert re.search(rf"^{kind}: .*00001.tfrecord, record 1: .*{message}", faults.lines()[0])
+
+
+def test_layers_that_are_not_finite_or_negative_are_told(corpus, examples, monkeypatch):
+    """`records.encode` refuses them; another writer might not."""
+    monkeypatch.setattr(records, "_check", lambda example: None)
+    mirror, specular = (examples[4][name].copy() for name in ("mirror", "specular_shading"))
+    mirror[32, 32], specular[32, 32] = np.nan, -1.0
+    rewrite(corpus, [examples[3], examples[4] | {"mirror": mirror, "specular_shading": specular}])
+    lines = verify(corpus).lines()
+    assert len(lines) == 2 and all("expected finite radiance from 0 on" in line for line in lines)
+
+
+@pytest.mark.parametrize("brightness", [0.2, 3.0])
+def test_a_half_covered_pixel_lies_between_its_share_and_that_over_white(
+    corpus, examples, brightness
+):
+    example = examples[4] | {"specular_albedo": 0.0}
+    example["diffuse_shading"] = example["diffuse_shading"] * brightness
+    composed = compose(
+        example["diffuse_albedo"],
+        np.float64(0),
+        np.float64(example["ambient"]),
+        example["diffuse_shading"][None],
+        example["specular_shading"][None],
+    )[0]
+    coverage = example["mask"] * 128 / 255
+
+    def over(background):
+        linear = np.clip(coverage * composed + (1 - coverage) * background, 0, 1)
+        return example | {"mask": coverage, "image": colour.linear_to_srgb(linear)}
+
+    for background in (0.0, 0.4, 1.0):
+        rewrite(corpus, [examples[3], over(background)])
+        assert verify(corpus).kinds.get("recomposition", 0) == 0
+    for background in (-0.05, 1.05):
+        rewrite(corpus, [examples[3], over(background)])
+        assert verify(corpus).kinds.get("recomposition", 0) == 1
+
+
+def test_a_layer_beyond_half_precision_is_at_least_that_bright(corpus, examples):
+    """S stored as 65,504 was that or more: the image may be anything from there up."""
+    example = examples[4] | {"specular_albedo": 5e-6}
+    lit = example["mask"] > 0
+    specular = np.where(lit, 1e5, 0)
+    linear = example["ambient"] + example["diffuse_albedo"] * example["diffuse_shading"]
+    changes = {"specular_shading": specular}
+    for radiance, sound in ((1e5, True), (records.LARGEST_HALF, True), (3e4, False)):
+        image = colour.linear_to_srgb(np.clip((linear + 5e-6 * radiance) * lit, 0, 1))
+        rewrite(corpus, [examples[3], example | changes | {"image": image}])
+        assert (verify(corpus).kinds.get("recomposition", 0) == 0) == sound
+
+
+def test_a_flipped_byte_is_told(corpus):
+    path = corpus_files.shard_path(corpus, "train", 0)
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+    faults = verify(corpus)
+    # By the manifest, by the sidecar, by the record's own checksum, by the count.
+    assert faults.kinds == {"sha256": 2, "record": 1, "count": 1}
+    assert "00000.tfrecord, record 1: " in "\n".join(faults.lines())
+    assert faults.examples == 3
+
+
+def test_a_record_that_is_none_is_told_and_the_next_are_checked(corpus, examples):
+    path = corpus_files.shard_path(corpus, "train", 1)
+    with tf.io.TFRecordWriter(str(path)) as writer:
+        writer.write(b"no example")
+        writer.write(records.encode(examples[4] | {"seed": 9}))
+    faults = verify(corpus)
+    assert faults.kinds == {"sha256": 2, "record": 1, "seed": 1}
+    assert "record 0: cannot be decoded" in "\n".join(faults.lines())
+
+
+def test_a_missing_shard_is_told(corpus):
+    corpus_files.shard_path(corpus, "train", 0).unlink()
+    faults = verify(corpus)
+    assert faults.kinds == {"file": 1} and faults.examples == 2
+    assert faults.lines()[0].endswith(
+        "00000.tfrecord: the shard is missing: render the split again"
+    )
+
+
+def test_swapped_shards_are_told(corpus):
+    first, second = (corpus_files.shard_path(corpus, "train", shard) for shard in (0, 1))
+    held = first.read_bytes(), second.read_bytes()
+    first.write_bytes(held[1])
+    second.write_bytes(held[0])
+    faults = verify(corpus)
+    assert faults.kinds == {"sha256": 4, "index": 5, "count": 2}
+    assert any("is example 3, expected 0" in line for line in faults.lines())
+
+
+def test_records_out_of_order_are_told(corpus, examples):
+    rewrite(corpus, [examples[4], examples[3]])
+    assert verify(corpus).kinds == {"index": 2}
+
+
+def test_a_record_too_few_is_told(corpus, examples):
+    rewrite(corpus, [examples[3]])
+    faults = verify(corpus)
+    assert faults.kinds == {"count": 2}
+    assert any("holds 1 readable records, expected 2" in line for line in faults.lines())
+    assert any("tells 1 examples, expected 2" in line for line in faults.lines())
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"examples": 6}, "examples is 6, expected 5"),
+        ({"sha256": ["0" * 64]}, "number of checksums is 1, expected 2"),
+    ],
+)
+def test_a_manifest_that_contradicts_itself_is_told(corpus, changes, message):
+    edit(corpus / "train" / "manifest.json", **changes)
+    assert any(message in line for line in verify(corpus).lines())
+
+
+def test_a_wrong_checksum_is_told(corpus):
+    manifest = corpus / "train" / "manifest.json"
+    digests = json.loads(manifest.read_text(encoding="utf-8"))["sha256"]
+    edit(manifest, sha256=["0" * 64, digests[1]])
+    faults = verify(corpus)
+    assert faults.kinds == {"sha256": 1}
+    assert f"expected {'0' * 64} of the manifest" in faults.lines()[0]
+
+
+def test_a_sidecar_that_is_gone_is_told(corpus):
+    (corpus / "train" / "00001.json").unlink()
+    assert verify(corpus).kinds == {"file": 1}
+
+
+def test_a_split_of_another_description_is_told(corpus):
+    edit(corpus / "train" / "description.json", seed=3)
+    assert verify(corpus).kinds == {"manifest": 1}
+    shutil.copy(corpus / "test" / "manifest.json", corpus / "train" / "manifest.json")
+    assert any("split is test, expected train" in line for line in verify(corpus).lines())
+
+
+def test_leftovers_are_told(corpus):
+    for name in ("partial-12-00000.tfrecord", "00002.tfrecord", "00002.json"):
+        (corpus / "train" / name).write_bytes(b"{}")
+    (corpus / "train" / "preview.png").write_bytes(b"not ours to judge")
+    faults = verify(corpus)
+    assert faults.kinds == {"file": 3}
+    assert "partial-12-00000.tfrecord: was left by an interrupted run" in faults.lines()[-1]
+
+
+@pytest.mark.parametrize("kind", ["shapes", "environments"])
+def test_what_training_and_test_share_is_told(corpus, kind):
+    """By contents: files of one name may differ, and one may have two names."""
+    digests = {"train": {"a": "1" * 64, "b": "2" * 64}, "test": {"b": "3" * 64, "c": "1" * 64}}
+    for split, held in digests.items():
+        edit(corpus / split / "manifest.json", inputs={kind: held})
+    faults = verify(corpus)
+    assert faults.kinds == {"split": 1}
+    assert f"{kind} a are in the test split too" in faults.lines()[0]
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (None, "is missing: `lime-render"),
+        ("{", "is no JSON"),
+        ("[]", "expected a JSON object"),
+        ('{"shards": 2}', r"expected description (dict), examples (int), sha256 (list)"),
+    ],
+)
+def test_without_a_manifest_nothing_else_is_judged(corpus, content, message):
+    path = corpus / "train" / "manifest.json"
+    path.unlink()
+    if content is not None:
+        path.write_text(content, encoding="utf-8")
+    faults = verify(corpus)
+    assert faults.kinds == {"manifest": 1} and message in faults.lines()[0]
+
+
+def test_many_faults_of_a_kind_are_counted():
+    faults = verification.Faults()
+    for index in range(25):
+        faults.add("index", f"record {index}", "is wrong")
+    faults.add("seed", "record 3", "is wrong")
+    assert faults.count == 26
+    assert faults.lines()[9:] == [
+        "index: record 9: is wrong",
+        "index: … and 15 more",
+        "seed: record 3: is wrong",
+    ]

@@ -1,0 +1,128 @@
+"""Prepared lights: scaled, and neither energy nor place lost at any resolution."""
+
+import numpy as np
+import pytest
+from render_scenes import photographed
+
+from lime_keras.optics import environment, shininess
+from lime_keras.render.scene import lights
+
+EXPONENTS = 10.0**shininess.LOG_MEANS
+
+
+@pytest.fixture(scope="module")
+def light():
+    return lights.prepare("photographed", photographed())
+
+
+@pytest.mark.parametrize("mean", [lights.MEAN_RADIANCE, 1.0, 7.5])
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+def test_the_spherical_mean_is_the_one_asked_for(mean, scale):
+    light = lights.prepare("x", photographed(64) * scale, mean)
+    assert environment.spherical_mean(light.radiance) == pytest.approx(mean, rel=1e-5)
+    for level in light.levels.values():
+        assert level.energy.sum(dtype=float) == pytest.approx(4 * np.pi * mean, rel=1e-5)
+
+
+def test_every_level_holds_the_energy_and_the_first_moment_of_the_finest(light):
+    fine = light.radiance.astype(float) * environment.solid_angles(256, 512)
+    moment = fine[..., None] * environment.directions(256, 512)
+    assert sorted(light.levels) == [16, 32, 64, 128, 256]
+    for height, level in light.levels.items():
+        blocks = height, 256 // height, 2 * height, 256 // height
+        np.testing.assert_allclose(level.energy, fine.reshape(blocks).sum((1, 3)), rtol=1e-5)
+        expected = moment.reshape(*blocks, 3).sum((1, 3))
+        expected /= np.linalg.norm(expected, axis=-1, keepdims=True)
+        np.testing.assert_allclose(level.direction, expected, atol=1e-6)
+
+
+def test_a_lamp_stays_where_it_is_on_every_level():
+    radiance = np.zeros((256, 512))
+    radiance[77, 400] = 1.0
+    light = lights.prepare("lamp", radiance)
+    there = environment.directions(256, 512)[77, 400]
+    for level in light.levels.values():
+        lit = level.direction[level.energy > 0]
+        np.testing.assert_allclose(lit, [there], atol=1e-6)
+    np.testing.assert_allclose(light.strong_direction, there, atol=1e-6)
+
+
+def test_black_texels_still_have_unit_directions():
+    radiance = np.zeros((64, 128))
+    radiance[3, 3] = 1.0
+    for level in lights.prepare("lamp", radiance).levels.values():
+        np.testing.assert_allclose(np.linalg.norm(level.direction, axis=-1), 1, rtol=1e-5)
+
+
+@pytest.mark.parametrize("exponent", [0.0, *EXPONENTS, 1e4])
+def test_a_cut_holds_all_energy_and_every_texel_once(light, exponent):
+    directions, energies = light.cut(exponent)
+    assert energies.sum(dtype=float) == pytest.approx(4 * np.pi * lights.MEAN_RADIANCE, rel=1e-5)
+    finest = light.levels[256]
+    moment = np.tensordot(finest.energy.astype(float), finest.direction, 2)
+    np.testing.assert_allclose(energies.astype(float) @ directions, moment, atol=1e-2)
+    assert (energies > 0).all()
+    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1, rtol=1e-5)
+
+
+def test_shinier_lobes_get_more_lights(light):
+    counts = [len(light.cut(exponent)[1]) for exponent in EXPONENTS]
+    assert counts == sorted(counts) and counts[-1] > 4 * counts[0]
+    assert counts[-1] < 256 * 512 / 2
+
+
+def test_a_brighter_lamp_gets_more_lights_and_the_walls_fewer():
+    there = environment.directions(256, 512)[104, 204]
+    near, far = [], []
+    for strength in (0, 30, 1_000):
+        lamp = np.ones((256, 512))
+        lamp[100:108, 200:208] += strength
+        close = lights.prepare("lamp", lamp).cut(50.0)[0] @ there > np.cos(np.radians(6))
+        near.append(close.sum())
+        far.append((~close).sum())
+    assert near[0] < near[1] <= near[2]
+    assert far[0] > far[2]
+
+
+@pytest.mark.parametrize("height", [32, 48, 63, 64, 100, 512])
+def test_maps_of_any_size_are_prepared(height):
+    light = lights.prepare("even", np.ones((height, 2 * height)), 1.0)
+    assert max(light.levels) == min(256, 1 << (height.bit_length() - 1))
+    np.testing.assert_allclose(light.diffuse_shading, 1, rtol=0.01)
+    assert light.cut(10.0)[1].sum() == pytest.approx(4 * np.pi, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("value", "message"), [(0.0, "mean radiance is 0"), (np.nan, "nan"), (np.inf, "inf")]
+)
+def test_a_light_that_does_not_shine_is_refused_by_name(value, message):
+    with pytest.raises(ValueError, match=rf"dark\.exr: .*{message}"):
+        lights.prepare("dark.exr", np.full((64, 128), value))
+
+
+@pytest.mark.parametrize(
+    "shape", [(1, 2), (2, 4), (3, 6), (16, 32), (31, 63), (32, 63), (513, 1025)]
+)
+def test_an_even_map_of_any_size_is_a_furnace(shape):
+    light = lights.prepare("even", np.full(shape, 3.0), 1.0)
+    np.testing.assert_allclose(light.diffuse_shading, 1, rtol=0.01)
+    np.testing.assert_allclose(light.radiance, 1, rtol=1e-6)
+    assert light.cut(10.0)[1].sum() == pytest.approx(4 * np.pi, rel=1e-5)
+
+
+@pytest.mark.parametrize("shape", [(1, 2), (2, 4), (5, 10), (31, 63)])
+def test_a_small_map_lights_from_where_its_texels_are(shape):
+    small = np.random.default_rng(0).exponential(1.0, shape)
+    light = lights.prepare("small", small, environment.spherical_mean(small))
+    rows, columns = shape
+    down, across = np.indices((64, 128)) + 0.5
+    there = small[(down * rows / 64).astype(int), (across * columns / 128).astype(int)]
+    directions = environment.directions(64, 128)
+    np.testing.assert_allclose(
+        np.tensordot(light.levels[32].energy, light.levels[32].direction, 2),
+        np.tensordot(there * environment.solid_angles(64, 128), directions, 2),
+        atol=0.02 * 4 * np.pi,
+    )
+    assert light.levels[32].energy.sum() == pytest.approx(
+        4 * np.pi * environment.spherical_mean(small), rel=1e-5
+    )

@@ -1,0 +1,207 @@
+"""`lime-render`: what it prints, and how it ends."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+import trimesh
+
+from lime_keras.data.corpus import SPLITS
+from lime_keras.render import cli
+from lime_keras.render.corpus import shards
+from lime_keras.render.corpus.processes import THREAD_VARIABLES
+from lime_keras.render.mitsuba_setup import variants
+
+
+@pytest.fixture
+def render(monkeypatch, capsys, mitsuba_choice, tmp_path):
+    """Runs the command; gives exit status, standard output and standard error."""
+    monkeypatch.setattr(variants, "choose", lambda: mitsuba_choice)
+    for name in THREAD_VARIABLES:
+        monkeypatch.setenv(name, "1")
+
+    def run(*options):
+        status = cli.main([str(tmp_path / "corpus"), "--split", "train", *map(str, options)])
+        return status, *capsys.readouterr()
+
+    return run
+
+
+def test_the_options_reach_the_renderer(render, monkeypatch, tmp_path):
+    calls = []
+
+    def render_split(out, description, choice, *, on_input, on_room, on_example, **options):
+        on_input(2, 2)
+        on_room(1, 2)
+        on_example(0, 9)
+        on_example(9, 9)
+        calls.append((out, description, options))
+        failure = {"index": 4, "attempt": 0, "error": "the object covers 0.1% of the image"}
+        return {
+            "examples": 9,
+            "failures": [failure],
+            "skipped": {"shapes": {"a.ply": "cannot be read"}},
+            "repaired": ["environments: b.exr: 3 texels"],
+        }
+
+    monkeypatch.setattr(shards, "render_split", render_split)
+    monkeypatch.chdir(tmp_path)
+    status, printed, progress = render(
+        *("--count", 9, "--seed", 3, "--size", 64, "--shard-size", 4, "--shading", "literal"),
+        *("--shapes", "meshes", "--workers", 8, "--quality", "reference", "--unusable", "skip"),
+    )
+    assert status == 0 and printed == f"9 examples in {tmp_path / 'corpus' / 'train'}\n"
+    assert "replaced: example 4: the object covers" in progress
+    assert "skipped: shapes: a.ply: cannot be read" in progress
+    assert "repaired: environments: b.exr: 3 texels" in progress
+    [(out, description, options)] = calls
+    assert out == tmp_path / "corpus"
+    assert options == {"workers": 8, "ray": None, "skip_unusable": True}
+    expected = ("train", 9, 3, 64, 4, "reference", "literal", str(tmp_path / "meshes"), None, None)
+    assert tuple(vars(description).values())[:-1] == expected
+
+
+@pytest.mark.parametrize("kind", ["shapes", "environments", "backgrounds"])
+@pytest.mark.parametrize("exists", [True, False])
+def test_an_unusable_folder_is_told_by_name(render, tmp_path, kind, exists):
+    folder = tmp_path / "nothing-here"
+    if exists:
+        folder.mkdir()
+    status, printed, errors = render("--count", 1, f"--{kind}", folder)
+    assert status == 1 and not printed
+    assert errors.splitlines()[-1].startswith(f"error: {folder} ")
+    assert "Traceback" not in errors
+    assert not (tmp_path / "corpus").exists()  # not claimed: the mended command may follow
+
+
+@pytest.fixture
+def inputs(tmp_path):
+    """Two sound meshes and maps of which the test split gets one each, and broken ones beside."""
+    for kind in ("shapes", "environments"):
+        for split in SPLITS:
+            (tmp_path / kind / split).mkdir(parents=True)
+    for split in SPLITS:
+        trimesh.creation.icosphere(subdivisions=3, radius=1 + (split == "test")).export(
+            tmp_path / "shapes" / split / f"ball-{split}.ply"
+        )
+        (tmp_path / "shapes" / split / "broken.ply").write_bytes(b"ply\nnothing")
+        image = oiio.ImageBuf(oiio.ImageSpec(128, 64, 1, oiio.HALF))
+        image.set_pixels(oiio.ROI(), np.full((64, 128, 1), 1 + (split == "test"), np.float32))
+        assert image.write(str(tmp_path / "environments" / split / f"even-{split}.exr"))
+        (tmp_path / "environments" / split / "cut.hdr").write_bytes(b"#?RADIANCE\n")
+    return [
+        *("--shapes", tmp_path / "shapes", "--environments", tmp_path / "environments"),
+        *("--count", 4, "--size", 64, "--workers", 1),
+    ]
+
+
+def test_files_that_cannot_be_used_are_refused_by_name_before_anything_is_rendered(
+    render, inputs, tmp_path
+):
+    status, printed, errors = render(*inputs)
+    assert status == 1 and not printed
+    assert "error: 2 files cannot be used:" in errors
+    assert "shapes: broken.ply: " in errors and "environments: cut.hdr: " in errors
+    assert errors.endswith("pass --unusable skip\n")
+    assert not (tmp_path / "corpus").exists()
+
+
+def test_a_corpus_with_skipped_files_is_sound_and_can_be_looked_at(
+    render, inputs, tmp_path, capsys
+):
+    status, printed, errors = render(*inputs, "--unusable", "skip")
+    assert status == 0, errors
+    assert "skipped: shapes: broken.ply: " in errors
+    manifest = json.loads((tmp_path / "corpus" / "train" / "manifest.json").read_text())
+    assert (
+        manifest["shapes"] == ["ball-train.ply"] and "broken.ply" in manifest["skipped"]["shapes"]
+    )
+    assert render(*inputs, "--unusable", "skip")[:2] == (status, printed)  # a rerun finds it done
+    corpus = str(tmp_path / "corpus")
+    assert cli.main([corpus, "--verify"]) == 0
+    assert capsys.readouterr().out == f"4 examples in {corpus}/train: sound\n"
+    for command in (["--preview"], ["--split", "train", "--layers", "3"]):
+        assert cli.main([corpus, *command]) == 0
+        written = capsys.readouterr().out.splitlines()
+        assert len(written) == 2
+        for path in written:
+            assert not oiio.ImageBuf(path).has_error
+    assert cli.main([corpus, "--verify"]) == 0  # what was drawn beside the shards is no stray
+    capsys.readouterr()
+    shard = tmp_path / "corpus" / "train" / "00001.tfrecord"
+    shard.write_bytes(shard.read_bytes()[:-9])
+    assert cli.main([corpus, "--verify"]) == 1
+    printed, errors = capsys.readouterr()
+    assert "00001.tfrecord" in errors and "faults" in printed
+
+
+def test_the_same_mesh_under_another_name_is_kept_out_of_the_other_split(render, inputs, tmp_path):
+    assert render(*inputs, "--unusable", "skip")[0] == 0
+    (tmp_path / "shapes" / "test" / "copy.ply").write_bytes(
+        (tmp_path / "shapes" / "train" / "ball-train.ply").read_bytes()
+    )
+    status, _, errors = render(*inputs, "--unusable", "skip", "--split", "test")
+    assert status == 1 and "copy.ply has the contents of ball-train.ply" in errors
+
+
+def test_looking_at_nothing_is_an_error(tmp_path, capsys):
+    for option in ("--verify", "--preview"):
+        assert cli.main([str(tmp_path), option]) == 1
+        assert "holds no corpus: render one with" in capsys.readouterr().err
+    assert cli.main([str(tmp_path), "--split", "test", "--layers", "0"]) == 1
+    assert "lime-render" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--count", "0"], "0 is not at least 1"),
+        (["--count", "1", "--seed", "-1"], "-1 is not in 0"),
+        (["--count", "1", "--size", "100"], "100 is not a multiple of 32"),
+        (["--count", "1", "--size", "large"], "invalid"),
+        (["--count", "1", "--split", "valid"], "invalid choice"),
+        ([], "--count is needed"),
+        (["--verify", "--count", "3"], "--count is for rendering"),
+        (["--verify", "--preview"], "not allowed with"),
+        (["--layers", "-1"], "-1 is not at least 0"),
+    ],
+)
+def test_wrong_usage_ends_with_2(capsys, options, message):
+    with pytest.raises(SystemExit) as stop:
+        cli.main(["corpus", "--split", "train", *options])
+    assert stop.value.code == 2
+    assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("options", [["--count", "3"], ["--layers", "0"]])
+def test_a_split_must_be_named(capsys, options):
+    with pytest.raises(SystemExit) as stop:
+        cli.main(["corpus", *options])
+    assert stop.value.code == 2 and "--split is needed" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_built_in_shapes_and_rooms_render_alike_with_one_and_two_workers(tmp_path):
+    digests = []
+    for workers in ("1", "2"):
+        out = tmp_path / workers
+        command = [sys.executable, "-c", "import sys; from lime_keras.render import cli; "]
+        command[-1] += "sys.exit(cli.main())"
+        options = ["--split", "test", "--count", "6", "--shard-size", "2", "--size", "64"]
+        answer = subprocess.run(
+            [*command, str(out), *options, "--workers", workers], capture_output=True, text=True
+        )
+        assert answer.returncode == 0, answer.stderr
+        assert answer.stdout == f"6 examples in {out / 'test'}\n"
+        # By their pixels: the files hold the time of writing.
+        rooms = {
+            path.name: oiio.ImageBuf(str(path)).get_pixels(oiio.FLOAT).tobytes()
+            for path in (out / "test" / "rooms").iterdir()
+        }
+        manifest = json.loads((out / "test" / "manifest.json").read_text(encoding="utf-8"))
+        assert sorted(rooms) == manifest["lights"] and len(rooms) == 12
+        digests.append((manifest["sha256"], rooms))
+    assert digests[0] == digests[1]

@@ -1,0 +1,157 @@
+"""Cloning: where the mesh comes to stand, how bright it is, and that the old object is gone."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import trimesh
+from skimage.metrics import structural_similarity
+
+from lime_keras.material import Material
+from lime_keras.optics import colour, environment, shading
+from lime_keras.render import cloning
+
+SHAPE = environment.STORED_SHAPE
+EVEN = np.full(SHAPE, 0.5)
+DULL = Material(np.array([0.8, 0.4, 0.2]), 0.0, 10.0)
+
+
+@pytest.fixture(scope="module")
+def ball(tmp_path_factory, mitsuba_choice):
+    path = tmp_path_factory.mktemp("meshes") / "ball.ply"
+    trimesh.creation.icosphere(subdivisions=4).export(path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def slab(tmp_path_factory, mitsuba_choice):
+    path = tmp_path_factory.mktemp("meshes") / "slab.ply"
+    trimesh.creation.box((2.0, 0.5, 0.3)).export(path)
+    return path
+
+
+def _photo(height=80, width=120, box=(20, 60, 30, 70)):
+    """A red block before a grey ramp: the photo and its mask."""
+    photo = np.repeat(np.linspace(0.2, 0.6, width)[None, :, None], height, axis=0)
+    photo = np.broadcast_to(photo, (height, width, 3)).astype(np.float32).copy()
+    mask = np.zeros((height, width, 1), np.float32)
+    top, bottom, left, right = box
+    mask[top:bottom, left:right] = 1
+    photo[top:bottom, left:right] = (1.0, 0.0, 0.0)
+    return photo, mask
+
+
+def _box(changed):
+    rows, columns = np.flatnonzero(changed.any(axis=1)), np.flatnonzero(changed.any(axis=0))
+    return rows[0], rows[-1] + 1, columns[0], columns[-1] + 1
+
+
+def _covered(photo, mask, mesh):
+    """Which pixels the mesh changes: a black one against a bright one."""
+    black = dataclasses.replace(DULL, diffuse_albedo=np.zeros(3))
+    pictures = [cloning.clone(photo, mask, material, EVEN, mesh) for material in (DULL, black)]
+    return np.abs(pictures[0] - pictures[1]).max(axis=-1) > 0.02
+
+
+@pytest.mark.parametrize(
+    "box", [(20, 60, 30, 70), (5, 45, 0, 40), (40, 80, 80, 120), (0, 80, 10, 90), (30, 34, 50, 54)]
+)
+def test_a_ball_fills_the_objects_box(ball, box):
+    found = _box(_covered(*_photo(box=box), ball))
+    assert np.abs(np.subtract(found, box)).max() <= 1
+
+
+def test_what_is_flat_stands_on_the_boxs_lower_edge(slab):
+    top, bottom, left, right = _box(_covered(*_photo(), slab))
+    assert bottom == 60 and abs(left - 30) <= 1 and abs(right - 70) <= 1
+    assert 30 < top
+
+
+def test_the_mesh_turns_about_its_vertical(slab):
+    photo, mask = _photo()
+    front = cloning.clone(photo, mask, DULL, EVEN, slab, turn=0.0)
+    side = cloning.clone(photo, mask, DULL, EVEN, slab, turn=np.pi / 2)
+    assert structural_similarity(front, side, channel_axis=-1, data_range=1.0) < 0.95
+
+
+def test_in_a_furnace_the_ball_has_its_albedos_colour(ball):
+    """Linear radiance m_d · 0.5, in the photo's own unit, as sRGB."""
+    photo, mask = _photo()
+    picture = cloning.clone(photo, mask, DULL, EVEN, ball)
+    expected = colour.linear_to_srgb(0.5 * DULL.diffuse_albedo)
+    assert picture[40, 50] == pytest.approx(expected, abs=2e-3)
+    brighter = cloning.clone(photo, mask, DULL, 10 * EVEN, ball)
+    assert brighter[40, 50] == pytest.approx(np.ones(3))
+
+
+def test_light_from_the_right_lights_the_right_side(ball):
+    light = 0.01 + 3 * np.maximum(environment.directions(*SHAPE) @ np.array([1.0, 0, 0]), 0)
+    photo, mask = _photo()
+    picture = cloning.clone(photo, mask, DULL, light, ball)
+    assert picture[40, 62, 0] > picture[40, 38, 0] + 0.2
+
+
+def test_the_highlight_is_where_eq_3_puts_it(ball):
+    light = np.zeros(SHAPE)
+    towards = np.array([0.5, 0.5, 0.7]) / np.linalg.norm([0.5, 0.5, 0.7])
+    directions = environment.directions(*SHAPE)
+    light[directions @ towards > np.cos(np.radians(8))] = 20.0
+    glossy = Material(np.zeros(3), 0.5, 100.0)
+    photo, mask = _photo(240, 240, (60, 180, 60, 180))
+    picture = cloning.clone(photo, mask, glossy, light, ball)[..., 0]
+    row, column = np.mean(np.argwhere(picture > 0.95 * picture[60:180, 60:180].max()), axis=0)
+    half = towards + shading.view_directions(shading.assumed_camera(240, 240), 240, 240)[120, 120]
+    half /= np.linalg.norm(half)
+    assert (column + 0.5 - 120) / 60 == pytest.approx(half[0], abs=0.06)
+    assert (120 - row - 0.5) / 60 == pytest.approx(half[1], abs=0.06)
+
+
+def test_the_old_object_is_gone_and_the_rest_untouched(slab):
+    photo, mask = _photo()
+    picture = cloning.clone(photo, mask, DULL, EVEN, slab)
+    ramp, _ = _photo(box=(0, 0, 0, 0))
+    assert np.abs(picture - ramp)[:28].max() < 0.02  # above the slab, where the block was
+    far = np.ones(photo.shape[:2], bool)
+    far[15:65, 25:75] = False
+    assert np.array_equal(picture[far], photo[far])
+
+
+def test_edges_are_antialiased(ball):
+    photo, mask = _photo(240, 240, (60, 180, 60, 180))
+    white = dataclasses.replace(DULL, diffuse_albedo=np.ones(3))
+    picture = cloning.clone(0 * photo, mask, white, 2 * EVEN, ball)[..., 0]
+    between = (picture > 0.05) & (picture < 0.95)
+    assert 200 < np.sum(between) < 1000
+
+
+def test_large_objects_are_rendered_smaller_and_enlarged(ball, monkeypatch):
+    photo, mask = _photo()
+    full = cloning.clone(photo, mask, DULL, EVEN, ball)
+    monkeypatch.setattr(cloning, "_MOST_PIXELS", 24)
+    coarse = cloning.clone(photo, mask, DULL, EVEN, ball)
+    assert np.mean(np.abs(full - coarse)) < 0.01
+    assert coarse[40, 50] == pytest.approx(full[40, 50], abs=1e-3)
+
+
+@pytest.mark.parametrize("box", [(0, 80, 0, 120), (40, 41, 60, 61)])
+def test_an_object_as_large_as_the_photo_or_a_pixel(ball, box):
+    picture = cloning.clone(*_photo(box=box), DULL, EVEN, ball)
+    assert picture.shape == (80, 120, 3)
+    assert picture.dtype == np.float32
+    assert picture.min() >= 0 and picture.max() <= 1
+
+
+def test_what_cannot_be_cloned_is_told(ball, tmp_path):
+    photo, mask = _photo()
+    with pytest.raises(ValueError, match="empty"):
+        cloning.clone(photo, 0 * mask, DULL, EVEN, ball)
+    with pytest.raises(ValueError, match=r"\(H, W, 1\)"):
+        cloning.clone(photo, mask[..., 0], DULL, EVEN, ball)
+    with pytest.raises(ValueError, match="without `only`"):
+        cloning.clone(photo, mask, dataclasses.replace(DULL, exponent=None), EVEN, ball)
+    with pytest.raises(ValueError, match="must shine"):
+        cloning.clone(photo, mask, DULL, 0 * EVEN, ball)
+    with pytest.raises(ValueError, match="finite"):
+        cloning.clone(photo, mask, DULL, np.nan * EVEN, ball)
+    with pytest.raises(ValueError, match=r"none\.ply: no such file"):
+        cloning.clone(photo, mask, DULL, EVEN, tmp_path / "none.ply")

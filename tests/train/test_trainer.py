@@ -1,0 +1,713 @@
+"""Runs: resumed exactly, refused where they differ, stopped where they break."""
+
+import csv
+import dataclasses
+import itertools
+import json
+import re
+import shutil
+
+import numpy as np
+import pytest
+import tensorflow as tf
+from sphere_corpus import write_split
+
+from lime_keras import metrics, networks
+from lime_keras.data import pipeline
+from lime_keras.data.corpus import shard_paths
+from lime_keras.networks import Architecture, names, weights
+from lime_keras.optics import shininess
+from lime_keras.optics.dynamic_range import compress
+from lime_keras.train import cli, initial_weights, stage_model, stage_training, trainer
+from lime_keras.train.config import Config, corpus_sha256
+from lime_keras.train.data import Data
+from lime_keras.train.stages import SCHEDULES, Schedule, Stage
+from lime_keras.train.state import Means
+
+TINY = Architecture(size=32, unet_width=2, unet_depth=2, encoder_width=2, dense_width=4)
+BRIEF = Schedule(
+    batch_size=2,
+    single_steps=2,
+    encoder_steps=2,
+    single_learning_rate=1e-3,
+    joint_steps=4,
+    joint_learning_rate=1e-3,
+    validation_examples=2,
+    cosine=True,
+)
+
+
+@pytest.fixture(scope="module")
+def corpus(tmp_path_factory):
+    return write_split(tmp_path_factory.mktemp("corpus"), "train", [range(6), range(6, 9)])
+
+
+@pytest.fixture(scope="module")
+def config(corpus):
+    return Config("tiny", 1.0, TINY, BRIEF, 0, corpus_sha256([corpus]), camera=True)
+
+
+@pytest.fixture(scope="module")
+def finished(corpus, config, tmp_path_factory):
+    run = tmp_path_factory.mktemp("finished")
+    trainer.train([corpus], run, config, _ignore)
+    return run
+
+
+def _ignore(progress):
+    pass
+
+
+def _weights(run):
+    _, subnetworks = weights.load(run)
+    return {name: network.get_weights() for name, network in subnetworks.items()}
+
+
+def _same(one, other):
+    return all(
+        np.array_equal(a, b)
+        for name in one.keys() | other.keys()
+        for a, b in zip(one[name], other[name], strict=True)
+    )
+
+
+def test_a_run_leaves_a_model_and_its_curves(finished):
+    assert set(_weights(finished)) == set(names(TINY))
+    curves = sorted(path.name for path in (finished / "curves").iterdir())
+    assert curves[0] == "1-segmentation.csv"
+    assert len(curves) == 8
+    with (finished / "curves" / curves[-1]).open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert [int(row["step"]) for row in rows] == [0, 1, 2, 3, 4]
+    assert float(rows[-1]["train_compositing"]) > 0
+    assert float(rows[0]["validation_loss"]) > 0
+    assert float(rows[-1]["measure_log_exponent_mae"]) > 0
+
+
+def test_measures_are_pooled_over_the_held_out_examples(corpus, config, tmp_path):
+    """Not averaged by batch: the last one here is smaller."""
+    run = tmp_path / "run"
+    schedule = dataclasses.replace(BRIEF, validation_examples=3)
+    more = dataclasses.replace(config, schedule=schedule)
+    trainer.train([corpus], run, more, _ignore, only=["exponent"])
+    with (run / "curves" / "5-exponent.csv").open(encoding="utf-8") as file:
+        last = list(csv.DictReader(file))[-1]
+    network, left = networks.build(TINY)["exponent"], _stage(run, "exponent")
+    network.set_weights([left[f"arr_{i}"] for i in range(len(network.weights))])
+    shards = shard_paths(corpus, "train")[1:]
+    (batch,) = pipeline.evaluation(shards, size=32, batch_size=3, camera=True).as_numpy_iterator()
+    seen = [compress(batch[name]) * batch["mask"] for name in ("specular_shading", "mirror")]
+    probabilities = network.predict_on_batch(seen)
+    errors = metrics.log_exponent_error(batch["shininess"], shininess.log_expected(probabilities))
+    distance = metrics.bin_distance(batch["shininess"], probabilities)
+    assert abs(errors.mean() - (errors[:2].mean() + errors[2]) / 2) > 1e-3
+    assert float(last["measure_log_exponent_mae"]) == pytest.approx(errors.mean(), rel=1e-4)
+    assert float(last["measure_exponent_exact"]) == pytest.approx(np.mean(distance == 0), rel=1e-4)
+    assert float(last["measure_exponent_within_one"]) == pytest.approx(np.mean(distance <= 1))
+
+
+def _stage(run, name):
+    """What a stage left: weights, optimiser state and step."""
+    (path,) = (run / "stages").glob(f"?-{name}.npz")
+    with np.load(path) as stored:
+        return {key: stored[key] for key in stored}
+
+
+def _same_stage(one, other, name):
+    a, b = _stage(one, name), _stage(other, name)
+    return a.keys() == b.keys() and all(np.array_equal(a[key], b[key]) for key in a)
+
+
+def _same_alone(run, of_stages, *expected):
+    """Whether the run's subnetworks alone are just those, as their stages there left them."""
+    found = weights.load_alone(run, weights.load(run)[1])
+    assert set(found) == set(expected)
+    for name, network in found.items():
+        left = _stage(of_stages, name)
+        for index, values in enumerate(network.get_weights()):
+            assert np.array_equal(values, left[f"arr_{index}"]), name
+
+
+def test_encoders_are_kept_as_they_were_before_they_were_joined(finished):
+    _same_alone(finished, finished, "albedo", "exponent")
+    joined = _weights(finished)
+    for name, network in weights.load_alone(finished, weights.load(finished)[1]).items():
+        pairs = zip(network.get_weights(), joined[name], strict=True)
+        assert not all(np.array_equal(alone, after) for alone, after in pairs), name
+
+
+def test_a_finished_run_without_them_gets_them(corpus, config, finished, tmp_path):
+    run = tmp_path / "run"
+    shutil.copytree(finished / "stages", run / "stages")
+    trainer.train([corpus], run, config, _ignore, only=[])
+    _same_alone(run, finished, "albedo", "exponent")
+    assert _same(_weights(run), _weights(finished))
+
+
+def test_only_what_was_joined_is_kept_apart(corpus, config, finished, tmp_path):
+    """Of a run that joins nothing, or not the albedos, the model itself has the weights."""
+    run = _begun(finished, tmp_path / "run", config, 6)
+    assert trainer.train([corpus], run, config, _ignore, only=[]) == []
+    _same_alone(run, finished)
+    for path in (finished / "stages").glob("[67]-*"):
+        shutil.copy(path, run / "stages")
+    assert trainer.train([corpus], run, config, _ignore, only=[]) == []
+    _same_alone(run, finished, "exponent")
+
+
+class Nudge:
+    """In place of a stage's training: its last checkpoint, each weight moved by one."""
+
+    def __init__(self, stage, model, checkpoint, *_):
+        self.run = lambda: self._end(stage, model, checkpoint)
+
+    def _end(self, stage, model, checkpoint):
+        for network in model.subnetworks.values():
+            network.set_weights([value + 1 for value in network.get_weights()])
+        checkpoint.save(model, stage.steps)
+
+
+def test_the_baselines_encoder_is_kept_too(corpus, config, tmp_path, monkeypatch):
+    monkeypatch.setattr(trainer, "StageTraining", Nudge)
+    baseline = dataclasses.replace(TINY, system="reflectance-map")
+    trainer.train([corpus], tmp_path, dataclasses.replace(config, architecture=baseline), _ignore)
+    _same_alone(tmp_path, tmp_path, "material")
+
+
+def _begun(finished, run, config, before):
+    """A run that has the finished one's stages up to a number."""
+    (run / "stages").mkdir(parents=True)
+    shutil.copy(finished / "config.json", run)
+    for path in (finished / "stages").iterdir():
+        if int(path.name[0]) < before:
+            shutil.copy(path, run / "stages")
+    return run
+
+
+@pytest.mark.parametrize(
+    "number, name, step", [(3, "mirror", 1), (7, "specular+mirror+exponent", 3)]
+)
+def test_an_interrupted_stage_ends_with_the_same_weights(
+    number, name, step, corpus, config, finished, tmp_path, monkeypatch
+):
+    """And with the same state of the optimiser, and the same curve."""
+    monkeypatch.setattr(stage_training, "_SECONDS_BETWEEN_CHECKPOINTS", 0)
+    run = _begun(finished, tmp_path / "run", config, number)
+
+    def interrupt(progress):
+        if (progress.stage.name, progress.step) == (name, step):
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        trainer.train([corpus], run, config, interrupt, only=[name])
+    trainer.train([corpus], run, config, _ignore, only=[name])
+    assert _same_stage(run, finished, name)
+    rows = []
+    for folder in (run, finished):
+        with (folder / "curves" / f"{number}-{name}.csv").open(encoding="utf-8") as file:
+            rows.append([row["step"] for row in csv.DictReader(file)])
+    assert rows[0] == rows[1]
+
+
+def test_curves_hold_means_over_their_interval(corpus, config, tmp_path, monkeypatch):
+    """Not the last batch's losses, which is what Keras tells."""
+    monkeypatch.setattr(stage_training, "_CURVE_POINTS", 1)
+    seen = []
+    longer = dataclasses.replace(config.schedule, single_steps=4, single_learning_rate=0.1)
+    trainer.train(
+        [corpus],
+        tmp_path,
+        dataclasses.replace(config, schedule=longer),
+        lambda progress: seen.append(progress.losses.get("mask")),
+        only=["segmentation"],
+    )
+    with (tmp_path / "curves" / "1-segmentation.csv").open(encoding="utf-8") as file:
+        last = list(csv.DictReader(file))[-1]
+    # What is told after each step is the mean so far; undo it to have each batch's loss.
+    means = np.array(seen[1:], float)
+    batches = np.diff(means * np.arange(1, 5), prepend=0)
+    assert float(last["train_mask"]) == pytest.approx(batches.mean(), rel=1e-4)
+    assert batches.std() > 1e-6
+
+
+@pytest.mark.parametrize("precision", ["float32", "float16"])
+def test_the_learning_rate_falls_along_half_a_cosine(config, precision):
+    stage = Stage(("segmentation",), 4, 0.5, cosine=True)
+    network = networks.build(TINY, 0)["segmentation"]
+    model = stage_model.StageModel({"segmentation": network})
+    trainer._compile(model, stage, precision)
+    optimizer = getattr(model.optimizer, "inner_optimizer", model.optimizer)
+    rates = []
+    for step in range(5):
+        optimizer.iterations.assign(step)
+        rates.append(float(optimizer.learning_rate))
+    expected = [0.5, 0.25 + 0.25 * 0.5**0.5, 0.25, 0.25 - 0.25 * 0.5**0.5, 0.0]
+    assert rates == pytest.approx(expected, abs=1e-7)
+
+
+def test_corpora_are_learnt_from_together(corpus, config, tmp_path):
+    other = write_split(tmp_path / "other", "train", [range(2), range(3)], seed=1, size=64)
+    both = dataclasses.replace(config, corpus_sha256=corpus_sha256([corpus, other]))
+    assert both.corpus_sha256 not in (config.corpus_sha256, corpus_sha256([other]))
+    data = Data([corpus, other], both)
+    stage = Stage(("segmentation",), 4, 1e-3)
+    batches = itertools.islice(data.training(stage, ["mask"], 0), 4)
+    seen = [pair for batch in batches for pair in zip(batch["seed"], batch["index"], strict=True)]
+    # Six of one and two of the other are an epoch.
+    assert sorted((int(s), int(i)) for s, i in seen) == [
+        *((0, i) for i in range(6)),
+        (1, 0),
+        (1, 1),
+    ]
+    held_out = [int(seed) for batch in data.held_out(["seed"]) for seed in batch["seed"]]
+    assert held_out.count(0) == held_out.count(1) == 2
+    run = tmp_path / "run"
+    trainer.train([corpus, other], run, both, _ignore, only=["segmentation"])
+    record = json.loads((run / "config.json").read_text(encoding="utf-8"))
+    assert [one["path"] for one in record["corpora"]] == [str(corpus), str(other)]
+    assert [one["description"]["seed"] for one in record["corpora"]] == [0, 1]
+    with pytest.raises(ValueError, match="corpus_sha256"):
+        trainer.train([corpus], run, config, _ignore)
+
+
+def test_corpora_in_two_units_are_refused(corpus, config, tmp_path):
+    other = write_split(tmp_path / "literal", "train", [range(2), range(2)], seed=1)
+    path = other / "train" / "manifest.json"
+    manifest = json.loads(path.read_text(encoding="utf-8"))
+    manifest["description"]["shading"] = "literal"
+    path.write_text(json.dumps(manifest), encoding="utf-8")
+    with pytest.raises(ValueError, match="literal was rendered with --shading literal"):
+        trainer.train([corpus, other], tmp_path / "run", config, _ignore)
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_finished_run_is_not_trained_again(corpus, config, finished):
+    seen = []
+    trainer.train([corpus], finished, config, seen.append)
+    assert [(told.stage.name, told.step) for told in seen] == [
+        (stage.name, stage.steps) for stage in BRIEF.stages(TINY)
+    ]
+
+
+def test_another_seed_gives_other_weights(corpus, config, finished, tmp_path):
+    other = dataclasses.replace(config, seed=1)
+    trainer.train([corpus], tmp_path, other, _ignore, only=["exponent"])
+    assert not np.array_equal(
+        _stage(tmp_path, "exponent")["arr_0"], _stage(finished, "exponent")["arr_0"]
+    )
+
+
+def test_another_config_is_refused_with_the_difference(corpus, config, finished):
+    other = dataclasses.replace(config, seed=7)
+    with pytest.raises(ValueError, match="seed 0 there, 7 asked"):
+        trainer.train([corpus], finished, other, _ignore)
+
+
+def test_what_was_run_is_recorded(config, finished):
+    record = json.loads((finished / "config.json").read_text(encoding="utf-8"))
+    assert record["config"]["corpus_sha256"] == config.corpus_sha256
+    assert record["config"]["schedule"]["joint_steps"] == 4
+    assert record["corpora"][0]["description"] is not None
+    assert record["backend"] == "tensorflow"
+    assert {"tensorflow", "keras", "numpy"} == set(record["packages"])
+    beside_the_weights = finished / "model" / "training.json"
+    assert json.loads(beside_the_weights.read_text(encoding="utf-8")) == record
+
+
+def test_a_runs_config_is_read_back(config, finished, tmp_path):
+    assert Config.read(finished) == config
+    with pytest.raises(FileNotFoundError, match=r"config\.json is missing.*leave out --resume"):
+        Config.read(tmp_path)
+    for text in ("", "{}", '{"config": {"architecture": {}}}'):
+        (tmp_path / "config.json").write_text(text, encoding="utf-8")
+        with pytest.raises(ValueError, match=r"config\.json is not of this version"):
+            Config.read(tmp_path)
+
+
+# Stages alone, and from other runs.
+
+
+@pytest.mark.slow
+def test_stages_run_apart_are_the_same_as_together(corpus, config, finished, tmp_path):
+    for only in (["mirror"], ["specular"], ["specular+mirror"]):
+        untrained = trainer.train([corpus], tmp_path, config, _ignore, only=only)
+        assert _same_stage(tmp_path, finished, *only)
+    assert untrained == ["segmentation", "exponent", "albedo"]
+    with pytest.raises(FileNotFoundError, match=r"segmentation.weights.h5 is missing"):
+        weights.load(tmp_path)
+
+
+def test_a_run_begins_with_what_another_has_trained_yet(corpus, config, tmp_path):
+    some = tmp_path / "some"
+    untrained = trainer.train([corpus], some, config, _ignore, only=["specular", "segmentation"])
+    assert untrained == ["mirror", "exponent", "albedo"]
+    on = dataclasses.replace(config, begun_from=initial_weights.sha256(some))
+    seen = _first_weights(corpus, tmp_path / "run", on, start_from=some)
+    _, trained = weights.load(some, whole=False)
+    assert sorted(trained) == ["segmentation", "specular"]
+    for expected, found in zip(
+        trained["segmentation"].get_weights(), seen["segmentation"], strict=True
+    ):
+        np.testing.assert_array_equal(found, expected)
+    expected = "segmentation and specular continued, mirror and exponent and albedo begun afresh"
+    assert initial_weights.described(tmp_path / "run") == expected
+
+
+def test_joined_training_may_skip_the_single_stages(corpus, config, finished, tmp_path):
+    name = "specular+mirror+exponent"
+    untrained = trainer.train([corpus], tmp_path, config, _ignore, only=[name])
+    assert untrained == ["segmentation", "albedo"]
+    assert len(list((tmp_path / "stages").iterdir())) == 1
+    assert not _same_stage(tmp_path, finished, name)
+    # Trained from nothing, it does not follow from the stages that now come before it.
+    expected = rf"7-{re.escape(name)}\.npz was trained from other weights.*delete it"
+    with pytest.raises(ValueError, match=expected):
+        trainer.train([corpus], tmp_path, config, _ignore, reuse=finished)
+
+
+def test_an_unknown_stage_is_refused_with_those_there_are(corpus, config, tmp_path):
+    with pytest.raises(ValueError, match=r"no stage speculative: this run has segmentation, spec"):
+        trainer.train([corpus], tmp_path, config, _ignore, only=["speculative"])
+    assert not (tmp_path / "config.json").exists()
+
+
+# Begun with another run's weights.
+
+
+def _first_weights(corpus, run, config, **options):
+    """What the first stage's network had before its first step."""
+    seen = {}
+
+    def look(stage, model, *rest):
+        seen.setdefault(stage.name, [w.copy() for w in model.subnetworks[stage.name].get_weights()])
+        raise KeyboardInterrupt
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(trainer, "StageTraining", look)
+        with pytest.raises(KeyboardInterrupt):
+            trainer.train([corpus], run, config, _ignore, **options)
+    return seen
+
+
+def test_a_run_begins_with_another_models_weights(corpus, config, finished, tmp_path):
+    given = tmp_path / "given"
+    shutil.copytree(finished / "model", given)
+    on = dataclasses.replace(config, begun_from=initial_weights.sha256(given))
+    run = tmp_path / "run"
+    seen = _first_weights(corpus, run, on, start_from=given)
+    for found, expected in zip(
+        seen["segmentation"], _weights(finished)["segmentation"], strict=True
+    ):
+        np.testing.assert_array_equal(found, expected)
+    # It is resumed without them.
+    shutil.rmtree(given)
+    left = trainer.train([corpus], run, on, _ignore, only=["segmentation"])
+    assert left == []
+    # What it does not train stays as it was, and so does what the encoders were before they were
+    # joined, which later stages change.
+    kept, before = _weights(run), _weights(finished)
+    for name in before:
+        same = all(map(np.array_equal, kept[name], before[name]))
+        assert same == (name != "segmentation"), name
+    _same_alone(run, finished, "albedo", "exponent")
+    described = "segmentation and specular and mirror and exponent and albedo continued"
+    assert initial_weights.described(run) == described
+    with np.load(run / "stages" / "1-segmentation.npz") as stored:
+        after = [stored[f"arr_{index}"] for index in range(len(seen["segmentation"]))]
+    steps = [np.abs(a - b).max() for a, b in zip(after, seen["segmentation"], strict=True)]
+    # Two steps of Adam at 1e-3 from where it began.
+    assert 0 < max(steps) < 0.01
+
+
+def test_at_another_size_the_u_nets_go_on_and_the_encoders_begin(
+    corpus, config, finished, tmp_path
+):
+    larger = dataclasses.replace(TINY, size=64)
+    digest = initial_weights.sha256(finished)
+    on = dataclasses.replace(config, architecture=larger, begun_from=digest)
+    corpus_of_64 = write_split(tmp_path / "corpus", "train", [range(3), range(3, 5)], size=64)
+    on = dataclasses.replace(on, corpus_sha256=corpus_sha256([corpus_of_64]))
+    _first_weights(corpus_of_64, tmp_path / "run", on, start_from=finished)
+    expected = "segmentation and specular and mirror continued, exponent and albedo begun afresh"
+    assert initial_weights.described(tmp_path / "run") == expected
+
+
+def test_a_model_of_which_nothing_fits_is_refused(corpus, config, finished, tmp_path):
+    wider = dataclasses.replace(TINY, unet_width=3, encoder_width=3)
+    digest = initial_weights.sha256(finished)
+    on = dataclasses.replace(config, architecture=wider, begun_from=digest)
+    with pytest.raises(ValueError, match=r"none of the subnetworks .* has the layers"):
+        trainer.train([corpus], tmp_path, on, _ignore, start_from=finished)
+
+
+def test_another_beginning_is_another_run(corpus, config, finished, tmp_path):
+    shutil.copytree(finished, tmp_path / "run")
+    on = dataclasses.replace(config, begun_from=initial_weights.sha256(finished))
+    with pytest.raises(ValueError, match="begun_from None there"):
+        trainer.train([corpus], tmp_path / "run", on, _ignore, start_from=finished)
+
+
+def test_a_run_to_reuse_must_be_there(corpus, config, tmp_path):
+    with pytest.raises(FileNotFoundError, match="nothing holds no stages of a run to take over"):
+        trainer.train([corpus], tmp_path, config, _ignore, reuse=tmp_path / "nothing")
+
+
+def test_a_checkpoint_cut_off_is_named(corpus, config, finished, tmp_path):
+    run = _begun(finished, tmp_path / "run", config, 6)
+    path = run / "stages" / "2-specular.npz"
+    path.write_bytes(path.read_bytes()[:1000])
+    with pytest.raises(ValueError, match=r"2-specular\.npz cannot be read: .*delete it to train"):
+        trainer.train([corpus], run, config, _ignore, only=["specular"])
+
+
+def test_a_batch_that_devices_cannot_share_is_refused(corpus, config, tmp_path):
+    with pytest.raises(ValueError, match="batches of 2 cannot be split between 3 devices"):
+        trainer.train([corpus], tmp_path, config, _ignore, devices=3)
+
+
+def _trained_anew(corpus, run, config, **options):
+    """Names of the stages that took a step."""
+    steps = []
+    trainer.train(
+        [corpus], run, config, lambda told: steps.append((told.stage.name, told.step)), **options
+    )
+    return {name for name, step in steps if (name, step - 1) in steps}
+
+
+@pytest.mark.slow
+def test_ablations_take_over_what_is_the_same(corpus, config, finished, tmp_path):
+    """And end as if they had trained all of it themselves."""
+    one, two = tmp_path / "one", tmp_path / "two"
+    no_mirror = dataclasses.replace(config, architecture=dataclasses.replace(TINY, mirror=False))
+    joined = {"specular+exponent", "specular+exponent+albedo"}
+    assert _trained_anew(corpus, one, no_mirror, reuse=finished) == {"exponent"} | joined
+    curves = sorted(path.name for path in (one / "curves").iterdir())
+    assert curves[:4] == ["1-segmentation.csv", "2-specular.csv", "3-albedo.csv", "4-exponent.csv"]
+    assert set(_weights(one)) == {"segmentation", "specular", "albedo", "exponent"}
+    alone = {"specular", "exponent", "specular+exponent"}
+    assert _trained_anew(corpus, two, no_mirror, only=alone) == alone
+    assert all(_same_stage(one, two, name) for name in alone)
+
+
+@pytest.mark.parametrize(
+    "change, anew",
+    [
+        (
+            {"architecture": dataclasses.replace(TINY, exponent="regression")},
+            {"exponent", "specular+mirror+exponent", "specular+mirror+exponent+albedo"},
+        ),
+        ({"compositing": False}, {"albedo", "specular+mirror+exponent+albedo"}),
+        (
+            {"architecture": dataclasses.replace(TINY, system="reflectance-map")},
+            {"reflectance_map", "material", "reflectance_map+material"},
+        ),
+        (
+            {"schedule": dataclasses.replace(BRIEF, joint_steps=1)},
+            {stage.name for stage in BRIEF.stages(TINY)[5:]},
+        ),
+        ({"camera": False}, {stage.name for stage in BRIEF.stages(TINY)}),
+        ({"seed": 1}, {stage.name for stage in BRIEF.stages(TINY)}),
+        ({"precision": "bfloat16"}, {stage.name for stage in BRIEF.stages(TINY)}),
+        (
+            {"schedule": dataclasses.replace(BRIEF, validation_examples=1)},
+            set(),
+        ),
+    ],
+    ids=["regression", "perceptual", "baseline", "steps", "camera", "seed", "precision", "none"],
+)
+def test_only_what_differs_is_trained(corpus, config, finished, tmp_path, change, anew):
+    changed = dataclasses.replace(config, **change)
+    taken = []
+    trainer.train([corpus], tmp_path, changed, taken.append, only=[], reuse=finished)
+    assert all(told.step == told.stage.steps for told in taken)
+    stages = changed.schedule.stages(changed.architecture)
+    assert {told.stage.name for told in taken} == {stage.name for stage in stages} - anew
+
+
+# Where it breaks.
+
+
+def _altered(corpus, folder, row, feature, value):
+    """A copy of a corpus with another number in an example of its first shard."""
+    shutil.copytree(corpus, folder)
+    path = folder / "train" / "00000.tfrecord"
+    examples = [
+        tf.train.Example.FromString(one.numpy()) for one in tf.data.TFRecordDataset(str(path))
+    ]
+    examples[row].features.feature[feature].float_list.value[:] = [value]
+    with tf.io.TFRecordWriter(str(path)) as writer:
+        for example in examples:
+            writer.write(example.SerializeToString())
+    return folder
+
+
+def test_the_example_that_breaks_a_step_is_named(corpus, config, tmp_path):
+    """Its numbers are finite, but what comes of them is not."""
+    broken = _altered(corpus, tmp_path / "corpus", 3, "ambient", 3e38)
+    third = list(tf.data.TFRecordDataset(str(broken / "train" / "00000.tfrecord")))[3].numpy()
+    features = tf.train.Example.FromString(third).features.feature
+    seed, index = (features[name].int64_list.value[0] for name in ("seed", "index"))
+    expected = (
+        rf"stage albedo, step \d: .*compositing.* not finite; from example {index} of seed {seed} "
+        "of the train split: render it again.*last checkpoint is from before"
+    )
+    longer = dataclasses.replace(BRIEF, encoder_steps=9)
+    unseen = dataclasses.replace(config, schedule=longer, camera=False)
+    with pytest.raises(RuntimeError, match=expected):
+        trainer.train([broken], tmp_path / "run", unseen, _ignore, only=["albedo"])
+    assert not (tmp_path / "run" / "model").exists()
+
+
+def test_a_record_that_holds_no_number_is_named(corpus, config, tmp_path):
+    broken = _altered(corpus, tmp_path / "corpus", 3, "ambient", np.nan)
+    expected = r"00000\.tfrecord is broken: record 3 .*ambient is not finite"
+    with pytest.raises(ValueError, match=expected):
+        trainer.train([broken], tmp_path / "run", config, _ignore, only=["exponent"])
+
+
+def test_a_weight_that_is_no_number_is_blamed_on_no_example(corpus, config, tmp_path, monkeypatch):
+    monkeypatch.setitem(stage_model.WEIGHTS, "specular", np.inf)
+    with pytest.raises(RuntimeError, match=r"stage specular, step 1: loss, .*not finite; from ex"):
+        trainer.train([corpus], tmp_path, config, _ignore, only=["specular"])
+    assert not (tmp_path / "stages" / "2-specular.npz").exists()
+
+
+@pytest.mark.parametrize("shard, record", [(0, 4), (1, 0)])
+def test_damage_stops_the_run_by_name(corpus, config, tmp_path, shard, record):
+    """In an example to train on, and in one that is held out."""
+    shutil.copytree(corpus, tmp_path / "corpus")
+    path = tmp_path / "corpus" / "train" / f"{shard:05d}.tfrecord"
+    whole = [serialized.numpy() for serialized in tf.data.TFRecordDataset(str(path))]
+    position = sum(16 + len(serialized) for serialized in whole[:record]) + len(whole[record]) // 2
+    data = bytearray(path.read_bytes())
+    data[position] ^= 1
+    path.write_bytes(data)
+    expected = rf"{path} is broken: record {record} .*delete the file.*lime-render"
+    with pytest.raises(ValueError, match=expected):
+        trainer.train([tmp_path / "corpus"], tmp_path / "run", config, _ignore, only=["exponent"])
+
+
+def test_the_camera_is_on_unless_refused(corpus, config, finished, tmp_path, monkeypatch):
+    required = [str(corpus), "--out", str(tmp_path), "--preset", "smoke"]
+    assert cli._config(cli.parser().parse_args(required)).camera
+    assert not cli._config(cli.parser().parse_args([*required, "--no-camera"])).camera
+    clean = dataclasses.replace(config, camera=False)
+    with pytest.raises(ValueError, match="camera True there, False asked"):
+        trainer.train([corpus], finished, clean, _ignore)
+    trainer.train([corpus], tmp_path, clean, _ignore, only=["specular"])
+    rows = []
+    for run in (tmp_path, finished):
+        with (run / "curves" / "2-specular.csv").open(encoding="utf-8") as file:
+            rows.append(list(csv.DictReader(file))[-1])
+    # What is trained on and what is held out are seen alike; exposure changes S itself.
+    for losses in ("train_specular", "validation_specular"):
+        assert rows[0][losses] != rows[1][losses]
+
+
+def test_one_shard_cannot_be_split(config, tmp_path):
+    corpus = write_split(tmp_path, "train", [range(2)])
+    with pytest.raises(ValueError, match="at least 2"):
+        trainer.train([corpus], tmp_path / "run", config, _ignore)
+
+
+def test_the_command_names_what_is_missing(tmp_path, capsys):
+    status = cli.main([str(tmp_path), "--out", str(tmp_path / "run"), "--preset", "smoke"])
+    assert status == 1
+    assert "lime-render" in capsys.readouterr().err
+
+
+@pytest.fixture
+def brief_smoke(monkeypatch):
+    monkeypatch.setitem(networks.PRESETS, "smoke", TINY)
+    monkeypatch.setitem(SCHEDULES, "smoke", BRIEF)
+
+
+def test_the_command_trains_some_stages_and_resumes(corpus, tmp_path, brief_smoke, capsys):
+    run = ["--out", str(tmp_path / "run")]
+    begun = [str(corpus), *run, "--preset", "smoke", "--scale-steps", "2", "--without", "mirror"]
+    assert cli.main([*begun, "--stages", "exponent"]) == 0
+    told = capsys.readouterr()
+    assert "no whole model yet: segmentation, specular, albedo not trained" in told.out
+    assert re.search(r"exponent +4 +\d+\.\d +exponent +\d\.\d{4} +\d\.\d{4}", told.out)
+    assert re.search(r"\n +exponent_within_one +[01]\.\d{4} +[01]\.\d{4}\n", told.out)
+    assert "4/6 exponent: 100%" in told.err and "data=" in told.err
+    held = Config.read(tmp_path / "run")
+    assert held.architecture == dataclasses.replace(TINY, mirror=False)
+    assert held.schedule == BRIEF.scaled(2) and held.steps_scale == 2
+    resumed = [str(corpus), *run, "--resume", "--stages", "exponent"]
+    assert cli.main(resumed) == 0
+    assert cli.main([*resumed, "--seed", "4", "--no-camera"]) == 1
+    assert re.search(
+        r"holds another run: camera True there, False asked; seed 0 there, 4 asked",
+        capsys.readouterr().err,
+    )
+
+
+def test_the_commands_ablations(corpus, tmp_path):
+    def config(*options):
+        required = [str(corpus), "--out", str(tmp_path), "--preset", "paper"]
+        return cli._config(cli.parser().parse_args([*required, *options]))
+
+    full = config()
+    assert full.architecture == networks.PRESETS["paper"] and full.compositing
+    assert full.schedule == SCHEDULES["paper"] and full.precision == "float32"
+    no_loss = config("--without", "perceptual")
+    assert not no_loss.compositing and no_loss.architecture == full.architecture
+    neither = config("--without", "perceptual", "mirror")
+    assert not neither.compositing and not neither.architecture.mirror
+    assert config("--exponent", "regression").architecture.exponent == "regression"
+    assert config("--baseline", "reflectance-map").architecture.system == "reflectance-map"
+    assert config("--precision", "bfloat16").precision == "bfloat16"
+    with pytest.raises(ValueError, match="one ablation at a time"):
+        config("--baseline", "reflectance-map", "--without", "mirror")
+
+
+def test_the_commands_sizes(corpus, tmp_path, brief_smoke, capsys):
+    """In place of the preset's, kept by a run that is resumed, and refused where they differ."""
+    run = [str(corpus), "--out", str(tmp_path / "run")]
+    stage = ["--stages", "specular"]
+    begun = [*run, "--preset", "smoke", "--width", "3", "--size", "64", *stage]
+    assert cli.main(begun) == 0
+    architecture = dataclasses.replace(TINY, unet_width=3, size=64)
+    assert Config.read(tmp_path / "run").architecture == architecture
+    assert _stage(tmp_path / "run", "specular")["arr_0"].shape == (3, 3, 3, 3)
+    held = cli._config(cli.parser().parse_args([*run, "--resume"]))
+    assert held == Config.read(tmp_path / "run")
+    capsys.readouterr()
+    assert cli.main([*run, "--resume", "--width", "4", *stage]) == 1
+    assert "architecture.unet_width 3 there, 4 asked" in capsys.readouterr().err
+    assert cli.main([*run, "--preset", "smoke", "--size", "64", *stage]) == 1
+    assert "architecture.unet_width 3 there, 2 asked" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "size, found", [("80", "take a multiple of 32"), ("96", "pass --size with a divisor of 64")]
+)
+def test_a_size_that_cannot_be_is_refused(size, found, corpus, tmp_path, capsys):
+    run = [str(corpus), "--out", str(tmp_path / "run"), "--preset", "smoke"]
+    assert cli.main([*run, "--size", size]) == 1
+    assert found in capsys.readouterr().err
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        [],
+        ["--preset", "smoke", "--resume"],
+        ["--preset", "smoke", "--scale-steps", "0"],
+        ["--preset", "smoke", "--width", "0"],
+        ["--preset", "smoke", "--size", "1.5"],
+    ],
+)
+def test_wrong_usage(options, tmp_path):
+    with pytest.raises(SystemExit) as stopped:
+        cli.main([str(tmp_path), "--out", str(tmp_path / "run"), *options])
+    assert stopped.value.code == 2
+
+
+def test_means():
+    means = Means()
+    for value in (1.0, 2.0, 6.0):
+        means.add({"mask": value})
+    assert means.means() == {"mask": 3.0}
