@@ -1,6 +1,7 @@
 """`lime-estimate`: photos and videos in, materials out."""
 
 import argparse
+import functools
 import os
 import sys
 from pathlib import Path
@@ -11,6 +12,7 @@ from lime_keras.version import __version__
 
 if TYPE_CHECKING:
     from lime_keras.estimate.estimator import Estimator
+    from lime_keras.lighting.files import Clone
 
 _ONLY = ("mask", "specular", "mirror", "albedo", "exponent", "diffuse", "reflectance_map")
 _OF_A_FRAME = ("mask", "albedo", "exponent")
@@ -108,11 +110,8 @@ def main(argv: list[str] | None = None) -> int:
 def _estimate(options: argparse.Namespace) -> int:
     photos, videos = _sorted(options.sources)
     _check(options, photos, videos)
-    if options.clone_onto:
-        # Before TensorFlow, or the process crashes.
-        from lime_keras.render.mitsuba_setup import variants
-
-        variants.activate(variants.choose(), os.cpu_count() or 1)
+    # Mitsuba before TensorFlow, or the process crashes.
+    clone = _clone_onto(options.clone_onto) if options.clone_onto else None
     console.import_tensorflow()
     from lime_keras.estimate.batch import Batch
     from lime_keras.estimate.files import distinct_names
@@ -128,7 +127,7 @@ def _estimate(options: argparse.Namespace) -> int:
             masks=options.mask,
             light=bool(options.normals or options.clone_onto),
             normals=options.normals,
-            mesh=options.clone_onto,
+            clone=clone,
         )
         batch.run(dict(zip(names, photos, strict=False)))
         print(batch.summary(), file=sys.stderr)
@@ -154,6 +153,16 @@ def _check(options: argparse.Namespace, photos: list[Path], videos: list[str]) -
         raise ValueError("--normals and --clone-onto take the whole estimate: leave out --only")
     if options.clone_onto and not options.clone_onto.is_file():
         raise ValueError(f"{options.clone_onto} is no file: pass a mesh to --clone-onto")
+
+
+def _clone_onto(mesh: Path) -> "Clone":
+    """The renderer of clones of this shape, with Mitsuba ready to be used."""
+    from lime_keras.render.mitsuba_setup import variants
+
+    variants.activate(variants.choose(), os.cpu_count() or 1)
+    from lime_keras.render import cloning
+
+    return functools.partial(cloning.clone, mesh_path=mesh)
 
 
 def _estimator(options: argparse.Namespace, only: tuple[str, ...] | None) -> "Estimator":

@@ -29,7 +29,7 @@ class Batch:
             are to be looked for.
         light: whether to write the light of each photo, too (`lighting_files.write`).
         normals: the one object's normals, or a folder likewise; None where they are to be guessed.
-        mesh: to put in each object's place.
+        clone: renders another shape in each object's place; it takes `light`.
 
     Attributes:
         failed: photos that could not be read.
@@ -43,10 +43,10 @@ class Batch:
         masks: Path | None = None,
         light: bool = False,
         normals: Path | None = None,
-        mesh: Path | None = None,
+        clone: lighting_files.Clone | None = None,
     ):
         self._estimator, self._out, self._masks = estimator, out, masks
-        self._light, self._normals, self._mesh = light, normals, mesh
+        self._light, self._normals, self._clone = light, normals, clone
         self._seconds = {"reading": 0.0, "networks": 0.0, "writing": 0.0}
         self._masks_looked_for = self._done = self._empty = 0
         self.failed = 0
@@ -128,7 +128,7 @@ class Batch:
             if self._light:
                 normals = self._normals and _belonging(path, self._normals)
                 lighting_files.write(
-                    self._out, name, image, material, normals=normals, mesh=self._mesh
+                    self._out, name, image, material, normals=normals, clone=self._clone
                 )
         except ValueError as error:
             self._tell_failure(path, error)

@@ -1,5 +1,6 @@
-"""The files of section 7: the light that a photo was taken under, and its material on a mesh."""
+"""Files of section 7: the light that a photo was taken under, and its material on another shape."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,11 @@ from lime_keras.lighting import guessed_normals, illumination
 from lime_keras.material import Material
 from lime_keras.optics import colour
 
+Clone = Callable[[np.ndarray, np.ndarray, Material, np.ndarray], np.ndarray]
+"""A renderer of clones: from the photo `(H, W, 3)` sRGB in [0, 1], the mask `(H, W, 1)`, the
+material and the light `(h, 2 h)`, linear, to the photo with another object of this material in the
+place of the first one."""
+
 
 def write(
     folder: Path,
@@ -17,9 +23,9 @@ def write(
     material: Material,
     *,
     normals: Path | None,
-    mesh: Path | None,
+    clone: Clone | None,
 ) -> None:
-    """Write `NAME-environment.exr` and `.png` and, given a mesh, `NAME-clone.png`.
+    """Write `NAME-environment.exr` and `.png` and, given a renderer, `NAME-clone.png`.
 
     Args:
         folder: that exists.
@@ -28,7 +34,7 @@ def write(
         material: estimated from it, with all layers.
         normals: file of the object's normals (`normal_map.read`), of the photo's size; without one
             they are guessed from the mask (`guessed_normals.normals`).
-        mesh: file of what is to take the object's place, made of its material.
+        clone: renders another shape of this material in the object's place.
 
     Raises:
         OSError: if a file cannot be written.
@@ -43,12 +49,8 @@ def write(
     photo.write(folder / f"{name}-environment.exr", light[..., None])
     seen = colour.linear_to_srgb(light / (1 + light))
     photo.write(folder / f"{name}-environment.png", seen[..., None])
-    if mesh is not None:
-        # Mitsuba, which nothing else here needs.
-        from lime_keras.render.cloning import clone
-
-        cloned = clone(image_srgb, mask, material, light, mesh)
-        photo.write(folder / f"{name}-clone.png", cloned)
+    if clone is not None:
+        photo.write(folder / f"{name}-clone.png", clone(image_srgb, mask, material, light))
 
 
 def _read(path: Path, mask: np.ndarray) -> np.ndarray:
