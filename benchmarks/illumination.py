@@ -24,6 +24,7 @@ from tqdm import tqdm
 
 from lime_keras import console
 from lime_keras.lighting import illumination
+from lime_keras.material import BlinnPhong
 from lime_keras.optics import colour, compositing, environment, shading, shininess
 
 _BLUR = 2 * math.pi / environment.STORED_SHAPE[0]
@@ -124,7 +125,7 @@ def _relit(truth: Mapping[str, np.ndarray], light: np.ndarray, true: np.ndarray)
     """PSNR of the true material under one light against the other, on the object and a ball."""
     from lime_keras.eval.accuracy import relighting
 
-    material = relighting.Material(
+    material = BlinnPhong(
         truth["diffuse_albedo"], float(truth["specular_albedo"]), float(truth["shininess"])
     )
     return [

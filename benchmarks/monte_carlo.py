@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from lime_keras.optics.reflectance import normaliser
+from lime_keras.optics.shading import normaliser
 from lime_keras.render.corpus import sources
 from lime_keras.render.mitsuba_setup import variants
 from lime_keras.render.scene import integrals, lights

@@ -1,4 +1,4 @@
-"""What an estimate is."""
+"""Materials: the three quantities of the model, and an estimate of them."""
 
 from dataclasses import dataclass, field
 
@@ -6,8 +6,23 @@ import numpy as np
 
 
 @dataclass(frozen=True)
+class BlinnPhong:
+    """A whole material, as Eq. 4 takes it.
+
+    Attributes:
+        diffuse_albedo: m_d, `(3,)` linear RGB in [0, 1].
+        specular_albedo: m_s in [0, 1]; multiplies the furnace-normalised S.
+        exponent: shininess s, at least 0.
+    """
+
+    diffuse_albedo: np.ndarray
+    specular_albedo: float
+    exponent: float
+
+
+@dataclass(frozen=True)
 class Material:
-    """A Blinn–Phong material with the layers it was read from; fields not asked for are None.
+    """An estimate of a material, with the layers it was read from; fields not asked for are None.
 
     Attributes:
         diffuse_albedo: m_d, `(3,)` linear RGB in [0, 1].
@@ -34,6 +49,12 @@ class Material:
     exponent_entropy: float | None = None
     square: tuple[int, int, int] | None = None
     layers: dict[str, np.ndarray] = field(default_factory=dict)
+
+    def whole(self) -> BlinnPhong | None:
+        """The three quantities, or None where one of them was not estimated."""
+        if self.diffuse_albedo is None or self.specular_albedo is None or self.exponent is None:
+            return None
+        return BlinnPhong(self.diffuse_albedo, self.specular_albedo, self.exponent)
 
     def to_json(self) -> dict[str, object]:
         """The numbers without the layers, ready for `json.dumps`; what is None is left out.

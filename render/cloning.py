@@ -69,7 +69,11 @@ def clone(
             is black or unsound, or the mesh cannot be read.
     """
     _check(photo_srgb, mask)
-    m_d, m_s, exponent = _numbers(material)
+    whole = material.whole()
+    if whole is None:
+        raise ValueError(
+            "the material lacks an albedo or the exponent: estimate everything, without `only`"
+        )
     light = _light(radiance)
     mesh = meshes.load(mesh_path)
     square = _square(mask)
@@ -77,8 +81,14 @@ def clone(
     pose = _standing(mesh, mask, turn)
     crop = (pose.camera - np.array([0, 0, square.left, square.top])) * (size / square.side)
     gbuffer = Tracer(mesh, size).trace(pose.rotation, pose.translation, crop)
-    diffuse, specular, _ = layers(gbuffer, light, np.eye(3), exponent)
-    composed = compose(m_d, np.asarray(m_s), np.zeros(1), diffuse[None], specular[None])[0]
+    diffuse, specular, _ = layers(gbuffer, light, np.eye(3), whole.exponent)
+    composed = compose(
+        np.asarray(whole.diffuse_albedo),
+        np.asarray(whole.specular_albedo),
+        np.zeros(1),
+        diffuse[None],
+        specular[None],
+    )[0]
     coverage = gbuffer.coverage[..., None]
     rendered = np.concatenate([coverage * composed, coverage], axis=-1)
     over = framing.paste(rendered, square, *mask.shape[:2])
@@ -114,16 +124,6 @@ def _check(photo: np.ndarray, mask: np.ndarray) -> None:
         )
     if not np.any(mask >= 0.5):
         raise ValueError("the mask is empty: there is no object to replace; pass another mask")
-
-
-def _numbers(material: Material) -> tuple[np.ndarray, float, float]:
-    """m_d, m_s and s of a whole material."""
-    m_d, m_s, exponent = material.diffuse_albedo, material.specular_albedo, material.exponent
-    if m_d is None or m_s is None or exponent is None:
-        raise ValueError(
-            "the material lacks an albedo or the exponent: estimate everything, without `only`"
-        )
-    return np.asarray(m_d), m_s, exponent
 
 
 def _light(radiance: np.ndarray) -> Light:

@@ -13,6 +13,7 @@ from pathlib import Path
 import keras
 import numpy as np
 
+from lime_keras.io import atomic
 from lime_keras.networks import weights
 
 from .stages import ENCODERS
@@ -36,14 +37,12 @@ def keep(model: Path, run: Path) -> None:
     """Copy a trained model into a run that is to begin with it; one that is there stays."""
     if (run / _FOLDER).is_dir():
         return
-    partial = run / f"partial-{_FOLDER}"
-    shutil.rmtree(partial, ignore_errors=True)
     model = weights.folder(model)
-    for path in weights.files(model):
-        target = partial / path.relative_to(model)
-        target.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(path, target)
-    partial.rename(run / _FOLDER)
+    with atomic.replacing(run / _FOLDER) as partial:
+        for path in weights.files(model):
+            target = partial / path.relative_to(model)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(path, target)
 
 
 def load(

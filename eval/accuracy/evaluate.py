@@ -22,6 +22,7 @@ from tqdm import tqdm
 from lime_keras import metrics
 from lime_keras.data import corpus as corpus_files
 from lime_keras.data import pipeline, records
+from lime_keras.material import BlinnPhong
 from lime_keras.networks import Architecture, assemble, weights
 from lime_keras.optics import environment, shininess
 from lime_keras.optics.dynamic_range import compress
@@ -298,7 +299,7 @@ def _relit(
 
     def one(row: int) -> dict[str, dict[str, float]]:
         materials = {
-            name: relighting.Material(
+            name: BlinnPhong(
                 answer["diffuse_albedo"][row],
                 float(answer["specular_albedo"][row, 0]),
                 float(10.0 ** found_log_exponent(answer)[row]),

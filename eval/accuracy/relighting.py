@@ -7,10 +7,10 @@ this weighs its parts as the eye would: an exponent matters where there is a hig
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
+from lime_keras.material import BlinnPhong
 from lime_keras.optics import colour, shading, shininess, studio_light
 from lime_keras.optics.compositing import compose
 
@@ -33,16 +33,7 @@ FEATURES = (
 """What is read of a record."""
 
 
-@dataclass(frozen=True)
-class Material:
-    """What is rendered: m_d `(3,)`, m_s and s."""
-
-    diffuse_albedo: np.ndarray
-    specular_albedo: float
-    exponent: float
-
-
-AVERAGE = Material(
+AVERAGE = BlinnPhong(
     np.full(3, 0.5, np.float32),
     0.5,
     10.0 ** ((shininess.LOG_LOW + shininess.LOG_HIGH) / 2),
@@ -73,7 +64,7 @@ class Lit:
         if literal:
             self._diffuse *= np.float32(shading.literal_scale(0.0)[0])
 
-    def photo(self, material: Material) -> np.ndarray:
+    def photo(self, material: BlinnPhong) -> np.ndarray:
         """The pixels of Eq. 4, `(P, 3)` sRGB in [0, 1]."""
         specular = shading.specular(self._normal, self._view, material.exponent, *self._light)
         if self._literal:
@@ -95,7 +86,7 @@ def psnr(true: np.ndarray, found: np.ndarray) -> float:
 
 
 def relight(
-    example: Mapping[str, np.ndarray], materials: Mapping[str, Material], literal: bool = False
+    example: Mapping[str, np.ndarray], materials: Mapping[str, BlinnPhong], literal: bool = False
 ) -> dict[str, dict[str, float]]:
     """By material: `relit` and `relit_unseen`, its PSNR in decibel under the two lights.
 
@@ -104,7 +95,7 @@ def relight(
         materials: by name, to be compared with the true one.
         literal: whether the corpus' S and D are Eqs. 2 and 3 as printed.
     """
-    truth = Material(
+    truth = BlinnPhong(
         example["diffuse_albedo"], float(example["specular_albedo"]), float(example["shininess"])
     )
     out: dict[str, dict[str, float]] = {name: {} for name in materials}

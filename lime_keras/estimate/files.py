@@ -34,7 +34,7 @@ def write(folder: Path, name: str, source: Path, image_srgb: np.ndarray, materia
     """
     _write_layers(folder, name, material)
     photo.write(folder / f"{name}-preview.png", estimate_preview.sheet(image_srgb, material))
-    if material.diffuse_albedo is not None and material.exponent is not None:
+    if material.whole() is not None:
         scene = json.dumps(interchange.mitsuba_scene(material), indent=1)
         atomic.write(folder / f"{name}.mtl", interchange.wavefront(material, name))
         atomic.write(folder / f"{name}.gltf", interchange.gltf(material, name))

@@ -10,7 +10,8 @@ from lime_keras.estimate import framing
 from lime_keras.estimate.framing import Square
 from lime_keras.material import Material
 from lime_keras.optics import colour, studio_light
-from lime_keras.optics.reflectance_map import disc, reflectance_map
+from lime_keras.optics.compositing import compose
+from lime_keras.optics.reflectance_map import disc, sphere_shading
 
 _TILE = 256
 _MARGIN, _TITLE = 12, 24
@@ -35,30 +36,31 @@ def sphere(material: Material, size: int) -> np.ndarray:
     Raises:
         ValueError: if the estimate holds no albedos or no exponent.
     """
-    albedo, specular, exponent = (
-        material.diffuse_albedo,
-        material.specular_albedo,
-        material.exponent,
-    )
-    if albedo is None or specular is None or exponent is None:
+    whole = material.whole()
+    if whole is None:
         raise ValueError("a sphere needs a whole material: estimate `albedo` and `exponent`")
     # To a twentieth of a decade, which no eye tells apart.
-    diffuse_shading, lobe = _shaded(round(20 * math.log10(max(exponent, 1e-3))) / 20, 2 * size)
-    radiance = np.asarray(albedo, np.float32) * diffuse_shading + np.float32(specular) * lobe
-    linear = np.clip(radiance, 0, 1) + _BACKGROUND * (1 - disc(2 * size))
+    log_exponent = round(20 * math.log10(max(whole.exponent, 1e-3))) / 20
+    diffuse_shading, specular_shading = _shaded(log_exponent, 2 * size)
+    radiance = compose(
+        np.asarray(whole.diffuse_albedo, np.float32),
+        np.float32(whole.specular_albedo),
+        np.float32(0),
+        diffuse_shading,
+        specular_shading,
+    )[0]
+    linear = np.where(disc(2 * size) > 0, np.clip(radiance, 0, 1), _BACKGROUND)
     linear = linear.reshape(size, 2, size, 2, 3).mean((1, 3))
     return colour.linear_to_srgb(linear).astype(np.float32)
 
 
 @functools.lru_cache(maxsize=64)
 def _shaded(log_exponent: float, size: int) -> tuple[np.ndarray, np.ndarray]:
-    """D and S of the sphere in the studio, each `(size, size, 1)`."""
+    """D and S of the sphere in the studio, each `(1, size, size, 1)`."""
     light = studio_light.light()[None, ..., None].astype(np.float32)
-    red, one = np.array([[1, 0, 0]], np.float32), np.ones(1, np.float32)
     exponent = np.array([10.0**log_exponent], np.float32)
-    found = np.array(reflectance_map(light, exponent, red, one, 0 * one, size))[0]
-    # Red shows both, green the white lobe alone.
-    return found[..., :1] - found[..., 1:2], found[..., 1:2]
+    diffuse_shading, specular_shading = sphere_shading(light, exponent, size)
+    return np.array(diffuse_shading), np.array(specular_shading)
 
 
 def sheet(image_srgb: np.ndarray, material: Material) -> np.ndarray:
@@ -79,7 +81,7 @@ def sheet(image_srgb: np.ndarray, material: Material) -> np.ndarray:
         tiles["reflectance map"] = _enlarged(
             colour.linear_to_srgb(np.clip(material.layers["reflectance_map"], 0, 1))
         )
-    if material.diffuse_albedo is not None and material.exponent is not None:
+    if material.whole() is not None:
         tiles["in a studio"] = sphere(material, _TILE)
     return _side_by_side(tiles, caption(material))
 

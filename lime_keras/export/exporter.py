@@ -12,6 +12,7 @@ from lime_keras.data import corpus as corpus_files
 from lime_keras.data import samples
 from lime_keras.export import formats, model_card, parity, quantisation
 from lime_keras.export.formats import SERVED, Answer
+from lime_keras.io import atomic
 from lime_keras.networks import answers, assemble, weights
 
 SAVED_MODEL, ONNX, WEIGHTS = "savedmodel", "onnx", "weights"
@@ -71,10 +72,7 @@ def export(
     card = model_card.card(architecture, network, precision)
     images = _images(architecture.size, corpus)
     path = target(folder, model_format, precision)
-    partial = folder / f"partial-{path.name}"
-    folder.mkdir(parents=True, exist_ok=True)
-    _remove(partial)
-    try:
+    with atomic.replacing(path) as partial:
         if model_format == SAVED_MODEL:
             formats.write_saved_model(network, partial)
             formats.describe_saved_model(partial, card)
@@ -91,11 +89,6 @@ def export(
             formats.describe_onnx(partial, card)
             signatures = {SERVED: formats.open_onnx(partial)}
         differences = _prove(network, signatures, images, precision)
-        _remove(path)
-        path.parent.mkdir(exist_ok=True)
-        partial.rename(path)
-    finally:
-        _remove(partial)
     return differences
 
 
@@ -166,9 +159,3 @@ def _prove(
                 alone = parity.judge({output: expected[output]}, found, precision)
                 out[name][output] = max(out[name][output], alone[output])
     return out
-
-
-def _remove(path: Path) -> None:
-    if path.is_dir():
-        shutil.rmtree(path)
-    path.unlink(missing_ok=True)

@@ -1,27 +1,54 @@
-"""Files that are whole or not there."""
+"""Files and folders that are whole or not there."""
 
 import contextlib
 import os
+import shutil
+import uuid
 from collections.abc import Iterator
 from pathlib import Path
 
 
 @contextlib.contextmanager
-def replacing(path: Path) -> Iterator[Path]:
-    """A path beside a file's to write to, which takes its place when the block ends.
+def replacing(path: Path, *, shared: bool = False) -> Iterator[Path]:
+    """Yield a path beside `path` to write to, a file or a folder, which replaces it at the end.
 
-    Its folder is made. If the block fails, what it wrote is removed and the file stays as it was.
+    Missing parent folders are made. What an interrupted write left there is removed first. If the
+    block fails, what it wrote and the parent folders made for it are removed, and what was at
+    `path` stays.
+
+    Args:
+        path: of the file or folder to replace.
+        shared: whether several processes may write `path` at once. Each then has a path of its
+            own, and the last to finish wins; what a killed process left, `partial-*`, is the
+            caller's to remove.
     """
+    own = f"{uuid.uuid4().hex}-" if shared else ""
+    partial = path.with_name(f"partial-{own}{path.name}")
+    made = [parent for parent in path.parents if not parent.exists()]
     path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(f"partial-{path.name}")
+    remove(partial)
     try:
         yield partial
+        if partial.is_dir() or path.is_dir():
+            remove(path)  # a folder takes no other's place
         os.replace(partial, path)
-    finally:
-        partial.unlink(missing_ok=True)
+    except BaseException:
+        remove(partial)
+        for parent in made:
+            with contextlib.suppress(OSError):  # another's file is in it by now
+                parent.rmdir()
+        raise
 
 
 def write(path: Path, content: bytes | str) -> None:
     """Write a file, and its folders, whole or not at all; text as UTF-8."""
     with replacing(path) as partial:
         partial.write_bytes(content.encode() if isinstance(content, str) else content)
+
+
+def remove(path: Path) -> None:
+    """Remove a file, or a folder with all that is in it; do nothing where neither is."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)

@@ -19,7 +19,7 @@ from keras import ops
 
 from lime_keras.optics.compositing import compose
 from lime_keras.optics.environment import STORED_SHAPE, directions, solid_angles
-from lime_keras.optics.reflectance import normaliser
+from lime_keras.optics.shading import normaliser
 
 _RINGS = 64
 """Of a quarter turn of θ: at s = 1000 the lobe's standard deviation is 1.3 of them."""
@@ -58,15 +58,30 @@ def reflectance_map(
     Returns:
         `(B, size, size, 3)`, top row first, 0 outside `disc(size)`.
     """
-    exponent = ops.minimum(ops.cast(ops.reshape(shininess, (-1,)), "float32"), _LARGEST_EXPONENT)
-    shading = ops.map(lambda one: _shading(one[0], one[1], size), (_energy(environment), exponent))
-    return compose(
+    composed = compose(
         ops.cast(diffuse_albedo, "float32"),
         ops.cast(specular_albedo, "float32"),
         ops.cast(ambient, "float32"),
-        shading[..., :1],
-        shading[..., 1:] * ops.reshape(normaliser(exponent), (-1, 1, 1, 1)),
-    ) * ops.convert_to_tensor(disc(size))
+        *sphere_shading(environment, shininess, size),
+    )
+    return composed * ops.convert_to_tensor(disc(size))
+
+
+def sphere_shading(environment: Any, shininess: Any, size: int) -> tuple[Any, Any]:
+    """D and S of a sphere seen from afar, furnace-normalised: what Eq. 4 composes here.
+
+    Args:
+        environment: as for `reflectance_map`.
+        shininess: as for `reflectance_map`.
+        size: height and width of the images.
+
+    Returns:
+        Linear radiance `(B, size, size, 1)` each; beside `disc(size)` it means nothing.
+    """
+    exponent = ops.minimum(ops.cast(ops.reshape(shininess, (-1,)), "float32"), _LARGEST_EXPONENT)
+    shading = ops.map(lambda one: _shading(one[0], one[1], size), (_energy(environment), exponent))
+    lobe_scale = ops.reshape(normaliser(exponent), (-1, 1, 1, 1))
+    return shading[..., :1], shading[..., 1:] * lobe_scale
 
 
 def disc(size: int) -> np.ndarray:

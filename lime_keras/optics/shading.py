@@ -5,15 +5,16 @@ the map's frame; `i` direction to the light; `h` half vector; `s` exponent. Shad
 the white furnace: for E ≡ 1, D = 1, M = 1 and, at n = o, S = 1. `literal_scale` undoes it.
 
 NumPy, in the precision of the arrays given: the reference that the fast renderer is tested against,
-and what runs where no fast renderer can.
+and what runs where no fast renderer can. `normaliser` takes tensors of Keras, too.
 """
 
 import math
+from typing import Any
 
 import numpy as np
 
+from lime_keras.arrays import namespace
 from lime_keras.optics import environment
-from lime_keras.optics.reflectance import normaliser
 
 _CHUNK = 2**17
 """Pixel-light pairs computed at once: few enough that all stays in the processor's cache."""
@@ -71,6 +72,20 @@ def diffuse(normal: np.ndarray, light: np.ndarray, energy: np.ndarray) -> np.nda
     for rows in _chunks(len(normal), len(light)):
         out[rows] = np.maximum(normal[rows] @ light.T, 0) @ energy
     return out / np.asarray(math.pi, out.dtype)
+
+
+def normaliser(exponent: Any) -> Any:
+    """Return c(s) = (s + 2) / (8π (1 − 2^(−(s+2)/2))), which makes S = 1 in a furnace at n = o.
+
+    c(0) = 1/(2π); c(s) → (s + 2)/(8π) as s grows.
+
+    Args:
+        exponent: s, at least 0, of any shape; NumPy or a Keras tensor.
+    """
+    xp = namespace(exponent)
+    # 1 − 2^(−a) by expm1 keeps its digits; here a is at least 1, so it never cancels to zero.
+    spread = -xp.expm1(-(exponent + 2.0) * (0.5 * math.log(2.0)))
+    return (exponent + 2.0) / (8.0 * math.pi * spread)
 
 
 def specular(

@@ -102,7 +102,7 @@ def _written(pixels: np.ndarray, lines: list) -> np.ndarray:
 
 def _ball(material: Material) -> np.ndarray | None:
     """`estimate_preview.sphere` as bytes; None of what is not a whole material."""
-    if None in (material.specular_albedo, material.exponent) or material.diffuse_albedo is None:
+    if material.whole() is None:
         return None
     return np.rint(255 * estimate_preview.sphere(material, _SPHERE)).astype(np.uint8)
 

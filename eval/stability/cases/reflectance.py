@@ -7,7 +7,7 @@ from typing import Any
 import mpmath
 import numpy as np
 
-from lime_keras.optics import reflectance, shading
+from lime_keras.optics import shading
 
 from ..trials import curves
 from ..trials.lights import EXPONENTS
@@ -46,7 +46,7 @@ def cases() -> list[Case]:
     """Every case of these parts."""
     out = curves.cases(
         "normaliser",
-        lambda s: reflectance.normaliser(s),
+        lambda s: shading.normaliser(s),
         _normaliser,
         {f"s = {name}": s for name, s in (EXPONENTS | _LARGE).items()},
         (*TENSORS, NUMPY_SINGLE),

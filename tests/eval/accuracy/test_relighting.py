@@ -6,7 +6,8 @@ import sphere_corpus
 from skimage.metrics import peak_signal_noise_ratio
 
 from lime_keras.eval.accuracy import relighting
-from lime_keras.eval.accuracy.relighting import HIGHEST_PSNR, Lit, Material
+from lime_keras.eval.accuracy.relighting import HIGHEST_PSNR, Lit
+from lime_keras.material import BlinnPhong
 from lime_keras.optics import colour, shading
 from lime_keras.optics.compositing import compose
 
@@ -22,7 +23,7 @@ def _true(example, **changes):
         "specular_albedo": example["specular_albedo"],
         "exponent": example["shininess"],
     }
-    return Material(**(parts | changes))
+    return BlinnPhong(**(parts | changes))
 
 
 def test_the_true_material_relights_perfectly_under_any_light(example):
@@ -60,7 +61,7 @@ def test_the_photo_is_eq_4_of_the_reference_shading(example):
     )[0, :, 0]
     expected = colour.linear_to_srgb(np.clip(composed, 0, 1))
     chosen = np.linspace(0, len(n) - 1, relighting.PIXELS).round().astype(int)
-    found = Lit(example, radiance).photo(Material(np.array([0.2, 0.5, 0.7]), 0.4, 30.0))
+    found = Lit(example, radiance).photo(BlinnPhong(np.array([0.2, 0.5, 0.7]), 0.4, 30.0))
     assert found.shape == (relighting.PIXELS, 3)
     assert found == pytest.approx(expected[chosen], abs=2e-4)
 
@@ -69,7 +70,7 @@ def test_a_literal_corpus_has_its_albedos_in_other_units(example):
     """Scaled to those units, the same material looks the same."""
     pi, per_lobe = shading.literal_scale(40.0)
     furnace = _true(example, exponent=40.0)
-    literal = Material(furnace.diffuse_albedo / pi, furnace.specular_albedo / per_lobe, 40.0)
+    literal = BlinnPhong(furnace.diffuse_albedo / pi, furnace.specular_albedo / per_lobe, 40.0)
     radiance = example["environment"][..., 0]
     expected = Lit(example, radiance).photo(furnace)
     assert Lit(example, radiance, literal=True).photo(literal) == pytest.approx(expected, abs=1e-5)

@@ -10,8 +10,8 @@ from matplotlib import image as png_reader
 from lime_keras.eval.report import pictures
 from lime_keras.eval.report.examples import Choice, Example
 from lime_keras.optics import colour, environment, shading, shininess
-from lime_keras.optics.reflectance import normaliser
 from lime_keras.optics.reflectance_map import disc
+from lime_keras.optics.shading import normaliser
 
 SIZE = 16
 SLOPE = 0.6

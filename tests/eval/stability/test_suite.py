@@ -149,7 +149,7 @@ def test_a_trained_model_is_tried(tiny_model):
 def lobe_without_a_horizon(normal, view, exponent, light, energy):
     half = light + view
     half /= np.maximum(np.linalg.norm(half, axis=-1, keepdims=True), 1e-6)
-    return np.abs(np.sum(half * normal, axis=-1)) ** exponent * reflectance.normaliser(exponent)
+    return np.abs(np.sum(half * normal, axis=-1)) ** exponent * shading.normaliser(exponent)
 
 
 def lobe_by_squares(normal, view, exponent, light, energy):
@@ -157,7 +157,7 @@ def lobe_by_squares(normal, view, exponent, light, energy):
     half = np.sum((light + view) * normal, axis=-1) ** 2
     half /= np.maximum(2 + 2 * np.sum(light * view, axis=-1), 1e-12)
     lit = (np.sum(light * normal, axis=-1) > 0) & (np.sum((light + view) * normal, axis=-1) > 0)
-    return lit * np.clip(half, 1e-37, 1) ** (exponent / 2) * reflectance.normaliser(exponent)
+    return lit * np.clip(half, 1e-37, 1) ** (exponent / 2) * shading.normaliser(exponent)
 
 
 def cancelling_normaliser(exponent):

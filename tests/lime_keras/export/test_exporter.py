@@ -360,7 +360,7 @@ def test_a_refused_or_failing_export_leaves_the_last_good_one(
 def test_exporting_again_replaces_the_model(tiny_model, tmp_path, stand_in):
     stand_in(lambda answer: answer)
     (tmp_path / "saved_model" / "1").mkdir(parents=True)
-    (tmp_path / "partial-1").mkdir()
+    (tmp_path / "saved_model" / "partial-1").mkdir()
     for only in ("mask", "specular_albedo"):
         assert exporter.export(tmp_path, "savedmodel", tiny_model, [only]) == {
             "extremes": {only: 0}

@@ -1,4 +1,4 @@
-"""Files are whole or not there."""
+"""Files and folders are whole or not there."""
 
 import pytest
 
@@ -38,3 +38,43 @@ def test_a_block_that_fails_leaves_the_old_file_and_nothing_else(tmp_path):
         assert partial.suffix == path.suffix
         partial.write_text("new", encoding="utf-8")
     assert [one.read_text() for one in tmp_path.iterdir()] == ["new"]
+
+
+def test_a_folder_takes_the_place_of_another_whole(tmp_path):
+    path = tmp_path / "model"
+    for content in ("old", "new"):
+        with atomic.replacing(path) as partial:
+            partial.mkdir()
+            (partial / content).touch()
+    assert [one.name for one in tmp_path.rglob("*")] == ["model", "new"]
+    with pytest.raises(RuntimeError), atomic.replacing(path) as partial:
+        partial.mkdir()
+        (partial / "half").touch()
+        raise RuntimeError
+    assert [one.name for one in tmp_path.rglob("*")] == ["model", "new"]
+
+
+def test_what_an_interrupted_write_left_is_no_part_of_the_next(tmp_path):
+    (tmp_path / "partial-model").mkdir()
+    (tmp_path / "partial-model" / "left").touch()
+    with atomic.replacing(tmp_path / "model") as partial:
+        partial.mkdir()
+    assert [one.name for one in tmp_path.rglob("*")] == ["model"]
+
+
+def test_folders_made_for_a_block_that_fails_are_removed_but_no_others(tmp_path):
+    (tmp_path / "there").mkdir()
+    for path in (tmp_path / "a" / "b" / "file", tmp_path / "there" / "file"):
+        with pytest.raises(RuntimeError), atomic.replacing(path):
+            raise RuntimeError
+    assert [one.name for one in tmp_path.iterdir()] == ["there"]
+
+
+def test_two_processes_that_share_a_file_do_not_meet(tmp_path):
+    path = tmp_path / "shard"
+    with atomic.replacing(path, shared=True) as one, atomic.replacing(path, shared=True) as other:
+        one.write_text("one", encoding="utf-8")
+        other.write_text("other", encoding="utf-8")
+        assert one != other and all(p.name.startswith("partial-") for p in (one, other))
+    assert path.read_text(encoding="utf-8") == "one"
+    assert [found.name for found in tmp_path.iterdir()] == ["shard"]

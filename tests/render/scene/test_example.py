@@ -7,7 +7,7 @@ from render_scenes import photographed, sphere
 from lime_keras.data import records
 from lime_keras.optics import colour, environment, shading
 from lime_keras.optics.compositing import compose
-from lime_keras.optics.reflectance import normaliser
+from lime_keras.optics.shading import normaliser
 from lime_keras.render.scene import example as examples
 from lime_keras.render.scene import gbuffer, lights
 from lime_keras.render.scene import sampling as scenes

@@ -7,7 +7,7 @@ import pytest
 from render_scenes import photographed
 
 from lime_keras.optics import environment, shading, shininess
-from lime_keras.optics.reflectance import normaliser
+from lime_keras.optics.shading import normaliser
 from lime_keras.render.scene import integrals, lights
 
 BINS = 10.0 ** shininess.LOG_MEANS[[0, 3, 7]]
