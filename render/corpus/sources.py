@@ -16,7 +16,7 @@ import OpenImageIO as oiio
 
 from lime_keras.data.corpus import SPLITS
 
-from ..rooms import sampling as room_sampling
+from ..rooms import sampling
 from ..scene import backgrounds, environments
 from ..scene.lights import Light, prepare
 from ..scene.quality import FAST, Quality
@@ -156,11 +156,11 @@ class LightSource:
     def render_room(self, name: str) -> None:
         """Render one built-in room into the cache; needs Mitsuba's variant to be set."""
         # Imports Mitsuba, which must not happen before `variants.activate` chose its library.
-        from ..rooms import renderer as room_renderer
+        from ..rooms import renderer
 
         index = int(name.removeprefix("room-").removesuffix(".exr"))
         rng = generator(self.seed, self.split, "room", index)
-        radiance = room_renderer.render(room_sampling.sample(rng), seed=int(rng.integers(2**31)))
+        radiance = renderer.render(sampling.sample(rng), seed=int(rng.integers(2**31)))
         self.cache.mkdir(parents=True, exist_ok=True)
         partial = self.cache / f"partial-{uuid.uuid4().hex}-{name}"
         height, width = radiance.shape
