@@ -28,7 +28,7 @@ def corpus(tmp_path_factory):
 @pytest.fixture(scope="module")
 def photo(corpus, tmp_path_factory):
     """A picture of the network's size, which nobody has to resample: `(1, 32, 32, 3)`, its file."""
-    shards = exporter.corpus_files.shard_paths(corpus, "test")
+    shards = exporter.Split(corpus, "test").shard_paths()
     levels = np.round(255 * exporter.samples.first(shards, 32, 1, camera=True)).astype(np.uint8)
     path = tmp_path_factory.mktemp("photo") / "photo.png"
     Image.fromarray(levels[0]).save(path)
