@@ -7,8 +7,13 @@ from render_scenes import write_inputs
 from lime_keras.data import records
 from lime_keras.render.corpus import drawing
 from lime_keras.render.corpus.drawing import Sources, render_example
-from lime_keras.render.corpus.sources import BackgroundSource, LightSource, ShapeSource
+from lime_keras.render.corpus.sources import BackgroundSource, LightSource, ShapeSource, generator
 from lime_keras.render.scene.quality import FAST
+from lime_keras.render.scene.sampling import (
+    sample_light_rotation,
+    sample_material,
+    sample_pose,
+)
 
 SMALL = {"size": 64, "shard_size": 2}
 
@@ -60,6 +65,24 @@ def test_an_example_that_no_record_can_hold_is_drawn_anew_and_told(sources, monk
     [failure] = example.failures
     assert "mirror is not finite" in failure["error"]
     assert (example.features["mirror"] >= 0).all()
+
+
+def test_a_scene_is_drawn_in_the_order_that_the_bytes_of_corpora_depend_on(sources):
+    features = render_example(0, 3, sources, **SMALL).features
+    rng = generator(0, "train", "example", 3, 0)
+    shape = sources.shape_names[rng.integers(len(sources.shape_names))]
+    light = sources.light_names[rng.integers(len(sources.light_names))]
+    pose = sample_pose(rng, sources.mesh(shape, 64, FAST)[0].vertices, 64)
+    sample_light_rotation(rng, sources.light(light, FAST).strong_direction)
+    material = sample_material(rng)
+    background = sources.backgrounds.sample(rng, 64)
+    assert (features["shape"], features["light"]) == (shape, light)
+    np.testing.assert_array_equal(features["camera"], pose.camera)
+    np.testing.assert_array_equal(features["diffuse_albedo"], material.diffuse_albedo)
+    assert features["shininess"] == material.exponent
+    outside = features["mask"][..., 0] == 0
+    difference = np.abs(features["image"] - background)[outside]
+    assert outside.any() and difference.max() < 1e-5
 
 
 def test_a_shard_draws_from_a_part_of_many_files_and_the_split_from_all(sources, monkeypatch):
