@@ -13,7 +13,7 @@ import numpy as np
 import tensorflow as tf
 
 from lime_keras.data import records
-from lime_keras.data.corpus import shard_paths
+from lime_keras.data.corpus import Split
 from lime_keras.optics import colour
 from lime_keras.optics.compositing import compose
 from lime_keras.render.scene.lights import MEAN_RADIANCE
@@ -26,7 +26,7 @@ def main() -> None:
     """Print the table."""
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("corpus", type=Path)
-    shards = [str(path) for path in shard_paths(options.parse_args().corpus, "train")]
+    shards = [str(path) for path in Split(options.parse_args().corpus, "train").shard_paths()]
     clipped: dict[float, list[float]] = {mean: [] for mean in MEANS}
     median: dict[float, list[float]] = {mean: [] for mean in MEANS}
     for serialized in tf.data.TFRecordDataset(shards).take(EXAMPLES):

@@ -58,8 +58,8 @@ def _examples(
 ) -> Iterator[tuple[dict[str, np.ndarray], dict[str, np.ndarray] | None]]:
     """The test split's first examples, and the networks' outputs for them."""
     from lime_keras.data import pipeline
+    from lime_keras.data.corpus import Split
     from lime_keras.eval.accuracy import relighting
-    from lime_keras.eval.accuracy.evaluate import test_shards
     from lime_keras.networks import assemble, weights
 
     size, system = 128, None
@@ -68,7 +68,7 @@ def _examples(
         size, system = architecture.size, assemble(subnetworks)
     features = (*relighting.FEATURES, *_FEATURES)
     batches = pipeline.evaluation(
-        test_shards(corpus), size=size, batch_size=_BATCH, features=features
+        Split(corpus, "test").shard_paths(), size=size, batch_size=_BATCH, features=features
     )
     left = count
     for batch in batches.as_numpy_iterator():

@@ -21,15 +21,14 @@ import trimesh
 from lime_keras.optics.shading import normaliser
 from lime_keras.render.corpus import sources
 from lime_keras.render.mitsuba_setup import variants
-from lime_keras.render.scene import integrals, lights
-from lime_keras.render.scene import sampling as scenes
+from lime_keras.render.scene import integrals, lights, sampling
 from lime_keras.render.scene.quality import FAST, QUALITIES, Quality
 from lime_keras.render.shapes import meshes
 
 SIZE = 256
 SAMPLES = (16, 64, 256)
 LOBES = {"D": None, "S, s = 2.4": 2.4, "S, s = 42": 42.0, "S, s = 650": 650.0}
-POSE = scenes.Pose(
+POSE = sampling.Pose(
     np.eye(3), np.array([0.0, 0.0, -6.0]), np.array([650.0, 650.0, SIZE / 2, SIZE / 2])
 )
 

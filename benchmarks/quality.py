@@ -23,9 +23,7 @@ from lime_keras import console
 from lime_keras.optics import shading, shininess
 from lime_keras.render.corpus import sources
 from lime_keras.render.mitsuba_setup import variants
-from lime_keras.render.scene import example as examples
-from lime_keras.render.scene import lights
-from lime_keras.render.scene import sampling as scenes
+from lime_keras.render.scene import example, lights, sampling
 from lime_keras.render.scene.quality import FAST, QUALITIES, Quality
 
 LOBES = {"dull": 2.4, "middle": 42.0, "shiny": 650.0}
@@ -54,7 +52,7 @@ class Scene:
 
     mesh: Any
     radiance: np.ndarray
-    pose: scenes.Pose
+    pose: sampling.Pose
     rotation: np.ndarray
     size: int
 
@@ -91,8 +89,8 @@ def _scenes(arguments: argparse.Namespace) -> list[Scene]:
     for name in tqdm(names, "scenes"):
         mesh = shapes.load(shapes.names()[rng.integers(len(shapes.names()))])
         light = maps.load(name)
-        rotation = scenes.sample_light_rotation(rng, light.strong_direction)
-        pose = scenes.sample_pose(rng, mesh.vertices, 256)
+        rotation = sampling.sample_light_rotation(rng, light.strong_direction)
+        pose = sampling.sample_pose(rng, mesh.vertices, 256)
         out.append(Scene(mesh, light.radiance, pose, rotation, 256))
     return out
 
@@ -301,9 +299,9 @@ def _example(scene: Scene, quality: Quality, light: lights.Light, exponent: floa
     """All of an example: traced, lit, composed, encoded."""
     from lime_keras.data import records
 
-    material = scenes.Material(np.full(3, 0.4), 0.5, exponent, 0.02)
+    material = sampling.Material(np.full(3, 0.4), 0.5, exponent, 0.02)
     background = np.full((scene.size, scene.size, 3), 0.5, np.float32)
-    features = examples.render(
+    features = example.render(
         _tracer(scene, quality), light, scene.pose, scene.rotation, material, background
     )
     return records.encode(features | {"shape": "", "light": "", "seed": 0, "index": 0})
@@ -311,7 +309,7 @@ def _example(scene: Scene, quality: Quality, light: lights.Light, exponent: floa
 
 def _images(scene: Scene, quality: Quality, exponent: float) -> list[np.ndarray]:
     seen, light = _prepared(scene, quality)
-    return list(examples.layers(seen, light, scene.rotation, exponent))
+    return list(example.layers(seen, light, scene.rotation, exponent))
 
 
 def _sampling(quality: Quality) -> tuple:
@@ -375,7 +373,7 @@ def _some(seen, pixels: np.ndarray):
 
 
 def _at(few, light, rotation, exponent, pixels) -> dict[str, np.ndarray]:
-    images = examples.layers(few, light, rotation, exponent)
+    images = example.layers(few, light, rotation, exponent)
     return {layer: image.reshape(-1)[pixels] for layer, image in zip(LAYERS, images, strict=True)}
 
 

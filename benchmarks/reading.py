@@ -14,7 +14,7 @@ from pathlib import Path
 import tensorflow as tf
 
 from lime_keras.data import camera, pipeline, records
-from lime_keras.data.corpus import shard_paths
+from lime_keras.data.corpus import Split
 
 WARM_UP = 256
 """Examples before the clock starts: the shuffle buffer is full then, and the threads are many."""
@@ -29,7 +29,7 @@ def main() -> None:
     options.add_argument("--examples", type=int, default=2000)
     arguments = options.parse_args()
     tf.config.set_visible_devices([], "GPU")
-    shards = shard_paths(arguments.corpus, "train")
+    shards = Split(arguments.corpus, "train").shard_paths()
     stored = tf.data.TFRecordDataset([str(path) for path in shards]).repeat()
     size = arguments.size or records.parse(next(iter(stored)), ["mask"])["mask"].shape[0]
     needed = [

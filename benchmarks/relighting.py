@@ -26,11 +26,11 @@ def main() -> None:
     arguments = options.parse_args()
     console.import_tensorflow()
     from lime_keras.data import pipeline
+    from lime_keras.data.corpus import Split
     from lime_keras.eval.accuracy import relighting
-    from lime_keras.eval.accuracy.evaluate import test_shards
 
     dataset = pipeline.evaluation(
-        test_shards(arguments.corpus),
+        Split(arguments.corpus, "test").shard_paths(),
         size=arguments.size,
         batch_size=1,
         features=relighting.FEATURES,

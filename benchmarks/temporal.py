@@ -23,8 +23,7 @@ from lime_keras import console
 from lime_keras.optics import shininess
 from lime_keras.render.corpus import sources
 from lime_keras.render.mitsuba_setup import variants
-from lime_keras.render.scene import example as examples
-from lime_keras.render.scene import sampling as scenes
+from lime_keras.render.scene import example, sampling
 from lime_keras.render.scene.gbuffer import Tracer
 from lime_keras.video import cuts
 from lime_keras.video.fusion import Fusion
@@ -90,18 +89,18 @@ def render(arguments: argparse.Namespace, number: int) -> Sequence:
     shape, light_name = rng.choice(shapes.names()), rng.choice(lights.names())
     tracer, light = Tracer(shapes.load(shape), arguments.size), lights.load(light_name)
     exponent = float(10 ** shininess.LOG_MEANS[(2 * number + 1) % shininess.BIN_COUNT])
-    material = dataclasses.replace(scenes.sample_material(rng), exponent=exponent)
-    start = scenes.sample_rotation(rng)
-    light_start = scenes.sample_light_rotation(rng, light.strong_direction)
+    material = dataclasses.replace(sampling.sample_material(rng), exponent=exponent)
+    start = sampling.sample_rotation(rng)
+    light_start = sampling.sample_light_rotation(rng, light.strong_direction)
     background = sources.BackgroundSource(None).sample(rng, arguments.size)
     camera_moves = number % 2 == 1
     frames = []
     for angle in np.linspace(0, _TURN, arguments.frames):
         turn = _turn(angle)
-        pose = scenes.Pose(turn @ start, np.array([0, 0, -_DISTANCE]), _camera(arguments.size))
+        pose = sampling.Pose(turn @ start, np.array([0, 0, -_DISTANCE]), _camera(arguments.size))
         light_rotation = turn @ light_start if camera_moves else light_start
-        example = examples.render(tracer, light, pose, light_rotation, material, background)
-        frames.append(np.rint(255 * np.asarray(example["image"])).astype(np.uint8))
+        features = example.render(tracer, light, pose, light_rotation, material, background)
+        frames.append(np.rint(255 * np.asarray(features["image"])).astype(np.uint8))
     truth = [*material.diffuse_albedo, material.specular_albedo, math.log10(exponent)]
     mover = "camera" if camera_moves else "object"
     name = f"{shape}, {light_name}, {mover} turns, s = {exponent:.3g}"

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from lime_keras.data import corpus as corpus_files
+from lime_keras.data.corpus import Split
 from lime_keras.io import atomic
 from lime_keras.networks import Architecture, weights
 from lime_keras.version import __version__
 
-from .accuracy.evaluate import Evaluation, evaluate, test_shards
+from .accuracy.evaluate import Evaluation, evaluate
 
 _MEASURED_BY = ("evaluate.py", "flip.py", "relighting.py", "tone.py")
 """Files of this package that an evaluation's numbers come from."""
@@ -41,9 +41,10 @@ def evaluation(folder: Path, model_dir: Path, corpus: Path, *, camera: bool = Fa
 
 def key(model_dir: Path, corpus: Path, camera: bool) -> str:
     """What an evaluation follows from, as a hash: weights, images, the camera and this code."""
-    test_shards(corpus)  # Refuses a split that is incomplete.
+    split = Split(corpus, "test")
+    split.shard_paths()  # Refuses a split that is incomplete.
     digest = hashlib.sha256(f"{__version__} {camera}".encode())
-    digest.update(corpus_files.manifest_path(corpus, "test").read_bytes())
+    digest.update(split.manifest_path.read_bytes())
     for path in weights.files(model_dir):
         digest.update(path.name.encode() + path.read_bytes())
     for name in _MEASURED_BY:

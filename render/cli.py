@@ -3,22 +3,31 @@
 import argparse
 import os
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from lime_keras import console
-from lime_keras.data.corpus import SPLITS
+from lime_keras.data.corpus import SPLITS, Split
 from lime_keras.version import __version__
 
 from .scene.quality import QUALITIES
 
+COMMANDS = ("verify", "preview", "layers", "views")
+"""The first word that makes it do something else than render; no folder's name otherwise."""
 _EXAMPLE = """
+other commands, each with a --help of its own:
+  lime-render verify CORPUS         check files, checksums and every record
+  lime-render preview CORPUS        draw a contact sheet and histograms
+  lime-render layers CORPUS INDEX   write one example as OpenEXR layers
+  lime-render views HDRIS OUT       take pictures inside HDR maps, for --backgrounds
+A corpus that is called like one of them is rendered by its path: ./verify.
+
 examples:
   lime-render corpus --split train --count 512
   lime-render corpus --split test --count 128
   lime-render corpus --split train --count 10000 --shapes meshes/ --environments hdris/
-  lime-render corpus --verify
-  lime-render corpus --preview
-  lime-render corpus --split test --layers 12
+  lime-render verify corpus
 
 An interrupted command, run again, goes on where it stopped; the same seed gives the same bytes
 whatever the number of workers.
@@ -26,40 +35,19 @@ whatever the number of workers.
 
 
 def parser() -> argparse.ArgumentParser:
-    """The command's options."""
+    """The options for rendering."""
     out = argparse.ArgumentParser(
         prog="lime-render",
+        usage="lime-render OUT --split {train,test} --count COUNT [options]\n"
+        f"       lime-render {{{','.join(COMMANDS)}}} ...",
         description="Render images of single objects with their mask, diffuse and specular "
         "shading, mirror image, normals, environment and material, as TFRecords.",
         epilog=_EXAMPLE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     out.add_argument("out", type=Path, metavar="OUT", help="folder of the corpus")
-    out.add_argument(
-        "--split",
-        choices=SPLITS,
-        help="which half of the corpus; --verify and --preview take all that there are",
-    )
-    out.add_argument("--count", type=_positive, help="number of examples to render")
-    looks = out.add_argument_group("instead of rendering").add_mutually_exclusive_group()
-    looks.add_argument(
-        "--verify",
-        action="store_true",
-        help="check files, counts, checksums and every record: that layers recompose to the image, "
-        "that the stored light shades the stored normals, and more",
-    )
-    looks.add_argument(
-        "--preview",
-        action="store_true",
-        help="draw OUT/SPLIT/preview.png, a contact sheet, and histograms.png, what was sampled "
-        "beside what should have been",
-    )
-    looks.add_argument(
-        "--layers",
-        type=_index,
-        metavar="INDEX",
-        help="write one example as OpenEXR layers: OUT/SPLIT/example-INDEX.exr and its environment",
-    )
+    out.add_argument("--split", choices=SPLITS, required=True, help="which half of the corpus")
+    out.add_argument("--count", type=_positive, required=True, help="number of examples to render")
     out.add_argument("--seed", type=_seed, default=0, help="of everything random (default: 0)")
     out.add_argument(
         "--shapes",
@@ -126,86 +114,161 @@ def parser() -> argparse.ArgumentParser:
     return out
 
 
-_LOOKING = ("out", "split", "verify", "preview", "layers")
+def commands() -> argparse.ArgumentParser:
+    """The options of `COMMANDS`, each of which sets `run`, what does it, and `interrupted`."""
+    out = argparse.ArgumentParser(prog="lime-render")
+    subparsers = out.add_subparsers(required=True)
+
+    def add(
+        name: str,
+        run: Callable[[argparse.Namespace], int],
+        description: str,
+        examples: str,
+        interrupted: str = "nothing of the corpus was changed",
+    ) -> argparse.ArgumentParser:
+        command = subparsers.add_parser(
+            name,
+            description=description,
+            epilog=f"examples:\n{examples}",
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        command.set_defaults(run=run, interrupted=interrupted)
+        return command
+
+    verify = add(
+        "verify",
+        _verify,
+        "Check files, counts, checksums and every record: that layers recompose to the image, that "
+        "the stored light shades the stored normals, and more. Exit status 1 if anything is wrong.",
+        "  lime-render verify corpus\n  lime-render verify corpus --split test",
+    )
+    preview = add(
+        "preview",
+        _preview,
+        "Draw CORPUS/SPLIT/preview.png, a contact sheet, and histograms.png, what was sampled "
+        "beside what should have been.",
+        "  lime-render preview corpus\n  lime-render preview corpus --split test",
+    )
+    layers = add(
+        "layers",
+        _layers,
+        "Write one example as OpenEXR layers, and its environment beside them.",
+        "  lime-render layers corpus 12 --split test\n"
+        "  lime-render layers corpus 12 --split test --out example.exr",
+    )
+    for command in (verify, preview, layers):
+        command.add_argument("corpus", type=Path, metavar="CORPUS", help="folder of the corpus")
+    for command in (verify, preview):
+        command.add_argument("--split", choices=SPLITS, help="default: all that there are")
+    layers.add_argument("index", type=_index, metavar="INDEX", help="of the example in the split")
+    layers.add_argument("--split", choices=SPLITS, required=True, help="which half of the corpus")
+    layers.add_argument(
+        "--out",
+        type=Path,
+        metavar="FILE",
+        help="an .exr file (default: CORPUS/SPLIT/example-INDEX.exr)",
+    )
+    views = add(
+        "views",
+        _views,
+        "Look into HDR maps of the train split: pictures for lime-render --backgrounds. The same "
+        "maps give the same pictures.",
+        "  lime-render views hdris/ views/",
+        "run again, it writes all of the pictures anew",
+    )
+    views.add_argument(
+        "maps", type=Path, metavar="HDRIS", help="folder of maps, as of lime-render --environments"
+    )
+    views.add_argument("out", type=Path, metavar="OUT", help="folder of the pictures")
+    views.add_argument("--count", type=_positive, default=16, help="of each map (default: 16)")
+    return out
 
 
 def main(argv: list[str] | None = None) -> int:
     """Render one split of a corpus, or look at what was rendered; returns the exit status."""
-    parsing = parser()
-    options = parsing.parse_args(argv)
-    looking = options.verify or options.preview
-    if not looking and options.split is None:
-        parsing.error("--split is needed: train or test")
-    if looking or options.layers is not None:
-        for name, value in vars(options).items():
-            if name not in _LOOKING and value != parsing.get_default(name):
-                parsing.error(f"--{name.replace('_', '-')} is for rendering alone")
-        return console.run(lambda: _look(options), "nothing of the corpus was changed")
-    if options.count is None:
-        parsing.error("--count is needed: how many examples to render")
+    arguments = sys.argv[1:] if argv is None else argv
+    if arguments and arguments[0] in COMMANDS:
+        options = commands().parse_args(arguments)
+        return console.run(lambda: options.run(options), options.interrupted)
+    rendering = parser()
+    for name in COMMANDS:
+        if any(argument.partition("=")[0] == f"--{name}" for argument in arguments):
+            rendering.error(f"--{name} is no option but a command: lime-render {name} --help")
+    options = rendering.parse_args(arguments)
     return console.run(
         lambda: _render(options), "the same command goes on with the shards that are missing"
     )
 
 
-def _look(options: argparse.Namespace) -> int:
-    """Verify, preview or export what was rendered."""
-    if options.layers is not None:
-        console.import_tensorflow()
-        from .inspect import layers
-
-        out = layers.default_path(options.out, options.split, options.layers)
-        layers.export(options.out, options.split, options.layers, out)
-        print(out)
-        print(layers.environment_path(out))
-        return 0
+def _verify(options: argparse.Namespace) -> int:
     console.import_tensorflow()
-    # Claimed is enough: that a split was never completed is for --verify to tell.
-    splits = [options.split] if options.split else _splits(options.out)
-    return max(
-        [
-            _verify(options.out, split) if options.verify else _preview(options.out, split)
-            for split in splits
-        ]
-    )
-
-
-def _splits(out: Path) -> list[str]:
-    found = [split for split in SPLITS if (out / split / "description.json").is_file()]
-    if not found:
-        raise ValueError(f"{out} holds no corpus: render one with --split and --count")
-    return found
-
-
-def _verify(out: Path, split: str) -> int:
     from .inspect import verification
 
-    with _Bar(f"verify {split}", "example") as bar:
-        faults = verification.verify(out, split, bar.move)
-    for line in faults.lines():
-        print(line, file=sys.stderr)
-    summary = f"{faults.examples} examples in {out / split}"
-    found = f"{faults.count} fault{'s' if faults.count > 1 else ''}"
-    print(f"{summary}: {found if faults.count else 'sound'}")
-    return 1 if faults.count else 0
+    status = 0
+    for split in _splits(options.corpus, options.split):
+        with _Bar(f"verify {split.name}", "example") as bar:
+            faults = verification.verify(options.corpus, split.name, bar.move)
+        for line in faults.lines():
+            print(line, file=sys.stderr)
+        found = f"{faults.count} fault{'s' if faults.count > 1 else ''}"
+        print(f"{faults.examples} examples in {split.folder}: {found if faults.count else 'sound'}")
+        status = max(status, int(faults.count > 0))
+    return status
 
 
-def _preview(out: Path, split: str) -> int:
+def _preview(options: argparse.Namespace) -> int:
+    console.import_tensorflow()
     from .inspect import preview
 
-    with _Bar(f"preview {split}", "example") as bar:
-        paths = preview.preview(out, split, bar.move)
-    for path in paths:
-        print(path)
+    for split in _splits(options.corpus, options.split):
+        with _Bar(f"preview {split.name}", "example") as bar:
+            paths = preview.preview(options.corpus, split.name, bar.move)
+        for path in paths:
+            print(path)
+    return 0
+
+
+def _splits(corpus: Path, name: str | None) -> list[Split]:
+    """The split of that name, or all that were begun: `verify` tells if one is not complete.
+
+    Raises:
+        ValueError: if none was begun.
+    """
+    if name is not None:
+        return [Split(corpus, name)]
+    splits = [Split(corpus, name) for name in SPLITS]
+    begun = [split for split in splits if split.description_path.is_file()]
+    if not begun:
+        raise ValueError(f"{corpus} holds no corpus: render one with --split and --count")
+    return begun
+
+
+def _layers(options: argparse.Namespace) -> int:
+    console.import_tensorflow()
+    from .inspect import layers
+
+    out = options.out or layers.default_path(options.corpus, options.split, options.index)
+    layers.export(options.corpus, options.split, options.index, out)
+    print(out)
+    print(layers.environment_path(out))
+    return 0
+
+
+def _views(options: argparse.Namespace) -> int:
+    from . import room_views
+
+    with _Bar("views", "picture") as bar:
+        room_views.write_views(options.maps, options.out, options.count, bar.move)
     return 0
 
 
 def _render(options: argparse.Namespace) -> int:
-    from .corpus import shards
+    from .corpus.description import Description
+    from .corpus.split import held_variant, render_split
     from .mitsuba_setup import variants
 
     choice = variants.choose()
-    if shards.held_variant(options.out, options.split) == variants.SLOW:
+    if held_variant(Split(options.out, options.split)) == variants.SLOW:
         # Begun without a libLLVM: its shards go on as they began.
         choice = variants.Choice(variants.SLOW, None)
     print(choice.explain(), file=sys.stderr)
@@ -213,7 +276,7 @@ def _render(options: argparse.Namespace) -> int:
         name: str(folder.resolve()) if (folder := getattr(options, name)) else None
         for name in ("shapes", "environments", "backgrounds")
     }
-    description = shards.Description(
+    description = Description(
         split=options.split,
         count=options.count,
         seed=options.seed,
@@ -229,7 +292,7 @@ def _render(options: argparse.Namespace) -> int:
         _Bar("rooms", "room") as rooms,
         _Bar(options.split, "example") as rendered,
     ):
-        manifest = shards.render_split(
+        manifest = render_split(
             options.out,
             description,
             choice,
@@ -255,7 +318,8 @@ class _Bar:
     """A progress bar that appears with the first news; what was done before does not count."""
 
     def __init__(self, title: str, unit: str):
-        self._title, self._unit, self._bar = title, unit, None
+        self._title, self._unit = title, unit
+        self._bar: Any = None
 
     def __enter__(self) -> "_Bar":
         return self

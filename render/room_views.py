@@ -1,20 +1,17 @@
 """Views into environment maps, as pictures for `lime-render --backgrounds`: real rooms, cluttered.
 
-    python -m lime_keras.render.room_views hdris/ views/
+    lime-render views hdris/ views/
 
 Only the maps that `lime-render --environments hdris/` deals to the train split are looked into.
 Each view is exposed for itself: its geometric mean becomes 18 % grey, or up to a stop more or less.
 """
 
-import argparse
-import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio
-from tqdm import tqdm
 
-from lime_keras import console
 from lime_keras.optics import colour, environment, shading
 
 from .corpus import sources
@@ -43,8 +40,16 @@ def view(maps: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     return colour.linear_to_srgb(np.clip(radiance * exposure, 0, 1))
 
 
-def write_views(folder: Path, out: Path, count: int) -> None:
+def write_views(
+    folder: Path, out: Path, count: int, on_picture: Callable[[int, int], None]
+) -> None:
     """Write `count` views of each map of the train split, `NAME-00.png` and so on.
+
+    Args:
+        folder: of the maps.
+        out: folder of the pictures.
+        count: of pictures of each map.
+        on_picture: called with (done, total) as pictures are written.
 
     Raises:
         OSError: if a picture cannot be written.
@@ -52,37 +57,13 @@ def write_views(folder: Path, out: Path, count: int) -> None:
     """
     out.mkdir(parents=True, exist_ok=True)
     paths = sources.files(folder, "train", environments.EXTENSIONS)
-    with tqdm(total=count * len(paths), desc="views", unit="picture") as progress:
-        for number, path in enumerate(paths):
-            maps = backgrounds.read(path)[0].get_pixels(oiio.FLOAT)
-            maps = maps[..., :3] if maps.shape[2] >= 3 else np.repeat(maps[..., :1], 3, axis=2)
-            rng = np.random.default_rng((0, number))
-            for index in range(count):
-                picture = oiio.ImageBuf(np.ascontiguousarray(view(maps, rng), np.float32))
-                target = out / f"{path.stem}-{index:02d}.png"
-                if not picture.write(str(target), oiio.UINT8):
-                    raise OSError(f"{target} cannot be written: {picture.geterror()}")
-                progress.update()
-
-
-def main() -> int:
-    """Write the pictures that the command line asks for."""
-    parser = argparse.ArgumentParser(
-        prog="python -m lime_keras.render.room_views",
-        description="Look into HDR maps of the train split: pictures for lime-render "
-        "--backgrounds. The same maps give the same pictures.",
-    )
-    parser.add_argument("maps", type=Path, help="folder of maps, as of lime-render --environments")
-    parser.add_argument("out", type=Path, help="folder of the pictures")
-    parser.add_argument("--count", type=int, default=16, help="of each map (default: 16)")
-    options = parser.parse_args()
-
-    def work() -> int:
-        write_views(options.maps, options.out, options.count)
-        return 0
-
-    return console.run(work, "run again, it writes all of the pictures anew")
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    for number, path in enumerate(paths):
+        maps = backgrounds.read(path)[0].get_pixels(oiio.FLOAT)
+        maps = maps[..., :3] if maps.shape[2] >= 3 else np.repeat(maps[..., :1], 3, axis=2)
+        rng = np.random.default_rng((0, number))
+        for index in range(count):
+            picture = oiio.ImageBuf(np.ascontiguousarray(view(maps, rng), np.float32))
+            target = out / f"{path.stem}-{index:02d}.png"
+            if not picture.write(str(target), oiio.UINT8):
+                raise OSError(f"{target} cannot be written: {picture.geterror()}")
+            on_picture(number * count + index + 1, len(paths) * count)

@@ -1,4 +1,7 @@
-"""The examples read the exported files, without this package, as it reads its own weights."""
+"""The examples read the exported files, without this package, as it reads its own weights.
+
+One renders what a corpus holds.
+"""
 
 import json
 import shutil
@@ -28,7 +31,7 @@ def corpus(tmp_path_factory):
 @pytest.fixture(scope="module")
 def photo(corpus, tmp_path_factory):
     """A picture of the network's size, which nobody has to resample: `(1, 32, 32, 3)`, its file."""
-    shards = exporter.corpus_files.shard_paths(corpus, "test")
+    shards = exporter.Split(corpus, "test").shard_paths()
     levels = np.round(255 * exporter.samples.first(shards, 32, 1, camera=True)).astype(np.uint8)
     path = tmp_path_factory.mktemp("photo") / "photo.png"
     Image.fromarray(levels[0]).save(path)
@@ -79,8 +82,8 @@ def check(found, expected, precision):
     assert np.log10(found["exponent"] / expected["exponent"]) == pytest.approx(0, abs=within)
 
 
-def test_no_example_imports_this_package():
-    for path in EXAMPLES.glob("*.*"):
+def test_no_example_of_an_exported_model_imports_this_package():
+    for path in set(EXAMPLES.glob("*.*")) - {EXAMPLES / "render_one.py"}:
         assert "lime_keras" not in path.read_text(encoding="utf-8"), path
 
 
@@ -121,3 +124,19 @@ def test_a_photo_of_any_shape_and_orientation_is_read(exported, tmp_path):
     for command in commands:
         one, other = (run(*command, file, tmp_path / name) for name in ("upright.png", "side.jpg"))
         check(other, one, "float16")
+
+
+def test_one_example_is_rendered_from_what_is_built_in(tmp_path):
+    command = [sys.executable, "render_one.py", tmp_path, "3"]
+    done = subprocess.run(command, cwd=EXAMPLES, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    told = dict(line.split(": ") for line in done.stdout.splitlines())
+    assert [path.name for path in (tmp_path / "rooms").iterdir()] == [told["light"]]
+    assert told["shape"].startswith("train-") and 1 <= float(told["shininess"]) <= 1000
+    seen = {path.stem: np.asarray(Image.open(path)) for path in tmp_path.glob("*.png")}
+    assert seen["environment"].shape == (64, 128)
+    assert seen["image"].shape == seen["normal"].shape == (256, 256, 3)
+    inside = seen["mask"] == 255
+    assert 0.02 < inside.mean() < 1
+    for name in ("diffuse_shading", "specular_shading", "mirror"):
+        assert seen[name][inside].mean() > 10 and seen[name][seen["mask"] == 0].max() == 0

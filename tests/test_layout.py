@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from lime_keras.render import cli as render_cli
+
 ROOT = Path(__file__).parent.parent
 COMMANDS = {
     "lime-render": "render.cli",
@@ -137,11 +139,17 @@ def test_networks_losses_and_stages_are_written_for_any_backend():
         assert "tensorflow" not in path.read_text(encoding="utf-8"), path
 
 
-@pytest.mark.parametrize("module", COMMANDS.values())
-def test_help_needs_neither_tensorflow_nor_mitsuba(module):
+@pytest.mark.parametrize(
+    ("module", "arguments"),
+    [
+        *((module, []) for module in COMMANDS.values()),
+        *(("render.cli", [name]) for name in render_cli.COMMANDS),
+    ],
+)
+def test_help_needs_neither_tensorflow_nor_mitsuba(module, arguments):
     code = (
         f"import sys, lime_keras.{module} as command\n"
-        "try: command.main(['--help'])\n"
+        f"try: command.main({[*arguments, '--help']})\n"
         "except SystemExit as stop: assert stop.code == 0\n"
         "heavy = {'tensorflow', 'keras', 'mitsuba', 'matplotlib', 'numpy'} & set(sys.modules)\n"
         "assert not heavy, heavy"
@@ -195,7 +203,7 @@ def test_the_wheel_owns_one_name(wheel):
     tops = {name.split("/")[0] for name in names if ".dist-info/" not in name}
     assert tops == {"lime_keras"}
     assert "lime_keras/eval/report/templates/report.html" in names
-    assert "lime_keras/render/corpus/shards.py" in names
+    assert "lime_keras/render/corpus/split.py" in names
     shipped = {name for name in names if name.startswith("lime_keras/pretrained/live/model/")}
     assert {Path(name).name for name in shipped} >= {"architecture.json", "albedo.weights.h5"}
 

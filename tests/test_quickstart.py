@@ -8,7 +8,7 @@ from render_scenes import write_inputs
 
 from lime_keras.commands import estimate as estimate_cli
 from lime_keras.commands import export as export_cli
-from lime_keras.data.corpus import read_manifest
+from lime_keras.data.corpus import Split
 from lime_keras.eval import cli as eval_cli
 from lime_keras.networks import PRESETS, Architecture
 from lime_keras.render import cli as render_cli
@@ -71,7 +71,7 @@ def test_everything_promised_is_there(run):
 
 
 def test_training_and_test_share_no_shape_and_no_light(run):
-    train, test = (read_manifest(run / "corpus", split) for split in ("train", "test"))
+    train, test = (Split(run / "corpus", split).manifest for split in ("train", "test"))
     assert not set(train["shapes"]) & set(test["shapes"])
     assert not set(train["lights"]) & set(test["lights"])
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import keras
 
-from lime_keras.data import corpus as corpus_files
+from lime_keras.data.corpus import Split
 from lime_keras.io import atomic
 from lime_keras.networks import Architecture
 from lime_keras.version import __version__
@@ -89,11 +89,7 @@ def config_path(run: Path) -> Path:
 
 def corpus_sha256(corpora: Sequence[Path]) -> str:
     """What identifies the train splits of corpora: their shards' checksums in order, hashed."""
-    digests = [
-        digest
-        for corpus in corpora
-        for digest in corpus_files.read_manifest(corpus, "train")["sha256"]
-    ]
+    digests = [digest for corpus in corpora for digest in Split(corpus, "train").sha256]
     return hashlib.sha256("".join(digests).encode()).hexdigest()
 
 
@@ -122,7 +118,7 @@ def claim(run: Path, corpora: Sequence[Path], config: Config) -> None:
         "corpora": [
             {
                 "path": str(corpus),
-                "description": corpus_files.read_manifest(corpus, "train").get("description"),
+                "description": Split(corpus, "train").manifest.get("description"),
             }
             for corpus in corpora
         ],

@@ -18,7 +18,7 @@ from typing import Any
 import keras
 import numpy as np
 
-from lime_keras.data import corpus as corpus_files
+from lime_keras.data.corpus import Split
 from lime_keras.io import atomic
 from lime_keras.networks import build, weights
 
@@ -128,7 +128,7 @@ def train(
 def _check_sizes(corpora: Sequence[Path], size: int) -> None:
     """Refuse images that cannot be averaged to the networks' size."""
     for corpus in corpora:
-        stored = _described(corpus, "size", size)
+        stored = Split(corpus, "train").size or size
         if stored % size:
             raise ValueError(
                 f"{corpus} holds images of {stored} pixels, which cannot be averaged to the {size} "
@@ -139,18 +139,13 @@ def _check_sizes(corpora: Sequence[Path], size: int) -> None:
 
 def _check_units(corpora: Sequence[Path]) -> None:
     """Refuse specular albedos in two units."""
-    first, *others = [_described(corpus, "shading", "furnace") for corpus in corpora]
+    first, *others = [Split(corpus, "train").shading for corpus in corpora]
     for corpus, shading in zip(corpora[1:], others, strict=True):
         if shading != first:
             raise ValueError(
                 f"{corpus} was rendered with --shading {shading} and {corpora[0]} with {first}: "
                 "their specular albedos have different units, so render one of them again"
             )
-
-
-def _described(corpus: Path, name: str, default: Any) -> Any:
-    """What a train split's description says, or the default if it says nothing."""
-    return corpus_files.read_manifest(corpus, "train").get("description", {}).get(name, default)
 
 
 def _build(config: Config) -> dict[str, keras.Model]:

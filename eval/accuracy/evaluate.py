@@ -9,7 +9,6 @@ import os
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from json import JSONDecodeError
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +19,8 @@ from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
 from lime_keras import metrics
-from lime_keras.data import corpus as corpus_files
 from lime_keras.data import pipeline, records
+from lime_keras.data.corpus import Split
 from lime_keras.material import BlinnPhong
 from lime_keras.networks import Architecture, assemble, weights
 from lime_keras.optics import environment, shininess
@@ -97,12 +96,12 @@ def evaluate(
             the model answers with numbers that are not finite.
     """
     architecture, subnetworks = weights.load(model_dir)
-    shards = test_shards(corpus)
+    split = Split(corpus, "test")
+    shards = split.shard_paths()
     count = _count(shards, architecture.size)
     system = answer or assemble(subnetworks).predict_on_batch
     # Joined training fits the heads to estimated layers; on true ones, those before it are better.
     heads = subnetworks | weights.load_alone(model_dir, subnetworks)
-    literal = is_literal(corpus)
     rows: list[dict[str, np.ndarray]] = []
     oracle: list[dict[str, np.ndarray]] = []
     dataset = pipeline.evaluation(
@@ -122,7 +121,7 @@ def evaluate(
             answers = {"found": _cut(system(full["image"]), number)}
             if answer is None:
                 answers["oracle"] = _cut(_from_true_layers(full, heads), number)
-            relit = _relit(example, answers, literal, pool)
+            relit = _relit(example, answers, split.is_literal, pool)
             rows.append(
                 measure(example, answers["found"])
                 | _layers_flip(example, answers["found"], pool)
@@ -137,28 +136,6 @@ def evaluate(
     evaluation = Evaluation(joined, of_oracle, _confusion(joined), architecture)
     _check_finite(evaluation, model_dir)
     return evaluation
-
-
-def is_literal(corpus: Path) -> bool:
-    """Whether the test split holds D and S as Eqs. 2 and 3 are printed."""
-    description = corpus_files.read_manifest(corpus, "test").get("description", {})
-    return description.get("shading") == "literal"
-
-
-def test_shards(corpus: Path) -> list[Path]:
-    """Files of the test split.
-
-    Raises:
-        FileNotFoundError: if the split is incomplete.
-        ValueError: if its manifest cannot be read.
-    """
-    try:
-        return corpus_files.shard_paths(corpus, "test")
-    except (JSONDecodeError, KeyError, TypeError) as error:
-        path = corpus_files.manifest_path(corpus, "test")
-        raise ValueError(f"{path} is no manifest of `lime-render`: render the split again") from (
-            error
-        )
 
 
 def measure(

@@ -10,10 +10,11 @@ import tensorflow as tf
 
 from lime_keras.data import pipeline, records
 from lime_keras.data.camera import photograph
+from lime_keras.data.corpus import Split
 from lime_keras.networks import assemble, weights
 from lime_keras.optics import shininess
 
-from ..accuracy.evaluate import found_log_exponent, is_literal, test_shards
+from ..accuracy.evaluate import found_log_exponent
 
 _WORST = 2
 """Examples shown of each kind of failure."""
@@ -103,7 +104,8 @@ def read(
     wanted = {choice.position for choice in choices}
     found: dict[int, dict[str, Any]] = {}
     photos: dict[int, np.ndarray] = {}
-    shards = test_shards(corpus)
+    split = Split(corpus, "test")
+    shards = split.shard_paths()
     records_of_all = tf.data.TFRecordDataset([str(path) for path in shards])
     for position, serialized in enumerate(pipeline.naming_damage(records_of_all, shards)):
         # Only the wanted ones are decoded.
@@ -118,14 +120,13 @@ def read(
     if len(found) < len(wanted):
         raise IndexError(f"the test split holds no examples {sorted(wanted - set(found))}")
     truths = [found[choice.position] for choice in choices]
-    literal = is_literal(corpus)
     estimates = system.predict_on_batch(np.stack([truth["image"] for truth in truths]))
     return [
         Example(
             choice,
             truth,
             {name: values[row] for name, values in estimates.items()},
-            literal,
+            split.is_literal,
             photos[choice.position],
         )
         for row, (choice, truth) in enumerate(zip(choices, truths, strict=True))

@@ -15,6 +15,7 @@ import tensorflow as tf
 from markdown_it import MarkdownIt
 from markupsafe import Markup
 
+from lime_keras.data.corpus import Split
 from lime_keras.optics import colour, shininess
 from lime_keras.version import __version__
 
@@ -100,7 +101,7 @@ def evaluation(
         examples=[_card(example) for example in examples],
         worst=[_small_card(example, found) for example in worst],
         config=_pretty_json(run / "config.json"),
-        manifest=_pretty_json(corpus / "test" / "manifest.json"),
+        manifest=_pretty_json(Split(corpus, "test").manifest_path),
     )
 
 

@@ -4,10 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
-from lime_keras.data import corpus as corpus_files
 from lime_keras.data import samples
+from lime_keras.data.corpus import Split
 
-from ..accuracy.evaluate import test_shards
 from ..ledger import DependsOn, Ledger, sha256
 
 LARGEST_BATCH = 32
@@ -29,14 +28,14 @@ class Samples:
 
     def depends_on(self, split: str) -> DependsOn:
         """What images of a split follow from, their size apart."""
-        manifest = sha256(corpus_files.manifest_path(self.corpus, split))
+        manifest = sha256(Split(self.corpus, split).manifest_path)
         return {"corpus": manifest, "camera": self.camera}
 
     def test(self, size: int) -> Path:
         """`.npy` file of the first images of the test split."""
 
         def write(path: Path) -> None:
-            shards = test_shards(self.corpus)
+            shards = Split(self.corpus, "test").shard_paths()
             images = samples.first(shards, size, LARGEST_BATCH, camera=self.camera)
             with path.open("wb") as file:
                 np.save(file, images)

@@ -13,9 +13,9 @@ from typing import Any
 import tensorflow as tf
 import tensorflow.experimental.numpy as tnp
 
-from lime_keras.data import corpus as corpus_files
 from lime_keras.data import records
 from lime_keras.data.camera import SCENE, photograph
+from lime_keras.data.corpus import Split
 from lime_keras.data.flip import flip
 from lime_keras.data.repaint import repaint
 from lime_keras.optics import colour, shininess
@@ -53,7 +53,7 @@ def training_shards(corpus: Path) -> tuple[list[Path], list[Path]]:
         FileNotFoundError: if the split is incomplete.
         ValueError: if there are fewer than two shards.
     """
-    paths = corpus_files.shard_paths(corpus, "train")
+    paths = Split(corpus, "train").shard_paths()
     if len(paths) < 2:
         raise ValueError(
             f"{corpus}/train has {len(paths)} shard; training needs at least 2, one of them for "

@@ -8,8 +8,8 @@ from pathlib import Path
 import keras
 import numpy as np
 
-from lime_keras.data import corpus as corpus_files
 from lime_keras.data import samples
+from lime_keras.data.corpus import Split
 from lime_keras.export import formats, model_card, parity, quantisation
 from lime_keras.export.formats import SERVED, Answer
 from lime_keras.io import atomic
@@ -122,7 +122,7 @@ def _images(size: int, corpus: Path | None) -> dict[str, np.ndarray]:
     """What to compare on."""
     out = {"extremes": parity.images(size)}
     if corpus is not None:
-        shards = corpus_files.shard_paths(corpus, "test")
+        shards = Split(corpus, "test").shard_paths()
         out["pictures"] = samples.first(shards, size, _PICTURES, camera=True)
     return out
 

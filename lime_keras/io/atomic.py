@@ -40,9 +40,15 @@ def replacing(path: Path, *, shared: bool = False) -> Iterator[Path]:
         raise
 
 
-def write(path: Path, content: bytes | str) -> None:
-    """Write a file, and its folders, whole or not at all; text as UTF-8."""
-    with replacing(path) as partial:
+def write(path: Path, content: bytes | str, *, shared: bool = False) -> None:
+    """Write a file, and its folders, whole or not at all; text as UTF-8.
+
+    Args:
+        path: of the file.
+        content: all of it.
+        shared: as for `replacing`.
+    """
+    with replacing(path, shared=shared) as partial:
         partial.write_bytes(content.encode() if isinstance(content, str) else content)
 
 

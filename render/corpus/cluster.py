@@ -17,7 +17,8 @@ from collections.abc import Callable, Hashable, Iterable, Iterator
 from typing import Any, TextIO
 
 from . import nodes
-from .processes import TASKS_PER_PROCESS, THREAD_VARIABLES
+from .description import Job
+from .processes import TASKS_PER_PROCESS, THREAD_VARIABLES, Ticks
 
 _RETRIES = 3
 """How often a shard may lose its process, to a node's end or for want of memory."""
@@ -32,21 +33,22 @@ _SETTINGS = 4
 
 
 class Cluster:
-    """A Ray cluster to use like `workers.Workers`.
+    """A Ray cluster to use like `processes.Workers`.
 
     Args:
         address: what `ray.init` takes: `host:port`, or `auto` for the cluster of this machine.
         packages: nodes with other versions of them are refused, whose bytes might differ.
-        start: called in each process with the job and the ticks by which it tells of progress.
-        job: has `folder`, `recorded()`, `files()` and `choice`; every node must see the folder and
-            the files that were found for it, and have the choice's variant.
+        start: called in each process with the job and the ticks; what it returns, the process holds
+            for the tasks.
+        job: to be rendered; every node must see its folder and the files that were found for it,
+            and have its choice's variant.
 
     Raises:
         RuntimeError: if Ray is not installed, or nothing like it answers at the address.
     """
 
     def __init__(
-        self, address: str, packages: Iterable[str], start: Callable[[Any, Any], None], job: Any
+        self, address: str, packages: Iterable[str], start: Callable[[Job, Ticks], Any], job: Job
     ):
         # Read by Ray as it is imported.
         os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
@@ -70,7 +72,7 @@ class Cluster:
         total: int,
         tell: Callable[[int, int], None],
     ) -> None:
-        """Run `task` on each item, in any order, and wait for all; see `workers.Workers.run`.
+        """Run `task` on each item, in any order, and wait for all; see `processes.Workers.run`.
 
         Raises:
             RuntimeError: if the cluster cannot be used, or a task lost its process too often. What
@@ -198,9 +200,10 @@ class Cluster:
 
 def _lost(before: dict[str, str] | None, living: dict[str, str]) -> set[str]:
     """Names of the nodes that are no more, which is told."""
-    lost = (before or {}).keys() - living.keys()
+    known = before or {}
+    lost = known.keys() - living.keys()
     for name in lost:
-        print(f"\nnode {before[name]} is lost: its shards go to the others", file=sys.stderr)
+        print(f"\nnode {known[name]} is lost: its shards go to the others", file=sys.stderr)
     if not living and before != living:
         print("\nno node of the cluster has a processor: waiting for one to join", file=sys.stderr)
     return lost

@@ -13,6 +13,8 @@ from lime_keras.version import __version__
 
 from ..mitsuba_setup import variants
 from . import inputs
+from .description import Job
+from .processes import Ticks
 
 
 class _Ticks:
@@ -31,14 +33,15 @@ class _Ticks:
         self._board.put.remote(self._item, self._node, self._count)
 
 
-_ticks: _Ticks | None = None
+_begun: tuple[_Ticks, Any] | None = None
+"""The ticks of this process and what `start` returned: Ray offers its tasks no other place."""
 
 
 def work(
     wanted: dict[str, str],
     like: list[str],
-    start: Callable[[Any, Any], None],
-    job: Any,
+    start: Callable[[Job, Ticks], Any],
+    job: Job,
     task: Callable,
     board: Any,
     item: Hashable,
@@ -48,9 +51,10 @@ def work(
     Args:
         wanted: `versions` of the machine that asks.
         like: its `processor`.
-        start: called once with the job, whose library is now this node's, and the ticks.
+        start: called once with the job, whose library is now this node's, and the ticks; what it
+            returns is held for the tasks.
         job: as `cluster.Cluster` takes it.
-        task: called with the item.
+        task: called with what is held and the item.
         board: actor that gathers the progress.
         item: what the task works on.
 
@@ -60,15 +64,16 @@ def work(
     Raises:
         RuntimeError: if this node would render other bytes. What the task raises is raised here.
     """
-    global _ticks
-    if _ticks is None:
+    global _begun
+    if _begun is None:
         _refuse_other_versions(wanted)
         _refuse_other_files(job)
         ticks = _Ticks(board)
-        start(dataclasses.replace(job, choice=_own_choice(job.choice)), ticks)
-        _ticks = ticks
-    _ticks.begin(item)
-    task(item)
+        own = dataclasses.replace(job, choice=_own_choice(job.choice))
+        _begun = ticks, start(own, ticks)
+    ticks, held = _begun
+    ticks.begin(item)
+    task(held, item)
     return processor() == like
 
 
@@ -100,8 +105,8 @@ def _version(package: str) -> str:
         return "not installed"
 
 
-def _refuse_other_files(job: Any) -> None:
-    path = job.folder / "description.json"
+def _refuse_other_files(job: Job) -> None:
+    path = job.split.description_path
     if not path.is_file():
         raise RuntimeError(
             f"{path} is not seen there: the corpus must be in a folder that all nodes share, under "
@@ -115,7 +120,7 @@ def _refuse_other_files(job: Any) -> None:
     try:
         inputs.inspect(
             job.files(),
-            inputs.read(job.folder / "inputs.json"),
+            inputs.read(job.split.inputs_path),
             lambda check, files: [check(file) for file in files],
         )
     except ValueError as error:

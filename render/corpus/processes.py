@@ -9,11 +9,18 @@ import threading
 from collections.abc import Callable, Generator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from typing import Any
+from typing import Any, Protocol
 
 TASKS_PER_PROCESS = 16
 """Processes are replaced after so many shards, as Mitsuba keeps memory of every scene it loaded."""
 THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+class Ticks(Protocol):
+    """Where a task tells of progress."""
+
+    def put(self, count: int, /) -> None:
+        """Tell that so many more things are done."""
 
 
 class Workers:
@@ -21,19 +28,19 @@ class Workers:
 
     Args:
         count: of processes.
-        start: called in each process with `arguments` and the queue on which it tells of progress
-            by putting the number of things done.
+        start: called in each process with `arguments` and the ticks; what it returns, the process
+            holds for the tasks of `run`. Nothing is set up by default.
         arguments: for `start`.
     """
 
-    def __init__(self, count: int, start: Callable[..., None], *arguments: Any):
+    def __init__(self, count: int, start: Callable[..., Any] | None = None, *arguments: Any):
         self._count = count
         # One thread of linear algebra a worker: more would fight for the cores, and sum in an order
         # that depends on their number. Children inherit it; this process computes nothing.
         os.environ |= dict.fromkeys(THREAD_VARIABLES, "1")
         self._context = multiprocessing.get_context("spawn")
         self._ticks = self._context.Queue()
-        self._initialiser = start
+        self._start = start
         self._arguments = (*arguments, self._ticks)
 
     def run(
@@ -47,8 +54,8 @@ class Workers:
         """Run `task` on each item, in any order, and wait for all.
 
         Args:
-            task: a function of a module, called in a worker.
-            items: what it is called with.
+            task: a function of a module, called with what its process holds and an item.
+            items: to work on.
             done: how many things were there before.
             total: how many there will be.
             tell: called with (done, total) whenever a worker tells of progress.
@@ -61,7 +68,7 @@ class Workers:
             # Closed at once on Ctrl-C, not when the traceback is let go; that ends the processes.
             try:
                 with contextlib.closing(
-                    self._finished(task, items[first : first + share])
+                    self._finished(_run, [(task, item) for item in items[first : first + share]])
                 ) as turns:
                     for _ in turns:
                         with contextlib.suppress(queue.Empty):
@@ -109,7 +116,7 @@ class Workers:
             min(self._count, len(items)),
             mp_context=self._context,
             initializer=_begin,
-            initargs=(self._initialiser, *self._arguments),
+            initargs=(self._start, *self._arguments),
         )
         try:
             numbers: dict[Future, int] = {
@@ -130,13 +137,24 @@ class Workers:
             pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _begin(start: Callable[..., None], *arguments: Any) -> None:
+_held: Any = None
+"""What `start` returned in this process: a pool offers its tasks no other place."""
+
+
+def _run(work: tuple[Callable[[Any, Any], None], Any]) -> None:
+    task, item = work
+    task(_held, item)
+
+
+def _begin(start: Callable[..., Any] | None, *arguments: Any) -> None:
     """Set up a process that ignores Ctrl-C, which its parent handles, and ends with its parent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
     if parent is not None:
         threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
-    start(*arguments)
+    if start is not None:
+        global _held
+        _held = start(*arguments)
 
 
 def _end_with(parent: multiprocessing.process.BaseProcess) -> None:

@@ -7,7 +7,6 @@ them.
 
 import hashlib
 import os
-import uuid
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,8 +14,9 @@ import numpy as np
 import OpenImageIO as oiio
 
 from lime_keras.data.corpus import SPLITS
+from lime_keras.io import atomic
 
-from ..rooms import sampling as room_sampling
+from ..rooms import sampling
 from ..scene import backgrounds, environments
 from ..scene.lights import Light, prepare
 from ..scene.quality import FAST, Quality
@@ -156,19 +156,17 @@ class LightSource:
     def render_room(self, name: str) -> None:
         """Render one built-in room into the cache; needs Mitsuba's variant to be set."""
         # Imports Mitsuba, which must not happen before `variants.activate` chose its library.
-        from ..rooms import renderer as room_renderer
+        from ..rooms import renderer
 
         index = int(name.removeprefix("room-").removesuffix(".exr"))
         rng = generator(self.seed, self.split, "room", index)
-        radiance = room_renderer.render(room_sampling.sample(rng), seed=int(rng.integers(2**31)))
-        self.cache.mkdir(parents=True, exist_ok=True)
-        partial = self.cache / f"partial-{uuid.uuid4().hex}-{name}"
+        radiance = renderer.render(sampling.sample(rng), seed=int(rng.integers(2**31)))
         height, width = radiance.shape
         image = oiio.ImageBuf(oiio.ImageSpec(width, height, 1, oiio.HALF))
         image.set_pixels(oiio.ROI(), np.minimum(radiance, 65504)[..., None])
-        if not image.write(str(partial)):
-            raise OSError(f"{partial} cannot be written: {image.geterror()}")
-        os.replace(partial, self.cache / name)
+        with atomic.replacing(self.cache / name, shared=True) as partial:
+            if not image.write(str(partial)):
+                raise OSError(f"{partial} cannot be written: {image.geterror()}")
 
 
 @dataclass(frozen=True)

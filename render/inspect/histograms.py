@@ -5,7 +5,7 @@ Kolmogorov–Smirnov test's. With a dozen tests a page, p below 0.001 is red.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +18,6 @@ from lime_keras.optics import colour, shininess
 
 from ..scene.lights import MEAN_RADIANCE
 from ..scene.sampling import AMBIENT, FILL, OFF_AXIS
-from .laws import Law, shift, uniform, yuv
 
 _DPI = 100
 _PAPER, _INK, _FAINT, _BAR, _LAW, _ALARM = (
@@ -34,6 +33,9 @@ _SUSPICIOUS = 1e-3
 _LABELLED = 40
 """Shapes or lights whose names are written; more would not be legible."""
 _ACROSS = 4
+
+Law = Callable[[np.ndarray], np.ndarray]
+"""Distribution function: share of the values at or below each argument."""
 
 
 @dataclass(frozen=True)
@@ -60,39 +62,62 @@ class Panel:
     decades: bool = False
 
 
+def _uniform(low: float, high: float) -> Law:
+    """The law of equal shares between two values."""
+    return lambda value: np.clip((value - low) / (high - low), 0, 1)
+
+
+def _yuv(channel: int) -> Law:
+    """Of Y, U or V of colours uniform in the RGB cube, which uniform in YUV amounts to.
+
+    The transform is linear, so equal volumes stay equal; the cube is what rejection leaves.
+    """
+    steps = (np.arange(40) + 0.5) / 40
+    cube = np.stack(np.meshgrid(steps, steps, steps), axis=-1).reshape(-1, 3)
+    values = np.sort(colour.rgb_to_yuv(cube)[:, channel])
+    shares = (np.arange(len(values)) + 0.5) / len(values)
+    return lambda value: np.interp(value, values, shares)
+
+
+def _shift(value: np.ndarray) -> np.ndarray:
+    """Law of the object's place: uniform in what its size, itself uniform, leaves of the frame."""
+    slack = (1 - np.linspace(*FILL, 201)) / 2
+    return np.mean(_uniform(-1, 1)(np.asarray(value)[..., None] / slack), axis=-1)
+
+
 _ANGLE = math.degrees(OFF_AXIS)
 _PANELS = (
-    Panel("red", "m_d, red", (0, 1), uniform(0, 1), colour="#d98a8a"),
-    Panel("green", "m_d, green", (0, 1), uniform(0, 1), colour="#8abf8f"),
-    Panel("blue", "m_d, blue", (0, 1), uniform(0, 1), colour="#8aa0d9"),
-    Panel("specular_albedo", "m_s", (0, 1), uniform(0, 1)),
-    Panel("y", "m_d, Y", (0, 1), yuv(0)),
-    Panel("u", "m_d, U", (-0.44, 0.44), yuv(1)),
-    Panel("v", "m_d, V", (-0.62, 0.62), yuv(2)),
-    Panel("ambient", "m_a", AMBIENT, uniform(*AMBIENT)),
+    Panel("red", "m_d, red", (0, 1), _uniform(0, 1), colour="#d98a8a"),
+    Panel("green", "m_d, green", (0, 1), _uniform(0, 1), colour="#8abf8f"),
+    Panel("blue", "m_d, blue", (0, 1), _uniform(0, 1), colour="#8aa0d9"),
+    Panel("specular_albedo", "m_s", (0, 1), _uniform(0, 1)),
+    Panel("y", "m_d, Y", (0, 1), _yuv(0)),
+    Panel("u", "m_d, U", (-0.44, 0.44), _yuv(1)),
+    Panel("v", "m_d, V", (-0.62, 0.62), _yuv(2)),
+    Panel("ambient", "m_a", AMBIENT, _uniform(*AMBIENT)),
     Panel(
         "log_exponent",
         "log10 s, in the bins",
         tuple(shininess.LOG_EDGES),
-        uniform(shininess.LOG_LOW, shininess.LOG_HIGH),
+        _uniform(shininess.LOG_LOW, shininess.LOG_HIGH),
     ),
     Panel("coverage", "coverage", (0, 1)),
-    Panel("fill", "object's longer side / frame", (0.4, 1), uniform(*FILL), exact=False),
+    Panel("fill", "object's longer side / frame", (0.4, 1), _uniform(*FILL), exact=False),
     Panel("field_of_view", "field of view of the crop, °"),
-    Panel("shift_across", "object's centre / frame, left to right", None, shift, exact=False),
-    Panel("shift_up", "object's centre / frame, down to up", None, shift, exact=False),
+    Panel("shift_across", "object's centre / frame, left to right", None, _shift, exact=False),
+    Panel("shift_up", "object's centre / frame, down to up", None, _shift, exact=False),
     Panel(
         "off_axis_across",
         "object off the photo's axis, left to right, °",
         None,
-        uniform(-_ANGLE, _ANGLE),
+        _uniform(-_ANGLE, _ANGLE),
         exact=False,
     ),
     Panel(
         "off_axis_up",
         "object off the photo's axis, down to up, °",
         None,
-        uniform(-_ANGLE, _ANGLE),
+        _uniform(-_ANGLE, _ANGLE),
         exact=False,
     ),
     Panel("azimuth", "strongest light, azimuth, ° (0: camera, 90: right)", (-180, 180)),

@@ -19,8 +19,8 @@ import numpy as np
 import OpenImageIO as oiio
 import tensorflow as tf
 
-from lime_keras.data import corpus as corpus_files
 from lime_keras.data import pipeline, records
+from lime_keras.data.corpus import Split
 from lime_keras.io import atomic
 from lime_keras.optics import colour
 
@@ -37,7 +37,7 @@ _NAMES = ("shape", "light")
 
 def default_path(corpus: Path, split: str, index: int) -> Path:
     """Where an example is exported to: beside its shard."""
-    return corpus_files.manifest_path(corpus, split).with_name(f"example-{index:06d}.exr")
+    return Split(corpus, split).folder / f"example-{index:06d}.exr"
 
 
 def environment_path(path: Path) -> Path:
@@ -79,13 +79,13 @@ def export(corpus: Path, split: str, index: int, out: Path) -> Path:
 
 def _read(corpus: Path, split: str, index: int) -> dict[str, Any]:
     """One record in NumPy; only its own shard is opened."""
-    manifest = corpus_files.read_manifest(corpus, split)
-    if not 0 <= index < manifest["examples"]:
+    files = Split(corpus, split)
+    if not 0 <= index < files.count:
         raise ValueError(
-            f"{corpus}/{split} has no example {index}: pass one of 0 … {manifest['examples'] - 1}"
+            f"{corpus}/{split} has no example {index}: pass one of 0 … {files.count - 1}"
         )
-    shard, place = divmod(index, manifest["description"]["shard_size"])
-    path = corpus_files.shard_path(corpus, split, shard)
+    shard, place = divmod(index, files.shard_size)
+    path = files.shard_path(shard)
     if not path.is_file():
         raise FileNotFoundError(f"{path} is missing: run the same `lime-render` command again")
     dataset = tf.data.TFRecordDataset(str(path)).skip(place).take(1).map(records.parse)
@@ -94,7 +94,7 @@ def _read(corpus: Path, split: str, index: int) -> dict[str, Any]:
             return {name: value.numpy() for name, value in example.items()}
     raise ValueError(
         f"{path}: record {place} is not example {index}, the shard is not the manifest's: "
-        f"`lime-render {corpus} --split {split} --verify` tells what else is wrong"
+        f"`lime-render verify {corpus} --split {split}` tells what else is wrong"
     )
 
 

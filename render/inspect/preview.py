@@ -1,6 +1,6 @@
 """A corpus at a glance: a contact sheet, and histograms of all that was drawn at random.
 
-`lime-render --preview` writes them beside the shards.
+`lime-render preview` writes them beside the shards.
 """
 
 import collections
@@ -13,8 +13,8 @@ import numpy as np
 import tensorflow as tf
 from matplotlib.figure import Figure
 
-from lime_keras.data import corpus as corpus_files
 from lime_keras.data import pipeline, records
+from lime_keras.data.corpus import Split
 from lime_keras.io import atomic
 
 from . import contact_sheet, histograms, quantities
@@ -63,22 +63,21 @@ def preview(corpus: Path, split: str, on_example: Callable[[int, int], None]) ->
         FileNotFoundError: if the split is incomplete.
         ValueError: if a record is damaged.
     """
-    manifest = corpus_files.read_manifest(corpus, split)
-    gathered = _gather(corpus, split, manifest["examples"], on_example)
-    folder = corpus_files.manifest_path(corpus, split).parent
+    files = Split(corpus, split)
+    gathered = _gather(files, on_example)
     title = f"{Path(corpus).resolve().name}/{split}"
-    sheet, chart = folder / "preview.png", folder / "histograms.png"
+    sheet, chart = files.folder / "preview.png", files.folder / "histograms.png"
     # A file's name may hold dollar signs; they are no formula.
     with matplotlib.rc_context({"text.parse_math": False}):
-        _save(contact_sheet.draw(gathered.shown, manifest["examples"], title), sheet)
+        _save(contact_sheet.draw(gathered.shown, files.count, title), sheet)
         histogram = histograms.draw(
             {name: np.array(values) for name, values in gathered.columns.items()},
             {
-                "shapes": _uses(gathered.shapes, manifest["shapes"]),
-                "lights": _uses(gathered.lights, manifest["lights"]),
+                "shapes": _uses(gathered.shapes, files.manifest["shapes"]),
+                "lights": _uses(gathered.lights, files.manifest["lights"]),
             },
             gathered.pictured,
-            manifest["description"]["shading"] == "literal",
+            files.is_literal,
             title,
         )
         _save(histogram, chart)
@@ -90,11 +89,9 @@ def _save(figure: Figure, path: Path) -> None:
         figure.savefig(partial)
 
 
-def _gather(
-    corpus: Path, split: str, count: int, on_example: Callable[[int, int], None]
-) -> Gathered:
+def _gather(split: Split, on_example: Callable[[int, int], None]) -> Gathered:
     """Read a split once: of every record the numbers, of some the images."""
-    paths = corpus_files.shard_paths(corpus, split)
+    paths, count = split.shard_paths(), split.count
     dataset = tf.data.TFRecordDataset([str(path) for path in paths])
     dataset = dataset.map(
         lambda serialized: (records.parse(serialized, quantities.RECORDED), serialized),

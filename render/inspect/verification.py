@@ -1,4 +1,4 @@
-"""Whether a split on disk is what its manifest says: `lime-render --verify`.
+"""Whether a split on disk is what its manifest says: `lime-render verify`.
 
 Every shard is read once, hashed and decoded; memory holds a few examples. Nothing stops at the
 first fault.
@@ -15,8 +15,8 @@ from typing import Any
 
 import tensorflow as tf
 
-from lime_keras.data import corpus as corpus_files
 from lime_keras.data import records
+from lime_keras.data.corpus import SPLITS, Split
 
 from . import record_checks
 from .faults import Faults
@@ -51,23 +51,24 @@ def verify(corpus: Path, split: str, on_example: Callable[[int, int], None]) -> 
         on_example: called with (done, total) as records are checked.
     """
     faults = Faults()
-    manifest = _read_manifest(corpus, split, faults)
-    if manifest is None:
+    files = Split(corpus, split)
+    if not _is_readable(files, faults):
         return faults
-    _check_manifest(corpus, split, manifest, faults)
-    _check_other_split(corpus, split, manifest, faults)
-    _check_strays(corpus, split, manifest["shards"], faults)
-    count, shard_size = (manifest["description"][name] for name in ("count", "shard_size"))
+    manifest = files.manifest
+    _check_manifest(files, faults)
+    _check_other_split(files, faults)
+    _check_strays(files, faults)
+    count, shard_size = manifest["description"]["count"], files.shard_size
     expected = record_checks.Expected(
         seed=manifest["description"]["seed"],
         size=manifest["description"]["size"],
-        literal=manifest["description"]["shading"] == "literal",
+        literal=files.is_literal,
         shapes=frozenset(manifest["shapes"]),
         lights=frozenset(manifest["lights"]),
     )
     with ThreadPoolExecutor(os.cpu_count()) as threads:
         for shard in range(manifest["shards"]):
-            path = corpus_files.shard_path(corpus, split, shard)
+            path = files.shard_path(shard)
             indices = range(shard * shard_size, min((shard + 1) * shard_size, count))
             if not path.is_file():
                 faults.add("file", path, "the shard is missing: render the split again")
@@ -79,25 +80,24 @@ def verify(corpus: Path, split: str, on_example: Callable[[int, int], None]) -> 
     return faults
 
 
-def _read_manifest(corpus: Path, split: str, faults: Faults) -> dict[str, Any] | None:
-    """The manifest, or None if nothing can be checked against it."""
-    path = corpus_files.manifest_path(corpus, split)
+def _is_readable(split: Split, faults: Faults) -> bool:
+    """Whether the manifest is such that anything can be checked against it."""
+    path = split.manifest_path
     try:
-        manifest = corpus_files.read_manifest(corpus, split)
+        manifest = split.manifest
     except FileNotFoundError as error:
         faults.add("manifest", path, str(error).removeprefix(f"{path} "))
-        return None
+        return False
     except ValueError as error:
         faults.add("manifest", path, f"is no JSON ({error}): render the split again")
-        return None
+        return False
     unknown = _misfits(manifest, _MANIFEST, "")
     if not unknown:
         unknown = _misfits(manifest["description"], _DESCRIPTION, "description.")
     if unknown:
         wanted = ", ".join(unknown)
         faults.add("manifest", path, f"expected {wanted}: a corpus of another version?")
-        return None
-    return manifest
+    return not unknown
 
 
 def _misfits(held: Any, wanted: dict[str, type], prefix: str) -> list[str]:
@@ -111,52 +111,53 @@ def _misfits(held: Any, wanted: dict[str, type], prefix: str) -> list[str]:
     ]
 
 
-def _check_manifest(corpus: Path, split: str, manifest: dict, faults: Faults) -> None:
+def _check_manifest(split: Split, faults: Faults) -> None:
     """Whether the manifest agrees with itself and with the description beside it."""
-    path = corpus_files.manifest_path(corpus, split)
+    path, manifest = split.manifest_path, split.manifest
     description = manifest["description"]
     shards = -(-description["count"] // max(description["shard_size"], 1))
     for name, found, expected in (
-        ("split", description["split"], split),
+        ("split", description["split"], split.name),
         ("examples", manifest["examples"], description["count"]),
         ("shards", manifest["shards"], shards),
         ("number of checksums", len(manifest["sha256"]), manifest["shards"]),
     ):
         if found != expected:
             faults.add("manifest", path, f"{name} is {found}, expected {expected}")
-    beside = path.with_name("description.json")
+    beside = split.description_path
     if not beside.is_file():
         faults.add("file", beside, "is missing")
     elif _read_json(beside) != description:
         faults.add("manifest", beside, f"differs from the description in {path.name}")
 
 
-def _check_other_split(corpus: Path, split: str, manifest: dict, faults: Faults) -> None:
+def _check_other_split(split: Split, faults: Faults) -> None:
     """No shape or light of the user's is in both splits; built-in ones are seeded by split."""
-    other = next(name for name in corpus_files.SPLITS if name != split)
-    beside = _read_json(corpus_files.manifest_path(corpus, other))
-    if beside is None or _misfits(beside, _MANIFEST, ""):
+    other = Split(split.corpus, next(name for name in SPLITS if name != split.name))
+    try:
+        beside = other.inputs
+    except (FileNotFoundError, ValueError):
         return
     for kind in ("shapes", "environments"):
         # By contents: two files of one name may differ, and one may have two names.
-        theirs = set(beside["inputs"].get(kind, {}).values())
-        ours = manifest["inputs"].get(kind, {})
+        theirs = set(beside.get(kind, {}).values())
+        ours = split.inputs.get(kind, {})
         shared = sorted(name for name, digest in ours.items() if digest in theirs)
         if shared:
             faults.add(
                 "split",
-                corpus_files.manifest_path(corpus, split),
+                split.manifest_path,
                 f"{kind} {', '.join(shared[:5])} {'…' if len(shared) > 5 else ''}are in the "
-                f"{other} split too, expected none in both",
+                f"{other.name} split too, expected none in both",
             )
 
 
-def _check_strays(corpus: Path, split: str, shards: int, faults: Faults) -> None:
+def _check_strays(split: Split, faults: Faults) -> None:
     """Files that an interrupted or another run left behind."""
-    folder = corpus / split
-    known = {corpus_files.shard_path(corpus, split, shard) for shard in range(shards)}
-    known |= {path.with_suffix(".json") for path in known}
-    known |= {folder / f"{name}.json" for name in ("manifest", "description", "inputs")}
+    folder, shards = split.folder, split.manifest["shards"]
+    known = {split.shard_path(shard) for shard in range(shards)}
+    known |= {split.sidecar_path(shard) for shard in range(shards)}
+    known |= {split.manifest_path, split.description_path, split.inputs_path}
     for path in sorted([*folder.glob("*"), *folder.glob("rooms/partial-*")]):
         if path.name.startswith("partial-"):
             faults.add("file", path, "was left by an interrupted run: delete it")

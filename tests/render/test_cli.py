@@ -11,7 +11,7 @@ import trimesh
 
 from lime_keras.data.corpus import SPLITS
 from lime_keras.render import cli
-from lime_keras.render.corpus import shards
+from lime_keras.render.corpus import split as rendering
 from lime_keras.render.corpus.processes import THREAD_VARIABLES
 from lime_keras.render.mitsuba_setup import variants
 
@@ -47,7 +47,7 @@ def test_the_options_reach_the_renderer(render, monkeypatch, tmp_path):
             "repaired": ["environments: b.exr: 3 texels"],
         }
 
-    monkeypatch.setattr(shards, "render_split", render_split)
+    monkeypatch.setattr(rendering, "render_split", render_split)
     monkeypatch.chdir(tmp_path)
     status, printed, progress = render(
         *("--count", 9, "--seed", 3, "--size", 64, "--shard-size", 4, "--shading", "literal"),
@@ -121,19 +121,22 @@ def test_a_corpus_with_skipped_files_is_sound_and_can_be_looked_at(
     )
     assert render(*inputs, "--unusable", "skip")[:2] == (status, printed)  # a rerun finds it done
     corpus = str(tmp_path / "corpus")
-    assert cli.main([corpus, "--verify"]) == 0
+    assert cli.main(["verify", corpus]) == 0
     assert capsys.readouterr().out == f"4 examples in {corpus}/train: sound\n"
-    for command in (["--preview"], ["--split", "train", "--layers", "3"]):
-        assert cli.main([corpus, *command]) == 0
+    layers = ["layers", corpus, "3", "--split", "train"]
+    elsewhere = tmp_path / "example.exr"
+    for command in (["preview", corpus], layers, [*layers, "--out", str(elsewhere)]):
+        assert cli.main(command) == 0
         written = capsys.readouterr().out.splitlines()
         assert len(written) == 2
         for path in written:
             assert not oiio.ImageBuf(path).has_error
-    assert cli.main([corpus, "--verify"]) == 0  # what was drawn beside the shards is no stray
+    assert elsewhere.is_file()
+    assert cli.main(["verify", corpus]) == 0  # what was drawn beside the shards is no stray
     capsys.readouterr()
     shard = tmp_path / "corpus" / "train" / "00001.tfrecord"
     shard.write_bytes(shard.read_bytes()[:-9])
-    assert cli.main([corpus, "--verify"]) == 1
+    assert cli.main(["verify", corpus]) == 1
     printed, errors = capsys.readouterr()
     assert "00001.tfrecord" in errors and "faults" in printed
 
@@ -148,10 +151,10 @@ def test_the_same_mesh_under_another_name_is_kept_out_of_the_other_split(render,
 
 
 def test_looking_at_nothing_is_an_error(tmp_path, capsys):
-    for option in ("--verify", "--preview"):
-        assert cli.main([str(tmp_path), option]) == 1
+    for command in ("verify", "preview"):
+        assert cli.main([command, str(tmp_path)]) == 1
         assert "holds no corpus: render one with" in capsys.readouterr().err
-    assert cli.main([str(tmp_path), "--split", "test", "--layers", "0"]) == 1
+    assert cli.main(["layers", str(tmp_path), "--split", "test", "0"]) == 1
     assert "lime-render" in capsys.readouterr().err
 
 
@@ -163,10 +166,10 @@ def test_looking_at_nothing_is_an_error(tmp_path, capsys):
         (["--count", "1", "--size", "100"], "100 is not a multiple of 32"),
         (["--count", "1", "--size", "large"], "invalid"),
         (["--count", "1", "--split", "valid"], "invalid choice"),
-        ([], "--count is needed"),
-        (["--verify", "--count", "3"], "--count is for rendering"),
-        (["--verify", "--preview"], "not allowed with"),
-        (["--layers", "-1"], "-1 is not at least 0"),
+        ([], "required: --count"),
+        (["--verify"], "--verify is no option but a command: lime-render verify --help"),
+        (["--layers=3"], "--layers is no option but a command: lime-render layers --help"),
+        (["--preview"], "--preview is no option but a command: lime-render preview --help"),
     ],
 )
 def test_wrong_usage_ends_with_2(capsys, options, message):
@@ -176,11 +179,37 @@ def test_wrong_usage_ends_with_2(capsys, options, message):
     assert message in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("options", [["--count", "3"], ["--layers", "0"]])
-def test_a_split_must_be_named(capsys, options):
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["corpus", "--count", "3"], "required: --split"),
+        (["verify", "corpus", "--count", "3"], "unrecognized arguments: --count 3"),
+        (["verify", "corpus", "--split", "valid"], "invalid choice"),
+        (["preview"], "required: CORPUS"),
+        (["layers", "corpus", "0"], "required: --split"),
+        (["layers", "corpus", "--split", "test"], "required: INDEX"),
+        (["layers", "corpus", "first", "--split", "test"], "invalid"),
+        (["views", "hdris"], "required: OUT"),
+        (["views", "hdris", "views", "--count", "0"], "0 is not at least 1"),
+    ],
+)
+def test_wrong_usage_of_each_command_ends_with_2(capsys, arguments, message):
     with pytest.raises(SystemExit) as stop:
-        cli.main(["corpus", *options])
-    assert stop.value.code == 2 and "--split is needed" in capsys.readouterr().err
+        cli.main(arguments)
+    assert stop.value.code == 2 and message in capsys.readouterr().err
+
+
+def test_a_corpus_that_is_called_like_a_command_is_rendered_by_its_path(monkeypatch):
+    rendered = []
+    monkeypatch.setattr(cli, "_render", lambda options: rendered.append(options.out) or 0)
+    assert cli.main(["./verify", "--split", "test", "--count", "1"]) == 0
+    assert cli.main(["--split", "test", "--count", "1", "verify"]) == 0
+    assert [str(out) for out in rendered] == ["verify", "verify"]
+
+
+def test_the_help_names_every_command():
+    for name in cli.COMMANDS:
+        assert f"lime-render {name} " in cli.parser().format_help()
 
 
 @pytest.mark.slow

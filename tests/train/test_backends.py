@@ -10,7 +10,7 @@ import stage_runs
 from sphere_corpus import write_split
 
 from lime_keras.data import pipeline
-from lime_keras.data.corpus import shard_paths
+from lime_keras.data.corpus import Split
 from lime_keras.networks import build, names, weights
 from lime_keras.train import stage_training, trainer
 
@@ -28,7 +28,7 @@ def exchanged(tmp_path_factory):
     corpus = write_split(folder / "corpus", "train", [range(8), range(8, 13)], size=32)
     features = [name for name in pipeline.FEATURES if name not in ("shape", "light")]
     dataset = pipeline.evaluation(
-        shard_paths(corpus, "train"), size=32, batch_size=3, features=features
+        Split(corpus, "train").shard_paths(), size=32, batch_size=3, features=features
     )
     batch = {name: value.numpy() for name, value in next(iter(dataset)).items()}
     np.savez(folder / "batch.npz", **batch)

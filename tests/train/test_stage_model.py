@@ -9,7 +9,7 @@ import tensorflow as tf
 from sphere_corpus import write_split
 
 from lime_keras.data import pipeline
-from lime_keras.data.corpus import shard_paths
+from lime_keras.data.corpus import Split
 from lime_keras.losses import mask_l2
 from lime_keras.metrics import masked_relative_error
 from lime_keras.networks import SUBNETWORKS, Architecture, build
@@ -36,7 +36,7 @@ STAGES = [(SMALL, stage.subnetworks) for stage in SCHEDULES["paper"].stages(SMAL
 @pytest.fixture(scope="module")
 def four_images(tmp_path_factory):
     corpus = write_split(tmp_path_factory.mktemp("four"), "test", [range(4)])
-    batches = pipeline.evaluation(shard_paths(corpus, "test"), size=64, batch_size=4)
+    batches = pipeline.evaluation(Split(corpus, "test").shard_paths(), size=64, batch_size=4)
     return next(iter(batches))
 
 

@@ -14,7 +14,7 @@ from sphere_corpus import write_split
 
 from lime_keras import metrics, networks
 from lime_keras.data import pipeline
-from lime_keras.data.corpus import shard_paths
+from lime_keras.data.corpus import Split
 from lime_keras.networks import Architecture, names, weights
 from lime_keras.optics import shininess
 from lime_keras.optics.dynamic_range import compress
@@ -94,7 +94,7 @@ def test_measures_are_pooled_over_the_held_out_examples(corpus, config, tmp_path
         last = list(csv.DictReader(file))[-1]
     network, left = networks.build(TINY)["exponent"], _stage(run, "exponent")
     network.set_weights([left[f"arr_{i}"] for i in range(len(network.weights))])
-    shards = shard_paths(corpus, "train")[1:]
+    shards = Split(corpus, "train").shard_paths()[1:]
     (batch,) = pipeline.evaluation(shards, size=32, batch_size=3, camera=True).as_numpy_iterator()
     seen = [compress(batch[name]) * batch["mask"] for name in ("specular_shading", "mirror")]
     probabilities = network.predict_on_batch(seen)

@@ -4,48 +4,82 @@ import json
 
 import pytest
 
-from lime_keras.data import corpus
+from lime_keras.data.corpus import SPLITS, Split
 
 
-def write(folder, split, count):
+def write(folder, split, count, **manifest):
     (folder / split).mkdir()
+    written = Split(folder, split)
     for shard in range(count):
-        corpus.shard_path(folder, split, shard).touch()
-    manifest = json.dumps({"shards": count, "seed": 0})
-    corpus.manifest_path(folder, split).write_text(manifest, encoding="utf-8")
+        written.shard_path(shard).touch()
+    text = json.dumps({"shards": count, "seed": 0} | manifest)
+    written.manifest_path.write_text(text, encoding="utf-8")
+    return written
 
 
 def test_the_files_lie_where_the_documentation_says(tmp_path):
-    assert corpus.shard_path(tmp_path, "train", 7) == tmp_path / "train" / "00007.tfrecord"
-    assert corpus.shard_path(str(tmp_path), "test", 123456).name == "123456.tfrecord"
-    assert corpus.manifest_path(tmp_path, "test") == tmp_path / "test" / "manifest.json"
+    split, folder = Split(tmp_path, "train"), tmp_path / "train"
+    assert split.shard_path(7) == folder / "00007.tfrecord"
+    assert split.sidecar_path(7) == folder / "00007.json"
+    assert Split(str(tmp_path), "test").shard_path(123456).name == "123456.tfrecord"
+    paths = (split.manifest_path, split.description_path, split.inputs_path)
+    assert paths == tuple(folder / f"{name}.json" for name in ("manifest", "description", "inputs"))
 
 
 @pytest.mark.parametrize("count", [0, 1, 12])
 def test_a_complete_split_is_listed_in_order(tmp_path, count):
-    write(tmp_path, "train", count)
-    paths = corpus.shard_paths(tmp_path, "train")
+    paths = write(tmp_path, "train", count).shard_paths()
     assert [path.name for path in paths] == [f"{shard:05d}.tfrecord" for shard in range(count)]
-    assert corpus.read_manifest(tmp_path, "train") == {"shards": count, "seed": 0}
+    assert Split(tmp_path, "train").manifest == {"shards": count, "seed": 0}
 
 
 def test_files_that_the_manifest_does_not_know_are_left_out(tmp_path):
-    write(tmp_path, "train", 2)
-    corpus.shard_path(tmp_path, "train", 2).touch()
+    split = write(tmp_path, "train", 2)
+    split.shard_path(2).touch()
     (tmp_path / "train" / "partial-00003.tfrecord").touch()
-    assert len(corpus.shard_paths(tmp_path, "train")) == 2
+    assert len(split.shard_paths()) == 2
+
+
+def test_a_split_tells_what_it_holds(tmp_path):
+    description = {"size": 64, "shard_size": 2, "shading": "literal"}
+    recorded = {"examples": 3, "sha256": ["a", "b"], "inputs": {"shapes": {"ball.ply": "c"}}}
+    split = write(tmp_path, "test", 2, description=description, **recorded)
+    assert (split.count, split.size, split.shard_size) == (3, 64, 2)
+    assert (split.sha256, split.inputs) == (recorded["sha256"], recorded["inputs"])
+    assert split.shading == "literal" and split.is_literal
+
+
+def test_a_split_that_does_not_describe_itself_is_of_the_default_shading(tmp_path):
+    split = write(tmp_path, "train", 1)
+    assert split.size is None and split.shading == "furnace" and not split.is_literal
 
 
 def test_a_split_without_its_manifest_names_the_command(tmp_path):
-    write(tmp_path, "train", 2)
-    corpus.manifest_path(tmp_path, "train").unlink()
-    for split in corpus.SPLITS:
-        with pytest.raises(FileNotFoundError, match=rf"manifest\.json.*lime-render.*{split}"):
-            corpus.shard_paths(tmp_path, split)
+    write(tmp_path, "train", 2).manifest_path.unlink()
+    for name in SPLITS:
+        with pytest.raises(FileNotFoundError, match=rf"manifest\.json.*lime-render.*{name}"):
+            Split(tmp_path, name).shard_paths()
 
 
 def test_a_missing_shard_is_named(tmp_path):
-    write(tmp_path, "test", 3)
-    corpus.shard_path(tmp_path, "test", 1).unlink()
+    split = write(tmp_path, "test", 3)
+    split.shard_path(1).unlink()
     with pytest.raises(FileNotFoundError, match=r"00001\.tfrecord is missing"):
-        corpus.shard_paths(tmp_path, "test")
+        split.shard_paths()
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("{", "is broken .*delete it"),
+        ("[]", "is no manifest"),
+        ("{}", "is no manifest"),
+        ('{"shards": "two"}', "is no manifest"),
+        ('{"shards": 1, "description": []}', "is no manifest"),
+    ],
+)
+def test_what_is_no_manifest_is_named(tmp_path, content, message):
+    split = write(tmp_path, "test", 1)
+    split.manifest_path.write_text(content, encoding="utf-8")
+    with pytest.raises(ValueError, match=rf"test/manifest\.json {message}"):
+        assert split.shard_paths() and split.shading

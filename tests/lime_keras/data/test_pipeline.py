@@ -8,7 +8,7 @@ import tensorflow as tf
 from sphere_corpus import example, write_split
 
 from lime_keras.data import camera, pipeline, records
-from lime_keras.data.corpus import shard_paths
+from lime_keras.data.corpus import Split
 from lime_keras.optics import colour, shading, shininess
 
 SIZE = 16
@@ -559,7 +559,7 @@ def test_whole_shards_are_yielded_whole(shards):
 def test_the_last_tenth_is_held_out(tmp_path, count, held_out):
     write_split(tmp_path, "train", [range(0)] * count)
     training, validation = pipeline.training_shards(tmp_path)
-    assert training + validation == shard_paths(tmp_path, "train")
+    assert training + validation == Split(tmp_path, "train").shard_paths()
     assert len(validation) == held_out and len(training) == count - held_out
 
 

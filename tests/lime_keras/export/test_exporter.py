@@ -157,7 +157,7 @@ def test_pictures_are_those_of_the_test_split(tiny_model, corpus, tmp_path, stan
     stand_in(lambda answer: answer, seen=shown)
     differences = exporter.export(tmp_path, "savedmodel", tiny_model, ["mask"], corpus=corpus)
     assert differences == {"extremes": {"mask": 0}, "pictures": {"mask": 0}}
-    shards = exporter.corpus_files.shard_paths(corpus, "test")
+    shards = exporter.Split(corpus, "test").shard_paths()
     pictures = exporter.samples.first(shards, 32, 9, camera=True)
     assert len(pictures) == 2
     np.testing.assert_array_equal(np.concatenate(shown)[-2:], pictures)

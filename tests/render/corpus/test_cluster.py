@@ -17,8 +17,8 @@ import pytest
 from render_scenes import write_inputs
 
 from lime_keras.render import cli
-from lime_keras.render.corpus import cluster, inputs, nodes, shards
-from lime_keras.render.corpus import processes as workers
+from lime_keras.render.corpus import cluster, inputs, nodes, processes, split, worker
+from lime_keras.render.corpus.description import Description, Job
 from lime_keras.render.mitsuba_setup import variants
 
 ray = pytest.importorskip("ray", reason="Ray is in the extra `cluster`")
@@ -32,7 +32,7 @@ SMALL = {"object_store_memory": 80 * 2**20, "include_dashboard": False}
 @pytest.fixture(autouse=True)
 def environment_kept(monkeypatch):
     """Rendering sets these for its workers."""
-    for name in workers.THREAD_VARIABLES:
+    for name in processes.THREAD_VARIABLES:
         monkeypatch.setenv(name, "1")
     monkeypatch.setenv("RAY_USAGE_STATS_ENABLED", "0")
 
@@ -70,7 +70,7 @@ def pair(head):
 @pytest.fixture(scope="module")
 def description(tmp_path_factory, mitsuba_choice):
     folder = write_inputs(tmp_path_factory.mktemp("inputs"))
-    return shards.Description(
+    return Description(
         split="train",
         count=8,
         seed=0,
@@ -91,11 +91,11 @@ def job(tmp_path, description):
     folders = {"shapes": str(tmp_path / "shapes"), "environments": str(tmp_path / "environments")}
     write_inputs(tmp_path)
     own = dataclasses.replace(description, **folders)
-    job = shards._Job(tmp_path / "corpus", own, variants.Choice(variants.SLOW, None))
-    job.folder.mkdir(parents=True)
-    shards._write_json(job.folder / "description.json", job.recorded())
+    job = Job(tmp_path / "corpus", own, variants.Choice(variants.SLOW, None))
+    job.split.folder.mkdir(parents=True)
+    split._write_json(job.split.description_path, job.recorded())
     found = {kind: [inputs.check(kind, path) for path in job.files()[kind]] for kind in job.files()}
-    inputs.write(job.folder / "inputs.json", found)
+    inputs.write(job.split.inputs_path, found)
     return job
 
 
@@ -112,7 +112,7 @@ def nothing(done, total):
 
 
 def render(out, description, choice, head=None, on_example=nothing):
-    shards.render_split(
+    split.render_split(
         out,
         description,
         choice,
@@ -135,7 +135,7 @@ def run(head, job, task, items, total, tell=None):
     Tasks that a test defines inside itself travel to the nodes as code.
     """
     told = []
-    pool = cluster.Cluster(head.address, [], lambda job, ticks: None, job)
+    pool = cluster.Cluster(head.address, [], lambda job, ticks: ticks, job)
     try:
         pool.run(task, items, 0, total, tell or (lambda *news: told.append(news)))
     finally:
@@ -145,38 +145,38 @@ def run(head, job, task, items, total, tell=None):
 
 def test_shards_are_spread_over_processes_of_one_thread(head, pair, job, monkeypatch):
     monkeypatch.setattr(cluster, "TASKS_PER_PROCESS", 2)
-    folder, names = job.folder, workers.THREAD_VARIABLES
+    folder, names = job.split.folder, processes.THREAD_VARIABLES
 
-    def task(item):
+    def task(ticks, item):
         node, threads = ray.util.get_node_ip_address(), [os.environ[name] for name in names]
         telling = folder / f"telling-{item}"
         telling.write_text(json.dumps([node, os.getpid(), threads]))
         telling.rename(folder / f"told-{item}")  # no one reads a part of it
         while len({json.loads(path.read_text())[0] for path in folder.glob("told-*")}) < 2:
             time.sleep(0.05)
-        nodes._ticks.put(1)
+        ticks.put(1)
 
     progress = run(head, job, task, list(range(5)), 5)
     told = [json.loads(path.read_text()) for path in folder.glob("told-*")]
     assert {node for node, _, _ in told} == {node.node_ip_address for node in pair}
-    processes = Counter(process for _, process, _ in told)
-    assert processes.total() == 5 and max(processes.values()) == 2
+    tasks = Counter(process for _, process, _ in told)
+    assert tasks.total() == 5 and max(tasks.values()) == 2
     assert all(threads == ["1", "1", "1"] for _, _, threads in told)
     assert progress == sorted(progress) and progress[-1] == (5, 5)
 
 
 def test_a_lost_process_is_replaced_and_what_it_did_not_counted_twice(head, pair, job):
     """What it did is told before it is lost, and before the other task does anything."""
-    seen, died, progress = job.folder / "seen", job.folder / "died", []
+    seen, died, progress = job.split.folder / "seen", job.split.folder / "died", []
 
-    def task(item):
+    def task(ticks, item):
         if item == 0:
-            nodes._ticks.put(2)
-            nodes._ticks.put(1)
+            ticks.put(2)
+            ticks.put(1)
         while not (seen, died)[item].exists():
             time.sleep(0.05)
         if item == 1:
-            nodes._ticks.put(3)
+            ticks.put(3)
         elif not died.exists():
             died.touch()
             os._exit(1)
@@ -193,11 +193,11 @@ def test_a_lost_process_is_replaced_and_what_it_did_not_counted_twice(head, pair
 
 
 def test_an_interruption_ends_the_tasks(head, pair, job):
-    begun = job.folder / "begun"
+    begun = job.split.folder / "begun"
 
-    def task(item):
+    def task(ticks, item):
         begun.write_text(str(os.getpid()))
-        nodes._ticks.put(1)
+        ticks.put(1)
         time.sleep(600)
 
     def interrupt(done, total):
@@ -215,22 +215,22 @@ def test_an_interruption_ends_the_tasks(head, pair, job):
 def test_a_shard_that_always_loses_its_process_is_given_up(head, pair, job, monkeypatch):
     monkeypatch.setattr(cluster, "_RETRIES", 1)
     with pytest.raises(RuntimeError, match=r"lost its process 2 times, last as \w+: .*goes on"):
-        run(head, job, lambda item: os._exit(1), [0], 1)
+        run(head, job, lambda ticks, item: os._exit(1), [0], 1)
 
 
 def test_a_node_that_falls_silent_is_not_waited_for(head, pair, job, capsys):
     """As if its cable were cut: nothing tells that its process will never answer."""
     silent = head.add_node(**SMALL, num_cpus=1, node_ip_address="127.0.0.5")
-    address, halt = silent.node_ip_address, job.folder / "halt"
+    address, halt = silent.node_ip_address, job.split.folder / "halt"
 
-    def task(item):
+    def task(ticks, item):
         if ray.util.get_node_ip_address() == address:
             halt.write_text(str(os.getpid()))
             os.kill(os.getppid(), signal.SIGSTOP)
             os.kill(os.getpid(), signal.SIGSTOP)
         while not halt.exists():
             time.sleep(0.05)
-        (job.folder / f"done-{item}").touch()
+        (job.split.folder / f"done-{item}").touch()
 
     try:
         run(head, job, task, [0, 1, 2], 3)
@@ -238,12 +238,12 @@ def test_a_node_that_falls_silent_is_not_waited_for(head, pair, job, capsys):
         head.remove_node(silent, allow_graceful=False)
         with contextlib.suppress(FileNotFoundError, ProcessLookupError):
             os.kill(int(halt.read_text()), signal.SIGKILL)
-    assert len(list(job.folder.glob("done-*"))) == 3
+    assert len(list(job.split.folder.glob("done-*"))) == 3
     assert f"node {address} is lost" in capsys.readouterr().err
 
 
 def test_what_a_task_raises_names_the_node(head, pair, job):
-    def task(item):
+    def task(ticks, item):
         raise ValueError("/meshes/teapot.ply: holds no triangle")
 
     with pytest.raises(RuntimeError, match=NODE + r"/meshes/teapot\.ply: holds no"):
@@ -261,7 +261,7 @@ def test_a_node_with_other_packages_is_refused_by_name(head, pair, job, monkeypa
 def test_a_node_that_sees_other_files_is_refused(job):
     """As what a node sees is what this process sees, the files are changed after the claim."""
     nodes._refuse_other_files(job)
-    mesh, description = job.files()["shapes"][0], job.folder / "description.json"
+    mesh, description = job.files()["shapes"][0], job.split.folder / "description.json"
     claimed = description.read_text()
     mesh.write_bytes(mesh.read_bytes() + b" ")
     with pytest.raises(RuntimeError, match=rf"^{mesh.name} changed .*; all nodes must share"):
@@ -278,7 +278,7 @@ def test_a_node_that_sees_other_files_is_refused(job):
 
 
 def test_a_node_that_does_not_see_the_corpus_is_named(head, pair, job):
-    shutil.rmtree(job.folder)
+    shutil.rmtree(job.split.folder)
     with pytest.raises(
         RuntimeError, match=r"^node 127\.0\.0\.[23]: /.*description.json is not seen"
     ):
@@ -289,7 +289,7 @@ def test_nodes_of_another_processor_are_told_once(head, pair, job, monkeypatch, 
     run(head, job, print, [0, 1], 1)
     assert "processor" not in capsys.readouterr().err
     monkeypatch.setattr(nodes, "processor", lambda: ["abacus"])
-    run(head, job, lambda item: time.sleep(0.5), [0, 1, 2, 3], 1)
+    run(head, job, lambda ticks, item: time.sleep(0.5), [0, 1, 2, 3], 1)
     errors = capsys.readouterr().err.splitlines()
     told = [line.split()[1] for line in errors if "has another kind of processor" in line]
     assert told and len(told) == len(set(told))
@@ -339,8 +339,8 @@ def test_the_bytes_are_the_same_though_a_node_is_killed_half_way(
     doomed, folder = head.add_node(**SMALL, num_cpus=1, node_ip_address="127.0.0.4"), tmp_path
     half_way, address = folder / "half-way", doomed.node_ip_address
 
-    def render_shard(shard):
-        tell = nodes._ticks.put
+    def render_shard(held, shard):
+        tell = held.ticks.put
 
         def tell_and_stop(count):
             tell(count)
@@ -348,11 +348,11 @@ def test_the_bytes_are_the_same_though_a_node_is_killed_half_way(
             time.sleep(600)
 
         if ray.util.get_node_ip_address() == address:
-            nodes._ticks.put = tell_and_stop
+            held.ticks.put = tell_and_stop
         elif shard > 0:  # three shards are left to three nodes
             while not half_way.exists():
                 time.sleep(0.05)
-        shards._render_shard(shard)
+        worker.render_shard(held, shard)
 
     def kill(done, total):
         if half_way.exists() and doomed in head.worker_nodes:
@@ -361,7 +361,7 @@ def test_the_bytes_are_the_same_though_a_node_is_killed_half_way(
             while any(node["Alive"] and node["NodeName"] == address for node in ray.nodes()):
                 time.sleep(0.1)
 
-    monkeypatch.setattr(shards, "_render_shard", render_shard)
+    monkeypatch.setattr(worker, "render_shard", render_shard)
     render(tmp_path, description, mitsuba_choice, head, kill)
     assert doomed not in head.worker_nodes
     assert contents(tmp_path) == contents(rendered)

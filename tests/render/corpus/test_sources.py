@@ -9,7 +9,7 @@ import pytest
 import trimesh
 
 from lime_keras.render.corpus import sources
-from lime_keras.render.rooms import renderer as room_renderer
+from lime_keras.render.rooms import renderer
 
 EXTENSIONS = (".obj", ".ply")
 
@@ -121,12 +121,12 @@ def test_meshes_are_found_by_name(tmp_path, dealt):
 
 
 def test_a_built_in_room_is_rendered_once_and_read_again(mitsuba_choice, monkeypatch, tmp_path):
-    small = functools.partial(room_renderer.render, height=32, samples=2)
-    monkeypatch.setattr(room_renderer, "render", small)
+    small = functools.partial(renderer.render, height=32, samples=2)
+    monkeypatch.setattr(renderer, "render", small)
     source = sources.LightSource(None, "train", 0, tmp_path / "rooms")
     first = source.load("room-0003.exr")
     assert [path.name for path in (tmp_path / "rooms").iterdir()] == ["room-0003.exr"]
-    monkeypatch.delattr(room_renderer, "render")
+    monkeypatch.delattr(renderer, "render")
     np.testing.assert_array_equal(source.load("room-0003.exr").radiance, first.radiance)
     assert first.radiance.shape == (32, 64) and first.name == "room-0003.exr"
 

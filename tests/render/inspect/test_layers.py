@@ -6,8 +6,8 @@ import pytest
 import sphere_corpus
 import tensorflow as tf
 
-from lime_keras.data import corpus as corpus_files
 from lime_keras.data import records
+from lime_keras.data.corpus import Split
 from lime_keras.optics import colour
 from lime_keras.render.inspect import layers
 
@@ -94,7 +94,7 @@ def test_only_its_own_shard_is_opened(corpus, tmp_path, monkeypatch):
         tf.data, "TFRecordDataset", lambda path: opened.append(path) or reader(path)
     )
     layers.export(corpus, "test", 4, tmp_path / "last.exr")
-    assert opened == [str(corpus_files.shard_path(corpus, "test", 2))]
+    assert opened == [str(Split(corpus, "test").shard_path(2))]
     assert read(tmp_path / "last.exr")[1].getattribute("index") == 4
 
 
@@ -109,14 +109,14 @@ def test_an_incomplete_split_is_told_with_how_to_complete_it(corpus, tmp_path):
     with pytest.raises(FileNotFoundError, match=r"lime-render .* --split train .*completes it"):
         layers.export(corpus, "train", 0, tmp_path / "none.exr")
     sphere_corpus.write_split(tmp_path, "test", [range(2)])
-    corpus_files.shard_path(tmp_path, "test", 0).unlink()
+    Split(tmp_path, "test").shard_path(0).unlink()
     with pytest.raises(FileNotFoundError, match=r"00000.tfrecord is missing: run the same"):
         layers.export(tmp_path, "test", 0, tmp_path / "none.exr")
 
 
 def test_a_shard_of_other_examples_is_refused(tmp_path):
     sphere_corpus.write_split(tmp_path, "test", [range(2), range(7, 9)])
-    with pytest.raises(ValueError, match=r"record 1 is not example 3.*--verify"):
+    with pytest.raises(ValueError, match=r"record 1 is not example 3.*lime-render verify"):
         layers.export(tmp_path, "test", 3, tmp_path / "none.exr")
 
 

@@ -9,7 +9,7 @@ from scipy import stats
 from lime_keras.data import records
 from lime_keras.optics import colour, environment
 from lime_keras.render.inspect import contact_sheet, histograms, preview, quantities
-from lime_keras.render.scene import sampling as scenes
+from lime_keras.render.scene import sampling
 
 COUNT = 7
 
@@ -43,7 +43,7 @@ def panel(figure, start):
 def columns(count, seed=0):
     """Quantities as a sound corpus has them."""
     rng = np.random.default_rng(seed)
-    materials = [scenes.sample_material(rng) for _ in range(count)]
+    materials = [sampling.sample_material(rng) for _ in range(count)]
     rgb = np.array([material.diffuse_albedo for material in materials])
     out = {panel.name: rng.uniform(0.55, 0.9, count) for panel in histograms._PANELS}
     out |= dict(zip(("red", "green", "blue"), rgb.T, strict=True))
@@ -232,12 +232,12 @@ def test_the_bins_of_the_exponent_are_counted():
 
 
 def test_the_laws_of_the_pose_are_those_of_the_scenes():
-    """Drawn anew as `scenes.sample_pose` draws: a change there must change the line."""
+    """Drawn anew as `sampling.sample_pose` draws: a change there must change the line."""
     rng = np.random.default_rng(3)
     vertices = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) / 2
     found = {"fill": [], "shift_across": [], "shift_up": []}
     for _ in range(2000):
-        pose = scenes.sample_pose(rng, vertices, 256)
+        pose = sampling.sample_pose(rng, vertices, 256)
         fx, fy, cx, cy = pose.camera
         seen = vertices @ pose.rotation.T + pose.translation
         x, y = cx - fx * seen[:, 0] / seen[:, 2], cy + fy * seen[:, 1] / seen[:, 2]

@@ -9,8 +9,8 @@ import pytest
 import sphere_corpus
 import tensorflow as tf
 
-from lime_keras.data import corpus as corpus_files
 from lime_keras.data import records
+from lime_keras.data.corpus import Split
 from lime_keras.optics import colour, shading
 from lime_keras.optics.compositing import compose
 from lime_keras.render.inspect import verification
@@ -239,7 +239,7 @@ def test_a_layer_beyond_half_precision_is_at_least_that_bright(corpus, examples)
 
 
 def test_a_flipped_byte_is_told(corpus):
-    path = corpus_files.shard_path(corpus, "train", 0)
+    path = Split(corpus, "train").shard_path(0)
     content = bytearray(path.read_bytes())
     content[len(content) // 2] ^= 1
     path.write_bytes(content)
@@ -251,7 +251,7 @@ def test_a_flipped_byte_is_told(corpus):
 
 
 def test_a_record_that_is_none_is_told_and_the_next_are_checked(corpus, examples):
-    path = corpus_files.shard_path(corpus, "train", 1)
+    path = Split(corpus, "train").shard_path(1)
     with tf.io.TFRecordWriter(str(path)) as writer:
         writer.write(b"no example")
         writer.write(records.encode(examples[4] | {"seed": 9}))
@@ -261,7 +261,7 @@ def test_a_record_that_is_none_is_told_and_the_next_are_checked(corpus, examples
 
 
 def test_a_missing_shard_is_told(corpus):
-    corpus_files.shard_path(corpus, "train", 0).unlink()
+    Split(corpus, "train").shard_path(0).unlink()
     faults = verify(corpus)
     assert faults.kinds == {"file": 1} and faults.examples == 2
     assert faults.lines()[0].endswith(
@@ -270,7 +270,7 @@ def test_a_missing_shard_is_told(corpus):
 
 
 def test_swapped_shards_are_told(corpus):
-    first, second = (corpus_files.shard_path(corpus, "train", shard) for shard in (0, 1))
+    first, second = (Split(corpus, "train").shard_path(shard) for shard in (0, 1))
     held = first.read_bytes(), second.read_bytes()
     first.write_bytes(held[1])
     second.write_bytes(held[0])

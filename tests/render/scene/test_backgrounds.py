@@ -1,14 +1,11 @@
 """Backgrounds: range, determinism, variety, and photographs of every kind."""
 
-import subprocess
-import sys
-
 import numpy as np
 import OpenImageIO as oiio
 import pytest
 from PIL import Image
 
-from lime_keras.render import room_views
+from lime_keras.render import cli
 from lime_keras.render.scene import backgrounds
 
 
@@ -163,8 +160,7 @@ def test_views_of_a_map_are_upright_exposed_and_of_the_train_split(tmp_path, rad
         folder.mkdir(parents=True)
         assert oiio.ImageBuf(maps).write(str(folder / f"{split}.exr"))
     out = tmp_path / "views"
-    command = [sys.executable, "-m", "lime_keras.render.room_views", tmp_path / "maps", out]
-    subprocess.run([*command, "--count", "12"], check=True)
+    assert cli.main(["views", str(tmp_path / "maps"), str(out), "--count", "12"]) == 0
     paths = sorted(out.iterdir())
     assert [path.name for path in paths] == [f"train-{index:02d}.png" for index in range(12)]
     skies = 0
@@ -179,10 +175,9 @@ def test_views_of_a_map_are_upright_exposed_and_of_the_train_split(tmp_path, rad
     assert skies > 3
 
 
-def test_a_map_that_cannot_be_looked_into_is_named(tmp_path, capsys, monkeypatch):
+def test_a_map_that_cannot_be_looked_into_is_named(tmp_path, capsys):
     for split in ("train", "test"):
         (tmp_path / split).mkdir()
         (tmp_path / split / "broken.hdr").write_bytes(b"not a map")
-    monkeypatch.setattr(sys, "argv", ["room_views", str(tmp_path), str(tmp_path / "views")])
-    assert room_views.main() == 1
+    assert cli.main(["views", str(tmp_path), str(tmp_path / "views")]) == 1
     assert "broken.hdr: cannot be read" in capsys.readouterr().err

@@ -8,19 +8,18 @@ from lime_keras.data import records
 from lime_keras.optics import colour, environment, shading
 from lime_keras.optics.compositing import compose
 from lime_keras.optics.shading import normaliser
-from lime_keras.render.scene import example as examples
-from lime_keras.render.scene import gbuffer, lights
-from lime_keras.render.scene import sampling as scenes
+from lime_keras.render.scene import gbuffer, lights, sampling
+from lime_keras.render.scene.example import render
 from lime_keras.render.scene.quality import QUALITIES
 
 SIZE = 64
-POSE = scenes.Pose(
-    scenes.sample_rotation(np.random.default_rng(0)),
+POSE = sampling.Pose(
+    sampling.sample_rotation(np.random.default_rng(0)),
     np.array([0.3, -0.2, -6.0]),
     np.array([130.0, 130.0, 30.0, 28.0]),
 )
-MATERIAL = scenes.Material(np.array([0.6, 0.3, 0.1]), 0.4, 35.0, 0.03)
-WHITE = scenes.Material(np.ones(3), 0.0, 35.0, 0.0)
+MATERIAL = sampling.Material(np.array([0.6, 0.3, 0.1]), 0.4, 35.0, 0.03)
+WHITE = sampling.Material(np.ones(3), 0.0, 35.0, 0.0)
 BACKGROUND = np.random.default_rng(1).uniform(size=(SIZE, SIZE, 3)).astype(np.float32)
 
 
@@ -36,12 +35,12 @@ def light():
 
 @pytest.fixture(scope="module")
 def turn(light):
-    return scenes.sample_light_rotation(np.random.default_rng(2), light.strong_direction)
+    return sampling.sample_light_rotation(np.random.default_rng(2), light.strong_direction)
 
 
 def parsed(tracer, light, turn, material=MATERIAL, pose=POSE, **options):
     """An example, encoded as a record and read back."""
-    features = examples.render(tracer, light, pose, turn, material, BACKGROUND, **options)
+    features = render(tracer, light, pose, turn, material, BACKGROUND, **options)
     names = {"shape": "sphere", "light": light.name, "seed": 0, "index": 0}
     read = records.parse(records.encode(features | names))
     return {name: tensor.numpy() for name, tensor in read.items()}
@@ -87,7 +86,7 @@ def test_outside_the_mask_lies_the_background(example):
 def test_the_edge_mixes_linear_light_and_the_sensor_clips_the_mixture(
     tracer, light, turn, specular_albedo
 ):
-    material = scenes.Material(np.ones(3), specular_albedo, 3.0, 0.05)
+    material = sampling.Material(np.ones(3), specular_albedo, 3.0, 0.05)
     example = parsed(tracer, light, turn, material)
     mask = example["mask"]
     edge = (mask[..., 0] > 0) & (mask[..., 0] < 1)
@@ -176,6 +175,6 @@ def test_the_material_and_the_camera_are_stored(example):
 
 @pytest.mark.parametrize("translation", [(0.3, -0.2, -60.0), (40.0, 0.0, -6.0)])
 def test_an_object_too_small_or_out_of_sight_is_refused(tracer, light, turn, translation):
-    pose = scenes.Pose(POSE.rotation, np.array(translation), POSE.camera)
+    pose = sampling.Pose(POSE.rotation, np.array(translation), POSE.camera)
     with pytest.raises(ValueError, match=r"the object covers \d\.\d% of the image"):
-        examples.render(tracer, light, pose, turn, MATERIAL, BACKGROUND)
+        render(tracer, light, pose, turn, MATERIAL, BACKGROUND)

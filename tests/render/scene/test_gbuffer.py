@@ -8,8 +8,7 @@ import pytest
 from render_scenes import sphere
 
 from lime_keras.optics.shading import reflect, view_directions
-from lime_keras.render.scene import gbuffer
-from lime_keras.render.scene import sampling as scenes
+from lime_keras.render.scene import gbuffer, sampling
 from lime_keras.render.scene.quality import FAST, QUALITIES
 from lime_keras.render.shapes import meshes, procedural
 
@@ -38,7 +37,7 @@ def refined_ball(mitsuba_choice):
 
 
 def look(tracer, place, seed=0):
-    rotation = scenes.sample_rotation(np.random.default_rng(seed))
+    rotation = sampling.sample_rotation(np.random.default_rng(seed))
     return tracer.trace(rotation, *place)
 
 
@@ -219,7 +218,7 @@ def test_up_is_up_and_right_is_right(ball, shift, expected):
 def test_a_posed_shape_covers_the_box_of_its_projected_vertices(mitsuba_choice, seed):
     rng = np.random.default_rng(seed)
     mesh = procedural.procedural(rng)
-    pose = scenes.sample_pose(rng, mesh.vertices, SIZE)
+    pose = sampling.sample_pose(rng, mesh.vertices, SIZE)
     seen = gbuffer.Tracer(mesh, SIZE).trace(pose.rotation, pose.translation, pose.camera)
     fx, fy, cx, cy = pose.camera
     x, y, z = pose.rotation @ mesh.vertices.T + pose.translation[:, None]

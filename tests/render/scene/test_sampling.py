@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 from lime_keras.optics import shininess
-from lime_keras.render.scene import sampling as scenes
+from lime_keras.render.scene import sampling
 from lime_keras.render.shapes import procedural
 
 PLAUSIBLE = 1e-3  # p-value, at fixed seeds
@@ -14,7 +14,7 @@ PLAUSIBLE = 1e-3  # p-value, at fixed seeds
 @pytest.fixture(scope="module")
 def materials():
     rng = np.random.default_rng(0)
-    return [scenes.sample_material(rng) for _ in range(4000)]
+    return [sampling.sample_material(rng) for _ in range(4000)]
 
 
 def test_every_shininess_bin_is_as_likely(materials):
@@ -54,7 +54,7 @@ def test_nothing_is_drawn_together(materials):
 
 def test_rotations_are_rotations_and_of_every_kind():
     rng = np.random.default_rng(1)
-    rotations = np.array([scenes.sample_rotation(rng) for _ in range(2000)])
+    rotations = np.array([sampling.sample_rotation(rng) for _ in range(2000)])
     identity = np.broadcast_to(np.eye(3), rotations.shape)
     np.testing.assert_allclose(rotations @ rotations.swapaxes(1, 2), identity, atol=1e-12)
     np.testing.assert_allclose(np.linalg.det(rotations), 1, atol=1e-12)
@@ -70,7 +70,7 @@ def projections():
     for seed in range(60):
         rng = np.random.default_rng(seed)
         mesh = procedural.procedural(np.random.default_rng(seed % 6))
-        pose = scenes.sample_pose(rng, mesh.vertices, 96)
+        pose = sampling.sample_pose(rng, mesh.vertices, 96)
         x, y, z = pose.rotation @ mesh.vertices.T + pose.translation[:, None]
         fx, fy, cx, cy = pose.camera
         out.append((pose, z, np.stack([cx - fx * x / z, cy + fy * y / z])))
@@ -104,7 +104,7 @@ def test_the_strong_light_comes_to_the_front(seed):
         strong = rng.normal(size=3)
         strong /= np.linalg.norm(strong)
         strong[1] *= 0.9  # not the very zenith
-        rotation = scenes.sample_light_rotation(rng, strong)
+        rotation = sampling.sample_light_rotation(rng, strong)
         assert (rotation @ strong)[2] > 0
         np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-12)
         assert np.linalg.det(rotation) == pytest.approx(1)
@@ -113,7 +113,7 @@ def test_the_strong_light_comes_to_the_front(seed):
 def test_the_horizon_is_tilted_as_a_camera_is_but_never_rolled():
     rng = np.random.default_rng(2)
     ups = np.array(
-        [scenes.sample_light_rotation(rng, np.array([0, 0, 1.0]))[:, 1] for _ in range(300)]
+        [sampling.sample_light_rotation(rng, np.array([0, 0, 1.0]))[:, 1] for _ in range(300)]
     )
     np.testing.assert_allclose(ups[:, 0], 0, atol=1e-12)
     pitch = np.degrees(np.arctan2(ups[:, 2], ups[:, 1]))
@@ -122,11 +122,11 @@ def test_the_horizon_is_tilted_as_a_camera_is_but_never_rolled():
 
 @pytest.mark.parametrize("up", [1.0, -1.0])
 def test_a_light_overhead_ends_the_search(up):
-    rotation = scenes.sample_light_rotation(np.random.default_rng(0), np.array([0, up, 0]))
+    rotation = sampling.sample_light_rotation(np.random.default_rng(0), np.array([0, up, 0]))
     np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-12)
 
 
 def test_a_scene_is_a_function_of_the_generator():
-    first, again, other = (scenes.sample_material(np.random.default_rng(k)) for k in (0, 0, 1))
+    first, again, other = (sampling.sample_material(np.random.default_rng(k)) for k in (0, 0, 1))
     assert first.exponent == again.exponent != other.exponent
     np.testing.assert_array_equal(first.diffuse_albedo, again.diffuse_albedo)

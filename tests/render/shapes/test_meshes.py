@@ -5,8 +5,7 @@ import pytest
 import trimesh
 from mesh_checks import check, flat_normals, is_closed, volume
 
-from lime_keras.render.scene import gbuffer
-from lime_keras.render.scene import sampling as scenes
+from lime_keras.render.scene import gbuffer, sampling
 from lime_keras.render.shapes import meshes
 
 
@@ -275,7 +274,7 @@ def seen(mesh):
     tracer = gbuffer.Tracer(mesh, size)
     views = []
     for seed in (1, 2):
-        rotation = scenes.sample_rotation(np.random.default_rng(seed))
+        rotation = sampling.sample_rotation(np.random.default_rng(seed))
         camera = np.array([150.0, 150.0, size / 2, size / 2])
         view = tracer.trace(rotation, np.array([0.0, 0.0, -6.0]), camera)
         sums = [np.bincount(view.pixel, view.normal[:, k], size**2) for k in range(3)]

@@ -9,16 +9,18 @@ import shutil
 import signal
 import threading
 import time
-from collections import Counter
 
+import numpy as np
 import pytest
 import tensorflow as tf
 import trimesh
-import worker_tasks
 from render_scenes import write_inputs
 
-from lime_keras.data import corpus, records
-from lime_keras.render.corpus import processes, shards, sources
+from lime_keras.data import records
+from lime_keras.data.corpus import SPLITS, Split
+from lime_keras.render.corpus import processes, split
+from lime_keras.render.corpus.description import Description, Job
+from lime_keras.render.corpus.drawing import Sources, render_example
 
 
 @pytest.fixture(autouse=True)
@@ -35,7 +37,7 @@ def inputs(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def description(inputs, mitsuba_choice):
-    return shards.Description(
+    return Description(
         split="train",
         count=5,
         seed=0,
@@ -55,7 +57,7 @@ def nothing(done, total):
 
 
 def render(out, description, choice, workers, on_example=nothing, **options):
-    return shards.render_split(
+    return split.render_split(
         out,
         description,
         choice,
@@ -81,7 +83,7 @@ def rendered(tmp_path_factory, description, mitsuba_choice):
 
 def test_a_split_is_whole_and_its_manifest_tells_all(rendered, description):
     out, manifest, told = rendered
-    assert manifest == corpus.read_manifest(out, "train")
+    assert manifest == Split(out, "train").manifest
     assert (manifest["shards"], manifest["examples"], manifest["failures"]) == (3, 5, [])
     recorded = dict(manifest["description"])
     assert manifest["inputs"]["shapes"].keys() == set(manifest["shapes"])
@@ -99,7 +101,7 @@ def test_a_split_is_whole_and_its_manifest_tells_all(rendered, description):
 
 def test_examples_are_in_order_and_tell_where_they_come_from(rendered):
     out, manifest, _ = rendered
-    data = tf.data.TFRecordDataset([str(path) for path in corpus.shard_paths(out, "train")])
+    data = tf.data.TFRecordDataset([str(path) for path in Split(out, "train").shard_paths()])
     examples = [records.parse(serialized) for serialized in data]
     assert [int(example["index"]) for example in examples] == list(range(5))
     for example in examples:
@@ -118,7 +120,7 @@ def test_two_workers_give_the_same_bytes_even_after_interruptions(
 
     with pytest.raises(InterruptedError):
         render(tmp_path, description, mitsuba_choice, 2, interrupt)
-    assert not corpus.manifest_path(tmp_path, "train").exists()
+    assert not Split(tmp_path, "train").manifest_path.exists()
     (tmp_path / "train" / "00002.json").unlink(missing_ok=True)
     for name in ("partial-1-00002.tfrecord", "00002.tfrecord"):  # neither is vouched for
         (tmp_path / "train" / name).write_bytes(b"cut off")
@@ -138,13 +140,7 @@ def test_the_death_of_a_worker_is_told(description, mitsuba_choice, tmp_path):
     with pytest.raises(RuntimeError, match="a worker died"):
         render(tmp_path, description, mitsuba_choice, 1)
     assassin.join()
-    assert not corpus.manifest_path(tmp_path, "train").exists()
-
-
-def test_a_file_that_kills_its_checker_is_named():
-    pool = processes.Workers(1, shards._start_nothing)
-    with pytest.raises(RuntimeError, match=r"a process died, .* at one of .*huge\.png"):
-        pool.map(worker_tasks.die, [("backgrounds", "huge.png")], nothing)
+    assert not Split(tmp_path, "train").manifest_path.exists()
 
 
 def test_a_node_finds_the_files_that_were_checked_skipped_ones_too(
@@ -153,8 +149,8 @@ def test_a_node_finds_the_files_that_were_checked_skipped_ones_too(
     """A node of a cluster lists and judges them anew."""
     for name in ("sound.png", "broken.png"):
         (tmp_path / name).write_bytes(b"")
-    changed = shards.Description(**(vars(description) | {"backgrounds": str(tmp_path)}))
-    job = shards._Job(tmp_path / "out", changed, mitsuba_choice)
+    changed = Description(**(vars(description) | {"backgrounds": str(tmp_path)}))
+    job = Job(tmp_path / "out", changed, mitsuba_choice)
     skipping = dataclasses.replace(job, usable=job.usable | {"backgrounds": ("sound.png",)})
     assert skipping.files() == job.files()
     assert [path.name for path in skipping.backgrounds.pictures()] == ["sound.png"]
@@ -182,86 +178,28 @@ def test_other_options_in_the_same_folder_are_refused(
 ):
     out = rendered[0]
     before = contents(out)
-    other = shards.Description(**(vars(description) | changes))
+    other = Description(**(vars(description) | changes))
     with pytest.raises(ValueError, match=f"holds another split: {message}"):
         render(out, other, mitsuba_choice, 1)
     assert contents(out) == before
 
 
-def test_another_seed_gives_other_bytes(rendered, description, mitsuba_choice, monkeypatch):
-    """In this process, as a worker does it."""
-
-    class Ticks:
-        def put(self, _):
-            pass
-
-    def serialized(seed, index):
-        other = shards.Description(**(vars(description) | {"seed": seed}))
-        job = shards._Job(rendered[0], other, mitsuba_choice)
-        return shards._Worker(job, Ticks()).record(index)[0]
-
-    first_shard = corpus.shard_path(rendered[0], "train", 0)
-    stored = next(iter(tf.data.TFRecordDataset(str(first_shard)))).numpy()
-    assert serialized(0, 0) == stored
-    assert serialized(1, 0) != stored != serialized(0, 1)
-
-
-def test_a_scene_that_fails_is_drawn_anew_and_told(
-    rendered, description, mitsuba_choice, monkeypatch
+def test_an_example_alone_is_that_of_the_shard_field_by_field(
+    rendered, description, mitsuba_choice
 ):
-    worker = shards._Worker(shards._Job(rendered[0], description, mitsuba_choice), None)
-    usable, calls = shards.examples.render, []
-
-    def fails_once(*arguments, **options):
-        calls.append(arguments)
-        if len(calls) == 1:
-            raise ValueError("the object covers 0.1% of the image")
-        return usable(*arguments, **options)
-
-    monkeypatch.setattr(shards.examples, "render", fails_once)
-    serialized, [failure] = worker.record(3)
-    assert int(records.parse(serialized)["index"]) == 3 and len(calls) == 2
-    assert failure.pop("shape") in rendered[1]["shapes"]
-    assert failure.pop("light") in rendered[1]["lights"]
-    assert failure == {"index": 3, "attempt": 0, "error": "the object covers 0.1% of the image"}
-    monkeypatch.setattr(shards, "_TRIES", 1)
-    calls.clear()
-    with pytest.raises(RuntimeError, match=r"example 3 of seed 0 failed 1 times, last of .*0\.1%"):
-        worker.record(3)
-
-
-def test_an_example_that_no_record_can_hold_is_drawn_anew_and_told(
-    rendered, description, mitsuba_choice, monkeypatch
-):
-    worker = shards._Worker(shards._Job(rendered[0], description, mitsuba_choice), None)
-    usable, calls = shards.examples.render, []
-
-    def not_finite_once(*arguments, **options):
-        calls.append(arguments)
-        features = usable(*arguments, **options)
-        if len(calls) == 1:
-            features["mirror"][5, 5] = float("nan")
-        return features
-
-    monkeypatch.setattr(shards.examples, "render", not_finite_once)
-    serialized, [failure] = worker.record(3)
-    assert "mirror is not finite" in failure["error"]
-    assert bool((records.parse(serialized)["mirror"] >= 0).numpy().all())
-
-
-def test_a_shard_draws_from_a_part_of_many_files_and_the_split_from_all(
-    rendered, description, mitsuba_choice, monkeypatch
-):
-    many = [f"{number:03d}.ply" for number in range(200)]
-    monkeypatch.setattr(sources.ShapeSource, "names", lambda self: many)
-    worker = shards._Worker(shards._Job(rendered[0], description, mitsuba_choice), None)
-    drawn = [worker.drawn(shard)[0] for shard in range(30)]
-    for names in drawn:
-        assert len(set(names)) == shards._SHAPES_PER_SHARD and names == sorted(names)
-    assert set().union(*drawn) == set(many)
-    again = shards._Worker(shards._Job(rendered[0], description, mitsuba_choice), None)
-    assert again.drawn(7)[0] == drawn[7] != drawn[8]
-    assert worker.drawn(0)[1] == rendered[1]["lights"]  # few: all of them
+    """In this process, as a notebook renders it."""
+    job = Job(rendered[0], description, mitsuba_choice)
+    sources = Sources(job.shapes, job.lights, job.backgrounds)
+    shards = tf.data.TFRecordDataset([str(path) for path in job.split.shard_paths()])
+    stored = list(shards.as_numpy_iterator())
+    for index in (0, 3):
+        example = render_example(0, index, sources, size=64, shard_size=2)
+        assert not example.failures and example.record == stored[index]
+        alone, held = records.parse(records.encode(example.features)), records.parse(stored[index])
+        for name in records.FEATURES:
+            np.testing.assert_array_equal(alone[name], held[name], err_msg=name)
+    other = render_example(1, 0, sources, size=64, shard_size=2)
+    assert other.record != stored[0]
 
 
 def test_a_full_disk_is_told_and_loses_no_finished_shard(
@@ -301,19 +239,19 @@ def test_files_that_moved_to_the_other_split_are_refused(
 ):
     """Training has seen them: they may not be tested on, under whatever name."""
     moved = tmp_path / "shapes"
-    for split in corpus.SPLITS:
-        (moved / split).mkdir(parents=True)
+    for name in SPLITS:
+        (moved / name).mkdir(parents=True)
     for path in (inputs / "shapes").iterdir():
         shutil.copy(path, moved / "test" / f"copy of {path.name}")
     shutil.copy(inputs / "shapes" / "ball.ply", moved / "train")
     out = tmp_path / "corpus"
     shutil.copytree(rendered[0], out)
     changes = {"split": "test", "shapes": str(moved)}
-    other = shards.Description(**(vars(description) | changes))
+    other = Description(**(vars(description) | changes))
     with pytest.raises(ValueError, match=r"copy of .* has the contents of .*the train split"):
         render(out, other, mitsuba_choice, 1)
     # While that split is being rendered, too: it has no manifest yet.
-    corpus.manifest_path(out, "train").unlink()
+    Split(out, "train").manifest_path.unlink()
     with pytest.raises(ValueError, match="has the contents of"):
         render(out, other, mitsuba_choice, 1)
     assert not (out / "test").exists()
@@ -324,14 +262,14 @@ def test_files_of_one_name_may_differ_between_the_splits(
 ):
     name, *_ = rendered[1]["shapes"]
     sorted_by_hand = tmp_path / "shapes"
-    for split in corpus.SPLITS:
-        (sorted_by_hand / split).mkdir(parents=True)
+    for half in SPLITS:
+        (sorted_by_hand / half).mkdir(parents=True)
     shutil.copy(inputs / "shapes" / name, sorted_by_hand / "train")
     trimesh.creation.icosphere(subdivisions=2).export(sorted_by_hand / "test" / name)
     out = tmp_path / "corpus"
     shutil.copytree(rendered[0], out)
     changes = {"split": "test", "shapes": str(sorted_by_hand), "count": 1}
-    other = shards.Description(**(vars(description) | changes))
+    other = Description(**(vars(description) | changes))
     manifest = render(out, other, mitsuba_choice, 1)
     assert manifest["shapes"] == [name]
     assert manifest["inputs"]["shapes"][name] != rendered[1]["inputs"]["shapes"][name]
@@ -355,11 +293,11 @@ def test_files_that_come_while_it_renders_change_no_byte_and_are_told(
         if done == 2:
             shutil.copy(inputs / "shapes" / names[0], grown / "shapes" / "train" / "aaa.ply")
 
-    grown_description = shards.Description(**(vars(description) | changes))
+    grown_description = Description(**(vars(description) | changes))
     with pytest.raises(ValueError, match=r"aaa\.ply came or went"):
         render(tmp_path / "out", grown_description, mitsuba_choice, 1, another_comes)
     assert contents(tmp_path / "out") == contents(rendered[0])
-    assert not corpus.manifest_path(tmp_path / "out", "train").exists()
+    assert not Split(tmp_path / "out", "train").manifest_path.exists()
     (grown / "shapes" / "train" / "aaa.ply").unlink()
     assert render(tmp_path / "out", grown_description, mitsuba_choice, 1) == rendered[1]
 
@@ -402,12 +340,3 @@ def test_a_broken_description_is_told_by_name(description, mitsuba_choice, tmp_p
     (tmp_path / "train" / "description.json").write_text("{", encoding="utf-8")
     with pytest.raises(ValueError, match=r"description\.json is broken"):
         render(tmp_path, description, mitsuba_choice, 1)
-
-
-def test_processes_are_replaced_without_waiting_for_ever(tmp_path, monkeypatch):
-    monkeypatch.setattr(processes, "TASKS_PER_PROCESS", 2)
-    paths = [tmp_path / str(number) for number in range(5)]
-    processes.Workers(1, shards._start_nothing).run(worker_tasks.sign, paths, 0, 5, nothing)
-    signed = [path.read_text() for path in paths]
-    assert sorted(Counter(signed).values()) == [1, 2, 2]
-    assert str(os.getpid()) not in signed

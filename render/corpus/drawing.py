@@ -1,0 +1,140 @@
+"""One example of a corpus: its scene is drawn from seed and index, and rendered."""
+
+import functools
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..scene import example
+from ..scene.gbuffer import Tracer
+from ..scene.lights import Light
+from ..scene.quality import FAST, Quality
+from ..scene.sampling import sample_light_rotation, sample_material, sample_pose
+from ..shapes.meshes import Mesh
+from .sources import BackgroundSource, LightSource, ShapeSource, generator, some
+
+_TRIES = 20
+_SHAPES_PER_SHARD, _LIGHTS_PER_SHARD = 64, 64
+"""A shard draws from so many at most: what a worker can hold, so each is read once a shard."""
+
+
+class Sources:
+    """What the scenes of a split are drawn from; the meshes and maps last used stay in memory.
+
+    Args:
+        shapes: of the split.
+        lights: of the split.
+        backgrounds: of the split.
+    """
+
+    def __init__(self, shapes: ShapeSource, lights: LightSource, backgrounds: BackgroundSource):
+        self.split = shapes.split
+        self.shape_names = shapes.names()
+        self.light_names = lights.names()
+        self.backgrounds = backgrounds
+        self._shapes, self._lights = shapes, lights
+        self.mesh = functools.lru_cache(_SHAPES_PER_SHARD)(self._mesh)
+        self.light = functools.lru_cache(_LIGHTS_PER_SHARD)(self._light)
+
+    @classmethod
+    def built_in(cls, split: str, seed: int, rooms: Path) -> "Sources":
+        """Procedural shapes in procedural rooms before random textures.
+
+        Args:
+            split: `train` or `test`, which share nothing.
+            seed: of the corpus.
+            rooms: folder that keeps the rooms' maps, which are rendered when first drawn; a corpus'
+                is `CORPUS/SPLIT/rooms`.
+        """
+        return cls(
+            ShapeSource(None, split, seed),
+            LightSource(None, split, seed, rooms),
+            BackgroundSource(None),
+        )
+
+    def of_shard(self, seed: int, shard: int) -> tuple[list[str], list[str]]:
+        """Names of the shapes and of the lights that a shard draws from."""
+        rng = generator(seed, self.split, "shard", shard)
+        return (
+            some(rng, self.shape_names, _SHAPES_PER_SHARD),
+            some(rng, self.light_names, _LIGHTS_PER_SHARD),
+        )
+
+    def _mesh(self, name: str, size: int, quality: Quality) -> tuple[Mesh, Tracer]:
+        mesh = self._shapes.load(name)
+        return mesh, Tracer(mesh, size, quality)
+
+    def _light(self, name: str, quality: Quality) -> Light:
+        return self._lights.load(name, quality)
+
+
+@dataclass(frozen=True)
+class Example:
+    """One example as it came out.
+
+    Attributes:
+        features: a value for each of `lime_keras.data.records.FEATURES`, as exact as rendered.
+        record: the same, serialised as in a shard.
+        failures: what was drawn before and could not be used: its attempt, shape, light and error.
+    """
+
+    features: dict[str, Any]
+    record: bytes
+    failures: list[dict[str, Any]]
+
+
+def render_example(
+    seed: int,
+    index: int,
+    sources: Sources,
+    *,
+    size: int = 256,
+    quality: Quality = FAST,
+    literal: bool = False,
+    shard_size: int = 512,
+) -> Example:
+    """Draw shape, light, pose, material and background of an example, and render it.
+
+    It is the example that a corpus of the same seed, sources and options has at that index. Mitsuba
+    must be active (`mitsuba_setup.variants.activate`) before TensorFlow is imported.
+
+    Args:
+        seed: of the corpus.
+        index: of the example in its split.
+        sources: what the scene is drawn from; built-in ones made with the same seed.
+        size: height and width of the images in pixels.
+        quality: of the layers.
+        literal: store D and S as Eqs. 2 and 3 are printed.
+        shard_size: examples in a shard, all of which draw from the same 64 shapes and lights.
+
+    Raises:
+        ValueError: if a file cannot be used.
+        RuntimeError: if no scene of many was usable.
+    """
+    # Imports TensorFlow, which must come after Mitsuba.
+    from lime_keras.data import records
+
+    shapes, lights = sources.of_shard(seed, index // shard_size)
+    failures: list[dict[str, Any]] = []
+    for attempt in range(_TRIES):
+        rng = generator(seed, sources.split, "example", index, attempt)
+        shape, light_name = shapes[rng.integers(len(shapes))], lights[rng.integers(len(lights))]
+        mesh, tracer = sources.mesh(shape, size, quality)
+        light = sources.light(light_name, quality)
+        scene = (
+            sample_pose(rng, mesh.vertices, size),
+            sample_light_rotation(rng, light.strong_direction),
+            sample_material(rng),
+            sources.backgrounds.sample(rng, size),
+        )
+        names = {"shape": shape, "light": light_name}
+        try:
+            rendered = example.render(tracer, light, *scene, literal=literal)
+            features = rendered | names | {"seed": seed, "index": index}
+            return Example(features, records.encode(features), failures)
+        except ValueError as error:  # it shows too little, or is not finite
+            failures.append({"index": index, "attempt": attempt, "error": str(error)} | names)
+    raise RuntimeError(
+        f"example {index} of seed {seed} failed {_TRIES} times, last of {failures[-1]['shape']} "
+        f"under {failures[-1]['light']}: {failures[-1]['error']}; look at these files"
+    )

@@ -1,0 +1,242 @@
+"""A corpus split: independent shards, written atomically by worker processes.
+
+A shard's bytes depend on the corpus' description and the shard's number alone: not on the number of
+workers, nor on interruptions. A finished shard is never written again.
+"""
+
+import contextlib
+import dataclasses
+import fcntl
+import json
+import os
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from lime_keras.data.corpus import SPLITS, Split
+from lime_keras.io import atomic
+
+from ..mitsuba_setup import variants
+from . import cluster, inputs, worker
+from .description import Description, Job
+from .processes import Workers
+
+
+def render_split(
+    out: Path,
+    description: Description,
+    choice: variants.Choice,
+    *,
+    workers: int,
+    ray: str | None = None,
+    skip_unusable: bool = False,
+    on_input: Callable[[int, int], None],
+    on_room: Callable[[int, int], None],
+    on_example: Callable[[int, int], None],
+) -> dict[str, Any]:
+    """Render what is missing of a split and write its manifest.
+
+    Args:
+        out: folder of the corpus.
+        description: of the split.
+        choice: Mitsuba's variant and library.
+        workers: processes.
+        ray: address of a Ray cluster that renders instead of them.
+        skip_unusable: leave out input files that cannot be used, instead of refusing to begin.
+        on_input: called with (done, total) as input files are checked.
+        on_room: called with (done, total) as the built-in rooms are rendered.
+        on_example: called with (done, total) as examples are; finished shards count at once.
+
+    Returns:
+        The manifest.
+
+    Raises:
+        ValueError: if the folder holds a split of another description, or an input is unusable.
+        RuntimeError: if a worker died, or the cluster cannot be used; finished shards stay.
+    """
+    job = Job(out.absolute(), description, choice)
+    split = Split(out, description.split)
+    held = _held(split)
+    if held is not None:
+        _refuse_another(split.folder, held, job.recorded())
+    # Checked now: an input that cannot be used should fail before the folder is claimed for it.
+    pool = Workers(workers)
+
+    def inspected(known: inputs.Findings | None) -> inputs.Findings:
+        return inputs.inspect(
+            job.files(), known, lambda task, items: pool.map(task, items, on_input)
+        )
+
+    findings = inspected(inputs.read(split.inputs_path) if held is not None else None)
+    if held is None and not skip_unusable:
+        inputs.refuse(findings)
+    job = dataclasses.replace(job, usable=_usable(findings, inputs.skip(findings)))
+    _refuse_shared_inputs(job, findings)
+    renderers: cluster.Cluster | Workers
+    if ray:
+        renderers = cluster.Cluster(ray, worker.PACKAGES, worker.start, job)
+    else:
+        renderers = Workers(workers, worker.start, job)
+    split.folder.mkdir(parents=True, exist_ok=True)
+    with _alone(split.folder):
+        _write_json(split.description_path, job.recorded())
+        inputs.write(split.inputs_path, findings)
+        manifest = _render_missing(job, renderers, findings, on_room, on_example)
+        inspected(findings)  # what changed meanwhile may be in some shards and not in others
+        _write_json(split.manifest_path, manifest)
+    return manifest
+
+
+def _render_missing(
+    job: Job,
+    renderers: cluster.Cluster | Workers,
+    findings: inputs.Findings,
+    on_room: Callable[[int, int], None],
+    on_example: Callable[[int, int], None],
+) -> dict[str, Any]:
+    """Render the rooms and shards that are not there yet; returns the manifest."""
+    description, lights = job.description, job.lights.names()
+    _remove_partials(job.split.folder)
+    rooms = [] if description.environments else lights
+    missing_rooms = [name for name in rooms if not (job.lights.cache / name).is_file()]
+    missing = [n for n in range(description.shards) if not _is_finished(job.split, n)]
+    done = description.count - sum(len(description.indices(shard)) for shard in missing)
+    if missing and missing_rooms:
+        finished = len(rooms) - len(missing_rooms)
+        renderers.run(worker.render_room, missing_rooms, finished, len(rooms), on_room)
+    on_example(done, description.count)
+    if missing:
+        renderers.run(worker.render_shard, missing, done, description.count, on_example)
+    _remove_partials(job.split.folder)  # of a node that was lost
+    return _manifest(job, findings)
+
+
+@contextlib.contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """Keep a second process from rendering the same split; a killed one keeps nobody out.
+
+    Raises:
+        RuntimeError: if another one is at it.
+    """
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        os.close(handle)
+        raise RuntimeError(f"another lime-render is rendering {folder}: wait for it") from error
+    except OSError:  # some network file systems lock no folders
+        pass
+    try:
+        yield
+    finally:
+        os.close(handle)
+
+
+def _usable(
+    findings: inputs.Findings, skipped: Mapping[str, frozenset[str]]
+) -> dict[str, tuple[str, ...] | None]:
+    """Names of the files to use, by kind; None where something built in serves."""
+    return {
+        kind: tuple(f.name for f in found if f.name not in skipped[kind]) or None
+        for kind, found in findings.items()
+    }
+
+
+def _digests(findings: inputs.Findings) -> dict[str, dict[str, str]]:
+    """Names and checksums of the user's files that are used, by kind."""
+    return {
+        kind: {finding.name: finding.sha256 for finding in found if finding.problem is None}
+        for kind, found in findings.items()
+    }
+
+
+def _is_finished(split: Split, shard: int) -> bool:
+    """Whether a shard and the sidecar that vouches for it are both there."""
+    return split.shard_path(shard).is_file() and split.sidecar_path(shard).is_file()
+
+
+def held_variant(split: Split) -> str | None:
+    """The variant with which a split was begun, None if it was not."""
+    return (_held(split) or {}).get("variant")
+
+
+def _refuse_shared_inputs(job: Job, findings: inputs.Findings) -> None:
+    """Keep training and test apart, by the files' contents: one may have two names."""
+    other = Split(job.out, next(name for name in SPLITS if name != job.description.split))
+    theirs = inputs.read(other.inputs_path)
+    if theirs is None:
+        return
+    for kind in ("shapes", "environments"):
+        names = {digest: name for name, digest in _digests(theirs)[kind].items()}
+        for name, digest in _digests(findings)[kind].items():
+            if digest in names:
+                raise ValueError(
+                    f"{getattr(job.description, kind)}: {name} has the contents of "
+                    f"{names[digest]}, which the {other.name} split is rendered from: remove one "
+                    "of them, or sort the files into subfolders train and test, and render "
+                    f"{other.folder} anew"
+                )
+
+
+def _held(split: Split) -> dict[str, Any] | None:
+    """The description that a split was begun with, None if it was not.
+
+    Raises:
+        ValueError: if it cannot be read.
+    """
+    path = split.description_path
+    if not path.is_file():
+        return None
+    try:
+        return dict(json.loads(path.read_text(encoding="utf-8")))
+    except (TypeError, ValueError) as error:
+        raise ValueError(
+            f"{path} is broken ({error}): remove {split.folder} to render anew"
+        ) from error
+
+
+def _refuse_another(folder: Path, held: dict[str, Any], wanted: dict[str, Any]) -> None:
+    """Refuse a folder that was claimed for another split."""
+    differing = sorted(key for key in wanted | held if wanted.get(key) != held.get(key))
+    if differing:
+        raise ValueError(
+            f"{folder} holds another split: "
+            + ", ".join(
+                f"{key} {held.get(key)} there, {wanted.get(key)} asked" for key in differing
+            )
+            + ". Pass another folder, the same options, or remove it"
+        )
+
+
+def _remove_partials(folder: Path) -> None:
+    for partial in [*folder.glob("partial-*"), *(folder / "rooms").glob("partial-*")]:
+        partial.unlink(missing_ok=True)
+
+
+def _manifest(job: Job, findings: inputs.Findings) -> dict[str, Any]:
+    """What the sidecars tell together: the split is complete."""
+    sidecars = [
+        json.loads(job.split.sidecar_path(shard).read_text(encoding="utf-8"))
+        for shard in range(job.description.shards)
+    ]
+    return {
+        # Of one shard and another, if the software was changed in between.
+        "packages": {
+            name: ", ".join(sorted({sidecar["packages"][name] for sidecar in sidecars}))
+            for name in sidecars[0]["packages"]
+        },
+        "description": job.recorded(),
+        "shards": job.description.shards,
+        "examples": job.description.count,
+        "sha256": [sidecar["sha256"] for sidecar in sidecars],
+        "failures": [failure for sidecar in sidecars for failure in sidecar["failures"]],
+        "shapes": job.shapes.names(),
+        "lights": job.lights.names(),
+        "inputs": _digests(findings),
+        "skipped": inputs.unusable(findings),
+        "repaired": inputs.repairs(findings),
+    }
+
+
+def _write_json(path: Path, value: dict[str, Any]) -> None:
+    atomic.write(path, json.dumps(value, indent=1) + "\n")

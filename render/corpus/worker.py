@@ -1,0 +1,96 @@
+"""What a process that renders holds and does: its sources, one room, one shard."""
+
+import hashlib
+import json
+from dataclasses import dataclass
+from typing import Any
+
+from lime_keras import console
+from lime_keras.io import atomic
+
+from ..mitsuba_setup import variants
+from ..scene.quality import QUALITIES
+from . import nodes
+from .description import Job
+from .drawing import Example, Sources, render_example
+from .processes import Ticks
+
+PACKAGES = ("mitsuba", "drjit", "numpy", "OpenImageIO", "tensorflow")
+"""That the bytes of a shard may depend on."""
+
+
+@dataclass(frozen=True)
+class Worker:
+    """A process that renders.
+
+    Attributes:
+        job: what to render.
+        sources: what its scenes are drawn from.
+        ticks: where to tell of progress.
+    """
+
+    job: Job
+    sources: Sources
+    ticks: Ticks
+
+    def example(self, index: int) -> Example:
+        """The split's example of that index."""
+        description = self.job.description
+        return render_example(
+            description.seed,
+            index,
+            self.sources,
+            size=description.size,
+            quality=QUALITIES[description.quality],
+            literal=description.shading == "literal",
+            shard_size=description.shard_size,
+        )
+
+
+def start(job: Job, ticks: Ticks) -> Worker:
+    """Set up this process."""
+    variants.activate(job.choice, threads=1)
+    console.import_tensorflow()
+    return Worker(job, Sources(job.shapes, job.lights, job.backgrounds), ticks)
+
+
+def render_room(worker: Worker, name: str) -> None:
+    """Render one built-in room into the split's folder."""
+    worker.job.lights.render_room(name)
+    worker.ticks.put(1)
+
+
+def render_shard(worker: Worker, shard: int) -> None:
+    """Write one shard and, last, the sidecar that says it is whole.
+
+    Raises:
+        RuntimeError: if it cannot be written, as on a full disk.
+    """
+    import tensorflow as tf
+
+    indices = worker.job.description.indices(shard)
+    path = worker.job.split.shard_path(shard)
+    failures: list[dict[str, Any]] = []
+    try:
+        # Shared, as a lost node may still be writing the same shard.
+        with atomic.replacing(path, shared=True) as partial:
+            with tf.io.TFRecordWriter(str(partial)) as writer:
+                for index in indices:
+                    example = worker.example(index)
+                    writer.write(example.record)
+                    failures += example.failures
+                    worker.ticks.put(1)
+            digest = hashlib.sha256(partial.read_bytes()).hexdigest()
+        sidecar = {
+            "examples": len(indices),
+            "sha256": digest,
+            "failures": failures,
+            "packages": nodes.versions(PACKAGES),
+        }
+        beside = worker.job.split.sidecar_path(shard)
+        atomic.write(beside, json.dumps(sidecar, indent=1) + "\n", shared=True)
+    except (tf.errors.OpError, OSError) as error:
+        raise RuntimeError(
+            f"{path} cannot be written ({error}): make room or mend the folder. Finished shards "
+            "are kept, and the same command goes on"
+        ) from error

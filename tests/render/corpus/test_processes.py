@@ -1,0 +1,35 @@
+"""Processes of a pool: their death is told, their places are taken."""
+
+import os
+from collections import Counter
+
+import pytest
+import worker_tasks
+
+from lime_keras.render.corpus import processes
+
+
+@pytest.fixture(autouse=True)
+def environment_kept(monkeypatch):
+    """A pool sets these for its processes."""
+    for name in processes.THREAD_VARIABLES:
+        monkeypatch.setenv(name, "1")
+
+
+def nothing(done, total):
+    """Follows no progress."""
+
+
+def test_a_file_that_kills_its_checker_is_named():
+    pool = processes.Workers(1)
+    with pytest.raises(RuntimeError, match=r"a process died, .* at one of .*huge\.png"):
+        pool.map(worker_tasks.die, [("backgrounds", "huge.png")], nothing)
+
+
+def test_processes_are_replaced_without_waiting_for_ever(tmp_path, monkeypatch):
+    monkeypatch.setattr(processes, "TASKS_PER_PROCESS", 2)
+    paths = [tmp_path / str(number) for number in range(5)]
+    processes.Workers(1).run(worker_tasks.sign, paths, 0, 5, nothing)
+    signed = [path.read_text() for path in paths]
+    assert sorted(Counter(signed).values()) == [1, 2, 2]
+    assert str(os.getpid()) not in signed
