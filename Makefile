@@ -28,10 +28,10 @@ test: llvm lint
 test-slow: .venv/development
 	$(BIN)/python -m pytest -m slow
 
-lint: .venv/development
+lint: .venv/development .venv/typed
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy lime_keras
+	$(BIN)/mypy
 
 # The fast renderer needs a libLLVM; where none works, one is unpacked into .venv (see docs).
 llvm: .venv/installed
@@ -49,6 +49,12 @@ llvm: .venv/installed
 
 .venv/development: .venv/installed
 	$(BIN)/python -m pip install --quiet --editable '.[dev]'
+	@touch $@
+
+# Where mypy finds lime_keras.render and the like, as setup.py maps them.
+.venv/typed: setup.py
+	mkdir -p $@/lime_keras
+	ln -sfn ../../../render ../../../train ../../../eval $@/lime_keras
 	@touch $@
 
 clean:

@@ -76,6 +76,8 @@ setup(
             "hypothesis>=6.100,<7",
             "ruff==0.17.6",
             "mypy>=1.13,<3",
+            "scipy-stubs>=1.17,<2",
+            "types-tqdm>=4.67,<5",
         ],
     },
     entry_points={

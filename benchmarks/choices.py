@@ -90,19 +90,19 @@ class SpecularModel(keras.Model):
 
 def main() -> None:
     """Print the table."""
-    options = argparse.ArgumentParser(
+    parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    options.add_argument("corpus", type=Path)
-    options.add_argument("--steps", type=int, default=600)
-    options.add_argument("--seeds", type=int, default=1)
-    options.add_argument("--examples", type=int, default=320, help="held out")
-    options.add_argument("--only", nargs="+", choices=list(CHOICES), default=list(CHOICES))
-    options = options.parse_args()
-    training, held_out = pipeline.training_shards(options.corpus)
+    parser.add_argument("corpus", type=Path)
+    parser.add_argument("--steps", type=int, default=600)
+    parser.add_argument("--seeds", type=int, default=1)
+    parser.add_argument("--examples", type=int, default=320, help="held out")
+    parser.add_argument("--only", nargs="+", choices=list(CHOICES), default=list(CHOICES))
+    options = parser.parse_args()
+    training, kept_back = pipeline.training_shards(options.corpus)
     size, batch_size = PRESETS["smoke"].size, SCHEDULES["smoke"].batch_size
     evaluation = pipeline.evaluation(
-        held_out, size=size, batch_size=batch_size, features=pipeline.LEARNT_FROM
+        kept_back, size=size, batch_size=batch_size, features=pipeline.LEARNT_FROM
     )
     held_out = list(evaluation.take(math.ceil(options.examples / batch_size)))
     black = np.mean([_error(batch, 0.0 * batch["specular_shading"]) for batch in held_out])
@@ -111,7 +111,8 @@ def main() -> None:
     print("| choice | " + " | ".join(f"seed {seed}" for seed in seeds) + " | seconds a step |")
     print("|---|" + "---:|" * (len(seeds) + 1))
     for name in options.only:
-        errors, seconds = [], []
+        errors: list[np.floating] = []
+        seconds: list[float] = []
         for seed in seeds:
             batches = pipeline.training(training, size=size, batch_size=batch_size, seed=seed)
             model = _trained(name, seed, iter(batches), options.steps, seconds)

@@ -16,7 +16,7 @@ from lime_keras.data import pipeline
 from lime_keras.networks import PRESETS, SUBNETWORKS
 from lime_keras.train.stage_model import StageModel
 from lime_keras.train.stages import SCHEDULES
-from lime_keras.train.state import MeanLosses
+from lime_keras.train.state import Means
 
 STEPS, SEEDS, VALIDATION_BATCHES = 100, 3, 3
 HEADS = {
@@ -69,7 +69,7 @@ def _nothing(name, held_out) -> float:
 
 
 def _mean_loss(model, held_out) -> float:
-    losses = MeanLosses()
+    losses = Means()
     for batch in held_out:
         losses.add(model.test_on_batch(batch, return_dict=True))
     return losses.means()["loss"]

@@ -15,19 +15,20 @@ from tqdm import tqdm
 
 from lime_keras.train import stage_model, trainer
 from lime_keras.train.config import Config
+from lime_keras.train.stage_training import Progress
 
 
 def main() -> None:
     """Print the table."""
-    options = argparse.ArgumentParser(
+    parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    options.add_argument("corpus", type=Path)
-    options.add_argument("run", type=Path)
-    options.add_argument("--out", type=Path, required=True)
-    options.add_argument("--terms", nargs="+", default=["compositing"])
-    options.add_argument("--factors", nargs="+", type=float, default=[0.2, 5.0])
-    options = options.parse_args()
+    parser.add_argument("corpus", type=Path)
+    parser.add_argument("run", type=Path)
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--terms", nargs="+", default=["compositing"])
+    parser.add_argument("--factors", nargs="+", type=float, default=[0.2, 5.0])
+    options = parser.parse_args()
     config = Config.read(options.run)
     chosen = dict(stage_model.WEIGHTS)
     rows = {"as chosen": _last_row(options.run)}
@@ -36,20 +37,22 @@ def main() -> None:
             stage_model.WEIGHTS.update(chosen | {term: chosen[term] * factor})
             name = f"{term} × {factor:g}"
             run = options.out / f"{term}-{factor:g}"
-            with tqdm(desc=name, unit="step") as bar:
-                trainer.train(
-                    [options.corpus],
-                    run,
-                    config,
-                    lambda told, bar=bar: bar.update(),
-                    reuse=options.run,
-                )
+            _train(name, options.corpus, run, config, options.run)
             rows[name] = _last_row(run)
     terms = list(rows["as chosen"])
     print("| weights | " + " | ".join(terms) + " |")
     print("|---|" + "---:|" * len(terms))
     for name, row in rows.items():
         print(f"| {name} | " + " | ".join(f"{row[term]:.4f}" for term in terms) + " |")
+
+
+def _train(name: str, corpus: Path, run: Path, config: Config, reuse: Path) -> None:
+    with tqdm(desc=name, unit="step") as bar:
+
+        def tell(_: Progress) -> None:
+            bar.update()
+
+        trainer.train([corpus], run, config, tell, reuse=reuse)
 
 
 def _last_row(run: Path) -> dict[str, float]:

@@ -14,6 +14,7 @@ the same thing.
 import argparse
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -143,7 +144,8 @@ def _monte_carlo(
     images, seconds = [], []
     for seed in range(3):
         began = time.process_time()
-        image = np.array(mi.render(scene, spp=samples, seed=seed))
+        # Mitsuba's stub wants a UInt32 for a seed; a plain number does.
+        image = np.array(mi.render(scene, spp=samples, seed=seed))  # type: ignore[arg-type]
         seconds.append(time.process_time() - began)
         images.append(image.reshape(SIZE, SIZE, -1)[..., 0])
     return images[1:], min(seconds[1:])  # the first compiles
@@ -157,9 +159,9 @@ def _register_lobe() -> None:
     class CosineFreeLobe(mi.BSDF):
         def __init__(self, properties):
             super().__init__(properties)
-            exponent = properties["exponent"]
-            self.exponent = mi.Float(exponent)
-            self.scale = mi.Float(float(normaliser(float(exponent))))
+            exponent: Any = properties["exponent"]
+            self.exponent: Any = mi.Float(exponent)
+            self.scale: Any = mi.Float(float(normaliser(float(exponent))))
             flags = mi.BSDFFlags.GlossyReflection | mi.BSDFFlags.FrontSide
             self.m_components = [flags]
             self.m_flags = flags
@@ -171,7 +173,7 @@ def _register_lobe() -> None:
             sin_phi, cos_phi = dr.sincos(2 * dr.pi * sample2.y)
             half = mi.Vector3f(sine * cos_phi, sine * sin_phi, cosine)
             i = 2 * dr.dot(o, half) * half - o
-            result = mi.BSDFSample3f()
+            result: Any = mi.BSDFSample3f()
             result.wo = i
             result.pdf = self.pdf(context, surface, i, active)
             result.eta = 1.0

@@ -10,9 +10,10 @@ serve. Times are of the processor, on one thread, relative to `fast` in the same
 
 import argparse
 import dataclasses
+import functools
 import math
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -151,7 +152,7 @@ def _trade(chosen: list[Scene], out: Path) -> Iterable[str]:
         label = f"{size}" + (" (fast)" if size == 256 else "")
         measured.setdefault("size", []).append((label, *_measured(resized, FAST)))
     _draw(measured, out / "quality.png")
-    columns = [f"{layer}{'' if layer != 'S' else ' ' + lobe}" for layer, lobe in _curves()]
+    columns = [layer if lobe is None else f"{layer} {lobe}" for layer, lobe in _curves()]
     for knob, points in measured.items():
         rows = [
             (
@@ -164,6 +165,13 @@ def _trade(chosen: list[Scene], out: Path) -> Iterable[str]:
         yield _table(f"`{knob}`", (knob, "time / fast", *columns), rows)
 
 
+def _half_png(level: int, layer: np.ndarray) -> bytes:
+    import tensorflow as tf
+
+    halves = layer.astype(np.float16).view(np.uint16)
+    return tf.io.encode_png(halves, compression=level).numpy()
+
+
 def _storage(chosen: list[Scene]) -> str:
     """What D, S and M of an example take, and lose, in different encodings."""
     import zlib
@@ -172,12 +180,10 @@ def _storage(chosen: list[Scene]) -> str:
 
     from lime_keras.data import records
 
-    encodings = {
+    encodings: dict[str, tuple[Callable[[Any], bytes], Callable[[bytes, Any], Any]]] = {
         **{
             f"half floats as 16-bit PNG, zlib's level {level}": (
-                lambda x, level=level: tf.io.encode_png(
-                    x.astype(np.float16).view(np.uint16), compression=level
-                ).numpy(),
+                functools.partial(_half_png, level),
                 lambda b, x: tf.io.decode_png(b, 1, tf.uint16).numpy().view(np.float16),
             )
             for level in (records.COMPRESSION, 6)

@@ -35,13 +35,13 @@ STAGES = ("specular", "exponent", "albedo", "specular+mirror", "specular+mirror+
 
 def main() -> None:
     """Print the table."""
-    options = argparse.ArgumentParser(
+    parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    options.add_argument("--presets", nargs="+", choices=list(PRESETS), default=["smoke", "live"])
-    options.add_argument("--settings", nargs="+", choices=list(SETTINGS), default=list(SETTINGS))
-    options.add_argument("--steps", type=int, default=8)
-    options = options.parse_args()
+    parser.add_argument("--presets", nargs="+", choices=list(PRESETS), default=["smoke", "live"])
+    parser.add_argument("--settings", nargs="+", choices=list(SETTINGS), default=list(SETTINGS))
+    parser.add_argument("--steps", type=int, default=8)
+    options = parser.parse_args()
     print("| preset | stage | batch | " + " | ".join(options.settings) + " |")
     print("|---|---|---:|" + "---:|" * len(options.settings))
     for preset in options.presets:

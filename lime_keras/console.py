@@ -1,12 +1,17 @@
-"""What every command shares: exit statuses, and errors told in one line.
+"""What every command shares: exit statuses, errors told in one line, argument types, a bar.
 
 0 done, 1 something failed (and is said on standard error), 2 wrong usage, 130 interrupted.
 """
 
+import argparse
 import contextlib
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from tqdm import tqdm
 
 _EXPECTED = (OSError, ValueError, RuntimeError)
 
@@ -33,6 +38,63 @@ def run(command: Callable[[], int], interrupted: str) -> int:
         first_line = str(error).splitlines()[0]
         print(f"error: TensorFlow: {first_line} ({type(error).__name__})", file=sys.stderr)
         return 1
+
+
+def count(text: str) -> int:
+    """Parse an option that counts: a whole number of at least 1."""
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{text} is not at least 1")
+    return value
+
+
+def names(known: Sequence[str]) -> Callable[[str], tuple[str, ...]]:
+    """Return what parses an option of comma-separated names, each of them known."""
+
+    def parse(text: str) -> tuple[str, ...]:
+        named = tuple(part.strip() for part in text.split(","))
+        unknown = [name for name in named if name not in known]
+        if unknown:
+            raise argparse.ArgumentTypeError(
+                f"unknown: {', '.join(unknown)}; choose from {', '.join(known)}"
+            )
+        return named
+
+    return parse
+
+
+class Bar:
+    """A progress bar that appears with the first news; what was done before does not count.
+
+    Args:
+        title: of what is being done.
+        unit: what is counted, in the singular.
+    """
+
+    def __init__(self, title: str, unit: str):
+        self._title, self._unit = title, unit
+        self._bar: tqdm | None = None
+
+    def __enter__(self) -> "Bar":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._bar is not None:
+            self._bar.close()
+
+    def move(self, done: int, total: int, told: Mapping[str, str] | None = None) -> None:
+        """Show that `done` of `total` are there, and behind that what else is told, by name."""
+        from tqdm import tqdm
+
+        if self._bar is None:
+            self._bar = tqdm(
+                desc=self._title, unit=self._unit, initial=done, total=total, dynamic_ncols=True
+            )
+        if told:
+            self._bar.set_postfix(told, refresh=False)
+        self._bar.update(done - self._bar.n)
+        if done == total:
+            self._bar.close()
 
 
 def import_tensorflow() -> None:

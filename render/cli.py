@@ -5,7 +5,6 @@ import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from lime_keras import console
 from lime_keras.data.corpus import SPLITS, Split
@@ -47,7 +46,9 @@ def parser() -> argparse.ArgumentParser:
     )
     out.add_argument("out", type=Path, metavar="OUT", help="folder of the corpus")
     out.add_argument("--split", choices=SPLITS, required=True, help="which half of the corpus")
-    out.add_argument("--count", type=_positive, required=True, help="number of examples to render")
+    out.add_argument(
+        "--count", type=console.count, required=True, help="number of examples to render"
+    )
     out.add_argument("--seed", type=_seed, default=0, help="of everything random (default: 0)")
     out.add_argument(
         "--shapes",
@@ -96,13 +97,16 @@ def parser() -> argparse.ArgumentParser:
     )
     out.add_argument(
         "--shard-size",
-        type=_positive,
+        type=console.count,
         metavar="N",
         help="examples in a file (default: a twentieth of the count, at most 512)",
     )
     machines = out.add_mutually_exclusive_group()
     machines.add_argument(
-        "--workers", type=_positive, default=os.cpu_count(), help="processes (default: all cores)"
+        "--workers",
+        type=console.count,
+        default=os.cpu_count(),
+        help="processes (default: all cores)",
     )
     machines.add_argument(
         "--ray",
@@ -180,7 +184,7 @@ def commands() -> argparse.ArgumentParser:
         "maps", type=Path, metavar="HDRIS", help="folder of maps, as of lime-render --environments"
     )
     views.add_argument("out", type=Path, metavar="OUT", help="folder of the pictures")
-    views.add_argument("--count", type=_positive, default=16, help="of each map (default: 16)")
+    views.add_argument("--count", type=console.count, default=16, help="of each map (default: 16)")
     return out
 
 
@@ -206,7 +210,7 @@ def _verify(options: argparse.Namespace) -> int:
 
     status = 0
     for split in _splits(options.corpus, options.split):
-        with _Bar(f"verify {split.name}", "example") as bar:
+        with console.Bar(f"verify {split.name}", "example") as bar:
             faults = verification.verify(options.corpus, split.name, bar.move)
         for line in faults.lines():
             print(line, file=sys.stderr)
@@ -221,7 +225,7 @@ def _preview(options: argparse.Namespace) -> int:
     from .inspect import preview
 
     for split in _splits(options.corpus, options.split):
-        with _Bar(f"preview {split.name}", "example") as bar:
+        with console.Bar(f"preview {split.name}", "example") as bar:
             paths = preview.preview(options.corpus, split.name, bar.move)
         for path in paths:
             print(path)
@@ -257,7 +261,7 @@ def _layers(options: argparse.Namespace) -> int:
 def _views(options: argparse.Namespace) -> int:
     from . import room_views
 
-    with _Bar("views", "picture") as bar:
+    with console.Bar("views", "picture") as bar:
         room_views.write_views(options.maps, options.out, options.count, bar.move)
     return 0
 
@@ -288,9 +292,9 @@ def _render(options: argparse.Namespace) -> int:
         **folders,
     )
     with (
-        _Bar("files", "file") as checked,
-        _Bar("rooms", "room") as rooms,
-        _Bar(options.split, "example") as rendered,
+        console.Bar("files", "file") as checked,
+        console.Bar("rooms", "room") as rooms,
+        console.Bar(options.split, "example") as rendered,
     ):
         manifest = render_split(
             options.out,
@@ -312,40 +316,6 @@ def _render(options: argparse.Namespace) -> int:
         print(f"replaced: example {failure['index']}: {failure['error']}", file=sys.stderr)
     print(f"{manifest['examples']} examples in {options.out / options.split}")
     return 0
-
-
-class _Bar:
-    """A progress bar that appears with the first news; what was done before does not count."""
-
-    def __init__(self, title: str, unit: str):
-        self._title, self._unit = title, unit
-        self._bar: Any = None
-
-    def __enter__(self) -> "_Bar":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._bar is not None:
-            self._bar.close()
-
-    def move(self, done: int, total: int) -> None:
-        """Show that `done` of `total` are there."""
-        from tqdm import tqdm
-
-        if self._bar is None:
-            self._bar = tqdm(
-                desc=self._title, unit=self._unit, initial=done, total=total, dynamic_ncols=True
-            )
-        self._bar.update(done - self._bar.n)
-        if done == total:
-            self._bar.close()
-
-
-def _positive(text: str) -> int:
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"{text} is not at least 1")
-    return value
 
 
 def _index(text: str) -> int:

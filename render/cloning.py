@@ -111,8 +111,9 @@ def without_object(photo_linear: np.ndarray, mask: np.ndarray) -> np.ndarray:
     source = oiio.ImageBuf(oiio.ImageSpec(width, height, 4, oiio.FLOAT))
     holed = np.concatenate([photo_linear * kept, kept], axis=-1).astype(np.float32)
     source.set_pixels(oiio.ROI(), np.ascontiguousarray(holed))
-    filled = oiio.ImageBufAlgo.fillholes_pushpull(source).get_pixels(oiio.FLOAT)[..., :3]
-    return np.where(kept > 0, photo_linear, np.maximum(filled, 0))
+    filled = oiio.ImageBufAlgo.fillholes_pushpull(source)
+    colours = np.asarray(filled.get_pixels(oiio.FLOAT))[..., :3]
+    return np.where(kept > 0, photo_linear, np.maximum(colours, 0))
 
 
 def _check(photo: np.ndarray, mask: np.ndarray) -> None:

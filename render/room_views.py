@@ -58,7 +58,7 @@ def write_views(
     out.mkdir(parents=True, exist_ok=True)
     paths = sources.files(folder, "train", environments.EXTENSIONS)
     for number, path in enumerate(paths):
-        maps = backgrounds.read(path)[0].get_pixels(oiio.FLOAT)
+        maps = np.asarray(backgrounds.read(path)[0].get_pixels(oiio.FLOAT))
         maps = maps[..., :3] if maps.shape[2] >= 3 else np.repeat(maps[..., :1], 3, axis=2)
         rng = np.random.default_rng((0, number))
         for index in range(count):

@@ -177,22 +177,21 @@ def test_the_commands_offer_what_the_library_has():
     assert set(preset.choices) == set(PRESETS)
 
 
+def _checked_out(*folders):
+    """The files of these folders, by default of all, that belong to the project."""
+    command = ["git", "ls-files", "--cached", "--others", "--exclude-standard", *folders]
+    listed = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    return [name for name in listed.splitlines() if (ROOT / name).is_file()]
+
+
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory):
     folder = tmp_path_factory.mktemp("wheel")
     # Built from a copy, so that no build folder is left in the checkout.
     source = folder / "source"
-    listed = subprocess.run(
-        ["git", "ls-files", "--cached", "--others", "--exclude-standard"],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=True,
-    ).stdout.split()
-    for name in listed:
-        if (ROOT / name).is_file():
-            (source / name).parent.mkdir(parents=True, exist_ok=True)
-            (source / name).write_bytes((ROOT / name).read_bytes())
+    for name in _checked_out():
+        (source / name).parent.mkdir(parents=True, exist_ok=True)
+        (source / name).write_bytes((ROOT / name).read_bytes())
     command = [sys.executable, "-m", "pip", "wheel", "--no-deps", "-q", "-w", str(folder), "."]
     subprocess.run(command, cwd=source, check=True)
     return next(folder.glob("*.whl"))
@@ -202,10 +201,14 @@ def test_the_wheel_owns_one_name(wheel):
     names = zipfile.ZipFile(wheel).namelist()
     tops = {name.split("/")[0] for name in names if ".dist-info/" not in name}
     assert tops == {"lime_keras"}
-    assert "lime_keras/eval/report/templates/report.html" in names
-    assert "lime_keras/render/corpus/split.py" in names
-    shipped = {name for name in names if name.startswith("lime_keras/pretrained/live/model/")}
-    assert {Path(name).name for name in shipped} >= {"architecture.json", "albedo.weights.h5"}
+
+
+def test_the_wheel_holds_the_four_folders(wheel):
+    """Every file of theirs, weights and templates too, where it is imported from; and no more."""
+    names = {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name}
+    mapped = {f"lime_keras/{name}" for name in _checked_out("render", "train", "eval")}
+    assert names == mapped | set(_checked_out("lime_keras"))
+    assert "lime_keras/pretrained/live/model/albedo.weights.h5" in names
 
 
 @pytest.mark.slow

@@ -1,7 +1,6 @@
 """`lime-train`: run the training stages."""
 
 import argparse
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -65,13 +64,13 @@ def parser() -> argparse.ArgumentParser:
     )
     out.add_argument(
         "--width",
-        type=_count,
+        type=console.count,
         metavar="CHANNELS",
         help="of the U-Nets' first level (default: the preset's)",
     )
     out.add_argument(
         "--size",
-        type=_count,
+        type=console.count,
         metavar="PIXELS",
         help="of the networks' images, a multiple of 32 (default: the preset's)",
     )
@@ -232,47 +231,31 @@ class _Bars:
 
     def __init__(self, stages: list[Any]):
         self._names = [stage.name for stage in stages]
-        self._bar = None
-        self._stage = None
+        self._stage: Any = None
+        self._bar: console.Bar | None = None
 
     def __enter__(self) -> "_Bars":
         return self
 
     def __exit__(self, *_: object) -> None:
         if self._bar is not None:
-            self._bar.close()
+            self._bar.__exit__()
 
     def tell(self, progress: Any) -> None:
         """Show how far a stage is."""
-        from tqdm import tqdm
-
         stage = progress.stage
-        if stage is not self._stage:
+        if self._bar is None or stage is not self._stage:
             self.__exit__()
             self._stage = stage
             number = self._names.index(stage.name) + 1
-            self._bar = tqdm(
-                desc=f"{number}/{len(self._names)} {stage.name}",
-                total=stage.steps,
-                initial=progress.step,
-                unit="step",
-                dynamic_ncols=True,
-                file=sys.stderr,
-            )
-        self._bar.update(progress.step - self._bar.n)
+            self._bar = console.Bar(f"{number}/{len(self._names)} {stage.name}", "step")
         terms = {name: f"{value:.3g}" for name, value in progress.losses.items() if name != "loss"}
-        self._bar.set_postfix(terms | {"data": f"{progress.data_wait:.0%}"}, refresh=False)
+        waited = {"data": f"{progress.data_wait:.0%}"}
+        self._bar.move(progress.step, stage.steps, terms | waited)
 
 
 def _positive(text: str) -> float:
     value = float(text)
     if not value > 0:
-        raise argparse.ArgumentTypeError(f"{text} is not above 0")
-    return value
-
-
-def _count(text: str) -> int:
-    value = int(text)
-    if value < 1:
         raise argparse.ArgumentTypeError(f"{text} is not above 0")
     return value

@@ -134,7 +134,7 @@ def _differences(
     held: Mapping[str, Any], wanted: Mapping[str, Any], prefix: str = ""
 ) -> Iterator[tuple[str, Any, Any]]:
     """(name, value held, value wanted) of all that differs, `schedule.batch_size` and the like."""
-    for key in sorted(wanted | held):
+    for key in sorted(wanted.keys() | held.keys()):
         there, asked = held.get(key), wanted.get(key)
         if isinstance(there, dict) and isinstance(asked, dict):
             yield from _differences(there, asked, f"{prefix}{key}.")

@@ -96,7 +96,7 @@ class Curve:
     def __init__(self, path: Path, step: int):
         self._path = path
         self._began = time.monotonic()
-        self._rows: list[dict[str, object]] = []
+        self._rows: list[dict[str, str]] = []
         if path.is_file():
             with path.open(newline="", encoding="utf-8") as file:
                 rows = [dict(row) for row in csv.DictReader(file)]
@@ -119,7 +119,7 @@ class Curve:
             measures: of the held-out examples; errors and shares, on scales of their own.
         """
         seconds = self._earlier + time.monotonic() - self._began
-        row: dict[str, object] = {"step": step, "seconds": f"{seconds:.1f}"}
+        row = {"step": str(step), "seconds": f"{seconds:.1f}"}
         groups = {"train": training, "validation": validation, "measure": measures}
         for group, values in groups.items():
             row |= {f"{group}_{name}": f"{value:.6g}" for name, value in values.items()}

@@ -25,9 +25,9 @@ def layer_flip(layer: np.ndarray, found: np.ndarray, mask: np.ndarray) -> float:
     if not inside.any():
         return 0.0
     white = white_point(layer, mask)
-    shown = [_linear_image(coloured(one * inside / white)) for one in (layer, found)]
+    truth, shown = (_linear_image(coloured(one * inside / white)) for one in (layer, found))
     # In linear light, and of low dynamic range, so that no exposures are searched for.
-    difference = oiio.ImageBufAlgo.FLIP_diff(*shown, hdr=0, nthreads=1)
+    difference = oiio.ImageBufAlgo.FLIP_diff(truth, shown, hdr=0, nthreads=1)
     if difference.has_error:
         raise RuntimeError(f"OpenImageIO's FLIP_diff failed: {difference.geterror()}")
     return float(np.asarray(difference.get_pixels(oiio.FLOAT))[inside].mean())

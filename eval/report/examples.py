@@ -36,15 +36,15 @@ class Example:
         choice: which one, and why.
         truth: the record, resized to the model's size: arrays, and names as bytes.
         estimate: the system's outputs for this image, without the batch axis.
-        literal: whether the corpus holds S as Eq. 3 is printed, without furnace normalisation.
         photo_srgb: the input image at its stored size, sRGB in [0, 1].
+        literal: whether the corpus holds S as Eq. 3 is printed, without furnace normalisation.
     """
 
     choice: Choice
     truth: dict[str, Any]
     estimate: dict[str, np.ndarray]
+    photo_srgb: np.ndarray
     literal: bool = False
-    photo_srgb: np.ndarray | None = None
 
     @property
     def exponent(self) -> float:
@@ -126,8 +126,8 @@ def read(
             choice,
             truth,
             {name: values[row] for name, values in estimates.items()},
-            split.is_literal,
             photos[choice.position],
+            split.is_literal,
         )
         for row, (choice, truth) in enumerate(zip(choices, truths, strict=True))
     ]

@@ -72,7 +72,7 @@ def parser() -> argparse.ArgumentParser:
     )
     out.add_argument(
         "--only",
-        type=_names,
+        type=console.names(_ONLY),
         metavar="NAMES",
         help=f"comma-separated: {', '.join(_ONLY)}; only the subnetworks it takes are run "
         "(default: all that RUN can estimate)",
@@ -222,13 +222,3 @@ def _path(video: str) -> Path:
     from lime_keras.io.video_reader import is_camera
 
     return Path(video.replace(":", "-").replace("/", "-")) if is_camera(video) else Path(video)
-
-
-def _names(text: str) -> tuple[str, ...]:
-    names = tuple(part.strip() for part in text.split(","))
-    unknown = [name for name in names if name not in _ONLY]
-    if unknown:
-        raise argparse.ArgumentTypeError(
-            f"unknown: {', '.join(unknown)}; choose from {', '.join(_ONLY)}"
-        )
-    return names

@@ -66,7 +66,7 @@ def parser() -> argparse.ArgumentParser:
     )
     out.add_argument(
         "--only",
-        type=_names,
+        type=console.names(_OUTPUTS),
         metavar="NAMES",
         help=f"comma-separated outputs: {', '.join(_OUTPUTS)} (default: all that RUN has)",
     )
@@ -121,13 +121,3 @@ def _export(options: argparse.Namespace) -> int:
         row = "".join(f"{found[name]:12.1e}" for found in differences.values())
         print(f"  {name:28s}{row}")
     return 0
-
-
-def _names(text: str) -> tuple[str, ...]:
-    names = tuple(part.strip() for part in text.split(","))
-    unknown = [name for name in names if name not in _OUTPUTS]
-    if unknown:
-        raise argparse.ArgumentTypeError(
-            f"unknown: {', '.join(unknown)}; choose from {', '.join(_OUTPUTS)}"
-        )
-    return names

@@ -77,7 +77,7 @@ def choose() -> Choice:
     Raises:
         RuntimeError: if Mitsuba cannot be loaded at all, naming what it lacks.
     """
-    tried = []
+    tried: list[Path] = []
     for library in candidates():
         if works(library):
             return Choice(FAST, library, tuple(tried))

@@ -1,5 +1,7 @@
 """Furniture: tables, shelves and blocks, at random places of a room's floor."""
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from .meshes import Solid, as_vector
@@ -13,7 +15,7 @@ def sample(rng: np.random.Generator, size: np.ndarray, viewpoint: np.ndarray) ->
     taken = [(viewpoint[[0, 2]], CLEARANCE)]
     if rng.random() < 0.5:  # what the object stands on
         tall, radius = viewpoint[1] - rng.uniform(CLEARANCE, 0.5), rng.uniform(0.25, 0.5)
-        solids += _table(rng, viewpoint[[0, 2]], (radius, tall, radius))
+        solids += _table(rng, viewpoint[[0, 2]], np.array([radius, tall, radius]))
         taken = [(viewpoint[[0, 2]], 1.5 * radius)]
     for _ in range(rng.integers(2, 10)):
         extent = rng.uniform((0.15, 0.3, 0.15), (0.6, 0.7 * size[1], 0.5))
@@ -27,7 +29,11 @@ def sample(rng: np.random.Generator, size: np.ndarray, viewpoint: np.ndarray) ->
 
 
 def _solid(
-    rng: np.random.Generator, kind: str, centre: np.ndarray, extent: np.ndarray, turn: float
+    rng: np.random.Generator,
+    kind: str,
+    centre: Iterable[float],
+    extent: Iterable[float],
+    turn: float,
 ) -> Solid:
     gloss = float(rng.uniform(0.15, 0.6)) if rng.random() < 0.3 else None
     albedo = float(rng.uniform(0.04, 0.85))

@@ -3,6 +3,7 @@
 Metres; Y up.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -85,10 +86,10 @@ def solid_piece(solid: Solid) -> Piece:
 def _unit(kind: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Vertices, normals and faces of a solid of half extents 1."""
     if kind == "box":
-        sides = [Panel((-1, -1, 1), (2, 0, 0), (0, 2, 0), ((0,),))]
-        sides = [panel_piece(side)[:3] for side in sides]
+        v, n, f, *_ = panel_piece(Panel((-1, -1, 1), (2, 0, 0), (0, 2, 0), ((0,),)))
         turns = [np.eye(3)[list(p)] * np.array(q)[:, None] for p, q in _BOX_TURNS]
-        return merged([(v @ t.T, n @ t.T, f) for v, n, f in sides for t in turns])
+        vertices, normals, faces = merged([(v @ t.T, n @ t.T, f) for t in turns])
+        return vertices, normals, faces
     columns = 24
     if kind == "sphere":
         angle = np.linspace(0, np.pi, 13)
@@ -115,7 +116,9 @@ _BOX_TURNS = (
 )  # permutation and signs of the rotations that carry the front of a box to its sides
 
 
-def _lathed(rings: np.ndarray, slopes: np.ndarray, columns: int) -> tuple[np.ndarray, ...]:
+def _lathed(
+    rings: np.ndarray, slopes: np.ndarray, columns: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Revolves points `(K, 2)` of radius and height and their normals about y."""
     angle = 2 * np.pi * np.arange(columns) / columns
     around = np.stack([np.cos(angle), np.ones(columns), -np.sin(angle)], 1)
@@ -143,11 +146,12 @@ def area(piece: Piece) -> float:
     return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
 
 
-def as_vector(values: np.ndarray) -> Vector:
+def as_vector(values: Iterable[float]) -> Vector:
     """Three numbers as plain, comparable data."""
-    return tuple(float(value) for value in values)
+    x, y, z = values
+    return float(x), float(y), float(z)
 
 
 def as_pattern(values: np.ndarray) -> Pattern:
     """Rows of numbers as plain, comparable data."""
-    return tuple(as_vector(row) for row in values)
+    return tuple(tuple(float(value) for value in row) for row in values)

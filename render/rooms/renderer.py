@@ -9,6 +9,7 @@ from functools import lru_cache
 
 import mitsuba as mi
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .meshes import Piece, Vector, area, merged, panel_piece, solid_piece
 from .sampling import LIGHTS, Light, Room
@@ -97,7 +98,7 @@ def _mesh(kind: str, bsdf: dict, emitter: dict | None = None) -> "mi.Mesh":
     mesh.add_attribute("face_albedo", 1, [0.5] * faces)
     mesh.add_attribute("face_roughness", 1, [0.5] * faces)
     parameters = mi.traverse(mesh)
-    for name, values in _buffers(kind, [], np.zeros(3)).items():
+    for name, values in _buffers(kind, [], (0.0, 0.0, 0.0)).items():
         parameters[name] = values
     parameters.update()
     return mesh
@@ -151,7 +152,7 @@ def _buffers(kind: str, pieces: list[Piece], origin: Vector) -> dict[str, np.nda
     }
 
 
-def _filled(values: np.ndarray, filler: np.ndarray, count: int) -> np.ndarray:
+def _filled(values: np.ndarray, filler: ArrayLike, count: int) -> np.ndarray:
     out = np.empty((count, *values.shape[1:]), np.float32)
     out[: len(values)], out[len(values) :] = values, filler
     return out.ravel()
@@ -159,8 +160,9 @@ def _filled(values: np.ndarray, filler: np.ndarray, count: int) -> np.ndarray:
 
 def _views(scene: tuple, kind: str, side: int, samples: int, seed: int) -> np.ndarray:
     """The six views `(6, side, side)`, non-finite pixels black."""
-    image = mi.render(scene[0], integrator=scene[2][kind], seed=seed, spp=samples)
-    image = np.array(image, np.float32).reshape(side, 6, side).swapaxes(0, 1)
+    # Mitsuba's stub wants a UInt32 for a seed; a plain number does.
+    rendered = mi.render(scene[0], integrator=scene[2][kind], seed=seed, spp=samples)  # type: ignore[arg-type]
+    image = np.array(rendered, np.float32).reshape(side, 6, side).swapaxes(0, 1)
     return np.where(np.isfinite(image), np.maximum(image, 0), 0)
 
 

@@ -138,7 +138,8 @@ def _window(rng: np.random.Generator, wall: Panel) -> tuple[Panel, Light, Light]
                     half.append(_on_wall(wall, pane, 0.02, ((0.0,),)))
     sky = np.exp(rng.uniform(np.log(2), np.log(40)))
     ground = sky * rng.uniform(0.05, 0.6)
-    return frame, *(Light(float(x), tuple(h)) for x, h in zip((sky, ground), halves, strict=True))
+    above, below = halves
+    return frame, Light(float(sky), tuple(above)), Light(float(ground), tuple(below))
 
 
 def _picture(rng: np.random.Generator, wall: Panel) -> Panel:

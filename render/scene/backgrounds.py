@@ -63,7 +63,7 @@ def photograph(path: str | Path, rng: np.random.Generator, size: int) -> np.ndar
     # Much smaller, averaged over areas: a filter as wide as the change takes seconds.
     kernel = "box" if side > 2 * size else ""
     resized = oiio.ImageBufAlgo.resize(square, kernel, roi=oiio.ROI(0, size, 0, size))
-    pixels = resized.get_pixels(oiio.FLOAT)
+    pixels = np.asarray(resized.get_pixels(oiio.FLOAT))
     pixels = pixels[..., :3] if pixels.shape[2] >= 3 else np.repeat(pixels[..., :1], 3, axis=2)
     if rng.random() < 0.5:
         pixels = pixels[:, ::-1]

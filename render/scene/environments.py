@@ -134,7 +134,7 @@ def _upright(radiance: np.ndarray, orientation: int) -> np.ndarray:
         return radiance
     image = oiio.ImageBuf(np.ascontiguousarray(radiance[..., None]))
     image.orientation = orientation
-    return oiio.ImageBufAlgo.reorient(image).get_pixels(oiio.FLOAT)[..., 0]
+    return np.asarray(oiio.ImageBufAlgo.reorient(image).get_pixels(oiio.FLOAT))[..., 0]
 
 
 def resized(radiance: np.ndarray, height: int) -> np.ndarray:

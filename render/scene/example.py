@@ -86,4 +86,4 @@ def layers(
     chosen, weights = gbuffer.lobe_samples(light.quality.lobe_rough_above / (exponent + 2))
     blurred = integrals.specular(normal[chosen], view[chosen], exponent, light)
     specular = gbuffer.pixel_means(blurred, chosen, weights)
-    return tuple(gbuffer.image(layer) for layer in (diffuse, specular, mirror))
+    return gbuffer.image(diffuse), gbuffer.image(specular), gbuffer.image(mirror)

@@ -186,15 +186,16 @@ def _intersect(
     import drjit as dr
     import mitsuba as mi
 
-    if "scalar" in mi.variant():
-        found = [scene.ray_intersect(mi.Ray3f(origin, direction)) for direction in directions]
+    start = mi.Point3f(origin)
+    if "scalar" in str(mi.variant()):
+        found = [scene.ray_intersect(mi.Ray3f(start, direction)) for direction in directions]
         hit = np.array([surface.is_valid() for surface in found], bool)
         normals = [(surface.sh_frame.n, surface.n) for surface in found if surface.is_valid()]
         shading_normal, geometric = np.array(normals, np.float32).reshape(-1, 2, 3).swapaxes(0, 1)
         return hit, shading_normal, geometric
     if not len(directions):
         return np.zeros(0, bool), np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32)
-    start, towards = mi.Point3f(origin), mi.Vector3f(*map(mi.Float, directions.T))
+    towards = mi.Vector3f(*map(mi.Float, directions.T))
     dr.make_opaque(start)  # literals would compile a new kernel for every image
     surface = scene.ray_intersect(mi.Ray3f(start, towards))
     valid, shading_normal, geometric = surface.is_valid(), surface.sh_frame.n, surface.n

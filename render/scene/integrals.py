@@ -38,8 +38,8 @@ def specular(normal: np.ndarray, view: np.ndarray, exponent: float, light: Light
     mirrored = shading.reflect(normal, view)
     cell = np.empty(len(normal), int)
     for first in range(0, len(normal), _SLICE):
-        rows = slice(first, first + _SLICE)
-        cell[rows] = np.argmax(mirrored[rows] @ cells.T, axis=1)
+        some = slice(first, first + _SLICE)
+        cell[some] = np.argmax(mirrored[some] @ cells.T, axis=1)
     out = np.empty(len(normal), normal.dtype)
     for index in np.unique(cell):
         rows = np.flatnonzero(cell == index)

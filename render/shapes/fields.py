@@ -17,7 +17,9 @@ Field = Callable[[np.ndarray], np.ndarray]
 
 def composition(rng: np.random.Generator) -> tuple[Field, float]:
     """Primitives grown out of one another, displaced: a field, and a radius that holds it."""
-    parts, centres, sizes = [], [np.zeros(3)], []
+    parts: list[Field] = []
+    sizes: list[float] = []
+    centres = [np.zeros(3)]
     for k in range(rng.choice([1, 2, 3, 4, 5], p=(0.15, 0.25, 0.25, 0.2, 0.15))):
         size = rng.uniform(0.35, 0.7) if k else 0.7
         if k:
@@ -35,7 +37,8 @@ def composition(rng: np.random.Generator) -> tuple[Field, float]:
             d = _join(d, part(p), softness)
         return d - waves(p)
 
-    return field, max(np.linalg.norm(c) + 1.8 * s for c, s in zip(centres, sizes, strict=True))
+    radius = max(np.linalg.norm(c) + 1.8 * s for c, s in zip(centres, sizes, strict=True))
+    return field, float(radius)
 
 
 def blobs(rng: np.random.Generator) -> tuple[Field, float]:
@@ -113,7 +116,7 @@ def _limb(
     if kind == 1:
         length, width = rng.uniform(0.25, 0.6), rng.uniform(0.12, 0.4)
         centre = (start + length * along).astype(np.float32)[:, None]
-        a = np.float32([[length], [0.8 * thickness], [width]])
+        a = np.array([[length], [0.8 * thickness], [width]], np.float32)
         rounding = 0.8 * thickness * rng.uniform(0.2, 1.0)
         return lambda p: _box(axes @ (p - centre), a, rounding), start + 1.8 * length * along
     ring = rng.uniform(0.25, 0.6)
@@ -176,7 +179,7 @@ def _join(d: np.ndarray, other: np.ndarray, softness: float) -> np.ndarray:
 def _displacement(rng: np.random.Generator) -> Field:
     """Plane waves of one band, often none; the slope is bounded so that nothing tears off."""
     if rng.random() < 0.4:
-        return lambda p: np.float32(0)
+        return lambda p: np.zeros((), np.float32)
     frequency = np.exp(rng.uniform(np.log(4), np.log(22)))
     amplitude = np.float32(rng.uniform(0.1, 0.55) / frequency)
     waves = np.stack([_direction(rng) for _ in range(5)]) * frequency

@@ -123,7 +123,7 @@ def _revolved(
     points = (radius * ripple)[..., None] * across
     points[..., 1] = y
     length = np.r_[0, np.cumsum(np.linalg.norm(np.diff(section, axis=0), axis=1))]
-    up = np.gradient(points, length, axis=0, edge_order=min(2, len(section) - 1))
+    up = np.gradient(points, length, axis=0, edge_order=2 if len(section) > 2 else 1)
     # The tangent around is divided by the radius, so that it stays finite on the axis.
     around = ripple[..., None] * along - (flutes * depth * np.sin(phase))[..., None] * across
     return points, np.cross(up, around)

@@ -158,7 +158,7 @@ def _parts(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         blank = np.full(part.vertices.shape, np.nan)
         normals.append(part.vertex_normals @ np.linalg.inv(linear) if given else blank)
         count += len(part.vertices)
-    return tuple(np.concatenate(p) for p in (vertices, faces, normals))
+    return np.concatenate(vertices), np.concatenate(faces), np.concatenate(normals)
 
 
 def _sound(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

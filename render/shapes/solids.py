@@ -16,7 +16,7 @@ def polygonise(field: Field, radius: float) -> Mesh:
     low, high = _bounds(field, radius)
     step = (np.prod(high - low) / CELLS) ** (1 / 3)
     box = zip(low, high, strict=True)
-    axes = [np.arange(a - 1.5 * step, b + 2 * step, step, np.float32) for a, b in box]
+    axes = [np.arange(a - 1.5 * step, b + 2 * step, step, dtype=np.float32) for a, b in box]
     volume = _sampled(field, axes)
     for axis in range(3):  # the border is outside, so that the surface closes
         for side in (0, -1):

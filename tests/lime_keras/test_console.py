@@ -1,5 +1,6 @@
-"""Exit statuses, errors in one line, and a standard error that comes back."""
+"""Exit statuses, errors in one line, argument types, and a standard error that comes back."""
 
+import argparse
 import os
 
 import pytest
@@ -37,6 +38,34 @@ def test_an_interruption_says_what_is_kept(capsys):
 def test_a_bug_keeps_its_traceback(error):
     with pytest.raises(type(error)):
         console.run(failing(error), "nothing lost")
+
+
+def test_a_count_is_at_least_one():
+    assert [console.count(text) for text in ("1", "512")] == [1, 512]
+    for text in ("0", "-3"):
+        with pytest.raises(argparse.ArgumentTypeError, match=f"{text} is not at least 1"):
+            console.count(text)
+
+
+def test_names_are_known():
+    parse = console.names(("mask", "albedo", "exponent"))
+    assert parse("exponent, mask") == ("exponent", "mask")
+    expected = "unknown: colour, masks; choose from mask, albedo, exponent"
+    with pytest.raises(argparse.ArgumentTypeError, match=expected):
+        parse("colour,mask,masks")
+
+
+def test_a_bar_appears_with_the_first_news_and_ends_with_the_last(capsys):
+    with console.Bar("rooms", "room"):
+        pass
+    assert capsys.readouterr().err == ""
+    with console.Bar("rooms", "room") as bar:
+        bar.move(12, 40)
+        bar.move(40, 40, {"loss": "0.3"})
+        told = capsys.readouterr().err
+        assert "rooms:  30%" in told
+        assert "40/40" in told and "loss=0.3" in told and told.endswith("\n")
+    assert capsys.readouterr() == ("", "")
 
 
 def test_standard_error_is_closed_for_a_while(capfd):

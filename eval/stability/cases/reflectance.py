@@ -76,7 +76,8 @@ def _lobe(geometry: str, exponent: str, precision: Precision) -> Outcome:
         return shading.specular(normal, view, s, light, np.ones(1, light.dtype))
 
     found, _ = precision.evaluate(lit, *vectors)
-    right, magnitude = _exact_lobe(*[precision.rounded(v)[0] for v in vectors], s, precision)
+    normal, view, light = (precision.rounded(vector)[0] for vector in vectors)
+    right, magnitude = _exact_lobe(normal, view, light, s, precision)
     return Outcome(Compared(found, right, right, precision.tolerance(magnitude)))
 
 

@@ -47,7 +47,7 @@ def example():
         "specular_albedo": np.array([0.5], np.float32),
         "exponent_bin_probabilities": np.eye(8, dtype=np.float32)[4],
     }
-    return Example(Choice(0, "first"), truth, estimate)
+    return Example(Choice(0, "first"), truth, estimate, truth["image"])
 
 
 def test_the_exponent_is_the_expected_one(example):
