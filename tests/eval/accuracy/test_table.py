@@ -4,12 +4,10 @@ import dataclasses
 
 import numpy as np
 import pytest
+from evaluations import LIME
 
 from lime_keras.eval.accuracy import table
 from lime_keras.eval.accuracy.measures import MEASURES
-from lime_keras.networks import Architecture
-
-LIME = Architecture(size=32, unet_width=1, unet_depth=1, encoder_width=1, dense_width=1)
 
 
 @pytest.fixture
