@@ -8,8 +8,8 @@ import numpy as np
 
 from lime_keras.optics import shininess
 
-from ..report.examples import bin_label
 from . import measures
+from .labels import bin_label
 
 SHOWN = {
     "mask_iou": "mask IoU",

@@ -14,6 +14,7 @@ from lime_keras.networks import assemble, weights
 from lime_keras.optics import shininess
 
 from ..accuracy.evaluate import found_log_exponent, is_literal, test_shards
+from ..accuracy.labels import bin_label
 
 _WORST = 2
 """Examples shown of each kind of failure."""
@@ -130,9 +131,3 @@ def read(
         )
         for row, (choice, truth) in enumerate(zip(choices, truths, strict=True))
     ]
-
-
-def bin_label(k: int) -> str:
-    """The exponents of class `k`, such as "s 13.3–31.6"."""
-    low, high = np.round(10.0 ** shininess.LOG_EDGES[k : k + 2], 1)
-    return f"s {low:g}–{high:g}"

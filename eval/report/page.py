@@ -20,11 +20,12 @@ from lime_keras.version import __version__
 
 from ..accuracy import table
 from ..accuracy.evaluate import Evaluation
+from ..accuracy.labels import bin_label
 from ..accuracy.measures import MEASURES
 from ..accuracy.relighting import HIGHEST_PSNR
 from ..accuracy.slices import SHOWN, Slice, slices
 from . import figures, pictures
-from .examples import Example, bin_label
+from .examples import Example
 
 _TEMPLATES = Path(__file__).parent / "templates"
 _HEADLINES = {
