@@ -37,9 +37,9 @@ ROWS = {
         ("cli",),
     ),
     "eval": (
-        ("ledger",),
+        ("store",),
         ("accuracy", "stability"),
-        ("kept", "report"),
+        ("report",),
         ("tradeoff",),
         ("sections",),
         ("cli",),

@@ -126,7 +126,7 @@ def measured(title: str, text: str, pictures_of_it: Sequence[Picture], *, comman
     )
 
 
-def page(sections: Sequence[tuple[str, str, str]]) -> str:
+def whole(sections: Sequence[tuple[str, str, str]]) -> str:
     """The report as HTML; needs no other file and no network.
 
     Args:

@@ -25,7 +25,7 @@ def pareto(result: Mapping[str, Any], theme: Theme = LIGHT) -> bytes:
     """Latency of one image against the score and each scored error; a line joins the front.
 
     Args:
-        result: of `tradeoff.measure`, whose full cross is drawn.
+        result: of `measure.measure`, whose full cross is drawn.
         theme: colours of the page.
     """
     rows = [row for row in result["rows"] if is_crossed(row, result["machine"]["cores"])]

@@ -61,7 +61,7 @@ _TEXTS = ("", "run", "runtime", "precision", "only", "ranges", "measured on")
 
 
 def markdown(result: Mapping[str, Any]) -> str:
-    """The tables of `tradeoff.measure`'s result, each under its heading."""
+    """The tables of `measure.measure`'s result, each under its heading."""
     sections = {
         "The trade": _cross,
         "Recommendations": _recommendations,
