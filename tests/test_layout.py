@@ -37,7 +37,7 @@ ROWS = {
         ("cli",),
     ),
     "eval": (
-        ("store",),
+        ("store", "markdown_table"),
         ("accuracy", "stability"),
         ("report",),
         ("tradeoff",),

@@ -49,6 +49,7 @@ def _as_arrays(found: Evaluation) -> dict[str, np.ndarray]:
         **{f"rows.{name}": column for name, column in found.rows.items()},
         **{f"oracle.{name}": column for name, column in found.oracle.items()},
         "confusion": found.confusion,
+        "stage_one": np.array(found.stage_one),
         "architecture": np.array(json.dumps(dataclasses.asdict(found.architecture))),
     }
 
@@ -60,4 +61,5 @@ def _from_arrays(arrays: dict[str, np.ndarray]) -> Evaluation:
         }
 
     architecture = Architecture(**json.loads(str(arrays["architecture"])))
-    return Evaluation(of("rows"), of("oracle"), arrays["confusion"], architecture)
+    stage_one = bool(arrays["stage_one"])
+    return Evaluation(of("rows"), of("oracle"), arrays["confusion"], architecture, stage_one)

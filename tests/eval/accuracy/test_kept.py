@@ -63,6 +63,16 @@ def test_photos_other_weights_and_broken_files_are_measured_anew(
     assert not list(tmp_path.rglob("partial-*"))
 
 
+def test_encoders_that_their_own_stages_left_are_told_apart(corpus, tiny_model, tmp_path):
+    architecture, subnetworks = weights.load(tiny_model)
+    alone = {"exponent": subnetworks["exponent"]}
+    weights.save(tmp_path / "with", architecture, subnetworks, alone)
+    for model, stage_one in ((tiny_model, False), (tmp_path / "with", True)):
+        for _ in range(2):
+            found = kept.evaluation(Store(tmp_path / "kept"), model, corpus)
+            assert found.stage_one is stage_one
+
+
 def test_runs_do_not_push_each_other_out(corpus, tiny_model, tmp_path, counted):
     for camera in (False, True, False, True):
         kept.evaluation(Store(tmp_path), tiny_model, corpus, camera=camera)

@@ -168,8 +168,32 @@ def test_what_a_system_does_not_have_is_left_out_everywhere(columns, lacking):
 def test_without_an_oracle_there_is_no_row_of_it():
     whole = four()
     summary = measures.summarise(dataclasses.replace(whole, oracle={}))
-    assert summary["oracle"] == {}
+    assert summary["oracle"] == {} and "oracle_title" not in summary
     assert summary["interval"] == measures.summarise(whole)["interval"]
+
+
+def test_an_oracle_is_called_what_it_is():
+    own = measures.summarise(four())
+    assert own["oracle_title"] == "Same encoders on true layers"
+    stage_one = measures.summarise(dataclasses.replace(four(), stage_one=True))
+    assert stage_one["oracle_title"] == "Stage-one encoders on true layers"
+    assert own["oracle_is"] != stage_one["oracle_is"] and own["oracle"] == stage_one["oracle"]
+
+
+def test_numbers_are_printed_by_their_unit():
+    assert measures.PER_CENT.number(None) == "–"
+    assert measures.PER_CENT.number(np.float32(0.5)) == "50.00 %"
+    assert measures.DECIBEL.number(31.416) == "31.42 dB"
+    assert measures.PLAIN.number(0.25) == "0.2500"
+    assert measures.PER_CENT.with_interval(0.4507, [0.44, 0.46]) == "45.07 ± 1.00 %"
+    assert measures.PLAIN.with_interval(0.0674, [0.06, 0.08]) == "0.0674 ± 0.0100"
+
+
+def test_no_two_measures_have_one_title():
+    for titles in ("title", "short"):
+        assert len({getattr(one, titles) for one in measures.MEASURES.values()}) == len(
+            measures.MEASURES
+        )
 
 
 def test_the_system_is_named():
