@@ -40,7 +40,7 @@ class Store:
 
     def __init__(self, folder: Path):
         self._folder = folder
-        self._code = {"source": source_hash(), "packages": _versions()}
+        self._code = {"source": source_hash(), "packages": package_versions()}
 
     def value(self, name: str, depends_on: DependsOn, make: Callable[[], Any]) -> Any:
         """A result as JSON, out of `folder/name.json` or `make`."""
@@ -114,6 +114,14 @@ def size(path: Path) -> int:
 
 
 @functools.cache
+def package_versions() -> dict[str, str]:
+    """Versions of the packages that this one asks for: any of them may have computed."""
+    asked = [one for one in metadata.requires("lime-keras") or () if "extra ==" not in one]
+    names = [re.split(r"[^\w.-]", one, maxsplit=1)[0] for one in asked]
+    return {name: metadata.version(name) for name in names}
+
+
+@functools.cache
 def source_hash() -> str:
     """`hash_of_source` of this package: library, renderer, training and evaluation."""
     specs = {name: importlib.util.find_spec(name) for name in _PACKAGES}
@@ -144,14 +152,6 @@ def hash_of_source(folders: Mapping[str, Path]) -> str:
     for name in sorted(files):
         digest.update(f"{name}\0{sha256(files[name])}\n".encode())
     return digest.hexdigest()
-
-
-@functools.cache
-def _versions() -> dict[str, str]:
-    """Of the packages that this one asks for: any of them may have computed."""
-    asked = [one for one in metadata.requires("lime-keras") or () if "extra ==" not in one]
-    names = [re.split(r"[^\w.-]", one, maxsplit=1)[0] for one in asked]
-    return {name: metadata.version(name) for name in names}
 
 
 def _record(path: Path) -> Path:

@@ -45,8 +45,8 @@ def oracle_is(architecture: Architecture, stage_one: bool) -> str:
         which = "ExponentNet and AlbedoNet"
         given = f"the true {'mask, S and M' if architecture.mirror else 'mask and S'}"
     if stage_one:
-        return f"{which} given {given}, as before joined training fitted them to estimated ones"
+        return f"{which} given {given}, as before joined training fitted them to estimates"
     return (
         f"{which} given {given}, as they are in the system; where joined training has fitted them "
-        "to estimated ones, those of stage one read true ones better"
+        "to estimates, those of stage one read the truth better"
     )

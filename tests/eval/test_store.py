@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import source_copies
 
-from lime_keras.eval.store import Store, _versions, hash_of_source, sha256, size, source_hash
+from lime_keras.eval.store import Store, hash_of_source, package_versions, sha256, size, source_hash
 
 
 class Counted:
@@ -205,11 +205,11 @@ def test_a_moved_or_missing_file_is_other_source(copies):
 def test_other_versions_of_what_computes_are_in_every_key(tmp_path, monkeypatch):
     make = Counted()
     Store(tmp_path).value("x", {}, make)
-    versions = _versions()
+    versions = package_versions()
     assert versions.keys() >= {"tensorflow", "keras", "numpy", "onnxruntime", "OpenImageIO"}
     assert not versions.keys() & {"ruff", "pytest", "ray"}
     newer = versions | {"onnxruntime": "99"}
-    monkeypatch.setattr("lime_keras.eval.store._versions", lambda: newer)
+    monkeypatch.setattr("lime_keras.eval.store.package_versions", lambda: newer)
     assert Store(tmp_path).value("x", {}, make) == {"calls": 2}
 
 
