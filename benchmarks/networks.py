@@ -104,7 +104,7 @@ def _session(
     serve: tf.types.experimental.PolymorphicFunction, threads: int
 ) -> onnxruntime.InferenceSession:
     model, _ = tf2onnx.convert.from_function(
-        serve, input_signature=serve.input_signature, opset=formats._OPSET
+        serve, input_signature=serve.input_signature, opset=formats.OPSET
     )
     # The converter's copies of the graph hold one another, and 1 GB for a U-Net of 20 MB.
     gc.collect()

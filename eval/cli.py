@@ -17,7 +17,8 @@ examples:
   lime-eval --stability --out results
 
 All of one --out fill one report, which may be mailed: report.html. Besides it
-  --weights    metrics.json    every number, with intervals, oracle, paper, chance and floor
+  --weights    metrics.json    every number, with intervals; encoders on true layers, paper,
+                               chance and floor
                table1.md       the paper's Table 1 with this run's column
                confusion.png   which exponent bin is taken for which
                images.csv      what was found of every test image, and how wrong it is

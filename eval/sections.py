@@ -17,10 +17,9 @@ import numpy as np
 from lime_keras.io import photo
 from lime_keras.io.atomic import write
 
-from . import kept
-from .accuracy import comparison, measures, table
-from .report import examples, figures
-from .report import page as report
+from .accuracy import comparison, measures, stored, table
+from .report import examples, figures, page
+from .store import Store
 
 _TITLES = {
     "evaluation": "Accuracy",
@@ -33,12 +32,12 @@ _TITLES = {
 
 def evaluation(out: Path, run: Path, corpus: Path, *, camera: bool, command: str) -> str:
     """Measure one run; returns the table."""
-    found = kept.evaluation(out / "kept", run, corpus, camera=camera)
+    found = stored.evaluation(_store(out), run, corpus, camera=camera)
     summary = measures.summarise(found) | {"camera": camera}
     choices, worst = examples.choose(found.rows), examples.worst(found.rows)
     shown = examples.read(run, corpus, choices + worst, camera=camera)
     chosen, failed = shown[: len(choices)], shown[len(choices) :]
-    section = report.evaluation(
+    section = page.evaluation(
         found, summary, chosen, failed, command=command, corpus=corpus, run=run
     )
     text = table.markdown(summary, found.architecture)
@@ -57,10 +56,9 @@ def evaluation(out: Path, run: Path, corpus: Path, *, camera: bool, command: str
 
 def compare(out: Path, runs: Sequence[Path], corpus: Path, *, camera: bool, command: str) -> str:
     """Table 1 of several runs; returns it."""
-    named = names(runs)
+    named, store = names(runs), _store(out)
     found = {
-        name: kept.evaluation(out / "kept", run, corpus, camera=camera)
-        for name, run in named.items()
+        name: stored.evaluation(store, run, corpus, camera=camera) for name, run in named.items()
     }
     systems = {
         name: comparison.system(found[name].architecture, run) for name, run in named.items()
@@ -71,46 +69,47 @@ def compare(out: Path, runs: Sequence[Path], corpus: Path, *, camera: bool, comm
     _write_json(out / "comparison.json", compared)
     write(out / "comparison.md", text)
     write(out / "confusions.png", figures.confusions(matrices))
-    picture = report.Picture(
+    picture = page.Picture(
         partial(figures.confusions, matrices),
         "confusion matrices of the runs",
         "Figure 7: which exponent bin is taken for which, a row a true bin, in per cent.",
     )
-    _keep(out, "comparison", report.measured("Table 1", text, [picture], command=command))
+    _keep(out, "comparison", page.measured("Table 1", text, [picture], command=command))
     return text
 
 
 def trade(out: Path, runs: Sequence[Path], corpus: Path, *, camera: bool, command: str) -> str:
     """Speed against accuracy of several runs; returns the tables."""
-    from .tradeoff import figures as tradeoff_figures
-    from .tradeoff import measure as tradeoff
+    from .tradeoff.figures import pareto
+    from .tradeoff.measure import measure
+    from .tradeoff.table import markdown
 
-    result = tradeoff.measure(names(runs), corpus, out, camera=camera)
-    text = tradeoff.markdown(result)
-    draw = partial(tradeoff_figures.pareto, result)
+    result = measure(names(runs), corpus, _store(out), camera=camera)
+    text = markdown(result)
+    draw = partial(pareto, result)
     _write_json(out / "tradeoff.json", result)
     write(out / "tradeoff.md", text)
     write(out / "pareto.png", draw(figures.LIGHT))
-    picture = report.Picture(
+    picture = page.Picture(
         draw,
         "errors against latency",
         "Each point is one way to run one model; those on the line are beaten by none in both.",
     )
-    section = report.measured(_TITLES["tradeoff"], text, [picture], command=command)
+    section = page.measured(_TITLES["tradeoff"], text, [picture], command=command)
     _keep(out, "tradeoff", section)
     return text
 
 
 def drive_to_extremes(out: Path, run: Path | None, *, command: str) -> tuple[str, bool]:
     """The stability suite; returns its table, and whether all passed that should."""
-    from .stability import suite as stability
+    from .stability import suite
 
-    verdicts = stability.run(run)
-    text = stability.markdown(verdicts)
-    _write_json(out / "stability.json", stability.to_json(verdicts))
+    verdicts = suite.run(run)
+    text = suite.markdown(verdicts)
+    _write_json(out / "stability.json", suite.to_json(verdicts))
     write(out / "stability.md", text)
-    _keep(out, "stability", report.measured(_TITLES["stability"], text, [], command=command))
-    return text, not stability.failures(verdicts)
+    _keep(out, "stability", page.measured(_TITLES["stability"], text, [], command=command))
+    return text, not suite.failures(verdicts)
 
 
 def write_report(out: Path) -> Path:
@@ -121,7 +120,7 @@ def write_report(out: Path) -> Path:
         if (path := _section(out, name)).is_file()
     ]
     path = out / "report.html"
-    write(path, report.page(sections))
+    write(path, page.whole(sections))
     return path
 
 
@@ -137,6 +136,10 @@ def names(runs: Sequence[Path]) -> dict[str, Path]:
             f"runs are told by their folders' names, which must differ: {', '.join(map(str, runs))}"
         )
     return named
+
+
+def _store(out: Path) -> Store:
+    return Store(out / "kept")
 
 
 def _section(out: Path, name: str) -> Path:

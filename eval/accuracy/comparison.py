@@ -13,23 +13,24 @@ import numpy as np
 
 from lime_keras.networks import Architecture
 
-from . import measures, table
+from ..markdown_table import ABSENT, aligned
+from . import measures
 from .evaluate import Evaluation
 from .measures import MEASURES
 
-COLUMNS = {
-    "exponent_exact": "right bin",
-    "exponent_adjacent": "adjacent bin",
-    "log_exponent_mae": "log10 s error",
-    "diffuse_albedo_mae": "diffuse MAE",
-    "specular_albedo_mae": "specular MAE",
-    "mask_iou": "mask IoU",
-    "specular_shading_relative": "S error",
-    "mirror_relative": "M error",
-    "relighting_psnr": "relit",
-    "relighting_psnr_unseen": "relit, unseen light",
-}
-"""Measures of the table, the paper's first, and their short titles."""
+COLUMNS = (
+    "exponent_exact",
+    "exponent_adjacent",
+    "log_exponent_mae",
+    "diffuse_albedo_mae",
+    "specular_albedo_mae",
+    "mask_iou",
+    "specular_shading_relative",
+    "mirror_relative",
+    "relighting_psnr",
+    "relighting_psnr_unseen",
+)
+"""Measures of the table, the paper's first."""
 
 FULL = "full approach"
 PAPER: dict[str, dict[str, float]] = {
@@ -110,13 +111,13 @@ def markdown(compared: Mapping[str, Any]) -> str:
     better, `−` worse.
     """
     shown = [name for name in COLUMNS if _any(compared, name)]
-    lines = [("Run", *(COLUMNS[name] for name in shown))]
+    lines = [("Run", *(MEASURES[name].short for name in shown))]
     for name, run in compared["runs"].items():
         cells = [_cell(run, key) for key in shown]
         lines.append((f"{name}: {run['system']}", *cells))
         known = PAPER.get(run["system"], {})
         if known:
-            printed = [table.number(known.get(key), MEASURES[key].unit) for key in shown]
+            printed = [MEASURES[key].unit.number(known.get(key)) for key in shown]
             lines.append(("  the paper's", *printed))
     note = (
         f"{compared['count']} test images. ±: half the 95 % interval over them. + and − mark what "
@@ -124,7 +125,7 @@ def markdown(compared: Mapping[str, Any]) -> str:
         "difference on the same images; another training of the same system would differ too. "
         "Rows of the paper that are not shown are not known to us."
     )
-    return table.aligned(lines) + f"\n{note}\n"
+    return f"{aligned(lines)}\n\n{note}\n"
 
 
 def verdict(run: Mapping[str, Any], name: str) -> str:
@@ -138,8 +139,8 @@ def verdict(run: Mapping[str, Any], name: str) -> str:
 
 def _cell(run: Mapping[str, Any], name: str) -> str:
     if name not in run["value"]:
-        return table.number(None)
-    value = table.with_interval(run["value"][name], run["interval"][name], MEASURES[name].unit)
+        return ABSENT
+    value = MEASURES[name].unit.with_interval(run["value"][name], run["interval"][name])
     return f"{value} {verdict(run, name)}".rstrip()
 
 

@@ -1,8 +1,8 @@
 """Run a trained system over a corpus' test split: one row of numbers per example.
 
-Beside the system runs its oracle: ExponentNet and AlbedoNet, as they were before joined training,
-given the true mask, S and M, or the baseline's MaterialNet given the true reflectance map. What the
-oracle gets wrong, no better layers would mend.
+Beside the system runs its oracle: ExponentNet and AlbedoNet, as they were before joined training
+where the run has kept them, given the true mask, S and M, or the baseline's MaterialNet given the
+true reflectance map. What the oracle gets wrong, better layers alone would not mend.
 """
 
 import os
@@ -58,12 +58,15 @@ class Evaluation:
             empty where the answers were not the stored subnetworks' own.
         confusion: examples `(8, 8)` by true bin (row) and `predicted_bin` (column).
         architecture: of the system.
+        stage_one: whether the oracle's encoders are as their own stages left them, which the run
+            kept; else they are the system's own.
     """
 
     rows: dict[str, np.ndarray]
     oracle: dict[str, np.ndarray]
     confusion: np.ndarray
     architecture: Architecture
+    stage_one: bool = False
 
     @property
     def count(self) -> int:
@@ -101,7 +104,8 @@ def evaluate(
     count = _count(shards, architecture.size)
     system = answer or assemble(subnetworks).predict_on_batch
     # Joined training fits the heads to estimated layers; on true ones, those before it are better.
-    heads = subnetworks | weights.load_alone(model_dir, subnetworks)
+    alone = weights.load_alone(model_dir, subnetworks)
+    heads = subnetworks | alone
     rows: list[dict[str, np.ndarray]] = []
     oracle: list[dict[str, np.ndarray]] = []
     dataset = pipeline.evaluation(
@@ -133,7 +137,7 @@ def evaluate(
             progress.update(number)
     joined = _joined(rows)
     of_oracle = _joined(oracle) if oracle else {}
-    evaluation = Evaluation(joined, of_oracle, _confusion(joined), architecture)
+    evaluation = Evaluation(joined, of_oracle, _confusion(joined), architecture, bool(alone))
     _check_finite(evaluation, model_dir)
     return evaluation
 

@@ -4,16 +4,19 @@ Every measure is a function of the means of some columns, so one bootstrap serve
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from lime_keras import metrics
 from lime_keras.optics import shininess
 
-from . import calibration
+from ..markdown_table import ABSENT
+from . import calibration, labels
 from .evaluate import Evaluation
+from .relighting import HIGHEST_PSNR
 
 _RESAMPLES = 1000
 _BOOTSTRAP_SEED = 2018
@@ -24,17 +27,48 @@ _RANGE_RMSE = (shininess.LOG_HIGH - shininess.LOG_LOW) / math.sqrt(12)
 
 
 @dataclass(frozen=True)
+class Unit:
+    """How a measure is printed.
+
+    Attributes:
+        name: what follows the number, if anything.
+        scale: what the measure is multiplied by.
+        digits: after the point.
+    """
+
+    name: str
+    scale: float
+    digits: int
+
+    def number(self, value: float | None) -> str:
+        """A value, such as `45.07 %`; a dash for none."""
+        if value is None:
+            return ABSENT
+        return f"{self.scale * value:.{self.digits}f} {self.name}".rstrip()
+
+    def with_interval(self, value: float, interval: Sequence[float]) -> str:
+        """A value and half the width of its interval, such as `45.07 ± 1.20 %`."""
+        half = self.scale * (interval[1] - interval[0]) / 2
+        return f"{self.scale * value:.{self.digits}f} ± {half:.{self.digits}f} {self.name}".rstrip()
+
+
+PLAIN, PER_CENT, DECIBEL = Unit("", 1, 4), Unit("%", 100, 2), Unit("dB", 1, 2)
+
+
+@dataclass(frozen=True)
 class Measure:
-    """One line of the table.
+    """One thing that is measured, as every table has it.
 
     Attributes:
         title: what is measured, in words.
+        short: the same for the head of a column.
         columns: of `Evaluation.rows`, or `exact`, `adjacent` and `within_one` of its
             `bin_distance`, or `calibration.GAPS` of its `bin_probabilities`; a system that lacks
             one does not have the measure.
         of_means: the measure from the columns' means (numbers or arrays of one shape).
-        unit: empty, `%` for a share of 1, or `dB`.
+        unit: how it is printed; a share of 1 in per cent.
         more_is_better: which way is up; None where neither is (a neighbouring bin is half right).
+        perfect: what the truth itself would reach.
         paper: Table 1's "full approach", where the paper prints it.
         chance: what an answer that knows nothing reaches, or the columns' names for one, whose
             mean says it for these very examples.
@@ -42,18 +76,15 @@ class Measure:
     """
 
     title: str
+    short: str
     columns: tuple[str, ...]
     of_means: Callable[..., Any] = lambda mean: mean
-    unit: str = ""
+    unit: Unit = PLAIN
     more_is_better: bool | None = False
+    perfect: float = 0.0
     paper: float | None = None
     chance: float | str | None = None
     floor: float | None = None
-
-
-def _pooled_iou(intersection: Any, union: Any) -> Any:
-    """Σ intersection / Σ union; 1 where there is no object at all."""
-    return np.where(union > 0, intersection / np.maximum(union, 1e-9), 1.0)
 
 
 def _root(mean: Any) -> Any:
@@ -65,77 +96,102 @@ def _sum_of_sizes(*gaps: Any) -> Any:
     return sum(np.abs(gap) for gap in gaps)
 
 
-_SHARE: dict[str, Any] = {"unit": "%", "more_is_better": True}
+_SHARE: dict[str, Any] = {"unit": PER_CENT, "more_is_better": True, "perfect": 1.0}
+_PSNR: dict[str, Any] = {"unit": DECIBEL, "more_is_better": True, "perfect": HIGHEST_PSNR}
+_GUESSED_BIN = 1 / shininess.BIN_COUNT
 
 MEASURES = {
-    "mask_iou": Measure("Mask IoU, mean over images", ("iou",), paper=0.9983, **_SHARE),
+    "mask_iou": Measure("Mask IoU, mean over images", "mask IoU", ("iou",), paper=0.9983, **_SHARE),
     "mask_iou_pooled": Measure(
-        "Mask IoU, all pixels pooled", ("intersection", "union"), _pooled_iou, **_SHARE
+        "Mask IoU, all pixels pooled",
+        "mask IoU, pooled",
+        ("intersection", "union"),
+        metrics.overlap_ratio,
+        **_SHARE,
     ),
     "exponent_exact": Measure(
-        "Exponent, right bin", ("exact",), paper=0.4507, chance=1 / 8, **_SHARE
+        "Exponent, right bin", "right bin", ("exact",), paper=0.4507, chance=_GUESSED_BIN, **_SHARE
     ),
     "exponent_adjacent": Measure(
         "Exponent, neighbouring bin",
+        "adjacent bin",
         ("adjacent",),
-        unit="%",
+        unit=PER_CENT,
         more_is_better=None,
         paper=0.4012,
-        chance=2 / 8,
+        chance=2 * _GUESSED_BIN,
     ),
     "exponent_within_one": Measure(
-        "Exponent, right or neighbouring", ("within_one",), paper=0.8519, chance=3 / 8, **_SHARE
+        "Exponent, right or neighbouring",
+        "right or next",
+        ("within_one",),
+        paper=0.8519,
+        chance=3 * _GUESSED_BIN,
+        **_SHARE,
     ),
     "log_exponent_mae": Measure(
         "Exponent, error of log10 s",
+        "log10 s error",
         ("log_error",),
         paper=0.3073,
         chance=shininess.CHANCE_LOG_ERROR,
     ),
     "log_exponent_rmse": Measure(
-        "Exponent, RMSE of log10 s", ("log_squared",), _root, chance=_RANGE_RMSE
+        "Exponent, RMSE of log10 s", "log10 s RMSE", ("log_squared",), _root, chance=_RANGE_RMSE
     ),
     "log_exponent_mae_winning": Measure(
         "Exponent, error of log10 s, winning bin",
+        "log10 s error, winning",
         ("log_error_winning",),
         paper=0.3073,
         chance=shininess.CHANCE_LOG_ERROR,
         floor=shininess.QUANTISATION_FLOOR,
     ),
     "diffuse_albedo_mae": Measure(
-        "Diffuse albedo, MAE", ("diffuse_absolute",), paper=0.0674, chance=_UNIFORM_MAE
+        "Diffuse albedo, MAE",
+        "diffuse MAE",
+        ("diffuse_absolute",),
+        paper=0.0674,
+        chance=_UNIFORM_MAE,
     ),
     "diffuse_albedo_rmse": Measure(
-        "Diffuse albedo, RMSE", ("diffuse_squared",), _root, chance=_UNIFORM_RMSE
+        "Diffuse albedo, RMSE", "diffuse RMSE", ("diffuse_squared",), _root, chance=_UNIFORM_RMSE
     ),
     "specular_albedo_mae": Measure(
-        "Specular albedo, MAE", ("specular_absolute",), paper=0.2158, chance=_UNIFORM_MAE
+        "Specular albedo, MAE",
+        "specular MAE",
+        ("specular_absolute",),
+        paper=0.2158,
+        chance=_UNIFORM_MAE,
     ),
     "specular_albedo_rmse": Measure(
-        "Specular albedo, RMSE", ("specular_squared",), _root, chance=_UNIFORM_RMSE
+        "Specular albedo, RMSE", "specular RMSE", ("specular_squared",), _root, chance=_UNIFORM_RMSE
     ),
     "specular_shading_relative": Measure(
-        "Specular shading S, relative error", ("specular_shading_relative",), chance=1.0
+        "Specular shading S, relative error", "S error", ("specular_shading_relative",), chance=1.0
     ),
-    "specular_shading_flip": Measure("Specular shading S, ꟻLIP", ("specular_shading_flip",)),
-    "mirror_relative": Measure("Mirror image M, relative error", ("mirror_relative",), chance=1.0),
-    "mirror_flip": Measure("Mirror image M, ꟻLIP", ("mirror_flip",)),
+    "specular_shading_flip": Measure(
+        "Specular shading S, ꟻLIP", "S ꟻLIP", ("specular_shading_flip",)
+    ),
+    "mirror_relative": Measure(
+        "Mirror image M, relative error", "M error", ("mirror_relative",), chance=1.0
+    ),
+    "mirror_flip": Measure("Mirror image M, ꟻLIP", "M ꟻLIP", ("mirror_flip",)),
     "relighting_psnr": Measure(
-        "Relit under the photo's light, PSNR",
-        ("relit",),
-        unit="dB",
-        more_is_better=True,
-        chance="average_relit",
+        "Relit under the photo's light, PSNR", "relit", ("relit",), chance="average_relit", **_PSNR
     ),
     "relighting_psnr_unseen": Measure(
         "Relit under a light not seen, PSNR",
+        "relit, unseen light",
         ("relit_unseen",),
-        unit="dB",
-        more_is_better=True,
         chance="average_relit_unseen",
+        **_PSNR,
     ),
     "calibration_error": Measure(
-        "Probabilities, expected calibration error", calibration.GAPS, _sum_of_sizes
+        "Probabilities, expected calibration error",
+        "calibration error",
+        calibration.GAPS,
+        _sum_of_sizes,
     ),
 }
 
@@ -147,7 +203,8 @@ def summarise(evaluation: Evaluation) -> dict[str, Any]:
         Each of `MEASURES` that the system has, by name, shares in [0, 1]; `count`; `system`, in
         words; and, by measure again where they exist, `interval` (95 % bootstrap, two ends),
         `oracle`, `paper`, `chance`, `floor` and `constant` (the best answer that is the same for
-        every image of this very split).
+        every image of this very split). Of an `oracle`, which subnetworks it is: `oracle_title`,
+        in short, and `oracle_is`.
     """
     measured = values(evaluation.rows)
     summary: dict[str, Any] = dict(measured)
@@ -155,6 +212,9 @@ def summarise(evaluation: Evaluation) -> dict[str, Any]:
     summary["system"] = evaluation.architecture.description
     summary["interval"] = intervals(evaluation.rows)
     summary["oracle"] = values(evaluation.oracle) if evaluation.oracle else {}
+    if evaluation.oracle:
+        named = evaluation.architecture, evaluation.stage_one
+        summary |= {"oracle_title": labels.oracle(*named), "oracle_is": labels.oracle_is(*named)}
     for kind in ("paper", "chance", "floor"):
         known = {name: getattr(MEASURES[name], kind) for name in measured}
         summary[kind] = {

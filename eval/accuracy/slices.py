@@ -8,19 +8,19 @@ import numpy as np
 
 from lime_keras.optics import shininess
 
-from ..report.examples import bin_label
 from . import measures
+from .labels import bin_label
 
-SHOWN = {
-    "mask_iou": "mask IoU",
-    "exponent_exact": "right bin",
-    "exponent_within_one": "right or next",
-    "log_exponent_mae": "log10 s error",
-    "diffuse_albedo_mae": "diffuse MAE",
-    "specular_albedo_mae": "specular MAE",
-    "relighting_psnr": "relit",
-}
-"""Measures of a part, and their short titles."""
+SHOWN = (
+    "mask_iou",
+    "exponent_exact",
+    "exponent_within_one",
+    "log_exponent_mae",
+    "diffuse_albedo_mae",
+    "specular_albedo_mae",
+    "relighting_psnr",
+)
+"""Measures of a part."""
 
 _QUARTERS = (
     ("coverage", "coverage", "{:.0%}"),

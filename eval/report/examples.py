@@ -15,6 +15,7 @@ from lime_keras.networks import assemble, weights
 from lime_keras.optics import shininess
 
 from ..accuracy.evaluate import found_log_exponent
+from ..accuracy.labels import bin_label
 
 _WORST = 2
 """Examples shown of each kind of failure."""
@@ -131,9 +132,3 @@ def read(
         )
         for row, (choice, truth) in enumerate(zip(choices, truths, strict=True))
     ]
-
-
-def bin_label(k: int) -> str:
-    """The exponents of class `k`, such as "s 13.3–31.6"."""
-    low, high = np.round(10.0 ** shininess.LOG_EDGES[k : k + 2], 1)
-    return f"s {low:g}–{high:g}"

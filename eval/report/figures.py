@@ -21,12 +21,13 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from lime_keras.optics import shininess
 
 from ..accuracy import calibration
-from .examples import bin_label
+from ..accuracy.labels import bin_label
 
-_DPI = 150
+DPI = 150
+"""Pixels of a figure per inch."""
 _TRAIN, _VALIDATION = "train_", "validation_"
-_LINES = ("#3b82c4", "#e07b39", "#4a9d5b", "#b455a0", "#8a6d3b", "#c2434a", "#3fa7a7", "#7a6fd0")
-"""Colours of a stage's terms: told apart on white and on near-black."""
+TONES = ("#3b82c4", "#e07b39", "#4a9d5b", "#b455a0", "#8a6d3b", "#c2434a", "#3fa7a7", "#7a6fd0")
+"""Of lines and points that belong together: told apart on white and on near-black."""
 
 
 @dataclass(frozen=True)
@@ -45,9 +46,9 @@ DARK = Theme(paper="#1b212b", ink="#e4e8ee", faint="#3a4454", accent="#74b0f4")
 
 def confusion(matrix: np.ndarray, theme: Theme = LIGHT) -> bytes:
     """Confusion matrix `(8, 8)` of counts, each row divided by its sum; empty rows stay empty."""
-    figure = Figure(figsize=(5.4, 4.9), dpi=_DPI, facecolor=theme.paper, layout="constrained")
+    figure = Figure(figsize=(5.4, 4.9), dpi=DPI, facecolor=theme.paper, layout="constrained")
     _confusion(figure.subplots(), matrix, theme)
-    return _png(figure)
+    return to_png(figure)
 
 
 def confusions(matrices: Mapping[str, np.ndarray], theme: Theme = LIGHT) -> bytes:
@@ -55,14 +56,14 @@ def confusions(matrices: Mapping[str, np.ndarray], theme: Theme = LIGHT) -> byte
     across = min(3, len(matrices))
     down = math.ceil(len(matrices) / across)
     size = (4.9 * across, 4.7 * down)
-    figure = Figure(figsize=size, dpi=_DPI, facecolor=theme.paper, layout="constrained")
+    figure = Figure(figsize=size, dpi=DPI, facecolor=theme.paper, layout="constrained")
     panels = figure.subplots(down, across, squeeze=False).ravel()
     for axes, (title, matrix) in zip(panels, matrices.items(), strict=False):
         _confusion(axes, matrix, theme)
         axes.set_title(title, color=theme.ink, fontsize=10)
     for axes in panels[len(matrices) :]:
         axes.set_axis_off()
-    return _png(figure)
+    return to_png(figure)
 
 
 def reliability(rows: Mapping[str, np.ndarray], theme: Theme = LIGHT) -> bytes | None:
@@ -70,10 +71,10 @@ def reliability(rows: Mapping[str, np.ndarray], theme: Theme = LIGHT) -> bytes |
     if "bin_probabilities" not in rows:
         return None
     found = calibration.reliability(rows["bin_probabilities"], rows["bin_distance"] == 0)
-    figure = Figure(figsize=(5.4, 4.9), dpi=_DPI, facecolor=theme.paper, layout="constrained")
+    figure = Figure(figsize=(5.4, 4.9), dpi=DPI, facecolor=theme.paper, layout="constrained")
     curve, counts = figure.subplots(2, 1, sharex=True, height_ratios=(4, 1))
     for axes in (curve, counts):
-        _dress(axes, theme)
+        dress(axes, theme)
     curve.plot([0, 1], [0, 1], color=theme.ink, linewidth=0.8, alpha=0.6)
     known = found.count > 0
     # 95 % of a share of n examples, by the normal limit.
@@ -91,14 +92,14 @@ def reliability(rows: Mapping[str, np.ndarray], theme: Theme = LIGHT) -> bytes |
     centres = (np.arange(calibration.BINS) + 0.5) / calibration.BINS
     counts.bar(centres, found.count, width=0.9 / calibration.BINS, color=theme.accent, alpha=0.6)
     counts.set(xlabel="probability of the winning bin", ylabel="images")
-    return _png(figure)
+    return to_png(figure)
 
 
 def relighting(rows: Mapping[str, np.ndarray], theme: Theme = LIGHT) -> bytes:
     """Share of the images that are relit at least so well, under both lights."""
-    figure = Figure(figsize=(7.0, 4.9), dpi=_DPI, facecolor=theme.paper, layout="constrained")
+    figure = Figure(figsize=(7.0, 4.9), dpi=DPI, facecolor=theme.paper, layout="constrained")
     axes = figure.subplots()
-    _dress(axes, theme)
+    dress(axes, theme)
     count = len(rows["relit"])
     share = 1 - np.arange(count) / count
     for column, style, light in (
@@ -113,13 +114,30 @@ def relighting(rows: Mapping[str, np.ndarray], theme: Theme = LIGHT) -> bytes:
             axes.plot(sorted_psnr, share, style, color=tone, label=f"{who}, {light}")
     axes.set(xlabel="PSNR in dB, at least", ylabel="share of the images", ylim=(0, 1))
     axes.legend(fontsize=8, frameon=False, labelcolor=theme.ink)
-    return _png(figure)
+    return to_png(figure)
+
+
+def dress(axes: Axes, theme: Theme) -> None:
+    """Give an axis the colours of the page."""
+    axes.set_facecolor(theme.paper)
+    axes.tick_params(which="both", colors=theme.ink, labelsize=8)
+    axes.xaxis.label.set_color(theme.ink)
+    axes.yaxis.label.set_color(theme.ink)
+    for spine in axes.spines.values():
+        spine.set_color(theme.faint)
+
+
+def to_png(figure: Figure) -> bytes:
+    """A figure as PNG."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png")
+    return buffer.getvalue()
 
 
 def _confusion(axes: Axes, matrix: np.ndarray, theme: Theme) -> None:
     counts = matrix.sum(axis=1, keepdims=True)
     shares = matrix / np.maximum(counts, 1)
-    _dress(axes, theme)
+    dress(axes, theme)
     tones = LinearSegmentedColormap.from_list("shares", [theme.paper, theme.accent])
     axes.imshow(shares, cmap=tones, vmin=0, vmax=1)
     labels = [bin_label(k).removeprefix("s ") for k in range(shininess.BIN_COUNT)]
@@ -139,7 +157,7 @@ def _confusion(axes: Axes, matrix: np.ndarray, theme: Theme) -> None:
 
 def albedos(rows: Mapping[str, np.ndarray], theme: Theme = LIGHT) -> bytes:
     """Estimated against true albedo: m_d's three channels in their colours, and m_s."""
-    figure = Figure(figsize=(7.0, 3.7), dpi=_DPI, facecolor=theme.paper, layout="constrained")
+    figure = Figure(figsize=(7.0, 3.7), dpi=DPI, facecolor=theme.paper, layout="constrained")
     left, right = figure.subplots(1, 2)
     size = float(np.clip(2000 / len(rows["bin"]), 3, 30))
     style = {"s": size, "alpha": 0.55, "linewidths": 0}
@@ -148,11 +166,11 @@ def albedos(rows: Mapping[str, np.ndarray], theme: Theme = LIGHT) -> bytes:
         left.scatter(true[:, channel], found[:, channel], color=tone, **style)
     right.scatter(rows["specular_albedo"], rows["specular_found"], color="#8f7bd6", **style)
     for axes, title in ((left, "diffuse albedo (R, G, B)"), (right, "specular albedo")):
-        _dress(axes, theme)
+        dress(axes, theme)
         axes.plot([0, 1], [0, 1], color=theme.ink, linewidth=0.8, alpha=0.6)
         axes.set(xlim=(0, 1), ylim=(0, 1), aspect="equal", xlabel="true", ylabel="estimated")
         axes.set_title(title, color=theme.ink, fontsize=10)
-    return _png(figure)
+    return to_png(figure)
 
 
 def loss_curves(curves: Path, theme: Theme = LIGHT) -> bytes | None:
@@ -170,7 +188,7 @@ def loss_curves(curves: Path, theme: Theme = LIGHT) -> bytes | None:
     across = min(4, len(stages))
     down = math.ceil(len(stages) / across)
     size = (max(3.0 * across, 6.0), 2.3 * down + 0.4)
-    figure = Figure(figsize=size, dpi=_DPI, facecolor=theme.paper, layout="constrained")
+    figure = Figure(figsize=size, dpi=DPI, facecolor=theme.paper, layout="constrained")
     panels = figure.subplots(down, across, squeeze=False).ravel()
     tones = _term_colours(list(stages.values()))
     for axes, (name, columns) in zip(panels, stages.items(), strict=False):
@@ -186,7 +204,7 @@ def loss_curves(curves: Path, theme: Theme = LIGHT) -> bytes | None:
         frameon=False,
         labelcolor=theme.ink,
     )
-    return _png(figure)
+    return to_png(figure)
 
 
 def read_curves(path: Path) -> dict[str, np.ndarray]:
@@ -232,7 +250,7 @@ def _stage(
         axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axes.yaxis.set_major_formatter("{x:g}")
         axes.yaxis.set_minor_formatter(NullFormatter())
-    _dress(axes, theme)
+    dress(axes, theme)
     axes.set_title(name.replace("-", " · ", 1), color=theme.ink, fontsize=9)
     axes.set_xlabel("step", fontsize=8)
 
@@ -241,7 +259,7 @@ def _term_colours(stages: list[dict[str, np.ndarray]]) -> dict[str, str]:
     """A colour for each loss term, in the order in which training meets them."""
     terms = dict.fromkeys(_kind_and_term(column)[1] for columns in stages for column in columns)
     terms.pop("", None)
-    return {term: _LINES[index % len(_LINES)] for index, term in enumerate(terms)}
+    return {term: TONES[index % len(TONES)] for index, term in enumerate(terms)}
 
 
 def _kind_and_term(column: str) -> tuple[str, str]:
@@ -250,19 +268,3 @@ def _kind_and_term(column: str) -> tuple[str, str]:
         if column.startswith(kind):
             return kind, column.removeprefix(kind)
     return "", ""
-
-
-def _dress(axes: Axes, theme: Theme) -> None:
-    """Colours of the page for an axis."""
-    axes.set_facecolor(theme.paper)
-    axes.tick_params(which="both", colors=theme.ink, labelsize=8)
-    axes.xaxis.label.set_color(theme.ink)
-    axes.yaxis.label.set_color(theme.ink)
-    for spine in axes.spines.values():
-        spine.set_color(theme.faint)
-
-
-def _png(figure: Figure) -> bytes:
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png")
-    return buffer.getvalue()

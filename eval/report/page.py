@@ -19,23 +19,22 @@ from lime_keras.data.corpus import Split
 from lime_keras.optics import colour, shininess
 from lime_keras.version import __version__
 
-from ..accuracy import table
+from ..accuracy import labels, table
 from ..accuracy.evaluate import Evaluation
-from ..accuracy.measures import MEASURES
-from ..accuracy.relighting import HIGHEST_PSNR
+from ..accuracy.measures import DECIBEL, MEASURES
 from ..accuracy.slices import SHOWN, Slice, slices
 from . import figures, pictures
-from .examples import Example, bin_label
+from .examples import Example
 
 _TEMPLATES = Path(__file__).parent / "templates"
-_HEADLINES = {
-    "mask_iou": "Mask IoU",
-    "exponent_exact": "Exponent, right bin",
-    "log_exponent_mae": "Exponent, error of log10 s",
-    "diffuse_albedo_mae": "Diffuse albedo, MAE",
-    "specular_albedo_mae": "Specular albedo, MAE",
-    "relighting_psnr": "Relit, PSNR",
-}
+_HEADLINES = (
+    "mask_iou",
+    "exponent_exact",
+    "log_exponent_mae",
+    "diffuse_albedo_mae",
+    "specular_albedo_mae",
+    "relighting_psnr",
+)
 
 
 @dataclass(frozen=True)
@@ -77,7 +76,6 @@ def evaluation(
     Raises:
         ValueError: if a file of loss curves is not a table of numbers.
     """
-    architecture = found.architecture
     parts = slices(found.rows)
     return _rendered(
         "evaluation.html",
@@ -85,17 +83,16 @@ def evaluation(
         corpus=corpus.name or str(corpus),
         run=run.name or str(run),
         summary=summary,
-        oracle=table.oracle(architecture),
-        exponent=table.exponent(architecture),
-        tiles=[_tile(name, title, summary) for name, title in _HEADLINES.items()],
-        header=table.HEADER,
+        exponent=labels.exponent(found.architecture),
+        tiles=[_tile(name, summary) for name in _HEADLINES],
+        header=table.header(summary),
         rows=table.rows(summary),
         constants=_constants(summary),
         confusion=_both_themes(lambda theme: figures.confusion(found.confusion, theme)),
         albedos=_both_themes(lambda theme: figures.albedos(found.rows, theme)),
         reliability=_both_themes(lambda theme: figures.reliability(found.rows, theme)),
         relighting=_both_themes(lambda theme: figures.relighting(found.rows, theme)),
-        slice_header=("Part", "images", *(SHOWN[name] for name in _shown(parts))),
+        slice_header=("Part", "images", *(MEASURES[name].short for name in _shown(parts))),
         slices=[_slice_cells(part, _shown(parts)) for part in parts],
         curves=_both_themes(lambda theme: figures.loss_curves(run / "curves", theme)),
         examples=[_card(example) for example in examples],
@@ -126,7 +123,7 @@ def measured(title: str, text: str, pictures_of_it: Sequence[Picture], *, comman
     )
 
 
-def page(sections: Sequence[tuple[str, str, str]]) -> str:
+def whole(sections: Sequence[tuple[str, str, str]]) -> str:
     """The report as HTML; needs no other file and no network.
 
     Args:
@@ -160,26 +157,25 @@ def _shown(parts: Sequence[Slice]) -> list[str]:
 def _slice_cells(part: Slice, names: Sequence[str]) -> list[str]:
     cells = [f"{part.by}: {part.label}", str(part.count)]
     return cells + [
-        table.with_interval(part.value[name], part.interval[name], MEASURES[name].unit)
-        for name in names
+        MEASURES[name].unit.with_interval(part.value[name], part.interval[name]) for name in names
     ]
 
 
-def _tile(name: str, title: str, summary: Mapping[str, Any]) -> dict[str, Any]:
+def _tile(name: str, summary: Mapping[str, Any]) -> dict[str, Any]:
     """A headline number and its place between chance (0 %) and a perfect answer (100 %)."""
     measure = MEASURES[name]
-    perfect = {"%": 1.0, "dB": HIGHEST_PSNR}.get(measure.unit, measure.floor or 0.0)
     chance = summary["chance"].get(name, summary["constant"].get(name))
 
     def place(value: float | None) -> float | None:
-        if value is None or chance == perfect:
+        if value is None or chance == measure.perfect:
             return None
-        return round(100 * float(np.clip((value - chance) / (perfect - chance), 0, 1)), 1)
+        way = (value - chance) / (measure.perfect - chance)
+        return round(100 * float(np.clip(way, 0, 1)), 1)
 
     return {
-        "title": title,
-        "value": table.number(summary[name], measure.unit),
-        "paper": table.number(measure.paper, measure.unit),
+        "title": measure.title,
+        "value": measure.unit.number(summary[name]),
+        "paper": measure.unit.number(measure.paper),
         "ours_at": place(summary[name]),
         "paper_at": place(measure.paper),
         "oracle_at": place(summary["oracle"].get(name)),
@@ -189,7 +185,7 @@ def _tile(name: str, title: str, summary: Mapping[str, Any]) -> dict[str, Any]:
 def _constants(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     """What the best constant answers reach on this split, titled and ready to print."""
     return [
-        (MEASURES[name].title, table.number(value, MEASURES[name].unit))
+        (MEASURES[name].title, MEASURES[name].unit.number(value))
         for name, value in summary["constant"].items()
     ]
 
@@ -200,7 +196,7 @@ def _small_card(example: Example, found: Evaluation) -> dict[str, Any]:
     return _material(example) | {
         "source": f"{truth['shape'].decode()} under {truth['light'].decode()}, "
         f"index {truth['index']}",
-        "psnr": table.number(found.rows["relit"][example.choice.position], "dB"),
+        "psnr": DECIBEL.number(found.rows["relit"][example.choice.position]),
         "photo": _data_uri(pictures.png(truth["image"])),
         "true": _data_uri(pictures.png(pictures.true_render(example))),
         "estimated": _data_uri(pictures.png(pictures.estimated_render(example))),
@@ -236,7 +232,11 @@ def _card(example: Example) -> dict[str, Any]:
             for pair in pictures.pairs(example)
         ],
         "bars": [
-            {"height": round(100 * float(p), 1), "label": bin_label(k), "is_true": k == true_bin}
+            {
+                "height": round(100 * float(p), 1),
+                "label": labels.bin_label(k),
+                "is_true": k == true_bin,
+            }
             for k, p in enumerate(probabilities)
         ],
     }

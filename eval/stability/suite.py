@@ -15,6 +15,7 @@ from pathlib import Path
 import keras
 from tqdm import tqdm
 
+from ..markdown_table import ABSENT, aligned
 from .cases import (
     colour,
     compositing,
@@ -55,7 +56,6 @@ HEADER = (
     "Note",
 )
 _SUMMARY = ("Part", "Checks", "Passed", "Known", "Failed")
-_ABSENT = "–"
 
 
 def cases(model_dir: Path | None = None) -> list[Case]:
@@ -124,10 +124,10 @@ def markdown(verdicts: Sequence[Verdict]) -> str:
     for verdict in verdicts:
         by_part.setdefault(verdict.part, []).append(verdict)
     counts = [(part, *_counted(rows)) for part, rows in by_part.items()]
-    sections = [_table([_SUMMARY, *counts, ("all", *_counted(verdicts))], numbers=range(1, 5))]
+    sections = [aligned([_SUMMARY, *counts, ("all", *_counted(verdicts))])]
     for part, rows in by_part.items():
         sections.append(f"### {part[0].upper()}{part[1:]}")
-        sections.append(_table([HEADER, *map(_cells, rows)], numbers=range(2, 7)))
+        sections.append(aligned([HEADER, *map(_cells, rows)], texts=(0, 1, 7, 8)))
     return "\n\n".join(sections) + "\n"
 
 
@@ -171,25 +171,5 @@ def _cells(verdict: Verdict) -> tuple[str, ...]:
         verdict.error,
         verdict.tolerance,
     )
-    written = [_ABSENT if number is None else f"{number:.4g}" for number in numbers]
+    written = [ABSENT if number is None else f"{number:.4g}" for number in numbers]
     return (verdict.case, verdict.precision, *written, _state(verdict), verdict.note)
-
-
-def _table(lines: Sequence[tuple[str, ...]], numbers: Iterable[int]) -> str:
-    """A Markdown table; columns of numbers flush right."""
-    # A bar in an error's words would end its cell.
-    cells = [[cell.replace("|", "\\|") for cell in line] for line in lines]
-    right = set(numbers)
-    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    rule = [
-        "-" * (width + 1) + ":" if column in right else "-" * (width + 2)
-        for column, width in enumerate(widths)
-    ]
-    text = [
-        " | ".join(
-            cell.rjust(width) if column in right else cell.ljust(width)
-            for column, (cell, width) in enumerate(zip(line, widths, strict=True))
-        )
-        for line in cells
-    ]
-    return "\n".join([f"| {text[0]} |", f"|{'|'.join(rule)}|", *(f"| {t} |" for t in text[1:])])

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from ..ledger import DependsOn, Ledger, size
+from ..store import DependsOn, Store, size
 from . import machine
 from .run_formats import EVERYTHING, PRECISIONS, Run
 from .runtimes import ONNX
@@ -27,7 +27,7 @@ class Case:
         part: of a system, what is asked of it; of a subnetwork, which.
         image_size: height and width of the images.
         runtime: out of `runtimes`.
-        precision: out of `variants.PRECISIONS`.
+        precision: out of `run_formats.PRECISIONS`.
         batch: images at once.
         threads: of the runtime.
     """
@@ -54,14 +54,14 @@ class Bench:
 
     Args:
         runs: trained ones by name.
-        ledger: keeps the yardsticks.
+        store: keeps the yardsticks.
     """
 
-    def __init__(self, runs: Mapping[str, Run], ledger: Ledger):
+    def __init__(self, runs: Mapping[str, Run], store: Store):
         self._runs = runs
         sizes = sorted({run.image_size for run in runs.values()})
         self._yardsticks = {
-            (name, side): Yardstick(name, side, ledger) for name in NETWORKS for side in sizes
+            (name, side): Yardstick(name, side, store) for name in NETWORKS for side in sizes
         }
 
     def cases(self) -> list[Case]:

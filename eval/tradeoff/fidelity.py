@@ -7,10 +7,9 @@ import numpy as np
 
 from lime_keras.export import parity
 
-from .. import kept
 from ..accuracy import measures
 from ..accuracy.evaluate import evaluate
-from ..ledger import Ledger
+from ..store import Store
 from . import machine
 from .run_formats import Run
 from .runtimes import KERAS, POLICIES
@@ -24,11 +23,11 @@ class Fidelity:
 
     Args:
         run: that was trained.
-        ledger: keeps what is measured.
+        store: keeps what is measured.
     """
 
-    def __init__(self, run: Run, ledger: Ledger):
-        self._run, self._ledger = run, ledger
+    def __init__(self, run: Run, store: Store):
+        self._run, self._store = run, store
         self._of_keras: dict[str, Mapping[str, np.ndarray]] = {}
 
     def difference(self, runtime: str, precision: str) -> dict[str, float]:
@@ -46,7 +45,7 @@ class Fidelity:
             return parity.compare(dict(self._of_keras[reference]), answer)
 
         key = self._depends_on(runtime, precision) | {"images": _COMPARED}
-        return self._ledger.value(f"differences/{self._name(runtime, precision)}", key, compare)
+        return self._store.value(f"differences/{self._name(runtime, precision)}", key, compare)
 
     def errors(self, runtime: str, precision: str) -> dict[str, Any]:
         """Errors on the whole test split.
@@ -76,9 +75,8 @@ class Fidelity:
                 "count": summary["count"],
             }
 
-        evaluated = kept.key(run.folder, run.samples.corpus, run.samples.camera)
-        key = {**self._depends_on(runtime, precision), "evaluation": evaluated}
-        return self._ledger.value(f"errors/{self._name(runtime, precision)}", key, measure)
+        key = self._depends_on(runtime, precision)
+        return self._store.value(f"errors/{self._name(runtime, precision)}", key, measure)
 
     def _depends_on(self, runtime: str, precision: str) -> dict[str, Any]:
         """What answers to test images follow from; a processor's instructions may round."""

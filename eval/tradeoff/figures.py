@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from ..accuracy.measures import MEASURES
-from ..report.figures import _DPI, _LINES, LIGHT, Theme, _dress, _png
+from ..report.figures import DPI, LIGHT, TONES, Theme, dress, to_png
 from .cases import is_crossed
 from .recommendation import FRAME_MS, front
 from .runtimes import KERAS, ONNX, SAVED_MODEL
@@ -25,7 +25,7 @@ def pareto(result: Mapping[str, Any], theme: Theme = LIGHT) -> bytes:
     """Latency of one image against the score and each scored error; a line joins the front.
 
     Args:
-        result: of `tradeoff.measure`, whose full cross is drawn.
+        result: of `measure.measure`, whose full cross is drawn.
         theme: colours of the page.
     """
     rows = [row for row in result["rows"] if is_crossed(row, result["machine"]["cores"])]
@@ -33,10 +33,10 @@ def pareto(result: Mapping[str, Any], theme: Theme = LIGHT) -> bytes:
     titles |= {name: MEASURES[name].title for name in result["scored"]}
     down = math.ceil(len(titles) / _ACROSS)
     size = (4.0 * _ACROSS, 3.1 * down + 1.3)
-    figure = Figure(figsize=size, dpi=_DPI, facecolor=theme.paper, layout="constrained")
+    figure = Figure(figsize=size, dpi=DPI, facecolor=theme.paper, layout="constrained")
     panels = figure.subplots(down, _ACROSS, squeeze=False).ravel()
     models = list(dict.fromkeys(row["model"] for row in rows))
-    tones = {model: _LINES[index % len(_LINES)] for index, model in enumerate(models)}
+    tones = {model: TONES[index % len(TONES)] for index, model in enumerate(models)}
     for axes, (name, title) in zip(panels, titles.items(), strict=False):
         errors = [row["errors"][name] if name else row["score"] for row in rows]
         _panel(axes, rows, errors, tones, theme)
@@ -55,7 +55,7 @@ def pareto(result: Mapping[str, Any], theme: Theme = LIGHT) -> bytes:
         frameon=False,
         labelcolor=theme.ink,
     )
-    return _png(figure)
+    return to_png(figure)
 
 
 def _panel(
@@ -87,7 +87,7 @@ def _panel(
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.set_xlabel("ms for one image, median", fontsize=8)
     axes.margins(0.08)
-    _dress(axes, theme)
+    dress(axes, theme)
 
 
 def _legend(

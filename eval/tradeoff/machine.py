@@ -6,6 +6,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 _PACKAGES = ("tensorflow", "keras", "onnxruntime", "onnx", "tf2onnx", "numpy", "lime-keras")
+"""What computes, or writes what is computed with."""
 _DECIDE_PRECISION = (
     *("avx2", "avx512f", "avx_vnni", "avx512_vnni", "avx512_bf16", "avx512_fp16"),
     *("amx_int8", "amx_bf16", "asimdhp", "asimddp", "bf16", "i8mm"),
@@ -28,18 +29,13 @@ def describe() -> dict:
         "memory_gib": round(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30, 1),
         "system": platform.platform(),
         "python": platform.python_version(),
-        "packages": packages(),
+        "packages": {name: version(name) for name in _PACKAGES},
     }
 
 
 def cores() -> int:
     """Processors that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def packages() -> dict[str, str]:
-    """Versions of what computes, or writes what is computed with."""
-    return {name: version(name) for name in _PACKAGES}
 
 
 def _processor() -> dict[str, str]:

@@ -16,15 +16,12 @@ from typing import Any
 
 from tqdm import tqdm
 
-from ..ledger import Ledger
+from ..store import Store
 from . import machine, recommendation, timing
 from .cases import Bench, Case, is_crossed, is_whole
 from .fidelity import Fidelity
 from .run_formats import INT8, PRECISIONS, Run
 from .samples import Samples
-from .table import markdown
-
-__all__ = ["markdown", "measure"]
 
 ROUNDS = 3
 EFFORT = timing.Effort()
@@ -33,7 +30,7 @@ EFFORT = timing.Effort()
 def measure(
     runs: Mapping[str, Path],
     corpus: Path,
-    folder: Path,
+    store: Store,
     *,
     camera: bool = False,
     progress: bool = True,
@@ -43,7 +40,7 @@ def measure(
     Args:
         runs: runs of `lime-train` by the names that the tables are to give them.
         corpus: folder with complete `train` and `test` splits.
-        folder: for what is measured, and the models in every format.
+        store: for what is measured, and the models in every format.
         camera: show photos of the scenes (`lime_keras.data.camera`) instead of clean images.
         progress: tell of it on standard error.
 
@@ -65,11 +62,10 @@ def measure(
     if not runs or any(name in ("", "..") or name != Path(name).name for name in runs):
         raise ValueError(f"runs {sorted(runs)}: pass at least one, each named as a file may be")
     load = os.getloadavg()[0]
-    ledger = Ledger(folder)
-    samples = Samples(corpus, ledger, camera=camera)
-    opened = {name: Run(name, path, samples, ledger) for name, path in runs.items()}
-    answered = _answered(opened, ledger, progress)
-    rows = _timed(Bench(opened, ledger), ledger, progress)
+    samples = Samples(corpus, store, camera=camera)
+    opened = {name: Run(name, path, samples, store) for name, path in runs.items()}
+    answered = _answered(opened, store, progress)
+    rows = _timed(Bench(opened, store), store, progress)
     scored = recommendation.scored([one["errors"] for one in answered.values()])
     _judge(rows, answered, scored)
     alone = [row for row in rows if is_whole(row) and row["batch"] == 1]
@@ -109,7 +105,7 @@ def _judge(rows: list[dict[str, Any]], answered: Mapping, scored: list[str]) -> 
 
 
 def _answered(
-    runs: Mapping[str, Run], ledger: Ledger, progress: bool
+    runs: Mapping[str, Run], store: Store, progress: bool
 ) -> dict[tuple[str, str, str], dict[str, Any]]:
     """Errors and difference from Keras, by run, runtime and precision."""
     variants = [
@@ -118,7 +114,7 @@ def _answered(
         for runtime, precisions in PRECISIONS.items()
         for precision in precisions
     ]
-    fidelities = {name: Fidelity(run, ledger) for name, run in runs.items()}
+    fidelities = {name: Fidelity(run, store) for name, run in runs.items()}
     answered = {}
     for name, runtime, precision in tqdm(variants, "answers", disable=not progress):
         of = fidelities[name]
@@ -128,7 +124,7 @@ def _answered(
     return answered
 
 
-def _timed(bench: Bench, ledger: Ledger, progress: bool) -> list[dict[str, Any]]:
+def _timed(bench: Bench, store: Store, progress: bool) -> list[dict[str, Any]]:
     """A row for each case, its rounds pooled."""
     cases = bench.cases()
     jobs = {case: bench.job(case, EFFORT) for case in tqdm(cases, "models", disable=not progress)}
@@ -137,7 +133,7 @@ def _timed(bench: Bench, ledger: Ledger, progress: bool) -> list[dict[str, Any]]
     for number, case in tqdm(turns, "times", disable=not progress):
         key = {**bench.depends_on(case, EFFORT), "round": number}
         run = functools.partial(timing.measure, jobs[case])
-        rounds[case].append(ledger.value(f"times/{case.name}-round{number}", key, run))
+        rounds[case].append(store.value(f"times/{case.name}-round{number}", key, run))
     return [
         {
             **dataclasses.asdict(case),

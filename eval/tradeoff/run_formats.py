@@ -15,8 +15,8 @@ from lime_keras.estimate import estimator
 from lime_keras.export import formats, quantisation
 from lime_keras.networks import answers, assemble, weights
 
-from ..ledger import DependsOn, Ledger, sha256, size
-from . import machine, runtimes
+from ..store import DependsOn, Store, sha256, size
+from . import runtimes
 from .costs import flop
 from .runtimes import KERAS, ONNX, SAVED_MODEL, Answer
 from .samples import Samples
@@ -40,21 +40,21 @@ class Run:
         name: in file names and tables.
         folder: run of `lime-train`, or folder of `lime_keras.networks.weights.save`.
         samples: images of the corpus that it was trained on.
-        ledger: keeps the files.
+        store: keeps the files.
 
     Raises:
         FileNotFoundError: if the folder holds no trained model.
     """
 
-    def __init__(self, name: str, folder: Path, samples: Samples, ledger: Ledger):
+    def __init__(self, name: str, folder: Path, samples: Samples, store: Store):
         self.name, self.folder, self.samples = name, folder, samples
-        self._ledger = ledger
+        self._store = store
         self._files = weights.files(folder)
 
     @functools.cached_property
     def depends_on(self) -> DependsOn:
         """What the float32 files follow from."""
-        return {"weights": sha256(*self._files), "packages": machine.packages()}
+        return {"weights": sha256(*self._files)}
 
     @functools.cached_property
     def costs(self) -> Mapping[str, Any]:
@@ -64,7 +64,7 @@ class Run:
         `lime-estimate --only` asks for, with the `outputs` that it takes, and `everything`) with
         its `parameters` and `gflop` for one image.
         """
-        return self._ledger.value(f"costs/{self.name}", self.depends_on, self._count_costs)
+        return self._store.value(f"costs/{self.name}", self.depends_on, self._count_costs)
 
     @property
     def image_size(self) -> int:
@@ -118,9 +118,9 @@ class Run:
     @functools.cached_property
     def int8_harm(self) -> Mapping[str, Mapping[str, Mapping[str, float]]]:
         """What eight bits do on validation images: `quantisation.harm` by precision and range."""
-        key = self._calibrated({"judged_by": "quantisation.harm"})
         prepared = self._file("prepared.onnx", self._write_prepared)
-        return self._ledger.value(f"int8/{self.name}", key, lambda: self._judge_int8(prepared))
+        key = self._calibrated()
+        return self._store.value(f"int8/{self.name}", key, lambda: self._judge_int8(prepared))
 
     def best_ranges(self, precision: str) -> str:
         """The ranges, out of `quantisation.RANGES`, that do the least harm on average."""
@@ -154,7 +154,7 @@ class Run:
     def _file(
         self, name: str, write: Callable[[Path], None], depends_on: DependsOn | None = None
     ) -> Path:
-        return self._ledger.file(f"models/{self.name}-{name}", depends_on or self.depends_on, write)
+        return self._store.file(f"models/{self.name}-{name}", depends_on or self.depends_on, write)
 
     def _write_saved_model(self, precision: str, path: Path) -> None:
         with runtimes.computing_in(precision):
@@ -177,9 +177,9 @@ class Run:
             )
 
         slug = precision.replace(", ", "-").replace(" ", "-")
-        return self._file(f"{slug}.onnx", write, self._calibrated({"ranges": ranges}))
+        return self._file(f"{slug}.onnx", write, self._calibrated(ranges=ranges))
 
-    def _calibrated(self, more: DependsOn) -> DependsOn:
+    def _calibrated(self, **more: str) -> DependsOn:
         return {**self.depends_on, "calibration": self.samples.depends_on("train"), **more}
 
     def _judge_int8(self, prepared: Path) -> dict[str, dict[str, dict[str, float]]]:

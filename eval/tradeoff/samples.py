@@ -1,4 +1,4 @@
-"""A few images of one corpus, and what they follow from: `data.samples`, kept in a ledger."""
+"""A few images of one corpus, and what they follow from: `data.samples`, kept in a store."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ import numpy as np
 from lime_keras.data import samples
 from lime_keras.data.corpus import Split
 
-from ..ledger import DependsOn, Ledger, sha256
+from ..store import DependsOn, Store, sha256
 
 LARGEST_BATCH = 32
 """Images of the test split: as many as are answered at once."""
@@ -18,13 +18,13 @@ class Samples:
 
     Args:
         corpus: folder with complete `train` and `test` splits.
-        ledger: keeps the test images.
+        store: keeps the test images.
         camera: take photos of the scenes (`lime_keras.data.camera`), the same every time.
     """
 
-    def __init__(self, corpus: Path, ledger: Ledger, *, camera: bool):
+    def __init__(self, corpus: Path, store: Store, *, camera: bool):
         self.corpus, self.camera = corpus, camera
-        self._ledger = ledger
+        self._store = store
 
     def depends_on(self, split: str) -> DependsOn:
         """What images of a split follow from, their size apart."""
@@ -41,7 +41,7 @@ class Samples:
                 np.save(file, images)
 
         key = {**self.depends_on("test"), "size": size, "count": LARGEST_BATCH}
-        return self._ledger.file(f"images/{size}.npy", key, write)
+        return self._store.file(f"images/{size}.npy", key, write)
 
     def calibration(self, size: int) -> np.ndarray:
         """Images that the networks were trained on."""

@@ -1,6 +1,5 @@
 """The trade in Markdown: what was measured, what it was measured on, and what to take."""
 
-import functools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
@@ -8,26 +7,25 @@ from lime_keras.export.parity import TOLERANCE
 from lime_keras.export.quantisation import RANGES
 
 from ..accuracy.measures import MEASURES
-from ..accuracy.table import number, with_interval
+from ..markdown_table import ABSENT, aligned
 from .cases import SUBNETWORK, SYSTEM, YARDSTICK, is_crossed, is_whole
 from .costs import TITAN_XP
 from .runtimes import ONNX
 
 Row = Mapping[str, Any]
-_ABSENT = "–"
-_ERRORS = {
-    "mask_iou": "IoU",
-    "exponent_exact": "bin",
-    "exponent_within_one": "bin ± 1",
-    "log_exponent_mae": "log s",
-    "diffuse_albedo_mae": "m_d",
-    "specular_albedo_mae": "m_s",
-    "specular_shading_relative": "S",
-    "mirror_relative": "M",
-    "relighting_psnr": "relit",
-    "relighting_psnr_unseen": "relit, unseen",
-}
-"""Columns of the tables; all the other measures stand in the JSON."""
+_ERRORS = (
+    "mask_iou",
+    "exponent_exact",
+    "exponent_within_one",
+    "log_exponent_mae",
+    "diffuse_albedo_mae",
+    "specular_albedo_mae",
+    "specular_shading_relative",
+    "mirror_relative",
+    "relighting_psnr",
+    "relighting_psnr_unseen",
+)
+"""Measures of the tables; all the others stand in the JSON."""
 _COLUMNS: dict[str, Callable[[Row], str]] = {
     "": lambda row: "◆" if row["front"] else "",
     "run": lambda row: row["model"],
@@ -61,7 +59,7 @@ _TEXTS = ("", "run", "runtime", "precision", "only", "ranges", "measured on")
 
 
 def markdown(result: Mapping[str, Any]) -> str:
-    """The tables of `tradeoff.measure`'s result, each under its heading."""
+    """The tables of `measure.measure`'s result, each under its heading."""
     sections = {
         "The trade": _cross,
         "Recommendations": _recommendations,
@@ -96,16 +94,16 @@ def _conditions(result: Mapping[str, Any]) -> str:
 
 def _cross(result: Mapping[str, Any]) -> str:
     rows = sorted(_crossed(result), key=lambda row: row["latency_ms"])
-    scored = ", ".join(_ERRORS[name] for name in result["scored"])
+    scored = ", ".join(MEASURES[name].short for name in result["scored"])
     about = (
         f"One image, all {result['machine']['cores']} threads. Score: mean of error ÷ chance over "
         f"{scored}; 0 is perfect, 1 knows nothing. ◆: no variant is both faster and better by "
         "score. Δ Keras: largest difference from Keras in the same precision (eight bits: in "
         f"float32) on test images, relative above 1; up to {TOLERANCE} the errors are Keras' own. "
-        "IoU, S and M are each at the run's own number of pixels. A processor without arithmetic "
-        "of float16 or bfloat16 emulates it, and is slower then: see its instructions above. ONNX "
-        "Runtime on x86 computes float16 models in float32, between casts, whatever the "
-        "processor can: they are half the size, not half the time."
+        "Mask IoU, S and M are each at the run's own number of pixels. A processor without "
+        "arithmetic of float16 or bfloat16 emulates it, and is slower then: see its instructions "
+        "above. ONNX Runtime on x86 computes float16 models in float32, between casts, whatever "
+        "the processor can: they are half the size, not half the time."
     )
     columns = ("", "run", "pixels", "runtime", "precision", "ms", "p95", "Δ Keras", "score")
     return f"{about}\n\n{_rows(rows, *columns, *_shown(rows))}"
@@ -135,14 +133,14 @@ def _precisions(result: Mapping[str, Any]) -> str:
     plain = {row["model"]: row for row in rows if row["precision"] == "float32"}
     distinct = {(row["model"], row["precision"], row["measured_on"]): row for row in rows}
     lines = [
-        [*key, *(_change(row, plain[row["model"]], title) for title in shown)]
+        [*key, *(_change(row, plain[row["model"]], name) for name in shown)]
         for key, row in distinct.items()
     ]
     about = (
         "The errors of float32 with half their 95 % intervals, and by how much those of another "
         "precision are higher."
     )
-    return f"{about}\n\n{_table(['run', 'precision', 'measured on', *shown], lines)}"
+    return f"{about}\n\n{_table(['run', 'precision', 'measured on', *map(_title, shown)], lines)}"
 
 
 def _int8(result: Mapping[str, Any]) -> str:
@@ -156,7 +154,7 @@ def _int8(result: Mapping[str, Any]) -> str:
     lines = [
         [
             *key,
-            *(f"{100 * harm[output]:.2f}" if output in harm else _ABSENT for output in outputs),
+            *(f"{100 * harm[output]:.2f}" if output in harm else ABSENT for output in outputs),
             f"{100 * sum(harm.values()) / len(harm):.2f}",
             _taken(result["runs"][key[0]], *key[1:]),
         ]
@@ -212,7 +210,7 @@ def _subnetworks(result: Mapping[str, Any]) -> str:
 def _paper(row: Row) -> str:
     """The paper's time for a subnetwork, or for all of them together."""
     milliseconds = sum(TITAN_XP.values()) if is_whole(row) else TITAN_XP.get(row["part"])
-    return _ABSENT if milliseconds is None else f"{milliseconds:.2f}"
+    return ABSENT if milliseconds is None else f"{milliseconds:.2f}"
 
 
 def _yardsticks(result: Mapping[str, Any]) -> str:
@@ -258,24 +256,19 @@ def _systems(result: Mapping[str, Any]) -> list[Row]:
 
 
 def _shown(rows: Sequence[Row]) -> list[str]:
-    """Those of `_ERRORS` that a run has, by their titles."""
-    return [title for name, title in _ERRORS.items() if any(name in r["errors"] for r in rows)]
+    """Those of `_ERRORS` that a run has."""
+    return [name for name in _ERRORS if any(name in row["errors"] for row in rows)]
 
 
-def _error(row: Row, name: str) -> str:
-    return number(row["errors"].get(name), MEASURES[name].unit)
-
-
-def _change(row: Row, plain: Row, title: str) -> str:
+def _change(row: Row, plain: Row, name: str) -> str:
     """A measure of float32 with half its interval; of another precision, what it adds to that."""
-    name = next(name for name in _ERRORS if _ERRORS[name] == title)
     if name not in row["errors"]:
-        return _ABSENT
+        return ABSENT
     unit = MEASURES[name].unit
     if row["precision"] == "float32":
-        return with_interval(row["errors"][name], row["interval"][name], unit)
+        return unit.with_interval(row["errors"][name], row["interval"][name])
     change = row["errors"][name] - plain["errors"][name]
-    return ("−" if change < 0 else "+") + number(abs(change), unit)
+    return ("−" if change < 0 else "+") + unit.number(abs(change))
 
 
 def _ms(value: float) -> str:
@@ -287,12 +280,21 @@ def _count(value: float) -> str:
 
 
 def _rows(rows: Iterable[Row], *columns: str) -> str:
-    """A table of `_COLUMNS` and `_ERRORS`, a line for each row."""
-    errors = {title: functools.partial(_error, name=name) for name, title in _ERRORS.items()}
-    cells = _COLUMNS | errors
-    return _table(columns, ([cells[column](row) for column in columns] for row in rows))
+    """A table of `_COLUMNS` and measures, by their names, a line for each row."""
+    lines = [[_cell(row, column) for column in columns] for row in rows]
+    return _table([*map(_title, columns)], lines)
+
+
+def _cell(row: Row, column: str) -> str:
+    if column in MEASURES:
+        return MEASURES[column].unit.number(row["errors"].get(column))
+    return _COLUMNS[column](row)
+
+
+def _title(column: str) -> str:
+    return MEASURES[column].short if column in MEASURES else column
 
 
 def _table(header: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
-    rule = ["---" if column in _TEXTS else "---:" for column in header]
-    return "\n".join("| " + " | ".join(line) + " |" for line in [header, rule, *lines])
+    texts = [index for index, title in enumerate(header) if title in _TEXTS]
+    return aligned([header, *lines], texts)

@@ -13,8 +13,7 @@ import keras
 
 from lime_keras.export import formats
 
-from ..ledger import Ledger
-from . import machine
+from ..store import Store
 from .costs import flop
 
 NETWORKS: dict[str, Callable[..., keras.Model]] = {
@@ -30,13 +29,13 @@ class Yardstick:
     Args:
         name: of the network.
         image_size: height and width of its images; 32 or more.
-        ledger: keeps its files.
+        store: keeps its files.
     """
 
-    def __init__(self, name: str, image_size: int, ledger: Ledger):
+    def __init__(self, name: str, image_size: int, store: Store):
         self.name, self.image_size = name, image_size
-        self._ledger = ledger
-        self.depends_on = {"network": name, "size": image_size, "packages": machine.packages()}
+        self._store = store
+        self.depends_on = {"network": name, "size": image_size}
 
     @property
     def costs(self) -> dict[str, Any]:
@@ -46,12 +45,12 @@ class Yardstick:
             network = self._build()
             return {"parameters": network.count_params(), "gflop": 1e-9 * flop(network)}
 
-        return self._ledger.value(f"costs/{self._slug}", self.depends_on, count)
+        return self._store.value(f"costs/{self._slug}", self.depends_on, count)
 
     @property
     def path(self) -> Path:
         """ONNX in float32."""
-        return self._ledger.file(
+        return self._store.file(
             f"models/{self._slug}.onnx",
             self.depends_on,
             lambda path: formats.write_onnx(self._build(), path),

@@ -19,7 +19,8 @@ SERVED = "serving_default"
 """The signature that answers every output; each output's own is called after it."""
 
 _CARD = Path("assets.extra") / "lime.json"  # where SavedModels keep what no loader reads
-_OPSET = 17
+OPSET = 17
+"""Of the ONNX that is written."""
 
 
 def write_saved_model(network: keras.Model, path: Path) -> None:
@@ -68,7 +69,7 @@ def write_onnx(network: keras.Model, path: Path) -> None:
 
     serve = served(network)
     tf2onnx.convert.from_function(
-        serve, input_signature=serve.input_signature, opset=_OPSET, output_path=str(path)
+        serve, input_signature=serve.input_signature, opset=OPSET, output_path=str(path)
     )
     # The converter's copies of the graph hold one another, and 1 GB for a U-Net of 20 MB.
     gc.collect()

@@ -175,6 +175,8 @@ def test_metrics_hold_every_measure_finite(written):
     assert found["count"] == COUNT
     assert set(found["interval"]) == set(measures.MEASURES)
     assert found["floor"] and found["chance"] and found["paper"] and found["oracle"]
+    # Weights that nothing was kept beside.
+    assert found["oracle_title"] == "Same encoders on true layers"
 
 
 def test_the_report_needs_nothing_else(written):
@@ -191,6 +193,8 @@ def test_the_report_tells_what_made_it_and_escapes_names(written, corpus):
     assert f"lime-eval {corpus}" in page
     assert "&#34;preset&#34;: &#34;tiny&#34;" in page
     assert "&lt;b&gt;blob" in page and "<b>blob" not in page
+    assert "<b>Same encoders on true layers</b>: ExponentNet and AlbedoNet given" in page
+    assert "oracle," not in page and "Oracle" not in page
 
 
 def test_out_and_the_table_on_standard_output(corpus, run, tmp_path, capsys):

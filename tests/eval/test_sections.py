@@ -9,8 +9,7 @@ import sphere_corpus
 import trade
 
 from lime_keras.eval import cli, sections
-from lime_keras.eval.tradeoff import measure as tradeoff
-from lime_keras.eval.tradeoff import recommendation
+from lime_keras.eval.tradeoff import measure, recommendation, table
 
 
 @pytest.fixture(scope="module")
@@ -67,8 +66,8 @@ def test_one_report_gathers_what_each_command_made(compared, corpus, runs, capsy
 def test_the_trade_leaves_its_table_and_its_picture(corpus, runs, tmp_path, monkeypatch):
     shared = recommendation.scored([row["errors"] for row in trade.ROWS])
     measured = {"rows": trade.ROWS, "scored": shared, "machine": {"cores": 2}}
-    monkeypatch.setattr(tradeoff, "measure", lambda *_, **__: measured)
-    monkeypatch.setattr(tradeoff, "markdown", lambda result: "| a |\n|---|\n| b |\n")
+    monkeypatch.setattr(measure, "measure", lambda *_, **__: measured)
+    monkeypatch.setattr(table, "markdown", lambda result: "| a |\n|---|\n| b |\n")
     arguments = [str(corpus), "--tradeoff", str(runs / "whole"), "--out", str(tmp_path)]
     assert cli.main(arguments) == 0
     assert (tmp_path / "pareto.png").stat().st_size > 10_000

@@ -10,35 +10,35 @@ from keras import ops
 
 from lime_keras import losses
 from lime_keras.optics import shininess
+from lime_keras.optics.shininess import BIN_COUNT, BIN_WIDTH
 
 from ..trials.images import pairs
 from ..trials.precisions import NUMPY_DOUBLE, NUMPY_SINGLE, SINGLE, TENSORS, Precision
 from ..trials.verdicts import Case, Compared, Outcome, refusal
 
-_BINS = 8
 _FLOOR = 1e-7
 """Probability below which `losses.exponent_cross_entropy` tells no difference."""
-_EVEN = np.zeros(_BINS)
+_EVEN = np.zeros(BIN_COUNT)
 _LOGITS = {
     "all 0": _EVEN,
-    "true class at 1e4": 1e4 * np.eye(_BINS)[2],
-    "wrong class at 1e4": 1e4 * np.eye(_BINS)[5],
-    "true class at -1e4": -1e4 * np.eye(_BINS)[2],
-    "all others at -1e4": -1e4 * (1 - np.eye(_BINS)[2]),
-    "true class at 1e4, wrong at -1e4": 1e4 * (np.eye(_BINS)[2] - np.eye(_BINS)[5]),
-    "true class at -1e4, wrong at 1e4": 1e4 * (np.eye(_BINS)[5] - np.eye(_BINS)[2]),
-    "two classes at 1e4": 1e4 * (np.eye(_BINS)[2] + np.eye(_BINS)[5]),
+    "true class at 1e4": 1e4 * np.eye(BIN_COUNT)[2],
+    "wrong class at 1e4": 1e4 * np.eye(BIN_COUNT)[5],
+    "true class at -1e4": -1e4 * np.eye(BIN_COUNT)[2],
+    "all others at -1e4": -1e4 * (1 - np.eye(BIN_COUNT)[2]),
+    "true class at 1e4, wrong at -1e4": 1e4 * (np.eye(BIN_COUNT)[2] - np.eye(BIN_COUNT)[5]),
+    "true class at -1e4, wrong at 1e4": 1e4 * (np.eye(BIN_COUNT)[5] - np.eye(BIN_COUNT)[2]),
+    "two classes at 1e4": 1e4 * (np.eye(BIN_COUNT)[2] + np.eye(BIN_COUNT)[5]),
     "all at 1e4": 1e4 + _EVEN,
     "all at -1e4": -1e4 + _EVEN,
-    "wrong class 10 ahead": 10 * np.eye(_BINS)[5],
-    "wrong class 15 ahead": 15 * np.eye(_BINS)[5],
+    "wrong class 10 ahead": 10 * np.eye(BIN_COUNT)[5],
+    "wrong class 15 ahead": 15 * np.eye(BIN_COUNT)[5],
 }
 _TRUE = 2
 _PROBABILITIES = {
-    "certain": np.eye(_BINS)[2],
-    "certain of another": np.eye(_BINS)[5],
-    "even": np.full(_BINS, 1 / _BINS),
-    "1e-30 left": np.where(np.arange(_BINS) == 2, 1.0, 1e-30),
+    "certain": np.eye(BIN_COUNT)[2],
+    "certain of another": np.eye(BIN_COUNT)[5],
+    "even": np.full(BIN_COUNT, 1 / BIN_COUNT),
+    "1e-30 left": np.where(np.arange(BIN_COUNT) == 2, 1.0, 1e-30),
 }
 _EXPONENTS = {
     "0": (0.0, 0),
@@ -46,13 +46,13 @@ _EXPONENTS = {
     "1e-38": (1e-38, 0),
     "just below 1": (1 - 1e-4, 0),
     "1": (1.0, 0),
-    "just below 1000": (999.9, 7),
-    "1000": (1000.0, 7),
-    "1e6": (1e6, 7),
-    "infinity": (math.inf, 7),
+    "just below 1000": (999.9, BIN_COUNT - 1),
+    "1000": (1000.0, BIN_COUNT - 1),
+    "1e6": (1e6, BIN_COUNT - 1),
+    "infinity": (math.inf, BIN_COUNT - 1),
 } | {
-    f"{side} edge {k}": (10 ** (0.375 * k) * factor, k - (factor < 1))
-    for k in range(1, _BINS)
+    f"{side} edge {k}": (10 ** (BIN_WIDTH * k) * factor, k - (factor < 1))
+    for k in range(1, BIN_COUNT)
     for side, factor in (("at", 1.0), ("just below", 1 - 1e-4))
 }
 
@@ -124,11 +124,11 @@ def _softmax(name: str, precision: Precision) -> Outcome:
     p = _exact_softmax(logits)
     # Rounded, a difference of logits changes a probability by as much times it.
     size = p * (1 + np.abs(logits - logits.max()))
-    slope = p[_TRUE] * (np.eye(_BINS)[_TRUE] - p)
-    magnitude = p[_TRUE] * (np.eye(_BINS)[_TRUE] + p) + size[_TRUE] + size
+    slope = p[_TRUE] * (np.eye(BIN_COUNT)[_TRUE] - p)
+    magnitude = p[_TRUE] * (np.eye(BIN_COUNT)[_TRUE] + p) + size[_TRUE] + size
     return Outcome(
-        precision.compare(found, p[_TRUE], p[_TRUE], size[_TRUE], terms=_BINS),
-        precision.compare(gradients[0], slope, slope, magnitude, terms=_BINS),
+        precision.compare(found, p[_TRUE], p[_TRUE], size[_TRUE], terms=BIN_COUNT),
+        precision.compare(gradients[0], slope, slope, magnitude, terms=BIN_COUNT),
     )
 
 
@@ -136,15 +136,15 @@ def _cross_entropy(name: str, precision: Precision) -> Outcome:
     """−ln p with its floor: below, the loss is constant and its derivative 0."""
     logits = precision.rounded(_LOGITS[name])
     p = _exact_softmax(logits)
-    slope = (p - np.eye(_BINS)[_TRUE]) * (p[_TRUE] > _FLOOR)
+    slope = (p - np.eye(BIN_COUNT)[_TRUE]) * (p[_TRUE] > _FLOOR)
     return _compared_loss(logits, -math.log(max(p[_TRUE], _FLOOR)), slope, precision)
 
 
 def _beyond_the_floor(precision: Precision) -> Outcome:
     """−ln p itself, as far from the floor as no class of eight may be called impossible."""
-    logits = 20.0 * np.eye(_BINS)[5]
+    logits = 20.0 * np.eye(BIN_COUNT)[5]
     p = _exact_softmax(logits)
-    return _compared_loss(logits, -math.log(p[_TRUE]), p - np.eye(_BINS)[_TRUE], precision)
+    return _compared_loss(logits, -math.log(p[_TRUE]), p - np.eye(BIN_COUNT)[_TRUE], precision)
 
 
 def _compared_loss(
@@ -155,8 +155,8 @@ def _compared_loss(
     # of logits; the derivative passes through the probability and back.
     spread = min(float(np.ptp(logits)), -math.log(_FLOOR))
     return Outcome(
-        SINGLE.compare(found, right, right, 1 + right + spread, terms=_BINS),
-        precision.compare(gradients[0], slope, slope, 1 + spread, terms=_BINS),
+        SINGLE.compare(found, right, right, 1 + right + spread, terms=BIN_COUNT),
+        precision.compare(gradients[0], slope, slope, 1 + spread, terms=BIN_COUNT),
     )
 
 
@@ -182,12 +182,12 @@ def _log_loss(precision: Precision) -> Outcome:
 
 
 def _expected(name: str, precision: Precision) -> Outcome:
-    """Σ p · (0.375 k + 0.1875)."""
-    means = 0.375 * np.arange(_BINS) + 0.1875
+    """Σ p · w (k + ½), w wide bins from 1 on."""
+    means = BIN_WIDTH * (np.arange(BIN_COUNT) + 0.5)
     probabilities = precision.rounded(_PROBABILITIES[name])
     found, gradients = precision.evaluate(_expected_log, _rows(probabilities))
     right = probabilities @ means
-    value = precision.compare(found, right, right, right, terms=_BINS)
+    value = precision.compare(found, right, right, right, terms=BIN_COUNT)
     if not gradients:
         return Outcome(value)
     return Outcome(value, precision.compare(gradients[0], means, means, means))
@@ -203,7 +203,7 @@ def _entropy(name: str) -> Outcome:
         terms = [mpmath.mpf(float(p)) for p in probabilities]
         right = float(-sum(p * mpmath.log(p, 2) for p in terms if p > 0))
     found = shininess.entropy(_rows(probabilities))
-    return Outcome(NUMPY_DOUBLE.compare(found, right, right, right, terms=_BINS))
+    return Outcome(NUMPY_DOUBLE.compare(found, right, right, right, terms=BIN_COUNT))
 
 
 def _bin(s: float, index: int, precision: Precision) -> Outcome:

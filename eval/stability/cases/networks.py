@@ -13,10 +13,10 @@ import numpy as np
 
 from lime_keras.networks import weights
 
+from ..trials.photos import extreme_photos
 from ..trials.precisions import BRAIN, HALF, SINGLE, TENSORS, Precision
 from ..trials.systems import BATCH, FRESH, Answers, TrialSystem
 from ..trials.verdicts import Case, Compared, Outcome, joined, refusal
-from .photos import images
 
 FORMATS = {"savedmodel": "SavedModel", "onnx": "ONNX"}
 _SQUARABLE = 1e15
@@ -67,12 +67,12 @@ def _cases(part: str, system: TrialSystem, precisions: Sequence[Precision] = TEN
         out.append(Case(part, name, precision.name, measure))
 
     for precision in precisions:
-        for image in images(2):
+        for image in extreme_photos(2):
             add(image, precision, _alone, precision, image)
         add(_IN_A_BATCH, precision, _in_a_batch, precision)
         if not precision.compiled:
             add("derivatives by the weights, all images", precision, _derivatives, precision)
-    for image in images(2):
+    for image in extreme_photos(2):
         add(f"{image}, estimated", SINGLE, _estimated, image)
     for name, spoil in _UNSOUND.items():
         add(f"{name}, refused", SINGLE, _refused, spoil)
@@ -83,7 +83,8 @@ def _exports(part: str, system: TrialSystem) -> list[Case]:
     out = []
     for model_format, title in FORMATS.items():
         measures = {
-            image: functools.partial(_exported, system, model_format, image) for image in images(2)
+            image: functools.partial(_exported, system, model_format, image)
+            for image in extreme_photos(2)
         }
         measures["an image alone"] = functools.partial(_exported_alone, system, model_format)
         measures[_IN_A_BATCH] = functools.partial(_exported_batch, system, model_format)

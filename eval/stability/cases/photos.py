@@ -12,6 +12,7 @@ from lime_keras.estimate import framing
 from lime_keras.io import photo
 
 from ..trials import srgb_standard
+from ..trials.photos import extreme_photos
 from ..trials.precisions import NUMPY_SINGLE
 from ..trials.verdicts import Case, Outcome, refusal
 
@@ -30,8 +31,8 @@ _BEYOND = {"pixels of -5": -5.0, "pixels of 1e30": 1e30}
 def cases() -> list[Case]:
     """Every case of these parts."""
     out = []
-    for image, kind in itertools.product(images(_SIDE), _FORMATS):
-        measure = functools.partial(_read, images(_SIDE)[image], kind)
+    for image, kind in itertools.product(extreme_photos(_SIDE), _FORMATS):
+        measure = functools.partial(_read, extreme_photos(_SIDE)[image], kind)
         out.append(Case("photo read", f"{image}, {kind}", NUMPY_SINGLE.name, measure))
     for kind in ("float TIFF", "OpenEXR"):
         for name, value in _UNSOUND.items():
@@ -42,32 +43,14 @@ def cases() -> list[Case]:
         for name, value in _BEYOND.items():
             measure = functools.partial(_read, np.full((_SIDE, _SIDE, 3), value), kind)
             out.append(Case("photo read", f"{name} clipped, {kind}", NUMPY_SINGLE.name, measure))
-    for image, size in itertools.product(images(_SIDE), (4, 16, 40)):
-        measure = functools.partial(_fitted, images(_SIDE)[image], size)
+    for image, size in itertools.product(extreme_photos(_SIDE), (4, 16, 40)):
+        measure = functools.partial(_fitted, extreme_photos(_SIDE)[image], size)
         out.append(Case("photo fitted", f"{image}, 16 to {size}", NUMPY_SINGLE.name, measure))
     for shape in ((1, 1, 3), (1000, 1, 3), (3, 700, 3)):
         measure = functools.partial(_fitted, np.full(shape, 0.5), 32)
         name = f"{shape[0]} × {shape[1]} pixels of one level, to 32"
         out.append(Case("photo fitted", name, NUMPY_SINGLE.name, measure))
     return out
-
-
-def images(side: int) -> dict[str, np.ndarray]:
-    """Pictures `(side, side, 3)` in [0, 1] by name."""
-    lit = np.zeros((side, side, 3))
-    lit[side // 2, side // 3] = 1.0
-    dark = 1 - lit
-    board = np.indices((side, side)).sum(0) % 2 * np.ones((3, 1, 1))
-    ramp = np.arange(side * side * 3).reshape(side, side, 3) % 65536 / 65535
-    return {
-        "black": np.zeros_like(lit),
-        "white": np.ones_like(lit),
-        "constant": np.full_like(lit, 0.5),
-        "one pixel lit": lit,
-        "one pixel dark": dark,
-        "chequered": np.moveaxis(board, 0, -1),
-        "in steps of 16 bits": ramp,
-    }
 
 
 def _write(folder: str, image: np.ndarray, kind: str) -> Path:

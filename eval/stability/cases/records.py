@@ -11,6 +11,7 @@ import tensorflow as tf
 
 from lime_keras.data import camera, pipeline, records
 from lime_keras.optics import environment
+from lime_keras.optics.shininess import BIN_COUNT, BIN_WIDTH
 
 from ..trials import srgb_standard
 from ..trials.precisions import SINGLE
@@ -125,9 +126,10 @@ def _write_shard(path: Path, serialized: list[bytes]) -> None:
 
 def _bins_in_the_graph() -> Outcome:
     """Edges belong to the bin above them, and what lies beyond to the end bins."""
-    exponents = {0.0: 0, 0.5: 0, 1.0: 0, 1000.0: 7, 1e6: 7}
-    for k in range(1, 8):
-        exponents |= {10 ** (0.375 * k): k, 10 ** (0.375 * k) * (1 - 1e-4): k - 1}
+    exponents = {0.0: 0, 0.5: 0, 1.0: 0, 1000.0: BIN_COUNT - 1, 1e6: BIN_COUNT - 1}
+    for k in range(1, BIN_COUNT):
+        edge = 10 ** (BIN_WIDTH * k)
+        exponents |= {edge: k, edge * (1 - 1e-4): k - 1}
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "shard.tfrecord"
         _write_shard(path, [records.encode(_example({"shininess": s})) for s in exponents])

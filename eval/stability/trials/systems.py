@@ -15,8 +15,8 @@ from lime_keras.estimate.estimator import Estimator
 from lime_keras.export import exporter, formats
 from lime_keras.networks import Architecture, assemble, build, weights
 
-from ..cases.photos import images
 from . import double_precision
+from .photos import extreme_photos
 from .precisions import ROUNDINGS, Precision
 
 _SMALL = Architecture(size=32, unet_width=4, unet_depth=1, encoder_width=4, dense_width=8)
@@ -67,7 +67,7 @@ class TrialSystem:
     def images(self) -> dict[str, np.ndarray]:
         """Extreme photos `(S, S, 3)` by name, float32 sRGB in [0, 1]."""
         size = self._loaded[0].size
-        return {name: image.astype(np.float32) for name, image in images(size).items()}
+        return {name: image.astype(np.float32) for name, image in extreme_photos(size).items()}
 
     @functools.cached_property
     def batch(self) -> tuple[list[str], np.ndarray]:

@@ -5,7 +5,7 @@ import json
 
 import numpy as np
 import pytest
-from test_eval_measures import LIME
+from evaluations import LIME
 
 from lime_keras.eval.accuracy import comparison
 from lime_keras.eval.accuracy.evaluate import Evaluation

@@ -6,54 +6,15 @@ import math
 
 import numpy as np
 import pytest
+from evaluations import LIME, four
 
 from lime_keras.eval.accuracy import measures
 from lime_keras.eval.accuracy.evaluate import Evaluation
-from lime_keras.networks import Architecture
 from lime_keras.optics import shininess
-
-LIME = Architecture(size=32, unet_width=1, unet_depth=1, encoder_width=1, dense_width=1)
-
-
-def _evaluation(**changes):
-    """Four examples: bins 0, 0, 3 and 7; found 0, 1, 5 and 6."""
-    rows = {
-        "bin": np.array([0, 0, 3, 7]),
-        "predicted_bin": np.array([0, 1, 5, 6]),
-        "bin_distance": np.array([0, 1, 2, 1]),
-        "log_exponent": np.array([0.0, 0.2, 1.2, 3.0]),
-        "diffuse_albedo": np.array([[0.0, 0, 0], [1, 0, 0], [0, 0, 0], [1, 0, 0]]),
-        "specular_albedo": np.array([0.0, 0.0, 1.0, 1.0]),
-        "iou": np.array([1.0, 0.5, 1.0, 0.5]),
-        "intersection": np.array([30.0, 5, 30, 5]),
-        "union": np.array([30.0, 10, 30, 10]),
-        "coverage": np.array([0.3, 0.1, 0.3, 0.1]),
-        "log_error": np.array([0.1, 0.2, 0.3, 0.4]),
-        "log_error_winning": np.array([0.0, 0.2, 0.4, 0.6]),
-        "diffuse_absolute": np.array([0.1, 0.1, 0.1, 0.1]),
-        "diffuse_squared": np.array([0.01, 0.01, 0.01, 0.01]),
-        "specular_absolute": np.array([0.0, 0.0, 0.0, 0.4]),
-        "specular_squared": np.array([0.0, 0.0, 0.0, 0.16]),
-        "specular_shading_relative": np.array([0.5, 0.5, 0.0, 1.0]),
-        "mirror_relative": np.array([1.0, 1.0, 1.0, 3.0]),
-        "log_squared": np.array([0.01, 0.04, 0.09, 0.22]),
-        "specular_shading_flip": np.array([0.1, 0.2, 0.3, 0.4]),
-        "mirror_flip": np.array([0.2, 0.2, 0.2, 0.6]),
-        "relit": np.array([20.0, 30.0, 20.0, 30.0]),
-        "relit_unseen": np.array([10.0, 20.0, 10.0, 20.0]),
-        "average_relit": np.array([10.0, 10.0, 10.0, 14.0]),
-        "average_relit_unseen": np.array([8.0, 8.0, 8.0, 12.0]),
-        "bin_probabilities": np.eye(8)[[0, 1, 5, 6]] * 0.55 + 0.05,
-    } | changes
-    of_layers = ("specular_shading_", "mirror_")
-    own = ("bin_d", "log_error", "log_squared", "diffuse_", "specul", "relit")
-    names = [name for name in rows if name.startswith(own) and not name.startswith(of_layers)]
-    oracle = {name: rows[name] / 2 for name in names} | {"bin_distance": np.array([0, 1, 0, 4])}
-    return Evaluation(rows, oracle, np.zeros((8, 8), np.int64), LIME)
 
 
 def test_the_means_are_those_of_hand_arithmetic():
-    summary = measures.summarise(_evaluation())
+    summary = measures.summarise(four())
     expected = {
         "mask_iou": 0.75,
         "mask_iou_pooled": 70 / 80,
@@ -81,14 +42,14 @@ def test_the_means_are_those_of_hand_arithmetic():
 
 
 def test_exact_and_adjacent_add_up_to_within_one():
-    summary = measures.summarise(_evaluation())
+    summary = measures.summarise(four())
     for part in (summary, summary["oracle"], summary["paper"], summary["chance"]):
         total = part["exponent_exact"] + part["exponent_adjacent"]
         assert total == pytest.approx(part["exponent_within_one"])
 
 
 def test_the_oracle_is_summarised_from_its_own_columns():
-    oracle = measures.summarise(_evaluation())["oracle"]
+    oracle = measures.summarise(four())["oracle"]
     assert oracle["log_exponent_mae"] == pytest.approx(0.125)
     assert oracle["specular_albedo_rmse"] == pytest.approx(math.sqrt(0.02))
     assert "mask_iou" not in oracle and "mirror_relative" not in oracle
@@ -97,7 +58,7 @@ def test_the_oracle_is_summarised_from_its_own_columns():
 def test_chance_is_what_uniform_draws_give():
     rng = np.random.default_rng(0)
     drawn = rng.uniform(size=200_000)
-    chance = measures.summarise(_evaluation())["chance"]
+    chance = measures.summarise(four())["chance"]
     assert np.mean(np.abs(drawn - 0.5)) == pytest.approx(chance["specular_albedo_mae"], rel=0.01)
     rmse = np.sqrt(np.mean((drawn - 0.5) ** 2))
     assert rmse == pytest.approx(chance["diffuse_albedo_rmse"], rel=0.01)
@@ -112,12 +73,12 @@ def test_chance_is_what_uniform_draws_give():
 def test_the_floor_is_what_a_perfect_classifier_errs():
     log = np.random.default_rng(0).uniform(0, 3, size=200_000)
     error = np.abs(log - shininess.LOG_MEANS[shininess.bin_of(10**log)])
-    floor = measures.summarise(_evaluation())["floor"]
+    floor = measures.summarise(four())["floor"]
     assert np.mean(error) == pytest.approx(floor["log_exponent_mae_winning"], rel=0.01)
 
 
 def test_constant_answers_beat_every_other_constant():
-    rows = _evaluation().rows
+    rows = four().rows
     constant = measures.constant_answers(rows)
     assert constant["exponent_exact"] == 0.5
     # Bin 1 has two examples beside it, in bin 0.
@@ -141,15 +102,15 @@ def test_the_interval_is_that_of_the_normal_limit():
 
 
 def test_intervals_hold_the_mean_and_repeat():
-    first, again = measures.summarise(_evaluation()), measures.summarise(_evaluation())
+    first, again = measures.summarise(four()), measures.summarise(four())
     assert first == again
     for name, (low, high) in first["interval"].items():
         assert low - 1e-9 <= first[name] <= high + 1e-9
 
 
 def test_one_example_has_an_interval_of_no_width():
-    rows = {name: column[:1] for name, column in _evaluation().rows.items()}
-    summary = measures.summarise(_evaluation(**rows))
+    rows = {name: column[:1] for name, column in four().rows.items()}
+    summary = measures.summarise(four(**rows))
     assert summary["interval"]["mask_iou"] == [1.0, 1.0]
 
 
@@ -157,13 +118,13 @@ def test_extremes_stay_finite_and_become_strict_json():
     huge = np.array([0.0, 1e20, 4e21, 0.0])
     none = np.zeros(4)
     changes = {"mirror_relative": huge, "union": none, "intersection": none, "coverage": none}
-    summary = measures.summarise(_evaluation(**changes))
+    summary = measures.summarise(four(**changes))
     assert summary["mask_iou_pooled"] == 1.0
     assert json.loads(json.dumps(summary, allow_nan=False)) == summary
 
 
 def test_paper_row_is_the_full_approach():
-    paper = measures.summarise(_evaluation())["paper"]
+    paper = measures.summarise(four())["paper"]
     assert paper == {
         "mask_iou": 0.9983,
         "exponent_exact": 0.4507,
@@ -190,7 +151,7 @@ def test_paper_row_is_the_full_approach():
     ],
 )
 def test_what_a_system_does_not_have_is_left_out_everywhere(columns, lacking):
-    whole = _evaluation()
+    whole = four()
     rows, oracle = (
         {name: values for name, values in held.items() if name not in columns}
         for held in (whole.rows, whole.oracle)
@@ -205,19 +166,43 @@ def test_what_a_system_does_not_have_is_left_out_everywhere(columns, lacking):
 
 
 def test_without_an_oracle_there_is_no_row_of_it():
-    whole = _evaluation()
+    whole = four()
     summary = measures.summarise(dataclasses.replace(whole, oracle={}))
-    assert summary["oracle"] == {}
+    assert summary["oracle"] == {} and "oracle_title" not in summary
     assert summary["interval"] == measures.summarise(whole)["interval"]
 
 
+def test_an_oracle_is_called_what_it_is():
+    own = measures.summarise(four())
+    assert own["oracle_title"] == "Same encoders on true layers"
+    stage_one = measures.summarise(dataclasses.replace(four(), stage_one=True))
+    assert stage_one["oracle_title"] == "Stage-one encoders on true layers"
+    assert own["oracle_is"] != stage_one["oracle_is"] and own["oracle"] == stage_one["oracle"]
+
+
+def test_numbers_are_printed_by_their_unit():
+    assert measures.PER_CENT.number(None) == "–"
+    assert measures.PER_CENT.number(np.float32(0.5)) == "50.00 %"
+    assert measures.DECIBEL.number(31.416) == "31.42 dB"
+    assert measures.PLAIN.number(0.25) == "0.2500"
+    assert measures.PER_CENT.with_interval(0.4507, [0.44, 0.46]) == "45.07 ± 1.00 %"
+    assert measures.PLAIN.with_interval(0.0674, [0.06, 0.08]) == "0.0674 ± 0.0100"
+
+
+def test_no_two_measures_have_one_title():
+    for titles in ("title", "short"):
+        assert len({getattr(one, titles) for one in measures.MEASURES.values()}) == len(
+            measures.MEASURES
+        )
+
+
 def test_the_system_is_named():
-    whole = _evaluation()
+    whole = four()
     assert measures.summarise(whole)["system"] == "LIME"
     alone = dataclasses.replace(whole, architecture=dataclasses.replace(LIME, mirror=False))
     assert measures.summarise(alone)["system"] == "LIME without MirrorNet"
 
 
 def _needed():
-    rows = _evaluation().rows
+    rows = four().rows
     return ["exact", "adjacent", "within_one", *rows]

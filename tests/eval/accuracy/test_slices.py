@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from test_eval_measures import _evaluation
+from evaluations import four
 
 from lime_keras.eval.accuracy import measures
 from lime_keras.eval.accuracy.slices import SHOWN, slices
@@ -16,7 +16,7 @@ def rows():
         "shape": np.array([b"cup", b"spoon", b"cup", b"cup"]),
         "light": np.array([b"attic", b"attic", b"attic", b"beach"]),
     }
-    return _evaluation().rows | more
+    return four().rows | more
 
 
 @pytest.fixture(scope="module")

@@ -2,17 +2,16 @@
 
 import numpy as np
 
-from lime_keras.eval.report import figures
-from lime_keras.eval.report import page as report
+from lime_keras.eval.report import figures, page
 
 _TABLE = "## Title\n\n| a | b |\n|---|--:|\n| <script>x</script> | 1 |\n"
 
 
 def test_a_measured_section_holds_its_table_figure_and_command():
-    picture = report.Picture(
+    picture = page.Picture(
         lambda theme: figures.confusion(np.eye(8, dtype=int), theme), "a matrix", "look & see"
     )
-    html = report.measured("A & B", _TABLE, [picture], command="lime-eval 'a b'")
+    html = page.measured("A & B", _TABLE, [picture], command="lime-eval 'a b'")
     assert "<h1>A &amp; B</h1>" in html and "lime-eval &#39;a b&#39;" in html
     assert "<table>" in html and "<h2>Title</h2>" in html
     assert "<script>" not in html and "&lt;script&gt;" in html
@@ -20,15 +19,13 @@ def test_a_measured_section_holds_its_table_figure_and_command():
 
 
 def test_a_figure_that_there_is_none_of_is_left_out():
-    picture = report.Picture(lambda theme: None, "nothing", "caption")
-    assert "caption" not in report.measured("T", "text", [picture], command="c")
+    picture = page.Picture(lambda theme: None, "nothing", "caption")
+    assert "caption" not in page.measured("T", "text", [picture], command="c")
 
 
 def test_the_page_has_its_sections_in_order_and_stands_alone():
-    page = report.page(
-        [("first", "First", "<p>one</p>"), ("second", "Second & last", "<p>two</p>")]
-    )
-    assert page.index('href="#first"') < page.index('href="#second"') < page.index("<p>one</p>")
-    assert page.index("<p>one</p>") < page.index("<p>two</p>")
-    assert "Second &amp; last" in page
-    assert "http://" not in page and "https://" not in page and "src=" not in page
+    html = page.whole([("first", "First", "<p>one</p>"), ("second", "Second & last", "<p>two</p>")])
+    assert html.index('href="#first"') < html.index('href="#second"') < html.index("<p>one</p>")
+    assert html.index("<p>one</p>") < html.index("<p>two</p>")
+    assert "Second &amp; last" in html
+    assert "http://" not in html and "https://" not in html and "src=" not in html

@@ -11,7 +11,7 @@ from keras import ops
 from lime_keras import losses, metrics
 from lime_keras.data import records
 from lime_keras.estimate import estimator
-from lime_keras.eval.stability import suite as stability
+from lime_keras.eval.stability import suite
 from lime_keras.eval.stability.trials.verdicts import Verdict
 from lime_keras.export import exporter, formats
 from lime_keras.io import photo
@@ -27,19 +27,19 @@ from lime_keras.optics import (
 )
 from lime_keras.optics.compositing import compose
 
-CASES = stability.cases()
+CASES = suite.cases()
 
 
 @pytest.fixture(scope="module")
 def verdicts():
-    return {verdict.id: verdict for verdict in stability.run(progress=False)}
+    return {verdict.id: verdict for verdict in suite.run(progress=False)}
 
 
 @pytest.mark.parametrize("name", [case.id for case in CASES])
 def test_each_part_holds_at_its_extremes(name, verdicts):
     """A failure that is known must go on failing, or its reason is out of date."""
     verdict = verdicts[name]
-    assert verdict.passed != stability.is_known(verdict), verdict
+    assert verdict.passed != suite.is_known(verdict), verdict
 
 
 def test_no_case_is_told_twice_and_none_is_lost(verdicts):
@@ -49,7 +49,7 @@ def test_no_case_is_told_twice_and_none_is_lost(verdicts):
 
 
 def test_what_is_known_is_tried():
-    assert set(stability.KNOWN) <= {(case.part, case.name) for case in CASES}
+    assert set(suite.KNOWN) <= {(case.part, case.name) for case in CASES}
 
 
 def test_verdicts_have_numbers_or_a_refusal(verdicts):
@@ -83,7 +83,7 @@ def test_every_precision_format_and_derivative_is_there(verdicts):
 
 
 def test_the_tables_hold_every_verdict(verdicts):
-    text = stability.markdown(list(verdicts.values()))
+    text = suite.markdown(list(verdicts.values()))
     rows = [[cell.strip() for cell in line.strip("| ").split(" | ")] for line in text.splitlines()]
     for verdict in verdicts.values():
         assert any(row[:2] == [verdict.case, verdict.precision] for row in rows), verdict.id
@@ -91,14 +91,14 @@ def test_the_tables_hold_every_verdict(verdicts):
     parts = len({verdict.part for verdict in verdicts.values()})
     # Each table has a header and a rule, the first a row for each part and their sum.
     assert len(tables) == len(verdicts) + 2 * (parts + 1) + parts + 1
-    known = sum(map(stability.is_known, verdicts.values()))
+    known = sum(map(suite.is_known, verdicts.values()))
     assert ["all", str(len(verdicts)), str(len(verdicts) - known), str(known), "0"] in rows
     for table in text.split("\n\n"):
         assert len({len(line) for line in table.splitlines()}) == 1
 
 
 def test_json_holds_every_verdict(verdicts):
-    kept = json.loads(json.dumps(stability.to_json(verdicts.values()), allow_nan=False))
+    kept = json.loads(json.dumps(suite.to_json(verdicts.values()), allow_nan=False))
     assert len(kept) == len(verdicts)
     for row, verdict in zip(kept, verdicts.values(), strict=True):
         numbers = {
@@ -112,35 +112,35 @@ def test_json_holds_every_verdict(verdicts):
 
 def test_failures_are_told_apart():
     broken = Verdict("lobe", "s = 1", "float32", 1.0, None, 2.0, 1.0, 0.1, passed=False)
-    [(part, case), reason] = next(iter(stability.KNOWN.items()))
+    [(part, case), reason] = next(iter(suite.KNOWN.items()))
     known = Verdict(part, case, "float32", 1.0, None, 2.0, 1.0, 0.1, passed=False)
-    assert stability.failures([broken, known]) == [broken]
-    text = stability.markdown([broken, known])
+    assert suite.failures([broken, known]) == [broken]
+    text = suite.markdown([broken, known])
     assert "| FAILED  |" in text and "| known " in text
-    assert stability._explained(known).note == reason and stability._explained(broken) is broken
+    assert suite._explained(known).note == reason and suite._explained(broken) is broken
 
 
 def test_a_folder_without_a_model_is_refused_before_anything_is_tried(tmp_path):
     with pytest.raises(FileNotFoundError, match="lime-train"):
-        stability.run(tmp_path, progress=False)
+        suite.run(tmp_path, progress=False)
 
 
 def test_another_backend_is_refused(monkeypatch):
     monkeypatch.setattr(keras.backend, "backend", lambda: "jax")
     with pytest.raises(ValueError, match="unset KERAS_BACKEND"):
-        stability.run(progress=False)
+        suite.run(progress=False)
 
 
 def test_a_trained_model_is_tried(tiny_model):
-    found = {case.part for case in stability.cases(tiny_model)}
+    found = {case.part for case in suite.cases(tiny_model)}
     assert "trained system" in found and not any(part.startswith("fresh") for part in found)
     names = ("constant", "black, estimated", "an alpha channel, refused")
     tried = [
         case.judge()
-        for case in stability.cases(tiny_model)
+        for case in suite.cases(tiny_model)
         if case.name in names and case.precision == "float32" and case.part == "trained system"
     ]
-    assert len(tried) == 3 and not stability.failures(tried)
+    assert len(tried) == 3 and not suite.failures(tried)
 
 
 # The suite can fail. Each of these is a mistake that could be made, and the part that it breaks.
@@ -307,13 +307,13 @@ BROKEN = {
 @pytest.mark.parametrize("beginning, module, name, broken", BROKEN.values(), ids=BROKEN)
 def test_a_mistake_turns_verdicts(beginning, module, name, broken, monkeypatch):
     monkeypatch.setattr(module, name, broken)
-    assert stability.failures(judged(beginning, ("float32", "NumPy float32")))
+    assert suite.failures(judged(beginning, ("float32", "NumPy float32")))
 
 
 def test_a_sum_in_half_precision_turns_verdicts(monkeypatch):
     monkeypatch.setattr(masking, "masked_mean", masked_mean_in_half)
-    assert stability.failures(judged("masked mean: ", ("float16",)))
-    assert not stability.failures(judged("masked mean: ", ("float32",)))
+    assert suite.failures(judged("masked mean: ", ("float16",)))
+    assert not suite.failures(judged("masked mean: ", ("float32",)))
 
 
 def test_an_export_that_answers_otherwise_turns_verdicts(monkeypatch):
@@ -321,18 +321,18 @@ def test_an_export_that_answers_otherwise_turns_verdicts(monkeypatch):
         network = system.assemble(subnetworks)
         return {name: np.array(value) + 1e-3 for name, value in network(images).items()}
 
-    cases = [c for c in stability.cases() if c.precision == "ONNX" and c.name == "constant"]
+    cases = [c for c in suite.cases() if c.precision == "ONNX" and c.name == "constant"]
     [case] = cases
     trial = case.measure.args[0]
     _, subnetworks = trial._loaded
     monkeypatch.setattr(exporter, "export", lambda *_: None)
     monkeypatch.setattr(formats, "open_onnx", lambda path: shifted)
-    assert stability.failures([case.judge()])
+    assert suite.failures([case.judge()])
 
 
 def judged(beginning, precisions):
     """Verdicts on the cases whose id begins like this."""
-    chosen = [c for c in stability.cases() if c.id.startswith(beginning)]
+    chosen = [c for c in suite.cases() if c.id.startswith(beginning)]
     chosen = [case for case in chosen if case.precision in precisions]
     assert chosen
     return [case.judge() for case in chosen]

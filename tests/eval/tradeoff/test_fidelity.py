@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from lime_keras.eval.ledger import Ledger
+from lime_keras.eval.store import Store
 from lime_keras.eval.tradeoff import fidelity
 from lime_keras.eval.tradeoff.fidelity import Fidelity
 from lime_keras.eval.tradeoff.runtimes import KERAS, ONNX, SAVED_MODEL
@@ -24,7 +24,7 @@ class StandIn:
             corpus="corpus",
             camera=False,
             test=lambda size: images,
-            depends_on=lambda split: {"split": split},
+            depends_on=lambda split: {"split": split, "camera": self.samples.camera},
         )
 
     def answer(self, runtime, precision):
@@ -49,7 +49,6 @@ def evaluated(monkeypatch):
 
     monkeypatch.setattr(fidelity, "evaluate", evaluate)
     monkeypatch.setattr(fidelity.measures, "summarise", summarise)
-    monkeypatch.setattr(fidelity.kept, "key", lambda folder, corpus, camera: f"{camera}")
     return answers
 
 
@@ -63,7 +62,7 @@ def _fidelity(tmp_path, images, **of_onnx):
     answers = {(KERAS, name): 0.5 + i for i, name in enumerate(("float32", "bfloat16", "float16"))}
     answers |= {(SAVED_MODEL, name): value for (_, name), value in answers.items()}
     answers |= {(ONNX, name): value for name, value in of_onnx.items()}
-    return Fidelity(StandIn(images, answers), Ledger(tmp_path / "ledger"))
+    return Fidelity(StandIn(images, answers), Store(tmp_path / "store"))
 
 
 def test_the_difference_is_from_keras_in_the_same_precision(tmp_path, images):

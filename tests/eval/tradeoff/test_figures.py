@@ -9,7 +9,7 @@ from matplotlib import image as png_reader
 from matplotlib.colors import to_rgb
 
 from lime_keras.eval.report.figures import DARK, LIGHT
-from lime_keras.eval.tradeoff.figures import _LINES
+from lime_keras.eval.tradeoff.figures import TONES
 from lime_keras.eval.tradeoff.figures import pareto as draw
 from lime_keras.eval.tradeoff.recommendation import scored
 
@@ -30,8 +30,8 @@ def _painted(png, tone):
 
 def test_every_run_is_drawn_in_its_colour():
     both, one = pareto(trade.ROWS), pareto(trade.ROWS[:4])
-    assert all(_painted(both, tone) > 500 for tone in _LINES[:2])
-    assert _painted(one, _LINES[0]) > 500 and _painted(one, _LINES[1]) == 0
+    assert all(_painted(both, tone) > 500 for tone in TONES[:2])
+    assert _painted(one, TONES[0]) > 500 and _painted(one, TONES[1]) == 0
 
 
 def test_a_row_that_is_not_there_is_not_drawn():
@@ -42,12 +42,12 @@ def test_a_measure_that_a_run_lacks_has_no_panel():
     """Of four shared errors and the score there are five panels; of five and it, six."""
     errors = trade.row("full", 1, 1)["errors"]
     whole = [row | {"errors": errors} for row in trade.ROWS]
-    assert _painted(pareto(whole), _LINES[0]) > _painted(pareto(trade.ROWS), _LINES[0])
+    assert _painted(pareto(whole), TONES[0]) > _painted(pareto(trade.ROWS), TONES[0])
 
 
 @pytest.mark.parametrize("rows", [trade.ROWS[:1], [trade.row("full", 1e-3, 0.0)] * 2])
 def test_a_single_point_is_drawn(rows):
-    assert _painted(pareto(rows), _LINES[0]) > 100
+    assert _painted(pareto(rows), TONES[0]) > 100
 
 
 def test_a_row_without_a_number_is_refused():

@@ -10,13 +10,14 @@ import sphere_corpus
 
 from lime_keras.eval.accuracy import measures
 from lime_keras.eval.accuracy.evaluate import evaluate
-from lime_keras.eval.ledger import Ledger
-from lime_keras.eval.tradeoff import cases, fidelity, machine, run_formats, yardsticks
-from lime_keras.eval.tradeoff import measure as tradeoff
-from lime_keras.eval.tradeoff.cases import SUBNETWORK, YARDSTICK, is_crossed, is_whole
+from lime_keras.eval.store import Store
+from lime_keras.eval.tradeoff import cases, fidelity, machine, run_formats, timing, yardsticks
+from lime_keras.eval.tradeoff.cases import SUBNETWORK, YARDSTICK, Case, is_crossed, is_whole
+from lime_keras.eval.tradeoff.measure import ROUNDS, measure
 from lime_keras.eval.tradeoff.recommendation import SCORED
 from lime_keras.eval.tradeoff.runtimes import KERAS, ONNX
 from lime_keras.eval.tradeoff.samples import Samples
+from lime_keras.eval.tradeoff.table import markdown
 from lime_keras.export import parity
 
 PRECISIONS = {KERAS: ("float32", "bfloat16"), ONNX: ("float32", "int8", "int8, float heads")}
@@ -86,8 +87,8 @@ def _stand_in(patched, home):
 
     patched.setattr(run_formats.Run, "subnetwork", subnetwork)
     patched.setattr(run_formats.quantisation, "write_int8", write_int8)
-    for module in (run_formats, cases, tradeoff):
-        patched.setattr(module, "PRECISIONS", PRECISIONS)
+    for module in ("run_formats", "cases", "measure"):
+        patched.setattr(f"lime_keras.eval.tradeoff.{module}.PRECISIONS", PRECISIONS)
     for module in (yardsticks, cases):
         patched.setattr(module, "NETWORKS", {"small": _classifier})
     patched.setattr(machine, "cores", lambda: 2)
@@ -97,18 +98,18 @@ def _stand_in(patched, home):
 def measured(home):
     """A way to measure both runs, or some."""
 
-    def measure(chosen="ab", **options):
+    def of_runs(chosen="ab", **options):
         counted = Counted()
         with pytest.MonkeyPatch.context() as patched:
             _stand_in(patched, home)
-            patched.setattr(tradeoff.timing, "measure", counted.measure)
+            patched.setattr(timing, "measure", counted.measure)
             patched.setattr(fidelity, "evaluate", counted.evaluate)
             patched.setattr(fidelity.measures, "summarise", counted.summarise)
             runs = {name: home / name for name in chosen}
-            corpus, out = home / "corpus", home / "out"
-            return tradeoff.measure(runs, corpus, out, progress=False, **options), counted
+            corpus, store = home / "corpus", Store(home / "out")
+            return measure(runs, corpus, store, progress=False, **options), counted
 
-    return measure
+    return of_runs
 
 
 @pytest.fixture(scope="module")
@@ -134,14 +135,14 @@ def test_every_variant_is_crossed_and_the_rest_changes_one_at_a_time(first):
     assert parts == {"everything", "mask", "specular", "mirror", "albedo", "exponent", "diffuse"}
     assert len(_rows(result, model="b", kind=SUBNETWORK)) == 5
     assert [row["model"] for row in _rows(result, kind=YARDSTICK)] == ["small"]
-    keys = [tuple(row[name] for name in tradeoff.Case.__annotations__) for row in result["rows"]]
+    keys = [tuple(row[name] for name in Case.__annotations__) for row in result["rows"]]
     assert len(set(keys)) == len(keys)
 
 
 def test_every_case_is_timed_in_rounds_in_which_all_have_a_turn(first):
     result, counted = first
     cases = len(result["rows"])
-    assert len(counted.timed) == tradeoff.ROUNDS * cases
+    assert len(counted.timed) == ROUNDS * cases
     turns = [counted.timed[round * cases : (round + 1) * cases] for round in range(3)]
     assert turns[0] == turns[1] == turns[2] and len(set(turns[0])) == cases
     assert all(row["samples"] == 9 and row["model_mib"] > 0 for row in result["rows"])
@@ -167,9 +168,9 @@ def test_twins_are_equal_in_all_but_name(first):
 
 
 def test_errors_are_those_of_the_evaluation(home, tmp_path):
-    ledger = Ledger(tmp_path)
-    run = run_formats.Run("a", home / "a", Samples(home / "corpus", ledger, camera=False), ledger)
-    found = fidelity.Fidelity(run, ledger).errors(KERAS, "float32")
+    store = Store(tmp_path)
+    run = run_formats.Run("a", home / "a", Samples(home / "corpus", store, camera=False), store)
+    found = fidelity.Fidelity(run, store).errors(KERAS, "float32")
     expected = measures.values(evaluate(home / "a", home / "corpus").rows)
     assert found["errors"] == pytest.approx(expected) and found["count"] == 4
     assert set(found["interval"]) == set(expected) > set(SCORED)
@@ -178,7 +179,7 @@ def test_errors_are_those_of_the_evaluation(home, tmp_path):
 def test_the_result_is_json_and_its_tables_say_it(first):
     result, _ = first
     assert json.loads(json.dumps(result, allow_nan=False)) == result
-    text = tradeoff.markdown(result)
+    text = markdown(result)
     assert result["machine"]["processor"] in text and "4 test images" in text
     for said in ("13.72", "No network published", "(assumed, not measured)", "small", "only"):
         assert said in text
@@ -217,12 +218,12 @@ def test_a_camera_is_another_matter_for_errors(first, measured):
 @pytest.mark.parametrize("names", [[], [""], ["runs/full"], [".."]])
 def test_names_that_are_no_files_are_refused(names, tmp_path):
     with pytest.raises(ValueError, match="pass at least one"):
-        tradeoff.measure(dict.fromkeys(names, tmp_path), tmp_path, tmp_path / "out")
+        measure(dict.fromkeys(names, tmp_path), tmp_path, Store(tmp_path / "out"))
     assert not (tmp_path / "out").exists()
 
 
 def test_a_budget_that_is_not_met_is_said_in_words(first):
     result, _ = first
     unmet = result["recommendations"][0] | {"within": False, "cost": 99.0}
-    text = tradeoff.markdown(result | {"recommendations": [unmet]})
+    text = markdown(result | {"recommendations": [unmet]})
     assert "**nothing measured meets the budget**; nearest is" in text and "99.0 ms" in text

@@ -10,7 +10,7 @@ import sphere_corpus
 from onnx import numpy_helper
 
 from lime_keras.data import pipeline
-from lime_keras.eval.ledger import Ledger
+from lime_keras.eval.store import Store
 from lime_keras.eval.tradeoff import runtimes
 from lime_keras.eval.tradeoff.run_formats import EVERYTHING, INT8, PRECISIONS, Run
 from lime_keras.eval.tradeoff.runtimes import KERAS, ONNX, SAVED_MODEL
@@ -30,13 +30,13 @@ def corpus(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def ledger(tmp_path_factory):
-    return Ledger(tmp_path_factory.mktemp("ledger"))
+def store(tmp_path_factory):
+    return Store(tmp_path_factory.mktemp("store"))
 
 
 @pytest.fixture(scope="module")
-def run(tiny_model, corpus, ledger):
-    return Run("tiny", tiny_model, Samples(corpus, ledger, camera=False), ledger)
+def run(tiny_model, corpus, store):
+    return Run("tiny", tiny_model, Samples(corpus, store, camera=False), store)
 
 
 @pytest.fixture(scope="module")
@@ -129,8 +129,8 @@ def test_a_subnetwork_stands_alone(run):
 
 
 def test_an_ablation_has_the_parts_that_it_can_answer(ablation, ablation_model, corpus, tmp_path):
-    ledger = Ledger(tmp_path)
-    run = Run("ablation", ablation_model, Samples(corpus, ledger, camera=False), ledger)
+    store = Store(tmp_path)
+    run = Run("ablation", ablation_model, Samples(corpus, store, camera=False), store)
     parts = run.costs["parts"]
     assert ("mirror" in parts) == (ablation.mirror and ablation.system == "lime")
     assert ("reflectance_map" in parts) == (ablation.system == "reflectance-map")
@@ -176,16 +176,16 @@ def test_the_choice_follows_the_harm(monkeypatch, run, ranges, precision):
 
 def test_other_weights_are_another_run(run, tiny_model, tmp_path):
     copy = shutil.copytree(tiny_model, tmp_path / "model")
-    before = Run("tiny", copy, run.samples, run._ledger)
+    before = Run("tiny", copy, run.samples, run._store)
     assert before.depends_on == run.depends_on
     (copy / "mirror.weights.h5").write_bytes(b"other")
-    after = Run("tiny", copy, run.samples, run._ledger)
+    after = Run("tiny", copy, run.samples, run._store)
     assert after.depends_on != run.depends_on
 
 
 def test_a_folder_without_a_model_is_refused(tmp_path, run):
     with pytest.raises(FileNotFoundError, match="holds no trained model"):
-        Run("nothing", tmp_path, run.samples, run._ledger)
+        Run("nothing", tmp_path, run.samples, run._store)
 
 
 def test_keras_policy_is_put_back(run):

@@ -1,0 +1,66 @@
+"""Evaluations kept on disk, so that a command that is run again goes on where it stopped."""
+
+import dataclasses
+import hashlib
+import json
+from pathlib import Path
+
+import numpy as np
+
+from lime_keras.data.corpus import Split
+from lime_keras.networks import Architecture, weights
+
+from ..store import Store, sha256
+from .evaluate import Evaluation, evaluate
+
+
+def evaluation(store: Store, model_dir: Path, corpus: Path, *, camera: bool = False) -> Evaluation:
+    """`evaluate`, or what an earlier call with the same weights, images and code has kept.
+
+    Args:
+        store: keeps it.
+        model_dir: folder of `weights.save`, or a run of `lime-train`.
+        corpus: folder with a complete `test` split.
+        camera: show the system photos of the scenes.
+
+    Raises:
+        FileNotFoundError: as `evaluate`.
+        ValueError: as `evaluate`.
+    """
+    split = Split(corpus, "test")
+    split.shard_paths()  # Refuses a split that is incomplete.
+    depends_on = {
+        "weights": sha256(*weights.files(model_dir)),
+        # It holds the shards' checksums.
+        "manifest": sha256(split.manifest_path),
+        "camera": camera,
+    }
+    # A name for each, so that runs do not take turns in one file.
+    name = hashlib.sha256(json.dumps(depends_on).encode()).hexdigest()[:16]
+    arrays = store.arrays(
+        f"evaluations/{name}",
+        depends_on,
+        lambda: _as_arrays(evaluate(model_dir, corpus, camera=camera)),
+    )
+    return _from_arrays(arrays)
+
+
+def _as_arrays(found: Evaluation) -> dict[str, np.ndarray]:
+    return {
+        **{f"rows.{name}": column for name, column in found.rows.items()},
+        **{f"oracle.{name}": column for name, column in found.oracle.items()},
+        "confusion": found.confusion,
+        "stage_one": np.array(found.stage_one),
+        "architecture": np.array(json.dumps(dataclasses.asdict(found.architecture))),
+    }
+
+
+def _from_arrays(arrays: dict[str, np.ndarray]) -> Evaluation:
+    def of(kind: str) -> dict[str, np.ndarray]:
+        return {
+            n.partition(".")[2]: column for n, column in arrays.items() if n.startswith(f"{kind}.")
+        }
+
+    architecture = Architecture(**json.loads(str(arrays["architecture"])))
+    stage_one = bool(arrays["stage_one"])
+    return Evaluation(of("rows"), of("oracle"), arrays["confusion"], architecture, stage_one)
