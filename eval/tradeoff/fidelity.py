@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from lime_keras.export import parity
+from lime_keras.networks.precision import POLICIES
 
 from .. import kept
 from ..accuracy import measures
@@ -13,7 +14,7 @@ from ..accuracy.evaluate import evaluate
 from ..ledger import Ledger
 from . import machine
 from .run_formats import Run
-from .runtimes import KERAS, POLICIES
+from .runtimes import KERAS
 
 _COMPARED = 16
 """Test images on which runtimes are compared."""

@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lime_keras import console
+from lime_keras.outputs import NEEDED
 from lime_keras.version import __version__
 
 if TYPE_CHECKING:
     from lime_keras.estimate.estimator import Estimator
     from lime_keras.lighting.files import Clone
 
-_ONLY = ("mask", "specular", "mirror", "albedo", "exponent", "diffuse", "reflectance_map")
 _OF_A_FRAME = ("mask", "albedo", "exponent")
 """What a video's table and overlay show."""
 
@@ -74,7 +74,7 @@ def parser() -> argparse.ArgumentParser:
         "--only",
         type=_names,
         metavar="NAMES",
-        help=f"comma-separated: {', '.join(_ONLY)}; only the subnetworks it takes are run "
+        help=f"comma-separated: {', '.join(NEEDED)}; only the subnetworks it takes are run "
         "(default: all that RUN can estimate)",
     )
     out.add_argument(
@@ -226,9 +226,9 @@ def _path(video: str) -> Path:
 
 def _names(text: str) -> tuple[str, ...]:
     names = tuple(part.strip() for part in text.split(","))
-    unknown = [name for name in names if name not in _ONLY]
+    unknown = [name for name in names if name not in NEEDED]
     if unknown:
         raise argparse.ArgumentTypeError(
-            f"unknown: {', '.join(unknown)}; choose from {', '.join(_ONLY)}"
+            f"unknown: {', '.join(unknown)}; choose from {', '.join(NEEDED)}"
         )
     return names

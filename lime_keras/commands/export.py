@@ -4,18 +4,9 @@ import argparse
 from pathlib import Path
 
 from lime_keras import console
+from lime_keras.outputs import OUTPUTS
 from lime_keras.version import __version__
 
-_OUTPUTS = (
-    "mask",
-    "specular_shading",
-    "mirror",
-    "diffuse_albedo",
-    "specular_albedo",
-    "exponent_bin_probabilities",
-    "log_exponent",
-    "reflectance_map",
-)
 _PRECISIONS = ("float32", "float16", "int8")
 
 _EXAMPLE = """
@@ -68,7 +59,7 @@ def parser() -> argparse.ArgumentParser:
         "--only",
         type=_names,
         metavar="NAMES",
-        help=f"comma-separated outputs: {', '.join(_OUTPUTS)} (default: all that RUN has)",
+        help=f"comma-separated outputs: {', '.join(OUTPUTS)} (default: all that RUN has)",
     )
     out.add_argument(
         "--precision",
@@ -125,9 +116,9 @@ def _export(options: argparse.Namespace) -> int:
 
 def _names(text: str) -> tuple[str, ...]:
     names = tuple(part.strip() for part in text.split(","))
-    unknown = [name for name in names if name not in _OUTPUTS]
+    unknown = [name for name in names if name not in OUTPUTS]
     if unknown:
         raise argparse.ArgumentTypeError(
-            f"unknown: {', '.join(unknown)}; choose from {', '.join(_OUTPUTS)}"
+            f"unknown: {', '.join(unknown)}; choose from {', '.join(OUTPUTS)}"
         )
     return names
