@@ -16,7 +16,7 @@ def segmentation_net(architecture: Architecture) -> keras.Model:
     """
     size = architecture.size
     image = keras.Input((size, size, 3), name="image")
-    mask = unet(image, width=architecture.unet_width, depth=architecture.unet_depth)
+    mask = _unet(image, architecture, channels=1)
     return keras.Model(image, mask, name="segmentation_net")
 
 
@@ -24,7 +24,7 @@ def specular_net(architecture: Architecture) -> keras.Model:
     """SpecularNet: `masked_image` `(B, S, S, 3)` sRGB in [0, 1] → `(B, S, S, 1)` compressed S."""
     size = architecture.size
     masked_image = keras.Input((size, size, 3), name="masked_image")
-    shading = unet(masked_image, width=architecture.unet_width, depth=architecture.unet_depth)
+    shading = _unet(masked_image, architecture, channels=1)
     return keras.Model(masked_image, shading, name="specular_net")
 
 
@@ -32,7 +32,7 @@ def mirror_net(architecture: Architecture) -> keras.Model:
     """MirrorNet: `specular_shading` `(B, S, S, 1)` compressed → `(B, S, S, 1)` compressed M."""
     size = architecture.size
     shading = keras.Input((size, size, 1), name="specular_shading")
-    mirror = unet(shading, width=architecture.unet_width, depth=architecture.unet_depth)
+    mirror = _unet(shading, architecture, channels=1)
     return keras.Model(shading, mirror, name="mirror_net")
 
 
@@ -73,3 +73,7 @@ def albedo_net(architecture: Architecture) -> keras.Model:
     )
     albedos = layers.Dense(4, dtype="float32", name="albedos")(features)
     return keras.Model([masked_image, shading], albedos, name="albedo_net")
+
+
+def _unet(x: keras.KerasTensor, architecture: Architecture, channels: int) -> keras.KerasTensor:
+    return unet(x, width=architecture.unet_width, depth=architecture.unet_depth, channels=channels)
