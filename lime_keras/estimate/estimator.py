@@ -160,10 +160,11 @@ class Estimator:
                 layers |= _recomposed(image, mask, shading, answer)
                 continue
             for name in NEEDED[asked]:
-                if name != "mask" and OUTPUTS[name].layer == "photo":
-                    layers[name] = framing.paste(answer[name], square, *image.shape[:2])
-                elif OUTPUTS[name].layer == "sphere":
+                if OUTPUTS[name].layer == "sphere":
+                    # Which lies nowhere in the photo.
                     layers[name] = answer[name]
+                elif OUTPUTS[name].layer == "photo" and name != "mask":
+                    layers[name] = framing.paste(answer[name], square, *image.shape[:2])
         if "albedo" in only:
             fields["diffuse_albedo"] = answer["diffuse_albedo"]
             fields["specular_albedo"] = float(answer["specular_albedo"][0])

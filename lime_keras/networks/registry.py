@@ -2,6 +2,10 @@
 
 A quantity is what passes between subnetworks, by the name of the input that takes it: images in
 sRGB, and S, M and the reflectance map compressed (`dynamic_range`), 0 outside the object.
+
+A further subnetwork is a function in `subnetworks`, its rows here, the names of its outputs in
+`lime_keras.outputs`, what it learns by in `train/terms.py` and, so that weights from before it are
+still whole, a field of `Architecture`.
 """
 
 from collections.abc import Callable
