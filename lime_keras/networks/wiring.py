@@ -59,7 +59,8 @@ class Wiring:
         if name not in self._answers:
             network = self._subnetworks[name]
             seen = [self.seen(tensor.name) for tensor in network.inputs]
-            found = network(seen if len(seen) > 1 else seen[0], **self._options)
+            packed = keras.tree.pack_sequence_as(network.input, seen)
+            found = network(packed, **self._options)
             values = found if isinstance(found, list) else [found]
             self._answers[name] = dict(zip(answered(name, network), values, strict=True))
         return self._answers[name][quantity]
