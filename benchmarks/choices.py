@@ -26,6 +26,7 @@ from tqdm import tqdm
 
 from lime_keras.data import pipeline
 from lime_keras.networks import PRESETS, SUBNETWORKS
+from lime_keras.networks.precision import computing_in
 from lime_keras.optics.masking import masked_mean
 from lime_keras.train.stages import SCHEDULES
 
@@ -42,14 +43,14 @@ class Choice:
         initialiser: of the convolutions under ReLU.
         encode: radiance to the target of the ℓ1.
         decode: its inverse.
-        policy: Keras' dtype policy.
+        precision: of `precision.POLICIES`, that the network computes in.
     """
 
     width: int = PRESETS["smoke"].unet_width
     initialiser: str = "he_normal"
     encode: Callable[[Any], Any] = ops.log1p
     decode: Callable[[Any], Any] = ops.expm1
-    policy: str = "float32"
+    precision: str = "float32"
 
 
 def _clip(linear: Any) -> Any:
@@ -62,8 +63,8 @@ CHOICES = {
     "target: asinh(S)": Choice(encode=ops.arcsinh, decode=ops.sinh),
     "target: S clipped at 1": Choice(encode=_clip, decode=lambda value: value),
     "target: S": Choice(encode=lambda linear: linear, decode=lambda value: value),
-    "precision: bfloat16": Choice(policy="mixed_bfloat16"),
-    "precision: float16": Choice(policy="mixed_float16"),
+    "precision: bfloat16": Choice(precision="bfloat16"),
+    "precision: float16": Choice(precision="float16"),
     "width: 8": Choice(width=8),
     "width: 16": Choice(width=16),
 }
@@ -126,18 +127,17 @@ def main() -> None:
 def _trained(name: str, seed: int, batches, steps: int, seconds: list[float]) -> SpecularModel:
     choice = CHOICES[name]
     keras.utils.set_random_seed(seed)
-    keras.config.set_dtype_policy(choice.policy)
-    network = SUBNETWORKS["specular"](
-        dataclasses.replace(PRESETS["smoke"], unet_width=choice.width)
-    )
-    keras.config.set_dtype_policy("float32")
+    with computing_in(choice.precision):
+        network = SUBNETWORKS["specular"].build(
+            dataclasses.replace(PRESETS["smoke"], unet_width=choice.width)
+        )
     for layer in network.layers:
         if isinstance(layer, keras.layers.Conv2D) and layer.name != "head":
             start = keras.initializers.get(choice.initialiser)
             layer.kernel.assign(start(layer.kernel.shape))
     model = SpecularModel(network, choice)
     optimizer = keras.optimizers.Adam(SCHEDULES["smoke"].single_learning_rate)
-    if choice.policy == "mixed_float16":
+    if choice.precision == "float16":
         optimizer = keras.optimizers.LossScaleOptimizer(optimizer)
     model.compile(optimizer=optimizer)
     for _ in tqdm(range(steps), desc=f"{name}, seed {seed}", file=sys.stderr):

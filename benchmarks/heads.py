@@ -51,7 +51,7 @@ def main() -> None:
 
 def _train(name, function, seed, batches, held_out) -> float:
     keras.utils.set_random_seed(seed)
-    network = SUBNETWORKS[name](PRESETS["smoke"])
+    network = SUBNETWORKS[name].build(PRESETS["smoke"])
     if function is not None:
         network = keras.Model(network.input, function(network.output))
     model = StageModel({name: network})
@@ -62,7 +62,7 @@ def _train(name, function, seed, batches, held_out) -> float:
 
 
 def _nothing(name, held_out) -> float:
-    network = SUBNETWORKS[name](PRESETS["smoke"])
+    network = SUBNETWORKS[name].build(PRESETS["smoke"])
     model = StageModel({name: keras.Model(network.input, 0.0 * network.output)})
     model.compile()
     return _mean_loss(model, held_out)

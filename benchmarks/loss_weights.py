@@ -9,13 +9,15 @@ the last stage. What is in DIR already is not trained again.
 
 import argparse
 import csv
+import dataclasses
 from pathlib import Path
 
 from tqdm import tqdm
 
-from lime_keras.train import stage_model, trainer
+from lime_keras.train import trainer
 from lime_keras.train.config import Config
 from lime_keras.train.stage_training import Progress
+from lime_keras.train.terms import TERMS
 
 
 def main() -> None:
@@ -30,11 +32,12 @@ def main() -> None:
     parser.add_argument("--factors", nargs="+", type=float, default=[0.2, 5.0])
     options = parser.parse_args()
     config = Config.read(options.run)
-    chosen = dict(stage_model.WEIGHTS)
+    chosen = dict(TERMS)
     rows = {"as chosen": _last_row(options.run)}
     for term in options.terms:
         for factor in options.factors:
-            stage_model.WEIGHTS.update(chosen | {term: chosen[term] * factor})
+            weight = chosen[term].weight * factor
+            TERMS.update(chosen | {term: dataclasses.replace(chosen[term], weight=weight)})
             name = f"{term} × {factor:g}"
             run = options.out / f"{term}-{factor:g}"
             _train(name, options.corpus, run, config, options.run)

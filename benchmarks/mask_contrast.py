@@ -56,7 +56,7 @@ def _measured(corpora: list[Path], run: Path, count: int) -> dict[str, np.ndarra
     from lime_keras.networks import assemble, weights
 
     architecture, networks = weights.load(run)
-    system = assemble(networks, mask_given=True)
+    system = assemble(networks, given={"mask"})
     rows: dict[str, list[np.ndarray]] = {}
     with tqdm(total=count * len(corpora), unit="image") as bar:
         for corpus in corpora:

@@ -18,8 +18,8 @@ import numpy as np
 from tqdm import tqdm
 
 from lime_keras.networks import PRESETS, Architecture, build
+from lime_keras.networks.precision import computing_in
 from lime_keras.optics.environment import STORED_SHAPE
-from lime_keras.train.config import PRECISIONS
 from lime_keras.train.stage_model import StageModel
 from lime_keras.train.stages import SCHEDULES, Stage
 
@@ -64,9 +64,8 @@ def _step(
     architecture: Architecture, stage: Stage, precision: str, xla: bool, batch: dict[str, Any]
 ) -> Callable[[], Any]:
     """One training step, compiled."""
-    keras.config.set_dtype_policy(PRECISIONS[precision])
-    subnetworks = build(architecture, seed=0)
-    keras.config.set_dtype_policy("float32")
+    with computing_in(precision):
+        subnetworks = build(architecture, seed=0)
     model = StageModel({name: subnetworks[name] for name in stage.subnetworks})
     model.compile(optimizer=keras.optimizers.Adam(stage.learning_rate), jit_compile=xla)
     seen = {name: batch[name] for name in model.features}

@@ -1,9 +1,13 @@
-"""One formula for NumPy arrays and Keras tensors alike."""
+"""What arrays are passed through: one formula for NumPy and Keras alike, and loaded models."""
 
+from collections.abc import Callable, Mapping
 from types import ModuleType
 from typing import Any
 
 import numpy as np
+
+Answer = Callable[[np.ndarray], Mapping[str, np.ndarray]]
+"""From images `(B, S, S, 3)` sRGB in [0, 1] to the outputs of `lime_keras.networks.assemble`."""
 
 
 def namespace(*values: Any) -> ModuleType:

@@ -24,10 +24,10 @@ COMMANDS = {
 # not know each other.
 ROWS = {
     "lime_keras": (
-        ("version", "arrays", "console", "material"),
+        ("version", "arrays", "console", "material", "outputs"),
         ("optics",),
         ("io", "data", "losses", "metrics"),
-        ("networks", "lighting", "streaming_metrics"),
+        ("networks", "lighting"),
         ("estimate", "export", "photo"),
         ("video", "__init__"),
         ("commands",),
@@ -132,8 +132,8 @@ def test_networks_losses_and_stages_are_written_for_any_backend():
     files = [
         *_files("lime_keras/networks"),
         ROOT / "lime_keras" / "losses.py",
-        ROOT / "lime_keras" / "streaming_metrics.py",
-        ROOT / "train" / "measures.py",
+        ROOT / "lime_keras" / "metrics.py",
+        ROOT / "train" / "terms.py",
         ROOT / "train" / "stage_model.py",
     ]
     for path in files:
@@ -162,20 +162,36 @@ def test_help_needs_neither_tensorflow_nor_mitsuba(module, arguments):
 
 def test_the_commands_offer_what_the_library_has():
     """They repeat names, because asking the library would import TensorFlow for `--help`."""
-    from lime_keras.commands import estimate as estimate_command
     from lime_keras.commands import export as export_command
-    from lime_keras.estimate import estimator
     from lime_keras.export import exporter
-    from lime_keras.networks import PRESETS, Architecture, answers, build
-    from lime_keras.train.cli import parser
+    from lime_keras.networks import PRESETS, precision
+    from lime_keras.train import cli
 
-    assert estimate_command._ONLY == tuple(estimator.NEEDED)
-    systems = ({}, {"exponent": "regression"}, {"system": "reflectance-map"})
-    known = [answers(build(Architecture(32, 1, 1, 1, 1, **system))) for system in systems]
-    assert export_command._OUTPUTS == tuple(dict.fromkeys(itertools.chain(*known)))
     assert export_command._PRECISIONS == exporter.PRECISIONS[exporter.ONNX]
-    preset = next(action for action in parser()._actions if action.dest == "preset")
+    assert cli._PRECISIONS == tuple(precision.POLICIES)
+    preset = next(action for action in cli.parser()._actions if action.dest == "preset")
     assert set(preset.choices) == set(PRESETS)
+
+
+def test_the_tables_of_a_subnetwork_name_the_same():
+    """What systems are made of, answer, learn by and can be asked for."""
+    from lime_keras.networks import Architecture, answers, build
+    from lime_keras.networks.registry import QUANTITIES, READINGS, SUBNETWORKS
+    from lime_keras.outputs import NEEDED, OUTPUTS
+    from lime_keras.train.terms import LEARNING, MEASURES, TERMS
+
+    systems = ({}, {"exponent": "regression"}, {"system": "reflectance-map"})
+    built = [build(Architecture(32, 1, 1, 1, 1, **system)) for system in systems]
+    assert set().union(*map(answers, built)) == set(OUTPUTS)
+    assert tuple(READINGS) == tuple(OUTPUTS) and set().union(*NEEDED.values()) < set(OUTPUTS)
+    assert {row.quantity for row in READINGS.values()} == set(QUANTITIES)
+    assert set().union(*built) == set(SUBNETWORKS) == set(LEARNING)
+    learnt = LEARNING.values()
+    assert set().union(*(row.terms for row in learnt)) == set(TERMS)
+    assert set().union(*(row.measures for row in learnt)) == set(MEASURES)
+    assert {term.quantity for term in TERMS.values()} == set(QUANTITIES)
+    fed = {x.name for part in built for network in part.values() for x in network.inputs}
+    assert fed <= {"image", "masked_image", *QUANTITIES}
 
 
 def _checked_out(*folders):

@@ -20,13 +20,6 @@ from .stages import Schedule
 
 _PACKAGES = ("tensorflow", "keras", "numpy")
 
-PRECISIONS = {
-    "float32": "float32",
-    "bfloat16": "mixed_bfloat16",
-    "float16": "mixed_float16",
-}
-"""What the subnetworks compute in, and Keras' name for it; weights and losses stay float32."""
-
 
 @dataclasses.dataclass(frozen=True)
 class Config:
@@ -41,7 +34,7 @@ class Config:
         corpus_sha256: of the train splits' manifests (`corpus_sha256`).
         camera: whether the networks see the scenes photographed (`lime_keras.data.camera`).
         compositing: whether AlbedoNet is also held to Eq. 5.
-        precision: one of `PRECISIONS`.
+        precision: one of `precision.POLICIES`, that the subnetworks compute in.
         begun_from: what identifies the trained model whose weights it begins with
             (`beginning.sha256`); None with fresh ones.
     """

@@ -14,9 +14,7 @@ import keras
 import numpy as np
 
 from lime_keras.io import atomic
-from lime_keras.networks import weights
-
-from .stages import ENCODERS
+from lime_keras.networks import SUBNETWORKS, weights
 
 _FOLDER, _TAKEN = "begun-from", "taken.json"
 
@@ -73,7 +71,8 @@ def load(
         subnetworks[name].set_weights(others[name].get_weights())
     text = json.dumps({"taken": taken, "fresh": [n for n in subnetworks if n not in taken]})
     (run / _FOLDER / _TAKEN).write_text(text + "\n", encoding="utf-8")
-    return taken, {name: alone[name].get_weights() for name in taken if name in ENCODERS}
+    encoders = [name for name in taken if SUBNETWORKS[name].encoder]
+    return taken, {name: alone[name].get_weights() for name in encoders}
 
 
 def described(run: Path) -> str:

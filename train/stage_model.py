@@ -9,36 +9,12 @@ from typing import Any
 import keras
 from keras import ops
 
-from lime_keras import losses
 from lime_keras.data import pipeline
-from lime_keras.optics.dynamic_range import compress
-from lime_keras.optics.masking import masked_mean
-from lime_keras.optics.reflectance_map import disc, reflectance_map
+from lime_keras.networks import answers
+from lime_keras.networks.wiring import Wiring, needed, quantities
 
-from . import measures
-
-WEIGHTS = {
-    "mask": 1.0,
-    "specular": 1.0,
-    "mirror": 1.0,
-    "exponent": 0.1,
-    "log_exponent": 0.3,
-    "diffuse_albedo": 5.0,
-    "specular_albedo": 5.0,
-    "compositing": 1.0,
-    "reflectance_map": 1.0,
-}
-"""Weight of each term in the sum; the paper gives none (docs/decisions.md)."""
-
-_TERMS = {
-    "segmentation": ("mask",),
-    "specular": ("specular",),
-    "mirror": ("mirror",),
-    "exponent": ("exponent",),
-    "albedo": ("diffuse_albedo", "specular_albedo", "compositing"),
-    "reflectance_map": ("reflectance_map",),
-    "material": ("diffuse_albedo", "specular_albedo", "exponent"),
-}
+from . import terms
+from .terms import LEARNING, TERMS, Answer
 
 
 class StageModel(keras.Model):
@@ -60,70 +36,52 @@ class StageModel(keras.Model):
         super().__init__(dtype="float32")
         self.subnetworks = dict(subnetworks)
         self._replicas = replicas
-        self.terms = [term for name in subnetworks for term in _TERMS[name]]
-        if not compositing and "compositing" in self.terms:
-            self.terms.remove("compositing")
-        if "exponent" in subnetworks and subnetworks["exponent"].output_shape[-1] == 1:
-            self.terms[self.terms.index("exponent")] = "log_exponent"
+        self._given = needed(subnetworks)
+        self._answered, self._found = tuple(quantities(subnetworks)), answers(subnetworks)
+        self.terms = [
+            term
+            for name in subnetworks
+            for term in LEARNING[name].terms
+            if TERMS[term].quantity in self._answered and (compositing or term != "compositing")
+        ]
         self._means = {term: keras.metrics.Mean(name=term) for term in self.terms}
-        self._measures = measures.of(subnetworks)
+        self._measures = terms.metrics_of(subnetworks)
         self.built = True
 
     @property
     def features(self) -> tuple[str, ...]:
         """What a batch must hold, by the names of `pipeline`."""
-        more = {
-            "exponent": ("shininess",),
-            "log_exponent": ("shininess",),
-            "reflectance_map": ("environment", "shininess"),
-        }
         wanted = list(pipeline.LEARNT_FROM)
-        if "material" in self.subnetworks:
-            wanted += more["reflectance_map"]
+        for quantity in self._given:
+            wanted += terms.features_of_truth(quantity)
         for term in self.terms:
-            wanted += more.get(term, ())
+            wanted += TERMS[term].features
         return tuple(dict.fromkeys(wanted))
 
-    def call(self, batch: Mapping[str, Any], training: bool = False) -> dict[str, Any]:
-        """Answers of the stage's subnetworks, S, M and the reflectance map compressed."""
-        networks = self.subnetworks
-        mask = batch["mask"]
-        masked_image = batch["image"] * mask
-        specular = compress(batch["specular_shading"]) * mask
-        mirror = compress(batch["mirror"]) * mask
-        out = {}
-        if "segmentation" in networks:
-            out["mask"] = networks["segmentation"](batch["image"], training=training)
-        if "specular" in networks:
-            out["specular"] = networks["specular"](masked_image, training=training)
-            specular = out["specular"] * mask
-        if "mirror" in networks:
-            out["mirror"] = networks["mirror"](specular, training=training)
-            mirror = out["mirror"] * mask
-        if "exponent" in networks:
-            seen = [specular, mirror] if len(networks["exponent"].inputs) == 2 else [specular]
-            out["exponent"] = networks["exponent"](seen, training=training)
-        if "albedo" in networks:
-            out["albedos"] = networks["albedo"]([masked_image, specular], training=training)
-            out["specular_seen"] = specular
-        if "reflectance_map" in networks or "material" in networks:
-            sphere = out["true_reflectance_map"] = _true_reflectance_map(batch)
-        if "reflectance_map" in networks:
-            sphere = networks["reflectance_map"](masked_image, training=training)
-            sphere = out["reflectance_map"] = sphere * disc(sphere.shape[1])
-        if "material" in networks:
-            out["albedos"], out["exponent"] = networks["material"](sphere, training=training)
-        return out
+    def call(self, batch: Mapping[str, Any], training: bool = False) -> Answer:
+        """What the stage's subnetworks answer."""
+        truths = {quantity: terms.truth(quantity, batch) for quantity in self._given}
+        graph = Wiring(self.subnetworks, truths | {"image": batch["image"]}, training=training)
+        return Answer(
+            raw={quantity: graph.answer(quantity) for quantity in self._answered},
+            seen={
+                tensor.name: graph.seen(tensor.name)
+                for network in self.subnetworks.values()
+                for tensor in network.inputs
+            },
+            outputs={name: graph.output(name) for name in self._found},
+        )
 
     def compute_loss(
         self, x: Any = None, y: Any = None, y_pred: Any = None, sample_weight: Any = None, **_: Any
     ) -> Any:
         """Weighted sum of the stage's terms over the batch."""
         total = 0.0
-        for term in self.terms:
-            value = ops.mean(_term(term, x, y_pred))
-            self._means[term].update_state(value)
-            total = total + WEIGHTS[term] * value
+        for name in self.terms:
+            term = TERMS[name]
+            value = ops.mean(term.loss(x, y_pred))
+            self._means[name].update_state(value)
+            total = total + term.weight * value
         return total / self._replicas
 
     def compute_metrics(
@@ -134,7 +92,7 @@ class StageModel(keras.Model):
         Training passes none, and so has no part in the measures, nor does it pay for them.
         """
         if sample_weight is not None:
-            measures.update(self._measures, x, y_pred, sample_weight)
+            terms.update(self._measures, x, y_pred.outputs, sample_weight)
         return {metric.name: metric.result() for metric in self._of_a_batch()}
 
     def reset_metrics(self) -> None:
@@ -156,52 +114,3 @@ class StageModel(keras.Model):
 
     def _of_a_batch(self) -> list[keras.metrics.Metric]:
         return [metric for metric in self.metrics if metric.name not in self._measures]
-
-
-def _true_reflectance_map(batch: Mapping[str, Any]) -> Any:
-    """Compressed, `(B, S, S, 3)`."""
-    linear = reflectance_map(
-        batch["environment"],
-        batch["shininess"],
-        batch["diffuse_albedo"],
-        batch["specular_albedo"],
-        batch["ambient"],
-        batch["image"].shape[1],
-    )
-    return compress(ops.stop_gradient(linear))
-
-
-def _term(term: str, batch: Mapping[str, Any], answer: Mapping[str, Any]) -> Any:
-    """One loss term, `(B,)`."""
-    mask = batch["mask"]
-    if term == "mask":
-        return losses.mask_l2(mask, answer["mask"])
-    if term == "specular":
-        return losses.shading_l1(batch["specular_shading"], answer["specular"], mask)
-    if term == "mirror":
-        return losses.shading_l1(batch["mirror"], answer["mirror"], mask)
-    if term == "exponent":
-        return losses.exponent_cross_entropy(batch["exponent_bin"], answer["exponent"])
-    if term == "log_exponent":
-        return losses.log_exponent_l2(batch["shininess"], answer["exponent"])
-    if term == "reflectance_map":
-        truth = answer["true_reflectance_map"]
-        inside = ops.broadcast_to(
-            disc(truth.shape[1])[None], (ops.shape(truth)[0], *truth.shape[1:3], 1)
-        )
-        return masked_mean(ops.abs(answer["reflectance_map"] - truth), inside)
-    diffuse_albedo, specular_albedo = answer["albedos"][:, :3], answer["albedos"][:, 3:]
-    if term == "diffuse_albedo":
-        return losses.albedo_l2(batch["diffuse_albedo"], diffuse_albedo)
-    if term == "specular_albedo":
-        return losses.albedo_l2(ops.expand_dims(batch["specular_albedo"], -1), specular_albedo)
-    return losses.compositing_l1(
-        batch["image"],
-        mask,
-        diffuse_albedo,
-        specular_albedo,
-        batch["ambient"],
-        batch["diffuse_shading"],
-        answer["specular_seen"],
-        batch["clipped"],
-    )

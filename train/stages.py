@@ -3,7 +3,9 @@
 import dataclasses
 from dataclasses import dataclass
 
-from lime_keras.networks import Architecture
+from lime_keras.networks import SUBNETWORKS, Architecture, names
+
+from .terms import LEARNING
 
 
 @dataclass(frozen=True)
@@ -67,43 +69,27 @@ class Schedule:
 
     def stages(self, architecture: Architecture) -> list[Stage]:
         """All stages of a system, in order."""
-        singles, joined = _ORDER[architecture.system]
-        left_out = set() if architecture.mirror else {"mirror"}
+        here = names(architecture)
+        rounds = {name: LEARNING[name].joined for name in here}
         out = [
             Stage(
                 (name,),
-                self.encoder_steps if name in ENCODERS else self.single_steps,
+                self.encoder_steps if SUBNETWORKS[name].encoder else self.single_steps,
                 self.single_learning_rate,
                 self.cosine,
             )
-            for name in singles
-            if name not in left_out
+            for name in LEARNING
+            if name in here
         ]
-        for names in joined:
-            kept = tuple(name for name in names if name not in left_out)
-            if len(kept) > 1:
+        for last in sorted({number for number in rounds.values() if number is not None}):
+            joined = tuple(
+                name for name, number in rounds.items() if number is not None and number <= last
+            )
+            if len(joined) > 1:
                 rate = self.joint_learning_rate
-                out.append(Stage(kept, self.joint_steps, rate, self.cosine))
+                out.append(Stage(joined, self.joint_steps, rate, self.cosine))
         return out
 
-
-ENCODERS = ("albedo", "exponent", "material")
-"""The subnetworks that read a material's numbers from layers."""
-_ORDER = {
-    "lime": (
-        ("segmentation", "specular", "mirror", "albedo", "exponent"),
-        (
-            ("specular", "mirror"),
-            ("specular", "mirror", "exponent"),
-            ("specular", "mirror", "exponent", "albedo"),
-        ),
-    ),
-    "reflectance-map": (
-        ("segmentation", "reflectance_map", "material"),
-        (("reflectance_map", "material"),),
-    ),
-}
-"""By system: the subnetworks alone, then together."""
 
 SCHEDULES = {
     # All stages in 8 minutes on two cores; accuracy well above chance, far below the paper's.

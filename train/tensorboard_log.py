@@ -8,10 +8,14 @@ import keras
 import numpy as np
 import tensorflow as tf
 
+from lime_keras.outputs import OUTPUTS
+
+from . import terms
 from .stage_model import StageModel
 
 _PANELS = 4
 """Held-out examples shown."""
+_LAYERS = tuple(name for name, output in OUTPUTS.items() if output.layer)
 
 
 class Board:
@@ -32,7 +36,7 @@ class Board:
         """Write a picture of what the stage answers for the first held-out examples."""
         first = {name: value[:_PANELS] for name, value in batch.items()}
         with self._writer.as_default(step):
-            tf.summary.image("held out", panel(first, model(first))[None])
+            tf.summary.image("held out", panel(first, model(first).outputs)[None])
         self._writer.flush()
 
     def close(self) -> None:
@@ -40,37 +44,38 @@ class Board:
         self._writer.close()
 
 
-def panel(batch: Mapping[str, Any], answer: Mapping[str, Any]) -> np.ndarray:
+def panel(batch: Mapping[str, Any], outputs: Mapping[str, Any]) -> np.ndarray:
     """One row per example: its image, then truth and answer of each layer side by side.
 
     Args:
         batch: of the pipeline.
-        answer: of a `StageModel`.
+        outputs: of an `Answer`.
 
     Returns:
-        `(B·S, K·S, 3)` uint8. Compressed layers are shown up to the truth's maximum in each row;
-        what is not finite is magenta.
+        `(B·S, K·S, 3)` uint8. Radiance is compressed, and each row is shown up to the truth's
+        maximum; what is not finite is magenta.
     """
     image = keras.ops.convert_to_numpy(batch["image"])
     mask = keras.ops.convert_to_numpy(batch["mask"])
     columns = [image]
-    truths = {
-        "mask": mask,
-        "specular": np.log1p(keras.ops.convert_to_numpy(batch["specular_shading"])) * mask,
-        "mirror": np.log1p(keras.ops.convert_to_numpy(batch["mirror"])) * mask,
-        "reflectance_map": answer.get("true_reflectance_map"),
-    }
-    for name, truth in truths.items():
-        if name in answer:
-            true = keras.ops.convert_to_numpy(truth)
-            found = keras.ops.convert_to_numpy(answer[name])
-            if name in ("specular", "mirror"):
-                found = found * mask
-            white = np.maximum(np.max(true, axis=(1, 2, 3), keepdims=True), 1e-6)
-            columns += [true / white, found / white]
+    for name in filter(outputs.__contains__, _LAYERS):
+        true = _levels(name, terms.truth(name, batch))
+        if OUTPUTS[name].layer == "photo" and name != "mask":
+            true = true * mask
+        white = np.maximum(np.max(true, axis=(1, 2, 3), keepdims=True), 1e-6)
+        columns += [true / white, _levels(name, outputs[name]) / white]
     coloured = [np.broadcast_to(column, image.shape) for column in columns]
     picture = np.concatenate([np.concatenate(list(column)) for column in coloured], axis=1)
     broken = ~np.isfinite(picture).all(axis=-1)
     eight_bit = np.rint(np.clip(np.nan_to_num(picture), 0, 1) * 255).astype(np.uint8)
     eight_bit[broken] = (255, 0, 255)
     return eight_bit
+
+
+def _levels(name: str, layer: Any) -> np.ndarray:
+    """A layer's values as shown, from 0."""
+    values, levels = keras.ops.convert_to_numpy(layer), OUTPUTS[name].levels
+    if levels is None:
+        return np.log1p(values)
+    low, high = levels
+    return (values - low) / (high - low)

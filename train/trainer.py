@@ -20,17 +20,19 @@ import numpy as np
 
 from lime_keras.data.corpus import Split
 from lime_keras.io import atomic
-from lime_keras.networks import build, weights
+from lime_keras.networks import SUBNETWORKS, build, weights
+from lime_keras.networks.precision import computing_in
 
 from . import initial_weights
-from .config import PRECISIONS, Config, claim, config_path
+from .config import Config, claim, config_path
 from .data import Data
 from .devices import Devices
 from .optimizer import LossScale, WatchedAdam
-from .stage_model import WEIGHTS, StageModel
+from .stage_model import StageModel
 from .stage_training import Files, Progress, StageTraining, Tell
-from .stages import ENCODERS, Stage
+from .stages import Stage
 from .state import Checkpoint
+from .terms import TERMS
 
 
 def train(
@@ -115,7 +117,7 @@ def train(
         else:
             continue
         trained |= dict.fromkeys(stage.subnetworks, signature)
-        if stage.name in ENCODERS:
+        if stage.name in SUBNETWORKS and SUBNETWORKS[stage.name].encoder:
             alone[stage.name] = subnetworks[stage.name].get_weights()
     done = {name: network for name, network in subnetworks.items() if name in {*trained, *begun}}
     if trained:
@@ -150,12 +152,8 @@ def _check_units(corpora: Sequence[Path]) -> None:
 
 def _build(config: Config) -> dict[str, keras.Model]:
     """The subnetworks as they begin, in the precision asked for."""
-    before = keras.config.dtype_policy()
-    keras.config.set_dtype_policy(PRECISIONS[config.precision])
-    try:
+    with computing_in(config.precision):
         return build(config.architecture, config.seed)
-    finally:
-        keras.config.set_dtype_policy(before)
 
 
 def _changed_since(
@@ -198,7 +196,7 @@ def _signature(config: Config, stage: Stage, model: StageModel, trained: Mapping
             for name, network in model.subnetworks.items()
         },
         "size": config.architecture.size,
-        "terms": {term: WEIGHTS[term] for term in model.terms},
+        "terms": {term: TERMS[term].weight for term in model.terms},
         "batch_size": config.schedule.batch_size,
         "seed": config.seed,
         "corpus": config.corpus_sha256,

@@ -19,18 +19,16 @@ from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
 from lime_keras import metrics
+from lime_keras.arrays import Answer
 from lime_keras.data import pipeline, records
 from lime_keras.data.corpus import Split
 from lime_keras.material import BlinnPhong
-from lime_keras.networks import Architecture, assemble, weights
+from lime_keras.networks import SUBNETWORKS, Architecture, assemble, weights
+from lime_keras.networks.wiring import needed
 from lime_keras.optics import environment, shininess
-from lime_keras.optics.dynamic_range import compress
 from lime_keras.optics.reflectance_map import reflectance_map
 
 from . import flip, relighting
-
-Answer = Callable[[np.ndarray], Mapping[str, np.ndarray]]
-"""Images `(B, S, S, 3)`, sRGB in [0, 1], to outputs by name, as an assembled system gives them."""
 
 _LEAST_EXPONENT = 10.0**shininess.LOG_LOW
 """A smaller true exponent counts as this one, as `shininess.bin_of` has it: log10 0 is no error."""
@@ -105,7 +103,7 @@ def evaluate(
     system = answer or assemble(subnetworks).predict_on_batch
     # Joined training fits the heads to estimated layers; on true ones, those before it are better.
     alone = weights.load_alone(model_dir, subnetworks)
-    heads = subnetworks | alone
+    oracle_of = _from_true_layers(subnetworks | alone)
     rows: list[dict[str, np.ndarray]] = []
     oracle: list[dict[str, np.ndarray]] = []
     dataset = pipeline.evaluation(
@@ -124,7 +122,7 @@ def evaluate(
             full = _filled(example, batch_size)
             answers = {"found": _cut(system(full["image"]), number)}
             if answer is None:
-                answers["oracle"] = _cut(_from_true_layers(full, heads), number)
+                answers["oracle"] = _cut(oracle_of(full), number)
             relit = _relit(example, answers, split.is_literal, pool)
             rows.append(
                 measure(example, answers["found"])
@@ -321,26 +319,21 @@ def _relative_error(
 
 
 def _from_true_layers(
-    example: Mapping[str, np.ndarray], subnetworks: Mapping[str, keras.Model]
-) -> dict[str, np.ndarray]:
-    """The material that the last subnetworks read from true layers."""
-    if "material" in subnetworks:
-        sphere = compress(true_reflectance_map(example))
-        albedos, exponent = subnetworks["material"].predict_on_batch(sphere)
-    else:
-        mask = example["mask"]
-        shading, mirror = (
-            compress(example[name]) * mask for name in ("specular_shading", "mirror")
-        )
-        seen = [shading, mirror] if "mirror" in subnetworks else [shading]
-        albedos = subnetworks["albedo"].predict_on_batch([example["image"] * mask, shading])
-        exponent = subnetworks["exponent"].predict_on_batch(seen)
-    # Clipped as the assembled system's.
-    albedos = np.clip(albedos, 0, 1)
-    answer = {"diffuse_albedo": albedos[:, :3], "specular_albedo": albedos[:, 3:]}
-    if exponent.shape[-1] == 1:
-        return answer | {"log_exponent": np.clip(exponent, shininess.LOG_LOW, shininess.LOG_HIGH)}
-    return answer | {"exponent_bin_probabilities": exponent}
+    subnetworks: Mapping[str, keras.Model],
+) -> Callable[[Mapping[str, np.ndarray]], dict[str, np.ndarray]]:
+    """The oracle: examples to the material that the last subnetworks read from true layers."""
+    encoders = {name: part for name, part in subnetworks.items() if SUBNETWORKS[name].encoder}
+    given = needed(encoders)
+    network = assemble(encoders, given=given)
+
+    def answer(example: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        true = {
+            name: true_reflectance_map(example) if name == "reflectance_map" else example[name]
+            for name in given
+        }
+        return network.predict_on_batch({"image": example["image"], **true})
+
+    return answer
 
 
 def _count(shards: list[Path], size: int) -> int:

@@ -6,13 +6,14 @@ from typing import Any
 import numpy as np
 
 from lime_keras.export import parity
+from lime_keras.networks.precision import POLICIES
 
 from ..accuracy import measures
 from ..accuracy.evaluate import evaluate
 from ..store import Store
 from . import machine
 from .run_formats import Run
-from .runtimes import KERAS, POLICIES
+from .runtimes import KERAS
 
 _COMPARED = 16
 """Test images on which runtimes are compared."""

@@ -11,21 +11,23 @@ import keras
 import numpy as np
 import onnx.utils
 
+from lime_keras.arrays import Answer
 from lime_keras.estimate import estimator
 from lime_keras.export import formats, quantisation
 from lime_keras.networks import answers, assemble, weights
+from lime_keras.networks.precision import POLICIES, computing_in
 
 from ..store import DependsOn, Store, sha256, size
 from . import runtimes
 from .costs import flop
-from .runtimes import KERAS, ONNX, SAVED_MODEL, Answer
+from .runtimes import KERAS, ONNX, SAVED_MODEL
 from .samples import Samples
 
 INT8 = {"int8": False, "int8, float heads": True}
 """Eight-bit precisions, and whether the subnetworks' last layers are left out."""
 PRECISIONS = {
-    KERAS: tuple(runtimes.POLICIES),
-    SAVED_MODEL: tuple(runtimes.POLICIES),
+    KERAS: tuple(POLICIES),
+    SAVED_MODEL: tuple(POLICIES),
     # ONNX Runtime has no bfloat16 convolution on processors.
     ONNX: ("float32", "float16", *INT8),
 }
@@ -157,7 +159,7 @@ class Run:
         return self._store.file(f"models/{self.name}-{name}", depends_on or self.depends_on, write)
 
     def _write_saved_model(self, precision: str, path: Path) -> None:
-        with runtimes.computing_in(precision):
+        with computing_in(precision):
             _, subnetworks = weights.load(self.folder)
         formats.write_saved_model(assemble(subnetworks), path)
 

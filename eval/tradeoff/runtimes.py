@@ -4,22 +4,17 @@ Nothing is imported here before it is needed, so that a process that runs ONNX R
 TensorFlow, nor the other way round.
 """
 
-import contextlib
-from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lime_keras.arrays import Answer
+
 if TYPE_CHECKING:
     import onnxruntime
 
 KERAS, SAVED_MODEL, ONNX = "Keras", "SavedModel", "ONNX Runtime"
-POLICIES = {"float32": "float32", "bfloat16": "mixed_bfloat16", "float16": "mixed_float16"}
-"""Keras' policies: whatever the subnetworks compute in, weights and heads are float32."""
-
-Answer = Callable[[np.ndarray], Mapping[str, np.ndarray]]
-"""From images `(B, S, S, 3)` sRGB in [0, 1] to the outputs of `lime_keras.networks.assemble`."""
 
 
 def open_answer(runtime: str, path: Path, precision: str, threads: int | None = None) -> Answer:
@@ -28,7 +23,7 @@ def open_answer(runtime: str, path: Path, precision: str, threads: int | None = 
     Args:
         runtime: `KERAS`, `SAVED_MODEL` or `ONNX`.
         path: folder of `lime_keras.networks.weights.save`, of a SavedModel, or ONNX file.
-        precision: a name of `POLICIES`, for Keras; the other files hold theirs.
+        precision: a name of `precision.POLICIES`, for Keras; the other files hold theirs.
         threads: for ONNX Runtime; by default all. TensorFlow's are its process's.
     """
     if runtime == KERAS:
@@ -36,19 +31,6 @@ def open_answer(runtime: str, path: Path, precision: str, threads: int | None = 
     if runtime == SAVED_MODEL:
         return _saved_model(path)
     return _onnx(path, threads)
-
-
-@contextlib.contextmanager
-def computing_in(precision: str) -> Iterator[None]:
-    """Layers built inside compute in a precision of `POLICIES`."""
-    import keras
-
-    before = keras.config.dtype_policy()
-    keras.config.set_dtype_policy(POLICIES[precision])
-    try:
-        yield
-    finally:
-        keras.config.set_dtype_policy(before)
 
 
 def start_tensorflow(threads: int) -> None:
@@ -77,6 +59,7 @@ def session(path: Path, threads: int | None = None) -> "onnxruntime.InferenceSes
 
 def _keras(folder: Path, precision: str) -> Answer:
     from lime_keras.networks import assemble, weights
+    from lime_keras.networks.precision import computing_in
 
     with computing_in(precision):
         _, subnetworks = weights.load(folder)

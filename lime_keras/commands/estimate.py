@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lime_keras import console
+from lime_keras.outputs import NEEDED
 from lime_keras.version import __version__
 
 if TYPE_CHECKING:
     from lime_keras.estimate.estimator import Estimator
     from lime_keras.lighting.files import Clone
 
-_ONLY = ("mask", "specular", "mirror", "albedo", "exponent", "diffuse", "reflectance_map")
 _OF_A_FRAME = ("mask", "albedo", "exponent")
 """What a video's table and overlay show."""
 
@@ -72,9 +72,9 @@ def parser() -> argparse.ArgumentParser:
     )
     out.add_argument(
         "--only",
-        type=console.names(_ONLY),
+        type=console.names(tuple(NEEDED)),
         metavar="NAMES",
-        help=f"comma-separated: {', '.join(_ONLY)}; only the subnetworks it takes are run "
+        help=f"comma-separated: {', '.join(NEEDED)}; only the subnetworks it takes are run "
         "(default: all that RUN can estimate)",
     )
     out.add_argument(

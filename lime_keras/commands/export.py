@@ -4,18 +4,9 @@ import argparse
 from pathlib import Path
 
 from lime_keras import console
+from lime_keras.outputs import OUTPUTS
 from lime_keras.version import __version__
 
-_OUTPUTS = (
-    "mask",
-    "specular_shading",
-    "mirror",
-    "diffuse_albedo",
-    "specular_albedo",
-    "exponent_bin_probabilities",
-    "log_exponent",
-    "reflectance_map",
-)
 _PRECISIONS = ("float32", "float16", "int8")
 
 _EXAMPLE = """
@@ -66,9 +57,9 @@ def parser() -> argparse.ArgumentParser:
     )
     out.add_argument(
         "--only",
-        type=console.names(_OUTPUTS),
+        type=console.names(tuple(OUTPUTS)),
         metavar="NAMES",
-        help=f"comma-separated outputs: {', '.join(_OUTPUTS)} (default: all that RUN has)",
+        help=f"comma-separated outputs: {', '.join(OUTPUTS)} (default: all that RUN has)",
     )
     out.add_argument(
         "--precision",

@@ -20,20 +20,7 @@ from lime_keras.estimate.framing import Square
 from lime_keras.material import Material
 from lime_keras.networks import answers, assemble, weights
 from lime_keras.optics import colour, compositing, shininess
-
-NEEDED = {
-    "mask": ("mask",),
-    "specular": ("mask", "specular_shading"),
-    "mirror": ("mask", "mirror"),
-    "albedo": ("mask", "diffuse_albedo", "specular_albedo"),
-    "exponent": ("mask", "exponent_bin_probabilities"),
-    "diffuse": ("mask", "specular_shading", "diffuse_albedo", "specular_albedo"),
-    "reflectance_map": ("mask", "reflectance_map"),
-}
-"""What can be asked for, and the outputs of the joined network that it takes.
-
-Under regression the exponent takes `log_exponent`. Not every system has them all.
-"""
+from lime_keras.outputs import NEEDED, OUTPUTS
 
 
 class Estimator:
@@ -42,8 +29,8 @@ class Estimator:
     Args:
         weights_folder: run of `lime-train` or folder of `lime_keras.networks.weights.save`; by
             default the model that comes with the package (`lime_keras.networks.weights.SHIPPED`).
-        only: what to estimate, out of `NEEDED`; only the subnetworks it takes are run. By default
-            everything that this model can.
+        only: what to estimate, out of `outputs.NEEDED`; only the subnetworks it takes are run. By
+            default everything that this model can.
 
     Attributes:
         architecture: of the model.
@@ -71,7 +58,7 @@ class Estimator:
             )
         outputs = {output for name in self._only for output in needed[name]} - {"mask"}
         self._finder = assemble(subnetworks, ["mask"])
-        self._reader = assemble(subnetworks, sorted(outputs), mask_given=True) if outputs else None
+        self._reader = assemble(subnetworks, sorted(outputs), given={"mask"}) if outputs else None
         used = self._reader.layers if self._reader is not None else []
         self.subnetworks = tuple(
             name for name, part in subnetworks.items() if name == "segmentation" or part in used
@@ -165,20 +152,22 @@ class Estimator:
         only = self._only
         fields: dict[str, Any] = {}
         layers = {"mask": mask}
-        for asked, name in (("specular", "specular_shading"), ("mirror", "mirror")):
-            if asked in only:
-                layers[name] = framing.paste(answer[name], square, *image.shape[:2])
+        for asked in filter(only.__contains__, NEEDED):
+            if asked == "diffuse":
+                shading = layers.get("specular_shading")
+                if shading is None:
+                    shading = framing.paste(answer["specular_shading"], square, *image.shape[:2])
+                layers |= _recomposed(image, mask, shading, answer)
+                continue
+            for name in NEEDED[asked]:
+                if OUTPUTS[name].layer == "sphere":
+                    # Which lies nowhere in the photo.
+                    layers[name] = answer[name]
+                elif OUTPUTS[name].layer == "photo" and name != "mask":
+                    layers[name] = framing.paste(answer[name], square, *image.shape[:2])
         if "albedo" in only:
             fields["diffuse_albedo"] = answer["diffuse_albedo"]
             fields["specular_albedo"] = float(answer["specular_albedo"][0])
-        if "diffuse" in only:
-            shading = layers.get("specular_shading")
-            if shading is None:
-                shading = framing.paste(answer["specular_shading"], square, *image.shape[:2])
-            layers |= _recomposed(image, mask, shading, answer)
-        if "reflectance_map" in only:
-            # A sphere of its own, which lies nowhere in the photo.
-            layers["reflectance_map"] = answer["reflectance_map"]
         if "log_exponent" in answer:
             fields["exponent"] = float(10.0 ** answer["log_exponent"][0])
         elif "exponent" in only:

@@ -11,6 +11,7 @@ from lime_keras.estimate import preview as estimate_preview
 from lime_keras.io import atomic, photo
 from lime_keras.material import Material
 from lime_keras.optics import colour
+from lime_keras.outputs import OUTPUTS
 
 
 def write(folder: Path, name: str, source: Path, image_srgb: np.ndarray, material: Material) -> str:
@@ -58,12 +59,14 @@ def distinct_names(sources: Collection[Path]) -> list[str]:
 def _write_layers(folder: Path, name: str, material: Material) -> None:
     """Write each layer in the formats that keep its range and that show it."""
     for layer, image in material.layers.items():
-        if layer == "mask":
-            photo.write(folder / f"{name}-mask.png", image)
+        path = folder / f"{name}-{layer}.png"
+        output = OUTPUTS.get(layer)
+        if output is not None and output.levels is not None:
+            low, high = output.levels
+            photo.write(path, (image - low) / (high - low))
             continue
-        if image.shape[-1] == 1 or layer == "reflectance_map":
-            photo.write(folder / f"{name}-{layer}.exr", image)
+        if output is not None:
+            photo.write(path.with_suffix(".exr"), image)
             # The eye's copy: bright parts compressed, then encoded for a screen.
             image = image / (1 + image)
-        encoded = colour.linear_to_srgb(np.clip(image, 0, 1))
-        photo.write(folder / f"{name}-{layer}.png", encoded)
+        photo.write(path, colour.linear_to_srgb(np.clip(image, 0, 1)))

@@ -8,10 +8,11 @@ from pathlib import Path
 import keras
 import numpy as np
 
+from lime_keras.arrays import Answer
 from lime_keras.data import samples
 from lime_keras.data.corpus import Split
 from lime_keras.export import formats, model_card, parity, quantisation
-from lime_keras.export.formats import SERVED, Answer
+from lime_keras.export.formats import SERVED
 from lime_keras.io import atomic
 from lime_keras.networks import answers, assemble, weights
 

@@ -2,7 +2,7 @@
 
 import gc
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +12,7 @@ import onnx
 import onnxruntime
 import tensorflow as tf
 
-Answer = Callable[[np.ndarray], Mapping[str, np.ndarray]]
-"""From images `(B, S, S, 3)` sRGB in [0, 1] to the outputs of `lime_keras.networks.assemble`."""
+from lime_keras.arrays import Answer
 
 SERVED = "serving_default"
 """The signature that answers every output; each output's own is called after it."""

@@ -7,18 +7,8 @@ import keras
 
 from lime_keras.networks import PRESETS, Architecture
 from lime_keras.optics import shininess
+from lime_keras.outputs import OUTPUTS
 from lime_keras.version import __version__
-
-_UNITS = {
-    "mask": "share of the pixel that the object covers, in [0, 1]",
-    "specular_shading": "linear radiance, 0 outside the mask",
-    "mirror": "linear radiance, 0 outside the mask",
-    "diffuse_albedo": "linear RGB reflectance in [0, 1]",
-    "specular_albedo": "linear reflectance in [0, 1]",
-    "exponent_bin_probabilities": "probability of each bin of the exponent; they sum to 1",
-    "log_exponent": "log10 of the Blinn-Phong exponent, in [0, 3]",
-    "reflectance_map": "linear RGB radiance over the disc of a sphere's normals",
-}
 
 
 def card(architecture: Architecture, network: keras.Model, precision: str) -> dict[str, Any]:
@@ -49,7 +39,7 @@ def card(architecture: Architecture, network: keras.Model, precision: str) -> di
         "input_range": [0.0, 1.0],
         "normalisation": "none",
         "outputs": {
-            name: {"shape": _shape(tensor), "unit": _UNITS[name]}
+            name: {"shape": _shape(tensor), "unit": OUTPUTS[name].unit}
             for name, tensor in network.output.items()
         },
     }

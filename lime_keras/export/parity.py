@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 import tensorflow as tf
 
-from lime_keras.export.formats import Answer
+from lime_keras.arrays import Answer
 from lime_keras.export.quantisation import harm
 
 TOLERANCE = 1e-3

@@ -13,8 +13,10 @@ import onnx
 from onnxruntime import quantization
 from onnxruntime.transformers import float16
 
-HEADS = ("head", "albedos", "logits", "log_exponent")
-"""Last layers of the subnetworks, by the names that `lime_keras.networks` gives them."""
+from lime_keras.networks import SUBNETWORKS
+
+HEADS = {head for subnetwork in SUBNETWORKS.values() for head in subnetwork.heads}
+"""Names of the subnetworks' last layers."""
 RANGES = {"widest": False, "mean": True}
 """What a tensor's scale covers: its extremes over all calibration images, or the mean of each
 image's, which one odd image moves little. As ONNX Runtime's option of a moving average has it."""

@@ -1,7 +1,8 @@
 """The subnetworks of section 5, each a functional Keras model, and their assembly."""
 
 from lime_keras.networks.architecture import PRESETS, Architecture
-from lime_keras.networks.system import SUBNETWORKS, answers, assemble, build, names
+from lime_keras.networks.registry import SUBNETWORKS
+from lime_keras.networks.system import answers, assemble, build, names
 
 __all__ = [
     "PRESETS",

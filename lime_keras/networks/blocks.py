@@ -19,13 +19,14 @@ def convolutions(x: KerasTensor, width: int, name: str) -> KerasTensor:
     return x
 
 
-def unet(x: KerasTensor, *, width: int, depth: int) -> KerasTensor:
-    """U-Net with skip concatenation; one linear channel out, at the input's height and width.
+def unet(x: KerasTensor, *, width: int, depth: int, channels: int) -> KerasTensor:
+    """U-Net with skip concatenation; linear, at the input's height and width.
 
     Args:
         x: `(B, H, W, C)`; H and W divisible by `2 ** depth`.
         width: channels of the first level; each level down doubles them, up to eight times.
         depth: levels below the first.
+        channels: of the answer, `(B, H, W, channels)`.
     """
     widths = [width * min(2**level, 8) for level in range(depth + 1)]
     skips = []
@@ -40,7 +41,7 @@ def unet(x: KerasTensor, *, width: int, depth: int) -> KerasTensor:
         x = layers.Concatenate(name=f"skip{level}")([x, skips[level]])
         x = convolutions(x, widths[level], f"up{level}")
     # Linear: a softplus head here died to all black (docs/decisions.md).
-    return layers.Conv2D(1, 1, dtype="float32", name="head")(x)
+    return layers.Conv2D(channels, 1, dtype="float32", name="head")(x)
 
 
 def encoder(x: KerasTensor, *, width: int, dense_width: int) -> KerasTensor:

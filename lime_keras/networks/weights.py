@@ -17,7 +17,7 @@ from lime_keras.io import atomic
 from lime_keras.networks import Architecture, build
 
 _ALONE = "alone"
-SHIPPED = Path(__file__).parent / "pretrained" / "live"
+SHIPPED = Path(__file__).parents[1] / "pretrained" / "live"
 """The model that comes with the package: what is used where no other is named."""
 
 

@@ -12,16 +12,18 @@ from lime_keras.data import pipeline
 from lime_keras.data.corpus import Split
 from lime_keras.losses import mask_l2
 from lime_keras.metrics import masked_relative_error
-from lime_keras.networks import SUBNETWORKS, Architecture, build
+from lime_keras.networks import Architecture, build, names
 from lime_keras.optics.dynamic_range import compress, expand
 from lime_keras.optics.reflectance_map import disc, reflectance_map
-from lime_keras.train.stage_model import WEIGHTS, StageModel
+from lime_keras.train.stage_model import StageModel
 from lime_keras.train.stages import SCHEDULES
+from lime_keras.train.terms import TERMS
 
 SMALL = Architecture(size=64, unet_width=6, unet_depth=3, encoder_width=8, dense_width=32)
 NO_MIRROR = dataclasses.replace(SMALL, mirror=False)
 REGRESSION = dataclasses.replace(SMALL, exponent="regression")
 BASELINE = dataclasses.replace(SMALL, system="reflectance-map")
+LIME = names(SMALL)
 JOINT = ("specular", "mirror", "exponent", "albedo")
 LAST = [
     (SMALL, JOINT),
@@ -95,7 +97,7 @@ def test_a_subnetwork_overfits_four_images(name, four_images):
     if name == "log_exponent":
         _, model = _compiled(["exponent"], architecture=REGRESSION)
     else:
-        _, model = _compiled([name], architecture=SMALL if name in SUBNETWORKS else BASELINE)
+        _, model = _compiled([name], architecture=SMALL if name in LIME else BASELINE)
     first = model.test_on_batch(four_images, return_dict=True)["loss"]
     steps, share = OVERFIT[name]
     for _ in range(steps):
@@ -110,7 +112,7 @@ def test_joint_training_lowers_every_term(four_images):
     for _ in range(100):
         model.reset_metrics()
         last = model.train_on_batch(four_images, return_dict=True)
-    assert set(last) == {"loss", *(set(WEIGHTS) - {"mask", "log_exponent", "reflectance_map"})}
+    assert set(last) == {"loss", *(set(TERMS) - {"mask", "log_exponent", "reflectance_map"})}
     for term, value in last.items():
         assert value < 0.8 * first[term], term
 
@@ -120,18 +122,18 @@ def test_joint_training_lowers_every_term(four_images):
 )
 def test_no_head_dies(seed, four_images):
     """Under ℓ1 on mostly black layers, networks have died to all black within a few steps."""
-    _, model = _compiled(SUBNETWORKS, 1e-3, seed=seed)
+    _, model = _compiled(LIME, 1e-3, seed=seed)
     for _ in range(40):
         model.train_on_batch(four_images)
-    answer = model(four_images)
+    answer = model(four_images).raw
     inside = np.array(four_images["mask"]) >= 1
-    for name in ("specular", "mirror"):
+    for name in ("specular_shading", "mirror"):
         values = np.array(answer[name])[inside]
         assert values.max() > 0.1
         assert values.std() > 0.01
     mask = np.array(answer["mask"])
     assert mask[inside].mean() - mask[np.array(four_images["mask"]) == 0].mean() > 0.1
-    for name in ("albedos", "exponent"):
+    for name in ("albedos", "exponent_bin_probabilities"):
         assert np.ptp(np.array(answer[name]), axis=0).max() > 0.01, f"{name}: one for all images"
 
 
@@ -141,7 +143,7 @@ def test_without_the_perceptual_loss_only_its_term_is_missing(four_images):
     every = full.test_on_batch(four_images, return_dict=True)
     fewer = without.test_on_batch(four_images, return_dict=True)
     assert every.pop("loss") - fewer.pop("loss") == pytest.approx(
-        WEIGHTS["compositing"] * every.pop("compositing"), rel=1e-3
+        TERMS["compositing"].weight * every.pop("compositing"), rel=1e-3
     )
     assert fewer == pytest.approx(every, rel=1e-4)
 
@@ -163,9 +165,9 @@ def test_the_baseline_sees_the_true_map_alone_and_the_estimated_one_joined(four_
     estimated = subnetworks["reflectance_map"](masked) * disc(64)
     for model, sphere in ((alone, true), (joined, estimated)):
         albedos, probabilities = subnetworks["material"](sphere)
-        answer = model(four_images)
+        answer = model(four_images).raw
         np.testing.assert_allclose(answer["albedos"], albedos, atol=1e-4)
-        np.testing.assert_allclose(answer["exponent"], probabilities, atol=1e-4)
+        np.testing.assert_allclose(answer["exponent_bin_probabilities"], probabilities, atol=1e-4)
     logs = joined.test_on_batch(four_images, return_dict=True)
     error = np.abs(np.array(subnetworks["reflectance_map"](masked)) - np.array(true))
     inside = error[:, disc(64)[..., 0] > 0]
@@ -175,7 +177,7 @@ def test_the_baseline_sees_the_true_map_alone_and_the_estimated_one_joined(four_
 def test_a_regressed_exponent_is_judged_by_its_logarithm(four_images):
     _, model = _compiled(["exponent"], architecture=REGRESSION)
     logs = model.test_on_batch(four_images, return_dict=True)
-    found = np.array(model(four_images)["exponent"])[:, 0]
+    found = np.array(model(four_images).raw["log_exponent"])[:, 0]
     wrong = found - np.log10(np.array(four_images["shininess"]))
     assert set(logs) == {"loss", "log_exponent"}
     assert logs["log_exponent"] == pytest.approx(np.mean(wrong**2), rel=1e-4)
@@ -196,7 +198,9 @@ def test_the_loss_is_the_weighted_sum_of_its_terms(four_images):
     _, model = _compiled(JOINT)
     logs = model.test_on_batch(four_images, return_dict=True)
     total = logs.pop("loss")
-    assert total == pytest.approx(sum(WEIGHTS[term] * value for term, value in logs.items()), 1e-4)
+    assert total == pytest.approx(
+        sum(TERMS[term].weight * value for term, value in logs.items()), 1e-4
+    )
 
 
 def test_only_what_comes_with_weights_is_measured(four_images):
@@ -244,7 +248,7 @@ def test_a_lone_subnetwork_sees_the_truth(four_images):
     subnetworks, model = _compiled(["mirror"])
     true_shading = compress(four_images["specular_shading"]) * four_images["mask"]
     expected = subnetworks["mirror"](true_shading)
-    assert np.allclose(model(four_images)["mirror"], expected, atol=1e-6)
+    assert np.allclose(model(four_images).raw["mirror"], expected, atol=1e-6)
 
 
 def test_a_joined_subnetwork_sees_the_others_answer(four_images):
@@ -252,7 +256,7 @@ def test_a_joined_subnetwork_sees_the_others_answer(four_images):
     masked = four_images["image"] * four_images["mask"]
     shading = subnetworks["specular"](masked) * four_images["mask"]
     expected = subnetworks["mirror"](shading)
-    assert np.allclose(model(four_images)["mirror"], expected, atol=1e-5)
+    assert np.allclose(model(four_images).raw["mirror"], expected, atol=1e-5)
 
 
 EXTREMES = {

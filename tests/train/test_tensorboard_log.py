@@ -5,7 +5,9 @@ import pytest
 import tensorflow as tf
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
+from lime_keras.train import terms
 from lime_keras.train.tensorboard_log import Board, panel
+from lime_keras.train.terms import Answer
 
 
 @pytest.fixture
@@ -40,7 +42,7 @@ def test_scalars_are_read_back_by_tensorboard(tmp_path):
 
 def test_a_picture_is_written(tmp_path, batch):
     board = Board(tmp_path)
-    board.panel(3, lambda batch: {"mask": batch["mask"]}, batch)
+    board.panel(3, lambda batch: Answer({}, {}, {"mask": batch["mask"]}), batch)
     board.close()
     events = EventAccumulator(str(tmp_path)).Reload()
     (event,) = events.Tensors("held out")
@@ -51,8 +53,9 @@ def test_a_picture_is_written(tmp_path, batch):
 
 def test_the_truth_stands_left_of_the_answer(batch):
     """Both up to the truth's maximum, black outside the mask."""
-    answer = {"specular": np.full((2, 4, 4, 1), 1.0), "mirror": np.full((2, 4, 4, 1), -3.0)}
-    picture = panel(batch, answer)
+    mask = batch["mask"]
+    outputs = {"specular_shading": mask * np.expm1(1.0), "mirror": 0 * mask}
+    picture = panel(batch, outputs)
     assert picture.shape == (8, 5 * 4, 3) and picture.dtype == np.uint8
     image, true_s, found_s, true_m, found_m = np.split(picture[:4], 5, axis=1)
     assert (image == 51).all()
@@ -71,12 +74,13 @@ def test_what_is_no_number_is_magenta(batch):
 
 
 def test_a_stage_without_layers_shows_its_images(batch):
-    assert panel(batch, {"exponent": np.zeros((2, 8))}).shape == (8, 4, 3)
+    assert panel(batch, {"exponent_bin_probabilities": np.zeros((2, 8))}).shape == (8, 4, 3)
 
 
-def test_the_baseline_shows_its_spheres(batch):
+def test_the_baseline_shows_its_spheres(batch, monkeypatch):
     sphere = np.full((2, 4, 4, 3), 0.5, np.float32)
-    picture = panel(batch, {"reflectance_map": 0 * sphere, "true_reflectance_map": sphere})
+    monkeypatch.setattr(terms, "truth", lambda name, batch: {"reflectance_map": sphere}[name])
+    picture = panel(batch, {"reflectance_map": 0 * sphere})
     assert (picture[:, 4:8] == 255).all() and (picture[:, 8:] == 0).all()
     # Of MaterialNet alone there is no estimated one.
     assert panel(batch, {"true_reflectance_map": sphere}).shape == (8, 4, 3)

@@ -18,7 +18,7 @@ from lime_keras.data.corpus import Split
 from lime_keras.networks import Architecture, names, weights
 from lime_keras.optics import shininess
 from lime_keras.optics.dynamic_range import compress
-from lime_keras.train import cli, initial_weights, stage_model, stage_training, trainer
+from lime_keras.train import cli, initial_weights, stage_model, stage_training, terms, trainer
 from lime_keras.train.config import Config, corpus_sha256
 from lime_keras.train.data import Data
 from lime_keras.train.stages import SCHEDULES, Schedule, Stage
@@ -566,7 +566,8 @@ def test_a_record_that_holds_no_number_is_named(corpus, config, tmp_path):
 
 
 def test_a_weight_that_is_no_number_is_blamed_on_no_example(corpus, config, tmp_path, monkeypatch):
-    monkeypatch.setitem(stage_model.WEIGHTS, "specular", np.inf)
+    boundless = dataclasses.replace(terms.TERMS["specular"], weight=np.inf)
+    monkeypatch.setitem(terms.TERMS, "specular", boundless)
     with pytest.raises(RuntimeError, match=r"stage specular, step 1: loss, .*not finite; from ex"):
         trainer.train([corpus], tmp_path, config, _ignore, only=["specular"])
     assert not (tmp_path / "stages" / "2-specular.npz").exists()

@@ -12,7 +12,10 @@ import numpy as np
 import tensorflow as tf
 from keras import layers
 
+from lime_keras.networks.registry import MASK_CONTRAST
 from lime_keras.optics import reflectance_map
+from lime_keras.optics.dynamic_range import HIGHEST_COMPRESSED
+from lime_keras.optics.shininess import LOG_HIGH, LOG_LOW
 
 
 @dataclass(frozen=True)
@@ -63,7 +66,7 @@ def answers(
     def run(name: str, *inputs: np.ndarray) -> Any:
         return _run(subnetworks[name], inputs, rounding)
 
-    mask = np.clip(1.5 * run("segmentation", images) - 0.25, 0, 1)
+    mask = np.clip(MASK_CONTRAST * (run("segmentation", images) - 0.5) + 0.5, 0, 1)
     out = {"mask": mask}
     if "material" in subnetworks:
         sphere = run("reflectance_map", images * mask)
@@ -81,12 +84,12 @@ def answers(
     albedos = np.clip(albedos, 0, 1)
     out |= {"diffuse_albedo": albedos[:, :3], "specular_albedo": albedos[:, 3:]}
     if exponent.shape[-1] == 1:
-        return out | {"log_exponent": np.clip(exponent, 0, 3)}
+        return out | {"log_exponent": np.clip(exponent, LOG_LOW, LOG_HIGH)}
     return out | {"exponent_bin_probabilities": exponent}
 
 
 def _expanded(compressed: np.ndarray) -> np.ndarray:
-    return np.expm1(np.clip(compressed, 0, 11))
+    return np.expm1(np.clip(compressed, 0, HIGHEST_COMPRESSED))
 
 
 def _run(model: keras.Model, inputs: Collection[np.ndarray], rounding: Rounding) -> Any:

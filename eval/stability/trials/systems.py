@@ -11,9 +11,11 @@ import keras
 import numpy as np
 import tensorflow as tf
 
+from lime_keras.arrays import Answer
 from lime_keras.estimate.estimator import Estimator
 from lime_keras.export import exporter, formats
 from lime_keras.networks import Architecture, assemble, build, weights
+from lime_keras.networks.precision import computing_in
 
 from . import double_precision
 from .photos import extreme_photos
@@ -24,7 +26,6 @@ FRESH = {"LIME": _SMALL, "baseline": dataclasses.replace(_SMALL, system="reflect
 """Systems small enough to be tried in seconds."""
 
 BATCH = 64
-_POLICIES = {"float16": "mixed_float16", "bfloat16": "mixed_bfloat16"}
 _DRAWS = 4
 _MARGIN = 4.0
 """Times the largest change in a few draws that rounding is allowed to make."""
@@ -134,15 +135,15 @@ class TrialSystem:
     @functools.cache  # noqa: B019 - as above
     def _network(self, precision: Precision) -> Any:
         architecture, subnetworks = self._loaded
-        if precision.dtype in _POLICIES:
-            subnetworks = _in_policy(_POLICIES[precision.dtype], architecture, subnetworks)
+        if precision.dtype != "float32":
+            subnetworks = _computing_in(precision.dtype, architecture, subnetworks)
         network = assemble(subnetworks)
         if not precision.compiled:
             return network
         return tf.function(lambda batch: network(batch, training=False), jit_compile=True)
 
     @functools.cache  # noqa: B019 - as above
-    def _exported(self, model_format: str) -> formats.Answer:
+    def _exported(self, model_format: str) -> Answer:
         """The exported model, opened."""
         exporter.export(self._scratch, model_format, self.folder)
         path = exporter.target(self._scratch, model_format)
@@ -163,16 +164,12 @@ def _drawn(architecture: Architecture) -> dict[str, keras.Model]:
     return subnetworks
 
 
-def _in_policy(
-    policy: str, architecture: Architecture, subnetworks: Mapping[str, keras.Model]
+def _computing_in(
+    precision: str, architecture: Architecture, subnetworks: Mapping[str, keras.Model]
 ) -> dict[str, keras.Model]:
     """The same weights in networks that compute otherwise."""
-    previous = keras.config.dtype_policy()
-    keras.config.set_dtype_policy(policy)
-    try:
+    with computing_in(precision):
         out = build(architecture)
-    finally:
-        keras.config.set_dtype_policy(previous)
     for name, network in out.items():
         network.set_weights(subnetworks[name].get_weights())
     return out

@@ -15,7 +15,7 @@ from lime_keras.eval.stability import suite
 from lime_keras.eval.stability.trials.verdicts import Verdict
 from lime_keras.export import exporter, formats
 from lime_keras.io import photo
-from lime_keras.networks import system
+from lime_keras.networks import registry, system, wiring
 from lime_keras.optics import (
     colour,
     dynamic_range,
@@ -300,7 +300,12 @@ BROKEN = {
         "np",
         NumPy(all=lambda values: True),
     ),
-    "a network that answers compressed": ("fresh LIME: constant [", system, "expand", lambda x: x),
+    "a network that answers compressed": (
+        "fresh LIME: constant [",
+        wiring,
+        "READINGS",
+        registry.READINGS | {"mirror": registry.Reading("mirror")},
+    ),
 }
 
 

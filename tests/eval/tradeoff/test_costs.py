@@ -32,14 +32,14 @@ def test_a_u_net_by_hand(tiny):
     down = 32**2 * 9 * (1 * 2 + 2 * 2) + 16**2 * 9 * (2 * 4 + 4 * 4)
     bottom = 8**2 * 9 * (4 * 8 + 8 * 8)
     up = 16**2 * 9 * (12 * 4 + 4 * 4) + 32**2 * 9 * (6 * 2 + 2 * 2) + 32**2 * 2
-    assert flop(SUBNETWORKS["mirror"](tiny)) == 2 * (down + bottom + up)
+    assert flop(SUBNETWORKS["mirror"].build(tiny)) == 2 * (down + bottom + up)
 
 
 def test_an_encoder_by_hand(tiny):
     """Widths 2, 4, 8, 16, 16 from 32 pixels down to 1; dense layers of 4, 4 and 8 units."""
     blocks = [(32, 2, 2), (16, 2, 4), (8, 4, 8), (4, 8, 16), (2, 16, 16)]
     convolutions = sum(9 * side**2 * below * width for side, below, width in blocks)
-    assert flop(SUBNETWORKS["exponent"](tiny)) == 2 * (convolutions + 16 * 4 + 4 * 4 + 4 * 8)
+    assert flop(SUBNETWORKS["exponent"].build(tiny)) == 2 * (convolutions + 16 * 4 + 4 * 4 + 4 * 8)
 
 
 def test_the_whole_system_is_the_sum_of_its_parts(tiny):

@@ -8,9 +8,10 @@ import pytest
 
 from lime_keras import Estimator
 from lime_keras.commands import estimate as estimate_cli
-from lime_keras.estimate.estimator import NEEDED, available
+from lime_keras.estimate.estimator import available
 from lime_keras.io.photo import read_srgb, write
 from lime_keras.networks import weights
+from lime_keras.outputs import NEEDED
 
 
 def photo(shape, seed=0):

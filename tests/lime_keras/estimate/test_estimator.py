@@ -8,9 +8,9 @@ import pytest
 
 from lime_keras import Estimator, Material
 from lime_keras.estimate import framing
-from lime_keras.estimate.estimator import NEEDED
 from lime_keras.networks import assemble, build, weights
 from lime_keras.optics import colour, shininess
+from lime_keras.outputs import NEEDED
 
 PHOTOS = {
     "noise": (32, 32),

@@ -7,14 +7,15 @@ import tensorflow as tf
 from sklearn.metrics import mean_absolute_error
 
 from lime_keras import metrics
-from lime_keras.networks import SUBNETWORKS
+from lime_keras.networks.registry import QUANTITIES, READINGS
 from lime_keras.optics import shininess
 from lime_keras.optics.dynamic_range import HIGHEST_COMPRESSED, compress
-from lime_keras.train import measures
+from lime_keras.train import terms
 
 COUNT, SIZE = 40, 6
 EXPONENT = {"exponent_exact", "exponent_within_one", "log_exponent_mae"}
 ALBEDOS = {"diffuse_albedo_mae", "specular_albedo_mae"}
+LIME = ("segmentation", "specular", "mirror", "exponent", "albedo")
 MEASURED = {
     "segmentation": {"mask_iou_pooled"},
     "specular": {"specular_shading_relative"},
@@ -45,21 +46,35 @@ def _batch(rng):
 def _answer(rng, regresses=False):
     layers = {
         name: rng.normal(0.5, 0.7, size=(COUNT, SIZE, SIZE, 1))
-        for name in ("mask", "specular", "mirror")
+        for name in ("mask", "specular_shading", "mirror")
     }
     if regresses:
         exponent = rng.uniform(-0.5, 3.5, size=(COUNT, 1))
     else:
         exponent = rng.dirichlet(np.full(8, 0.3), size=COUNT)
-    found = layers | {"exponent": exponent, "albedos": rng.normal(0.5, 0.4, size=(COUNT, 4))}
+    quantity = "log_exponent" if regresses else "exponent_bin_probabilities"
+    found = layers | {quantity: exponent, "albedos": rng.normal(0.5, 0.4, size=(COUNT, 4))}
     return {name: value.astype(np.float32) for name, value in found.items()}
 
 
-def _measured(batch, answer, borders=(), weights=None, update=measures.update):
+def _outputs(batch, answer):
+    """As the stage's graph reads them from its subnetworks' answers."""
+    return {
+        name: row.read(QUANTITIES[row.quantity].estimated(answer[row.quantity], batch.__getitem__))
+        for name, row in READINGS.items()
+        if row.quantity in answer
+    }
+
+
+def _update(found, batch, answer, weights):
+    terms.update(found, batch, _outputs(batch, answer), weights)
+
+
+def _measured(batch, answer, borders=(), weights=None, update=_update):
     """After batches that end at these examples."""
     if weights is None:
         weights = np.ones(COUNT, np.float32)
-    found = measures.of(SUBNETWORKS)
+    found = terms.metrics_of(LIME)
     for rows in np.split(np.arange(COUNT), borders):
         parts = (
             {name: tf.constant(value[rows]) for name, value in of.items()} for of in (batch, answer)
@@ -73,21 +88,21 @@ def _expected(batch, answer):
     batch, answer = (
         {name: value.astype(np.float64) for name, value in of.items()} for of in (batch, answer)
     )
-    mask, exponent = batch["mask"], answer["exponent"]
+    mask = batch["mask"]
     albedos = np.clip(answer["albedos"], 0, 1)
     intersection, union = metrics.overlap(mask, answer["mask"])
     limited = np.maximum(batch["shininess"], 1)
-    if exponent.shape[-1] == 1:
-        log = np.clip(exponent[:, 0], 0, 3)
+    if "log_exponent" in answer:
+        log = np.clip(answer["log_exponent"][:, 0], 0, 3)
         distance = np.abs(shininess.bin_of(10**log) - shininess.bin_of(limited))
     else:
-        log = exponent @ shininess.LOG_MEANS
-        distance = metrics.bin_distance(limited, exponent)
+        log = answer["exponent_bin_probabilities"] @ shininess.LOG_MEANS
+        distance = metrics.bin_distance(limited, answer["exponent_bin_probabilities"])
     layers = {
         f"{name}_relative": metrics.masked_relative_error(
-            batch[name], np.expm1(np.clip(answer[key] * mask, 0, HIGHEST_COMPRESSED)), mask
+            batch[name], np.expm1(np.clip(answer[name] * mask, 0, HIGHEST_COMPRESSED)), mask
         ).mean()
-        for name, key in (("specular_shading", "specular"), ("mirror", "mirror"))
+        for name in ("specular_shading", "mirror")
     }
     specular = batch["specular_albedo"][:, None]
     return layers | {
@@ -122,7 +137,7 @@ def test_compiled_they_are_the_same(jit_compile):
     def update(found, *arguments):
         nonlocal compiled
         compiled = compiled or tf.function(
-            lambda *given: measures.update(found, *given), jit_compile=jit_compile
+            lambda *given: _update(found, *given), jit_compile=jit_compile
         )
         compiled(*arguments)
 
@@ -148,9 +163,9 @@ def test_the_truth_is_measured_as_right():
     batch["mask"] = np.round(batch["mask"])
     truth = {
         "mask": batch["mask"],
-        "specular": compress(batch["specular_shading"]),
+        "specular_shading": compress(batch["specular_shading"]),
         "mirror": compress(batch["mirror"]),
-        "exponent": np.log10(np.maximum(batch["shininess"], 1))[:, None],
+        "log_exponent": np.log10(np.maximum(batch["shininess"], 1))[:, None],
         "albedos": np.concatenate(
             [batch["diffuse_albedo"], batch["specular_albedo"][:, None]], axis=-1
         ),
@@ -179,7 +194,7 @@ def test_measures_are_finite_and_in_range_at_the_extremes(extreme, said, regress
     batch, answer = _batch(rng), _answer(rng, regresses)
     for name, value in EXTREMES[extreme].items():
         batch[name] = np.full_like(batch[name], value)
-    free = set(answer) - (set() if regresses else {"exponent"})
+    free = set(answer) - (set() if regresses else {"exponent_bin_probabilities"})
     answer |= {name: np.full_like(answer[name], said) for name in free}
     found = _measured(batch, answer)
     assert all(np.isfinite(value) and value >= 0 for value in found.values()), found
@@ -192,7 +207,7 @@ def test_measures_are_finite_and_in_range_at_the_extremes(extreme, said, regress
 
 @pytest.mark.parametrize("part", MEASURED)
 def test_a_subnetwork_is_judged_by_what_it_answers(part):
-    found = measures.of([part])
+    found = terms.metrics_of([part])
     assert set(found) == MEASURED[part]
     assert all(metric.name == name for name, metric in found.items())
     assert all(isinstance(metric, keras.metrics.Metric) for metric in found.values())

@@ -1,0 +1,37 @@
+"""The baseline's two subnetworks: a reflectance map from the image, the material from the map."""
+
+import keras
+from keras import layers
+
+from lime_keras.networks.architecture import Architecture
+from lime_keras.networks.blocks import decoder, encoder
+from lime_keras.optics.shininess import BIN_COUNT
+
+
+def reflectance_map_net(architecture: Architecture) -> keras.Model:
+    """ReflectanceMapNet: `masked_image` `(B, S, S, 3)` → `(B, S, S, 3)` compressed reflectance map.
+
+    The map shows a sphere, so its pixels are not the image's, and there are no skip connections.
+    """
+    size, width = architecture.size, architecture.encoder_width
+    masked_image = keras.Input((size, size, 3), name="masked_image")
+    features = encoder(masked_image, width=width, dense_width=architecture.dense_width)
+    sphere = decoder(features, size=size, width=width, channels=3)
+    return keras.Model(masked_image, sphere, name="reflectance_map_net")
+
+
+def material_net(architecture: Architecture) -> keras.Model:
+    """MaterialNet: compressed `reflectance_map` `(B, S, S, 3)` → albedos and class of the exponent.
+
+    The answers are `(B, 4)`, m_d and m_s, linear and not yet clipped to [0, 1], and `(B, 8)`
+    probabilities.
+    """
+    size = architecture.size
+    sphere = keras.Input((size, size, 3), name="reflectance_map")
+    features = encoder(
+        sphere, width=architecture.encoder_width, dense_width=architecture.dense_width
+    )
+    albedos = layers.Dense(4, dtype="float32", name="albedos")(features)
+    logits = layers.Dense(BIN_COUNT, dtype="float32", name="logits")(features)
+    probabilities = layers.Softmax(dtype="float32", name="exponent_bin_probabilities")(logits)
+    return keras.Model(sphere, [albedos, probabilities], name="material_net")

@@ -1,0 +1,105 @@
+"""What is given takes the place of estimates, for models and for tensors alike."""
+
+import keras
+import numpy as np
+import pytest
+
+from lime_keras.networks import answers, assemble, build
+from lime_keras.networks.registry import SUBNETWORKS
+from lime_keras.networks.wiring import Wiring, needed
+
+SIZE = 32
+LAYERS = {"mask": 1, "specular_shading": 1, "mirror": 1, "reflectance_map": 3}
+
+
+@pytest.fixture(scope="module")
+def given():
+    """A photo and true layers, radiance also beside the object."""
+    rng = np.random.default_rng(5)
+    found = {name: rng.exponential(size=(2, SIZE, SIZE, c)) for name, c in LAYERS.items()}
+    found |= {"image": rng.uniform(size=(2, SIZE, SIZE, 3)), "mask": np.clip(found["mask"], 0, 1)}
+    return {name: value.astype(np.float32) for name, value in found.items()}
+
+
+def run(network, *inputs):
+    found = network(list(inputs) if len(inputs) > 1 else inputs[0])
+    return list(map(np.array, found)) if isinstance(found, list) else np.array(found)
+
+
+def encoders(subnetworks):
+    return {name: part for name, part in subnetworks.items() if SUBNETWORKS[name].encoder}
+
+
+def test_the_encoders_read_what_is_given(tiny, given):
+    part = encoders(build(tiny, seed=1))
+    assert needed(part) == ("mask", "specular_shading", "mirror")
+    inputs = {name: given[name] for name in ("image", *needed(part))}
+    found = assemble(part, given=needed(part)).predict_on_batch(inputs)
+    mask = given["mask"]
+    specular, mirror = (np.log1p(given[name]) * mask for name in ("specular_shading", "mirror"))
+    albedos = np.clip(run(part["albedo"], given["image"] * mask, specular), 0, 1)
+    expected = {
+        "diffuse_albedo": albedos[:, :3],
+        "specular_albedo": albedos[:, 3:],
+        "exponent_bin_probabilities": run(part["exponent"], specular, mirror),
+    }
+    assert set(found) == set(expected)
+    for name, value in expected.items():
+        np.testing.assert_allclose(found[name], value, rtol=1e-4, atol=1e-5, err_msg=name)
+
+
+def test_the_baselines_material_is_read_from_the_map_that_is_given(ablation, given):
+    part = encoders(build(ablation, seed=1))
+    if ablation.system == "lime":
+        expected = ("mask", "specular_shading", *(["mirror"] if ablation.mirror else []))
+        assert needed(part) == expected
+        return
+    assert needed(part) == ("mask", "reflectance_map")
+    graph = assemble(part, given={"reflectance_map"})
+    found = graph.predict_on_batch({name: given[name] for name in ("image", "reflectance_map")})
+    albedos, probabilities = run(part["material"], np.log1p(given["reflectance_map"]))
+    np.testing.assert_allclose(found["diffuse_albedo"], np.clip(albedos, 0, 1)[:, :3], atol=1e-5)
+    np.testing.assert_allclose(found["exponent_bin_probabilities"], probabilities, atol=1e-5)
+
+
+@pytest.mark.parametrize("names", [{"mask"}, {"specular_shading"}, {"mask", "mirror"}])
+def test_what_is_given_is_an_input_and_no_output(names, tiny, given):
+    subnetworks = build(tiny, seed=1)
+    network = assemble(subnetworks, given=names)
+    assert {tensor.name for tensor in network.inputs} == {"image", *names}
+    assert set(network.output) == set(answers(subnetworks)) - names
+    with pytest.raises(ValueError, match=r"name at least one"):
+        assemble(subnetworks, names, given=names)
+    inputs = {name: given[name] for name in ("image", *names)}
+    found = network(inputs)
+    for name in names:
+        changed = network(inputs | {name: 0 * given[name]})
+        assert any(not np.array_equal(changed[key], found[key]) for key in found), name
+
+
+@pytest.mark.parametrize("name", ["albedos", "masked_image", "normals"])
+def test_what_no_subnetwork_is_fed_with_cannot_be_given(name, tiny):
+    with pytest.raises(ValueError, match=rf"'{name}'\] cannot be given: choose from mask, spec"):
+        assemble(build(tiny, seed=1), ["diffuse_albedo"], given={name})
+
+
+def test_tensors_go_the_same_way_as_a_model(tiny, given):
+    subnetworks = build(tiny, seed=1)
+    network = assemble(subnetworks, given={"mask"})
+    inputs = {name: keras.ops.convert_to_tensor(given[name]) for name in ("image", "mask")}
+    found, graph = network(inputs), Wiring(subnetworks, inputs, training=False)
+    for name, value in found.items():
+        np.testing.assert_allclose(graph.output(name), value, rtol=1e-4, atol=1e-5, err_msg=name)
+
+
+def test_what_is_given_replaces_no_answer(tiny, given):
+    """A stage of SegmentationNet holds it to its loss, while the true mask cuts the object out."""
+    subnetworks = build(tiny, seed=1)
+    inputs = {name: keras.ops.convert_to_tensor(given[name]) for name in ("image", "mask")}
+    graph = Wiring(subnetworks, inputs)
+    found = run(subnetworks["segmentation"], given["image"])
+    np.testing.assert_allclose(graph.answer("mask"), found, atol=1e-6)
+    np.testing.assert_allclose(
+        graph.output("mask"), np.clip((found - 0.5) * 1.5 + 0.5, 0, 1), atol=1e-6
+    )
+    np.testing.assert_array_equal(graph.seen("masked_image"), given["image"] * given["mask"])

@@ -1,0 +1,256 @@
+"""What each subnetwork is held to and judged by: loss terms with their weights, and measures.
+
+Measures are Table 1's, each a Keras metric named as `lime-eval` names it. The true mask cuts out
+the object, as it does throughout a stage.
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import keras
+from keras import ops
+
+from lime_keras import losses
+from lime_keras.metrics import MaskedRelativeError, PooledIoU, WithinBins
+from lime_keras.optics import shininess
+from lime_keras.optics.dynamic_range import compress
+from lime_keras.optics.masking import masked_mean
+from lime_keras.optics.reflectance_map import disc, reflectance_map
+
+Batch = Mapping[str, Any]
+"""Features by the names of `pipeline`."""
+
+
+class Answer(NamedTuple):
+    """What a stage makes of a batch.
+
+    Attributes:
+        raw: quantities as its subnetworks answer them, by name.
+        seen: quantities, with `image` and `masked_image`, as its subnetworks see them, by name.
+        outputs: what an assembled system would make of the answers, by name.
+    """
+
+    raw: dict[str, Any]
+    seen: dict[str, Any]
+    outputs: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Term:
+    """A loss term.
+
+    Attributes:
+        weight: in the sum; the paper gives none (docs/decisions.md).
+        quantity: whose answer it judges.
+        loss: of each example, `(B,)`.
+        features: what it reads of a batch beside `pipeline.LEARNT_FROM`.
+    """
+
+    weight: float
+    quantity: str
+    loss: Callable[[Batch, Answer], Any]
+    features: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A measure.
+
+    Attributes:
+        metric: makes a metric of a name.
+        compared: what the metric takes, truth first.
+    """
+
+    metric: Callable[[str], keras.metrics.Metric]
+    compared: Callable[[Batch, Mapping[str, Any]], tuple[Any, ...]]
+
+
+@dataclass(frozen=True)
+class Learning:
+    """How a subnetwork learns.
+
+    Attributes:
+        terms: names of `TERMS`; those of what it does not answer are left out.
+        measures: names of `MEASURES`.
+        joined: number of the joined stage from which on it takes part; None if it is only trained
+            alone.
+    """
+
+    terms: tuple[str, ...]
+    measures: tuple[str, ...] = ()
+    joined: int | None = None
+
+
+@dataclass(frozen=True)
+class _Truth:
+    of: Callable[[Batch], Any]
+    features: tuple[str, ...]
+
+
+def truth(quantity: str, batch: Batch) -> Any:
+    """The truth of a quantity, linear where it is radiance."""
+    return _COMPUTED[quantity].of(batch) if quantity in _COMPUTED else batch[quantity]
+
+
+def features_of_truth(quantity: str) -> tuple[str, ...]:
+    """What `truth` reads of a batch beside `pipeline.LEARNT_FROM`."""
+    return _COMPUTED[quantity].features if quantity in _COMPUTED else ()
+
+
+def metrics_of(subnetworks: Iterable[str]) -> dict[str, keras.metrics.Metric]:
+    """The metrics, by name, that these subnetworks' answers are judged by."""
+    names = [name for part in subnetworks for name in LEARNING[part].measures]
+    return {name: MEASURES[name].metric(name) for name in names}
+
+
+def update(
+    metrics: Mapping[str, keras.metrics.Metric],
+    batch: Batch,
+    outputs: Mapping[str, Any],
+    weights: Any,
+) -> None:
+    """Take in a batch and the outputs of an `Answer`; weights of the examples, `(B,)`."""
+    for name, metric in metrics.items():
+        metric.update_state(*MEASURES[name].compared(batch, outputs), sample_weight=weights)
+
+
+def _reflectance_map(batch: Batch) -> Any:
+    linear = reflectance_map(
+        batch["environment"],
+        batch["shininess"],
+        batch["diffuse_albedo"],
+        batch["specular_albedo"],
+        batch["ambient"],
+        batch["image"].shape[1],
+    )
+    return ops.stop_gradient(linear)
+
+
+_COMPUTED = {"reflectance_map": _Truth(_reflectance_map, ("environment", "shininess"))}
+"""Truths that no record holds."""
+
+
+def _shading(name: str) -> Callable[[Batch, Answer], Any]:
+    return lambda batch, answer: losses.shading_l1(batch[name], answer.raw[name], batch["mask"])
+
+
+def _reflectance_map_l1(batch: Batch, answer: Answer) -> Any:
+    true = compress(truth("reflectance_map", batch))
+    inside = ops.broadcast_to(disc(true.shape[1])[None], (ops.shape(true)[0], *true.shape[1:3], 1))
+    return masked_mean(ops.abs(answer.raw["reflectance_map"] - true), inside)
+
+
+def _compositing(batch: Batch, answer: Answer) -> Any:
+    albedos = answer.raw["albedos"]
+    return losses.compositing_l1(
+        batch["image"],
+        batch["mask"],
+        albedos[:, :3],
+        albedos[:, 3:],
+        batch["ambient"],
+        batch["diffuse_shading"],
+        answer.seen["specular_shading"],
+        batch["clipped"],
+    )
+
+
+TERMS = {
+    "mask": Term(
+        1.0, "mask", lambda batch, answer: losses.mask_l2(batch["mask"], answer.raw["mask"])
+    ),
+    "specular": Term(1.0, "specular_shading", _shading("specular_shading")),
+    "mirror": Term(1.0, "mirror", _shading("mirror")),
+    "exponent": Term(
+        0.1,
+        "exponent_bin_probabilities",
+        lambda batch, answer: losses.exponent_cross_entropy(
+            batch["exponent_bin"], answer.raw["exponent_bin_probabilities"]
+        ),
+        ("shininess",),
+    ),
+    "log_exponent": Term(
+        0.3,
+        "log_exponent",
+        lambda batch, answer: losses.log_exponent_l2(
+            batch["shininess"], answer.raw["log_exponent"]
+        ),
+        ("shininess",),
+    ),
+    "diffuse_albedo": Term(
+        5.0,
+        "albedos",
+        lambda batch, answer: losses.albedo_l2(
+            batch["diffuse_albedo"], answer.raw["albedos"][:, :3]
+        ),
+    ),
+    "specular_albedo": Term(
+        5.0,
+        "albedos",
+        lambda batch, answer: losses.albedo_l2(
+            ops.expand_dims(batch["specular_albedo"], -1), answer.raw["albedos"][:, 3:]
+        ),
+    ),
+    "compositing": Term(1.0, "albedos", _compositing),
+    "reflectance_map": Term(
+        1.0, "reflectance_map", _reflectance_map_l1, features_of_truth("reflectance_map")
+    ),
+}
+
+
+def _log_exponents(batch: Batch, outputs: Mapping[str, Any]) -> tuple[Any, Any]:
+    """log10 s `(B, 1)`, true and found; of probabilities, the expected value."""
+    least = 10.0**shininess.LOG_LOW
+    true = ops.log10(ops.maximum(batch["shininess"], least))
+    if "log_exponent" in outputs:
+        found = outputs["log_exponent"][:, 0]
+    else:
+        found = shininess.log_expected(outputs["exponent_bin_probabilities"])
+    return ops.expand_dims(true, -1), ops.expand_dims(found, -1)
+
+
+def _bins(batch: Batch, outputs: Mapping[str, Any]) -> tuple[Any, Any]:
+    """True class `(B,)`, and the winning one, or the one that a regression falls into."""
+    if "log_exponent" in outputs:
+        return batch["exponent_bin"], shininess.bin_of_log(outputs["log_exponent"][:, 0])
+    return batch["exponent_bin"], ops.argmax(outputs["exponent_bin_probabilities"], axis=-1)
+
+
+def _layers(name: str) -> Callable[[Batch, Mapping[str, Any]], tuple[Any, Any, Any]]:
+    return lambda batch, outputs: (batch[name], outputs[name], batch["mask"])
+
+
+MEASURES = {
+    "mask_iou_pooled": Measure(PooledIoU, lambda batch, outputs: (batch["mask"], outputs["mask"])),
+    "specular_shading_relative": Measure(MaskedRelativeError, _layers("specular_shading")),
+    "mirror_relative": Measure(MaskedRelativeError, _layers("mirror")),
+    "exponent_exact": Measure(lambda name: WithinBins(0, name), _bins),
+    "exponent_within_one": Measure(lambda name: WithinBins(1, name), _bins),
+    "log_exponent_mae": Measure(keras.metrics.MeanAbsoluteError, _log_exponents),
+    "diffuse_albedo_mae": Measure(
+        keras.metrics.MeanAbsoluteError,
+        lambda batch, outputs: (batch["diffuse_albedo"], outputs["diffuse_albedo"]),
+    ),
+    "specular_albedo_mae": Measure(
+        keras.metrics.MeanAbsoluteError,
+        lambda batch, outputs: (
+            ops.expand_dims(batch["specular_albedo"], -1),
+            outputs["specular_albedo"],
+        ),
+    ),
+}
+
+_EXPONENT = ("exponent_exact", "exponent_within_one", "log_exponent_mae")
+_ALBEDOS = ("diffuse_albedo_mae", "specular_albedo_mae")
+LEARNING = {
+    "segmentation": Learning(("mask",), ("mask_iou_pooled",)),
+    "specular": Learning(("specular",), ("specular_shading_relative",), joined=1),
+    "mirror": Learning(("mirror",), ("mirror_relative",), joined=1),
+    "albedo": Learning(("diffuse_albedo", "specular_albedo", "compositing"), _ALBEDOS, joined=3),
+    "exponent": Learning(("exponent", "log_exponent"), _EXPONENT, joined=2),
+    "reflectance_map": Learning(("reflectance_map",), joined=1),
+    "material": Learning(
+        ("diffuse_albedo", "specular_albedo", "exponent"), (*_EXPONENT, *_ALBEDOS), joined=1
+    ),
+}
+"""By subnetwork, in the order in which they are trained alone."""
