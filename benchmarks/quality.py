@@ -21,6 +21,7 @@ import numpy as np
 from tqdm import tqdm
 
 from lime_keras import console
+from lime_keras.material import BlinnPhong
 from lime_keras.optics import shading, shininess
 from lime_keras.render.corpus import sources
 from lime_keras.render.mitsuba_setup import variants
@@ -305,7 +306,7 @@ def _example(scene: Scene, quality: Quality, light: lights.Light, exponent: floa
     """All of an example: traced, lit, composed, encoded."""
     from lime_keras.data import records
 
-    material = sampling.Material(np.full(3, 0.4), 0.5, exponent, 0.02)
+    material = BlinnPhong(np.full(3, 0.4), 0.5, exponent, 0.02)
     background = np.full((scene.size, scene.size, 3), 0.5, np.float32)
     features = example.render(
         _tracer(scene, quality), light, scene.pose, scene.rotation, material, background

@@ -13,11 +13,13 @@ class BlinnPhong:
         diffuse_albedo: m_d, `(3,)` linear RGB in [0, 1].
         specular_albedo: m_s in [0, 1]; multiplies the furnace-normalised S.
         exponent: shininess s, at least 0.
+        ambient: m_a, radiance; the same in all three channels.
     """
 
     diffuse_albedo: np.ndarray
     specular_albedo: float
     exponent: float
+    ambient: float = 0.0
 
 
 @dataclass(frozen=True)

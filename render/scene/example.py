@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from lime_keras.material import BlinnPhong
 from lime_keras.optics import colour, environment
 from lime_keras.optics.compositing import compose
 from lime_keras.optics.shading import literal_scale
@@ -9,7 +10,7 @@ from lime_keras.optics.shading import literal_scale
 from . import integrals
 from .gbuffer import GBuffer, Tracer
 from .lights import Light
-from .sampling import Material, Pose
+from .sampling import Pose
 
 LEAST_COVERAGE = 0.02
 """Share of the image that an object must cover to be worth learning from."""
@@ -20,7 +21,7 @@ def render(
     light: Light,
     pose: Pose,
     light_rotation: np.ndarray,
-    material: Material,
+    material: BlinnPhong,
     background_srgb: np.ndarray,
     *,
     literal: bool = False,

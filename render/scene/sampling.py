@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lime_keras.material import BlinnPhong
 from lime_keras.optics import colour, shininess
 
 _ANGULAR_RADIUS = (math.radians(5), math.radians(16))
@@ -17,16 +18,6 @@ AMBIENT = (0.0, 0.05)
 _LIGHT_PITCH = (math.radians(-10), math.radians(30))
 """The camera looks up or down: the light is tilted by as much."""
 _LIGHT_TRIES = 64
-
-
-@dataclass(frozen=True)
-class Material:
-    """m_d `(3,)` linear, m_s, s and m_a."""
-
-    diffuse_albedo: np.ndarray
-    specular_albedo: float
-    exponent: float
-    ambient: float
 
 
 @dataclass(frozen=True)
@@ -44,11 +35,11 @@ class Pose:
     camera: np.ndarray
 
 
-def sample_material(rng: np.random.Generator) -> Material:
+def sample_material(rng: np.random.Generator) -> BlinnPhong:
     """m_d uniform in YUV, m_s uniform, s uniform over the bins and log-uniform inside."""
     exponent_bin = rng.integers(shininess.BIN_COUNT)
     log = shininess.LOG_LOW + shininess.BIN_WIDTH * (exponent_bin + rng.uniform())
-    return Material(
+    return BlinnPhong(
         diffuse_albedo=sample_diffuse_albedo(rng),
         specular_albedo=float(rng.uniform()),
         exponent=float(10.0**log),

@@ -5,6 +5,7 @@ import pytest
 from render_scenes import photographed, sphere
 
 from lime_keras.data import records
+from lime_keras.material import BlinnPhong
 from lime_keras.optics import colour, environment, shading
 from lime_keras.optics.compositing import compose
 from lime_keras.optics.shading import normaliser
@@ -18,8 +19,8 @@ POSE = sampling.Pose(
     np.array([0.3, -0.2, -6.0]),
     np.array([130.0, 130.0, 30.0, 28.0]),
 )
-MATERIAL = sampling.Material(np.array([0.6, 0.3, 0.1]), 0.4, 35.0, 0.03)
-WHITE = sampling.Material(np.ones(3), 0.0, 35.0, 0.0)
+MATERIAL = BlinnPhong(np.array([0.6, 0.3, 0.1]), 0.4, 35.0, 0.03)
+WHITE = BlinnPhong(np.ones(3), 0.0, 35.0, 0.0)
 BACKGROUND = np.random.default_rng(1).uniform(size=(SIZE, SIZE, 3)).astype(np.float32)
 
 
@@ -86,7 +87,7 @@ def test_outside_the_mask_lies_the_background(example):
 def test_the_edge_mixes_linear_light_and_the_sensor_clips_the_mixture(
     tracer, light, turn, specular_albedo
 ):
-    material = sampling.Material(np.ones(3), specular_albedo, 3.0, 0.05)
+    material = BlinnPhong(np.ones(3), specular_albedo, 3.0, 0.05)
     example = parsed(tracer, light, turn, material)
     mask = example["mask"]
     edge = (mask[..., 0] > 0) & (mask[..., 0] < 1)
