@@ -23,7 +23,7 @@ quickstart: llvm
 	@echo "Open $(RUN)/report.html in a browser. For the commands: source .venv/bin/activate"
 
 test: llvm lint
-	$(BIN)/python -m pytest -n auto --dist loadfile
+	$(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder --durations=25
 
 test-slow: .venv/development
 	$(BIN)/python -m pytest -m slow

@@ -70,7 +70,7 @@ setup(
             "jax>=0.7,<0.11",
             "pytest>=8,<10",
             "pytest-timeout>=2.3,<3",
-            "pytest-xdist>=3.6,<4",
+            "pytest-xdist>=3.8,<4",
             # What measures are held against.
             "scikit-learn>=1.5,<2",
             "hypothesis>=6.100,<7",

@@ -1,16 +1,37 @@
 """Fixtures that several modules share."""
 
 import dataclasses
+import fcntl
 import functools
+import json
+import os
 
 import pytest
 
 from lime_keras.render.mitsuba_setup import variants
 
+# The tests' own processes share the cores, and models this small gain nothing by more threads.
+for name in ("OMP_NUM_THREADS", "TF_NUM_INTRAOP_THREADS", "TF_NUM_INTEROP_THREADS"):
+    os.environ.setdefault(name, "1")
+
 # Before anything imports Mitsuba, whose library is chosen here, or TensorFlow, which crashes if it
 # comes first.
 CHOICE = variants.choose()
 variants.activate(CHOICE, threads=1)
+
+
+LONGEST = (
+    "test_suite.py",
+    "test_trainer.py",
+    "test_stage_model.py",
+    "test_quickstart.py",
+    "test_pipeline.py",
+)
+
+
+def pytest_collection_modifyitems(items):
+    """The longest files first: every process takes whole files, and the last one keeps all."""
+    items.sort(key=lambda item: item.path.name not in LONGEST)
 
 
 @pytest.fixture(scope="session")
@@ -60,6 +81,46 @@ def tiny():
 def tiny_model(tiny, tmp_path_factory):
     """Folder of an untrained tiny model whose every output varies with the image."""
     return _saved(tmp_path_factory.mktemp("tiny") / "model", tiny, seed=1)
+
+
+@pytest.fixture(scope="session")
+def shared(tmp_path_factory):
+    """What takes long to make, made once for all processes of a run.
+
+    `shared(name, make)` is a folder that `make`, called with its path, has filled.
+    """
+    base = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        base = base.parent
+
+    def folder(name, make):
+        path = base / f"shared-{name}"
+        with (base / f"{path.name}.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not path.exists():
+                partial = base / f"partial-{path.name}-{os.getpid()}"
+                make(partial)
+                partial.rename(path)
+        return path
+
+    return folder
+
+
+@pytest.fixture(scope="session")
+def tiny_export(shared, tiny_model):
+    """`tiny_export(format)`: a folder of `exporter.export`, and what that told of `tiny_model`."""
+    from lime_keras.export import exporter
+
+    def export(model_format):
+        def make(folder):
+            told = exporter.export(folder / "deep" / "folder", model_format, tiny_model)
+            (folder / "told.json").write_text(json.dumps(told, default=float), encoding="utf-8")
+
+        folder = shared(model_format, make)
+        told = json.loads((folder / "told.json").read_text(encoding="utf-8"))
+        return folder / "deep" / "folder", told
+
+    return export
 
 
 ABLATIONS = {

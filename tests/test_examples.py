@@ -53,14 +53,15 @@ def expected(tiny_model, photo):
 
 
 @pytest.fixture(scope="module")
-def exported(tiny_model, corpus, tmp_path_factory):
-    """Exports on demand, each once: `exported(format, precision)` is its path."""
-    folder, made = tmp_path_factory.mktemp("exported"), set()
+def exported(tiny_model, tiny_export, corpus, tmp_path_factory):
+    """Exports on demand: `exported(format, precision)` is a path."""
 
     def path(model_format, precision="float32"):
-        if (model_format, precision) not in made:
+        if precision == "float32":
+            folder, _ = tiny_export(model_format)
+        else:
+            folder = tmp_path_factory.mktemp("exported")
             exporter.export(folder, model_format, tiny_model, precision=precision, corpus=corpus)
-            made.add((model_format, precision))
         return exporter.target(folder, model_format, precision)
 
     return path

@@ -25,11 +25,20 @@ BRIEF = stages.Schedule(
     joint_learning_rate=1e-4,
     validation_examples=2,
 )
-SMALL = Architecture(size=128, unet_width=2, unet_depth=2, encoder_width=2, dense_width=4)
+SMALL = Architecture(size=64, unet_width=2, unet_depth=1, encoder_width=2, dense_width=4)
+STAGES = {
+    # These train every subnetwork, and the last one learns from all that a record holds.
+    "two stages": ["--stages", "segmentation", "specular+mirror+exponent+albedo"],
+    "every stage": [],
+}
 
 
-@pytest.fixture(scope="module")
-def run(tmp_path_factory):
+@pytest.fixture(
+    scope="module",
+    params=[STAGES["two stages"], pytest.param(STAGES["every stage"], marks=pytest.mark.slow)],
+    ids=STAGES,
+)
+def run(request, tmp_path_factory):
     """A folder in which every command has succeeded."""
     with pytest.MonkeyPatch.context() as patch:
         for name in processes.THREAD_VARIABLES:
@@ -39,12 +48,13 @@ def run(tmp_path_factory):
         run = tmp_path_factory.mktemp("quickstart")
         inputs = write_inputs(tmp_path_factory.mktemp("inputs"))
         corpus = str(run / "corpus")
-        render = [corpus, "--size", "128", "--shard-size", "3", "--workers", "1"]
+        render = [corpus, "--size", "64", "--shard-size", "3", "--workers", "1"]
         render += ["--shapes", str(inputs / "shapes")]
         render += ["--environments", str(inputs / "environments")]
         assert render_cli.main([*render, "--split", "train", "--count", "6"]) == 0
         assert render_cli.main([*render, "--split", "test", "--count", "3"]) == 0
-        assert train_cli.main([corpus, "--out", str(run), "--preset", "smoke"]) == 0
+        train = [corpus, "--out", str(run), "--preset", "smoke", *request.param]
+        assert train_cli.main(train) == 0
         assert eval_cli.main([corpus, "--weights", str(run), "--out", str(run)]) == 0
         for model_format in ("savedmodel", "onnx"):
             export = [str(run / "exported"), "--format", model_format, "--weights", str(run)]
@@ -87,7 +97,7 @@ def test_a_picture_goes_in_and_a_material_comes_out(run):
     for layer in ("mask.png", "diffuse.png", "specular_shading.exr", "mirror.exr", "mirror.png"):
         image = oiio.ImageBuf(str(run / "materials" / f"{photo.stem}-{layer}"))
         assert not image.has_error
-        assert (image.spec().width, image.spec().height) == (128, 128)
+        assert (image.spec().width, image.spec().height) == (64, 64)
 
 
 def test_the_report_counts_the_test_split(run):

@@ -14,7 +14,7 @@ import tensorflow as tf
 
 from lime_keras.data import records
 from lime_keras.eval import cli, sections
-from lime_keras.eval.accuracy import measures
+from lime_keras.eval.accuracy import measures, stored
 from lime_keras.eval.accuracy.evaluate import evaluate
 from lime_keras.eval.report import examples
 from lime_keras.networks import Architecture, build, weights
@@ -93,9 +93,26 @@ def run(tmp_path_factory):
     return folder
 
 
+@pytest.fixture(scope="module", autouse=True)
+def evaluated():
+    """`evaluate` in batches of 5, each evaluation made once, for the command too."""
+    made = {}
+
+    def once(model_dir, corpus, *, camera=False):
+        path = model_dir / "model" if (model_dir / "model").exists() else model_dir
+        key = (path, corpus, camera)
+        if key not in made:
+            made[key] = evaluate(model_dir, corpus, batch_size=5, camera=camera)
+        return made[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(stored, "evaluate", once)
+        yield once
+
+
 @pytest.fixture(scope="module")
-def evaluation(corpus, run):
-    return evaluate(run, corpus, batch_size=5)
+def evaluation(corpus, run, evaluated):
+    return evaluated(run, corpus)
 
 
 @pytest.fixture(scope="module")
@@ -281,10 +298,10 @@ def test_an_ablations_report_shows_what_it_has(ablation):
     assert f"repeat({expected}, 1fr)" in page
 
 
-def test_an_ablations_oracle_sees_true_layers(ablation, corpus):
+def test_an_ablations_oracle_sees_true_layers(ablation, corpus, evaluated):
     architecture, run, _, _ = ablation
-    evaluated = evaluate(run, corpus, batch_size=5)
-    assert evaluated.confusion.sum() == COUNT and evaluated.architecture == architecture
+    evaluation = evaluated(run, corpus)
+    assert evaluation.confusion.sum() == COUNT and evaluation.architecture == architecture
     [example] = examples.read(run, corpus, [examples.Choice(3, "any")])
     truth = {name: np.asarray(value)[None] for name, value in example.truth.items()}
     _, subnetworks = weights.load(run)
@@ -301,7 +318,7 @@ def test_an_ablations_oracle_sees_true_layers(ablation, corpus):
     regresses = architecture.exponent == "regression"
     log = exponent[0].clip(0, 3) if regresses else exponent @ shininess.LOG_MEANS
     true_log = np.log10(truth["shininess"][0])
-    oracle, rows = evaluated.oracle, evaluated.rows
+    oracle, rows = evaluation.oracle, evaluation.rows
     assert oracle["log_error"][3] == pytest.approx(abs(log - true_log), rel=1e-3)
     error = np.abs(albedos[0, :3] - truth["diffuse_albedo"][0]).mean()
     assert oracle["diffuse_absolute"][3] == pytest.approx(error, rel=1e-3)
@@ -396,8 +413,8 @@ def test_the_camera_is_used_only_if_asked(corpus, run, written, evaluation, tmp_
     assert clean["diffuse_albedo_mae"] == pytest.approx(evaluation.rows["diffuse_absolute"].mean())
 
 
-def test_the_examples_shown_are_the_photos_that_were_measured(corpus, run):
-    photographed = evaluate(run, corpus, batch_size=5, camera=True)
+def test_the_examples_shown_are_the_photos_that_were_measured(corpus, run, evaluated):
+    photographed = evaluated(run, corpus, camera=True)
     chosen = [examples.Choice(5, "later shard"), examples.Choice(0, "first")]
     for example in examples.read(run, corpus, chosen, camera=True):
         found = photographed.rows["diffuse_found"][example.choice.position]

@@ -8,6 +8,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 import trimesh
+from in_process import InProcess
 
 from lime_keras.data.corpus import SPLITS
 from lime_keras.render import cli
@@ -20,6 +21,7 @@ from lime_keras.render.mitsuba_setup import variants
 def render(monkeypatch, capsys, mitsuba_choice, tmp_path):
     """Runs the command; gives exit status, standard output and standard error."""
     monkeypatch.setattr(variants, "choose", lambda: mitsuba_choice)
+    monkeypatch.setattr(rendering, "Workers", InProcess)
     for name in THREAD_VARIABLES:
         monkeypatch.setenv(name, "1")
 

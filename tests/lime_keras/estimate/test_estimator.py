@@ -219,10 +219,15 @@ FIELDS = {
 }
 
 
-@pytest.mark.parametrize("name", FIELDS)
-def test_only_what_is_asked_for_is_run_and_answered(name, tiny_model, estimator):
+@pytest.fixture(scope="module", params=FIELDS)
+def alone(request, tiny_model):
+    """What may be asked for alone, and what answers it."""
+    return request.param, Estimator(tiny_model, [request.param])
+
+
+def test_only_what_is_asked_for_is_run_and_answered(alone, estimator):
+    name, alone = alone
     numbers, layers = FIELDS[name]
-    alone = Estimator(tiny_model, [name])
     material, whole = alone.estimate(photo((32, 32))), estimator.estimate(photo((32, 32)))
     assert set(material.to_json()) == numbers | {"mask_coverage", "square"}
     assert set(material.layers) == layers
@@ -244,9 +249,8 @@ RUN = {
 }
 
 
-@pytest.mark.parametrize("name", RUN)
-def test_only_the_subnetworks_needed_are_part_of_what_is_run(name, tiny_model):
-    estimator = Estimator(tiny_model, [name])
+def test_only_the_subnetworks_needed_are_part_of_what_is_run(alone):
+    name, estimator = alone
     networks = [estimator._finder, *([estimator._reader] if estimator._reader else [])]
     held = [
         layer.name
@@ -351,8 +355,7 @@ def test_what_an_ablation_cannot_estimate_is_refused(ablation, ablation_model):
         told = str(refusal.value)
         assert told.startswith(f"cannot estimate ['{name}']: {ablation_model} holds")
         assert told.endswith(f"{ablation.description}; choose from {', '.join(can)}")
-    for name in can:
-        Estimator(ablation_model, [name])
+    Estimator(ablation_model, can)
 
 
 def test_an_ablations_exponent_alone(ablation, ablation_model):

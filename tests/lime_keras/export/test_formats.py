@@ -1,6 +1,7 @@
 """What is in the written files: signatures, their sub-graphs, names, dimensions, descriptions."""
 
 import json
+import shutil
 
 import numpy as np
 import onnx
@@ -8,7 +9,7 @@ import onnxruntime
 import pytest
 import tensorflow as tf
 
-from lime_keras.export import formats, parity
+from lime_keras.export import exporter, formats, parity
 from lime_keras.networks import assemble, weights
 
 CARD = {"version": "1.2", "preset": None, "bins": [1.0, 2.5], "outputs": {"mask": "share"}}
@@ -30,17 +31,18 @@ def subnetworks(tiny_model):
 
 
 @pytest.fixture(scope="module")
-def saved_model(subnetworks, tmp_path_factory):
+def saved_model(tiny_export, tmp_path_factory):
     path = tmp_path_factory.mktemp("formats") / "saved_model"
-    formats.write_saved_model(assemble(subnetworks), path)
+    shutil.copytree(exporter.target(tiny_export("savedmodel")[0], "savedmodel"), path)
+    shutil.rmtree(path / "assets.extra")
     formats.describe_saved_model(path, CARD)
     return path
 
 
 @pytest.fixture(scope="module")
-def onnx_file(subnetworks, tmp_path_factory):
+def onnx_file(tiny_export, tmp_path_factory):
     path = tmp_path_factory.mktemp("formats") / "lime.onnx"
-    formats.write_onnx(assemble(subnetworks), path)
+    shutil.copyfile(exporter.target(tiny_export("onnx")[0], "onnx"), path)
     formats.describe_onnx(path, CARD)
     return path
 

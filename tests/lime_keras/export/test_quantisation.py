@@ -5,8 +5,8 @@ import onnx
 import pytest
 from onnx import numpy_helper
 
-from lime_keras.export import formats, parity, quantisation
-from lime_keras.networks import assemble, build, weights
+from lime_keras.export import exporter, formats, parity, quantisation
+from lime_keras.networks import build
 
 
 def test_harm_by_hand():
@@ -35,11 +35,10 @@ def test_the_heads_are_every_subnetworks_last_layers(ablation, tiny):
 
 
 @pytest.fixture(scope="module")
-def prepared(tiny_model, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("narrowing")
-    formats.write_onnx(assemble(weights.load(tiny_model)[1]), folder / "whole.onnx")
-    quantisation.prepare(folder / "whole.onnx", folder / "prepared.onnx")
-    return folder / "prepared.onnx"
+def prepared(tiny_export, tmp_path_factory):
+    path = tmp_path_factory.mktemp("narrowing") / "prepared.onnx"
+    quantisation.prepare(exporter.target(tiny_export("onnx")[0], "onnx"), path)
+    return path
 
 
 def write(precision, prepared, path):

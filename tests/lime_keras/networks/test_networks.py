@@ -70,21 +70,43 @@ def images(size, seed=0):
     return np.stack([noise, 0 * noise, 0 * noise + 1, ramp]).astype(np.float32)
 
 
+def fresh(architecture, seed):
+    """A module's subnetworks, and a function that gives them the weights they began with."""
+    keras.utils.set_random_seed(seed)
+    out = build(architecture)
+    begun = {name: network.get_weights() for name, network in out.items()}
+
+    def again():
+        for name, network in out.items():
+            network.set_weights(begun[name])
+        return out
+
+    return again
+
+
+@pytest.fixture(scope="module")
+def fresh_subnetworks(tiny):
+    return fresh(tiny, seed=0)
+
+
+@pytest.fixture(scope="module")
+def fresh_ablation(ablation):
+    return fresh(ablation, seed=3)
+
+
 @pytest.fixture
-def subnetworks(tiny):
+def subnetworks(fresh_subnetworks):
     """Freshly initialised, their heads lifted into the range that is not clipped."""
-    keras.utils.set_random_seed(0)
-    out = build(tiny)
+    out = fresh_subnetworks()
     # Above and below 0 in turn: some of each image belongs to the object.
     lift(out, mask=0.3, layers=0.5, albedos=0.5)
     return out
 
 
 @pytest.fixture
-def ablated(ablation):
+def ablated(fresh_ablation):
     """As `subnetworks`, of each ablation."""
-    keras.utils.set_random_seed(3)
-    out = build(ablation)
+    out = fresh_ablation()
     lift(out, mask=0.3, layers=0.5, albedos=0.5)
     return out
 

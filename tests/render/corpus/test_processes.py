@@ -1,5 +1,6 @@
 """Processes of a pool: their death is told, their places are taken."""
 
+import multiprocessing
 import os
 from collections import Counter
 
@@ -24,6 +25,21 @@ def test_a_file_that_kills_its_checker_is_named():
     pool = processes.Workers(1)
     with pytest.raises(RuntimeError, match=r"a process died, .* at one of .*huge\.png"):
         pool.map(worker_tasks.die, [("backgrounds", "huge.png")], nothing)
+
+
+def test_an_interruption_ends_the_processes(tmp_path):
+    def interrupt(done, total):
+        raise InterruptedError("in the middle")
+
+    paths = [tmp_path / "one", tmp_path / "other"]
+    pool = processes.Workers(2, worker_tasks.begin)
+    with pytest.raises(InterruptedError):
+        pool.run(worker_tasks.tell_and_wait, paths, 0, 2, interrupt)
+    signed = [path.read_text() for path in paths if path.exists()]
+    assert any(signed) and not multiprocessing.active_children()
+    for number in filter(None, signed):
+        with pytest.raises(ProcessLookupError):
+            os.kill(int(number), 0)
 
 
 def test_processes_are_replaced_without_waiting_for_ever(tmp_path, monkeypatch):

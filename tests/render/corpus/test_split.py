@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 import tensorflow as tf
 import trimesh
+from in_process import InProcess
 from render_scenes import write_inputs
 
 from lime_keras.data import records
@@ -56,17 +57,21 @@ def nothing(done, total):
     """Follows no progress."""
 
 
-def render(out, description, choice, workers, on_example=nothing, **options):
-    return split.render_split(
-        out,
-        description,
-        choice,
-        workers=workers,
-        on_input=nothing,
-        on_room=nothing,
-        on_example=on_example,
-        **options,
-    )
+def render(out, description, choice, workers=0, on_example=nothing, **options):
+    """In worker processes, or without any in this one."""
+    with pytest.MonkeyPatch.context() as patch:
+        if not workers:
+            patch.setattr(split, "Workers", InProcess)
+        return split.render_split(
+            out,
+            description,
+            choice,
+            workers=workers,
+            on_input=nothing,
+            on_room=nothing,
+            on_example=on_example,
+            **options,
+        )
 
 
 def contents(out):
@@ -75,9 +80,11 @@ def contents(out):
 
 @pytest.fixture(scope="module")
 def rendered(tmp_path_factory, description, mitsuba_choice):
-    """The corpus of one worker, uninterrupted, with what progress was told."""
+    """The corpus of no interruption, with what progress was told."""
     out, told = tmp_path_factory.mktemp("rendered"), []
-    manifest = render(out, description, mitsuba_choice, 1, lambda *told_: told.append(told_))
+    manifest = render(
+        out, description, mitsuba_choice, on_example=lambda *told_: told.append(told_)
+    )
     return out, manifest, told
 
 
@@ -111,25 +118,9 @@ def test_examples_are_in_order_and_tell_where_they_come_from(rendered):
     assert len({float(example["shininess"]) for example in examples}) == 5
 
 
-def test_two_workers_give_the_same_bytes_even_after_interruptions(
+def test_two_workers_give_the_same_bytes_even_after_the_death_of_one(
     rendered, description, mitsuba_choice, tmp_path
 ):
-    def interrupt(done, total):
-        if done > 0:
-            raise InterruptedError("in the middle")
-
-    with pytest.raises(InterruptedError):
-        render(tmp_path, description, mitsuba_choice, 2, interrupt)
-    assert not Split(tmp_path, "train").manifest_path.exists()
-    (tmp_path / "train" / "00002.json").unlink(missing_ok=True)
-    for name in ("partial-1-00002.tfrecord", "00002.tfrecord"):  # neither is vouched for
-        (tmp_path / "train" / name).write_bytes(b"cut off")
-    assert render(tmp_path, description, mitsuba_choice, 2) == rendered[1]
-    assert contents(tmp_path) == contents(rendered[0])
-    assert not list((tmp_path / "train").glob("partial-*"))
-
-
-def test_the_death_of_a_worker_is_told(description, mitsuba_choice, tmp_path):
     def kill_the_first():
         while not list((tmp_path / "train").glob("partial-*.tfrecord")):
             time.sleep(0.01)
@@ -141,6 +132,28 @@ def test_the_death_of_a_worker_is_told(description, mitsuba_choice, tmp_path):
         render(tmp_path, description, mitsuba_choice, 1)
     assassin.join()
     assert not Split(tmp_path, "train").manifest_path.exists()
+    (tmp_path / "train" / "00002.json").unlink(missing_ok=True)
+    for name in ("partial-1-00002.tfrecord", "00002.tfrecord"):  # neither is vouched for
+        (tmp_path / "train" / name).write_bytes(b"cut off")
+    assert render(tmp_path, description, mitsuba_choice, 2) == rendered[1]
+    assert contents(tmp_path) == contents(rendered[0])
+    assert not list((tmp_path / "train").glob("partial-*"))
+
+
+def test_an_interrupted_split_goes_on(rendered, description, mitsuba_choice, tmp_path):
+    def interrupt(done, total):
+        if done > 2:  # one shard is finished
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        render(tmp_path, description, mitsuba_choice, on_example=interrupt)
+    assert not Split(tmp_path, "train").manifest_path.exists()
+    first = tmp_path / "train" / "00000.tfrecord"
+    written = first.stat().st_mtime_ns
+    assert render(tmp_path, description, mitsuba_choice) == rendered[1]
+    assert contents(tmp_path) == contents(rendered[0])
+    assert first.stat().st_mtime_ns == written
+    assert not list((tmp_path / "train").glob("partial-*"))
 
 
 def test_a_node_finds_the_files_that_were_checked_skipped_ones_too(
@@ -160,7 +173,8 @@ def test_a_finished_split_is_left_alone(rendered, description, mitsuba_choice):
     out, manifest, _ = rendered
     times = {path: path.stat().st_mtime_ns for path in (out / "train").glob("*.tfrecord")}
     told = []
-    assert render(out, description, mitsuba_choice, 1, lambda *a: told.append(a)) == manifest
+    again = render(out, description, mitsuba_choice, on_example=lambda *a: told.append(a))
+    assert again == manifest
     assert {path: path.stat().st_mtime_ns for path in times} == times
     assert told[0] == (5, 5)
 
@@ -180,7 +194,7 @@ def test_other_options_in_the_same_folder_are_refused(
     before = contents(out)
     other = Description(**(vars(description) | changes))
     with pytest.raises(ValueError, match=f"holds another split: {message}"):
-        render(out, other, mitsuba_choice, 1)
+        render(out, other, mitsuba_choice)
     assert contents(out) == before
 
 
@@ -249,11 +263,11 @@ def test_files_that_moved_to_the_other_split_are_refused(
     changes = {"split": "test", "shapes": str(moved)}
     other = Description(**(vars(description) | changes))
     with pytest.raises(ValueError, match=r"copy of .* has the contents of .*the train split"):
-        render(out, other, mitsuba_choice, 1)
+        render(out, other, mitsuba_choice)
     # While that split is being rendered, too: it has no manifest yet.
     Split(out, "train").manifest_path.unlink()
     with pytest.raises(ValueError, match="has the contents of"):
-        render(out, other, mitsuba_choice, 1)
+        render(out, other, mitsuba_choice)
     assert not (out / "test").exists()
 
 
@@ -270,7 +284,7 @@ def test_files_of_one_name_may_differ_between_the_splits(
     shutil.copytree(rendered[0], out)
     changes = {"split": "test", "shapes": str(sorted_by_hand), "count": 1}
     other = Description(**(vars(description) | changes))
-    manifest = render(out, other, mitsuba_choice, 1)
+    manifest = render(out, other, mitsuba_choice)
     assert manifest["shapes"] == [name]
     assert manifest["inputs"]["shapes"][name] != rendered[1]["inputs"]["shapes"][name]
 
@@ -278,7 +292,7 @@ def test_files_of_one_name_may_differ_between_the_splits(
 def test_files_that_come_while_it_renders_change_no_byte_and_are_told(
     rendered, description, mitsuba_choice, inputs, tmp_path, monkeypatch
 ):
-    """Each shard is rendered by a process of its own, some of them begun when it has come."""
+    """Each shard is rendered by a worker of its own, some of them begun when it has come."""
     monkeypatch.setattr(processes, "TASKS_PER_PROCESS", 1)
     grown = tmp_path / "inputs"
     shutil.copytree(inputs, grown)
@@ -295,11 +309,11 @@ def test_files_that_come_while_it_renders_change_no_byte_and_are_told(
 
     grown_description = Description(**(vars(description) | changes))
     with pytest.raises(ValueError, match=r"aaa\.ply came or went"):
-        render(tmp_path / "out", grown_description, mitsuba_choice, 1, another_comes)
+        render(tmp_path / "out", grown_description, mitsuba_choice, on_example=another_comes)
     assert contents(tmp_path / "out") == contents(rendered[0])
     assert not Split(tmp_path / "out", "train").manifest_path.exists()
     (grown / "shapes" / "train" / "aaa.ply").unlink()
-    assert render(tmp_path / "out", grown_description, mitsuba_choice, 1) == rendered[1]
+    assert render(tmp_path / "out", grown_description, mitsuba_choice) == rendered[1]
 
 
 def test_a_second_process_is_kept_out_and_disturbs_nothing(
@@ -314,9 +328,9 @@ def test_a_second_process_is_kept_out_and_disturbs_nothing(
         if done == 4 and not told:  # in the middle of the missing shard
             told.append(True)
             with pytest.raises(RuntimeError, match=r"another lime-render is rendering .*train"):
-                render(out, description, mitsuba_choice, 1)
+                render(out, description, mitsuba_choice)
 
-    render(out, description, mitsuba_choice, 1, render_again)
+    render(out, description, mitsuba_choice, on_example=render_again)
     assert told and contents(out) == contents(rendered[0])
 
 
@@ -329,7 +343,7 @@ def test_shards_of_other_software_are_told_in_the_manifest(
     held = json.loads(sidecar.read_text(encoding="utf-8"))
     held["packages"]["numpy"] = "1.0"
     sidecar.write_text(json.dumps(held), encoding="utf-8")
-    manifest = render(out, description, mitsuba_choice, 1)
+    manifest = render(out, description, mitsuba_choice)
     assert manifest["packages"] == rendered[1]["packages"] | {
         "numpy": f"1.0, {rendered[1]['packages']['numpy']}"
     }
@@ -339,4 +353,4 @@ def test_a_broken_description_is_told_by_name(description, mitsuba_choice, tmp_p
     (tmp_path / "train").mkdir()
     (tmp_path / "train" / "description.json").write_text("{", encoding="utf-8")
     with pytest.raises(ValueError, match=r"description\.json is broken"):
-        render(tmp_path, description, mitsuba_choice, 1)
+        render(tmp_path, description, mitsuba_choice)
