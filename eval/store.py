@@ -1,4 +1,4 @@
-"""A cache of results on disk: a result is kept with its key and computed again when that changes.
+"""A cache of results on disk: each result is kept with its key, and made again if the key changes.
 
 A result may depend on any line of this package and on any package that it computes with. Every key
 therefore holds a hash of the source and the versions of these packages, beside the inputs that the

@@ -31,7 +31,7 @@ from lime_keras.optics.reflectance_map import reflectance_map
 from . import flip, relighting
 
 _LEAST_EXPONENT = 10.0**shininess.LOG_LOW
-"""Least true exponent; a smaller one counts as this, as in `shininess.bin_of`, for log10 0 = −∞."""
+"""Lower limit of the true exponent, as in `shininess.bin_of`, because log10 0 is not finite."""
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ PIXELS = 128
 """Number of pixels rendered of an object, evenly spaced in reading order. With all 5,000 pixels the
 mean over 1,000 images changes by less than 0.05 dB (docs/decisions.md)."""
 HIGHEST_PSNR = 10 * math.log10(12 * 255**2)
-"""PSNR of quantisation to 8 bits, 58.9 dB; the eye does not see a higher one as better."""
+"""PSNR of quantisation to 8 bits, 58.9 dB; a higher PSNR is no visible improvement."""
 
 FEATURES = (
     "mask",

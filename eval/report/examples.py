@@ -1,4 +1,4 @@
-"""The examples that a report shows: chosen by their errors, then read and estimated once more."""
+"""The examples of a report: chosen from the evaluation, then read and estimated once more."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

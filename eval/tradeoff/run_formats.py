@@ -74,7 +74,12 @@ class Run:
         return self.costs["architecture"]["size"]
 
     def path(self, runtime: str, precision: str) -> Path:
-        """Return the path of the model for a runtime in one of its `PRECISIONS`; write it first."""
+        """Return the path of the model for a runtime and precision; write the files if missing.
+
+        Args:
+            runtime: name of the runtime (see `runtimes`).
+            precision: name of one of its `PRECISIONS`.
+        """
         if runtime == KERAS:
             return self.folder
         if runtime == SAVED_MODEL:

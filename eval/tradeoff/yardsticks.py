@@ -1,4 +1,4 @@
-"""Yardsticks: public networks of known size, with whose times those of a run are compared.
+"""Public networks of known size, as yardsticks for the times of a run.
 
 No published network for this task is available: the paper's authors released neither code nor
 weights. MobileNetV2 and ResNet50 are part of Keras. With random weights they take as long as with
