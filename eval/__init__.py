@@ -1,1 +1,1 @@
-"""Table 1's columns, figures and a report for a trained run."""
+"""Evaluation of trained runs: Table 1, speed against accuracy, numerical stability, report."""

@@ -1,4 +1,4 @@
-"""`lime-eval`: measure trained runs and write the report."""
+"""The command `lime-eval`: measure trained runs and write the report."""
 
 import argparse
 import os
@@ -34,7 +34,7 @@ Exit status: 0 done, 1 something failed, 2 wrong usage, 130 interrupted.
 
 
 def parser() -> argparse.ArgumentParser:
-    """The command line of `lime-eval`."""
+    """Return the argument parser of `lime-eval`."""
     command = argparse.ArgumentParser(
         prog="lime-eval",
         description="Measure trained runs on the test split of a corpus: the paper's Table 1, "
@@ -90,7 +90,11 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run the command; returns its exit status."""
+    """Run `lime-eval` and return its exit status.
+
+    Args:
+        argv: arguments after the command's name (default: those of the process).
+    """
     arguments = sys.argv[1:] if argv is None else argv
     options = _checked(parser(), arguments)
     command = shlex.join(["lime-eval", *arguments])
@@ -98,7 +102,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _checked(command: argparse.ArgumentParser, arguments: list[str]) -> argparse.Namespace:
-    """The options, after refusing those that do not go together."""
+    """Return the parsed options; exit with a usage error if they do not go together."""
     options = command.parse_args(arguments)
     on_corpus = options.weights or options.table1 or options.tradeoff
     if not on_corpus and not options.stability and options.corpus is None:
@@ -115,7 +119,7 @@ def _checked(command: argparse.ArgumentParser, arguments: list[str]) -> argparse
 
 
 def _evaluate(options: argparse.Namespace, command: str) -> int:
-    """Make what was asked for, write the report, print the tables."""
+    """Compute the requested results, write the report, print the tables, return the status."""
     out = options.out or options.weights / "eval"
     _check_writable(out)
     console.import_tensorflow()
@@ -143,7 +147,7 @@ def _evaluate(options: argparse.Namespace, command: str) -> int:
 
 
 def _check_writable(out: Path) -> None:
-    """Refuse a folder that cannot be written, before minutes are spent on its content."""
+    """Raise OSError if the folder cannot be written, before minutes are spent on measuring."""
     nearest = next(path for path in (out, *out.absolute().parents) if path.exists())
     if not nearest.is_dir() or not os.access(nearest, os.W_OK):
         raise OSError(f"{nearest} is no folder that can be written to: pass another --out")

@@ -3,17 +3,17 @@
 from collections.abc import Collection, Sequence
 
 ABSENT = "–"
-"""Stands for a number that there is none of."""
+"""Text of a cell that has no value."""
 
 
 def aligned(lines: Sequence[Sequence[str]], texts: Collection[int] = (0,)) -> str:
-    """A table of a header and rows.
+    """Return a Markdown table with columns of equal width.
 
     Args:
-        lines: cells, the header's first, as many in each.
-        texts: columns that are flush left; the others, of numbers, are flush right.
+        lines: cells of the header, then of each row; all lines have equally many.
+        texts: indices of the text columns, which are flush left; number columns are flush right.
     """
-    # A bar in a cell's words would end the cell.
+    # A bar inside a cell would end the cell.
     cells = [[cell.replace("|", "\\|") for cell in line] for line in lines]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     rule = [

@@ -1,7 +1,7 @@
-"""What `lime-eval` can make, each a set of files and a section of the report.
+"""The results that `lime-eval` can make: each is a set of files and a section of the report.
 
-A section is kept as HTML in `OUT/sections/`, so that commands which measure one thing each fill one
-report.
+Each section is kept as HTML in `OUT/sections/`. Several commands with the same `OUT`, each
+measuring one thing, therefore fill one report.
 """
 
 import csv
@@ -27,11 +27,11 @@ _TITLES = {
     "tradeoff": "Speed against accuracy",
     "stability": "Extremes",
 }
-"""Sections in the order of the report, and their titles."""
+"""Titles of the sections by name, in the order of the report."""
 
 
 def evaluation(out: Path, run: Path, corpus: Path, *, camera: bool, command: str) -> str:
-    """Measure one run; returns the table."""
+    """Measure one run, write its files and its section, and return its table in Markdown."""
     found = stored.evaluation(_store(out), run, corpus, camera=camera)
     summary = measures.summarise(found) | {"camera": camera}
     choices, worst = examples.choose(found.rows), examples.worst(found.rows)
@@ -55,7 +55,7 @@ def evaluation(out: Path, run: Path, corpus: Path, *, camera: bool, command: str
 
 
 def compare(out: Path, runs: Sequence[Path], corpus: Path, *, camera: bool, command: str) -> str:
-    """Table 1 of several runs; returns it."""
+    """Compare several runs, write the files and the section, and return Table 1 in Markdown."""
     named, store = names(runs), _store(out)
     found = {
         name: stored.evaluation(store, run, corpus, camera=camera) for name, run in named.items()
@@ -79,7 +79,7 @@ def compare(out: Path, runs: Sequence[Path], corpus: Path, *, camera: bool, comm
 
 
 def trade(out: Path, runs: Sequence[Path], corpus: Path, *, camera: bool, command: str) -> str:
-    """Speed against accuracy of several runs; returns the tables."""
+    """Measure the speed and accuracy of several runs, write the files, and return the tables."""
     from .tradeoff.figures import pareto
     from .tradeoff.measure import measure
     from .tradeoff.table import markdown
@@ -101,7 +101,11 @@ def trade(out: Path, runs: Sequence[Path], corpus: Path, *, camera: bool, comman
 
 
 def drive_to_extremes(out: Path, run: Path | None, *, command: str) -> tuple[str, bool]:
-    """The stability suite; returns its table, and whether all passed that should."""
+    """Run the stability suite and write its files.
+
+    Returns:
+        The tables in Markdown, and whether every check passed or failed only as `suite.KNOWN` says.
+    """
     from .stability import suite
 
     verdicts = suite.run(run)
@@ -113,7 +117,7 @@ def drive_to_extremes(out: Path, run: Path | None, *, command: str) -> tuple[str
 
 
 def write_report(out: Path) -> Path:
-    """Write `report.html` from all sections that were ever made for this folder."""
+    """Write `report.html` from all sections kept in the folder, and return its path."""
     sections = [
         (name, title, path.read_text(encoding="utf-8"))
         for name, title in _TITLES.items()
@@ -125,10 +129,10 @@ def write_report(out: Path) -> Path:
 
 
 def names(runs: Sequence[Path]) -> dict[str, Path]:
-    """The runs by their folders' names.
+    """Return the runs by the names of their folders.
 
     Raises:
-        ValueError: if two have the same.
+        ValueError: if two folders have the same name.
     """
     named = {run.resolve().name: run for run in runs}
     if len(named) < len(runs):
@@ -155,7 +159,7 @@ def _write_json(path: Path, content: Any) -> None:
 
 
 def _csv(rows: Mapping[str, np.ndarray]) -> str:
-    """All columns of all images; those of several numbers as `name_0`, `name_1` and so on."""
+    """Return the rows as CSV, a column `(N, K)` as the columns `name_0` to `name_<K - 1>`."""
     columns: dict[str, list[Any]] = {}
     for name, column in rows.items():
         if column.ndim == 1:

@@ -1,9 +1,9 @@
-"""Results on disk, each with what it follows from: what is known is not measured again.
+"""A cache of results on disk: each result is kept with its key, and made again if the key changes.
 
-A result may follow from any line of this package and from any package that it computes with, so
-the source and the versions of these are part of every key, beside what the caller names (weights,
-data, options). That also lets go of what an edit did not touch, timings among it: to measure again
-is slow, an old number for a new one is wrong.
+A result may depend on any line of this package and on any package that it computes with. Every key
+therefore holds a hash of the source and the versions of these packages, beside the inputs that the
+caller names (weights, data, options). An edit so discards also results that it does not affect,
+timings among them: measuring again is slow, but reusing an outdated number is wrong.
 """
 
 import functools
@@ -22,19 +22,19 @@ import numpy as np
 from lime_keras.io import atomic
 
 DependsOn = Mapping[str, Any]
-"""What a result follows from, as JSON; a result is reused while this is the same."""
+"""The inputs of a result, as JSON; the result is reused while they are the same."""
 
 _PACKAGES = ("lime_keras", "lime_keras.render", "lime_keras.train", "lime_keras.eval")
 
 
 class Store:
-    """A folder of results, each whole or not there.
+    """A folder of cached results, each of them complete or absent.
 
-    Every result is kept with the `code` that made it: `source_hash()` and the versions of the
-    packages that this one asks for. It is reused while both that and its own key are the same.
+    Every result is kept with its inputs (`depends_on`) and with the `code` that made it:
+    `source_hash()` and `package_versions()`. The result is reused while all of them are the same.
 
     Args:
-        folder: made when the first result is.
+        folder: folder of the results; it is created with the first of them.
     """
 
     def __init__(self, folder: Path):
@@ -42,7 +42,7 @@ class Store:
         self._code = {"source": source_hash(), "packages": package_versions()}
 
     def value(self, name: str, depends_on: DependsOn, make: Callable[[], Any]) -> Any:
-        """A result as JSON, out of `folder/name.json` or `make`."""
+        """Return a JSON result: read from `folder/name.json`, or made by `make` and kept there."""
         path = self._folder / f"{name}.json"
         known = _read(path)
         if known is not None and self._is_of(known, depends_on):
@@ -52,7 +52,13 @@ class Store:
         return _as_read(result)
 
     def file(self, name: str, depends_on: DependsOn, make: Callable[[Path], None]) -> Path:
-        """A file or folder `folder/name`, which `make` writes to the path it is given."""
+        """Return the path of `folder/name`, a file or folder that `make` writes if it is not kept.
+
+        Args:
+            name: path below the store's folder.
+            depends_on: inputs of the result.
+            make: function that writes the file or folder to the path that it is given.
+        """
         path = self._folder / name
         record = _record(path)
         known = _read(record)
@@ -60,7 +66,7 @@ class Store:
             return path
         with atomic.replacing(path) as partial:
             make(partial)
-            # In this order a record never vouches for another's file.
+            # The old record goes before the new file comes, so no record describes a wrong file.
             record.unlink(missing_ok=True)
         _write(record, self._key(depends_on))
         return path
@@ -68,7 +74,10 @@ class Store:
     def arrays(
         self, name: str, depends_on: DependsOn, make: Callable[[], Mapping[str, np.ndarray]]
     ) -> dict[str, np.ndarray]:
-        """Arrays by name, of numbers, truth values or text, out of `folder/name.npz` or `make`."""
+        """Return arrays by name, read from `folder/name.npz`, or made by `make` and kept there.
+
+        The arrays hold numbers, truth values or text.
+        """
 
         def write(path: Path) -> None:
             arrays: Any = make()
@@ -79,7 +88,7 @@ class Store:
         try:
             return _read_arrays(path)
         except (OSError, EOFError, ValueError, zipfile.BadZipFile):
-            # Damaged since it was written.
+            # The file was damaged after it was written.
             _record(path).unlink()
             return _read_arrays(self.file(f"{name}.npz", depends_on, write))
 
@@ -92,7 +101,7 @@ class Store:
 
 
 def sha256(*paths: Path) -> str:
-    """One hash of files, in this order."""
+    """Return one SHA-256 hash of the contents of all files, in the given order."""
     digest = hashlib.sha256()
     for path in paths:
         digest.update(hashlib.sha256(path.read_bytes()).digest())
@@ -100,14 +109,14 @@ def sha256(*paths: Path) -> str:
 
 
 def size(path: Path) -> int:
-    """Bytes of a file, or of all in a folder."""
+    """Return the number of bytes in a file, or in all files of a folder."""
     inside = path.rglob("*") if path.is_dir() else [path]
     return sum(file.stat().st_size for file in inside if file.is_file())
 
 
 @functools.cache
 def package_versions() -> dict[str, str]:
-    """Versions of the packages that this one asks for: any of them may have computed."""
+    """Return the versions of the packages that this one requires, by name."""
     asked = [one for one in metadata.requires("lime-keras") or () if "extra ==" not in one]
     names = [re.split(r"[^\w.-]", one, maxsplit=1)[0] for one in asked]
     return {name: metadata.version(name) for name in names}
@@ -115,7 +124,7 @@ def package_versions() -> dict[str, str]:
 
 @functools.cache
 def source_hash() -> str:
-    """`hash_of_source` of this package: library, renderer, training and evaluation."""
+    """Return `hash_of_source` of this package: library, renderer, training and evaluation."""
     specs = {name: importlib.util.find_spec(name) for name in _PACKAGES}
     return hash_of_source(
         {
@@ -128,12 +137,13 @@ def source_hash() -> str:
 
 
 def hash_of_source(folders: Mapping[str, Path]) -> str:
-    """One hash of the names and contents of all Python files.
+    """Return one hash of the names and contents of all Python files of some packages.
 
-    A wheel, which holds a package inside the other's folder, has the hash of its checkout.
+    A wheel has the same hash as the checkout it was built from, although the wheel holds the other
+    packages inside the folder of `lime_keras`.
 
     Args:
-        folders: of packages, by their dotted names.
+        folders: folders of the packages, by dotted name.
     """
     files = {
         f"{package.replace('.', '/')}/{path.relative_to(folder).as_posix()}": path
@@ -147,12 +157,12 @@ def hash_of_source(folders: Mapping[str, Path]) -> str:
 
 
 def _record(path: Path) -> Path:
-    """File beside a file or folder that says what it follows from."""
+    """Return the path of the JSON file, beside a file or folder, that holds its key."""
     return path.with_name(f"{path.name}.json")
 
 
 def _read(path: Path) -> dict[str, Any] | None:
-    """A record, or None where there is none that can be read."""
+    """Return the content of a JSON file, or None if it is missing or not JSON."""
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except (FileNotFoundError, ValueError):
@@ -165,7 +175,7 @@ def _read_arrays(path: Path) -> dict[str, np.ndarray]:
 
 
 def _as_read(content: Any) -> Any:
-    """The content as it comes back from disk: tuples as lists."""
+    """Return the content as it comes back from JSON: tuples become lists."""
     return json.loads(json.dumps(content))
 
 

@@ -1,1 +1,1 @@
-"""Table 1: errors of a trained system on a corpus' test split."""
+"""Table 1: the errors of a trained system on the test split of a corpus."""

@@ -1,18 +1,21 @@
-"""Are the eight probabilities what they say? Reliability of the winning class."""
+"""The calibration of the exponent's class probabilities: reliability of the winning class."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 BINS = 10
-"""Of confidence, the winning class' probability, equally wide between 0 and 1."""
+"""Number of equal bins of confidence in [0, 1]; confidence is the winning class's probability."""
 
 
 @dataclass(frozen=True)
 class Reliability:
-    """By bin of confidence, `(10,)` each: examples, their mean confidence, their share right.
+    """The reliability of the winning class in each bin of confidence.
 
-    Where there are no examples, the two are NaN.
+    Attributes:
+        count: number of examples `(10,)`.
+        confidence: their mean confidence `(10,)`; NaN in a bin without examples.
+        right: share of them whose winning class is the true one `(10,)`; NaN likewise.
     """
 
     count: np.ndarray
@@ -21,14 +24,14 @@ class Reliability:
 
 
 def gaps(probabilities: np.ndarray, right: np.ndarray) -> dict[str, np.ndarray]:
-    """Columns whose means m give the expected calibration error Σ|m|.
+    """Return columns whose means m give the expected calibration error Σ|m|.
 
     Args:
-        probabilities: `(N, 8)`, each row summing to 1.
-        right: `(N,)`, whether the winning class is the true one.
+        probabilities: class probabilities `(N, 8)`, each row summing to 1.
+        right: whether the winning class is the true one, `(N,)`.
 
     Returns:
-        `calibration_0` … `calibration_9`, `(N,)` each: confidence − right of the examples whose
+        `calibration_0` … `calibration_9`, `(N,)` each: confidence − right for the examples whose
         confidence lies in that bin, 0 for all others.
     """
     confidence, chosen = _binned(probabilities)
@@ -41,10 +44,10 @@ GAPS = tuple(f"calibration_{k}" for k in range(BINS))
 
 
 def reliability(probabilities: np.ndarray, right: np.ndarray) -> Reliability:
-    """How often the winning class is right, by how probable it was called; arguments as `gaps`."""
+    """Return the share of correct winning classes by bin of confidence; arguments as in `gaps`."""
     confidence, chosen = _binned(probabilities)
     count = np.bincount(chosen, minlength=BINS)
-    # NaN, without a warning, where a bin is empty.
+    # An empty bin gives NaN, without a warning.
     each = np.where(count > 0, count, np.nan)
     return Reliability(
         count,
@@ -54,6 +57,6 @@ def reliability(probabilities: np.ndarray, right: np.ndarray) -> Reliability:
 
 
 def _binned(probabilities: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Confidence `(N,)` of the winning class and its bin; 1 belongs to the last."""
+    """Return the confidence `(N,)` and its bin `(N,)`; confidence 1 belongs to the last bin."""
     confidence = np.max(probabilities, axis=-1).astype(np.float64)
     return confidence, np.minimum((confidence * BINS).astype(int), BINS - 1)

@@ -1,7 +1,7 @@
 """Table 1 of the paper: the full approach, its ablations and the baseline, side by side.
 
-All runs answer the same test images, so the difference of two is known better than either: its
-interval is a bootstrap over the images of the difference itself.
+All runs predict the same test images, so the difference between two runs is known more precisely
+than the value of either. The interval of a difference is a paired bootstrap over the images.
 """
 
 import json
@@ -30,7 +30,7 @@ COLUMNS = (
     "relighting_psnr",
     "relighting_psnr_unseen",
 )
-"""Measures of the table, the paper's first."""
+"""Measures of the table; those that the paper prints come first."""
 
 FULL = "full approach"
 PAPER: dict[str, dict[str, float]] = {
@@ -44,11 +44,11 @@ PAPER: dict[str, dict[str, float]] = {
         "log_exponent_mae": 0.7243,
     },
 }
-"""The paper's rows, in its order. Of three, the numbers are not known to us."""
+"""Measures of the paper's rows, in its order; empty for the rows whose numbers we do not have."""
 
 
 def system(architecture: Architecture, run: Path) -> str:
-    """Which of the paper's rows a run is; of several ablations at once, all are named."""
+    """Return the name of the paper's row that a run belongs to; join the names of its ablations."""
     if architecture.system == "reflectance-map":
         return "reflectance map"
     ablated = [
@@ -64,19 +64,21 @@ def system(architecture: Architecture, run: Path) -> str:
 
 
 def compare(evaluations: Mapping[str, Evaluation], systems: Mapping[str, str]) -> dict[str, Any]:
-    """What `table1.json` holds.
+    """Compare runs on the same test images; return the content of `comparison.json`.
 
     Args:
-        evaluations: of runs on the same test images, by the runs' names.
-        systems: of `system`, by the same names.
+        evaluations: evaluations on the same test images, by name of the run.
+        systems: names of the paper's rows (see `system`), by name of the run.
 
     Returns:
-        `count`; `reference`, the run that the others are held against: the full approach, or else
-        the first; `runs`: by name, in the paper's order, its `system`, `value`s and `interval`s of
-        `COLUMNS`, and, but for the reference, `difference`s from it, `[low, high]`, 95 %.
+        `count` of the images; `reference`, the run that the others are compared with: the full
+        approach, or else the first run; and `runs` by name, in the paper's order. Each run has its
+        `system`, and by measure of `COLUMNS` its `value` and its 95 % `interval` `[low, high]`.
+        Each run but the reference also has, by measure, the 95 % interval of its `difference` from
+        the reference.
 
     Raises:
-        ValueError: if the runs did not answer the same images.
+        ValueError: if the runs were not evaluated on the same images.
     """
     order = sorted(evaluations, key=lambda name: _rank(systems[name]))
     counts = {name: evaluations[name].count for name in order}
@@ -105,10 +107,10 @@ def compare(evaluations: Mapping[str, Evaluation], systems: Mapping[str, str]) -
 
 
 def markdown(compared: Mapping[str, Any]) -> str:
-    """The table in Markdown, a row a run, and below it the paper's row where it is known.
+    """Return the table in Markdown: a row for each run, and below it the paper's row if known.
 
-    A value that differs from the reference's beyond the interval of the difference is marked: `+`
-    better, `−` worse.
+    A value is marked where the interval of its difference from the reference excludes 0: `+` is
+    better, `−` is worse.
     """
     shown = [name for name in COLUMNS if _any(compared, name)]
     lines = [("Run", *(MEASURES[name].short for name in shown))]
@@ -129,7 +131,7 @@ def markdown(compared: Mapping[str, Any]) -> str:
 
 
 def verdict(run: Mapping[str, Any], name: str) -> str:
-    """`+` where a run is better than the reference, `−` where worse, empty where neither shows."""
+    """Return `+` if a run is better than the reference, `−` if worse, and "" if neither is sure."""
     low, high = run.get("difference", {}).get(name, (0.0, 0.0))
     better = MEASURES[name].more_is_better
     if better is None or low <= 0 <= high:
@@ -153,12 +155,12 @@ def _ends(drawn: Mapping[str, np.ndarray]) -> dict[str, list[float]]:
 
 
 def _rank(name: str) -> int:
-    """Place in the paper's table; what is not there comes last."""
+    """Return the row's index in the paper's table; rows that are not in it come last."""
     return list(PAPER).index(name) if name in PAPER else len(PAPER)
 
 
 def _compositing(run: Path) -> bool:
-    """Whether the run was trained with Eq. 5, from its record."""
+    """Return whether the run's record says that it was trained with the loss of Eq. 5."""
     for path in (run / "config.json", run / "training.json", run / "model" / "training.json"):
         if path.is_file():
             return json.loads(path.read_text(encoding="utf-8"))["config"]["compositing"]

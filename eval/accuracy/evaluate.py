@@ -1,8 +1,8 @@
-"""Run a trained system over a corpus' test split: one row of numbers per example.
+"""The evaluation of a trained system on a corpus' test split: one row of numbers per example.
 
-Beside the system runs its oracle: ExponentNet and AlbedoNet, as they were before joined training
-where the run has kept them, given the true mask, S and M, or the baseline's MaterialNet given the
-true reflectance map. What the oracle gets wrong, better layers alone would not mend.
+An oracle is evaluated beside the system: ExponentNet and AlbedoNet, given the true mask, S and M,
+or the baseline's MaterialNet, given the true reflectance map. The oracle uses the weights from
+before joint training if the run has kept them. Better layers alone would not remove its errors.
 """
 
 import os
@@ -31,33 +31,35 @@ from lime_keras.optics.reflectance_map import reflectance_map
 from . import flip, relighting
 
 _LEAST_EXPONENT = 10.0**shininess.LOG_LOW
-"""A smaller true exponent counts as this one, as `shininess.bin_of` has it: log10 0 is no error."""
+"""Lower limit of the true exponent, as in `shininess.bin_of`, because log10 0 is not finite."""
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What was measured on N test examples.
+    """The measurements of a system on N test examples.
 
     Attributes:
-        rows: columns by name, `(N,)` each, in the split's order: the example (`seed`, `index`,
-            `shape`, `light`, `log_exponent`, `bin`, `diffuse_albedo` `(N, 3)`, `specular_albedo`,
-            `coverage`, the share `saturated` of the object's pixels that the photo clips, and
-            `light_contrast`, the brightest radiance over the mean), what was found
-            (`predicted_bin`, `bin_probabilities` `(N, 8)`, `log_exponent_found`, `diffuse_found`
-            `(N, 3)`, `specular_found`), and how wrong it is (`iou` and its pixel counts
-            `intersection` and `union`, `bin_distance`, `log_error`, `log_squared`,
-            `log_error_winning`, `diffuse_absolute`, `diffuse_squared`, `specular_absolute`,
-            `specular_squared`, `specular_shading_relative`, `mirror_relative`, the same two with
-            `_flip`, and `relit` and `relit_unseen` in decibel, beside `average_relit` and
-            `average_relit_unseen`, of the material in the middle of all ranges). Of what the
-            system does not answer there is no column, and under regression neither
-            `log_error_winning` nor `bin_probabilities`.
-        oracle: the exponent's, the albedos' and the relighting's error columns, of the oracle;
-            empty where the answers were not the stored subnetworks' own.
-        confusion: examples `(8, 8)` by true bin (row) and `predicted_bin` (column).
-        architecture: of the system.
-        stage_one: whether the oracle's encoders are as their own stages left them, which the run
-            kept; else they are the system's own.
+        rows: columns by name, `(N,)` each unless stated, in the order of the split.
+            Ground truth: `seed`, `index`, `shape`, `light`, `log_exponent`, `bin`,
+            `diffuse_albedo` `(N, 3)`, `specular_albedo`, `coverage`, `saturated` (share of the
+            object's pixels that the photo clips) and `light_contrast` (brightest over mean
+            radiance).
+            Predictions: `predicted_bin`, `bin_probabilities` `(N, 8)`, `log_exponent_found`,
+            `diffuse_found` `(N, 3)` and `specular_found`.
+            Errors: `iou` and its pixel counts `intersection` and `union`, `bin_distance`,
+            `log_error`, `log_squared`, `log_error_winning`, `diffuse_absolute`, `diffuse_squared`,
+            `specular_absolute`, `specular_squared`, `specular_shading_relative`,
+            `mirror_relative`, `specular_shading_flip`, `mirror_flip`, and the relighting PSNR in
+            decibel, `relit` and `relit_unseen`. `average_relit` and `average_relit_unseen` are the
+            same for the material in the middle of all ranges.
+            A quantity that the system does not predict has no column. A system that predicts the
+            exponent by regression has no `log_error_winning` and no `bin_probabilities`.
+        oracle: error columns of the oracle: exponent, albedos and relighting. It is empty if
+            `evaluate` was given an `answer` other than the Keras model.
+        confusion: number of examples `(8, 8)` by true bin (row) and `predicted_bin` (column).
+        architecture: architecture of the system.
+        stage_one: whether the oracle's encoders have their weights from before joint training,
+            which the run kept; otherwise they have the weights of the system.
     """
 
     rows: dict[str, np.ndarray]
@@ -68,7 +70,7 @@ class Evaluation:
 
     @property
     def count(self) -> int:
-        """Number of examples."""
+        """The number of examples."""
         return len(self.rows["bin"])
 
 
@@ -88,20 +90,21 @@ def evaluate(
         batch_size: examples computed at once; changes the speed, not the numbers.
         camera: show the system photos of the scenes (`lime_keras.data.camera`), the same every
             time.
-        answer: what computes the outputs, such as an exported model; by default Keras. It is
-            given full batches only, the last one filled up.
+        answer: function that computes the outputs, such as an exported model; by default the Keras
+            model. It is given full batches only: the last batch is filled up.
 
     Raises:
         FileNotFoundError: if the weights or the test split are missing.
         ValueError: if the split is empty, damaged or of a size that the model cannot take, or if
-            the model answers with numbers that are not finite.
+            an output of the model is not finite.
     """
     architecture, subnetworks = weights.load(model_dir)
     split = Split(corpus, "test")
     shards = split.shard_paths()
     count = _count(shards, architecture.size)
     system = answer or assemble(subnetworks).predict_on_batch
-    # Joined training fits the heads to estimated layers; on true ones, those before it are better.
+    # Joint training adapts the encoders to estimated layers; on true layers the weights from before
+    # it are better.
     alone = weights.load_alone(model_dir, subnetworks)
     oracle_of = _from_true_layers(subnetworks | alone)
     rows: list[dict[str, np.ndarray]] = []
@@ -113,12 +116,12 @@ def evaluate(
     with (
         tqdm(total=count, desc="evaluate", unit="image") as progress,
         ThreadPoolExecutor(os.cpu_count()) as pool,
-        # Threads of its own in each of the pool's threads make sums over lights 5 times as slow.
+        # BLAS threads inside each thread of the pool make the sums over lights 5 times as slow.
         threadpool_limits(1, user_api="blas"),
     ):
         for example in batches:
             number = len(example["mask"])
-            # Batches of one size, or TensorFlow compiles the networks twice.
+            # TensorFlow would compile the networks again for a batch of another size.
             full = _filled(example, batch_size)
             answers = {"found": _cut(system(full["image"]), number)}
             if answer is None:
@@ -143,17 +146,17 @@ def evaluate(
 def measure(
     example: Mapping[str, np.ndarray], estimate: Mapping[str, np.ndarray]
 ) -> dict[str, np.ndarray]:
-    """The columns of `Evaluation.rows` for one batch.
+    """Return the columns of `Evaluation.rows` for one batch, without ꟻLIP and relighting.
 
     Args:
         example: batch as `pipeline.evaluation` yields it.
-        estimate: what the assembled system answers.
+        estimate: outputs of the assembled system for this batch.
     """
     true, found = example["mask"] >= 0.5, estimate["mask"] >= 0.5
     pixels: dict[str, Any] = {"axis": (1, 2, 3), "dtype": np.float64}
     return {
         **{name: example[name] for name in ("seed", "index", "diffuse_albedo", "specular_albedo")},
-        # As bytes of one width, not as Python's objects.
+        # Names become bytes of one width, which NumPy stores without Python objects.
         **{name: np.asarray(example[name], np.bytes_) for name in ("shape", "light")},
         "bin": shininess.bin_of(example["shininess"]),
         "log_exponent": np.log10(np.maximum(example["shininess"], _LEAST_EXPONENT)),
@@ -176,14 +179,19 @@ def measure(
 
 
 def found_log_exponent(estimate: Mapping[str, np.ndarray]) -> np.ndarray:
-    """log10 s `(...)` of answers `(..., 8)` or `(..., 1)`: of the classes, the expected value."""
+    """Return log10 s `(...)` of a system's outputs.
+
+    Args:
+        estimate: `log_exponent` `(..., 1)`, or `exponent_bin_probabilities` `(..., 8)`, of which
+            the expected value is taken.
+    """
     if "log_exponent" in estimate:
         return estimate["log_exponent"][..., 0]
     return shininess.log_expected(estimate["exponent_bin_probabilities"])
 
 
 def true_reflectance_map(example: Mapping[str, np.ndarray]) -> np.ndarray:
-    """What the baseline's ReflectanceMapNet is to find, `(B, S, S, 3)` linear radiance.
+    """Return the ground truth of the baseline's ReflectanceMapNet, `(B, S, S, 3)` linear radiance.
 
     Args:
         example: batch as `pipeline.evaluation` yields it.
@@ -202,7 +210,7 @@ def true_reflectance_map(example: Mapping[str, np.ndarray]) -> np.ndarray:
 def _material_errors(
     example: Mapping[str, np.ndarray], estimate: Mapping[str, np.ndarray]
 ) -> dict[str, np.ndarray]:
-    """Errors of the exponent and the two albedos, `(B,)` each, and the exponent's bin."""
+    """Return the errors of the exponent and the two albedos, `(B,)` each, and `predicted_bin`."""
     diffuse = example["diffuse_albedo"], estimate["diffuse_albedo"]
     specular = example["specular_albedo"][:, None], estimate["specular_albedo"]
     return {
@@ -217,13 +225,16 @@ def _material_errors(
 def _exponent_errors(
     example: Mapping[str, np.ndarray], estimate: Mapping[str, np.ndarray]
 ) -> dict[str, np.ndarray]:
-    """The winning bin, or the one that a number falls into, how far off it is, and log errors."""
+    """Return the predicted bin, its distance from the true bin, and the errors of log10 s.
+
+    The predicted bin is the winning class, or under regression the bin that contains s.
+    """
     exponent = np.maximum(example["shininess"], _LEAST_EXPONENT)
     log = found_log_exponent(estimate)
     error = metrics.log_exponent_error(exponent, log)
     errors = {"log_error": error, "log_squared": np.square(error)}
     if "log_exponent" in estimate:
-        # NaN is told by the error's column.
+        # A NaN prediction stays NaN in `log_error`, which `_check_finite` refuses.
         found = shininess.bin_of(10.0 ** np.nan_to_num(log))
         distance = np.abs(found - shininess.bin_of(exponent))
         return errors | {"predicted_bin": found, "bin_distance": distance}
@@ -238,7 +249,7 @@ def _exponent_errors(
 
 
 def _saturated(example: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Share `(B,)` of each object's pixels of which the photo clips a channel."""
+    """Return the share `(B,)` of each object's pixels that are clipped in any channel."""
     object_pixels = example["mask"] >= 0.5
     clipped = np.any(example["clipped"] > 0, axis=-1, keepdims=True) & object_pixels
     covered = np.maximum(np.sum(object_pixels, axis=(1, 2, 3)), 1)
@@ -246,7 +257,7 @@ def _saturated(example: Mapping[str, np.ndarray]) -> np.ndarray:
 
 
 def _contrast(radiance: np.ndarray) -> np.ndarray:
-    """Brightest over mean radiance of lights `(B, H, W, 1)`; 1 of a light that is black."""
+    """Return the brightest over the mean radiance `(B,)` of lights `(B, H, W, 1)`; 1 if black."""
     solid_angles = environment.solid_angles(*radiance.shape[1:3])[..., None]
     mean = np.sum(np.float64(radiance) * solid_angles, axis=(1, 2, 3)) / (4 * np.pi)
     brightest = np.max(radiance, axis=(1, 2, 3))
@@ -258,7 +269,7 @@ def _layers_flip(
     estimate: Mapping[str, np.ndarray],
     pool: ThreadPoolExecutor,
 ) -> dict[str, np.ndarray]:
-    """`specular_shading_flip` and `mirror_flip`, `(B,)`, of what the system estimates."""
+    """Return `specular_shading_flip` and `mirror_flip`, `(B,)`, of the layers in `estimate`."""
     return {
         f"{name}_flip": np.array(
             list(pool.map(flip.layer_flip, example[name], estimate[name], example["mask"]))
@@ -274,7 +285,14 @@ def _relit(
     literal: bool,
     pool: ThreadPoolExecutor,
 ) -> dict[str, dict[str, np.ndarray]]:
-    """By answer, and of `average`: the columns `relit` and `relit_unseen`, `(B,)` decibel."""
+    """Return the columns `relit` and `relit_unseen`, `(B,)` decibel, by answer and for `average`.
+
+    Args:
+        example: batch as `pipeline.evaluation` yields it.
+        answers: outputs of the system and of the oracle, by name.
+        literal: whether the corpus holds S and D as printed in Eqs. 2 and 3.
+        pool: threads that compute the examples in parallel.
+    """
 
     def one(row: int) -> dict[str, dict[str, float]]:
         materials = {
@@ -296,7 +314,7 @@ def _relit(
 
 
 def _filled(example: Mapping[str, np.ndarray], size: int) -> dict[str, np.ndarray]:
-    """The batch with its last example repeated until there are `size`."""
+    """Return the batch with its last example repeated until it has `size` examples."""
     missing = size - len(example["mask"])
     return {
         name: np.concatenate([values, np.repeat(values[-1:], missing, axis=0)])
@@ -305,14 +323,14 @@ def _filled(example: Mapping[str, np.ndarray], size: int) -> dict[str, np.ndarra
 
 
 def _cut(answer: Mapping[str, np.ndarray], number: int) -> dict[str, np.ndarray]:
-    """The first examples of each output."""
+    """Return the first `number` examples of each output."""
     return {name: np.asarray(values)[:number] for name, values in answer.items()}
 
 
 def _relative_error(
     name: str, example: Mapping[str, np.ndarray], estimate: Mapping[str, np.ndarray]
 ) -> np.ndarray:
-    """Relative error `(B,)` of one layer inside the true mask, summed in double precision."""
+    """Return the relative error `(B,)` of a layer inside the true mask, in double precision."""
     return metrics.masked_relative_error(
         example[name].astype(np.float64), estimate[name].astype(np.float64), example["mask"]
     )
@@ -321,7 +339,7 @@ def _relative_error(
 def _from_true_layers(
     subnetworks: Mapping[str, keras.Model],
 ) -> Callable[[Mapping[str, np.ndarray]], dict[str, np.ndarray]]:
-    """The oracle: examples to the material that the last subnetworks read from true layers."""
+    """Return the oracle: a function from a batch to the material estimated from true layers."""
     encoders = {name: part for name, part in subnetworks.items() if SUBNETWORKS[name].encoder}
     given = needed(encoders)
     network = assemble(encoders, given=given)
@@ -337,7 +355,11 @@ def _from_true_layers(
 
 
 def _count(shards: list[Path], size: int) -> int:
-    """Number of examples in the shards, after a look whether the model can take them."""
+    """Return the number of examples in the shards.
+
+    Raises:
+        ValueError: if there are none, or `size` does not divide the stored size of the images.
+    """
     dataset = tf.data.TFRecordDataset([str(path) for path in shards])
     first = next(pipeline.naming_damage(dataset.take(1).map(records.parse), shards), None)
     count = sum(1 for _ in pipeline.naming_damage(dataset, shards))
@@ -354,19 +376,19 @@ def _count(shards: list[Path], size: int) -> int:
 
 
 def _joined(batches: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
-    """Columns of all batches, end to end."""
+    """Concatenate the columns of all batches."""
     return {name: np.concatenate([batch[name] for batch in batches]) for name in batches[0]}
 
 
 def _confusion(rows: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Examples `(8, 8)` by true and estimated bin."""
+    """Return the number of examples `(8, 8)` by true bin (row) and predicted bin (column)."""
     matrix = np.zeros((shininess.BIN_COUNT, shininess.BIN_COUNT), np.int64)
     np.add.at(matrix, (rows["bin"], rows["predicted_bin"]), 1)
     return matrix
 
 
 def _check_finite(evaluation: Evaluation, model_dir: Path) -> None:
-    """Refuse NaN and infinity, and name the example that shows them."""
+    """Raise ValueError, naming the example, if a column holds NaN or infinity."""
     for name, column in (*evaluation.rows.items(), *evaluation.oracle.items()):
         if column.dtype.kind != "f" or np.all(np.isfinite(column)):
             continue

@@ -1,7 +1,7 @@
-"""ꟻLIP (Andersson et al. 2020) of estimated layers: the difference that the eye would see.
+"""The perceptual error ꟻLIP (Andersson et al. 2020) of estimated layers.
 
-OpenImageIO's implementation, at the viewing distance that is usual for it (0.7 m before a 0.7 m
-wide screen of 3,840 pixels: 67 pixels a degree).
+The implementation is OpenImageIO's, at its default viewing distance: 0.7 m from a screen that is
+0.7 m wide with 3,840 pixels, or 67 pixels per degree.
 """
 
 import numpy as np
@@ -11,14 +11,14 @@ from .tone import coloured, white_point
 
 
 def layer_flip(layer: np.ndarray, found: np.ndarray, mask: np.ndarray) -> float:
-    """Mean ꟻLIP of a layer inside the mask, in [0, 1]; 0 where the mask is empty.
+    """Return the mean ꟻLIP of a layer inside the mask, in [0, 1]; 0 if the mask is empty.
 
-    Both are shown alike, as a report does: cut out, the truth's 99th percentile white, more than
-    that clipped.
+    Both layers are shown as in a report: cut out by the mask, the truth's 99th percentile as white,
+    higher values clipped.
 
     Args:
         layer: true linear radiance `(H, W, 1)`.
-        found: estimated, the same shape.
+        found: estimated linear radiance `(H, W, 1)`.
         mask: true coverage `(H, W, 1)`.
     """
     inside = mask >= 0.5
@@ -26,7 +26,7 @@ def layer_flip(layer: np.ndarray, found: np.ndarray, mask: np.ndarray) -> float:
         return 0.0
     white = white_point(layer, mask)
     truth, shown = (_linear_image(coloured(one * inside / white)) for one in (layer, found))
-    # In linear light, and of low dynamic range, so that no exposures are searched for.
+    # The images are linear with values up to 1: with hdr=0 ꟻLIP does not search for exposures.
     difference = oiio.ImageBufAlgo.FLIP_diff(truth, shown, hdr=0, nthreads=1)
     if difference.has_error:
         raise RuntimeError(f"OpenImageIO's FLIP_diff failed: {difference.geterror()}")

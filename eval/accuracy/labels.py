@@ -1,4 +1,4 @@
-"""Words for what tables and reports show."""
+"""The words with which tables and reports describe classes, exponents and oracles."""
 
 import numpy as np
 
@@ -7,24 +7,24 @@ from lime_keras.optics import shininess
 
 
 def bin_label(k: int) -> str:
-    """The exponents of class `k`, such as "s 13.3–31.6"."""
+    """Return the range of exponents of class `k` as text, such as "s 13.3–31.6"."""
     low, high = np.round(10.0 ** shininess.LOG_EDGES[k : k + 2], 1)
     return f"s {low:g}–{high:g}"
 
 
 def exponent(architecture: Architecture) -> str:
-    """How an exponent is read off the answer."""
+    """Return how log10 s and its bin are computed from the system's outputs, in words."""
     if architecture.exponent == "regression":
         return "the system answers log10 s itself; its bin is the one that s falls into"
     return "log10 s is the expected value over the eight classes, or that of the winning bin"
 
 
 def oracle(architecture: Architecture, stage_one: bool) -> str:
-    """What `Evaluation.oracle` is, in few words.
+    """Return the title of the oracle.
 
     Args:
-        architecture: of the system.
-        stage_one: as of `Evaluation`.
+        architecture: architecture of the system.
+        stage_one: whether its encoders have the weights of stage one (see `Evaluation`).
     """
     whose = "Stage-one" if stage_one else "Same"
     if architecture.system == "reflectance-map":
@@ -33,11 +33,11 @@ def oracle(architecture: Architecture, stage_one: bool) -> str:
 
 
 def oracle_is(architecture: Architecture, stage_one: bool) -> str:
-    """Which subnetworks `Evaluation.oracle` is, what they are given, and what to make of it.
+    """Return a description of the oracle: its subnetworks, their inputs and their weights.
 
     Args:
-        architecture: of the system.
-        stage_one: as of `Evaluation`.
+        architecture: architecture of the system.
+        stage_one: whether its encoders have the weights of stage one (see `Evaluation`).
     """
     if architecture.system == "reflectance-map":
         which, given = "MaterialNet", "the true reflectance map"

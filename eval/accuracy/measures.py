@@ -1,6 +1,6 @@
-"""From rows to Table 1: each measure with its interval, and what to hold it against.
+"""The measures of Table 1, with their bootstrap intervals and their reference values.
 
-Every measure is a function of the means of some columns, so one bootstrap serves them all.
+Every measure is a function of the means of some columns, so one bootstrap serves all measures.
 """
 
 import math
@@ -21,19 +21,19 @@ from .relighting import HIGHEST_PSNR
 _RESAMPLES = 1000
 _BOOTSTRAP_SEED = 2018
 _UNIFORM_MAE, _UNIFORM_RMSE = 0.25, math.sqrt(1 / 12)
-"""Errors of always answering 0.5 for a number drawn uniformly from [0, 1]."""
+"""Errors of the constant prediction 0.5 for a number drawn uniformly from [0, 1]."""
 _RANGE_RMSE = (shininess.LOG_HIGH - shininess.LOG_LOW) / math.sqrt(12)
-"""Of always answering the middle of the range of log10 s."""
+"""RMSE of log10 s when the prediction is always the middle of its range."""
 
 
 @dataclass(frozen=True)
 class Unit:
-    """How a measure is printed.
+    """The unit in which a measure is printed.
 
     Attributes:
-        name: what follows the number, if anything.
-        scale: what the measure is multiplied by.
-        digits: after the point.
+        name: symbol after the number; may be empty.
+        scale: factor of the printed number.
+        digits: number of digits after the decimal point.
     """
 
     name: str
@@ -41,13 +41,13 @@ class Unit:
     digits: int
 
     def number(self, value: float | None) -> str:
-        """A value, such as `45.07 %`; a dash for none."""
+        """Return a value as text, such as `45.07 %`; a dash for None."""
         if value is None:
             return ABSENT
         return f"{self.scale * value:.{self.digits}f} {self.name}".rstrip()
 
     def with_interval(self, value: float, interval: Sequence[float]) -> str:
-        """A value and half the width of its interval, such as `45.07 ± 1.20 %`."""
+        """Return a value and half the width of its interval as text, such as `45.07 ± 1.20 %`."""
         half = self.scale * (interval[1] - interval[0]) / 2
         return f"{self.scale * value:.{self.digits}f} ± {half:.{self.digits}f} {self.name}".rstrip()
 
@@ -57,22 +57,24 @@ PLAIN, PER_CENT, DECIBEL = Unit("", 1, 4), Unit("%", 100, 2), Unit("dB", 1, 2)
 
 @dataclass(frozen=True)
 class Measure:
-    """One thing that is measured, as every table has it.
+    """A measure of accuracy, as all tables show it.
 
     Attributes:
-        title: what is measured, in words.
-        short: the same for the head of a column.
-        columns: of `Evaluation.rows`, or `exact`, `adjacent` and `within_one` of its
-            `bin_distance`, or `calibration.GAPS` of its `bin_probabilities`; a system that lacks
-            one does not have the measure.
-        of_means: the measure from the columns' means (numbers or arrays of one shape).
-        unit: how it is printed; a share of 1 in per cent.
-        more_is_better: which way is up; None where neither is (a neighbouring bin is half right).
-        perfect: what the truth itself would reach.
-        paper: Table 1's "full approach", where the paper prints it.
-        chance: what an answer that knows nothing reaches, or the columns' names for one, whose
-            mean says it for these very examples.
-        floor: what perfect classification still errs by.
+        title: name of the measure.
+        short: short name, for the header of a column.
+        columns: names of the columns whose means the measure needs: columns of `Evaluation.rows`;
+            `exact`, `adjacent` and `within_one`, computed from `bin_distance`; or
+            `calibration.GAPS`, computed from `bin_probabilities`. A system without one of them
+            does not have the measure.
+        of_means: function from the columns' means (numbers or arrays of one shape) to the measure.
+        unit: unit in which the measure is printed; shares are printed in per cent.
+        more_is_better: whether a higher value is better; None if neither direction is better (the
+            neighbouring bin is half right).
+        perfect: value for predictions that equal the ground truth.
+        paper: value of the paper's "full approach" in Table 1, if it is printed.
+        chance: value for a prediction that ignores the image, or the name of a column of
+            `Evaluation.rows` whose mean is that value.
+        floor: error that remains with perfect classification into bins (quantisation).
     """
 
     title: str
@@ -92,7 +94,7 @@ def _root(mean: Any) -> Any:
 
 
 def _sum_of_sizes(*gaps: Any) -> Any:
-    """Σ|gap| over the bins of confidence."""
+    """Return Σ|gap| over the bins of confidence."""
     return sum(np.abs(gap) for gap in gaps)
 
 
@@ -197,14 +199,14 @@ MEASURES = {
 
 
 def summarise(evaluation: Evaluation) -> dict[str, Any]:
-    """What `metrics.json` holds.
+    """Return the content of `metrics.json` for one evaluation.
 
     Returns:
-        Each of `MEASURES` that the system has, by name, shares in [0, 1]; `count`; `system`, in
-        words; and, by measure again where they exist, `interval` (95 % bootstrap, two ends),
-        `oracle`, `paper`, `chance`, `floor` and `constant` (the best answer that is the same for
-        every image of this very split). Of an `oracle`, which subnetworks it is: `oracle_title`,
-        in short, and `oracle_is`.
+        Each of `MEASURES` that the system has, by name, shares in [0, 1]; `count` of the examples;
+        `system`, its description; and, by measure where they exist, `interval` (95 % bootstrap,
+        `[low, high]`), `oracle`, `paper`, `chance`, `floor` and `constant` (the best prediction
+        that is the same for every image of this split). If there is an oracle, also
+        `oracle_title` and `oracle_is`, its title and its description.
     """
     measured = values(evaluation.rows)
     summary: dict[str, Any] = dict(measured)
@@ -227,13 +229,13 @@ def summarise(evaluation: Evaluation) -> dict[str, Any]:
 
 
 def values(rows: Mapping[str, np.ndarray]) -> dict[str, float]:
-    """Those of `MEASURES` that these rows' columns allow."""
+    """Compute, by name, the measures whose columns exist in these rows."""
     means = {name: float(np.mean(column)) for name, column in _columns(rows).items()}
     return {name: float(value) for name, value in _measured(means).items()}
 
 
 def intervals(rows: Mapping[str, np.ndarray]) -> dict[str, list[float]]:
-    """95 % percentile bootstrap over examples of each measure: `[low, high]`.
+    """Compute the 95 % percentile bootstrap interval `[low, high]` of each measure, by name.
 
     The examples are drawn with a fixed seed, so the same rows give the same interval.
     """
@@ -243,10 +245,10 @@ def intervals(rows: Mapping[str, np.ndarray]) -> dict[str, list[float]]:
 
 
 def resampled(rows: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Each measure on 1,000 samples of the examples, `(1000,)`.
+    """Compute each measure on 1,000 bootstrap samples of the examples, `(1000,)` by name.
 
-    The same examples are drawn for any rows of the same length, so the differences of two systems'
-    are those on the same samples.
+    Rows of the same length get the same samples. The difference of two systems is therefore a
+    paired one: it is taken on the same examples.
     """
     rng = np.random.default_rng(_BOOTSTRAP_SEED)
     columns = _columns(rows)
@@ -260,7 +262,7 @@ def resampled(rows: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def constant_answers(rows: Mapping[str, np.ndarray]) -> dict[str, float]:
-    """The best answers that are the same for every example, measured on these examples."""
+    """Compute the measures of the best constant predictions for these examples, by name."""
     shares = np.bincount(rows["bin"], minlength=shininess.BIN_COUNT) / len(rows["bin"])
     padded = np.pad(shares, 1)
     adjacent = padded[:-2] + padded[2:]
@@ -282,7 +284,7 @@ def constant_answers(rows: Mapping[str, np.ndarray]) -> dict[str, float]:
 
 
 def _measured(means: Mapping[str, Any]) -> dict[str, Any]:
-    """Those of `MEASURES` whose columns are there, from the columns' means."""
+    """Compute the measures whose columns exist from the means of the columns."""
     return {
         name: measure.of_means(*(means[column] for column in measure.columns))
         for name, measure in MEASURES.items()
@@ -291,7 +293,7 @@ def _measured(means: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _columns(rows: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """The `(N,)` columns whose means the measures need, as float64."""
+    """Return the columns `(N,)` whose means the measures need, as float64."""
     distance = rows["bin_distance"]
     columns = dict(rows) | {
         "exact": distance == 0,

@@ -1,8 +1,8 @@
-"""Relighting error: the object rendered with the estimated material against the true one.
+"""The relighting error: the object rendered with the estimated and with the true material.
 
-Eq. 4 on the record's own shape, once under the light of its photo and once under one that no
-corpus holds, clipped at 1 and encoded as sRGB, as a camera would. The material alone differs, so
-this weighs its parts as the eye would: an exponent matters where there is a highlight.
+The object is rendered by Eq. 4 under two lights: that of its photo, and a light that no corpus
+holds. As in a camera, the result is clipped at 1 and encoded as sRGB. Only the material differs,
+so its errors count as far as they are visible: the exponent matters where there is a highlight.
 """
 
 import math
@@ -15,10 +15,10 @@ from lime_keras.optics import colour, shading, shininess, studio_light
 from lime_keras.optics.compositing import compose
 
 PIXELS = 128
-"""Pixels of an object that are lit, at even distances in reading order: with all 5,000 the mean
-over 1,000 images moves by less than 0.05 dB (docs/decisions.md)."""
+"""Number of pixels rendered of an object, evenly spaced in reading order. With all 5,000 pixels the
+mean over 1,000 images changes by less than 0.05 dB (docs/decisions.md)."""
 HIGHEST_PSNR = 10 * math.log10(12 * 255**2)
-"""58.9 dB, the error of rounding to 8 bits: a better match than that is none to the eye."""
+"""PSNR of quantisation to 8 bits, 58.9 dB; a higher PSNR is no visible improvement."""
 
 FEATURES = (
     "mask",
@@ -30,7 +30,7 @@ FEATURES = (
     "shininess",
     "ambient",
 )
-"""What is read of a record."""
+"""Names of the record's features that relighting needs."""
 
 
 AVERAGE = BlinnPhong(
@@ -38,16 +38,16 @@ AVERAGE = BlinnPhong(
     0.5,
     10.0 ** ((shininess.LOG_LOW + shininess.LOG_HIGH) / 2),
 )
-"""The middle of every range: what an answer that knows nothing would render."""
+"""The material in the middle of every range: a prediction that ignores the image."""
 
 
 class Lit:
-    """Some pixels of one example's object under one light.
+    """A sample of the pixels of one object under one light, to be rendered with any material.
 
     Args:
-        example: record, resized to the model's size: its mask, normals, camera and ambient.
-        radiance: the light `(H, W)` in camera space.
-        literal: whether the corpus' S and D are Eqs. 2 and 3 as printed.
+        example: record, resized to the model's size, with `mask`, `normal`, `camera`, `ambient`.
+        radiance: radiance of the light `(H, W)` in camera space.
+        literal: whether the corpus holds S and D as printed in Eqs. 2 and 3.
     """
 
     def __init__(
@@ -65,7 +65,7 @@ class Lit:
             self._diffuse *= np.float32(shading.literal_scale(0.0)[0])
 
     def photo(self, material: BlinnPhong) -> np.ndarray:
-        """The pixels of Eq. 4, `(P, 3)` sRGB in [0, 1]."""
+        """Render the pixels with a material by Eq. 4, `(P, 3)` sRGB in [0, 1]."""
         specular = shading.specular(self._normal, self._view, material.exponent, *self._light)
         if self._literal:
             specular *= np.float32(shading.literal_scale(material.exponent)[1])
@@ -80,7 +80,10 @@ class Lit:
 
 
 def psnr(true: np.ndarray, found: np.ndarray) -> float:
-    """Peak signal-to-noise ratio of two images in [0, 1], at most `HIGHEST_PSNR`; of none, that."""
+    """Compute the PSNR in decibel of two images in [0, 1], at most `HIGHEST_PSNR`.
+
+    Images without pixels have `HIGHEST_PSNR`.
+    """
     error = float(np.mean(np.square(np.float64(true) - found))) if true.size else 0.0
     return min(HIGHEST_PSNR, -10 * math.log10(error)) if error > 0 else HIGHEST_PSNR
 
@@ -88,12 +91,15 @@ def psnr(true: np.ndarray, found: np.ndarray) -> float:
 def relight(
     example: Mapping[str, np.ndarray], materials: Mapping[str, BlinnPhong], literal: bool = False
 ) -> dict[str, dict[str, float]]:
-    """By material: `relit` and `relit_unseen`, its PSNR in decibel under the two lights.
+    """Compute the PSNR in decibel of each material under the two lights.
 
     Args:
-        example: record, resized to the model's size: `FEATURES` of it.
-        materials: by name, to be compared with the true one.
-        literal: whether the corpus' S and D are Eqs. 2 and 3 as printed.
+        example: record, resized to the model's size, with `FEATURES`.
+        materials: materials by name, to be compared with the true one.
+        literal: whether the corpus holds S and D as printed in Eqs. 2 and 3.
+
+    Returns:
+        By material, `relit` (light of the photo) and `relit_unseen` (studio light).
     """
     truth = BlinnPhong(
         example["diffuse_albedo"], float(example["specular_albedo"]), float(example["shininess"])
@@ -109,7 +115,7 @@ def relight(
 
 
 def _pixels(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rows and columns of at most `PIXELS` wholly covered pixels of a mask `(H, W)`."""
+    """Return rows and columns of at most `PIXELS` fully covered pixels of a mask `(H, W)`."""
     rows, columns = np.nonzero(mask >= 1.0)
     chosen = np.linspace(0, len(rows) - 1, min(PIXELS, len(rows))).round().astype(int)
     return rows[chosen], columns[chosen]

@@ -1,4 +1,4 @@
-"""Where a system is good and where it is not: the measures on parts of the test images."""
+"""The measures on parts of the test images, to show for which images a system is good or bad."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ SHOWN = (
     "specular_albedo_mae",
     "relighting_psnr",
 )
-"""Measures of a part."""
+"""Names of the measures shown for each part."""
 
 _QUARTERS = (
     ("coverage", "coverage", "{:.0%}"),
@@ -31,14 +31,14 @@ _QUARTERS = (
 
 @dataclass(frozen=True)
 class Slice:
-    """Some of the test images.
+    """The measures on a part of the test images.
 
     Attributes:
-        by: what they were sorted by.
-        label: which of them these are.
-        count: how many.
-        value: `SHOWN`, those that the system has, by name.
-        interval: of each, 95 % bootstrap, `[low, high]`.
+        by: property by which the images are divided, such as "coverage".
+        label: value or range of the property in this part.
+        count: number of images in this part.
+        value: measures by name: those of `SHOWN` that the system has.
+        interval: 95 % bootstrap interval `[low, high]` of each measure, by name.
     """
 
     by: str
@@ -49,16 +49,19 @@ class Slice:
 
 
 def slices(rows: Mapping[str, np.ndarray]) -> list[Slice]:
-    """By exponent bin, coverage, light contrast, saturation, shape and light; none is empty.
+    """Divide the images by exponent bin, coverage, light contrast, saturation, shape and light.
 
-    The three continuous ones are cut into four at their quartiles; equal values stay together, so
-    there may be fewer.
+    Coverage, light contrast and saturation are continuous and are divided at their quartiles. Equal
+    values stay together, so there may be fewer than four parts. No part is empty.
+
+    Args:
+        rows: columns of `Evaluation.rows`.
     """
     return [_slice(rows, *part) for part in _parts(rows) if part[-1].size]
 
 
 def _parts(rows: Mapping[str, np.ndarray]) -> Iterator[tuple[str, str, np.ndarray]]:
-    """What by, which, and the positions."""
+    """Yield `by`, `label` and the positions of the images of each part; some may be empty."""
     for k in range(shininess.BIN_COUNT):
         yield "exponent", bin_label(k), np.flatnonzero(rows["bin"] == k)
     for title, name, style in _QUARTERS:
@@ -69,7 +72,7 @@ def _parts(rows: Mapping[str, np.ndarray]) -> Iterator[tuple[str, str, np.ndarra
 
 
 def _quarters(title: str, values: np.ndarray, style: str) -> Iterator[tuple[str, str, np.ndarray]]:
-    """Four parts between the quartiles, each with its least and greatest value."""
+    """Yield the parts between the quartiles, labelled with their least and greatest value."""
     part = np.searchsorted(np.percentile(values, (25, 50, 75)), values, side="left")
     for quarter in range(4):
         chosen = np.flatnonzero(part == quarter)

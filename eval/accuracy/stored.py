@@ -1,4 +1,4 @@
-"""Evaluations kept on disk, so that a command that is run again goes on where it stopped."""
+"""Evaluations kept on disk, so that a repeated command continues where the last one stopped."""
 
 import dataclasses
 import hashlib
@@ -15,27 +15,27 @@ from .evaluate import Evaluation, evaluate
 
 
 def evaluation(store: Store, model_dir: Path, corpus: Path, *, camera: bool = False) -> Evaluation:
-    """`evaluate`, or what an earlier call with the same weights, images and code has kept.
+    """Return the evaluation kept for the same weights, images and code, or run `evaluate`.
 
     Args:
-        store: keeps it.
+        store: store that keeps the evaluation.
         model_dir: folder of `weights.save`, or a run of `lime-train`.
         corpus: folder with a complete `test` split.
         camera: show the system photos of the scenes.
 
     Raises:
-        FileNotFoundError: as `evaluate`.
-        ValueError: as `evaluate`.
+        FileNotFoundError: if the weights or the test split are missing.
+        ValueError: if `evaluate` refuses the split or the model's outputs.
     """
     split = Split(corpus, "test")
-    split.shard_paths()  # Refuses a split that is incomplete.
+    split.shard_paths()  # Raises if the split is incomplete.
     depends_on = {
         "weights": sha256(*weights.files(model_dir)),
-        # It holds the shards' checksums.
+        # The manifest holds the checksums of the shards.
         "manifest": sha256(split.manifest_path),
         "camera": camera,
     }
-    # A name for each, so that runs do not take turns in one file.
+    # Each evaluation has its own file, so that several runs do not overwrite one another's.
     name = hashlib.sha256(json.dumps(depends_on).encode()).hexdigest()[:16]
     arrays = store.arrays(
         f"evaluations/{name}",

@@ -1,4 +1,4 @@
-"""Table 1 as text: the same rows for Markdown, the terminal and the report."""
+"""Table 1 of one run as text: the same rows for Markdown, the terminal and the report."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from .measures import MEASURES, Measure
 
 @dataclass(frozen=True)
 class Row:
-    """One measure, its numbers ready to print; what does not exist is a dash."""
+    """A row of the table: a measure with its numbers as text, a dash for missing ones."""
 
     name: str
     title: str
@@ -24,23 +24,27 @@ class Row:
     floor: str
 
     def cells(self) -> tuple[str, ...]:
-        """The cells below `header`."""
+        """Return the cells in the order of `header`."""
         return (self.title, self.ours, self.oracle, self.paper, self.chance, self.floor)
 
 
 def header(summary: Mapping[str, Any]) -> tuple[str, ...]:
-    """The table's head, with the title of what is set beside ours."""
+    """Return the header of the table; its third column has the title of the oracle."""
     oracle = summary["oracle_title"]
     return ("Measure", "Ours (± 95 % interval)", oracle, "Paper", "Chance", "Floor")
 
 
 def rows(summary: Mapping[str, Any]) -> list[Row]:
-    """The table's rows of `measures.summarise`: the measures that the system has."""
+    """Return the rows of the table: the measures that the system has.
+
+    Args:
+        summary: result of `measures.summarise`.
+    """
     return [_row(name, measure, summary) for name, measure in MEASURES.items() if name in summary]
 
 
 def markdown(summary: Mapping[str, Any], architecture: Architecture) -> str:
-    """The table in Markdown, columns aligned so that it also reads well in a terminal."""
+    """Return the table in Markdown, with columns aligned to read well in a terminal."""
     lines = [header(summary), *(row.cells() for row in rows(summary))]
     return f"{aligned(lines)}\n\n{_note(summary, architecture)}\n"
 

@@ -1,1 +1,1 @@
-"""The report: one HTML page of numbers, figures and examples."""
+"""The evaluation report: one HTML page of numbers, figures and examples."""

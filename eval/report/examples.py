@@ -1,4 +1,4 @@
-"""The examples that a report shows: chosen from the rows, then read and estimated once more."""
+"""The examples of a report: chosen from the evaluation, then read and estimated once more."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,12 +18,12 @@ from ..accuracy.evaluate import found_log_exponent
 from ..accuracy.labels import bin_label
 
 _WORST = 2
-"""Examples shown of each kind of failure."""
+"""Number of examples shown of each kind of failure."""
 
 
 @dataclass(frozen=True)
 class Choice:
-    """Why the test example at `position` (0 is the first of the split) is shown."""
+    """A test example to show: its position in the split, from 0, and the reason to show it."""
 
     position: int
     reason: str
@@ -31,14 +31,14 @@ class Choice:
 
 @dataclass(frozen=True)
 class Example:
-    """One test example beside its estimate.
+    """One test example with its estimate.
 
     Attributes:
-        choice: which one, and why.
+        choice: position of the example, and the reason to show it.
         truth: the record, resized to the model's size: arrays, and names as bytes.
         estimate: the system's outputs for this image, without the batch axis.
         photo_srgb: the input image at its stored size, sRGB in [0, 1].
-        literal: whether the corpus holds S as Eq. 3 is printed, without furnace normalisation.
+        literal: whether the corpus holds S as printed in Eq. 3, without furnace normalisation.
     """
 
     choice: Choice
@@ -49,14 +49,17 @@ class Example:
 
     @property
     def exponent(self) -> float:
-        """Estimated exponent, from the expected log10 s over the eight classes or as a number."""
+        """The estimated exponent: from the expected log10 s over the classes, or by regression."""
         return float(10.0 ** found_log_exponent(self.estimate))
 
 
 def choose(rows: Mapping[str, np.ndarray]) -> list[Choice]:
-    """The first example of each exponent bin, then the worst by exponent and by either albedo.
+    """Choose the first example of each exponent bin, then the worst by exponent and each albedo.
 
-    No example is shown twice; equally bad ones are taken in the split's order.
+    No example is chosen twice. Examples with equal errors are taken in the order of the split.
+
+    Args:
+        rows: columns of `Evaluation.rows`.
     """
     spread = [
         Choice(int(np.argmax(rows["bin"] == k)), f"first with {bin_label(k)}")
@@ -80,7 +83,7 @@ def choose(rows: Mapping[str, np.ndarray]) -> list[Choice]:
 
 
 def worst(rows: Mapping[str, np.ndarray], count: int = 20) -> list[Choice]:
-    """Those that relight worst under their own light, worst first."""
+    """Choose the `count` examples with the lowest PSNR relit under their own light, worst first."""
     order = np.argsort(rows["relit"], kind="stable")[:count]
     return [Choice(position, "worst relit") for position in order.tolist()]
 
@@ -93,8 +96,8 @@ def read(
     Args:
         model_dir: folder of `weights.save`, or a run of `lime-train`.
         corpus: folder with a complete `test` split.
-        choices: positions in the split.
-        camera: show the system photos of the scenes, the same as `evaluate`.
+        choices: examples to read.
+        camera: show the system photos of the scenes, the same as those that `evaluate` shows.
 
     Raises:
         FileNotFoundError: if the weights or the test split are missing.
@@ -109,7 +112,7 @@ def read(
     shards = split.shard_paths()
     records_of_all = tf.data.TFRecordDataset([str(path) for path in shards])
     for position, serialized in enumerate(pipeline.naming_damage(records_of_all, shards)):
-        # Only the wanted ones are decoded.
+        # Only the chosen examples are decoded.
         if position in wanted:
             stored = records.parse(serialized)
             stored = photograph(stored) if camera else stored

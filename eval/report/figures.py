@@ -1,6 +1,6 @@
-"""Matplotlib figures as PNG: the confusion matrix, albedo scatter and loss curves.
+"""Matplotlib figures as PNG: confusion matrix, reliability, relighting, albedos and loss curves.
 
-Each is drawn for a light or a dark page, without pyplot's global state.
+Each figure is drawn for a light or a dark page, without pyplot's global state.
 """
 
 import csv
@@ -24,15 +24,15 @@ from ..accuracy import calibration
 from ..accuracy.labels import bin_label
 
 DPI = 150
-"""Pixels of a figure per inch."""
+"""Resolution of the figures in pixels per inch."""
 _TRAIN, _VALIDATION = "train_", "validation_"
 TONES = ("#3b82c4", "#e07b39", "#4a9d5b", "#b455a0", "#8a6d3b", "#c2434a", "#3fa7a7", "#7a6fd0")
-"""Of lines and points that belong together: told apart on white and on near-black."""
+"""Colours of the series in a figure, distinguishable on white and on near-black."""
 
 
 @dataclass(frozen=True)
 class Theme:
-    """Colours of a page: its paper, its ink its faint lines, and the tone of a full share."""
+    """Colours of a page: background, text, faint lines, and the accent of data and full shares."""
 
     paper: str
     ink: str
@@ -45,14 +45,17 @@ DARK = Theme(paper="#1b212b", ink="#e4e8ee", faint="#3a4454", accent="#74b0f4")
 
 
 def confusion(matrix: np.ndarray, theme: Theme = LIGHT) -> bytes:
-    """Confusion matrix `(8, 8)` of counts, each row divided by its sum; empty rows stay empty."""
+    """Draw a confusion matrix `(8, 8)` of counts as PNG, each row divided by its sum.
+
+    Rows without examples stay empty.
+    """
     figure = Figure(figsize=(5.4, 4.9), dpi=DPI, facecolor=theme.paper, layout="constrained")
     _confusion(figure.subplots(), matrix, theme)
     return to_png(figure)
 
 
 def confusions(matrices: Mapping[str, np.ndarray], theme: Theme = LIGHT) -> bytes:
-    """Figure 7: the confusion matrices of several systems, by title, side by side."""
+    """Draw the paper's Figure 7 as PNG: confusion matrices of several systems, by title."""
     across = min(3, len(matrices))
     down = math.ceil(len(matrices) / across)
     size = (4.9 * across, 4.7 * down)
@@ -67,7 +70,12 @@ def confusions(matrices: Mapping[str, np.ndarray], theme: Theme = LIGHT) -> byte
 
 
 def reliability(rows: Mapping[str, np.ndarray], theme: Theme = LIGHT) -> bytes | None:
-    """Share of right answers by confidence, over a histogram; None without probabilities."""
+    """Draw the share of correct bins by confidence as PNG; return None without probabilities.
+
+    Args:
+        rows: columns of `Evaluation.rows`.
+        theme: colours of the page.
+    """
     if "bin_probabilities" not in rows:
         return None
     found = calibration.reliability(rows["bin_probabilities"], rows["bin_distance"] == 0)
@@ -77,7 +85,7 @@ def reliability(rows: Mapping[str, np.ndarray], theme: Theme = LIGHT) -> bytes |
         dress(axes, theme)
     curve.plot([0, 1], [0, 1], color=theme.ink, linewidth=0.8, alpha=0.6)
     known = found.count > 0
-    # 95 % of a share of n examples, by the normal limit.
+    # 95 % interval of a share of n examples, by the normal approximation.
     spread = 1.96 * np.sqrt(found.right * (1 - found.right) / np.maximum(found.count, 1))
     curve.errorbar(
         found.confidence[known],
@@ -96,7 +104,12 @@ def reliability(rows: Mapping[str, np.ndarray], theme: Theme = LIGHT) -> bytes |
 
 
 def relighting(rows: Mapping[str, np.ndarray], theme: Theme = LIGHT) -> bytes:
-    """Share of the images that are relit at least so well, under both lights."""
+    """Draw as PNG the share of images whose relighting PSNR is at least x, under both lights.
+
+    Args:
+        rows: columns of `Evaluation.rows`.
+        theme: colours of the page.
+    """
     figure = Figure(figsize=(7.0, 4.9), dpi=DPI, facecolor=theme.paper, layout="constrained")
     axes = figure.subplots()
     dress(axes, theme)
@@ -118,7 +131,7 @@ def relighting(rows: Mapping[str, np.ndarray], theme: Theme = LIGHT) -> bytes:
 
 
 def dress(axes: Axes, theme: Theme) -> None:
-    """Give an axis the colours of the page."""
+    """Give the axes the colours of the page."""
     axes.set_facecolor(theme.paper)
     axes.tick_params(which="both", colors=theme.ink, labelsize=8)
     axes.xaxis.label.set_color(theme.ink)
@@ -128,7 +141,7 @@ def dress(axes: Axes, theme: Theme) -> None:
 
 
 def to_png(figure: Figure) -> bytes:
-    """A figure as PNG."""
+    """Return a figure as PNG."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png")
     return buffer.getvalue()
@@ -156,7 +169,7 @@ def _confusion(axes: Axes, matrix: np.ndarray, theme: Theme) -> None:
 
 
 def albedos(rows: Mapping[str, np.ndarray], theme: Theme = LIGHT) -> bytes:
-    """Estimated against true albedo: m_d's three channels in their colours, and m_s."""
+    """Draw estimated over true albedos as PNG: the channels of m_d in their colours, and m_s."""
     figure = Figure(figsize=(7.0, 3.7), dpi=DPI, facecolor=theme.paper, layout="constrained")
     left, right = figure.subplots(1, 2)
     size = float(np.clip(2000 / len(rows["bin"]), 3, 30))
@@ -174,9 +187,13 @@ def albedos(rows: Mapping[str, np.ndarray], theme: Theme = LIGHT) -> bytes:
 
 
 def loss_curves(curves: Path, theme: Theme = LIGHT) -> bytes | None:
-    """One panel per training stage from `RUN/curves/*.csv`; None if there are no curves.
+    """Draw the losses of each training stage in a panel as PNG; return None without curves.
 
-    A term has one colour in all panels.
+    A loss term has the same colour in all panels.
+
+    Args:
+        curves: folder of the curves, one CSV file for each stage (`RUN/curves`).
+        theme: colours of the page.
 
     Raises:
         ValueError: if a file is not a table of numbers.
@@ -208,7 +225,7 @@ def loss_curves(curves: Path, theme: Theme = LIGHT) -> bytes | None:
 
 
 def read_curves(path: Path) -> dict[str, np.ndarray]:
-    """Columns of a curve file as float64; an empty cell is NaN.
+    """Read the columns of a curve file as float64 `(N,)` by name; an empty cell is NaN.
 
     Raises:
         ValueError: if a cell is not a number.
@@ -233,7 +250,7 @@ def _stage(
     tones: Mapping[str, str],
     theme: Theme,
 ) -> None:
-    """Training terms as thin lines, validation as points joined by strong ones."""
+    """Draw a stage: training losses as thin lines, validation losses as points joined by lines."""
     styles: dict[str, dict[str, Any]] = {
         _TRAIN: {"linewidth": 0.8, "alpha": 0.55},
         _VALIDATION: {"marker": ".", "markersize": 4},
@@ -256,14 +273,14 @@ def _stage(
 
 
 def _term_colours(stages: list[dict[str, np.ndarray]]) -> dict[str, str]:
-    """A colour for each loss term, in the order in which training meets them."""
+    """Return the colour of each loss term, in the order in which training uses the terms."""
     terms = dict.fromkeys(_kind_and_term(column)[1] for columns in stages for column in columns)
     terms.pop("", None)
     return {term: TONES[index % len(TONES)] for index, term in enumerate(terms)}
 
 
 def _kind_and_term(column: str) -> tuple[str, str]:
-    """`train_mask` → train_, mask; a column that is no loss has no term."""
+    """Split `train_mask` into `train_` and `mask`; return empty strings if it is no loss column."""
     for kind in (_TRAIN, _VALIDATION):
         if column.startswith(kind):
             return kind, column.removeprefix(kind)

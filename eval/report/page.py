@@ -1,4 +1,4 @@
-"""One self-contained HTML page: sections of numbers, figures, examples."""
+"""The report as one self-contained HTML page: sections of numbers, figures and examples."""
 
 import base64
 import json
@@ -42,9 +42,9 @@ class Picture:
     """A figure of a section.
 
     Attributes:
-        draw: theme → PNG.
-        alt: what it is, for those who cannot see it.
-        caption: what to look for.
+        draw: function from a theme to a PNG, or to None if there is nothing to draw.
+        alt: description of the figure for readers who cannot see it.
+        caption: text below the figure.
     """
 
     draw: Callable[[figures.Theme], bytes | None]
@@ -62,15 +62,15 @@ def evaluation(
     corpus: Path,
     run: Path,
 ) -> str:
-    """The section about one run, as HTML.
+    """Return the section about one run as HTML.
 
     Args:
-        found: rows and confusion matrix.
-        summary: of `measures.summarise`.
-        examples: to be shown with their layers, of `examples.read`.
-        worst: to be shown small, with their relighting error.
-        command: that made the report, as typed.
-        corpus: folder that was evaluated on.
+        found: evaluation of the run.
+        summary: result of `measures.summarise` for this evaluation.
+        examples: examples to show with their layers (see `examples.read`).
+        worst: examples to show small, with their relighting error.
+        command: command that made the report, as typed.
+        corpus: folder of the corpus with the test split.
         run: folder of the weights; its `config.json` and `curves/` are shown where they exist.
 
     Raises:
@@ -103,13 +103,13 @@ def evaluation(
 
 
 def measured(title: str, text: str, pictures_of_it: Sequence[Picture], *, command: str) -> str:
-    """A section of figures and Markdown, as HTML.
+    """Return a section of figures and Markdown as HTML.
 
     Args:
-        title: its heading.
-        text: Markdown; tables become sortable.
-        pictures_of_it: drawn above the text.
-        command: that made it, as typed.
+        title: heading of the section.
+        text: Markdown below the figures; its tables become sortable.
+        pictures_of_it: figures of the section.
+        command: command that made the section, as typed.
     """
     drawn = [(_both_themes(p.draw), p.alt, p.caption) for p in pictures_of_it]
     html = MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
@@ -124,10 +124,10 @@ def measured(title: str, text: str, pictures_of_it: Sequence[Picture], *, comman
 
 
 def whole(sections: Sequence[tuple[str, str, str]]) -> str:
-    """The report as HTML; needs no other file and no network.
+    """Return the report as HTML that needs no other file and no network.
 
     Args:
-        sections: name, title and HTML of each, in order.
+        sections: name, title and HTML of each section, in order.
     """
     shown = [{"name": name, "title": title, "html": Markup(html)} for name, title, html in sections]
     return _rendered("report.html", sections=shown)
@@ -150,7 +150,7 @@ def _rendered(template: str, **values: Any) -> str:
 
 
 def _shown(parts: Sequence[Slice]) -> list[str]:
-    """Measures that at least one part has."""
+    """Return the names of the measures in `SHOWN` that at least one part has."""
     return [name for name in SHOWN if any(name in part.value for part in parts)]
 
 
@@ -162,7 +162,7 @@ def _slice_cells(part: Slice, names: Sequence[str]) -> list[str]:
 
 
 def _tile(name: str, summary: Mapping[str, Any]) -> dict[str, Any]:
-    """A headline number and its place between chance (0 %) and a perfect answer (100 %)."""
+    """Return a headline number and its place between chance (0 %) and perfection (100 %)."""
     measure = MEASURES[name]
     chance = summary["chance"].get(name, summary["constant"].get(name))
 
@@ -183,7 +183,7 @@ def _tile(name: str, summary: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _constants(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """What the best constant answers reach on this split, titled and ready to print."""
+    """Return the measures of the best constant predictions on this split, as title and text."""
     return [
         (MEASURES[name].title, MEASURES[name].unit.number(value))
         for name, value in summary["constant"].items()
@@ -191,7 +191,7 @@ def _constants(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def _small_card(example: Example, found: Evaluation) -> dict[str, Any]:
-    """One of the worst for the template."""
+    """Return the template's values for one of the worst relit examples."""
     truth = example.truth
     return _material(example) | {
         "source": f"{truth['shape'].decode()} under {truth['light'].decode()}, "
@@ -204,7 +204,7 @@ def _small_card(example: Example, found: Evaluation) -> dict[str, Any]:
 
 
 def _material(example: Example) -> dict[str, Any]:
-    """True and estimated m_d, m_s and s, ready to print."""
+    """Return the true and the estimated m_d, m_s and s as the template prints them."""
     truth, estimate = example.truth, example.estimate
     return {
         "diffuse": [_swatch(material["diffuse_albedo"]) for material in (truth, estimate)],
@@ -214,7 +214,7 @@ def _material(example: Example) -> dict[str, Any]:
 
 
 def _card(example: Example) -> dict[str, Any]:
-    """One example for the template."""
+    """Return the template's values for one of the examples shown with their layers."""
     truth, estimate = example.truth, example.estimate
     probabilities = estimate.get("exponent_bin_probabilities", ())
     true_bin = int(shininess.bin_of(truth["shininess"]))
@@ -243,7 +243,7 @@ def _card(example: Example) -> dict[str, Any]:
 
 
 def _swatch(albedo_linear: np.ndarray) -> dict[str, str]:
-    """An albedo as a CSS colour and as text."""
+    """Return a linear albedo `(3,)` as a CSS colour and as text."""
     srgb = np.clip(colour.linear_to_srgb(albedo_linear), 0, 1)
     red, green, blue = np.round(255 * srgb).astype(int).tolist()
     return {
@@ -253,7 +253,7 @@ def _swatch(albedo_linear: np.ndarray) -> dict[str, str]:
 
 
 def _both_themes(draw: Any) -> dict[str, str] | None:
-    """The figure for a light and for a dark page as data URIs; None if there is none to draw."""
+    """Return the figure for a light and a dark page as data URIs; None if there is no figure."""
     drawn = {"light": draw(figures.LIGHT), "dark": draw(figures.DARK)}
     if drawn["light"] is None:
         return None
@@ -265,7 +265,7 @@ def _data_uri(data: bytes) -> str:
 
 
 def _pretty_json(path: Path) -> str | None:
-    """The file's JSON, indented; as it stands if it is none; None if there is no file."""
+    """Return the JSON of a file, indented; its raw text if it is not JSON; None without a file."""
     if not path.is_file():
         return None
     text = path.read_text(encoding="utf-8", errors="replace")

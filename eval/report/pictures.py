@@ -1,4 +1,4 @@
-"""What a report shows of one example: its layers and the photo rendered anew, as sRGB images."""
+"""The pictures of one example in a report: its layers and its renderings, as sRGB images."""
 
 import io
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ _LAYERS = {"specular_shading": "Specular shading S", "mirror": "Mirror image M"}
 
 @dataclass(frozen=True)
 class Pair:
-    """One kind of picture, true and estimated, sRGB in [0, 1], `(H, W, 3)` each."""
+    """A true picture and its estimate, `(H, W, 3)` each, sRGB in [0, 1], with their title."""
 
     title: str
     truth: np.ndarray
@@ -27,7 +27,7 @@ class Pair:
 
 
 def pairs(example: Example) -> list[Pair]:
-    """Mask, the layers estimated and the photo rendered anew, each true and estimated."""
+    """Return the mask, the layers that the system estimates, and the rendering as pairs."""
     truth, estimate = example.truth, example.estimate
     layers = [
         _hdr_pair(title, truth[name], estimate[name], truth["mask"])
@@ -47,7 +47,11 @@ def pairs(example: Example) -> list[Pair]:
 
 
 def true_render(example: Example) -> np.ndarray:
-    """Eq. 4 from the record's own material and layers, over the photo's background, sRGB."""
+    """Render Eq. 4 with the true material and layers over the photo's background.
+
+    Returns:
+        `(H, W, 3)` sRGB in [0, 1].
+    """
     truth = example.truth
     return _over_background(
         truth, truth["diffuse_albedo"], truth["specular_albedo"], truth["specular_shading"]
@@ -55,10 +59,13 @@ def true_render(example: Example) -> np.ndarray:
 
 
 def estimated_render(example: Example) -> np.ndarray:
-    """Eq. 4 with the estimated m_d, m_s and s under the true light, on the true shape, sRGB.
+    """Render Eq. 4 with the estimated m_d, m_s and s under the true light, on the true shape.
 
-    S is summed anew over the record's environment at the estimated exponent; D, m_a and the mask
-    are the true ones, so what differs from `true_render` is the material alone.
+    S is computed from the record's environment with the estimated exponent. D, m_a and the mask
+    are the true ones, so only the material differs from `true_render`.
+
+    Returns:
+        `(H, W, 3)` sRGB in [0, 1].
     """
     truth, estimate = example.truth, example.estimate
     shape = truth["mask"].shape
@@ -77,14 +84,14 @@ def estimated_render(example: Example) -> np.ndarray:
 
 
 def png(image_srgb: np.ndarray) -> bytes:
-    """PNG of an image `(H, W, 3)`, sRGB in [0, 1]."""
+    """Return the PNG of an image `(H, W, 3)`, sRGB in [0, 1]."""
     buffer = io.BytesIO()
     png_writer.imsave(buffer, np.clip(image_srgb, 0.0, 1.0), format="png")
     return buffer.getvalue()
 
 
 def _hdr_pair(title: str, true: np.ndarray, found: np.ndarray, mask: np.ndarray) -> Pair:
-    """A layer tonemapped by one scale: the truth's 99th percentile in the mask becomes white."""
+    """Tone-map a true layer and its estimate by one white point, the truth's 99th percentile."""
     true = true * mask
     white = white_point(true, mask)
     return Pair(title, tonemap(true, white), tonemap(found, white))
@@ -96,7 +103,7 @@ def _over_background(
     specular_albedo: np.ndarray,
     specular_shading: np.ndarray,
 ) -> np.ndarray:
-    """The object under Eq. 4, clipped at 1 as a camera does, before the photo's background."""
+    """Render the object by Eq. 4, clip it at 1 as a camera does, and put it over the background."""
     radiance = compose(
         diffuse_albedo,
         np.asarray(specular_albedo),

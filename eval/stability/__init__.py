@@ -1,1 +1,1 @@
-"""Numerical stability at the extremes."""
+"""Numerical stability: the library's parts with extreme inputs and in several precisions."""

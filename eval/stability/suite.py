@@ -1,4 +1,4 @@
-"""Every numeric part of the library at its extremes: what it answers, what it should, a verdict.
+"""The stability suite: every numeric part at its extremes, compared with a reference.
 
 Example:
     from lime_keras.eval.stability import suite
@@ -42,7 +42,7 @@ KNOWN = {
         "mean of all"
     ),
 }
-"""Parts and cases that are known to fail, in any precision, and why."""
+"""Reasons of the failures that are known, by part and case; they hold in any precision."""
 
 HEADER = (
     "Case",
@@ -59,12 +59,12 @@ _SUMMARY = ("Part", "Checks", "Passed", "Known", "Failed")
 
 
 def cases(model_dir: Path | None = None) -> list[Case]:
-    """Everything that is tried, in the order of the tables; nothing is computed yet.
+    """Return all cases in the order of the tables, without computing anything.
 
     Args:
-        model_dir: run of `lime-train`, or folder of `lime_keras.networks.weights.save`, whose
-            networks and exported formats are tried; without one, those of small networks with
-            fresh weights.
+        model_dir: run of `lime-train`, or folder of `lime_keras.networks.weights.save`, with the
+            networks to try in every precision and format; by default small networks with fresh
+            weights.
     """
     modules = (
         reflectance,
@@ -84,16 +84,18 @@ def cases(model_dir: Path | None = None) -> list[Case]:
 
 
 def run(model_dir: Path | None = None, progress: bool = True) -> list[Verdict]:
-    """Try everything; some half a minute with fresh weights, longer with a large trained model.
+    """Run all cases and return their verdicts.
+
+    This takes about half a minute with fresh weights, and longer with a large trained model.
 
     Args:
-        model_dir: as of `cases`.
-        progress: whether to show a bar on standard error.
+        model_dir: folder of the networks to try (see `cases`).
+        progress: whether to show a progress bar on standard error.
 
     Raises:
         FileNotFoundError: if `model_dir` holds no trained model.
-        ValueError: if the model cannot be read, or Keras' backend is not TensorFlow, by which
-            derivatives are taken here.
+        ValueError: if the model cannot be read, or if Keras' backend is not TensorFlow, which the
+            suite needs for derivatives.
     """
     if keras.backend.backend() != "tensorflow":
         raise ValueError(
@@ -101,7 +103,7 @@ def run(model_dir: Path | None = None, progress: bool = True) -> list[Verdict]:
             "TensorFlow here: unset KERAS_BACKEND"
         )
     if model_dir is not None:
-        # Else every case of the networks would fail for this one reason.
+        # A missing model would make every case of the networks fail for the same reason.
         networks.check(model_dir)
     tried = cases(model_dir)
     with tqdm(tried, desc="stability", unit="check", disable=not progress) as bar:
@@ -109,17 +111,17 @@ def run(model_dir: Path | None = None, progress: bool = True) -> list[Verdict]:
 
 
 def is_known(verdict: Verdict) -> bool:
-    """Whether the case is one of `KNOWN`."""
+    """Return whether the case is one of `KNOWN`."""
     return (verdict.part, verdict.case) in KNOWN
 
 
 def failures(verdicts: Iterable[Verdict]) -> list[Verdict]:
-    """What failed and is not known to."""
+    """Return the verdicts that failed and are not in `KNOWN`."""
     return [verdict for verdict in verdicts if not verdict.passed and not is_known(verdict)]
 
 
 def markdown(verdicts: Sequence[Verdict]) -> str:
-    """Counts by part, then a table of each part, aligned so that it reads well in a terminal."""
+    """Return the counts of each part and then a table of each part, in Markdown."""
     by_part: dict[str, list[Verdict]] = {}
     for verdict in verdicts:
         by_part.setdefault(verdict.part, []).append(verdict)
@@ -132,7 +134,7 @@ def markdown(verdicts: Sequence[Verdict]) -> str:
 
 
 def to_json(verdicts: Iterable[Verdict]) -> list[dict[str, object]]:
-    """Dictionaries for `json.dumps`; numbers that JSON lacks as "nan", "inf" and "-inf"."""
+    """Return dictionaries for `json.dumps`; non-finite numbers become "nan", "inf" and "-inf"."""
     return [
         {
             name: str(value) if isinstance(value, float) and not math.isfinite(value) else value
@@ -143,7 +145,7 @@ def to_json(verdicts: Iterable[Verdict]) -> list[dict[str, object]]:
 
 
 def _explained(verdict: Verdict) -> Verdict:
-    """A failure that is known, with its reason."""
+    """Return the verdict, with the reason as its note if it is a known failure."""
     if verdict.passed or not is_known(verdict):
         return verdict
     return dataclasses.replace(verdict, note=KNOWN[verdict.part, verdict.case])
@@ -156,14 +158,14 @@ def _state(verdict: Verdict) -> str:
 
 
 def _counted(verdicts: Sequence[Verdict]) -> tuple[str, ...]:
-    """How many there are, and how many passed (refusals among them), are known and failed."""
+    """Count all verdicts, and those that passed (or were refused), are known, and failed."""
     states = Counter(map(_state, verdicts))
     passed = states["passed"] + states["refused"]
     return tuple(map(str, (len(verdicts), passed, states["known"], states["FAILED"])))
 
 
 def _cells(verdict: Verdict) -> tuple[str, ...]:
-    """The cells below `HEADER`."""
+    """Return the cells of a row in the order of `HEADER`."""
     numbers = (
         verdict.value,
         verdict.gradient,

@@ -1,1 +1,1 @@
-"""Speed against accuracy, over models, runtimes and precisions."""
+"""The trade-off of speed against accuracy, over models, runtimes and precisions."""

@@ -1,4 +1,4 @@
-"""What the trade times: which models, in which batches, on how many threads."""
+"""The cases that the trade-off times: models, runtimes, precisions, batches and threads."""
 
 import dataclasses
 from collections.abc import Iterator, Mapping
@@ -19,17 +19,18 @@ BATCHES = (1, 8, LARGEST_BATCH)
 
 @dataclasses.dataclass(frozen=True)
 class Case:
-    """One thing to time.
+    """A model in a configuration, to be timed.
 
     Attributes:
         model: name of the run, or of the yardstick.
-        kind: `SYSTEM`, `SUBNETWORK` (one alone, fed with noise) or `YARDSTICK`.
-        part: of a system, what is asked of it; of a subnetwork, which.
+        kind: `SYSTEM`, `SUBNETWORK` (a single subnetwork with noise as its input) or `YARDSTICK`.
+        part: for a system, the requested outputs (a key of `Run.costs["parts"]`); for a subnetwork,
+            its name.
         image_size: height and width of the images.
-        runtime: out of `runtimes`.
-        precision: out of `run_formats.PRECISIONS`.
-        batch: images at once.
-        threads: of the runtime.
+        runtime: name of the runtime (see `runtimes`).
+        precision: name of the precision (see `run_formats.PRECISIONS`).
+        batch: number of images in a batch.
+        threads: number of the runtime's threads.
     """
 
     model: str
@@ -43,18 +44,18 @@ class Case:
 
     @property
     def name(self) -> str:
-        """For a file."""
+        """The name of the case, fit for a file name."""
         words = (self.model, self.kind, self.part, self.image_size, self.runtime, self.precision)
         slug = "-".join(map(str, words)).replace(",", "").replace(" ", "-")
         return f"{slug}-batch{self.batch}-threads{self.threads}"
 
 
 class Bench:
-    """The models of all cases.
+    """The cases to time, with their models.
 
     Args:
-        runs: trained ones by name.
-        store: keeps the yardsticks.
+        runs: trained runs by name.
+        store: store that keeps the yardsticks.
     """
 
     def __init__(self, runs: Mapping[str, Run], store: Store):
@@ -65,10 +66,11 @@ class Bench:
         }
 
     def cases(self) -> list[Case]:
-        """Each case once.
+        """Return all cases, each of them once.
 
-        Of every run each runtime in each precision, and one change at a time around ONNX Runtime:
-        batch, threads (in each of its precisions), part and subnetwork; and the yardsticks.
+        Every run is timed in each runtime and precision. Starting from ONNX Runtime in float32, one
+        property at a time is then changed: batch, threads (in each precision), part and subnetwork.
+        The yardsticks follow.
         """
         yardsticks = [
             Case(name, YARDSTICK, EVERYTHING, side, ONNX, "float32", 1, machine.cores())
@@ -78,7 +80,7 @@ class Bench:
         return list(dict.fromkeys([*of_runs, *yardsticks]))
 
     def job(self, case: Case, effort: Effort) -> Job:
-        """The case as a process is given it; writes the model's files where they are not there."""
+        """Return the job of a case for a process; write the model's files if they are missing."""
         of, images = self._model(case), None
         if isinstance(of, Yardstick):
             path = of.path
@@ -93,7 +95,7 @@ class Bench:
         )
 
     def depends_on(self, case: Case, effort: Effort) -> DependsOn:
-        """What a case's times follow from."""
+        """Return the inputs of a case's times, for the store: model, case, effort and machine."""
         about = machine.describe()
         hardware = {name: about[name] for name in ("processor", "cores", "instructions")}
         return {
@@ -104,7 +106,7 @@ class Bench:
         }
 
     def costs(self, case: Case, job: Job) -> dict[str, float]:
-        """`model_mib` on disk, `parameters`, and `gflop` for one image."""
+        """Return `model_mib` (size on disk), `parameters`, and `gflop` for one image."""
         of = self._model(case)
         files = size(Path(job.path))
         if isinstance(of, Yardstick):
@@ -126,12 +128,15 @@ class Bench:
 
 
 def is_whole(row: Mapping[str, Any]) -> bool:
-    """Whether a row is of a whole system."""
+    """Return whether a row belongs to a whole system."""
     return (row["kind"], row["part"]) == (SYSTEM, EVERYTHING)
 
 
 def is_crossed(row: Mapping[str, Any], cores: int) -> bool:
-    """Whether a row is of the full cross: a whole system, one image, all threads."""
+    """Return whether a row belongs to the full cross: a whole system, one image, all threads.
+
+    The full cross is every run in every runtime and precision.
+    """
     return is_whole(row) and (row["batch"], row["threads"]) == (1, cores)
 
 

@@ -1,4 +1,4 @@
-"""What a network costs before it is run: its arithmetic, and what the paper's took."""
+"""The arithmetic of a network for one image, and the paper's run times."""
 
 import math
 
@@ -11,15 +11,16 @@ TITAN_XP = {
     "albedo": 2.68,
     "exponent": 1.92,
 }
-"""Milliseconds for one image that the paper prints for its subnetworks, in its order."""
+"""The paper's run times of its subnetworks on a Titan Xp, milliseconds for one image."""
 
 _COUNTED = keras.layers.Conv2D | keras.layers.DepthwiseConv2D | keras.layers.Dense
 
 
 def flop(network: keras.Model) -> int:
-    """Multiplications and additions of one image, of convolutions and dense layers, no biases.
+    """Count the multiplications and additions of convolutions and dense layers for one image.
 
-    A batch normalisation counts nothing: at inference it is folded into the convolution before it.
+    Biases are not counted. A batch normalisation counts as 0: for inference it is folded into the
+    convolution before it.
 
     Raises:
         ValueError: if a layer of another kind holds weights.

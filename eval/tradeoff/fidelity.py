@@ -1,4 +1,4 @@
-"""What a runtime and a precision do to the answers: differences from Keras, and the errors."""
+"""The accuracy of a run in each runtime and precision: differences from Keras, and errors."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -16,15 +16,15 @@ from .run_formats import Run
 from .runtimes import KERAS
 
 _COMPARED = 16
-"""Test images on which runtimes are compared."""
+"""Number of test images on which runtimes are compared."""
 
 
 class Fidelity:
-    """How well the variants of one run answer.
+    """The accuracy of one run's variants.
 
     Args:
-        run: that was trained.
-        store: keeps what is measured.
+        run: trained run.
+        store: store that keeps the measurements.
     """
 
     def __init__(self, run: Run, store: Store):
@@ -32,9 +32,10 @@ class Fidelity:
         self._of_keras: dict[str, Mapping[str, np.ndarray]] = {}
 
     def difference(self, runtime: str, precision: str) -> dict[str, float]:
-        """Largest difference of each output from Keras in the same precision, on test images.
+        """Return the largest difference of each output from Keras on test images.
 
-        As `parity.compare` has it: relative above 1. Eight bits are compared with float32.
+        The difference is that of `parity.compare`: absolute, and relative for values above 1. Keras
+        computes in the same precision; eight bits are compared with Keras in float32.
         """
 
         def compare() -> dict[str, float]:
@@ -49,11 +50,14 @@ class Fidelity:
         return self._store.value(f"differences/{self._name(runtime, precision)}", key, compare)
 
     def errors(self, runtime: str, precision: str) -> dict[str, Any]:
-        """Errors on the whole test split.
+        """Return the errors on the whole test split.
 
-        `measured_on`, a runtime's name, `errors` by measure, their `interval`s and the `count` of
-        images. A runtime whose answers are Keras' to within `parity.TOLERANCE` has Keras' errors;
-        the others are evaluated themselves.
+        A runtime whose outputs agree with Keras' to within `parity.TOLERANCE` gets the errors of
+        Keras. The other runtimes, and eight bits, are evaluated themselves.
+
+        Returns:
+            `measured_on` (name of the runtime), `errors` and `interval` by measure, and the `count`
+            of images.
         """
         if precision in POLICIES and runtime != KERAS:
             if max(self.difference(runtime, precision).values()) <= parity.TOLERANCE:
@@ -80,7 +84,10 @@ class Fidelity:
         return self._store.value(f"errors/{self._name(runtime, precision)}", key, measure)
 
     def _depends_on(self, runtime: str, precision: str) -> dict[str, Any]:
-        """What answers to test images follow from; a processor's instructions may round."""
+        """Return the inputs of a variant's outputs, for the store.
+
+        The processor's instructions are among them, because they may round differently.
+        """
         run = self._run
         calibrated = {} if precision in POLICIES else run.samples.depends_on("train")
         return {

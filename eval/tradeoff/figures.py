@@ -1,4 +1,4 @@
-"""The trade as a picture: time against each error, and what nothing beats."""
+"""The figure of the trade-off: latency against the score and each error, with the Pareto front."""
 
 import math
 from collections.abc import Collection, Mapping, Sequence
@@ -17,15 +17,17 @@ from .runtimes import KERAS, ONNX, SAVED_MODEL
 
 _MARKERS = {"float32": "o", "bfloat16": "s", "float16": "D", "int8": "v", "int8, float heads": "^"}
 _FILLS: dict[str, Any] = {ONNX: "full", SAVED_MODEL: "left", KERAS: "none"}
-"""How full a marker is, by runtime."""
+"""Fill style of a marker by runtime."""
 _ACROSS = 3
 
 
 def pareto(result: Mapping[str, Any], theme: Theme = LIGHT) -> bytes:
-    """Latency of one image against the score and each scored error; a line joins the front.
+    """Draw the score and each scored error over the latency of one image, as PNG.
+
+    A line joins the variants on the Pareto front.
 
     Args:
-        result: of `measure.measure`, whose full cross is drawn.
+        result: result of `measure.measure`; only its full cross is drawn (see `is_crossed`).
         theme: colours of the page.
     """
     rows = [row for row in result["rows"] if is_crossed(row, result["machine"]["cores"])]
@@ -65,7 +67,7 @@ def _panel(
     tones: Mapping[str, str],
     theme: Theme,
 ) -> None:
-    """Every variant as a marker, the front as stairs below them."""
+    """Draw every variant as a marker, and the Pareto front as a stepped line."""
     points = [(row["latency_ms"], error) for row, error in zip(rows, errors, strict=True)]
     best = sorted(point for point, on in zip(points, front(points), strict=True) if on)
     axes.step(*zip(*best, strict=True), where="post", color=theme.ink, linewidth=0.9, alpha=0.5)
@@ -93,7 +95,7 @@ def _panel(
 def _legend(
     tones: Mapping[str, str], precisions: Collection[str], theme: Theme
 ) -> list[list[Line2D]]:
-    """What colours, shapes, fills and lines mean, a column each."""
+    """Return the columns of the legend: models, precisions, runtimes, and lines."""
     points: dict[str, Any] = {"linestyle": "none", "color": theme.ink, "markersize": 7}
     shapes = {name: shape for name, shape in _MARKERS.items() if name in precisions}
     return [

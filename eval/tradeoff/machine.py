@@ -1,4 +1,4 @@
-"""What a measured time belongs to: the processor, the system and the packages."""
+"""The machine on which times are measured: processor, system and packages."""
 
 import os
 import platform
@@ -6,19 +6,20 @@ from importlib.metadata import version
 from pathlib import Path
 
 _PACKAGES = ("tensorflow", "keras", "onnxruntime", "onnx", "tf2onnx", "numpy", "lime-keras")
-"""What computes, or writes what is computed with."""
+"""Packages that compute, or that write the models."""
 _DECIDE_PRECISION = (
     *("avx2", "avx512f", "avx_vnni", "avx512_vnni", "avx512_bf16", "avx512_fp16"),
     *("amx_int8", "amx_bf16", "asimdhp", "asimddp", "bf16", "i8mm"),
 )
-"""Instructions without which a narrow number is no faster than float32."""
+"""Names of the instructions that make a precision narrower than float32 faster."""
 
 
 def describe() -> dict:
-    """The machine, as JSON.
+    """Return a description of the machine, as JSON.
 
-    `processor`, `cores` usable, `instructions` that decide a precision's speed, `memory_gib`,
-    `system`, `python`, and `packages` by name.
+    Returns:
+        `processor`, usable `cores`, `instructions` that decide a precision's speed, `memory_gib`,
+        `system`, `python` (version), and versions of the `packages` by name.
     """
     about = _processor()
     flags = set(about.get("flags", about.get("Features", "")).split())
@@ -34,12 +35,12 @@ def describe() -> dict:
 
 
 def cores() -> int:
-    """Processors that this process may use."""
+    """Return the number of processors that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _processor() -> dict[str, str]:
-    """What Linux says of the first processor; nothing elsewhere."""
+    """Return Linux's description of the first processor, by field; empty on other systems."""
     path = Path("/proc/cpuinfo")
     if not path.is_file():
         return {}

@@ -1,9 +1,10 @@
-"""Users trade speed for accuracy: time, memory and size of every variant against its errors.
+"""The measurement of the trade-off: time, memory and size of every variant, and its errors.
 
-Every run in every runtime and precision, one image at a time on all threads; around ONNX Runtime
-the batch, the threads and the asked-for part change one at a time. Each time is taken in processes
-of its own (`timing`), in rounds in which every case has its turn, so that a noisy neighbour hits
-all alike. What was measured is kept, and not measured again while what it follows from is the same.
+Every run is measured in every runtime and precision, with one image at a time on all threads. For
+ONNX Runtime the batch, the threads and the requested part are also changed, one at a time. Each
+case is timed in separate processes (`timing`). In each round every case is timed once, so that
+other programs on the machine disturb all cases alike. Measurements are kept and reused while their
+inputs are the same.
 """
 
 import dataclasses
@@ -35,28 +36,28 @@ def measure(
     camera: bool = False,
     progress: bool = True,
 ) -> dict[str, Any]:
-    """Measure the trade of some trained runs, or take up where an earlier call was stopped.
+    """Measure the trade-off of trained runs; continue where an earlier call was stopped.
 
     Args:
-        runs: runs of `lime-train` by the names that the tables are to give them.
+        runs: runs of `lime-train`, by the names that the tables show.
         corpus: folder with complete `train` and `test` splits.
-        store: for what is measured, and the models in every format.
+        store: store that keeps the measurements and the models in every format.
         camera: show photos of the scenes (`lime_keras.data.camera`) instead of clean images.
-        progress: tell of it on standard error.
+        progress: show progress bars on standard error.
 
     Returns:
-        As JSON: `machine`, `date`, `load` (processes at work as it began), `corpus`, `camera`,
-        `count` of test images, `rounds`, `runs` (`costs`, `int8_harm`, `best_ranges` and
-        `best_int8` of each), `scored` (the measures in a score), `rows` and `recommendations`. A
-        row is a `Case`, its times as `timing.pooled` has them, `model_mib`, `parameters` and
-        `gflop`; of a whole system also the `errors` with their `interval`, the runtime that they
-        were `measured_on`, the `difference` from Keras, the `score` and, in the full cross,
-        whether it is on the `front`.
+        As JSON: `machine`, `date`, `load` (average number of running processes at the start),
+        `corpus`, `camera`, `count` of test images, `rounds`, `runs` (`costs`, `int8_harm`,
+        `best_ranges` and `best_int8` of each run), `scored` (the measures in the score), `rows` and
+        `recommendations`. A row holds the attributes of a `Case`, the times of `timing.pooled`,
+        `model_mib`, `parameters` and `gflop`. The row of a whole system also holds its `errors`
+        with their `interval` and `count`, the runtime that they were `measured_on`, the
+        `difference` from Keras, the `score` and, in the full cross, whether it is on the `front`.
 
     Raises:
         FileNotFoundError: if a run holds no trained model, or the corpus lacks a split.
-        ValueError: if there is no run, a name is no file's name, or a run and the corpus do not go
-            together.
+        ValueError: if there is no run, a name is not fit for a file, or a run's image size does not
+            fit the corpus.
         RuntimeError: if a process that measures fails.
     """
     if not runs or any(name in ("", "..") or name != Path(name).name for name in runs):
@@ -94,7 +95,7 @@ def measure(
 
 
 def _judge(rows: list[dict[str, Any]], answered: Mapping, scored: list[str]) -> None:
-    """Give whole systems' rows their errors and score, and those of the cross their front."""
+    """Add errors and score to the rows of whole systems, and `front` to those of the full cross."""
     for row in filter(is_whole, rows):
         row |= answered[row["model"], row["runtime"], row["precision"]]
         row["score"] = recommendation.score(row["errors"], scored)
@@ -107,7 +108,7 @@ def _judge(rows: list[dict[str, Any]], answered: Mapping, scored: list[str]) -> 
 def _answered(
     runs: Mapping[str, Run], store: Store, progress: bool
 ) -> dict[tuple[str, str, str], dict[str, Any]]:
-    """Errors and difference from Keras, by run, runtime and precision."""
+    """Return the errors and the difference from Keras by run, runtime and precision."""
     variants = [
         (name, runtime, precision)
         for name in runs
@@ -125,7 +126,7 @@ def _answered(
 
 
 def _timed(bench: Bench, store: Store, progress: bool) -> list[dict[str, Any]]:
-    """A row for each case, its rounds pooled."""
+    """Time all cases, and return a row for each case with its rounds pooled."""
     cases = bench.cases()
     jobs = {case: bench.job(case, EFFORT) for case in tqdm(cases, "models", disable=not progress)}
     rounds: dict[Case, list] = {case: [] for case in cases}

@@ -1,4 +1,4 @@
-"""What to take: one error for each variant, the Pareto front, and the best within a budget."""
+"""The recommendation of a variant: a score, the Pareto front, and the best within a budget."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -18,31 +18,36 @@ SCORED = {
     )
     if isinstance(chance := MEASURES[name].chance, float)
 }
-"""The measures that `score` averages, one for each thing that is estimated, the mask apart; and
-what an answer that knows nothing reaches."""
+"""Chance values of the measures that `score` averages: one measure for each estimated quantity
+except the mask, with the error of a prediction that ignores the image."""
 _AS_GOOD = 0.01
-"""Scores this much (relative) above the least count as equal to it: the test images cannot tell
-them apart, and the cheaper one is taken."""
+"""Relative difference of scores that counts as equal: the test images cannot distinguish such
+scores, so the cheaper variant is taken."""
 FRAME_MS = 1000 / 30
-"""Milliseconds for a frame of video."""
+"""Milliseconds for a frame of video at 30 frames per second."""
 PHONE_SLOWER = 5
-"""How many times slower a phone's core is taken to be than this machine's. A server's core does up
-to 64 float32 operations a cycle (two units of 512 bits), a middling phone's 16 (two of 128), at
-clocks that are alike: 4, and a little for the memory. An assumption, to be replaced by a phone."""
+"""Factor by which a phone's core is assumed to be slower than this machine's. A server's core does
+up to 64 float32 operations per cycle (two units of 512 bits), a mid-range phone's core 16 (two of
+128 bits), at similar clocks. That is a factor of 4, and a little more for the memory. It is an
+assumption until a phone is measured."""
 GPU_GFLOP = 100.0
-"""Arithmetic of a frame: 30 a second at 3 TFLOP/s, a quarter of the peak of the paper's Titan Xp,
-which all GPUs made for computing since have."""
+"""Largest arithmetic of a frame on a GPU: 30 frames per second at 3 TFLOP/s, a quarter of the peak
+of the paper's Titan Xp, which all later GPUs for computing have."""
 
 Row = Mapping[str, Any]
 
 
 def scored(errors: Sequence[Mapping[str, float]]) -> list[str]:
-    """Those of `SCORED` that every one of the systems answers, so that scores can be compared."""
+    """Return the measures of `SCORED` that all systems have, so that scores can be compared.
+
+    Args:
+        errors: errors of each system, by measure.
+    """
     return [name for name in SCORED if all(name in one for one in errors)]
 
 
 def score(errors: Mapping[str, float], names: Sequence[str]) -> float:
-    """Mean over the named measures of error ÷ chance: 0 is perfect, 1 knows nothing.
+    """Return the mean of error ÷ chance over the named measures: 0 is perfect, 1 is chance.
 
     Raises:
         ValueError: if no measure is named.
@@ -53,7 +58,9 @@ def score(errors: Mapping[str, float], names: Sequence[str]) -> float:
 
 
 def front(points: Sequence[tuple[float, float]]) -> list[bool]:
-    """Which of the points (cost, error) no other one beats: no worse in both, better in one.
+    """Return for each point (cost, error) whether it is on the Pareto front.
+
+    A point is on the front if no other point is at most as high in both and lower in one.
 
     Raises:
         ValueError: if a number is NaN or infinite.
@@ -69,16 +76,16 @@ def front(points: Sequence[tuple[float, float]]) -> list[bool]:
 
 
 def best(rows: Sequence[Row], cost: Callable[[Row], float], budget: float) -> dict[str, Any]:
-    """The least score within a budget; the cheapest of those that are as good.
+    """Return the variant with the least score within a budget; of equally good ones the cheapest.
 
     Args:
         rows: variants with a `score`; at least one.
-        cost: of a row.
-        budget: largest cost accepted, in the same unit.
+        cost: function from a row to its cost.
+        budget: largest cost accepted, in the unit of `cost`.
 
     Returns:
-        `row`, its `cost`, and `within`, whether the budget is met: where no row meets it, `row` is
-        the cheapest of all.
+        `row`, its `cost`, and `within`, whether the row meets the budget. If no row meets it, `row`
+        is the cheapest of all.
     """
     front([(cost(row), row["score"]) for row in rows])
     within = [row for row in rows if cost(row) <= budget]
@@ -92,17 +99,18 @@ def best(rows: Sequence[Row], cost: Callable[[Row], float], budget: float) -> di
 
 
 def for_devices(rows: Sequence[Row], cores: int, best_int8: Mapping[str, str]) -> list[dict]:
-    """What to take for a phone-class processor, for this machine and for a GPU.
+    """Return the recommendations for a phone-class processor, for this machine and for a GPU.
 
     Args:
-        rows: whole systems, one image at a time, with `model`, `runtime`, `precision`, `threads`,
-            `latency_ms`, `gflop` and `score`.
-        cores: threads that are all of this machine's.
-        best_int8: of each model, the eight-bit precision that validation images chose; the other
-            one is not recommended, however well it does on the test images.
+        rows: rows of whole systems with one image at a time, with `model`, `runtime`, `precision`,
+            `threads`, `latency_ms`, `gflop` and `score`.
+        cores: number of threads on all of this machine's cores.
+        best_int8: eight-bit precision chosen on validation images, by model; the other eight-bit
+            precision is never recommended, even if it is better on the test images.
 
     Returns:
-        For each device `device`, `rule` in words, `budget` and its `unit`, and what `best` says.
+        For each device: `device`, `rule` in words, `budget` and its `unit`, and the result of
+        `best`.
     """
     chosen = [
         row

@@ -1,4 +1,4 @@
-"""A trained run in every runtime and precision: which there are, and their files."""
+"""The formats of a trained run: its files for every runtime and precision."""
 
 import dataclasses
 import functools
@@ -24,25 +24,25 @@ from .runtimes import KERAS, ONNX, SAVED_MODEL
 from .samples import Samples
 
 INT8 = {"int8": False, "int8, float heads": True}
-"""Eight-bit precisions, and whether the subnetworks' last layers are left out."""
+"""Eight-bit precisions by name, and whether the subnetworks' last layers stay in float32."""
 PRECISIONS = {
     KERAS: tuple(POLICIES),
     SAVED_MODEL: tuple(POLICIES),
     # ONNX Runtime has no bfloat16 convolution on processors.
     ONNX: ("float32", "float16", *INT8),
 }
-"""What each runtime has."""
+"""Precisions of each runtime."""
 EVERYTHING = "everything"
 
 
 class Run:
-    """One trained run; each of its files is made when first asked for, and kept.
+    """A trained run and its files, each of which is made when it is first needed, and kept.
 
     Args:
-        name: in file names and tables.
+        name: name of the run in file names and tables.
         folder: run of `lime-train`, or folder of `lime_keras.networks.weights.save`.
-        samples: images of the corpus that it was trained on.
-        store: keeps the files.
+        samples: images of the corpus that the run was trained on.
+        store: store that keeps the files.
 
     Raises:
         FileNotFoundError: if the folder holds no trained model.
@@ -55,26 +55,31 @@ class Run:
 
     @functools.cached_property
     def depends_on(self) -> DependsOn:
-        """What the float32 files follow from."""
+        """The inputs of the float32 files, for the store."""
         return {"weights": sha256(*self._files)}
 
     @functools.cached_property
     def costs(self) -> Mapping[str, Any]:
-        """What it takes, as JSON.
+        """The costs of the run, as JSON.
 
-        `architecture`, its `description`, and by name each of `subnetworks` and of `parts` (what
-        `lime-estimate --only` asks for, with the `outputs` that it takes, and `everything`) with
-        its `parameters` and `gflop` for one image.
+        They are `architecture`, its `description`, and by name the `subnetworks` and the `parts`,
+        each with its `parameters` and its `gflop` for one image. A part is a choice of
+        `lime-estimate --only`, or `everything`; it also has the `outputs` that it needs.
         """
         return self._store.value(f"costs/{self.name}", self.depends_on, self._count_costs)
 
     @property
     def image_size(self) -> int:
-        """Height and width of its images."""
+        """The height and width of the images that the run takes."""
         return self.costs["architecture"]["size"]
 
     def path(self, runtime: str, precision: str) -> Path:
-        """The model's files for a runtime, in one of its `PRECISIONS`."""
+        """Return the path of the model for a runtime and precision; write the files if missing.
+
+        Args:
+            runtime: name of the runtime (see `runtimes`).
+            precision: name of one of its `PRECISIONS`.
+        """
         if runtime == KERAS:
             return self.folder
         if runtime == SAVED_MODEL:
@@ -89,15 +94,15 @@ class Run:
         return self._int8(prepared, precision)
 
     def file_size(self, runtime: str, precision: str) -> int:
-        """Bytes of the files that a runtime needs."""
+        """Return the number of bytes in the files that a runtime needs."""
         if runtime == KERAS:
-            # Beside them may lie subnetworks as their own stages left them, for the oracle.
+            # The folder may also hold the subnetworks from before joint training, for the oracle.
             shipped = [path for path in self._files if path.parent == self._files[0].parent]
             return sum(map(size, shipped))
         return size(self.path(runtime, precision))
 
     def part(self, name: str) -> Path:
-        """ONNX of the subnetworks that one of `costs["parts"]` takes, cut out of the whole."""
+        """Return the ONNX file of a part (see `costs["parts"]`), cut out of the whole system."""
         whole = self.path(ONNX, "float32")
         outputs = self.costs["parts"][name]["outputs"]
 
@@ -107,31 +112,38 @@ class Run:
         return self._file(f"only-{name}.onnx", write)
 
     def subnetwork(self, name: str) -> Path:
-        """ONNX of one subnetwork alone, fed by nobody."""
+        """Return the ONNX file of one subnetwork alone, with its inputs left open."""
         return self._file(
             f"subnetwork-{name}.onnx",
             lambda path: formats.write_onnx(self._subnetworks[name], path),
         )
 
     def answer(self, runtime: str, precision: str) -> Answer:
-        """The model, loaded into this process."""
+        """Load the model into this process; return the function that runs it on images."""
         return runtimes.open_answer(runtime, self.path(runtime, precision), precision)
 
     @functools.cached_property
     def int8_harm(self) -> Mapping[str, Mapping[str, Mapping[str, float]]]:
-        """What eight bits do on validation images: `quantisation.harm` by precision and range."""
+        """The error of eight bits on validation images, by precision, ranges and output.
+
+        The error is `quantisation.harm`: the mean difference from float32 over the mean magnitude.
+        """
         prepared = self._file("prepared.onnx", self._write_prepared)
         key = self._calibrated()
         return self._store.value(f"int8/{self.name}", key, lambda: self._judge_int8(prepared))
 
     def best_ranges(self, precision: str) -> str:
-        """The ranges, out of `quantisation.RANGES`, that do the least harm on average."""
+        """Return the name of `quantisation.RANGES` with the least mean error on validation images.
+
+        Args:
+            precision: name of an eight-bit precision (see `INT8`).
+        """
         harm = self.int8_harm[precision]
         return min(harm, key=lambda ranges: _mean(harm[ranges]))
 
     @property
     def best_int8(self) -> str:
-        """The eight-bit precision that does the least harm on validation images."""
+        """The name of the eight-bit precision with the least mean error on validation images."""
         harm = self.int8_harm
         return min(harm, key=lambda name: _mean(harm[name][self.best_ranges(name)]))
 
@@ -185,7 +197,7 @@ class Run:
         return {**self.depends_on, "calibration": self.samples.depends_on("train"), **more}
 
     def _judge_int8(self, prepared: Path) -> dict[str, dict[str, dict[str, float]]]:
-        """Every eight-bit precision with every range against float32, on validation images."""
+        """Compare every eight-bit precision and every choice of ranges with float32."""
         calibration = self.samples.calibration(self.image_size)
         validation = self.samples.validation(self.image_size)
         expected = _answers(self.answer(ONNX, "float32"), validation)
@@ -206,7 +218,7 @@ class Run:
 
 
 def _answers(answer: Answer, images: np.ndarray) -> dict[str, np.ndarray]:
-    """Answers to images one at a time, so that memory is one image's."""
+    """Compute the outputs for images one at a time, so that memory stays that of one image."""
     each = [answer(image[None]) for image in images]
     return {name: np.concatenate([one[name] for one in each]) for name in each[0]}
 

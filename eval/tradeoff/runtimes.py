@@ -1,7 +1,7 @@
-"""A model's files, opened in the runtime that they are for: the cost of each is its own.
+"""The runtimes, and the loading of a model in each of them.
 
-Nothing is imported here before it is needed, so that a process that runs ONNX Runtime holds no
-TensorFlow, nor the other way round.
+Each runtime is imported only when it is needed. A process that runs ONNX Runtime therefore does not
+load TensorFlow, nor the other way round, and its start and memory are those of its runtime.
 """
 
 from pathlib import Path
@@ -18,13 +18,15 @@ KERAS, SAVED_MODEL, ONNX = "Keras", "SavedModel", "ONNX Runtime"
 
 
 def open_answer(runtime: str, path: Path, precision: str, threads: int | None = None) -> Answer:
-    """Load a model; what is called with images then answers as the assembled system does.
+    """Load a model, and return the function from images to the outputs of the assembled system.
 
     Args:
         runtime: `KERAS`, `SAVED_MODEL` or `ONNX`.
-        path: folder of `lime_keras.networks.weights.save`, of a SavedModel, or ONNX file.
-        precision: a name of `precision.POLICIES`, for Keras; the other files hold theirs.
-        threads: for ONNX Runtime; by default all. TensorFlow's are its process's.
+        path: folder of `lime_keras.networks.weights.save`, folder of a SavedModel, or ONNX file.
+        precision: name out of `precision.POLICIES` for Keras; the files of the other runtimes hold
+            their precision.
+        threads: number of threads for ONNX Runtime; by default all. For TensorFlow it is set for
+            the whole process (see `start_tensorflow`).
     """
     if runtime == KERAS:
         return _keras(path, precision)
@@ -34,21 +36,26 @@ def open_answer(runtime: str, path: Path, precision: str, threads: int | None = 
 
 
 def start_tensorflow(threads: int) -> None:
-    """Import TensorFlow and start it with so many threads, one operation at a time.
+    """Import TensorFlow and start it with `threads` threads, one operation at a time.
 
     Raises:
-        RuntimeError: if it was started before.
+        RuntimeError: if TensorFlow was started before.
     """
     import tensorflow as tf
 
     tf.config.threading.set_intra_op_parallelism_threads(threads)
-    # As ONNX Runtime does it.
+    # ONNX Runtime also runs one operation at a time.
     tf.config.threading.set_inter_op_parallelism_threads(1)
     tf.constant(0)
 
 
 def session(path: Path, threads: int | None = None) -> "onnxruntime.InferenceSession":
-    """An ONNX model under ONNX Runtime on the processor, with its own way of waiting for work."""
+    """Load an ONNX model in ONNX Runtime on the CPU.
+
+    Args:
+        path: ONNX file.
+        threads: number of threads; by default all.
+    """
     import onnxruntime
 
     options = onnxruntime.SessionOptions()
@@ -69,7 +76,7 @@ def _keras(folder: Path, precision: str) -> Answer:
 def _saved_model(path: Path) -> Answer:
     import tensorflow as tf
 
-    # The signature alone does not keep the loaded model, and its variables, alive.
+    # The signature alone does not keep the loaded model and its variables in memory.
     loaded = tf.saved_model.load(str(path))
 
     def answer(images: np.ndarray) -> dict[str, np.ndarray]:

@@ -1,4 +1,4 @@
-"""A few images of one corpus, and what they follow from: `data.samples`, kept in a store."""
+"""A few images of a corpus (see `data.samples`), with their inputs for the store."""
 
 from pathlib import Path
 
@@ -10,15 +10,15 @@ from lime_keras.data.corpus import Split
 from ..store import DependsOn, Store, sha256
 
 LARGEST_BATCH = 32
-"""Images of the test split: as many as are answered at once."""
+"""Number of images taken from the test split: those of the largest batch."""
 
 
 class Samples:
-    """Images `(N, S, S, 3)` sRGB in [0, 1] of one corpus, float32.
+    """A few images `(N, S, S, 3)` of one corpus, float32 sRGB in [0, 1].
 
     Args:
         corpus: folder with complete `train` and `test` splits.
-        store: keeps the test images.
+        store: store that keeps the test images.
         camera: take photos of the scenes (`lime_keras.data.camera`), the same every time.
     """
 
@@ -27,12 +27,12 @@ class Samples:
         self._store = store
 
     def depends_on(self, split: str) -> DependsOn:
-        """What images of a split follow from, their size apart."""
+        """Return the inputs of a split's images, except their size, for the store."""
         manifest = sha256(Split(self.corpus, split).manifest_path)
         return {"corpus": manifest, "camera": self.camera}
 
     def test(self, size: int) -> Path:
-        """`.npy` file of the first images of the test split."""
+        """Return the `.npy` file of the first images in the test split, `size` pixels wide."""
 
         def write(path: Path) -> None:
             shards = Split(self.corpus, "test").shard_paths()
@@ -44,9 +44,9 @@ class Samples:
         return self._store.file(f"images/{size}.npy", key, write)
 
     def calibration(self, size: int) -> np.ndarray:
-        """Images that the networks were trained on."""
+        """Read images that the networks were trained on, to calibrate quantisation."""
         return samples.calibration(self.corpus, size, camera=self.camera)
 
     def validation(self, size: int) -> np.ndarray:
-        """Images that training held out."""
+        """Read images of the train split that training held out."""
         return samples.validation(self.corpus, size, camera=self.camera)

@@ -1,4 +1,4 @@
-"""The trade in Markdown: what was measured, what it was measured on, and what to take."""
+"""The trade-off in Markdown: conditions of the measurement, tables, and recommendations."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
@@ -25,7 +25,7 @@ _ERRORS = (
     "relighting_psnr",
     "relighting_psnr_unseen",
 )
-"""Measures of the tables; all the others stand in the JSON."""
+"""Names of the measures in the tables; the JSON holds all measures."""
 _COLUMNS: dict[str, Callable[[Row], str]] = {
     "": lambda row: "◆" if row["front"] else "",
     "run": lambda row: row["model"],
@@ -55,11 +55,15 @@ _COLUMNS: dict[str, Callable[[Row], str]] = {
     "busy": lambda row: f"{row['busy']:.1f}",
 }
 _TEXTS = ("", "run", "runtime", "precision", "only", "ranges", "measured on")
-"""Columns that are flush left."""
+"""Names of the text columns, which are flush left."""
 
 
 def markdown(result: Mapping[str, Any]) -> str:
-    """The tables of `measure.measure`'s result, each under its heading."""
+    """Return the tables of the trade-off in Markdown, each under its heading.
+
+    Args:
+        result: result of `measure.measure`.
+    """
     sections = {
         "The trade": _cross,
         "Recommendations": _recommendations,
@@ -208,7 +212,7 @@ def _subnetworks(result: Mapping[str, Any]) -> str:
 
 
 def _paper(row: Row) -> str:
-    """The paper's time for a subnetwork, or for all of them together."""
+    """Return the paper's time for a subnetwork, or the sum of all for a whole system."""
     milliseconds = sum(TITAN_XP.values()) if is_whole(row) else TITAN_XP.get(row["part"])
     return ABSENT if milliseconds is None else f"{milliseconds:.2f}"
 
@@ -244,24 +248,24 @@ def _crossed(result: Mapping[str, Any]) -> list[Row]:
 
 
 def _plain(result: Mapping[str, Any]) -> list[Row]:
-    """Systems and their parts under ONNX Runtime in float32, on all threads."""
+    """Return the rows of systems and their parts in ONNX Runtime, float32, on all threads."""
     wanted = ("kind", "runtime", "precision", "threads")
     of = (SYSTEM, ONNX, "float32", result["machine"]["cores"])
     return [row for row in result["rows"] if tuple(row[name] for name in wanted) == of]
 
 
 def _systems(result: Mapping[str, Any]) -> list[Row]:
-    """Each run under ONNX Runtime in float32, one image, all threads."""
+    """Return the row of each run in ONNX Runtime, float32, with one image and all threads."""
     return [row for row in _plain(result) if is_whole(row) and row["batch"] == 1]
 
 
 def _shown(rows: Sequence[Row]) -> list[str]:
-    """Those of `_ERRORS` that a run has."""
+    """Return the measures of `_ERRORS` that at least one row has."""
     return [name for name in _ERRORS if any(name in row["errors"] for row in rows)]
 
 
 def _change(row: Row, plain: Row, name: str) -> str:
-    """A measure of float32 with half its interval; of another precision, what it adds to that."""
+    """Return a measure of float32 with half its interval, or another precision's change of it."""
     if name not in row["errors"]:
         return ABSENT
     unit = MEASURES[name].unit
@@ -280,7 +284,7 @@ def _count(value: float) -> str:
 
 
 def _rows(rows: Iterable[Row], *columns: str) -> str:
-    """A table of `_COLUMNS` and measures, by their names, a line for each row."""
+    """Return a table with a line for each row; columns are names of `_COLUMNS` or of measures."""
     lines = [[_cell(row, column) for column in columns] for row in rows]
     return _table([*map(_title, columns)], lines)
 

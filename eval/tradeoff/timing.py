@@ -1,9 +1,9 @@
-"""One model's speed and memory, measured in a process of its own.
+"""The speed and memory of one model, measured in a separate process.
 
     python -m lime_keras.eval.tradeoff.timing < job.json
 
-The process loads what a user of that runtime loads and nothing else, so its start, its memory and
-its threads are what they are said to be. `measure` starts it.
+The process, which `measure` starts, loads only what a user of the runtime loads. Its start, its
+memory and its threads are therefore those of the runtime.
 """
 
 import dataclasses
@@ -30,13 +30,13 @@ _QUIET_PROCESSOR = {
 
 @dataclasses.dataclass(frozen=True)
 class Effort:
-    """How much is measured in one process.
+    """The number and duration of the calls that one process times.
 
     Attributes:
-        warm_up: calls before the clock counts: the first trace and allocate.
-        seconds: measure for so long,
-        least: but so many calls at least,
-        most: and so many at most.
+        warm_up: number of calls before the timed ones; the first calls trace and allocate.
+        seconds: duration after which the process stops timing calls.
+        least: least number of timed calls, even if they take longer than `seconds`.
+        most: greatest number of timed calls.
     """
 
     warm_up: int = 3
@@ -47,17 +47,17 @@ class Effort:
 
 @dataclasses.dataclass(frozen=True)
 class Job:
-    """What one process measures.
+    """A model and the conditions under which one process measures it.
 
     Attributes:
-        runtime: a name out of `runtimes`.
-        precision: of Keras' policies; the other runtimes' files hold theirs.
-        path: the model.
-        images: `.npy` of `(N, S, S, 3)` to answer; None for noise into every input of an ONNX
-            model, whatever its inputs are.
-        batch: images at once.
-        threads: of the runtime.
-        effort: how much is measured.
+        runtime: name of the runtime (see `runtimes`).
+        precision: name of the precision for Keras; the files of the other runtimes hold theirs.
+        path: file or folder of the model.
+        images: `.npy` file of images `(N, S, S, 3)` as input; None to feed noise into all inputs of
+            an ONNX model.
+        batch: number of images in a batch.
+        threads: number of the runtime's threads.
+        effort: number and duration of the calls.
     """
 
     runtime: str
@@ -70,15 +70,15 @@ class Job:
 
 
 def measure(job: Job) -> dict[str, Any]:
-    """Run a job in a fresh process.
+    """Measure a job in a new process.
 
     Returns:
-        `seconds` of each warm call; `cold_start_s`, from the start of the process to its first
-        answer, with its parts `import_s`, `load_s` and `first_s`; `busy`, processor seconds a
-        second while measuring; and `peak_memory_mib` of the whole process.
+        `seconds` of each timed call; `cold_start_s`, from the start of the process to its first
+        outputs, and its parts `import_s`, `load_s` and `first_s`; `busy`, processor seconds per
+        second during the timed calls; and `peak_memory_mib` of the whole process.
 
     Raises:
-        RuntimeError: if the process fails; its last line says why.
+        RuntimeError: if the process fails; the message holds the last line of its errors.
     """
     task = dataclasses.asdict(job) | {"began": time.monotonic()}
     child = subprocess.run(
@@ -98,12 +98,16 @@ def measure(job: Job) -> dict[str, Any]:
 
 
 def pooled(rounds: Sequence[Mapping[str, Any]], batch: int) -> dict[str, float]:
-    """Several `measure`s of one job as one row.
+    """Pool several results of `measure` for one job into one row.
+
+    Args:
+        rounds: results of `measure`.
+        batch: number of images in a batch.
 
     Returns:
-        `latency_ms` (median of all calls) and `p95_ms` of a batch, `samples`,
-        `images_per_second`, `spread` of the rounds' medians (relative), median
-        `cold_start_ms` with `import_ms`, `load_ms`, `first_ms`, median `busy`, and the largest
+        `latency_ms` and `p95_ms` of a batch (median and 95th percentile of all calls), `samples`
+        (number of calls), `images_per_second`, `spread` of the rounds' medians (relative), medians
+        of `cold_start_ms`, `import_ms`, `load_ms`, `first_ms` and `busy`, and the largest
         `peak_memory_mib`.
     """
     seconds = np.concatenate([one["seconds"] for one in rounds])
@@ -125,7 +129,7 @@ def pooled(rounds: Sequence[Mapping[str, Any]], batch: int) -> dict[str, float]:
 
 
 def main() -> None:
-    """Read a job, measure, print the result."""
+    """Read a job from standard input, measure it, and print the result."""
     task = json.load(sys.stdin)
     began = task.pop("began")
     job = Job(**task | {"effort": Effort(**task["effort"])})
@@ -133,7 +137,13 @@ def main() -> None:
 
 
 def _measured(job: Job, began: float) -> dict[str, Any]:
-    """As `measure`; `began` is the parent's monotonic clock, which is the system's."""
+    """Measure a job in this process; return what `measure` returns.
+
+    Args:
+        job: model and conditions.
+        began: monotonic clock at the start of the process, read by its parent; all processes of the
+            system share this clock.
+    """
     ready = time.monotonic()
     _import(job)
     imported = time.monotonic()
@@ -156,7 +166,7 @@ def _measured(job: Job, began: float) -> dict[str, Any]:
 
 
 def _import(job: Job) -> None:
-    """Import and start the runtime alone, with its threads."""
+    """Import the runtime and nothing else; start TensorFlow with the job's threads."""
     if job.runtime == runtimes.ONNX:
         import onnxruntime  # noqa: F401
 
@@ -167,7 +177,7 @@ def _import(job: Job) -> None:
 
 
 def _prepared(job: Job) -> Callable[[], Any]:
-    """The model, loaded, as a call that answers one batch."""
+    """Load the model, and return a function that runs it on one batch."""
     path = Path(job.path)
     if job.images is not None:
         images = np.load(job.images, mmap_mode="r")
@@ -182,7 +192,7 @@ def _prepared(job: Job) -> Callable[[], Any]:
 
 
 def _repeated(call: Callable[[], Any], effort: Effort) -> tuple[list[float], float]:
-    """Seconds of each call, and processor seconds a second over them all."""
+    """Time repeated calls; return the seconds of each, and processor seconds per second overall."""
     seconds: list[float] = []
     processor, began = time.process_time(), time.perf_counter()
     while len(seconds) < effort.most and (
@@ -195,9 +205,10 @@ def _repeated(call: Callable[[], Any], effort: Effort) -> tuple[list[float], flo
 
 
 def _peak_memory() -> int:
-    """Bytes that this process held at most.
+    """Return the peak memory of this process in bytes.
 
-    Not `ru_maxrss` where Linux can tell: it starts from the parent's, which holds TensorFlow.
+    On Linux it is read from `/proc`, because `ru_maxrss` starts from the parent's value, and the
+    parent holds TensorFlow.
     """
     status = Path("/proc/self/status")
     if status.is_file():

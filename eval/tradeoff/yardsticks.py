@@ -1,8 +1,8 @@
-"""Public networks of known size, to hold a machine's times against.
+"""Public networks of known size, as yardsticks for the times of a run.
 
-No network published for this very task could be had: the paper's authors gave out neither code nor
-weights. MobileNetV2 and ResNet50 are in Keras itself; with random weights they take as long as
-with trained ones.
+No published network for this task is available: the paper's authors released neither code nor
+weights. MobileNetV2 and ResNet50 are part of Keras. With random weights they take as long as with
+trained ones.
 """
 
 from collections.abc import Callable
@@ -20,16 +20,16 @@ NETWORKS: dict[str, Callable[..., keras.Model]] = {
     "MobileNetV2": keras.applications.MobileNetV2,
     "ResNet50": keras.applications.ResNet50,
 }
-"""1,000 classes from an image `(B, S, S, 3)`."""
+"""Constructors by name of classifiers from images `(B, S, S, 3)` to 1,000 classes."""
 
 
 class Yardstick:
-    """One of `NETWORKS` for images of one size, exported as a run is.
+    """A network of `NETWORKS` for images of one size, exported in the same way as a run.
 
     Args:
-        name: of the network.
+        name: name of the network.
         image_size: height and width of its images; 32 or more.
-        store: keeps its files.
+        store: store that keeps its files.
     """
 
     def __init__(self, name: str, image_size: int, store: Store):
@@ -39,7 +39,7 @@ class Yardstick:
 
     @property
     def costs(self) -> dict[str, Any]:
-        """`parameters`, and `gflop` for one image."""
+        """The number of `parameters`, and the `gflop` for one image."""
 
         def count() -> dict[str, Any]:
             network = self._build()
@@ -49,7 +49,7 @@ class Yardstick:
 
     @property
     def path(self) -> Path:
-        """ONNX in float32."""
+        """The ONNX file of the network in float32."""
         return self._store.file(
             f"models/{self._slug}.onnx",
             self.depends_on,

@@ -1,1 +1,1 @@
-"""The cases of the stability suite, one module for each part of the library."""
+"""The cases of the stability suite, with one module for each area of the library."""

@@ -1,4 +1,4 @@
-"""sRGB, YUV and the compressed dynamic range at their edges."""
+"""Cases for sRGB, YUV and the compressed dynamic range at the ends of their ranges."""
 
 import functools
 from collections.abc import Callable
@@ -55,9 +55,9 @@ _COMPRESSED = {
 
 
 def cases() -> list[Case]:
-    """Every case of these parts."""
+    """Return the cases of sRGB, compression and YUV."""
     precisions = (*TENSORS, NUMPY_SINGLE)
-    # Looked up when they are run, so that a test may put something broken in their place.
+    # The lambdas look the functions up at run time, so that a test can replace them by broken ones.
     curved: list[tuple[str, Callable[[Any], Any], Callable[[Any], Any], dict[str, float]]] = [
         ("sRGB to linear", lambda x: colour.srgb_to_linear(x), _decoded, _LEVELS),
         ("linear to sRGB", lambda x: colour.linear_to_srgb(x), _encoded, _LEVELS),
@@ -77,14 +77,14 @@ def cases() -> list[Case]:
 
 
 def _decoded(srgb: Any) -> Any:
-    """IEC 61966-2-1."""
+    """Convert an sRGB value to linear radiance by IEC 61966-2-1."""
     if srgb <= mpmath.mpf("0.04045"):
         return srgb / mpmath.mpf("12.92")
     return ((srgb + mpmath.mpf("0.055")) / mpmath.mpf("1.055")) ** mpmath.mpf("2.4")
 
 
 def _encoded(linear: Any) -> Any:
-    """IEC 61966-2-1."""
+    """Convert linear radiance to an sRGB value by IEC 61966-2-1."""
     if linear <= mpmath.mpf("0.0031308"):
         return linear * mpmath.mpf("12.92")
     root = linear ** (1 / mpmath.mpf("2.4"))
@@ -100,14 +100,14 @@ def _expanded(compressed: Any) -> Any:
 
 
 def _yuv(rgb: Any) -> list[Any]:
-    """BT.601: luma Y, U = 0.492 (B − Y), V = 0.877 (R − Y)."""
+    """Convert RGB to YUV by BT.601: luma Y, U = 0.492 (B − Y), V = 0.877 (R − Y)."""
     red, green, blue = map(mpmath.mpf, rgb)
     y = mpmath.mpf("0.299") * red + mpmath.mpf("0.587") * green + mpmath.mpf("0.114") * blue
     return [y, mpmath.mpf("0.492") * (blue - y), mpmath.mpf("0.877") * (red - y)]
 
 
 def _rgb(yuv: Any) -> list[Any]:
-    """The inverse, solved by hand."""
+    """Convert YUV to RGB by the inverse of `_yuv`, solved by hand."""
     y, u, v = map(mpmath.mpf, yuv)
     blue, red = u / mpmath.mpf("0.492") + y, v / mpmath.mpf("0.877") + y
     others = mpmath.mpf("0.299") * red + mpmath.mpf("0.114") * blue
@@ -115,7 +115,7 @@ def _rgb(yuv: Any) -> list[Any]:
 
 
 def _corners(low: Any, high: Any) -> np.ndarray:
-    """The eight corners `(8, 3)` of a box."""
+    """Return the eight corners `(8, 3)` of a box."""
     chosen = np.stack(np.meshgrid(*[[0, 1]] * 3, indexing="ij"), axis=-1).reshape(8, 3)
     return np.where(chosen > 0, high, low)
 
@@ -126,12 +126,12 @@ def _linear_map(
     corners: np.ndarray,
     precision: Precision,
 ) -> Outcome:
-    """A colour transform of corners, against the formula."""
+    """Compare a linear colour transform of corners with its exact formula."""
     value, _ = precision.evaluate(found, corners)
     rounded = precision.rounded(corners)
     with mpmath.workdps(50):
         right = np.array([[float(x) for x in exact(corner)] for corner in rounded])
-    # A row of the matrix adds up to 2.7 at most in absolute value, and chrominance is below 0.7.
+    # The absolute values of a matrix row add up to 2.7 at most, and chrominance is below 0.7.
     return Outcome(Compared(value, right, right, precision.tolerance(3.0, terms=3)))
 
 

@@ -1,4 +1,4 @@
-"""Eq. 4 and the loss of Eq. 5, with the strangest materials, photos and answers."""
+"""Cases for Eq. 4 and the loss of Eq. 5 with extreme materials, photos and predictions."""
 
 import functools
 import itertools
@@ -22,7 +22,7 @@ _TINT = np.array([1.0, 0.5, 0.25])
 
 
 def cases() -> list[Case]:
-    """Every case of these parts."""
+    """Return the cases of Eq. 4 and of the compositing loss."""
     out = []
     for precision in (*TENSORS, NUMPY_SINGLE):
         for albedo, shading in itertools.product((1.0, 30.0), _SHADINGS):
@@ -37,7 +37,7 @@ def cases() -> list[Case]:
     return out
 
 
-# Looked up in the library when it is run, so that a test may put something broken there.
+# These functions look the library's up at run time, so that a test can replace them by broken ones.
 
 
 def _compose(*arguments: Any) -> Any:
@@ -51,7 +51,7 @@ def _compositing_loss(
 
 
 def _composed(albedo: float, shading: float, precision: Precision) -> Outcome:
-    """m_a + m_d D + m_s S for all signs of the albedos, D as bright as S."""
+    """Try m_a + m_d D + m_s S with all signs of the albedos, and D as bright as S."""
     m_d, m_s = pairs((-albedo, 0.0, albedo), (-albedo, 0.0, albedo))
     return judged(
         _compose,
@@ -86,7 +86,7 @@ def _composed_reference(
 
 
 def _compositing_l1(mask: np.ndarray, precision: Precision) -> Outcome:
-    """All photos with all materials and all answers for S."""
+    """Try all photos with all materials and all predictions of S."""
     indices = np.indices((len(_PHOTOS), len(_MATERIALS), len(_ANSWERS))).reshape(3, -1)
     photo, answer = np.array(_PHOTOS)[indices[0]], np.array(_ANSWERS)[indices[2]]
     m_d, m_s = _MATERIALS[indices[1]].T
@@ -119,14 +119,14 @@ def _compositing_l1_reference(
     specular, by_answer = np.expm1(compressed), np.exp(compressed)
     m_d, m_s = m_d[:, None, None], m_s[:, None, None]
     composed = m_a[:, None, None, None] + m_d * diffuse + m_s * specular
-    # A relative error of the answer makes itself felt as answer × derivative.
+    # A relative error of the prediction changes S by that error times prediction × derivative.
     answered = specular + compressed * by_answer
     size = np.abs(m_d) * diffuse + np.abs(m_s) * answered + 1.0
     linear = srgb_standard.decoded(image)
     low, high = signs(composed - linear, size, precision)
     clipped = image >= precision.rounded(colour.CLIPPED)
     error = np.where(clipped, np.maximum(linear - composed, 0), np.abs(composed - linear))
-    # Of what was clipped, only falling short is an error.
+    # Where the photo is clipped, only a radiance below it is an error.
     low, high = (np.where(clipped, np.minimum(sign, 0), sign) for sign in (low, high))
     share = (mask >= 1) / np.maximum(3.0 * (mask >= 1).sum((1, 2, 3), keepdims=True), 1)
     chained = functools.partial(_chained, low * share, high * share)
@@ -154,9 +154,16 @@ def _compositing_l1_reference(
 def _chained(
     low: np.ndarray, high: np.ndarray, factor: np.ndarray, axes: tuple[int, ...]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The derivative by what enters the composition with a factor, given that by the composition.
+    """Apply the chain rule to bounds of a derivative, and sum over axes.
 
-    Summed over what it has in common with others.
+    Args:
+        low: least derivative of the loss by the composition.
+        high: greatest derivative of the loss by the composition.
+        factor: derivative of the composition by the argument.
+        axes: axes over which the argument is constant.
+
+    Returns:
+        Least derivative, greatest derivative and magnitude, for the argument.
     """
     ends = np.stack([low * factor, high * factor])
     size = np.maximum(np.abs(low), np.abs(high)) * np.abs(factor)
@@ -164,6 +171,6 @@ def _chained(
 
 
 def _columns(*arrays: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """With a last axis of one."""
+    """Return least derivative, greatest derivative and magnitude with a last axis of length 1."""
     low, high, size = (array[..., None] for array in arrays)
     return low, high, size

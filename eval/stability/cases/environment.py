@@ -1,4 +1,4 @@
-"""Environment maps at their poles and seam, bright and dim and unsound; M, which shows them."""
+"""Cases for environment maps and M: poles and seam, bright and dim lights, bad texels."""
 
 import functools
 import math
@@ -26,7 +26,7 @@ _POLES_AND_SEAM = {
 
 
 def cases() -> list[Case]:
-    """Every case of these parts."""
+    """Return the cases of M and of functions of environment maps."""
     out = []
     for precision in ARRAYS:
         for light in lights():
@@ -77,7 +77,7 @@ def _mirror(light: str, precision: Precision) -> Outcome:
 
 
 def _mirror_at(directions: list[tuple[float, float, float]], precision: Precision) -> Outcome:
-    """M of a mirror faced at right angles, which shows the light behind its viewer."""
+    """Try M where the view direction is the normal, so that M is the light in that direction."""
     radiance = lights()["radiance 1e-8"]
     facing = unit(np.array(directions))
     found, _ = precision.evaluate(
@@ -89,7 +89,7 @@ def _mirror_at(directions: list[tuple[float, float, float]], precision: Precisio
 def _looked_up(
     found: np.ndarray, direction: np.ndarray, radiance: np.ndarray, precision: Precision
 ) -> Compared:
-    """Beside slow look-ups."""
+    """Compare radiance found in directions with slow look-ups in the map."""
     radiance = precision.rounded(radiance)
     rows = [_slow_look_up(d, radiance, precision.epsilon) for d in direction]
     low, high, size = np.array(rows).T
@@ -99,10 +99,10 @@ def _looked_up(
 def _slow_look_up(
     direction: np.ndarray, radiance: np.ndarray, epsilon: float
 ) -> tuple[float, float, float]:
-    """Least and most that bilinear interpolation may give, and the size of its rounding.
+    """Return the least and greatest correct bilinear interpolation, and its error's magnitude.
 
-    Texel by texel, from the angles' definition. A direction that rounding cannot tell from a pole
-    may have any longitude.
+    The interpolation goes texel by texel and takes the angles from their definition. A direction
+    that rounding cannot distinguish from a pole may have any longitude.
     """
     height, width = radiance.shape
     x, y, z = direction / np.linalg.norm(direction)
@@ -121,7 +121,7 @@ def _slow_look_up(
     used = [r for r in range(height) if shares[r] > 0]
     around = radiance[max(used[0] - 1, 0) : used[-1] + 2]
     around = np.take(around, range(left - 1, left + 3), axis=1, mode="wrap")
-    # By rounding, the position moves by some of the texels' number times epsilon.
+    # Rounding moves the position by about epsilon times the number of texels in each direction.
     moved = np.ptp(around) * (height + width / math.hypot(x, z))
     return value, value, around.max() + moved
 

@@ -1,4 +1,4 @@
-"""The exponent's bins, their probabilities, and its losses, at their edges."""
+"""Cases for the exponent: its bins, their probabilities, and its losses."""
 
 import functools
 import math
@@ -17,7 +17,7 @@ from ..trials.precisions import NUMPY_DOUBLE, NUMPY_SINGLE, SINGLE, TENSORS, Pre
 from ..trials.verdicts import Case, Compared, Outcome, refusal
 
 _FLOOR = 1e-7
-"""Probability below which `losses.exponent_cross_entropy` tells no difference."""
+"""Probability below which `losses.exponent_cross_entropy` is constant."""
 _EVEN = np.zeros(BIN_COUNT)
 _LOGITS = {
     "all 0": _EVEN,
@@ -58,7 +58,7 @@ _EXPONENTS = {
 
 
 def cases() -> list[Case]:
-    """Every case of these parts."""
+    """Return the cases of softmax, the losses on the exponent, and its bins."""
     out = []
     for precision in TENSORS:
         for name in _LOGITS:
@@ -87,16 +87,16 @@ def cases() -> list[Case]:
 
 
 BEYOND = "its own logarithm, where a wrong class leads by 20"
-"""Case that the loss is known not to meet."""
+"""Name of a case that the cross-entropy is known to fail."""
 
 
 def _rows(values: np.ndarray) -> np.ndarray:
-    """Enough equal rows for vectorised loops."""
+    """Repeat the values in five rows, enough for vectorised loops."""
     return np.tile(values, (5, 1))
 
 
 def _exact_softmax(logits: np.ndarray) -> np.ndarray:
-    """Probabilities `(8,)`, none of which underflows."""
+    """Return the softmax `(8,)` of logits, computed without underflow."""
     with mpmath.workdps(50):
         powers = [mpmath.exp(mpmath.mpf(float(x))) for x in logits]
         return np.array([float(power / sum(powers)) for power in powers])
@@ -106,23 +106,23 @@ def _exact_softmax(logits: np.ndarray) -> np.ndarray:
 
 
 def _probability(logits: Any) -> Any:
-    """Of the true class: what the loss learns from."""
+    """Compute the probability of the true class, which the loss depends on."""
     return ops.softmax(logits)[:, _TRUE]
 
 
 def _loss(logits: Any) -> Any:
-    """As the networks have it: whatever computes the logits, their softmax is in float32."""
+    """Compute the cross-entropy as in the networks: softmax in float32 in every precision."""
     bins = np.full(5, _TRUE, np.int32)
     probabilities = ops.softmax(ops.cast(logits, "float32"))
     return losses.exponent_cross_entropy(bins, probabilities)
 
 
 def _softmax(name: str, precision: Precision) -> Outcome:
-    """The probability p of the true class; its derivatives are p (1 − p), and −p q."""
+    """Try the probability p of the true class, whose derivatives are p (1 − p) and −p q."""
     logits = precision.rounded(_LOGITS[name])
     found, gradients = precision.evaluate(_probability, _rows(logits))
     p = _exact_softmax(logits)
-    # Rounded, a difference of logits changes a probability by as much times it.
+    # An absolute error of a logit difference is a relative error of the probability.
     size = p * (1 + np.abs(logits - logits.max()))
     slope = p[_TRUE] * (np.eye(BIN_COUNT)[_TRUE] - p)
     magnitude = p[_TRUE] * (np.eye(BIN_COUNT)[_TRUE] + p) + size[_TRUE] + size
@@ -133,7 +133,7 @@ def _softmax(name: str, precision: Precision) -> Outcome:
 
 
 def _cross_entropy(name: str, precision: Precision) -> Outcome:
-    """−ln p with its floor: below, the loss is constant and its derivative 0."""
+    """Try −ln p with its floor: below the floor the loss is constant and its derivative is 0."""
     logits = precision.rounded(_LOGITS[name])
     p = _exact_softmax(logits)
     slope = (p - np.eye(BIN_COUNT)[_TRUE]) * (p[_TRUE] > _FLOOR)
@@ -141,7 +141,7 @@ def _cross_entropy(name: str, precision: Precision) -> Outcome:
 
 
 def _beyond_the_floor(precision: Precision) -> Outcome:
-    """−ln p itself, as far from the floor as no class of eight may be called impossible."""
+    """Try −ln p without a floor, for logits that put p far below the floor."""
     logits = 20.0 * np.eye(BIN_COUNT)[5]
     p = _exact_softmax(logits)
     return _compared_loss(logits, -math.log(p[_TRUE]), p - np.eye(BIN_COUNT)[_TRUE], precision)
@@ -151,8 +151,8 @@ def _compared_loss(
     logits: np.ndarray, right: float, slope: np.ndarray, precision: Precision
 ) -> Outcome:
     found, gradients = precision.evaluate(_loss, _rows(logits))
-    # The logarithm of a probability is as wrong as that is relatively, which is by the difference
-    # of logits; the derivative passes through the probability and back.
+    # The absolute error of ln p is the relative error of p, which grows with the difference of the
+    # logits. The derivative divides by p and multiplies by it again.
     spread = min(float(np.ptp(logits)), -math.log(_FLOOR))
     return Outcome(
         SINGLE.compare(found, right, right, 1 + right + spread, terms=BIN_COUNT),
@@ -182,7 +182,7 @@ def _log_loss(precision: Precision) -> Outcome:
 
 
 def _expected(name: str, precision: Precision) -> Outcome:
-    """Σ p · w (k + ½), w wide bins from 1 on."""
+    """Try the expected log10 s, Σ p · w (k + ½) for bins of width w that start at s = 1."""
     means = BIN_WIDTH * (np.arange(BIN_COUNT) + 0.5)
     probabilities = precision.rounded(_PROBABILITIES[name])
     found, gradients = precision.evaluate(_expected_log, _rows(probabilities))
@@ -207,7 +207,7 @@ def _entropy(name: str) -> Outcome:
 
 
 def _bin(s: float, index: int, precision: Precision) -> Outcome:
-    """The class, by every way that the library has to it."""
+    """Try the bin of an exponent, which must be exact."""
     found = shininess.bin_of(np.full(5, precision.array(s)))
     return Outcome(Compared(found, index, index, 0.0))
 

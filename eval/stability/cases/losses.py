@@ -1,7 +1,7 @@
-"""The masked mean and the losses on masks, shading and albedos, at every level.
+"""Cases for the masked mean and the losses on masks, shading and albedos.
 
-The references are the losses' definitions for chosen pixels, in double precision, with the
-derivatives worked out by hand.
+The references are the definitions of the losses in double precision, with derivatives worked out by
+hand.
 """
 
 import functools
@@ -22,7 +22,7 @@ _SHADINGS = (0.0, 1e-30, 1.0, 65504.0, 1e30)
 
 
 def cases() -> list[Case]:
-    """Every case of these parts."""
+    """Return the cases of the masked mean and of the losses."""
     masked: dict[str, Callable[[np.ndarray, Precision], Outcome]] = {
         "masked mean": _masked_mean,
         "loss on masks": _mask_l2,
@@ -43,8 +43,8 @@ def cases() -> list[Case]:
     return out
 
 
-# What is tried, the arguments that are differentiated by first. Looked up in the library when it
-# is run, so that a test may put something broken there.
+# The functions under test; the arguments with derivatives come first. They look the library's
+# functions up at run time, so that a test can replace these by broken ones.
 
 
 def _mean(values: Any, mask: Any) -> Any:
@@ -67,7 +67,7 @@ def _albedo_loss(predicted: Any, albedo: Any) -> Any:
 
 
 def _masked_mean(mask: np.ndarray, precision: Precision) -> Outcome:
-    """With NaN wherever nothing is covered."""
+    """Try the masked mean of values that are NaN outside the mask."""
     levels = [x for x in (0.0, 1.0, -1e4, 65504.0, 1e30) if precision.holds(x)]
     values = np.where(mask > 0, fields(levels), np.nan)
     return judged(
@@ -100,7 +100,7 @@ def _masked_mean_reference(
 
 
 def _large_mask(precision: Precision) -> Outcome:
-    """More pixels than float16's largest number."""
+    """Try the masked mean over more pixels than the largest number of float16."""
     shape = (1, 256, 256, 1)
     found, gradients = precision.evaluate(_mean, np.full(shape, 3.0), np.ones(shape))
     value = precision.compare(found, 3.0, 3.0, 3.0, terms=256 * 256)

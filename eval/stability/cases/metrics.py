@@ -1,4 +1,4 @@
-"""Table 1's measures where masks are empty, light is out, or exponents are 0."""
+"""Cases for the measures of Table 1 with empty masks, black layers, or exponents of 0."""
 
 import functools
 
@@ -10,13 +10,13 @@ from ..trials.precisions import NUMPY_DOUBLE, NUMPY_SINGLE, Precision
 from ..trials.verdicts import Case, Outcome
 
 UNLIT = "black layer, answered with 1"
-"""Case that the relative error is known not to meet."""
+"""Name of a case that the relative error is known to fail."""
 
 _SHAPE = (2, 6, 5, 1)
 _EMPTY, _FULL = np.zeros(_SHAPE), np.ones(_SHAPE)
 _ONE = np.zeros(_SHAPE)
 _ONE[:, 2, 3] = 1.0
-# True mask, mask found, the share of the union that both hold.
+# True mask, predicted mask, intersection over union.
 _MASKS = {
     "both masks empty": (_EMPTY, _EMPTY, 1.0),
     "both masks full": (_FULL, _FULL, 1.0),
@@ -26,7 +26,7 @@ _MASKS = {
     "one-pixel mask, all found": (_ONE, _FULL, 1 / 30),
     "mask of exactly one half": (0.5 * _FULL, _FULL, 1.0),
 }
-# Mask, shading, answer, Σ|answer − shading| / Σ shading.
+# Mask, shading, prediction, Σ|prediction − shading| / Σ shading.
 _LAYERS = {
     "empty mask": (_EMPTY, _FULL, 2 * _FULL, 0.0),
     "one pixel": (_ONE, _FULL, 1.5 * _FULL, 0.5),
@@ -36,7 +36,7 @@ _LAYERS = {
     "black layer, answered with black": (_FULL, _EMPTY, _EMPTY, 0.0),
     UNLIT: (_FULL, _EMPTY, _FULL, np.inf),
 }
-# True exponent, log10 of the answer, their distance.
+# True exponent, log10 of the prediction, their distance in log10.
 _EXPONENTS = {
     "s = 0": (0.0, 1.5, np.inf),
     "s = 1": (1.0, 0.0, 0.0),
@@ -45,7 +45,7 @@ _EXPONENTS = {
 
 
 def cases() -> list[Case]:
-    """Every case of this part."""
+    """Return the cases of the measures."""
     out = []
     for precision in (NUMPY_SINGLE, NUMPY_DOUBLE):
         for name, masks in _MASKS.items():

@@ -1,7 +1,7 @@
-"""Whole systems shown the strangest images: precisions, batches, exported formats, refusals.
+"""Cases for whole systems with extreme images: precisions, batches, exported formats, refusals.
 
-Answers are held against `double_precision`; how much they may differ is learnt there from random
-rounding errors of the precision's size.
+Outputs are compared with `double_precision`. Its random rounding errors of each precision determine
+the tolerance.
 """
 
 import functools
@@ -20,7 +20,7 @@ from ..trials.verdicts import Case, Compared, Outcome, joined, refusal
 
 FORMATS = {"savedmodel": "SavedModel", "onnx": "ONNX"}
 _SQUARABLE = 1e15
-"""What the optimiser can square in single precision."""
+"""Largest derivative accepted, so that the optimiser can square it in single precision."""
 _IN_A_BATCH = f"all images, in a batch of {BATCH} that ends in NaN"
 _UNSOUND: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "a NaN pixel": lambda image: _with_pixel(image, np.nan),
@@ -34,26 +34,26 @@ _UNSOUND: dict[str, Callable[[np.ndarray], np.ndarray]] = {
 
 
 def cases(model_dir: Path | None = None) -> list[Case]:
-    """Every case of these parts.
+    """Return the cases of whole systems.
 
     Args:
-        model_dir: of a trained system; without one, those of `trials.systems.FRESH` are tried.
+        model_dir: folder of a trained system; by default the systems of `trials.systems.FRESH`.
     """
     if model_dir is not None:
         system = TrialSystem(model_dir)
         return _cases("trained system", system) + _exports("trained system", system)
     systems = {f"fresh {name}": TrialSystem(a) for name, a in FRESH.items()}
-    # The baseline is made of the same layers: that is enough of compiling and exporting.
+    # The baseline has the same kinds of layers, so compiling and exporting one system is enough.
     out = _cases("fresh LIME", systems["fresh LIME"])
     out += _cases("fresh baseline", systems["fresh baseline"], (SINGLE, HALF, BRAIN))
     return out + _exports("fresh LIME", systems["fresh LIME"])
 
 
 def check(model_dir: Path) -> None:
-    """Refuse a folder that holds no model, before anything is tried.
+    """Raise an error if a folder holds no readable model.
 
     Raises:
-        FileNotFoundError: if it holds none.
+        FileNotFoundError: if the folder holds no model.
         ValueError: if the model cannot be read.
     """
     weights.load(model_dir)
@@ -93,20 +93,20 @@ def _exports(part: str, system: TrialSystem) -> list[Case]:
 
 
 def _alone(system: TrialSystem, precision: Precision, image: str) -> Outcome:
-    """A batch of one."""
+    """Try an image in a batch of one."""
     found = system.answers(precision, system.images[image][None])
     tolerance = system.tolerance(image, precision.epsilon)
     return Outcome(_compared(found, system.exact(image), tolerance))
 
 
 def _derivatives(system: TrialSystem, precision: Precision) -> Outcome:
-    """Small enough for the optimiser, which squares them."""
+    """Try the derivatives by the weights: the optimiser must be able to square them."""
     steepest = system.steepest(precision)
     return Outcome(gradient=Compared(steepest, 0.0, _SQUARABLE, 0.0))
 
 
 def _in_a_batch(system: TrialSystem, precision: Precision) -> Outcome:
-    """Every image, wherever it stands in the batch, and whatever another one is."""
+    """Try all images in one batch: position and other images must not change an output."""
     return _every(system, system.answers(precision, system.batch[1]), precision)
 
 
@@ -123,12 +123,12 @@ def _every(system: TrialSystem, found: Answers, precision: Precision) -> Outcome
 
 
 def _at(position: int, found: Answers) -> Answers:
-    """One image's answers of a batch's."""
+    """Return the outputs of one image in a batch."""
     return {name: x[position : position + 1] for name, x in found.items()}
 
 
 def _exported(system: TrialSystem, model_format: str, image: str) -> Outcome:
-    """In the batch, against Keras, which sees one image; both may err."""
+    """Compare an exported model on a batch with Keras on one image; both may have errors."""
     position = system.batch[0].index(image)
     return _beside_keras(system, image, _at(position, system.served_batch(model_format)))
 
@@ -145,7 +145,7 @@ def _beside_keras(system: TrialSystem, image: str, found: Answers) -> Outcome:
 
 
 def _estimated(system: TrialSystem, image: str) -> Outcome:
-    """What the public interface answers, and that it is within its ranges."""
+    """Try the public interface: its outputs must be correct and within their ranges."""
     material = system.estimator.estimate(system.images[image])
     found: Answers = {name: np.asarray(layer)[None] for name, layer in material.layers.items()}
     found["diffuse_albedo"] = np.asarray(material.diffuse_albedo)[None]
@@ -174,7 +174,7 @@ def _with_pixel(image: np.ndarray, value: float) -> np.ndarray:
 def _compared(
     found: Mapping[str, np.ndarray], right: Mapping[str, np.ndarray], tolerance: Answers
 ) -> Compared:
-    """All answers in one row."""
+    """Compare all outputs with their references, joined into one comparison."""
     if set(found) != set(right):
         raise ValueError(f"answers {sorted(found)}, expected {sorted(right)}")
     return joined([Compared(found[name], x, x, tolerance[name]) for name, x in right.items()])

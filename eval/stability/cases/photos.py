@@ -1,4 +1,4 @@
-"""Pictures of the strangest kinds, read from files and fitted to a network's square."""
+"""Cases for extreme photos: read from files, and fitted to a network's square input."""
 
 import functools
 import itertools
@@ -29,7 +29,7 @@ _BEYOND = {"pixels of -5": -5.0, "pixels of 1e30": 1e30}
 
 
 def cases() -> list[Case]:
-    """Every case of these parts."""
+    """Return the cases of reading and of fitting photos."""
     out = []
     for image, kind in itertools.product(extreme_photos(_SIDE), _FORMATS):
         measure = functools.partial(_read, extreme_photos(_SIDE)[image], kind)
@@ -54,7 +54,7 @@ def cases() -> list[Case]:
 
 
 def _write(folder: str, image: np.ndarray, kind: str) -> Path:
-    """Write a picture; integer formats round it."""
+    """Write an image to a file, rounded if the format has integers, and return its path."""
     name, number, _, _ = _FORMATS[kind]
     path = Path(folder) / name
     buffer = oiio.ImageBuf(oiio.ImageSpec(image.shape[1], image.shape[0], 3, number))
@@ -70,7 +70,7 @@ def _read(image: np.ndarray, kind: str) -> Outcome:
     _, _, levels, is_linear = _FORMATS[kind]
     image = np.clip(NUMPY_SINGLE.rounded(image), 0, 1)
     if levels:
-        # Halves may be rounded either way.
+        # A value halfway between two levels may be rounded up or down.
         low, high = (np.round(image * levels + side) / levels for side in (-1e-3, 1e-3))
     else:
         low = high = srgb_standard.encoded(image) if is_linear else image
@@ -87,7 +87,11 @@ def _refused(value: float, kind: str) -> Outcome:
 
 
 def _fitted(image: np.ndarray, size: int) -> Outcome:
-    """Made smaller by whole factors, an area's mean in linear light; else, one level stays."""
+    """Try a photo fitted to a square of `size` pixels.
+
+    Reduced by a whole factor, each pixel must be the mean of its area in linear light. In the other
+    cases the result must lie between the photo's least and greatest value.
+    """
     image = NUMPY_SINGLE.rounded(image)
     found = framing.cut(image.astype(np.float32), framing.whole(*image.shape[:2]), size)
     low, high = np.full((size, size, 3), image.min()), np.full((size, size, 3), image.max())
@@ -95,5 +99,5 @@ def _fitted(image: np.ndarray, size: int) -> Outcome:
         factor = len(image) // size
         blocks = srgb_standard.decoded(image).reshape(size, factor, size, factor, 3)
         low = high = srgb_standard.encoded(blocks.mean((1, 3)))
-    # Decoding and encoding have conditions of 2.4 and 1 / 2.4, and a dark end that is linear.
+    # sRGB decoding and encoding have condition numbers of 2.4 and 1 / 2.4, and a linear dark end.
     return Outcome(NUMPY_SINGLE.compare(found, low, high, 3 * high + 0.055, terms=(16 // 4) ** 2))

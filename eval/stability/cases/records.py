@@ -1,4 +1,4 @@
-"""Records, and the pipeline and the camera that they pass through, at their edges."""
+"""Cases for records, and for the pipeline and the camera that process them."""
 
 import functools
 import tempfile
@@ -26,7 +26,7 @@ _PRECISION = SINGLE.name
 
 
 def cases() -> list[Case]:
-    """Every case of these parts."""
+    """Return the cases of records, bins, area means and camera."""
     out = []
 
     def add(part: str, name: str, measure: Callable[..., Outcome], *arguments: Any) -> None:
@@ -52,7 +52,7 @@ def cases() -> list[Case]:
 
 
 def _example(changes: Mapping[str, Any]) -> dict[str, Any]:
-    """A record's features: a grey object that covers all, but for what is changed."""
+    """Return the features of a record, a grey object that fills the image, with some changed."""
     even = np.ones((_SIZE, _SIZE, 1))
     return {
         "image": 0.5 * np.ones((_SIZE, _SIZE, 3)),
@@ -75,14 +75,14 @@ def _example(changes: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _with(name: str, value: float) -> np.ndarray:
-    """A feature whose last number is changed."""
+    """Return a feature with its last number replaced by `value`."""
     out = np.array(_example({})[name], np.float64)
     out.reshape(-1)[-1:] = value
     return out
 
 
 def _there_and_back(radiance: float) -> Outcome:
-    """A half float keeps 11 digits of 2, down to 2⁻²⁴."""
+    """Try a layer written and read: half floats keep 11 binary digits, down to 2⁻²⁴."""
     layer = np.full((_SIZE, _SIZE, 1), radiance)
     found = records.parse(records.encode(_example({"mirror": layer})), ("mirror",))["mirror"]
     right = min(radiance, 65504.0)
@@ -95,7 +95,7 @@ def _unwritten(name: str, value: float) -> Outcome:
 
 
 def _unread(name: str, value: float, with_camera: bool) -> Outcome:
-    """A record that somebody else wrote."""
+    """Try to read a record that holds a bad value, as another program could write it."""
     message = tf.train.Example.FromString(records.encode(_example({})))
     feature = message.features.feature[name]
     if name in _IMAGES:
@@ -125,7 +125,7 @@ def _write_shard(path: Path, serialized: list[bytes]) -> None:
 
 
 def _bins_in_the_graph() -> Outcome:
-    """Edges belong to the bin above them, and what lies beyond to the end bins."""
+    """Try the bins in the pipeline: an edge belongs to the upper bin, values beyond to the last."""
     exponents = {0.0: 0, 0.5: 0, 1.0: 0, 1000.0: BIN_COUNT - 1, 1e6: BIN_COUNT - 1}
     for k in range(1, BIN_COUNT):
         edge = 10 ** (BIN_WIDTH * k)
@@ -142,7 +142,7 @@ def _bins_in_the_graph() -> Outcome:
 
 
 def _area_means(coverage: float, radiance: float) -> Outcome:
-    """Layers are averaged over what is covered, and are 0 where nothing is."""
+    """Try layers made smaller: averaged over the covered pixels, and 0 where none is covered."""
     mask = np.zeros((_SIZE, _SIZE, 1), np.float32)
     mask[::2, ::2] = coverage
     layer = np.full_like(mask, radiance)
@@ -162,10 +162,10 @@ def _area_mean_of_image(level: float) -> Outcome:
 
 
 def _photographed(radiance: float) -> Outcome:
-    """Level, and whether it is clipped, of a scene of one radiance under twenty cameras.
+    """Try the level and the clipping of an even scene under twenty cameras.
 
-    Exposure is half a stop at most, and noise hardly ever six standard deviations of the smallest
-    sensor; JPEG rounds, and its blocks overshoot.
+    The exposure changes by half a stop at most. Noise hardly ever reaches six standard deviations
+    of the smallest sensor. The tolerance of 8 / 255 is for JPEG, which rounds and overshoots.
     """
     level = srgb_standard.encoded(np.clip(radiance, 0, 1))
     layer = np.full((_SIZE, _SIZE, 1), radiance)

@@ -1,4 +1,4 @@
-"""The lobe of Eq. 3 and its normaliser at their edges, light by light, against mpmath."""
+"""Cases for the specular lobe of Eq. 3 and its normaliser, compared with mpmath."""
 
 import functools
 import math
@@ -23,7 +23,7 @@ _SLANT = (math.sin(0.6), 0.0, math.cos(0.6))
 _TILT = (0.48, 0.6, 0.64)
 # Normal, direction to the viewer, direction to the light.
 _GEOMETRIES = {
-    # With i = o, h is either, so h·n is their cosine to the normal.
+    # With i = o, the half vector h equals both, so h·n is their cosine to the normal.
     "cos = 1": (_UP, _UP, _UP),
     "cos = -1": (_DOWN, _UP, _UP),
     "cos = -0": ((1.0, 0.0, -0.0), _UP, _UP),
@@ -43,7 +43,7 @@ _GEOMETRIES = {
 
 
 def cases() -> list[Case]:
-    """Every case of these parts."""
+    """Return the cases of the normaliser and of the lobe."""
     out = curves.cases(
         "normaliser",
         lambda s: shading.normaliser(s),
@@ -60,14 +60,14 @@ def cases() -> list[Case]:
 
 
 def _normaliser(exponent: Any) -> Any:
-    """c(s) as printed in `docs/paper.md`."""
+    """Return the normaliser c(s) as printed in `docs/paper.md`."""
     if mpmath.isinf(exponent):
         return exponent
     return (exponent + 2) / (8 * mpmath.pi * (1 - mpmath.mpf(2) ** (-(exponent + 2) / 2)))
 
 
 def _lobe(geometry: str, exponent: str, precision: Precision) -> Outcome:
-    """c(s) (h·n)^s of one light of energy 1."""
+    """Try the lobe c(s) (h·n)^s for one light of energy 1."""
     vectors = [np.array([vector]) for vector in _GEOMETRIES[geometry]]
     vectors = [vector / np.linalg.norm(vector) for vector in vectors]
     s = EXPONENTS[exponent]
@@ -84,11 +84,11 @@ def _lobe(geometry: str, exponent: str, precision: Precision) -> Outcome:
 def _exact_lobe(
     normal: np.ndarray, view: np.ndarray, light: np.ndarray, s: float, precision: Precision
 ) -> tuple[float, float]:
-    """The integrand, and its size times its condition.
+    """Return the exact lobe, and its magnitude times its condition number.
 
-    h·n is (i·n + o·n) / |i + o|: rounding moves the dividend, and the divisor's square 2 + 2 i·o,
-    by some ε of what is added up in them; the power makes s of each relative error, and rounding s
-    makes s ln h·n. No power of a cosine is wrong by more than 1.
+    h·n is (i·n + o·n) / |i + o|. Rounding changes the dividend, and the divisor's square 2 + 2 i·o,
+    by about ε times the terms that are added. The power multiplies a relative error by s; rounding
+    s adds a relative error of s ln h·n. The error of a cosine's power is 1 at most.
     """
     with mpmath.workdps(50):
         n, o, i = ([mpmath.mpf(float(x)) for x in vector] for vector in (normal, view, light))
@@ -108,7 +108,7 @@ def _exact_lobe(
 
 
 def _size(a: list[Any], b: list[Any]) -> Any:
-    """Of the terms of a scalar product."""
+    """Return the sum of the absolute terms of a dot product."""
     return sum(abs(x * y) for x, y in zip(a, b, strict=True))
 
 

@@ -1,4 +1,4 @@
-"""The baseline's reflectance map under the strangest lights."""
+"""Cases for the baseline's reflectance map under extreme lights."""
 
 import functools
 import math
@@ -13,15 +13,15 @@ from ..trials.lights import EXPONENTS, normaliser
 from ..trials.precisions import BRAIN, HALF, SINGLE, TENSORS, XLA, Precision
 from ..trials.verdicts import Case, Compared, Outcome, joined
 
-_SIZE = 17  # odd: its middle pixel shows the normal that faces the viewer
-# Powers of two scale exactly, so that nothing but overflow and underflow can show.
+_SIZE = 17  # odd, so that the middle pixel shows the normal that faces the viewer
+# Powers of two scale exactly, so that only overflow and underflow can cause errors.
 _SCALES = {"radiance 1e-8": 2.0**-27, "radiance 1e8": 2.0**27}
 _GRID = 0.02
-"""Share of a highlight's peak by which interpolation between rings 1.4° apart may err."""
+"""Largest error of interpolation between rings 1.4° apart, as a share of a highlight's peak."""
 
 
 def cases() -> list[Case]:
-    """Every case of this part."""
+    """Return the cases of the reflectance map."""
     out = []
 
     def add(name: str, precision: Precision, measure: Any, *arguments: Any) -> None:
@@ -40,7 +40,7 @@ def cases() -> list[Case]:
         add("s = 1e6 counts as 1e3", precision, _beyond)
     for precision in TENSORS:
         add("black", precision, _black)
-    # No training step differentiates the map itself, so XLA need not.
+    # No training step differentiates the map, so its gradients are not tried under XLA.
     for precision in (SINGLE, HALF, BRAIN):
         add("gradients by the albedos and the ambient term", precision, _layers)
     return out
@@ -57,12 +57,12 @@ def _drawn(
 def _maps(
     precision: Precision, lights: list[np.ndarray], s: float, m_d: float = 0.0, m_s: float = 1.0
 ) -> np.ndarray:
-    """Maps `(B, 17, 17, 3)` of a grey material."""
+    """Return the reflectance maps `(B, 17, 17, 3)` of a grey material under B lights."""
     return precision.value(_drawn, *_arguments(lights, s, m_d, m_s))
 
 
 def _arguments(lights: list[np.ndarray], s: float, m_d: float, m_s: float) -> list[np.ndarray]:
-    """Of the library's function."""
+    """Return the arguments of `_drawn` for a grey material under B lights."""
     count = len(lights)
     return [
         np.stack(lights)[..., None],
@@ -83,7 +83,7 @@ def _furnace(precision: Precision, s: float) -> Outcome:
 
 
 def _one_texel(precision: Precision, s: float) -> Outcome:
-    """D + S by Eqs. 2 and 3, but for pixels beside whose horizon the light lies."""
+    """Compare a map with D + S by Eqs. 2 and 3, except where the light is near the horizon."""
     light = np.zeros(environment.STORED_SHAPE)
     row, column = 25, 70
     light[row, column] = 1000.0
@@ -134,10 +134,10 @@ def _black(precision: Precision) -> Outcome:
 
 
 def _layers(precision: Precision) -> Outcome:
-    """A map is linear in m_d and m_s, so its slopes are the maps of 1 less those of 0."""
+    """Try the gradients: a map is linear in m_d and m_s, so the maps of 1 are its derivatives."""
     light = [_uneven()] * 3
     found, gradients = precision.evaluate(_drawn, *_arguments(light, 30.0, 0.5, 0.5))
-    # Like the function, in single precision whatever it is given.
+    # Like the library's function, the reference is in single precision for arguments of any type.
     rounded = [precision.rounded(light[0])] * 3
     matte, shiny = (_maps(SINGLE, rounded, 30.0, *ends) for ends in ((1.0, 0.0), (0.0, 1.0)))
     slopes = [

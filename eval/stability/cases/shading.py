@@ -1,4 +1,4 @@
-"""D and S under the strangest lights, against sums that take half vectors literally."""
+"""Cases for D and S under extreme lights, compared with sums over explicit half vectors."""
 
 import functools
 import math
@@ -13,7 +13,7 @@ from ..trials.verdicts import Case, Compared, Outcome
 
 
 def cases() -> list[Case]:
-    """Every case of these parts."""
+    """Return the cases of D and S."""
     out = []
     for light in lights():
         for precision in ARRAYS:
@@ -62,9 +62,9 @@ def _specular(light: str, precision: Precision, s: float) -> Outcome:
 def _slow_specular(
     n: np.ndarray, o: np.ndarray, s: float, light: str, precision: Precision
 ) -> tuple[float, float]:
-    """S of one pixel, and the sum of its terms' sizes times their condition.
+    """Return S of one pixel, and the sum of its terms' magnitudes times their condition numbers.
 
-    The condition is that of `cases.reflectance`; a light on the horizon may be lit or not.
+    The condition numbers are those of `cases.reflectance`. A light on the horizon may count or not.
     """
     i, energy = texels(light, precision)
     dividend, added = (i + o) @ n, np.abs(i) @ np.abs(n) + np.abs(o) @ np.abs(n)
@@ -86,10 +86,11 @@ def _slow_specular(
 
 
 def _furnace(s: float) -> Outcome:
-    """S = 1. Along the pole no row of texels straddles the horizon.
+    """Try S in a white furnace, where it must be 1.
 
-    The lobe's second derivative is some s / 4 of it at most, and sin θ's of the size of 1; the
-    midpoint rule errs by a 24th of them times the texel's square.
+    The normal points to the pole, so that no row of texels crosses the horizon. The tolerance is
+    twice the error of the midpoint rule, which is a 24th of the second derivatives times the square
+    of a texel's height. These derivatives are about s / 4 for the lobe and 1 for sin θ.
     """
     height = 128
     up = np.array([[0.0, 1.0, 0.0]])

@@ -1,1 +1,1 @@
-"""What the cases are made with: precisions, references, strange inputs, verdicts."""
+"""The tools of the cases: precisions, references, extreme inputs and verdicts."""

@@ -1,4 +1,4 @@
-"""Functions of one number, tried at points and held against their formula in mpmath."""
+"""Cases for functions of one number, compared at chosen points with their formula in mpmath."""
 
 import functools
 from collections.abc import Callable, Mapping, Sequence
@@ -11,7 +11,7 @@ from .precisions import Precision
 from .verdicts import Case, Compared, Outcome
 
 _DIGITS = 100
-_TILES = 35  # elements: vectorised loops compute the first in blocks, the last one by one
+_TILES = 35  # elements: vectorised loops compute the first in blocks and the last singly
 
 
 def cases(
@@ -21,14 +21,14 @@ def cases(
     points: Mapping[str, float],
     precisions: Sequence[Precision],
 ) -> list[Case]:
-    """A case for each point and each precision that can hold it.
+    """Return a case for each point and each precision that can represent the point.
 
     Args:
-        part: of the library.
+        part: name of the part of the library.
         curve: elementwise function of an array or tensor.
-        exact: the same formula, for an `mpmath` number.
-        points: by name; NaN and infinity among them have a value and no gradient.
-        precisions: to try.
+        exact: the same function for an `mpmath` number.
+        points: numbers by name; at NaN and infinity only the value is compared, not the gradient.
+        precisions: precisions to try.
     """
     return [
         Case(part, name, precision.name, functools.partial(_measure, curve, exact, x, precision))
@@ -59,10 +59,10 @@ def _measure(curve: Any, exact: Any, x: float, precision: Precision) -> Outcome:
 def reference(
     exact: Callable[[Any], Any], x: float, epsilon: float
 ) -> tuple[float, tuple[float, ...], float]:
-    """Value, slopes and curvature at a number.
+    """Return the value, three slopes and the curvature of a function at a number.
 
-    The slopes are those at `x` and two units in its last place to either side: between them lies
-    any derivative that is right, on a smooth curve and at a kink.
+    The slopes are taken two units in the last place below `x`, at `x`, and two units above. Any
+    correct derivative lies between them, on a smooth curve as well as at a kink.
     """
     with mpmath.workdps(_DIGITS):
         at = mpmath.mpf(x)

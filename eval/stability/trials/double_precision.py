@@ -1,6 +1,7 @@
-"""A system in double precision, layer by layer: what single and half precision are held against.
+"""A reference system in double precision, computed layer by layer.
 
-Keras' own float64 would not do: the networks' heads are told to compute in float32.
+Single and half precision are compared with it. Keras in float64 would not serve: the last layers of
+the networks are built to compute in float32.
 """
 
 from collections.abc import Callable, Collection, Mapping
@@ -20,26 +21,26 @@ from lime_keras.optics.shininess import LOG_HIGH, LOG_LOW
 
 @dataclass(frozen=True)
 class Rounding:
-    """Random errors of the size that a precision makes, to learn what they lead to.
+    """Random rounding errors of a precision, to measure their effect on a system's outputs.
 
-    A sum of N products is as wrong as if each weight were by some √N ε of itself, and each
-    layer's answer is rounded by ε.
+    The rounding error of a sum of N products is modelled as a relative error of √N ε in each
+    weight. Each layer's output has a relative error of ε.
 
     Attributes:
-        epsilon: of the precision; 0 makes none.
-        rng: draws them.
+        epsilon: machine epsilon of the precision; 0 makes no errors.
+        rng: random generator of the errors.
     """
 
     epsilon: float
     rng: np.random.Generator
 
     def weights(self, values: np.ndarray) -> np.ndarray:
-        """A layer's weights, outputs last."""
+        """Return a layer's weights `(..., outputs)` with random errors of √N ε."""
         terms = values.size / values.shape[-1]
         return self._moved(values, np.sqrt(terms))
 
     def answer(self, values: np.ndarray) -> np.ndarray:
-        """What a layer answers."""
+        """Return a layer's output with random errors of ε."""
         return self._moved(values, 1.0)
 
     def _moved(self, values: np.ndarray, units: float) -> np.ndarray:
@@ -54,12 +55,12 @@ EXACT = Rounding(0.0, np.random.default_rng(0))
 def answers(
     subnetworks: Mapping[str, keras.Model], images: np.ndarray, rounding: Rounding = EXACT
 ) -> dict[str, np.ndarray]:
-    """What `lime_keras.networks.assemble` answers, float64.
+    """Compute the outputs of `lime_keras.networks.assemble` in float64.
 
     Args:
-        subnetworks: of a whole system.
+        subnetworks: all subnetworks of a system, by name.
         images: `(B, S, S, 3)` sRGB in [0, 1].
-        rounding: made at each layer.
+        rounding: random errors to make at each layer.
     """
     images = np.asarray(images, np.float64)
 
@@ -93,7 +94,7 @@ def _expanded(compressed: np.ndarray) -> np.ndarray:
 
 
 def _run(model: keras.Model, inputs: Collection[np.ndarray], rounding: Rounding) -> Any:
-    """A functional model's answer, or answers."""
+    """Return the output of a functional model, or its outputs as a list."""
     made = {id(tensor): x for tensor, x in zip(model.inputs, inputs, strict=True)}
     for layer in model.layers:
         if isinstance(layer, layers.InputLayer):
@@ -145,4 +146,4 @@ _LAYERS: dict[type, Callable[..., np.ndarray]] = {
     layers.Flatten: lambda layer, x, rounding: x.reshape(len(x), -1),
     layers.Reshape: lambda layer, x, rounding: x.reshape(len(x), *layer.target_shape),
 }
-"""Of each kind of layer that the networks are made of, what it computes."""
+"""Functions that compute each kind of layer in the networks, by class of the layer."""

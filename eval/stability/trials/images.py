@@ -1,4 +1,4 @@
-"""Functions of small images, shown every mask and level, and judged by hand-made references."""
+"""Small test images of every mask and level, and references for functions of images."""
 
 import functools
 from collections.abc import Callable
@@ -13,14 +13,14 @@ HEIGHT, WIDTH = 4, 5
 PIXELS = HEIGHT * WIDTH
 
 Slopes = list[tuple[np.ndarray, np.ndarray, np.ndarray]]
-"""Of each argument, the least and most that a derivative may be, and its size."""
+"""For each argument: the least and the greatest correct derivative, and its magnitude."""
 Reference = Callable[..., tuple[np.ndarray, np.ndarray, Slopes]]
-"""From a precision and rounded arguments to values, their sizes, and slopes."""
+"""Function from a precision and rounded arguments to values, their magnitudes, and slopes."""
 
 
 @functools.cache
 def masks() -> dict[str, np.ndarray]:
-    """Coverages `(4, 5, 1)` by name."""
+    """Return masks `(4, 5, 1)` of coverage in [0, 1] by name."""
     full = np.ones((HEIGHT, WIDTH, 1))
     one = np.zeros_like(full)
     one[1, 2] = 1.0
@@ -30,7 +30,10 @@ def masks() -> dict[str, np.ndarray]:
 def judged(
     function: Callable[..., Any], reference: Reference, precision: Precision, *arguments: np.ndarray
 ) -> Outcome:
-    """A function and its gradients by its arguments, as far as the reference has them."""
+    """Compare a function and its gradients by its arguments with a reference.
+
+    Gradients are compared for the first arguments, as many as the reference has slopes for.
+    """
     found, gradients = precision.evaluate(function, *arguments)
     right, size, slopes = reference(precision, *map(precision.rounded, arguments))
     value = precision.compare(found, right, right, size, terms=PIXELS)
@@ -44,20 +47,20 @@ def judged(
 
 
 def fields(levels: Any) -> np.ndarray:
-    """An uneven image `(B, 4, 5, 1)` of each of B levels."""
+    """Return an uneven image `(B, 4, 5, 1)` for each of B levels."""
     pattern = np.random.default_rng(0).uniform(0.5, 1, (HEIGHT, WIDTH, 1))
-    # Where the one-pixel mask looks too, the level is exact.
+    # The level is exact at two pixels, one of which the one-pixel mask covers.
     pattern[0, 0] = pattern[1, 2] = 1.0
     return np.reshape(levels, (-1, 1, 1, 1)) * pattern
 
 
 def repeated(mask: np.ndarray, count: int) -> np.ndarray:
-    """One mask for each example."""
+    """Repeat a mask `(H, W, 1)` for `count` examples, `(count, H, W, 1)`."""
     return np.broadcast_to(mask, (count, *mask.shape))
 
 
 def pairs(first: Any, second: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Each of the first with each of the second, in two rows."""
+    """Return all pairs of a value of `first` and a value of `second`, as two arrays `(N,)`."""
     a, b = np.meshgrid(first, second, indexing="ij")
     return a.ravel(), b.ravel()
 
@@ -65,6 +68,9 @@ def pairs(first: Any, second: Any) -> tuple[np.ndarray, np.ndarray]:
 def signs(
     difference: np.ndarray, size: np.ndarray, precision: Precision
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Least and most that the derivative of |difference| may be; either sign where it is 0."""
+    """Return the least and the greatest derivative of |difference| that rounding allows.
+
+    Both signs are allowed where the difference is 0 to within rounding.
+    """
     doubtful = np.abs(difference) <= ROUNDINGS * (precision.epsilon * size + precision.least)
     return np.where(doubtful, -1, np.sign(difference)), np.where(doubtful, 1, np.sign(difference))

@@ -1,4 +1,4 @@
-"""The strangest lights, and surfaces to be lit by them; Eqs. 2 and 3 taken literally."""
+"""Extreme lights, surfaces to be lit by them, and the factor c(s) of Eq. 3 as printed."""
 
 import functools
 import math
@@ -8,13 +8,13 @@ import numpy as np
 from .precisions import Precision
 
 HEIGHT = 32
-"""Rows of a map."""
+"""Number of rows of an environment map."""
 EXPONENTS = {"0": 0.0, "1e-6": 1e-6, "1": 1.0, "1e3": 1e3, "1e6": 1e6}
 
 
 @functools.cache
 def lights() -> dict[str, np.ndarray]:
-    """Maps `(32, 64)` by name."""
+    """Return environment maps `(32, 64)` of radiance by name."""
     shape = (HEIGHT, 2 * HEIGHT)
     uneven = np.random.default_rng(0).exponential(size=shape)
 
@@ -37,7 +37,7 @@ def lights() -> dict[str, np.ndarray]:
 
 @functools.cache
 def surface() -> tuple[np.ndarray, np.ndarray]:
-    """Normals and directions to the viewer, `(N, 3)` each: random, grazing and along the axes."""
+    """Return normals and view directions `(N, 3)`: random, grazing and along the axes."""
     rng = np.random.default_rng(1)
     normal = unit(rng.normal(size=(24, 3)))
     view = unit(normal + 0.9 * unit(rng.normal(size=(24, 3))))
@@ -50,13 +50,17 @@ def surface() -> tuple[np.ndarray, np.ndarray]:
 
 
 def unit(vectors: np.ndarray) -> np.ndarray:
-    """Vectors `(N, 3)` of length 1."""
+    """Return vectors `(N, 3)` scaled to length 1."""
     return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 
 
 @functools.cache
 def texels(light: str, precision: Precision) -> tuple[np.ndarray, np.ndarray]:
-    """A map as lights: directions `(T, 3)`, energies `(T,)`; texel by texel."""
+    """Return the texels of a map as lights, computed one by one.
+
+    Returns:
+        Directions `(T, 3)` to the texels, and energies `(T,)`: radiance times solid angle.
+    """
     radiance = precision.rounded(lights()[light])
     height, width = radiance.shape
     directions, energies = [], []
@@ -69,12 +73,12 @@ def texels(light: str, precision: Precision) -> tuple[np.ndarray, np.ndarray]:
                 -math.sin(theta) * math.cos(phi),
             )
         )
-        # cos a − cos b, without its cancellation.
+        # The product of sines equals cos a − cos b of the row's edges, without cancellation.
         area = 2 * math.sin(theta) * math.sin(math.pi / (2 * height)) * (2 * math.pi / width)
         energies.append(area * radiance[row, column])
     return np.array(directions), np.array(energies)
 
 
 def normaliser(s: float) -> float:
-    """c(s) as printed."""
+    """Return the factor c(s) as printed in Eq. 3."""
     return (s + 2) / (8 * math.pi * (1 - 2 ** (-(s + 2) / 2)))

@@ -1,10 +1,10 @@
-"""The strangest pictures that a camera could hand over."""
+"""Extreme photos: black, white, constant, with one odd pixel, chequered, and a 16-bit ramp."""
 
 import numpy as np
 
 
 def extreme_photos(side: int) -> dict[str, np.ndarray]:
-    """Pictures `(side, side, 3)` in [0, 1] by name."""
+    """Return extreme photos `(side, side, 3)`, sRGB in [0, 1], by name."""
     lit = np.zeros((side, side, 3))
     lit[side // 2, side // 3] = 1.0
     dark = 1 - lit

@@ -1,4 +1,4 @@
-"""A system to drive to its edges: a trained one, or a small one with fresh weights."""
+"""The system under test: a trained one, or a small one with fresh weights."""
 
 import dataclasses
 import functools
@@ -23,24 +23,24 @@ from .precisions import ROUNDINGS, Precision
 
 _SMALL = Architecture(size=32, unet_width=4, unet_depth=1, encoder_width=4, dense_width=8)
 FRESH = {"LIME": _SMALL, "baseline": dataclasses.replace(_SMALL, system="reflectance-map")}
-"""Systems small enough to be tried in seconds."""
+"""Architectures small enough to be tried in seconds, by name."""
 
 BATCH = 64
 _DRAWS = 4
 _MARGIN = 4.0
-"""Times the largest change in a few draws that rounding is allowed to make."""
-# A mask, shading and albedos inside their range, or all that follows would be 0.
+"""Factor by which an error may exceed the largest of `_DRAWS` random rounding errors."""
+# Biases that keep mask, shading and albedos inside their range; else all later outputs would be 0.
 _HEADS = {"segmentation": 0.6, "specular": 0.5, "mirror": 0.5, "reflectance_map": 0.5}
 
 Answers = dict[str, np.ndarray]
 
 
 class TrialSystem:
-    """A system in every precision and format, each made when it is first asked for.
+    """A system in every precision and format; each variant is made when it is first needed.
 
     Args:
-        source: run of `lime-train` or folder of `weights.save`, or an architecture whose weights
-            are drawn.
+        source: run of `lime-train`, folder of `weights.save`, or an architecture to be built with
+            random weights.
     """
 
     def __init__(self, source: Path | Architecture):
@@ -48,13 +48,13 @@ class TrialSystem:
 
     @functools.cached_property
     def _scratch(self) -> Path:
-        """A folder that goes with this object."""
+        """A temporary folder that is deleted with this object."""
         self._temporary = tempfile.TemporaryDirectory(prefix="lime-stability-")
         return Path(self._temporary.name)
 
     @functools.cached_property
     def folder(self) -> Path:
-        """Of the weights."""
+        """The folder of the weights."""
         if isinstance(self._source, Path):
             return self._source
         weights.save(self._scratch / "model", self._source, _drawn(self._source))
@@ -72,37 +72,41 @@ class TrialSystem:
 
     @functools.cached_property
     def batch(self) -> tuple[list[str], np.ndarray]:
-        """All images over and over, `(64, S, S, 3)`, the last of NaN; and names of the others."""
+        """The names of 63 images, and the batch `(64, S, S, 3)` of them and an image of NaN.
+
+        All images are repeated in turn; the image of NaN comes last.
+        """
         names = [list(self.images)[k % len(self.images)] for k in range(BATCH - 1)]
         photos = [self.images[name] for name in names]
         return names, np.stack([*photos, np.full_like(photos[0], np.nan)])
 
     @functools.cached_property
     def estimator(self) -> Estimator:
-        """What answers the public interface."""
+        """The estimator of the public interface with these weights."""
         return Estimator(self.folder)
 
     def answers(self, precision: Precision, batch: np.ndarray) -> Answers:
-        """The network's, for `(B, S, S, 3)`."""
+        """Return the network's outputs for images `(B, S, S, 3)` in a precision."""
         return _numpy(self._network(precision)(tf.constant(batch, tf.float32)))
 
     @functools.cache  # noqa: B019 - lives as long as the suite runs
     def served_batch(self, model_format: str) -> Answers:
-        """The exported model's answers to `batch`."""
+        """Return the exported model's outputs for `batch`."""
         return self.served(model_format, self.batch[1])
 
     def served(self, model_format: str, batch: np.ndarray) -> Answers:
-        """The exported model's, for `(B, S, S, 3)`."""
+        """Return the exported model's outputs for images `(B, S, S, 3)`."""
         return _numpy(self._exported(model_format)(batch.astype(np.float32)))
 
     def exact(self, image: str) -> Answers:
-        """In double precision, to one of `images`."""
+        """Return the outputs in double precision for one of `images`."""
         return self._exact(0.0, 0)[image]
 
     def tolerance(self, image: str, epsilon: float) -> Answers:
-        """How far rounding may move each answer: what random rounding does, and somewhat more.
+        """Return the tolerance of each output for one of `images` in a precision.
 
-        To that come the formulas behind the networks, in single precision whatever they compute in.
+        The tolerance is the largest change by random rounding errors times `_MARGIN`. The error of
+        the formulas after the networks is added; they compute in single precision in every case.
         """
         exact, out = self.exact(image), {}
         draws = [self._exact(epsilon, seed)[image] for seed in range(1, _DRAWS + 1)]
@@ -113,7 +117,10 @@ class TrialSystem:
         return out
 
     def steepest(self, precision: Precision) -> np.ndarray:
-        """The largest derivative of all images' mean answers by each of the networks' weights."""
+        """Return the largest absolute derivative of the mean outputs by each weight tensor, `(W,)`.
+
+        The means are taken over all images and added up over the outputs.
+        """
         network = self._network(precision)
         batch = tf.stack(list(self.images.values()))
         with tf.GradientTape() as tape:
@@ -144,7 +151,7 @@ class TrialSystem:
 
     @functools.cache  # noqa: B019 - as above
     def _exported(self, model_format: str) -> Answer:
-        """The exported model, opened."""
+        """Export the model to a format, load it, and return the function that runs it."""
         exporter.export(self._scratch, model_format, self.folder)
         path = exporter.target(self._scratch, model_format)
         if model_format == exporter.ONNX:
@@ -153,7 +160,7 @@ class TrialSystem:
 
 
 def _drawn(architecture: Architecture) -> dict[str, keras.Model]:
-    """Subnetworks with weights of a fixed seed that leave nothing black."""
+    """Build subnetworks with weights of a fixed seed, and with biases that keep outputs above 0."""
     subnetworks = build(architecture, seed=0)
     for name, network in subnetworks.items():
         if name in _HEADS:
@@ -167,7 +174,7 @@ def _drawn(architecture: Architecture) -> dict[str, keras.Model]:
 def _computing_in(
     precision: str, architecture: Architecture, subnetworks: Mapping[str, keras.Model]
 ) -> dict[str, keras.Model]:
-    """The same weights in networks that compute otherwise."""
+    """Return subnetworks with the same weights that compute in another precision."""
     with computing_in(precision):
         out = build(architecture)
     for name, network in out.items():

@@ -1,4 +1,4 @@
-"""What became of a numeric part at one of its edges, beside what should have."""
+"""Cases of the stability suite, their outcomes, and the verdicts on them."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -8,24 +8,23 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Verdict:
-    """One row of the suite's table.
+    """The verdict on one case: a row of the suite's table.
 
-    Numbers are those of the element that comes nearest to its tolerance, or exceeds it most.
-    `reference`, `error` and `tolerance` belong to the value, or, where the gradient is worse off
-    (the note says so), to the gradient.
+    The numbers are those of the worst element: the element with the largest error relative to its
+    tolerance. `reference`, `error` and `tolerance` belong to the value, or to the gradient if its
+    error is worse; `note` then says so.
 
     Attributes:
-        part: of the library, such as "lobe".
-        case: the edge to which it was driven.
-        precision: in which it was computed, such as "float16" or "XLA float32".
-        value: what it answered; None where bad data was refused.
-        gradient: its derivative, where training takes one.
-        reference: what the answer should be, in double precision or more.
-        error: absolute distance from the reference, or from the nearest of those that are right
-            at a kink.
-        tolerance: the largest error that the precision explains.
+        part: name of the part of the library, such as "lobe".
+        case: name of the extreme input.
+        precision: name of the precision, such as "float16" or "XLA float32".
+        value: result of the part; None if bad data was refused.
+        gradient: derivative of the part, if training needs one.
+        reference: correct result, in double precision or better.
+        error: absolute distance from the reference; at a kink, from the nearest correct value.
+        tolerance: largest error that the precision explains.
         passed: whether the error is within the tolerance, or bad data was refused.
-        note: what was refused in which words, what the error is of, or why it is known.
+        note: message of the refusal, reason of a known failure, or "error of the gradient".
     """
 
     part: str
@@ -41,19 +40,19 @@ class Verdict:
 
     @property
     def id(self) -> str:
-        """The row's name, like `Case.id`."""
+        """The unique name of the row (see `Case.id`)."""
         return _id(self.part, self.case, self.precision)
 
 
 @dataclass(frozen=True)
 class Compared:
-    """Numbers of any shape beside their references; all broadcast together.
+    """Computed numbers with their references; the shapes broadcast together.
 
     Attributes:
-        found: what was computed.
-        low: what it should be, or the least that is right at a kink. NaN demands NaN.
-        high: the most that is right; infinite where the precision may overflow.
-        tolerance: largest accepted distance from between the two.
+        found: computed numbers.
+        low: least correct values; equal to `high` except at a kink. NaN means that NaN is correct.
+        high: greatest correct values; infinite where the precision may overflow.
+        tolerance: largest accepted distances from the interval between `low` and `high`.
     """
 
     found: np.ndarray
@@ -62,7 +61,7 @@ class Compared:
     tolerance: np.ndarray | float
 
     def worst(self) -> tuple[float, float, float, float]:
-        """The worst element: found, the nearest reference, the distance, the tolerance."""
+        """Return the worst element as found value, nearest reference, distance and tolerance."""
         arrays = (np.asarray(a, np.float64) for a in (self.found, self.low, self.high))
         found, low, high, tolerance = np.broadcast_arrays(*arrays, self.tolerance)
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
@@ -72,7 +71,7 @@ class Compared:
             distance = np.where(np.isnan(found) & np.isnan(low), 0.0, distance)
             distance = np.where(np.isnan(distance), np.inf, distance)
             share = np.where(distance == 0, 0.0, distance / tolerance)
-        # Of elements that are all exact, the largest says most.
+        # If all elements are exact, report the one with the largest reference.
         size = np.nan_to_num(np.abs(nearest), nan=0.0, posinf=0.0)
         index = np.lexsort((size.ravel(), np.nan_to_num(share, nan=np.inf).ravel()))[-1]
         return (
@@ -84,7 +83,7 @@ class Compared:
 
 
 def joined(parts: Iterable[Compared]) -> Compared:
-    """All the numbers of several, in one row."""
+    """Join several comparisons into one, with flat arrays `(N,)`."""
     rows = []
     for part in parts:
         arrays = np.broadcast_arrays(part.found, part.low, part.high, part.tolerance)
@@ -94,7 +93,7 @@ def joined(parts: Iterable[Compared]) -> Compared:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a case measured: numbers to compare, or the words of a refusal."""
+    """The outcome of a case: numbers with references, or the message of a refusal."""
 
     value: Compared | None = None
     gradient: Compared | None = None
@@ -103,7 +102,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Case:
-    """A part at an edge in a precision, and how to measure it."""
+    """A part of the library, an extreme input, a precision, and the function that measures them."""
 
     part: str
     name: str
@@ -112,11 +111,11 @@ class Case:
 
     @property
     def id(self) -> str:
-        """The case's name; no other has it."""
+        """The unique name of the case."""
         return _id(self.part, self.name, self.precision)
 
     def judge(self) -> Verdict:
-        """Measure, and compare; what the part raises is a verdict too."""
+        """Run the case and return its verdict; an exception is a verdict that failed."""
         try:
             outcome = self.measure()
         except Exception as error:
@@ -127,7 +126,7 @@ class Case:
         return self._compared(outcome)
 
     def _compared(self, outcome: Outcome) -> Verdict:
-        """The verdict on numbers: found, nearest, error and tolerance of each, the worse told."""
+        """Return the verdict on numbers; report the value or the gradient, whichever is worse."""
         of_value, of_gradient = (
             compared.worst() if compared else None for compared in (outcome.value, outcome.gradient)
         )
@@ -169,14 +168,18 @@ class Case:
 
 
 class UnrefusedError(Exception):
-    """Bad data that was taken."""
+    """Bad data that was accepted, or refused with the wrong message."""
 
 
 def refusal(action: Callable[[], object], *words: str) -> Outcome:
-    """Hand bad data to `action`, which must refuse it by a `ValueError` with these words.
+    """Run an action on bad data, and return the outcome of its refusal by a `ValueError`.
+
+    Args:
+        action: function that uses the bad data.
+        words: texts that the error's message must contain.
 
     Raises:
-        UnrefusedError: if it takes the data, or refuses them in other words.
+        UnrefusedError: if the action accepts the data, or its message lacks one of the words.
     """
     try:
         answer = action()
@@ -188,12 +191,12 @@ def refusal(action: Callable[[], object], *words: str) -> Outcome:
 
 
 def first_line(error: Exception) -> str:
-    """The first line of an error's message."""
+    """Return the first line of an error's message."""
     return str(error).partition("\n")[0]
 
 
 def _share(error: float, tolerance: float) -> float:
-    """Of the tolerance, how much is used up."""
+    """Return the error as a share of the tolerance."""
     if error == 0:
         return 0.0
     return error / tolerance if tolerance > 0 else np.inf
