@@ -1,4 +1,4 @@
-"""The description of a split, which its bytes depend on, and the job of rendering it."""
+"""The description of a split, on which the split's bytes depend, and the job of rendering it."""
 
 import dataclasses
 from collections.abc import Mapping

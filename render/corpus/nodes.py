@@ -18,7 +18,7 @@ from .processes import Ticks
 
 
 class _Ticks:
-    """The progress of this process, which tasks report as to a queue; it is sent to the board."""
+    """The ticks of this process (see `processes.Ticks`), which send counts to the board."""
 
     def __init__(self, board: Any):
         import ray

@@ -1,4 +1,4 @@
-"""Worker processes: one thread each, reporting their progress, ending when their parent ends."""
+"""Worker processes, with one thread each, that report progress and end with their parent."""
 
 import contextlib
 import multiprocessing
@@ -24,7 +24,7 @@ class Ticks(Protocol):
 
 
 class Workers:
-    """A pool of processes that reports their progress and raises an error if one of them dies.
+    """A pool of processes that report their progress; the death of a process is an error.
 
     Args:
         count: number of processes.

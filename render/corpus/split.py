@@ -114,7 +114,7 @@ def _render_missing(
 
 @contextlib.contextmanager
 def _alone(folder: Path) -> Iterator[None]:
-    """Lock the folder of a split, so that no second process renders it; locks end with a process.
+    """Lock the folder of a split against a second process; the lock ends with this process.
 
     Raises:
         RuntimeError: if another process is rendering the split.
@@ -162,7 +162,7 @@ def held_variant(split: Split) -> str | None:
 
 
 def _refuse_shared_inputs(job: Job, findings: inputs.Findings) -> None:
-    """Raise ValueError if a shape or map is in both splits, by its contents: names may differ."""
+    """Raise ValueError if both splits use a shape or a map with the same contents."""
     other = Split(job.out, next(name for name in SPLITS if name != job.description.split))
     theirs = inputs.read(other.inputs_path)
     if theirs is None:

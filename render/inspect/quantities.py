@@ -88,7 +88,7 @@ def of_pictures(example: Mapping) -> dict[str, float]:
 
 
 def _extent(covered: np.ndarray) -> tuple[int, int]:
-    """Return the first covered row or column, and the last plus 1; if none is covered, all."""
+    """Return the first covered row or column and the last plus 1; 0 and the length if none is."""
     (where,) = np.nonzero(covered)
     return (int(where[0]), int(where[-1]) + 1) if len(where) else (0, len(covered))
 

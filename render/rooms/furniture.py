@@ -10,7 +10,7 @@ CLEARANCE = 0.3  # metres around the viewpoint that stay empty
 
 
 def sample(rng: np.random.Generator, size: np.ndarray, viewpoint: np.ndarray) -> list[Solid]:
-    """Draw furniture that stands on the floor and overlaps neither itself nor the viewpoint."""
+    """Draw pieces on the floor that overlap neither one another nor the viewpoint."""
     solids: list[Solid] = []
     taken = [(viewpoint[[0, 2]], CLEARANCE)]
     if rng.random() < 0.5:  # a table under the viewpoint, for the object to stand on

@@ -1,4 +1,4 @@
-"""One training example: rendering of a scene to the features of `lime_keras.data.records`."""
+"""Rendering of a scene to a training example, with the features of `lime_keras.data.records`."""
 
 import numpy as np
 

@@ -25,7 +25,7 @@ _LEAST_COSINE = 0.02
 
 @dataclass(frozen=True)
 class GBuffer:
-    """Samples of one image, all directions in camera space.
+    """The samples of one image, with all directions in camera space.
 
     Attributes:
         coverage: `(S, S)`, share of each pixel that the object covers, in [0, 1].
@@ -233,7 +233,7 @@ def _length(vectors: np.ndarray) -> np.ndarray:
 
 
 def _facing(normal: np.ndarray, geometric: np.ndarray, view: np.ndarray) -> np.ndarray:
-    """Turn normals to the viewer's side, with o·n of about `_LEAST_COSINE` at least; unit."""
+    """Turn unit normals to the viewer's side, with o·n of about `_LEAST_COSINE` at least."""
     normal = np.where(_dot(geometric, view) < 0, -normal, normal)
     normal = normal + np.maximum(_LEAST_COSINE - _dot(normal, view), 0) * view
     return normal / _length(normal)

@@ -135,7 +135,7 @@ def prepare(
 
 
 def _levels(radiance: np.ndarray, precision: str) -> dict[int, Level]:
-    """Return the levels of a map by height, each with a quarter of the texels of the one before."""
+    """Return the levels of a map by height; each height is half of the height before."""
     energy = radiance * environment.solid_angles(*radiance.shape)
     moment = energy[..., None] * environment.directions(*radiance.shape)
     levels = {}

@@ -85,7 +85,7 @@ def frame(rng: np.random.Generator) -> tuple[Field, float]:
         The field, and the radius of a ball around the origin that holds the solid.
     """
     mirrored = rng.random() < 0.5
-    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0].astype(np.float32)  # about its own axes
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0].astype(np.float32)  # of the mirror plane
     body = rng.uniform(0.08, 0.35, 3)
     body[rng.integers(3)] = rng.uniform(0.3, 0.8)
     a = body.astype(np.float32)[:, None]
@@ -182,7 +182,7 @@ def _torus(p: np.ndarray, ring: float, tube: float) -> np.ndarray:
 
 
 def _join(d: np.ndarray, other: np.ndarray, softness: float) -> np.ndarray:
-    """Return the union of two solids, blended over `softness` by a quadratic; 0: a sharp edge."""
+    """Return the distance to the union of two solids, blended over `softness` by a quadratic."""
     if softness == 0:
         return np.minimum(d, other)
     overlap = np.maximum(np.float32(softness) - np.abs(d - other), 0)
@@ -190,7 +190,7 @@ def _join(d: np.ndarray, other: np.ndarray, softness: float) -> np.ndarray:
 
 
 def _displacement(rng: np.random.Generator) -> Field:
-    """Draw plane waves of one band, often none; their slope is bounded: no part tears off."""
+    """Draw plane waves of one band, often none; a bounded slope keeps the solid in one piece."""
     if rng.random() < 0.4:
         return lambda p: np.zeros((), np.float32)
     frequency = np.exp(rng.uniform(np.log(4), np.log(22)))

@@ -15,7 +15,7 @@ def sample(rng: np.random.Generator) -> Mesh:
 
 
 def _profile(rng: np.random.Generator) -> np.ndarray:
-    """Draw a polyline `(K, 2)` of radius and height, from the axis at the bottom to the axis."""
+    """Draw a polyline `(K, 2)` of radius and height, from the axis at the bottom back to it."""
     kind = rng.choice(3)
     if kind == 0:
         wall = _spline_profile(rng)

@@ -24,7 +24,7 @@ def read(data: bytes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """
     vertices, normals = [(np.nan,) * 3], [(np.nan,) * 3]
     polygons: dict[int, array] = {}  # by number of corners: vertex and normal of each corner
-    data = data.removeprefix(codecs.BOM_UTF8)  # some editors begin with it
+    data = data.removeprefix(codecs.BOM_UTF8)  # some editors write it
     data = data.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ")
     for line in data.splitlines():
         words = line.partition(b"#")[0].split()
@@ -81,7 +81,7 @@ def _triangles(corners: np.ndarray, places: np.ndarray) -> np.ndarray:
     """Cut polygons `(P, n, 2)` into triangles `(F, 3, 2)`: fans, or ears if a fan folds over."""
     points = places[corners[..., 0]]
     spokes = points[:, 1:] - points[:, :1]
-    normals = np.cross(spokes[:, :-1], spokes[:, 1:])  # of a fan's triangles
+    normals = np.cross(spokes[:, :-1], spokes[:, 1:])  # normals of a fan's triangles
     folded = ((normals * normals.sum(1, keepdims=True)).sum(-1) < 0).any(1)
     fan = [[0, k, k + 1] for k in range(1, corners.shape[1] - 1)]
     cut = [

@@ -77,11 +77,11 @@ def _edges(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _against(corners: np.ndarray) -> np.ndarray:
-    """Return for each face, `(F,)`, whether most of its connected surface is wound otherwise."""
+    """Return for each face, `(F,)`, whether it is wound against most of its connected surface."""
     one, other, same = _edges(corners)
     count = len(corners)
     # Each face is two nodes of a graph: as it is, and turned. Neighbours that agree are joined. A
-    # surface with two sides gives two components; the one with more unturned faces is taken.
+    # surface with two sides gives two components; that with more unturned faces is taken.
     f, g = one // 3, other // 3 + np.where(same, count, 0)
     piece = _components(np.r_[f, (f + count)], np.r_[g, (g + count) % (2 * count)], 2 * count)
     kept = np.bincount(piece[:count], minlength=piece.max() + 1)
