@@ -1,1 +1,1 @@
-"""Mitsuba-rendered corpora: shapes, rooms, G-buffers, shading integrals, TFRecord shards."""
+"""Corpora rendered with Mitsuba: shapes, rooms, G-buffers, shading integrals, TFRecord shards."""

@@ -1,4 +1,4 @@
-"""`lime-render`: render a corpus, verify it, look at it."""
+"""The command `lime-render`: render a corpus, verify it, preview it, export its examples."""
 
 import argparse
 import os
@@ -13,7 +13,7 @@ from lime_keras.version import __version__
 from .scene.quality import QUALITIES
 
 COMMANDS = ("verify", "preview", "layers", "views")
-"""The first word that makes it do something else than render; no folder's name otherwise."""
+"""First arguments that name a command; any other first argument is the folder of a corpus."""
 _EXAMPLE = """
 other commands, each with a --help of its own:
   lime-render verify CORPUS         check files, checksums and every record
@@ -34,7 +34,7 @@ whatever the number of workers.
 
 
 def parser() -> argparse.ArgumentParser:
-    """The options for rendering."""
+    """Return the parser of the options for rendering."""
     out = argparse.ArgumentParser(
         prog="lime-render",
         usage="lime-render OUT --split {train,test} --count COUNT [options]\n"
@@ -119,7 +119,10 @@ def parser() -> argparse.ArgumentParser:
 
 
 def commands() -> argparse.ArgumentParser:
-    """The options of `COMMANDS`, each of which sets `run`, what does it, and `interrupted`."""
+    """Return the parser of `COMMANDS`.
+
+    Each command sets two options: `run`, its function, and `interrupted`, its message after Ctrl-C.
+    """
     out = argparse.ArgumentParser(prog="lime-render")
     subparsers = out.add_subparsers(required=True)
 
@@ -189,7 +192,7 @@ def commands() -> argparse.ArgumentParser:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Render one split of a corpus, or look at what was rendered; returns the exit status."""
+    """Render one split of a corpus, or run one of `COMMANDS`, and return the exit status."""
     arguments = sys.argv[1:] if argv is None else argv
     if arguments and arguments[0] in COMMANDS:
         options = commands().parse_args(arguments)
@@ -233,10 +236,12 @@ def _preview(options: argparse.Namespace) -> int:
 
 
 def _splits(corpus: Path, name: str | None) -> list[Split]:
-    """The split of that name, or all that were begun: `verify` tells if one is not complete.
+    """Return the split of that name, or without a name all splits whose rendering was begun.
+
+    A split that is not complete is included: `verify` reports it.
 
     Raises:
-        ValueError: if none was begun.
+        ValueError: if no split was begun.
     """
     if name is not None:
         return [Split(corpus, name)]
@@ -273,7 +278,7 @@ def _render(options: argparse.Namespace) -> int:
 
     choice = variants.choose()
     if held_variant(Split(options.out, options.split)) == variants.SLOW:
-        # Begun without a libLLVM: its shards go on as they began.
+        # The split was begun without a libLLVM: its other shards need the same variant.
         choice = variants.Choice(variants.SLOW, None)
     print(choice.explain(), file=sys.stderr)
     folders = {

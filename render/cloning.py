@@ -1,8 +1,8 @@
 """Material cloning (paper, section 7): a photographed material on another shape, in the photo.
 
-The photographed object is taken out of the picture, what was behind it guessed smoothly, and the
-user's mesh put in its place: under the estimated light, by Eq. 4 and with the corpus' own renderer.
-No shadow is cast, as the model of the scene has none.
+The photographed object is removed, and the hole is filled smoothly from its surroundings. The
+user's mesh is rendered in its place: under the estimated light, by Eq. 4, with the renderer of the
+corpora. The mesh casts no shadow, as the paper's image model has none.
 """
 
 import math
@@ -27,15 +27,18 @@ from .shapes import meshes
 from .shapes.meshes import Mesh
 
 TURN = math.radians(30)
-"""About the mesh's vertical, to the right: a three-quarter view shows more than a front."""
+"""Default turn of the mesh about its vertical, to the right, in radians.
+
+A three-quarter view shows more of the shape than a front view.
+"""
 _PITCH = math.radians(12)
-"""The camera looks down at things that stand on a table."""
+"""Angle by which the camera looks down, in radians, as it does at things on a table."""
 _MOST_PIXELS = 1024
-"""Across what is rendered; larger objects are rendered at this size and enlarged."""
+"""Largest side of the rendered square in pixels; a larger object is rendered so and enlarged."""
 _FINE = (256, 512)
-"""Texels of the light as it is rendered."""
+"""Rows and columns to which the estimated light is resampled for rendering."""
 _RIM = 0.03
-"""Of the object's size: the mask is widened by it, so that no edge of the old object stays."""
+"""Width by which the mask is grown, as a share of the object's size, to hide the old edges."""
 
 
 def clone(
@@ -47,26 +50,27 @@ def clone(
     *,
     turn: float = TURN,
 ) -> np.ndarray:
-    """Put a mesh of the estimated material, under the estimated light, in the object's place.
+    """Replace the object of a photo by a mesh of its material, under the estimated light.
 
-    The mesh stands upright (Y up) on the lower edge of the mask's box, in its middle, as large as
-    fits. Exposure is the photo's: the light is in units of its linear radiance. Call
-    `variants.activate` before TensorFlow is imported.
+    The mesh stands upright (Y up) on the lower edge of the mask's box, in the middle of this edge,
+    as large as the box allows. The exposure is the photo's: the light is in units of the photo's
+    linear radiance. Call `variants.activate` before TensorFlow is imported.
 
     Args:
-        photo_srgb: `(H, W, 3)` sRGB in [0, 1].
-        mask: `(H, W, 1)` of the photographed object, in [0, 1].
-        material: m_d, m_s and s; furnace-normalised.
-        radiance: the light `(h, 2 h)` in camera space, linear; of `illumination.estimate`.
-        mesh_path: one of `meshes.EXTENSIONS`.
-        turn: of the mesh about its vertical, in radians.
+        photo_srgb: the photo, `(H, W, 3)` sRGB in [0, 1].
+        mask: mask of the photographed object, `(H, W, 1)` in [0, 1].
+        material: m_d, m_s and s, furnace-normalised.
+        radiance: environment map `(h, 2 h)` in camera space, linear (see `illumination.estimate`).
+        mesh_path: mesh file, in one of the formats `meshes.EXTENSIONS`.
+        turn: angle in radians by which the mesh is turned about its vertical.
 
     Returns:
-        `(H, W, 3)` float32 sRGB in [0, 1]; as the photo away from both objects.
+        The new picture, `(H, W, 3)` float32 sRGB in [0, 1]; equal to the photo outside both
+        objects.
 
     Raises:
-        ValueError: if the shapes differ, the mask is empty, the material lacks a number, the light
-            is black or unsound, or the mesh cannot be read.
+        ValueError: if the shapes of photo and mask differ, the mask is empty, the material lacks a
+            number, the light is black or not finite, or the mesh cannot be read.
     """
     _check(photo_srgb, mask)
     whole = material.whole()
@@ -94,7 +98,7 @@ def clone(
     over = framing.paste(rendered, square, *mask.shape[:2])
     old = colour.srgb_to_linear(np.asarray(photo_srgb, np.float32))
     behind = without_object(old, mask)
-    # As the corpus: the sensor clips what a pixel has gathered, object and background together.
+    # As in the corpus, the sensor clips the sum of object and background in each pixel.
     linear = np.clip(over[..., :3] + (1 - over[..., 3:]) * behind, 0, 1)
     touched = _widened(mask) | (over[..., 3] > 0)
     new = np.clip(colour.linear_to_srgb(linear), 0, 1)
@@ -102,9 +106,16 @@ def clone(
 
 
 def without_object(photo_linear: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """A photo `(H, W, 3)` whose object `(H, W, 1)` is replaced by what surrounds it, smoothly.
+    """Fill the place of the object smoothly from its surroundings.
 
-    Where the object fills all of the photo nothing surrounds it, and black is behind it.
+    If the object fills the whole photo there are no surroundings, and the filling is black.
+
+    Args:
+        photo_linear: the photo, `(H, W, 3)` linear RGB.
+        mask: mask of the object, `(H, W, 1)` in [0, 1].
+
+    Returns:
+        The photo without its object, `(H, W, 3)` linear RGB.
     """
     kept = (~_widened(mask))[..., None].astype(np.float32)
     height, width, _ = photo_linear.shape
@@ -117,7 +128,7 @@ def without_object(photo_linear: np.ndarray, mask: np.ndarray) -> np.ndarray:
 
 
 def _check(photo: np.ndarray, mask: np.ndarray) -> None:
-    """Refuse what cannot be cloned."""
+    """Raise ValueError if photo and mask do not fit each other, or if the mask is empty."""
     if photo.ndim != 3 or photo.shape[-1] != 3 or mask.shape != (*photo.shape[:2], 1):
         raise ValueError(
             f"a photo (H, W, 3) and its mask (H, W, 1) are expected, got {photo.shape} and "
@@ -128,27 +139,27 @@ def _check(photo: np.ndarray, mask: np.ndarray) -> None:
 
 
 def _light(radiance: np.ndarray) -> Light:
-    """The estimated map at its own brightness, so fine that no sharp lobe tells its texels."""
+    """Prepare the estimated map at its own brightness, so fine that a lobe shows no texels."""
     fine = environment.rotate(radiance, np.eye(3), *_FINE)
     return lights.prepare("the estimated light", fine, environment.spherical_mean(radiance))
 
 
 def _box(mask: np.ndarray) -> tuple[int, int, int, int]:
-    """Top, bottom, left and right edge of the object."""
+    """Return the top, bottom, left and right edge of the object, in pixels."""
     inside = mask[..., 0] >= 0.5
     rows, columns = (np.flatnonzero(inside.any(axis=axis)) for axis in (1, 0))
     return rows[0], rows[-1] + 1, columns[0], columns[-1] + 1
 
 
 def _square(mask: np.ndarray) -> Square:
-    """What is rendered: the box and a pixel on each side."""
+    """Return the square that is rendered: it holds the object's box and a pixel on each side."""
     top, bottom, left, right = _box(mask)
     side = max(bottom - top, right - left) + 2
     return Square((top + bottom - side) // 2, (left + right - side) // 2, side)
 
 
 def _standing(mesh: Mesh, mask: np.ndarray, turn: float) -> Pose:
-    """The mesh upright in the object's box; its camera is in pixels of the photo."""
+    """Return the pose of the mesh, upright in the object's box; its camera is in photo pixels."""
     top, bottom, left, right = _box(mask)
     focal, _, centre_x, centre_y = shading.assumed_camera(*mask.shape[:2])
     cosine, sine = math.cos(turn), math.sin(turn)
@@ -163,14 +174,14 @@ def _standing(mesh: Mesh, mask: np.ndarray, turn: float) -> Pose:
     points = points + translation
     projected = points[:, :2] / -points[:, 2:]
     low, high = projected.min(axis=0), projected.max(axis=0)
-    # Seen from there, the lens and where the photo is cut from are what makes it fit.
+    # The distance is now fixed: focal length and principal point make the mesh fit the box.
     focal = float(np.min(box / np.maximum(high - low, 1e-9)))
     middle = (left + right) / 2 - focal * (low[0] + high[0]) / 2
     return Pose(rotation, translation, np.array([focal, focal, middle, bottom + focal * low[1]]))
 
 
 def _widened(mask: np.ndarray) -> np.ndarray:
-    """Where the old object may show `(H, W)`: the mask and a rim."""
+    """Return the pixels `(H, W)` in which the old object may show: the mask and a rim around it."""
     top, bottom, left, right = _box(mask)
     rim = max(1, round(_RIM * max(bottom - top, right - left)))
     distance = ndimage.distance_transform_edt(mask[..., 0] < 0.02)

@@ -1,9 +1,9 @@
-"""Views into environment maps, as pictures for `lime-render --backgrounds`: real rooms, cluttered.
+"""Pictures taken inside environment maps: real, cluttered rooms for `lime-render --backgrounds`.
 
     lime-render views hdris/ views/
 
-Only the maps that `lime-render --environments hdris/` deals to the train split are looked into.
-Each view is exposed for itself: its geometric mean becomes 18 % grey, or up to a stop more or less.
+Only those maps are used that `lime-render --environments hdris/` assigns to the train split. Each
+picture has its own exposure: its geometric mean becomes 18 % grey, up to one stop more or less.
 """
 
 from collections.abc import Callable
@@ -22,7 +22,7 @@ GREY, LARGEST = 0.18, 1e4
 
 
 def view(maps: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """A camera's picture `(HEIGHT, WIDTH, 3)`, sRGB in [0, 1], from inside a map `(H, W, 3)`."""
+    """Return a picture `(HEIGHT, WIDTH, 3)`, sRGB in [0, 1], by a camera in a map `(H, W, 3)`."""
     focal = WIDTH * rng.uniform(0.5, 1.5)  # 90 to 37 degrees across
     heading, pitch = rng.uniform(0, 2 * np.pi), np.radians(rng.uniform(-35, 15))
     seen = -shading.view_directions(
@@ -43,17 +43,17 @@ def view(maps: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 def write_views(
     folder: Path, out: Path, count: int, on_picture: Callable[[int, int], None]
 ) -> None:
-    """Write `count` views of each map of the train split, `NAME-00.png` and so on.
+    """Write `count` pictures of each map of the train split, `NAME-00.png` and so on.
 
     Args:
-        folder: of the maps.
+        folder: folder of the maps.
         out: folder of the pictures.
-        count: of pictures of each map.
-        on_picture: called with (done, total) as pictures are written.
+        count: number of pictures of each map.
+        on_picture: called with (done, total) after each picture.
 
     Raises:
         OSError: if a picture cannot be written.
-        ValueError: if the folder holds too few maps, or one cannot be read.
+        ValueError: if the folder holds too few maps, or a map cannot be read.
     """
     out.mkdir(parents=True, exist_ok=True)
     paths = sources.files(folder, "train", environments.EXTENSIONS)

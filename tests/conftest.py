@@ -1,4 +1,4 @@
-"""Fixtures that several modules share."""
+"""Fixtures that several test modules share."""
 
 import dataclasses
 import fcntl
@@ -14,8 +14,8 @@ from lime_keras.render.mitsuba_setup import variants
 for name in ("OMP_NUM_THREADS", "TF_NUM_INTRAOP_THREADS", "TF_NUM_INTEROP_THREADS"):
     os.environ.setdefault(name, "1")
 
-# Before anything imports Mitsuba, whose library is chosen here, or TensorFlow, which crashes if it
-# comes first.
+# This must come before any import of Mitsuba, whose library is chosen here, and of TensorFlow,
+# which crashes if it is imported before Mitsuba.
 CHOICE = variants.choose()
 variants.activate(CHOICE, threads=1)
 
@@ -36,16 +36,16 @@ def pytest_collection_modifyitems(items):
 
 @pytest.fixture(scope="session")
 def mitsuba_choice():
-    """The fastest variant of Mitsuba that works here, active, with one thread."""
+    """Return the fastest variant of Mitsuba that works here; it is active, with one thread."""
     return CHOICE
 
 
 @pytest.fixture(params=["eager", "compiled"])
 def differentiate(request):
-    """A function's value and its gradient by each argument, as NumPy arrays.
+    """Return a function that computes values and gradients of functions, as NumPy arrays.
 
-    `differentiate(function, *arrays)` gives `(value, [gradient, …])`, each gradient that of the
-    value's sum.
+    `differentiate(function, *arrays)` returns `(value, [gradient, …])`: the value, and the gradient
+    of the value's sum by each array.
     """
     import tensorflow as tf
 
@@ -71,7 +71,7 @@ def differentiate(request):
 
 @pytest.fixture(scope="session")
 def tiny():
-    """The smallest architecture."""
+    """Return the smallest architecture."""
     from lime_keras.networks import Architecture
 
     return Architecture(size=32, unet_width=2, unet_depth=2, encoder_width=2, dense_width=4)
@@ -79,7 +79,7 @@ def tiny():
 
 @pytest.fixture(scope="session")
 def tiny_model(tiny, tmp_path_factory):
-    """Folder of an untrained tiny model whose every output varies with the image."""
+    """Return the folder of an untrained tiny model; all its outputs vary with the image."""
     return _saved(tmp_path_factory.mktemp("tiny") / "model", tiny, seed=1)
 
 
@@ -132,25 +132,25 @@ ABLATIONS = {
 
 @pytest.fixture(scope="session", params=ABLATIONS.values(), ids=ABLATIONS)
 def ablation(request, tiny):
-    """The smallest architecture of each ablation."""
+    """Return the smallest architecture of each ablation."""
     return dataclasses.replace(tiny, **request.param)
 
 
 @pytest.fixture(scope="session")
 def ablation_model(ablation, tmp_path_factory):
-    """As `tiny_model`, of each ablation."""
+    """Return the folder of an untrained tiny model of each ablation (see `tiny_model`)."""
     return _saved(tmp_path_factory.mktemp("ablation") / "model", ablation, seed=3)
 
 
 def _saved(folder, architecture, seed):
-    """Weights of a seed that leaves no network this small dead."""
+    """Save a model with random weights of a seed, chosen so that all outputs vary."""
     import keras
 
     from lime_keras.networks import build, weights
 
     keras.utils.set_random_seed(seed)
     subnetworks = build(architecture)
-    # The heads start around zero, where the mask and the albedos are clipped.
+    # Untrained outputs are around 0, where mask and albedos are clipped: biases lift them.
     heads = {"segmentation": 0.6, "specular": 0.5, "mirror": 0.5, "reflectance_map": 0.5}
     for name, network in subnetworks.items():
         if name in heads:

@@ -29,8 +29,8 @@ def replacing(path: Path, *, shared: bool = False) -> Iterator[Path]:
     remove(partial)
     try:
         yield partial
-        if partial.is_dir() or path.is_dir():
-            remove(path)  # a folder takes no other's place
+        if partial.is_dir():  # no folder can be renamed onto another
+            remove(path)
         os.replace(partial, path)
     except BaseException:
         remove(partial)

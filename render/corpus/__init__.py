@@ -1,1 +1,1 @@
-"""The corpus writer: sources, worker processes, machines, shards."""
+"""The corpus writer: sources, worker processes, cluster nodes, shards."""

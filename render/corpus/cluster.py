@@ -1,7 +1,7 @@
-"""Machines that render: a Ray cluster, each shard a task, which goes elsewhere if a node is lost.
+"""Rendering on a Ray cluster: each shard is a task, which runs on another node if its node is lost.
 
-All nodes see the corpus' folder, and those of the inputs, under the same paths: shards are written
-where they are rendered, and the rooms that one node rendered light the scenes of all.
+All nodes see the folders of the corpus and of the inputs under the same paths. A shard is written
+by the node that renders it, and a room that one node rendered lights the scenes of all nodes.
 """
 
 import contextlib
@@ -21,36 +21,38 @@ from .description import Job
 from .processes import TASKS_PER_PROCESS, THREAD_VARIABLES, Ticks
 
 _RETRIES = 3
-"""How often a shard may lose its process, to a node's end or for want of memory."""
+"""How often a shard may lose its process, because a node is lost or memory runs out."""
 _SECONDS_TO_ANSWER = 5
 _START = (
     "start one with `ray start --head --port 6379` on one machine and `ray start --address "
     "FIRST:6379` on the others, then run this on one of them with `--ray FIRST:6379`"
 )
-# A gRPC server, as Ray's are, answers HTTP/2's first bytes and empty settings with its settings.
+# Ray's servers speak gRPC, and so HTTP/2: to this greeting, with empty settings, such a server
+# answers with its own settings.
 _GREETING = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + bytes((0, 0, 0, 4, 0, 0, 0, 0, 0))
 _SETTINGS = 4
 
 
 class Cluster:
-    """A Ray cluster to use like `processes.Workers`.
+    """A Ray cluster, to be used like `processes.Workers`.
 
     Args:
-        address: what `ray.init` takes: `host:port`, or `auto` for the cluster of this machine.
-        packages: nodes with other versions of them are refused, whose bytes might differ.
-        start: called in each process with the job and the ticks; what it returns, the process holds
-            for the tasks.
-        job: to be rendered; every node must see its folder and the files that were found for it,
-            and have its choice's variant.
+        address: address for `ray.init`: `host:port`, or `auto` for the cluster of this machine.
+        packages: names of packages; a node with other versions of them is refused, because its
+            bytes might differ.
+        start: called in each process with the job and the ticks; the process keeps the returned
+            object for its tasks.
+        job: the job to render. Every node must see its folder and its input files, and must be able
+            to run its variant of Mitsuba.
 
     Raises:
-        RuntimeError: if Ray is not installed, or nothing like it answers at the address.
+        RuntimeError: if Ray is not installed, or no Ray cluster answers at the address.
     """
 
     def __init__(
         self, address: str, packages: Iterable[str], start: Callable[[Job, Ticks], Any], job: Job
     ):
-        # Read by Ray as it is imported.
+        # Ray reads this variable when it is imported.
         os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
         try:
             import ray
@@ -75,8 +77,8 @@ class Cluster:
         """Run `task` on each item, in any order, and wait for all; see `processes.Workers.run`.
 
         Raises:
-            RuntimeError: if the cluster cannot be used, or a task lost its process too often. What
-                a task raises is raised as one that names the node.
+            RuntimeError: if the cluster cannot be used, a task lost its process too often, or a
+                task raised an OSError, ValueError or RuntimeError; the message names the node.
         """
         ray = self._ray
         with self._connected():
@@ -87,7 +89,7 @@ class Cluster:
             living: dict[str, str] | None = None
             while pending:
                 finished, _ = ray.wait(list(pending), timeout=0.2)
-                # Before the news: who is lost now has told all that it will.
+                # Read before the news, so that the news holds all reports of nodes lost by now.
                 living, before = self._living(), living
                 if progress.learn(ray.get(board.take.remote())):
                     tell(done + progress.counts.total(), total)
@@ -95,7 +97,7 @@ class Cluster:
                 for ref in set(finished) - failures.keys():
                     del pending[ref]
                 lost = _lost(before, living)
-                # Ray itself waits for minutes for a node that was cut off.
+                # If a node was cut off, Ray itself waits for minutes before it reports a failure.
                 for ref, item in pending.items():
                     if progress.nodes.get(item) in lost:
                         failures.setdefault(ref, "its node was lost")
@@ -112,7 +114,7 @@ class Cluster:
 
     @contextlib.contextmanager
     def _connected(self) -> Iterator[None]:
-        """Be a driver of the cluster; its processes and tasks end with the context."""
+        """Connect to the cluster as a driver, whose processes and tasks end with the context."""
         ray = self._ray
         with contextlib.redirect_stdout(_OneThread(sys.stdout)):
             try:
@@ -130,22 +132,23 @@ class Cluster:
             try:
                 yield
             finally:
-                # It prints what it held back of what it was to repeat.
+                # `shutdown` prints repeated messages that Ray held back.
                 with contextlib.redirect_stdout(io.StringIO()):
                     ray.shutdown()
 
     def _work(self, task: Callable) -> Any:
-        """A remote function of the board and an item, whose expected errors name the node.
+        """Return a remote function that runs `task` on an item; its expected errors name the node.
 
-        It gives the node's address and whether its processor is like this one.
+        The function takes the board and the item. It returns the node's address and whether the
+        node's processor is like this machine's.
         """
         ray = self._ray
         pickled = ray.cloudpickle.dumps((nodes.work, *self._arguments, task))
 
-        # Inside a function it travels as code, so that a node without this package can say so.
+        # An inner function is sent as code, so that a node without this package can report that.
         def work(board: Any, item: Hashable) -> tuple[str, bool]:
             node = ray.util.get_node_ip_address()
-            # Waited for: from now on it is known what is lost with this node.
+            # Waiting here makes sure that the driver knows the item's node if the node is lost.
             ray.get(board.put.remote(item, ray.get_runtime_context().get_node_id(), 0))
             try:
                 run, *arguments = pickle.loads(pickled)
@@ -161,7 +164,7 @@ class Cluster:
         return ray.remote(num_cpus=1, max_calls=TASKS_PER_PROCESS, max_retries=0)(work)
 
     def _living(self) -> dict[str, str]:
-        """Addresses of the nodes that live and have processors, by their names."""
+        """Return the addresses, by node name, of the nodes that are alive and have processors."""
         return {
             node["NodeID"]: node["NodeManagerAddress"]
             for node in self._ray.nodes()
@@ -169,7 +172,7 @@ class Cluster:
         }
 
     def _board(self) -> Any:
-        """A board on this node, which is lost only with this process."""
+        """Start a `_Board` on this node, so that it is lost only together with this process."""
         ray = self._ray
         here = ray.util.scheduling_strategies.NodeAffinitySchedulingStrategy(
             ray.get_runtime_context().get_node_id(), soft=False
@@ -178,7 +181,11 @@ class Cluster:
         return board.options(scheduling_strategy=here).remote()
 
     def _failure(self, finished: Any) -> str | None:
-        """How a task lost its process; None if it succeeded."""
+        """Return the reason why a finished task lost its process; None if the task succeeded.
+
+        Raises:
+            RuntimeError: if the task raised one.
+        """
         ray = self._ray
         try:
             node, is_like = ray.get(finished)
@@ -199,7 +206,7 @@ class Cluster:
 
 
 def _lost(before: dict[str, str] | None, living: dict[str, str]) -> set[str]:
-    """Names of the nodes that are no more, which is told."""
+    """Return the names of the nodes that were lost since `before`, and print a line for each."""
     known = before or {}
     lost = known.keys() - living.keys()
     for name in lost:
@@ -210,7 +217,7 @@ def _lost(before: dict[str, str] | None, living: dict[str, str]) -> set[str]:
 
 
 class _OneThread(io.TextIOBase):
-    """Standard output for this thread alone; Ray's would print pages there when a node is lost."""
+    """A standard output for this thread alone: Ray's threads print pages when a node is lost."""
 
     def __init__(self, stream: TextIO):
         self._stream, self._thread = stream, threading.get_ident()
@@ -223,23 +230,23 @@ class _OneThread(io.TextIOBase):
 
 
 class _Progress:
-    """Where the items' tasks are, and how far."""
+    """The progress of the items' tasks: the node and the count of each."""
 
     def __init__(self) -> None:
         self.nodes: dict[Hashable, str] = {}
         self.counts: Counter[Hashable] = Counter()
 
     def learn(self, news: dict[Hashable, tuple[str, int]]) -> bool:
-        """Take up what is new; tell if anything is."""
+        """Take up news of items, and return whether there was any."""
         for item, (node, count) in news.items():
             self.nodes[item] = node
-            # A shard that is rendered again counts from one again: what was seen stays.
+            # A shard that is rendered again counts from 1 again: the larger count is kept.
             self.counts[item] = max(count, self.counts[item])
         return bool(news)
 
 
 class _Board:
-    """An actor: what is new of nodes and counts of the items since it was last asked."""
+    """A Ray actor that gathers each item's node and count until the driver takes them."""
 
     def __init__(self) -> None:
         self._news: dict[Hashable, tuple[str, int]] = {}
@@ -253,7 +260,7 @@ class _Board:
 
 
 def _refuse_silence(address: str) -> None:
-    """Find out now what Ray itself would take minutes to: that nobody answers, or not Ray."""
+    """Raise RuntimeError at once if no Ray cluster answers at the address; Ray takes minutes."""
     host, _, port = address.removeprefix("ray://").rpartition(":")
     if not host or not port.isdecimal():
         return

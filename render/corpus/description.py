@@ -1,4 +1,4 @@
-"""What a split is to be: everything that its bytes depend on, and where to write it."""
+"""The description of a split, on which the split's bytes depend, and the job of rendering it."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -15,20 +15,20 @@ from . import inputs, sources
 
 @dataclasses.dataclass(frozen=True)
 class Description:
-    """Everything that a split's bytes depend on, apart from the software.
+    """A description of a split: everything that its bytes depend on, apart from the software.
 
     Attributes:
         split: `train` or `test`.
         count: number of examples.
-        seed: of everything random; 0 is a seed.
+        seed: seed of everything random; 0 is a valid seed.
         size: height and width of the images in pixels.
-        shard_size: examples in a shard.
-        quality: name of one of `QUALITIES`.
+        shard_size: number of examples in a shard.
+        quality: name of the quality (see `QUALITIES`).
         shading: `furnace` or `literal`.
-        shapes: folder of meshes, or None for the built-in ones.
-        environments: folder of maps, or None for the built-in rooms.
+        shapes: folder of meshes, or None for the built-in shapes.
+        environments: folder of environment maps, or None for the built-in rooms.
         backgrounds: folder of pictures, or None for random textures.
-        variant: Mitsuba's.
+        variant: variant of Mitsuba.
     """
 
     split: str
@@ -45,25 +45,25 @@ class Description:
 
     @property
     def shards(self) -> int:
-        """Number of shards."""
+        """The number of shards."""
         return -(-self.count // self.shard_size)
 
     def indices(self, shard: int) -> range:
-        """Indices of the examples in a shard."""
+        """Return the indices of the examples in a shard."""
         first = shard * self.shard_size
         return range(first, min(first + self.shard_size, self.count))
 
 
 @dataclasses.dataclass(frozen=True)
 class Job:
-    """What a worker needs to know.
+    """The job of rendering a split, as a worker needs it.
 
     Attributes:
         out: folder of the corpus.
-        description: of the split.
-        choice: Mitsuba's variant and library.
-        usable: names of the user's files to use, by kind; None to list them, or where something
-            built in serves.
+        description: description of the split.
+        choice: variant and library of Mitsuba.
+        usable: names of the user's files to use, by kind; None if the folder is to be listed, or if
+            the kind is built in.
     """
 
     out: Path
@@ -74,9 +74,9 @@ class Job:
     )
 
     def recorded(self) -> dict[str, Any]:
-        """The description as it is written down.
+        """Return the description as it is stored in JSON.
 
-        Folders are told by name: where they lie on this machine changes no byte.
+        Folders are stored by name alone: their place on this machine changes no byte.
         """
         record = dataclasses.asdict(self.description)
         for name in inputs.KINDS:
@@ -84,7 +84,7 @@ class Job:
         return record
 
     def files(self) -> dict[str, list[Path]]:
-        """The user's files for this split, by kind; none where something built in serves."""
+        """Return the user's files for this split, by kind; an empty list for a built-in kind."""
         extensions = {"shapes": procedural.EXTENSIONS, "environments": environments.EXTENSIONS}
         found = {
             kind: sources.files(folder, self.description.split, extensions[kind]) if folder else []
@@ -96,12 +96,12 @@ class Job:
 
     @property
     def split(self) -> Split:
-        """Where the split is written."""
+        """The split on disk that the job writes."""
         return Split(self.out, self.description.split)
 
     @property
     def shapes(self) -> sources.ShapeSource:
-        """Where its shapes come from."""
+        """The source of the split's shapes."""
         description = self.description
         return sources.ShapeSource(
             self._folder("shapes"), description.split, description.seed, self.usable["shapes"]
@@ -109,7 +109,7 @@ class Job:
 
     @property
     def lights(self) -> sources.LightSource:
-        """Where its lights come from."""
+        """The source of the split's lights."""
         return sources.LightSource(
             self._folder("environments"),
             self.description.split,
@@ -120,7 +120,7 @@ class Job:
 
     @property
     def backgrounds(self) -> sources.BackgroundSource:
-        """Where its backgrounds come from."""
+        """The source of the split's backgrounds."""
         return sources.BackgroundSource(self._folder("backgrounds"), self.usable["backgrounds"])
 
     def _folder(self, kind: str) -> Path | None:

@@ -1,4 +1,4 @@
-"""One example of a corpus: its scene is drawn from seed and index, and rendered."""
+"""One example of a corpus: a scene drawn at random from seed and index, and rendered."""
 
 import functools
 from dataclasses import dataclass
@@ -15,16 +15,21 @@ from .sources import BackgroundSource, LightSource, ShapeSource, generator, some
 
 _TRIES = 20
 _SHAPES_PER_SHARD, _LIGHTS_PER_SHARD = 64, 64
-"""A shard draws from so many at most: what a worker can hold, so each is read once a shard."""
+"""Largest numbers of shapes and lights that a shard draws from.
+
+A worker can hold so many in memory, so each is read once in a shard.
+"""
 
 
 class Sources:
-    """What the scenes of a split are drawn from; the meshes and maps last used stay in memory.
+    """The sources that the scenes of a split are drawn from.
+
+    The meshes and maps that were used last stay in memory.
 
     Args:
-        shapes: of the split.
-        lights: of the split.
-        backgrounds: of the split.
+        shapes: source of the split's shapes.
+        lights: source of the split's lights.
+        backgrounds: source of the split's backgrounds.
     """
 
     def __init__(self, shapes: ShapeSource, lights: LightSource, backgrounds: BackgroundSource):
@@ -38,13 +43,13 @@ class Sources:
 
     @classmethod
     def built_in(cls, split: str, seed: int, rooms: Path) -> "Sources":
-        """Procedural shapes in procedural rooms before random textures.
+        """Return the built-in sources: procedural shapes, procedural rooms, random textures.
 
         Args:
-            split: `train` or `test`, which share nothing.
-            seed: of the corpus.
-            rooms: folder that keeps the rooms' maps, which are rendered when first drawn; a corpus'
-                is `CORPUS/SPLIT/rooms`.
+            split: `train` or `test`; the two share no shape and no room.
+            seed: seed of the corpus.
+            rooms: folder that keeps the maps of the rooms, which are rendered when first drawn; in
+                a corpus it is `CORPUS/SPLIT/rooms`.
         """
         return cls(
             ShapeSource(None, split, seed),
@@ -53,7 +58,7 @@ class Sources:
         )
 
     def of_shard(self, seed: int, shard: int) -> tuple[list[str], list[str]]:
-        """Names of the shapes and of the lights that a shard draws from."""
+        """Return the names of the shapes and the names of the lights that a shard draws from."""
         rng = generator(seed, self.split, "shard", shard)
         return (
             some(rng, self.shape_names, _SHAPES_PER_SHARD),
@@ -70,12 +75,13 @@ class Sources:
 
 @dataclass(frozen=True)
 class Example:
-    """One example as it came out.
+    """A rendered example.
 
     Attributes:
-        features: a value for each of `lime_keras.data.records.FEATURES`, as exact as rendered.
-        record: the same, serialised as in a shard.
-        failures: what was drawn before and could not be used: its attempt, shape, light and error.
+        features: value of each of `lime_keras.data.records.FEATURES`, before quantisation.
+        record: these features, serialised as in a shard.
+        failures: one entry for each earlier attempt that could not be used: index, attempt, shape,
+            light and error.
     """
 
     features: dict[str, Any]
@@ -95,23 +101,23 @@ def render_example(
 ) -> Example:
     """Draw shape, light, pose, material and background of an example, and render it.
 
-    It is the example that a corpus of the same seed, sources and options has at that index. Mitsuba
-    must be active (`mitsuba_setup.variants.activate`) before TensorFlow is imported.
+    A corpus of the same seed, sources and options has the same example at this index. Mitsuba must
+    be active (`mitsuba_setup.variants.activate`) before TensorFlow is imported.
 
     Args:
-        seed: of the corpus.
-        index: of the example in its split.
-        sources: what the scene is drawn from; built-in ones made with the same seed.
+        seed: seed of the corpus.
+        index: index of the example in its split.
+        sources: sources of the scene; built-in sources must be made with the same seed.
         size: height and width of the images in pixels.
-        quality: of the layers.
-        literal: store D and S as Eqs. 2 and 3 are printed.
-        shard_size: examples in a shard, all of which draw from the same 64 shapes and lights.
+        quality: quality of the layers.
+        literal: whether D and S are stored as Eqs. 2 and 3 are printed.
+        shard_size: number of examples in a shard; these draw from the same 64 shapes and 64 lights.
 
     Raises:
-        ValueError: if a file cannot be used.
-        RuntimeError: if no scene of many was usable.
+        ValueError: if an input file cannot be used.
+        RuntimeError: if no attempt gave a usable scene.
     """
-    # Imports TensorFlow, which must come after Mitsuba.
+    # `records` imports TensorFlow, which must come after Mitsuba.
     from lime_keras.data import records
 
     shapes, lights = sources.of_shard(seed, index // shard_size)
@@ -132,7 +138,7 @@ def render_example(
             rendered = example.render(tracer, light, *scene, literal=literal)
             features = rendered | names | {"seed": seed, "index": index}
             return Example(features, records.encode(features), failures)
-        except ValueError as error:  # it shows too little, or is not finite
+        except ValueError as error:  # the object is too small, or a value is not finite
             failures.append({"index": index, "attempt": attempt, "error": str(error)} | names)
     raise RuntimeError(
         f"example {index} of seed {seed} failed {_TRIES} times, last of {failures[-1]['shape']} "

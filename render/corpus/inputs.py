@@ -1,8 +1,8 @@
-"""The user's files, read once before rendering starts, and judged.
+"""Checks of the user's input files, which are all read once before rendering starts.
 
-Whether a file is usable depends on the file alone; what is done about one that is not, refuse it or
-skip it, is the caller's choice. Findings are kept beside the split, so that going on with it need
-not read every file again, and notices a file that was changed meanwhile.
+Whether a file is usable depends on the file alone. The caller chooses whether unusable files are
+refused or skipped. Findings are stored beside the split: when rendering goes on after an
+interruption, unchanged files are not read again, and changed files are noticed.
 """
 
 import dataclasses
@@ -24,15 +24,15 @@ _LISTED = 20
 
 @dataclasses.dataclass(frozen=True)
 class Finding:
-    """What was found in one file.
+    """The result of checking one file.
 
     Attributes:
-        name: of the file, without its folder.
-        sha256: of its bytes; empty if they cannot be read.
-        size: in bytes.
-        mtime_ns: when it was last changed.
-        problem: why it cannot be used, and how to mend it; None if it can.
-        notes: on what was repaired to use it.
+        name: name of the file, without its folder.
+        sha256: checksum of the file's bytes; empty if the file cannot be read.
+        size: size of the file in bytes.
+        mtime_ns: time of the file's last change, in nanoseconds.
+        problem: why the file cannot be used, and how to mend it; None for a usable file.
+        notes: notes on what was repaired in a usable file.
     """
 
     name: str
@@ -44,15 +44,15 @@ class Finding:
 
 
 Findings = dict[str, list[Finding]]
-"""By kind, in the order of the files."""
+"""Findings of a split by kind, in the order of the files."""
 
 
 def check(kind: str, path: Path) -> Finding:
-    """Reads one file as it will be read for rendering.
+    """Check one file by reading it as rendering will read it.
 
     Args:
         kind: One of `KINDS`.
-        path: The file.
+        path: Path of the file.
     """
     try:
         stat = path.stat()
@@ -74,10 +74,10 @@ def check(kind: str, path: Path) -> Finding:
 
 
 def _notes(kind: str, path: Path) -> tuple[str, ...]:
-    """What was repaired in a file that can be used.
+    """Read a file and return notes on what was repaired in it.
 
     Raises:
-        ValueError: If it cannot.
+        ValueError: If the file cannot be used.
     """
     if kind == "environments":
         return environments.read(path)[1]
@@ -97,16 +97,16 @@ def inspect(
     held: Findings | None,
     run: Callable[[Callable[[tuple[str, Path]], Finding], list[tuple[str, Path]]], list[Finding]],
 ) -> Findings:
-    """Judges all files of a split, reading those that were changed since they were last judged.
+    """Check all files of a split; files whose size and time of change are known are not read again.
 
     Args:
-        files: By kind; none for a kind that is built in.
-        held: What was found when the split was begun; None for a new one.
-        run: `run(function, items)` gives the function's result for each item, in order; the
+        files: Files by kind; an empty list for a built-in kind.
+        held: Findings from when the split was begun; None for a new split.
+        run: `run(function, items)` returns the function's result for each item, in order; the
             function can be sent to another process.
 
     Raises:
-        ValueError: If files were changed, came or went since the split was begun.
+        ValueError: If files were changed, added or removed since the split was begun.
     """
     known = {(kind, f.name): f for kind, found in (held or {}).items() for f in found}
     asked = {(kind, path.name): path for kind, paths in files.items() for path in paths}
@@ -134,7 +134,7 @@ def _checked(file: tuple[str, Path]) -> Finding:
 
 
 def _is_as_held(path: Path, held: Finding | None) -> bool:
-    """Whether a file's size and time of change are those with which it was judged."""
+    """Return whether a file has the size and the time of change of its stored finding."""
     if held is None or not path.is_file():
         return False
     stat = path.stat()
@@ -142,7 +142,7 @@ def _is_as_held(path: Path, held: Finding | None) -> bool:
 
 
 def unusable(findings: Findings) -> dict[str, dict[str, str]]:
-    """By kind, the files that cannot be used, with the reasons."""
+    """Return the reasons why files cannot be used, by kind and file name."""
     return {
         kind: {f.name: f.problem for f in found if f.problem is not None}
         for kind, found in findings.items()
@@ -150,10 +150,10 @@ def unusable(findings: Findings) -> dict[str, dict[str, str]]:
 
 
 def refuse(findings: Findings) -> None:
-    """Insists that every file can be used.
+    """Raise ValueError if any file cannot be used.
 
     Raises:
-        ValueError: If one cannot: tells all of them with their reasons, or the first of many.
+        ValueError: The message lists the unusable files with their reasons, at most the first 20.
     """
     reasons = _reasons(unusable(findings))
     if reasons:
@@ -165,10 +165,10 @@ def refuse(findings: Findings) -> None:
 
 
 def skip(findings: Findings) -> dict[str, frozenset[str]]:
-    """By kind, the names to leave out.
+    """Return the names of the files to leave out, by kind.
 
     Raises:
-        ValueError: If nothing is left of a kind.
+        ValueError: If no usable file of a kind is left.
     """
     problems = unusable(findings)
     for kind, found in findings.items():
@@ -181,7 +181,7 @@ def skip(findings: Findings) -> dict[str, frozenset[str]]:
 
 
 def repairs(findings: Findings) -> list[str]:
-    """One line for each note on a file that is used, to be told."""
+    """Return one line for the user for each note on a repaired file."""
     return [
         f"{kind}: {finding.name}: {note}"
         for kind, found in findings.items()
@@ -191,16 +191,16 @@ def repairs(findings: Findings) -> list[str]:
 
 
 def write(path: Path, findings: Findings) -> None:
-    """Keeps findings as JSON."""
+    """Write findings to a JSON file."""
     value = {kind: [dataclasses.asdict(f) for f in found] for kind, found in findings.items()}
     atomic.write(path, json.dumps(value, indent=1) + "\n")
 
 
 def read(path: Path) -> Findings | None:
-    """Findings that were kept; None if there is no such file.
+    """Read findings from a JSON file; return None if there is no such file.
 
     Raises:
-        ValueError: If it holds something else.
+        ValueError: If the file holds something else.
     """
     if not path.is_file():
         return None

@@ -1,4 +1,4 @@
-"""What a process of a cluster's node does: makes sure it renders the same bytes, then renders."""
+"""The work of a process on a cluster node: check that it renders the same bytes, then render."""
 
 import dataclasses
 import importlib.metadata
@@ -18,7 +18,7 @@ from .processes import Ticks
 
 
 class _Ticks:
-    """What a task tells of progress to, as to a queue."""
+    """The ticks of this process (see `processes.Ticks`), which send counts to the board."""
 
     def __init__(self, board: Any):
         import ray
@@ -34,7 +34,7 @@ class _Ticks:
 
 
 _begun: tuple[_Ticks, Any] | None = None
-"""The ticks of this process and what `start` returned: Ray offers its tasks no other place."""
+"""The ticks of this process and the object that `start` returned; Ray offers no better place."""
 
 
 def work(
@@ -46,23 +46,23 @@ def work(
     board: Any,
     item: Hashable,
 ) -> bool:
-    """Run one task in this process, which is set up for the first.
+    """Run one task in this process; before its first task, check and set up the process.
 
     Args:
-        wanted: `versions` of the machine that asks.
-        like: its `processor`.
-        start: called once with the job, whose library is now this node's, and the ticks; what it
-            returns is held for the tasks.
-        job: as `cluster.Cluster` takes it.
-        task: called with what is held and the item.
+        wanted: `versions` of the machine that started the rendering.
+        like: `processor` of that machine.
+        start: called once with the job, whose library is then this node's, and the ticks; the
+            process keeps the returned object for its tasks.
+        job: the job to render (see `cluster.Cluster`).
+        task: called with the object that `start` returned and the item.
         board: actor that gathers the progress.
-        item: what the task works on.
+        item: item that the task works on.
 
     Returns:
-        Whether the processors are alike.
+        Whether this node's processor is like that of the machine that started the rendering.
 
     Raises:
-        RuntimeError: if this node would render other bytes. What the task raises is raised here.
+        RuntimeError: if this node would render other bytes. Errors of the task are raised too.
     """
     global _begun
     if _begun is None:
@@ -78,13 +78,13 @@ def work(
 
 
 def processor() -> list[str]:
-    """What NumPy sees of this machine's processor, and chooses its loops by."""
+    """Return the architecture and the SIMD extensions by which NumPy chooses its loops here."""
     found = np.show_config(mode="dicts").get("SIMD Extensions", {}).get("found", [])
     return [platform.machine(), *found]
 
 
 def versions(packages: Iterable[str]) -> dict[str, str]:
-    """Versions of packages and of this one, by name."""
+    """Return the versions of some packages and of `lime-keras`, by name."""
     return {name: _version(name) for name in packages} | {"lime-keras": __version__}
 
 
@@ -130,7 +130,11 @@ def _refuse_other_files(job: Job) -> None:
 
 
 def _own_choice(wanted: variants.Choice) -> variants.Choice:
-    """The same variant with this node's library, wherever it lies."""
+    """Return the wanted variant with the libLLVM of this node.
+
+    Raises:
+        RuntimeError: if this node cannot run the variant.
+    """
     if wanted.library is None:
         return wanted
     own = variants.choose()

@@ -1,4 +1,4 @@
-"""Processes that render: one thread each, ended with their parent, their progress seen."""
+"""Worker processes, with one thread each, that report progress and end with their parent."""
 
 import contextlib
 import multiprocessing
@@ -12,31 +12,32 @@ from concurrent.futures.process import BrokenProcessPool
 from typing import Any, Protocol
 
 TASKS_PER_PROCESS = 16
-"""Processes are replaced after so many shards, as Mitsuba keeps memory of every scene it loaded."""
+"""Number of tasks after which a process is replaced, as Mitsuba keeps memory of every scene."""
 THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 class Ticks(Protocol):
-    """Where a task tells of progress."""
+    """The object to which a task reports its progress."""
 
     def put(self, count: int, /) -> None:
-        """Tell that so many more things are done."""
+        """Report that `count` more things are done."""
 
 
 class Workers:
-    """A pool of processes whose progress is seen and whose death is told.
+    """A pool of processes that report their progress; the death of a process is an error.
 
     Args:
-        count: of processes.
-        start: called in each process with `arguments` and the ticks; what it returns, the process
-            holds for the tasks of `run`. Nothing is set up by default.
-        arguments: for `start`.
+        count: number of processes.
+        start: called in each process with `arguments` and the ticks; the process keeps the returned
+            object for the tasks of `run`. By default, nothing is called.
+        arguments: arguments for `start`.
     """
 
     def __init__(self, count: int, start: Callable[..., Any] | None = None, *arguments: Any):
         self._count = count
-        # One thread of linear algebra a worker: more would fight for the cores, and sum in an order
-        # that depends on their number. Children inherit it; this process computes nothing.
+        # One thread of linear algebra in each worker: more threads would compete for the cores, and
+        # the order of their sums would depend on their number. Child processes inherit the setting;
+        # this process computes nothing.
         os.environ |= dict.fromkeys(THREAD_VARIABLES, "1")
         self._context = multiprocessing.get_context("spawn")
         self._ticks = self._context.Queue()
@@ -54,18 +55,20 @@ class Workers:
         """Run `task` on each item, in any order, and wait for all.
 
         Args:
-            task: a function of a module, called with what its process holds and an item.
-            items: to work on.
-            done: how many things were there before.
-            total: how many there will be.
-            tell: called with (done, total) whenever a worker tells of progress.
+            task: a function of a module, called with the object that `start` returned in its
+                process and an item.
+            items: items to work on.
+            done: number of things that are done already.
+            total: number of things that will be done in the end.
+            tell: called with (done, total) whenever a worker reports progress.
 
         Raises:
-            RuntimeError: if a process died. What a task raises is raised here.
+            RuntimeError: if a process died. Errors of a task are raised too.
         """
         share = self._count * TASKS_PER_PROCESS
         for first in range(0, len(items), share):
-            # Closed at once on Ctrl-C, not when the traceback is let go; that ends the processes.
+            # `closing` ends the processes at once on Ctrl-C; otherwise they would live as long as
+            # the traceback.
             try:
                 with contextlib.closing(
                     self._finished(_run, [(task, item) for item in items[first : first + share]])
@@ -83,15 +86,15 @@ class Workers:
         tell(total, total)
 
     def map(self, task: Callable, items: list, tell: Callable[[int, int], None]) -> list:
-        """What `task` gives for each item, in order.
+        """Return the results of `task` for each item, in order.
 
         Args:
-            task: a function of a module, called in a worker.
-            items: what it is called with.
-            tell: called with (done, total) as results come.
+            task: a function of a module, called in a worker with an item.
+            items: items to work on.
+            tell: called with (done, total) whenever results arrive.
 
         Raises:
-            RuntimeError: if a process died. What a task raises is raised here.
+            RuntimeError: if a process died. Errors of a task are raised too.
         """
         results: dict[int, Any] = {}
         try:
@@ -108,10 +111,13 @@ class Workers:
         return [results[number] for number in range(len(items))]
 
     def _finished(self, task: Callable, items: list) -> Generator[dict[int, Any], None, None]:
-        """Run items in processes made for them; yield new results by number, if but empty."""
+        """Run `task` on each item in new processes; yield dicts, also empty ones, of new results.
+
+        The keys are the numbers of the items.
+        """
         if not items:
             return
-        # Not `max_tasks_per_child`, with which Python 3.11's pool can wait for ever.
+        # Without `max_tasks_per_child`, with which the pool of Python 3.11 can hang.
         pool = ProcessPoolExecutor(
             min(self._count, len(items)),
             mp_context=self._context,
@@ -129,7 +135,7 @@ class Workers:
         except BrokenProcessPool:
             raise
         except BaseException:
-            # Workers ignore Ctrl-C; end them now, and with them only unfinished, partial files.
+            # Workers ignore Ctrl-C, so they are ended here; only partial files are lost.
             for process in multiprocessing.active_children():
                 process.terminate()
             raise
@@ -138,7 +144,7 @@ class Workers:
 
 
 _held: Any = None
-"""What `start` returned in this process: a pool offers its tasks no other place."""
+"""The object that `start` returned in this process; a pool offers its tasks no better place."""
 
 
 def _run(work: tuple[Callable[[Any, Any], None], Any]) -> None:

@@ -1,8 +1,8 @@
-"""Where shapes, lights and backgrounds come from: built in, or the user's folders.
+"""Sources of shapes, lights and backgrounds: built-in ones, or the user's folders.
 
-Training and test never share a shape or a light. Built-in ones are seeded by split; the files of a
-folder are dealt out by a hash of their names, or by its subfolders `train` and `test` if it has
-them.
+Training and test never share a shape or a light. Built-in shapes and lights are seeded by split.
+The files of a folder are split by a hash of their names, or by the subfolders `train` and `test`
+if the folder has both.
 """
 
 import hashlib
@@ -29,23 +29,30 @@ _KINDS = {"example": 0, "shape": 1, "room": 2, "shard": 3}
 
 
 def generator(seed: int, split: str, kind: str, *indices: int) -> np.random.Generator:
-    """The random generator of one thing in a corpus, independent of every other thing's."""
+    """Return the random generator of one thing in a corpus, independent of all other generators.
+
+    Args:
+        seed: seed of the corpus.
+        split: `train` or `test`.
+        kind: kind of the thing: `example`, `shape`, `room` or `shard`.
+        indices: numbers of the thing, such as its index.
+    """
     key = (SPLITS.index(split), _KINDS[kind], *indices)
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
 
 
 def some(rng: np.random.Generator, names: list[str], most: int) -> list[str]:
-    """All names, or a random choice of `most` of them, in their order."""
+    """Return all names, or a random choice of `most` of them, in their order."""
     if len(names) <= most:
         return names
     return [names[k] for k in sorted(rng.choice(len(names), most, replace=False))]
 
 
 def files(folder: Path, split: str, extensions: tuple[str, ...]) -> list[Path]:
-    """Files of a folder that belong to a split, sorted by name.
+    """Return the files of a folder that belong to a split, sorted by name.
 
     Raises:
-        ValueError: if the folder is missing or too small to give both splits a file.
+        ValueError: if the folder is missing, or has too few files for two splits.
     """
     if not folder.is_dir():
         raise ValueError(f"{folder} is no folder: pass one with {', '.join(extensions)} files")
@@ -67,7 +74,7 @@ def files(folder: Path, split: str, extensions: tuple[str, ...]) -> list[Path]:
 
 
 def _matching(folder: Path, extensions: tuple[str, ...]) -> list[Path]:
-    """A folder's files of that kind, but those that a system hides beside the user's own."""
+    """Return the files of a folder with these extensions, sorted, without hidden files."""
     with os.scandir(folder) as entries:
         found = [folder / e.name for e in entries if e.name[0] != "." and not e.is_dir()]
     return sorted(path for path in found if path.suffix.lower() in extensions)
@@ -75,13 +82,13 @@ def _matching(folder: Path, extensions: tuple[str, ...]) -> list[Path]:
 
 @dataclass(frozen=True)
 class ShapeSource:
-    """Meshes of one split, by name.
+    """The meshes of one split, by name.
 
     Args:
-        folder: of mesh files, or None for built-in shapes.
+        folder: folder of mesh files, or None for built-in shapes.
         split: `train` or `test`.
-        seed: of the corpus.
-        usable: names of its files, once they were checked; None to list them.
+        seed: seed of the corpus.
+        usable: names of the folder's files that were found usable; None to list the folder.
     """
 
     folder: Path | None
@@ -90,7 +97,7 @@ class ShapeSource:
     usable: tuple[str, ...] | None = None
 
     def names(self) -> list[str]:
-        """All shapes of the split, in a fixed order."""
+        """Return the names of all shapes of the split, in a fixed order."""
         if self.usable is not None:
             return list(self.usable)
         if self.folder:
@@ -98,10 +105,10 @@ class ShapeSource:
         return [f"{self.split}-{index:04d}" for index in range(PROCEDURAL_SHAPES[self.split])]
 
     def load(self, name: str) -> procedural.Mesh:
-        """The mesh of that name.
+        """Load or make the mesh of that name.
 
         Raises:
-            ValueError: if its file cannot be used.
+            ValueError: if the file of the mesh cannot be used.
         """
         if self.folder:
             return procedural.load(_find(self.folder, self.split, name))
@@ -111,14 +118,14 @@ class ShapeSource:
 
 @dataclass(frozen=True)
 class LightSource:
-    """Environment maps of one split, by name.
+    """The environment maps of one split, by name.
 
     Args:
-        folder: of map files, or None for built-in rooms.
+        folder: folder of environment maps, or None for built-in rooms.
         split: `train` or `test`.
-        seed: of the corpus.
-        cache: folder that keeps rendered rooms.
-        usable: names of its files, once they were checked; None to list them.
+        seed: seed of the corpus.
+        cache: folder that keeps the maps of rendered rooms.
+        usable: names of the folder's files that were found usable; None to list the folder.
     """
 
     folder: Path | None
@@ -128,7 +135,7 @@ class LightSource:
     usable: tuple[str, ...] | None = None
 
     def names(self) -> list[str]:
-        """All maps of the split, in a fixed order."""
+        """Return the names of all maps of the split, in a fixed order."""
         if self.usable is not None:
             return list(self.usable)
         if self.folder:
@@ -136,10 +143,10 @@ class LightSource:
         return [f"room-{index:04d}.exr" for index in range(PROCEDURAL_ROOMS[self.split])]
 
     def load(self, name: str, quality: Quality = FAST) -> Light:
-        """The map of that name, ready to light; a room is rendered when first asked for.
+        """Load the map of that name and prepare it as a light; a missing room is rendered first.
 
         Raises:
-            ValueError: if its file cannot be used.
+            ValueError: if the file of the map cannot be used.
         """
         if self.folder:
             path = _find(self.folder, self.split, name)
@@ -154,8 +161,8 @@ class LightSource:
         return prepare(name, radiance, quality=quality)
 
     def render_room(self, name: str) -> None:
-        """Render one built-in room into the cache; needs Mitsuba's variant to be set."""
-        # Imports Mitsuba, which must not happen before `variants.activate` chose its library.
+        """Render one built-in room into the cache; Mitsuba's variant must be set before."""
+        # `renderer` imports Mitsuba, which must wait until `variants.activate` chose its library.
         from ..rooms import renderer
 
         index = int(name.removeprefix("room-").removesuffix(".exr"))
@@ -171,18 +178,18 @@ class LightSource:
 
 @dataclass(frozen=True)
 class BackgroundSource:
-    """What lies behind the object: random textures, or crops of the user's pictures.
+    """The backgrounds of a corpus: random textures, or crops of the user's pictures.
 
     Args:
-        folder: of pictures, or None for random textures.
-        usable: names of its files, once they were checked; None to list them.
+        folder: folder of pictures, or None for random textures.
+        usable: names of the folder's files that were found usable; None to list the folder.
     """
 
     folder: Path | None
     usable: tuple[str, ...] | None = None
 
     def pictures(self) -> list[Path]:
-        """The user's pictures, sorted by name; none without a folder.
+        """Return the user's pictures, sorted by name; an empty list without a folder.
 
         Raises:
             ValueError: if the folder is missing or holds no picture.
@@ -199,7 +206,7 @@ class BackgroundSource:
         return pictures
 
     def sample(self, rng: np.random.Generator, size: int) -> np.ndarray:
-        """A background `(size, size, 3)`, sRGB in [0, 1].
+        """Draw a background `(size, size, 3)`, sRGB in [0, 1].
 
         Raises:
             ValueError: if the folder holds no picture, or a picture cannot be read.
@@ -211,10 +218,10 @@ class BackgroundSource:
 
 
 _LARGEST_MAP = 512
-"""Rows of the finest map kept; a larger one is averaged down, as 1.4 megapixels light no better."""
+"""Largest number of rows of a light; larger maps are averaged down, as they light no better."""
 
 
 def _find(folder: Path, split: str, name: str) -> Path:
-    """A file in a folder, or in its subfolder for the split, as `files` deals them."""
+    """Return the path of a file in a folder, or in its subfolder for the split (see `files`)."""
     dealt = all((folder / name).is_dir() for name in SPLITS)
     return (folder / split if dealt else folder) / name

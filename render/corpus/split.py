@@ -1,7 +1,7 @@
-"""A corpus split: independent shards, written atomically by worker processes.
+"""The rendering of a split: independent shards, written atomically by worker processes.
 
-A shard's bytes depend on the corpus' description and the shard's number alone: not on the number of
-workers, nor on interruptions. A finished shard is never written again.
+The bytes of a shard depend on the split's description and the shard's number alone, not on the
+number of workers, nor on interruptions. A finished shard is never written again.
 """
 
 import contextlib
@@ -34,32 +34,33 @@ def render_split(
     on_room: Callable[[int, int], None],
     on_example: Callable[[int, int], None],
 ) -> dict[str, Any]:
-    """Render what is missing of a split and write its manifest.
+    """Render the missing shards of a split and write its manifest.
 
     Args:
         out: folder of the corpus.
-        description: of the split.
-        choice: Mitsuba's variant and library.
-        workers: processes.
-        ray: address of a Ray cluster that renders instead of them.
-        skip_unusable: leave out input files that cannot be used, instead of refusing to begin.
+        description: description of the split.
+        choice: variant and library of Mitsuba.
+        workers: number of worker processes.
+        ray: address of a Ray cluster, which then renders instead of the worker processes.
+        skip_unusable: whether unusable input files are left out; else they are an error.
         on_input: called with (done, total) as input files are checked.
         on_room: called with (done, total) as the built-in rooms are rendered.
-        on_example: called with (done, total) as examples are; finished shards count at once.
+        on_example: called with (done, total) as examples are rendered; examples of finished shards
+            count from the start.
 
     Returns:
         The manifest.
 
     Raises:
         ValueError: if the folder holds a split of another description, or an input is unusable.
-        RuntimeError: if a worker died, or the cluster cannot be used; finished shards stay.
+        RuntimeError: if a worker died, or the cluster cannot be used. Finished shards are kept.
     """
     job = Job(out.absolute(), description, choice)
     split = Split(out, description.split)
     held = _held(split)
     if held is not None:
         _refuse_another(split.folder, held, job.recorded())
-    # Checked now: an input that cannot be used should fail before the folder is claimed for it.
+    # Inputs are checked first, so that an unusable file fails before the split's folder is made.
     pool = Workers(workers)
 
     def inspected(known: inputs.Findings | None) -> inputs.Findings:
@@ -82,7 +83,7 @@ def render_split(
         _write_json(split.description_path, job.recorded())
         inputs.write(split.inputs_path, findings)
         manifest = _render_missing(job, renderers, findings, on_room, on_example)
-        inspected(findings)  # what changed meanwhile may be in some shards and not in others
+        inspected(findings)  # a file that changed meanwhile may be in some shards only: an error
         _write_json(split.manifest_path, manifest)
     return manifest
 
@@ -94,7 +95,7 @@ def _render_missing(
     on_room: Callable[[int, int], None],
     on_example: Callable[[int, int], None],
 ) -> dict[str, Any]:
-    """Render the rooms and shards that are not there yet; returns the manifest."""
+    """Render the rooms and shards that are missing, and return the manifest."""
     description, lights = job.description, job.lights.names()
     _remove_partials(job.split.folder)
     rooms = [] if description.environments else lights
@@ -107,16 +108,16 @@ def _render_missing(
     on_example(done, description.count)
     if missing:
         renderers.run(worker.render_shard, missing, done, description.count, on_example)
-    _remove_partials(job.split.folder)  # of a node that was lost
+    _remove_partials(job.split.folder)  # a lost node may have left some
     return _manifest(job, findings)
 
 
 @contextlib.contextmanager
 def _alone(folder: Path) -> Iterator[None]:
-    """Keep a second process from rendering the same split; a killed one keeps nobody out.
+    """Lock the folder of a split against a second process; the lock ends with this process.
 
     Raises:
-        RuntimeError: if another one is at it.
+        RuntimeError: if another process is rendering the split.
     """
     handle = os.open(folder, os.O_RDONLY)
     try:
@@ -124,7 +125,7 @@ def _alone(folder: Path) -> Iterator[None]:
     except BlockingIOError as error:
         os.close(handle)
         raise RuntimeError(f"another lime-render is rendering {folder}: wait for it") from error
-    except OSError:  # some network file systems lock no folders
+    except OSError:  # some network file systems cannot lock folders
         pass
     try:
         yield
@@ -135,7 +136,7 @@ def _alone(folder: Path) -> Iterator[None]:
 def _usable(
     findings: inputs.Findings, skipped: Mapping[str, frozenset[str]]
 ) -> dict[str, tuple[str, ...] | None]:
-    """Names of the files to use, by kind; None where something built in serves."""
+    """Return the names of the files to use, by kind; None for a built-in kind."""
     return {
         kind: tuple(f.name for f in found if f.name not in skipped[kind]) or None
         for kind, found in findings.items()
@@ -143,7 +144,7 @@ def _usable(
 
 
 def _digests(findings: inputs.Findings) -> dict[str, dict[str, str]]:
-    """Names and checksums of the user's files that are used, by kind."""
+    """Return the checksums of the user's files that are used, by kind and name."""
     return {
         kind: {finding.name: finding.sha256 for finding in found if finding.problem is None}
         for kind, found in findings.items()
@@ -151,17 +152,17 @@ def _digests(findings: inputs.Findings) -> dict[str, dict[str, str]]:
 
 
 def _is_finished(split: Split, shard: int) -> bool:
-    """Whether a shard and the sidecar that vouches for it are both there."""
+    """Return whether a shard and its sidecar, which is written last, both exist."""
     return split.shard_path(shard).is_file() and split.sidecar_path(shard).is_file()
 
 
 def held_variant(split: Split) -> str | None:
-    """The variant with which a split was begun, None if it was not."""
+    """Return the variant of Mitsuba with which a split was begun; None for a new split."""
     return (_held(split) or {}).get("variant")
 
 
 def _refuse_shared_inputs(job: Job, findings: inputs.Findings) -> None:
-    """Keep training and test apart, by the files' contents: one may have two names."""
+    """Raise ValueError if both splits use a shape or a map with the same contents."""
     other = Split(job.out, next(name for name in SPLITS if name != job.description.split))
     theirs = inputs.read(other.inputs_path)
     if theirs is None:
@@ -179,10 +180,10 @@ def _refuse_shared_inputs(job: Job, findings: inputs.Findings) -> None:
 
 
 def _held(split: Split) -> dict[str, Any] | None:
-    """The description that a split was begun with, None if it was not.
+    """Return the description with which a split was begun; None for a new split.
 
     Raises:
-        ValueError: if it cannot be read.
+        ValueError: if the description cannot be read.
     """
     path = split.description_path
     if not path.is_file():
@@ -196,7 +197,7 @@ def _held(split: Split) -> dict[str, Any] | None:
 
 
 def _refuse_another(folder: Path, held: dict[str, Any], wanted: dict[str, Any]) -> None:
-    """Refuse a folder that was claimed for another split."""
+    """Raise ValueError if the folder holds a split of another description."""
     differing = sorted(key for key in wanted | held if wanted.get(key) != held.get(key))
     if differing:
         raise ValueError(
@@ -214,13 +215,13 @@ def _remove_partials(folder: Path) -> None:
 
 
 def _manifest(job: Job, findings: inputs.Findings) -> dict[str, Any]:
-    """What the sidecars tell together: the split is complete."""
+    """Return the manifest of a complete split, put together from the sidecars of its shards."""
     sidecars = [
         json.loads(job.split.sidecar_path(shard).read_text(encoding="utf-8"))
         for shard in range(job.description.shards)
     ]
     return {
-        # Of one shard and another, if the software was changed in between.
+        # Shards may have different versions, if the software was changed in between.
         "packages": {
             name: ", ".join(sorted({sidecar["packages"][name] for sidecar in sidecars}))
             for name in sidecars[0]["packages"]

@@ -1,4 +1,4 @@
-"""What a process that renders holds and does: its sources, one room, one shard."""
+"""The work of a rendering process: its sources, the rendering of one room or one shard."""
 
 import hashlib
 import json
@@ -16,17 +16,17 @@ from .drawing import Example, Sources, render_example
 from .processes import Ticks
 
 PACKAGES = ("mitsuba", "drjit", "numpy", "OpenImageIO", "tensorflow")
-"""That the bytes of a shard may depend on."""
+"""Packages on whose versions the bytes of a shard may depend."""
 
 
 @dataclass(frozen=True)
 class Worker:
-    """A process that renders.
+    """The state of a process that renders.
 
     Attributes:
-        job: what to render.
-        sources: what its scenes are drawn from.
-        ticks: where to tell of progress.
+        job: the job to render.
+        sources: sources of the scenes.
+        ticks: object to which progress is reported.
     """
 
     job: Job
@@ -34,7 +34,7 @@ class Worker:
     ticks: Ticks
 
     def example(self, index: int) -> Example:
-        """The split's example of that index."""
+        """Render the split's example of that index."""
         description = self.job.description
         return render_example(
             description.seed,
@@ -48,7 +48,7 @@ class Worker:
 
 
 def start(job: Job, ticks: Ticks) -> Worker:
-    """Set up this process."""
+    """Set up this process for rendering, and return its state."""
     variants.activate(job.choice, threads=1)
     console.import_tensorflow()
     return Worker(job, Sources(job.shapes, job.lights, job.backgrounds), ticks)
@@ -61,10 +61,10 @@ def render_room(worker: Worker, name: str) -> None:
 
 
 def render_shard(worker: Worker, shard: int) -> None:
-    """Write one shard and, last, the sidecar that says it is whole.
+    """Render and write one shard, and last its sidecar, which marks it as complete.
 
     Raises:
-        RuntimeError: if it cannot be written, as on a full disk.
+        RuntimeError: if the shard cannot be written, for example because the disk is full.
     """
     import tensorflow as tf
 
@@ -72,7 +72,7 @@ def render_shard(worker: Worker, shard: int) -> None:
     path = worker.job.split.shard_path(shard)
     failures: list[dict[str, Any]] = []
     try:
-        # Shared, as a lost node may still be writing the same shard.
+        # `shared`: a node that was taken for lost may still be writing the same shard.
         with atomic.replacing(path, shared=True) as partial:
             with tf.io.TFRecordWriter(str(partial)) as writer:
                 for index in indices:

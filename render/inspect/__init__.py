@@ -1,1 +1,1 @@
-"""A look at a corpus: verification, contact sheets, histograms, layers."""
+"""Inspection of a corpus: verification, contact sheets, histograms, layers."""

@@ -1,4 +1,4 @@
-"""Examples side by side: input, mask, D, S, M, normals, environment and parameters."""
+"""The contact sheet of a corpus: images, layers, environments and parameters of examples."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -12,7 +12,7 @@ from lime_keras.optics import colour, shininess
 
 _DPI = 100
 _THUMB, _GAP, _MARGIN, _HEAD = 128, 6, 24, 84
-"""Pixels."""
+"""Sizes on the page in pixels."""
 _BLOCKS = 2
 _TEXT_WIDTH = 216
 _LINE = 17
@@ -22,11 +22,13 @@ _LONGEST_NAME = 27
 
 
 def draw(examples: Sequence[Mapping], count: int, title: str) -> Figure:
-    """A page of examples; `Figure.savefig` writes it at one pixel a pixel.
+    """Draw a page of examples.
+
+    `Figure.savefig` writes the page without resampling: a thumbnail's pixel is a pixel of the file.
 
     Args:
-        examples: as `records.parse` gives them, in NumPy.
-        count: examples of the split that they were taken from.
+        examples: parsed records (see `records.parse`) in NumPy.
+        count: number of examples in the split.
         title: name of the corpus and the split.
     """
     rows = math.ceil(len(examples) / _BLOCKS)
@@ -36,7 +38,7 @@ def draw(examples: Sequence[Mapping], count: int, title: str) -> Figure:
     figure = Figure(figsize=(width / _DPI, height / _DPI), dpi=_DPI, facecolor=_PAPER)
 
     def write(x: float, y: float, text: str, **style: Any) -> None:
-        """Text with its top left corner at a pixel."""
+        """Write text with its top left corner at a pixel."""
         defaults: dict[str, Any] = {"fontsize": 9, "color": _INK, "va": "top"}
         figure.text(x / width, 1 - y / height, text, **(defaults | style))
 
@@ -65,7 +67,7 @@ def draw(examples: Sequence[Mapping], count: int, title: str) -> Figure:
 
 
 def _describe(write: Callable, page: np.ndarray, x: int, y: int, example: Mapping) -> None:
-    """The parameters, and a patch of the albedo."""
+    """Write the parameters of an example, and draw a patch of its diffuse albedo."""
     exponent, m_d = float(example["shininess"]), example["diffuse_albedo"]
     patch = np.clip(colour.linear_to_srgb(m_d), 0, 1)
     corner = x + _TEXT_WIDTH - _SWATCH - 4
@@ -85,7 +87,7 @@ def _describe(write: Callable, page: np.ndarray, x: int, y: int, example: Mappin
 
 
 def _shortened(name: str) -> str:
-    """A name that fits the column: the middle of a long one is left out."""
+    """Shorten a name so that it fits the column: the middle of a long name is left out."""
     if len(name) <= _LONGEST_NAME:
         return name
     kept = _LONGEST_NAME - 1
@@ -97,7 +99,7 @@ def _block_width() -> int:
 
 
 def _grey(name: str) -> Callable[[Mapping], np.ndarray]:
-    """A layer as sRGB of x / (1 + x)."""
+    """Return a function that shows the layer `name` of an example as sRGB of x / (1 + x)."""
 
     def picture(example: Mapping) -> np.ndarray:
         radiance = example[name]
@@ -107,7 +109,7 @@ def _grey(name: str) -> Callable[[Mapping], np.ndarray]:
 
 
 def _normals(example: Mapping) -> np.ndarray:
-    """Normals as colours, paper where there is none."""
+    """Return the normals as colours, white outside the object."""
     inside = example["mask"] > 0
     return np.where(inside, np.clip((example["normal"] + 1) / 2, 0, 1), 1.0)
 
@@ -121,4 +123,5 @@ _PICTURES: tuple[tuple[str, Callable[[Mapping], np.ndarray], int], ...] = (
     ("Normals", _normals, _THUMB),
     ("E", _grey("environment"), 2 * _THUMB),
 )
-"""Heading, picture `(H, W, 3)` sRGB in [0, 1], and width of the thumbnail."""
+"""Columns of the page: heading, function that returns a picture `(H, W, 3)`, sRGB in [0, 1], of an
+example, and width of the thumbnail in pixels."""

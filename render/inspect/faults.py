@@ -1,4 +1,4 @@
-"""What was found wrong, in words and numbers."""
+"""The faults that verification finds in a split, in words and numbers."""
 
 import collections
 from pathlib import Path
@@ -10,7 +10,7 @@ class Faults:
     """The faults of a split, gathered by kind.
 
     Attributes:
-        examples: how many records were read and decoded.
+        examples: number of records that were read and decoded.
     """
 
     def __init__(self) -> None:
@@ -20,22 +20,22 @@ class Faults:
 
     @property
     def count(self) -> int:
-        """Number of faults; 0 says that the split is sound."""
+        """The number of faults; 0 means that the split is sound."""
         return self._counts.total()
 
     @property
     def kinds(self) -> dict[str, int]:
-        """Number of faults of each kind."""
+        """The number of faults of each kind."""
         return dict(self._counts)
 
     def add(self, kind: str, where: Path | str, what: str) -> None:
-        """Record a fault; of each kind the first few are kept in words."""
+        """Record a fault; only the first few of each kind are kept in words."""
         self._counts[kind] += 1
         if self._counts[kind] <= _LISTED:
             self._listed.setdefault(kind, []).append(f"{kind}: {where}: {what}")
 
     def lines(self) -> list[str]:
-        """A line for each fault, and one for those of a kind that are only counted."""
+        """Return a line for each fault kept in words, and a line for the rest of each kind."""
         out = []
         for kind, listed in self._listed.items():
             out += listed

@@ -1,7 +1,7 @@
-"""Histograms of everything in a corpus that was drawn at random, beside the law it was drawn from.
+"""Histograms of all random quantities of a corpus, each beside the law that it was drawn from.
 
-A law is told by its distribution function: the line is what it expects in each bar, and p is the
-Kolmogorov–Smirnov test's. With a dozen tests a page, p below 0.001 is red.
+A law is given by its distribution function. The line shows the expected count of each bar; p is the
+p-value of the Kolmogorov–Smirnov test. A page has a dozen tests, so p is red only below 0.001.
 """
 
 import math
@@ -31,25 +31,25 @@ _PAPER, _INK, _FAINT, _BAR, _LAW, _ALARM = (
 _BARS = 24
 _SUSPICIOUS = 1e-3
 _LABELLED = 40
-"""Shapes or lights whose names are written; more would not be legible."""
+"""Largest number of shapes or lights whose names are written; more would not be legible."""
 _ACROSS = 4
 
 Law = Callable[[np.ndarray], np.ndarray]
-"""Distribution function: share of the values at or below each argument."""
+"""Distribution function of a quantity: share of the values at or below each argument."""
 
 
 @dataclass(frozen=True)
 class Panel:
-    """What is drawn of one quantity.
+    """The panel of one quantity.
 
     Attributes:
-        name: of the quantity.
-        title: above the panel.
-        edges: first and last edge of the bars, or all of them; of the values' own range by default.
-        law: that the quantity was drawn from, if it is known.
-        exact: whether the measured values follow the law itself, so that a test is fair; else they
-            are told from the mask, or some were rejected, and the line is a guide to the eye.
-        colour: of the bars.
+        name: name of the quantity.
+        title: title above the panel.
+        edges: first and last edge of the bars, or all edges; by default the range of the values.
+        law: law that the quantity was drawn from, if it is known.
+        exact: whether the values follow the law exactly, so that a test is fair. Other values were
+            measured from the mask, or some were rejected; then the line is only a guide to the eye.
+        colour: colour of the bars.
         decades: whether log10 of the values is drawn.
     """
 
@@ -63,14 +63,15 @@ class Panel:
 
 
 def _uniform(low: float, high: float) -> Law:
-    """The law of equal shares between two values."""
+    """Return the law of the uniform distribution between two values."""
     return lambda value: np.clip((value - low) / (high - low), 0, 1)
 
 
 def _yuv(channel: int) -> Law:
-    """Of Y, U or V of colours uniform in the RGB cube, which uniform in YUV amounts to.
+    """Return the law of Y, U or V of colours that are uniform in the RGB cube.
 
-    The transform is linear, so equal volumes stay equal; the cube is what rejection leaves.
+    Colours drawn uniformly in YUV are rejected outside this cube; the transform is linear, so they
+    are uniform inside it.
     """
     steps = (np.arange(40) + 0.5) / 40
     cube = np.stack(np.meshgrid(steps, steps, steps), axis=-1).reshape(-1, 3)
@@ -80,7 +81,10 @@ def _yuv(channel: int) -> Law:
 
 
 def _shift(value: np.ndarray) -> np.ndarray:
-    """Law of the object's place: uniform in what its size, itself uniform, leaves of the frame."""
+    """Evaluate the law of the object's shift in the frame.
+
+    The shift is uniform in the free space that the object leaves; the object's size is uniform too.
+    """
     slack = (1 - np.linspace(*FILL, 201)) / 2
     return np.mean(_uniform(-1, 1)(np.asarray(value)[..., None] / slack), axis=-1)
 
@@ -141,13 +145,13 @@ def draw(
     literal: bool,
     title: str,
 ) -> Figure:
-    """A page with a panel for each quantity, and one each for shapes and lights.
+    """Draw a page with a panel for each quantity, for the albedos, the shapes and the lights.
 
     Args:
-        columns: values `(N,)` by the name of the quantity.
-        uses: how often each shape and each light was used, by name.
-        pictured: number of examples that the quantities marked * were measured in.
-        literal: whether the corpus' light is 1/π as bright, as literal shading has it.
+        columns: values `(N,)` by name of the quantity.
+        uses: number of uses of each shape and each light, by kind and name.
+        pictured: number of examples in which the quantities marked * were measured.
+        literal: whether the corpus has literal shading, with lights 1/π as bright.
         title: name of the corpus and the split.
     """
     down = -(-(len(_PANELS) + 1) // _ACROSS)
@@ -197,7 +201,7 @@ def _histogram(axes: Axes, panel: Panel, values: np.ndarray) -> None:
         if panel.law is not None:
             _expectation(axes, np.diff(panel.law(edges)), len(values), edges)
         if panel.law is not None and panel.exact:
-            # The stub wants a law of single numbers; SciPy passes all of them at once.
+            # The stub expects a law of single numbers, but SciPy passes all values at once.
             p = float(stats.kstest(values, panel.law).pvalue)  # type: ignore[arg-type]
             title, alarming = f"{title}    p = {p:.2g}", p < _SUSPICIOUS
         if len(inside) < len(values):
@@ -211,20 +215,20 @@ def _histogram(axes: Axes, panel: Panel, values: np.ndarray) -> None:
 
 
 def _edges(panel: Panel, values: np.ndarray) -> np.ndarray:
-    """Borders of the bars: more of them where there are more values."""
+    """Return the edges of the bars; more values give more bars."""
     if panel.edges is not None and len(panel.edges) > 2:
         return np.array(panel.edges)
     low, high = panel.edges or (values.min(), values.max())
     if low == high:
         low, high = low - 0.5, high + 0.5
-    # Float32 numbers may round to just beyond the ends of their law.
+    # Rounded to float32, numbers may lie just beyond the ends of their law.
     slack = 1e-6 * (high - low)
     bars = int(np.clip(math.sqrt(len(values)), 8, _BARS))
     return np.linspace(low - slack, high + slack, bars + 1)
 
 
 def _expectation(axes: Axes, shares: np.ndarray, count: int, edges: np.ndarray) -> None:
-    """The bars that a law expects, and how far chance moves them."""
+    """Draw the expected counts of a law, and dotted lines two standard deviations away."""
     expected = count * shares
     deviation = 2 * np.sqrt(count * shares * (1 - shares))
     axes.stairs(expected, edges, baseline=None, color=_LAW, linewidth=1.6)
@@ -247,7 +251,7 @@ def _write_counts(axes: Axes, counts: np.ndarray, edges: np.ndarray) -> None:
 
 
 def _albedos(axes: Axes, columns: Mapping[str, np.ndarray]) -> None:
-    """m_d's colours, each at its U and V."""
+    """Draw the colours of all m_d, each at its U and V."""
     rgb = np.stack([columns[name] for name in ("red", "green", "blue")], axis=-1)
     tones = np.clip(colour.linear_to_srgb(np.clip(rgb, 0, 1)), 0, 1)
     size = float(np.clip(4000 / len(rgb), 1, 20))
@@ -257,7 +261,7 @@ def _albedos(axes: Axes, columns: Mapping[str, np.ndarray]) -> None:
 
 
 def _names(axes: Axes, kind: str, counts: Mapping[str, int]) -> None:
-    """How often each shape or light was used, most often first."""
+    """Draw the number of uses of each shape or light, in falling order."""
     ranked = sorted(counts.items(), key=lambda item: -item[1])
     heights = [number for _, number in ranked]
     axes.bar(range(len(ranked)), heights, width=0.85, color=_BAR)
@@ -273,7 +277,7 @@ def _names(axes: Axes, kind: str, counts: Mapping[str, int]) -> None:
 
 
 def _dress(axes: Axes) -> None:
-    """Quiet axes."""
+    """Style the axes: small labels, faint spines at the left and the bottom only."""
     axes.tick_params(colors=_INK, labelsize=8)
     for name, spine in axes.spines.items():
         spine.set_color(_FAINT)

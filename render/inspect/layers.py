@@ -1,4 +1,4 @@
-"""One example as OpenEXR layers, for compositing programs and image viewers.
+"""Export of one example as OpenEXR layers, for compositing programs and image viewers.
 
 | channels | type | content |
 |---|---|---|
@@ -7,9 +7,10 @@
 | diffuse_shading.Y, specular_shading.Y, mirror.Y | half | D, S and M |
 | normal.X, normal.Y, normal.Z | half | camera space: x right, y up, z towards the camera |
 
-The coverage is no alpha channel: the image is not cut out, and a viewer would make it so. The
-environment has another size, which the parts of one EXR file should not: it is a file of its own,
-channel Y in half, equirectangular in camera space, up at the top and the camera in the middle.
+The coverage is not stored as an alpha channel, because a viewer would cut the image out with it.
+The environment has another size, and the parts of an EXR file should have the same size. So it is
+a second file: channel Y in half, equirectangular in camera space, up at the top and the camera in
+the middle.
 """
 
 from pathlib import Path
@@ -36,29 +37,29 @@ _NAMES = ("shape", "light")
 
 
 def default_path(corpus: Path, split: str, index: int) -> Path:
-    """Where an example is exported to: beside its shard."""
+    """Return the default path of an exported example: beside its shard."""
     return Split(corpus, split).folder / f"example-{index:06d}.exr"
 
 
 def environment_path(path: Path) -> Path:
-    """The file beside an exported example that holds its light."""
+    """Return the path of the file that holds the light of an exported example."""
     return path.with_name(f"{path.stem}-environment.exr")
 
 
 def export(corpus: Path, split: str, index: int, out: Path) -> Path:
-    """Write an example's layers, and its environment beside them.
+    """Write the layers of an example to a file, and its environment to a second file beside it.
 
-    Values are those of the record, bit for bit; material, camera (fx, fy, cx, cy in pixels) and
-    origin are attributes of the file.
+    The layers have the values of the record, bit for bit. Material, camera (fx, fy, cx, cy in
+    pixels) and origin (shape, light, seed, index) are attributes of the file.
 
     Args:
-        corpus: folder that `lime-render` wrote.
+        corpus: folder of a corpus by `lime-render`.
         split: `train` or `test`.
-        index: of the example in the split.
-        out: the file to write, `.exr`.
+        index: index of the example in the split.
+        out: file to write, `.exr`.
 
     Returns:
-        `out`; `environment_path(out)` is the other file.
+        `out`; `environment_path(out)` is the second file.
 
     Raises:
         FileNotFoundError: if the split is incomplete.
@@ -78,7 +79,7 @@ def export(corpus: Path, split: str, index: int, out: Path) -> Path:
 
 
 def _read(corpus: Path, split: str, index: int) -> dict[str, Any]:
-    """One record in NumPy; only its own shard is opened."""
+    """Read one record as NumPy arrays; only its own shard is opened."""
     files = Split(corpus, split)
     if not 0 <= index < files.count:
         raise ValueError(
@@ -99,7 +100,7 @@ def _read(corpus: Path, split: str, index: int) -> dict[str, Any]:
 
 
 def _attributes(example: dict[str, Any]) -> dict[str, Any]:
-    """What a file says beside its pixels. EXR's integers are too short for a seed: it is text."""
+    """Return the attributes of a file; the seed is text, as EXR's integers are too short for it."""
     camera = zip(("fx", "fy", "cx", "cy"), example["camera"].tolist(), strict=True)
     return {
         **{name: example[name].decode() for name in _NAMES},
@@ -114,7 +115,17 @@ def _attributes(example: dict[str, Any]) -> dict[str, Any]:
 def _write(
     path: Path, channels: list[tuple[str, Any]], pixels: np.ndarray, attributes: dict[str, Any]
 ) -> None:
-    """Write channels `(H, W, C)` of mixed types."""
+    """Write an EXR file.
+
+    Args:
+        path: file to write.
+        channels: name and type of each channel.
+        pixels: values, `(H, W, C)`.
+        attributes: attributes of the file by name.
+
+    Raises:
+        OSError: if the file cannot be written.
+    """
     height, width = pixels.shape[:2]
     spec = oiio.ImageSpec(width, height, len(channels), oiio.FLOAT)
     spec.channelnames = tuple(name for name, _ in channels)

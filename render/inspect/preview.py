@@ -1,6 +1,6 @@
-"""A corpus at a glance: a contact sheet, and histograms of all that was drawn at random.
+"""The preview of a corpus: a contact sheet, and histograms of all random quantities.
 
-`lime-render preview` writes them beside the shards.
+`lime-render preview` writes both beside the shards.
 """
 
 import collections
@@ -21,19 +21,19 @@ from . import contact_sheet, histograms, quantities
 
 _SHOWN = 24
 _PICTURED = 2000
-"""Examples whose images are decoded: enough for a histogram, quick for any corpus."""
+"""Largest number of examples whose images are decoded: enough for a histogram, quick to read."""
 
 
 @dataclass
 class Gathered:
-    """What a pass over a split found.
+    """The data gathered from one pass over a split.
 
     Attributes:
-        columns: values of each quantity, one for each example that has it.
-        shapes: how often each shape was used.
-        lights: how often each light was used.
-        pictured: number of examples whose images were looked at.
-        shown: whole records, in NumPy.
+        columns: values of each quantity, one for each example that has the quantity.
+        shapes: number of uses of each shape.
+        lights: number of uses of each light.
+        pictured: number of examples whose images were decoded.
+        shown: records for the contact sheet, in NumPy.
     """
 
     columns: dict[str, list[float]] = field(default_factory=dict)
@@ -52,12 +52,12 @@ def preview(corpus: Path, split: str, on_example: Callable[[int, int], None]) ->
     """Write `preview.png` and `histograms.png` into a split's folder.
 
     Args:
-        corpus: folder that `lime-render` wrote.
+        corpus: folder of a corpus by `lime-render`.
         split: `train` or `test`.
         on_example: called with (done, total) as records are read.
 
     Returns:
-        The two files.
+        The paths of the two files.
 
     Raises:
         FileNotFoundError: if the split is incomplete.
@@ -67,7 +67,7 @@ def preview(corpus: Path, split: str, on_example: Callable[[int, int], None]) ->
     gathered = _gather(files, on_example)
     title = f"{Path(corpus).resolve().name}/{split}"
     sheet, chart = files.folder / "preview.png", files.folder / "histograms.png"
-    # A file's name may hold dollar signs; they are no formula.
+    # Names of files may have dollar signs, which Matplotlib would take for formulas.
     with matplotlib.rc_context({"text.parse_math": False}):
         _save(contact_sheet.draw(gathered.shown, files.count, title), sheet)
         histogram = histograms.draw(
@@ -90,7 +90,7 @@ def _save(figure: Figure, path: Path) -> None:
 
 
 def _gather(split: Split, on_example: Callable[[int, int], None]) -> Gathered:
-    """Read a split once: of every record the numbers, of some the images."""
+    """Read a split once: the numbers of every record, and the images of some records."""
     paths, count = split.shard_paths(), split.count
     dataset = tf.data.TFRecordDataset([str(path) for path in paths])
     dataset = dataset.map(
@@ -117,12 +117,12 @@ def _gather(split: Split, on_example: Callable[[int, int], None]) -> Gathered:
 
 
 def _uses(counts: collections.Counter[str], manifest_names: list[str]) -> dict[str, int]:
-    """How often each of the manifest's names was used, unused ones included."""
+    """Return the number of uses of each name in the manifest, 0 for unused names."""
     return {name: counts[name] for name in manifest_names}
 
 
 def _spread(count: int, most: int) -> set[int]:
-    """At most `most` of `count` positions, evenly spread."""
+    """Return at most `most` of `count` positions, evenly spaced."""
     return set(np.linspace(0, count - 1, min(count, most)).astype(int).tolist())
 
 

@@ -1,6 +1,6 @@
-"""The numbers by which a corpus is judged at a glance, measured from its records.
+"""Quantities of examples for the histograms of a corpus, measured from its records.
 
-Angles are in degrees; left, right, up and down as in the image.
+Angles are in degrees; left, right, up and down are meant as in the image.
 """
 
 import math
@@ -21,13 +21,15 @@ RECORDED = (
     "shape",
     "light",
 )
-"""Features that `of_record` reads: quick to decode."""
+"""Features that `of_record` reads; they are quick to decode."""
 PICTURED = ("image", "mask", "diffuse_shading", "specular_shading", "mirror")
 """Features that `of_pictures` reads."""
 
 
 def of_record(example: Mapping) -> dict[str, float]:
-    """What is drawn at random, and what of it the mask and the environment tell.
+    """Return the quantities that are drawn at random, by name.
+
+    Some are stored in the record; the others are measured from mask and environment.
 
     Args:
         example: the features `RECORDED`, in NumPy.
@@ -64,7 +66,9 @@ def of_record(example: Mapping) -> dict[str, float]:
 
 
 def of_pictures(example: Mapping) -> dict[str, float]:
-    """How bright the object is, in its fully covered pixels.
+    """Return the quantities of the object's brightness in its fully covered pixels, by name.
+
+    There are none if no pixel is fully covered.
 
     Args:
         example: the features `PICTURED`, in NumPy.
@@ -84,12 +88,12 @@ def of_pictures(example: Mapping) -> dict[str, float]:
 
 
 def _extent(covered: np.ndarray) -> tuple[int, int]:
-    """First covered row or column and the one after the last; all of them if there is none."""
+    """Return the first covered row or column and the last plus 1; 0 and the length if none is."""
     (where,) = np.nonzero(covered)
     return (int(where[0]), int(where[-1]) + 1) if len(where) else (0, len(covered))
 
 
 def _strongest(radiance: np.ndarray) -> np.ndarray:
-    """Unit direction `(3,)` of the texel of most energy."""
+    """Return the unit direction `(3,)` of the texel of most energy."""
     energy = radiance * environment.solid_angles(*radiance.shape)
     return environment.directions(*radiance.shape).reshape(-1, 3)[np.argmax(energy)]

@@ -1,7 +1,8 @@
-"""Whether a record's image is what its layers compose to: Eq. 4 in interval arithmetic.
+"""A check that a record's layers recompose to its image: Eq. 4 in interval arithmetic.
 
-The layers' rounding widens what is composed, the mask's what is blended, the image's what is
-compared; nothing else may differ.
+The quantisation of the layers widens the interval of the composed radiance; the quantisation of the
+mask widens the blending with the background; the quantisation of the image widens the comparison.
+No other difference is allowed.
 """
 
 from collections.abc import Mapping
@@ -15,22 +16,24 @@ from lime_keras.optics.compositing import compose
 HALF_ROUNDING = 2.0**-11
 """Largest relative error of a number rounded to half precision."""
 FLOAT_ROUNDING = 2.0**-20
-"""Of a dozen operations in single precision."""
+"""Largest relative error of a dozen operations in single precision."""
 _CODES = np.arange(256)
 _HALF_CODE = 0.5 + 1e-3
-"""Rounding to 8 bits, and the single precision of the sRGB curve before it, in codes."""
+"""Largest error of a code: rounding to 8 bits, and single precision in the sRGB curve."""
 
-# A code stands for all that is rounded to it; the first and last also for all that is clipped.
+# Radiance bounds of each code. Codes 0 and 255 also represent all radiance that was clipped.
 _LOWEST = colour.srgb_to_linear((_CODES - _HALF_CODE) / 255).astype(np.float32)
 _HIGHEST = colour.srgb_to_linear((_CODES + _HALF_CODE) / 255).astype(np.float32)
 _LOWEST[0], _HIGHEST[-1] = -np.inf, np.inf
 
 
 def misfit(example: Mapping) -> str | None:
-    """What in a record's image is not Eq. 4 over a background in [0, 1], clipped; None if all is.
+    """Return how a record's image differs from its layers; None if it does not.
+
+    The image must be Eq. 4 over some background in [0, 1], clipped to [0, 1].
 
     Args:
-        example: as `records.parse` gives it, in NumPy.
+        example: parsed record (see `records.parse`) in NumPy.
     """
     covered = covered_pixels(example)
     code = (pixels_at(example["image"], covered) * 255 + 0.5).astype(np.uint8)
@@ -51,12 +54,12 @@ def misfit(example: Mapping) -> str | None:
 
 
 def _composed(example: Mapping, covered: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Lowest and highest radiance `(N, 3)` of Eq. 4 that the stored layers allow."""
+    """Return the lowest and highest radiance `(N, 3)` of Eq. 4 that the stored layers allow."""
     shadings = (example[name] for name in ("diffuse_shading", "specular_shading"))
     layers = [pixels_at(shading, covered)[None, None] for shading in shadings]
     material = [example[name] for name in ("diffuse_albedo", "specular_albedo", "ambient")]
     composed = compose(*material, *layers)[0, 0]
-    # Halves below 2^-14 are rounded by at most 2^-25, in two layers of weights up to 1.
+    # Half floats below 2^-14 have errors of at most 2^-25, here in two layers of weight at most 1.
     error = composed * np.float32(HALF_ROUNDING + FLOAT_ROUNDING) + np.float32(2.0**-24)
     high = composed + error
     high[np.maximum(*layers)[0, 0, :, 0] >= records.LARGEST_HALF] = np.inf
@@ -66,9 +69,12 @@ def _composed(example: Mapping, covered: np.ndarray) -> tuple[np.ndarray, np.nda
 def _blended(
     coverage: np.ndarray, low: np.ndarray, high: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Bounds once a background in [0, 1] shows through; `coverage` is `(N, 1)`, in 8 bits.
+    """Return the bounds of the radiance after blending with a background in [0, 1].
 
-    Only coverages of 0 and 1 are stored exactly.
+    Args:
+        coverage: `(N, 1)`, quantised to 8 bits; only 0 and 1 are exact.
+        low: lower bounds of the object's radiance, `(N, 3)`; changed in place.
+        high: upper bounds of the object's radiance, `(N, 3)`; changed in place.
     """
     partial = np.flatnonzero(coverage < 1)
     slack = np.float32(0.5 / 255)
@@ -79,15 +85,15 @@ def _blended(
 
 
 def covered_pixels(example: Mapping) -> np.ndarray:
-    """Row-major indices `(N,)` of the pixels with any coverage."""
+    """Return the row-major indices `(N,)` of the pixels with any coverage."""
     return np.flatnonzero(example["mask"])
 
 
 def pixels_at(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
-    """Values `(N, C)` of an image `(S, S, C)`: faster by index than by a mask."""
+    """Return the values `(N, C)` of an image `(S, S, C)`; indices are faster than a mask."""
     return np.take(image.reshape(-1, image.shape[-1]), pixels, axis=0)
 
 
 def _code(linear: float) -> float:
-    """SRGB code, not rounded, of a linear radiance."""
+    """Return the sRGB code, not rounded, of a linear radiance."""
     return 255 * float(colour.linear_to_srgb(np.clip(linear, 0, 1)))

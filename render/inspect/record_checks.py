@@ -1,4 +1,4 @@
-"""What must hold for every record of a corpus, whoever rendered it.
+"""Checks of a single record, which every record of a corpus must pass.
 
 Letters as in the paper: n normal, o direction to the viewer, D, S and M; m_d, m_s, s and m_a.
 """
@@ -17,33 +17,36 @@ from .recomposition import FLOAT_ROUNDING, HALF_ROUNDING, covered_pixels, pixels
 
 _LAYERS = ("diffuse_shading", "specular_shading", "mirror")
 _PROBES = 16
-"""Pixels whose D and S are summed anew."""
+"""Largest number of pixels in which D and S are computed again."""
 _CANDIDATES_PER_PROBE = 8
 _SMOOTH = 0.999
-"""n·n' between neighbours: where the surface bends within a pixel, a layer is a mean over normals
-that the record does not hold."""
-_DIFFUSE_TOLERANCE = 0.15
-"""Largest median relative error of D against sums over the stored map.
+"""Least n·n' between neighbouring pixels in which D and S are computed again.
 
-Over 1,120 examples of real meshes under photographed light it is 0.1 % in the middle, 1.8 % at the
-99th percentile and 9 % at most, from suns of one texel; a light turned by 90° gives 48 %.
+Where the surface bends more, a layer is a mean over normals that the record does not hold.
+"""
+_DIFFUSE_TOLERANCE = 0.15
+"""Largest accepted error of D: median relative error against sums over the stored map.
+
+Over 1,120 examples of real meshes under photographed light, the error is 0.1 % in the median, 1.8 %
+at the 99th percentile and 9 % at most, from suns of one texel. A light turned by 90° gives 48 %.
 """
 _TAIL = 0.01
-"""Share of the image's maximum up to which an error counts as one of that.
+"""Least divisor of a relative error of D or S, as a share of the layer's maximum.
 
-In a lobe's tail half a texel of the stored map is much: two of 10,000 examples, flat faces in a
-dark studio under lamps, were off by 38 and 75 % of almost nothing.
+In the tail of a lobe, half a texel of the stored map changes much: in two of 10,000 examples, flat
+faces in a dark studio under lamps, values near 0 were off by 38 and 75 %.
 """
 _SPECULAR_TOLERANCE, _SPECULAR_BLUR = 0.15, 4e-4
-"""The same for S, and its growth with s: the stored map's texels are wider than a sharp lobe.
+"""Largest accepted error of S at s = 0, and its growth with s.
 
-On the same examples at most 6 % at s = 100 and 24 % at s = 1000.
+The texels of the stored map are wider than a sharp lobe: in the examples above, the error is at
+most 6 % at s = 100 and 24 % at s = 1000.
 """
 
 
 @dataclass(frozen=True)
 class Expected:
-    """What a split's manifest says about each of its records."""
+    """The values that a split's manifest prescribes for each record."""
 
     seed: int
     size: int
@@ -53,11 +56,11 @@ class Expected:
 
 
 def faults(example: Mapping[str, np.ndarray], expected: Expected) -> list[tuple[str, str]]:
-    """All that is wrong with a record, as (kind, what was found and expected).
+    """Return the faults of a record, each as its kind and a text of what was found and expected.
 
     Args:
-        example: as `records.parse` gives it, in NumPy.
-        expected: of the split.
+        example: parsed record (see `records.parse`) in NumPy.
+        expected: values that the split's manifest prescribes.
     """
     found = [*_origin(example, expected), *_sizes(example, expected.size)]
     if any(kind == "size" for kind, _ in found):
@@ -65,7 +68,7 @@ def faults(example: Mapping[str, np.ndarray], expected: Expected) -> list[tuple[
     found += [*_material(example), *_camera(example), *_layer_values(example)]
     found += _mask(example)
     if any(kind in ("mask", "layer", "camera", "material") for kind, _ in found):
-        # What follows would only repeat it.
+        # The checks below would only repeat such a fault.
         return found
     normals = [*_normals(example)]
     found += normals
@@ -116,7 +119,7 @@ def _layer_values(example: Mapping) -> Iterator[tuple[str, str]]:
     outside = example["mask"] == 0
     for name in (*_LAYERS, "environment"):
         low, high = float(example[name].min()), float(example[name].max())
-        # NaN compares false.
+        # Comparisons with NaN are false.
         if not (low >= 0 and high < np.inf):
             yield "layer", f"{name} lies in {low:g} … {high:g}, expected finite radiance from 0 on"
         if name != "environment" and (stray := np.count_nonzero(example[name][outside])):
@@ -147,10 +150,10 @@ def _normals(example: Mapping) -> Iterator[tuple[str, str]]:
 
 
 def _views(example: Mapping, pixels: np.ndarray) -> np.ndarray:
-    """Unit directions o to the viewer `(N, 3)` of some pixels."""
+    """Return the unit directions o to the viewer, `(N, 3)`, of some pixels."""
     size = len(example["mask"])
     row, column = np.divmod(pixels, size)
-    # o is along (x, y, 1): x is the column's alone and y the row's.
+    # o is along (x, y, 1), in which x depends on the column alone and y on the row.
     across = shading.view_directions(example["camera"], 1, size)[0, column]
     down = shading.view_directions(example["camera"], size, 1)[row, 0]
     x, y = across[:, 0] / across[:, 2], down[:, 1] / down[:, 2]
@@ -159,10 +162,10 @@ def _views(example: Mapping, pixels: np.ndarray) -> np.ndarray:
 
 
 def _shading_sums(example: Mapping, literal: bool) -> Iterator[tuple[str, str]]:
-    """D and S of a few pixels, summed anew over the stored environment.
+    """Compare D and S of a few pixels with sums over the stored environment; yield the faults.
 
-    It tells a light that was turned, a normal that was flipped, an exponent or a normalisation
-    that is another one's. A few dozen neighbours that lie flat are needed.
+    The check finds a turned light, a flipped normal, a wrong exponent or a wrong normalisation. It
+    needs some pixels in which the surface is flat, and is left out if there are too few.
     """
     probes = _probes(example)
     if len(probes) < _PROBES // 2:
@@ -182,7 +185,7 @@ def _shading_sums(example: Mapping, literal: bool) -> Iterator[tuple[str, str]]:
     )
     for (name, summed, tolerance), scale in zip(sums, scales, strict=True):
         stored = example[name].reshape(-1)[probes]
-        # Beside a lamp's highlight, the lobe's tail may fall elsewhere: the stored light is coarse.
+        # The stored light is coarse, so the tail of a lamp's highlight may be a little displaced.
         floor = max(_TAIL * float(example[name].max()), 1e-6)
         error = np.median(np.abs(stored - scale * summed()) / np.maximum(stored, floor))
         if not error <= tolerance:
@@ -195,7 +198,7 @@ def _shading_sums(example: Mapping, literal: bool) -> Iterator[tuple[str, str]]:
 
 
 def _probes(example: Mapping) -> np.ndarray:
-    """Evenly spread pixels, fully covered, where the surface does not bend within a pixel."""
+    """Return evenly spread pixels that are fully covered and in which the surface hardly bends."""
     size = len(example["mask"])
     inner = example["mask"][1:-1, 1:-1, 0] >= 1
     rows, columns = np.nonzero(inner)
@@ -208,7 +211,7 @@ def _probes(example: Mapping) -> np.ndarray:
 
 
 def _spread(values: np.ndarray, count: int) -> np.ndarray:
-    """At most `count` of the values, evenly spaced."""
+    """Return at most `count` of the values, evenly spaced."""
     if len(values) <= count:
         return values
     return values[np.linspace(0, len(values) - 1, count).astype(int)]

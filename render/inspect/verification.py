@@ -1,7 +1,7 @@
-"""Whether a split on disk is what its manifest says: `lime-render verify`.
+"""The verification of a split on disk against its manifest, for `lime-render verify`.
 
-Every shard is read once, hashed and decoded; memory holds a few examples. Nothing stops at the
-first fault.
+Every shard is read, hashed and decoded; memory holds a few examples at a time. The verification
+goes on after a fault and reports all faults.
 """
 
 import collections
@@ -22,7 +22,7 @@ from . import record_checks
 from .faults import Faults
 
 _AHEAD = 8
-"""Records in work for each thread: so many are held at once."""
+"""Number of records per thread that are held in memory at once."""
 _MANIFEST = {
     "description": dict,
     "shards": int,
@@ -46,7 +46,7 @@ def verify(corpus: Path, split: str, on_example: Callable[[int, int], None]) -> 
     """Check one split of a corpus: files, counts, checksums, and every record.
 
     Args:
-        corpus: folder that `lime-render` wrote.
+        corpus: folder of a corpus by `lime-render`.
         split: `train` or `test`.
         on_example: called with (done, total) as records are checked.
     """
@@ -81,7 +81,7 @@ def verify(corpus: Path, split: str, on_example: Callable[[int, int], None]) -> 
 
 
 def _is_readable(split: Split, faults: Faults) -> bool:
-    """Whether the manifest is such that anything can be checked against it."""
+    """Return whether the manifest can be read and has all needed keys; else add a fault."""
     path = split.manifest_path
     try:
         manifest = split.manifest
@@ -101,7 +101,7 @@ def _is_readable(split: Split, faults: Faults) -> bool:
 
 
 def _misfits(held: Any, wanted: dict[str, type], prefix: str) -> list[str]:
-    """Keys that are missing or of another type, as a user reads them."""
+    """Return the names and types of the keys that are missing or of another type, for the user."""
     if not isinstance(held, dict):
         return ["a JSON object"]
     return [
@@ -112,7 +112,7 @@ def _misfits(held: Any, wanted: dict[str, type], prefix: str) -> list[str]:
 
 
 def _check_manifest(split: Split, faults: Faults) -> None:
-    """Whether the manifest agrees with itself and with the description beside it."""
+    """Check that the manifest agrees with itself and with the description beside it."""
     path, manifest = split.manifest_path, split.manifest
     description = manifest["description"]
     shards = -(-description["count"] // max(description["shard_size"], 1))
@@ -132,14 +132,17 @@ def _check_manifest(split: Split, faults: Faults) -> None:
 
 
 def _check_other_split(split: Split, faults: Faults) -> None:
-    """No shape or light of the user's is in both splits; built-in ones are seeded by split."""
+    """Check that none of the user's shapes and environment maps is in both splits.
+
+    Built-in shapes and rooms need no check: they are seeded by split.
+    """
     other = Split(split.corpus, next(name for name in SPLITS if name != split.name))
     try:
         beside = other.inputs
     except (FileNotFoundError, ValueError):
         return
     for kind in ("shapes", "environments"):
-        # By contents: two files of one name may differ, and one may have two names.
+        # Contents are compared: files of one name may differ, and one file may have two names.
         theirs = set(beside.get(kind, {}).values())
         ours = split.inputs.get(kind, {})
         shared = sorted(name for name, digest in ours.items() if digest in theirs)
@@ -153,7 +156,7 @@ def _check_other_split(split: Split, faults: Faults) -> None:
 
 
 def _check_strays(split: Split, faults: Faults) -> None:
-    """Files that an interrupted or another run left behind."""
+    """Check that no files of an interrupted or another run are left in the folder."""
     folder, shards = split.folder, split.manifest["shards"]
     known = {split.shard_path(shard) for shard in range(shards)}
     known |= {split.sidecar_path(shard) for shard in range(shards)}
@@ -166,7 +169,7 @@ def _check_strays(split: Split, faults: Faults) -> None:
 
 
 def _check_digests(path: Path, listed: list[str], count: int, faults: Faults) -> None:
-    """A shard's bytes and count against the manifest and the sidecar."""
+    """Check the bytes and the count of a shard against the manifest and the sidecar."""
     with path.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
     beside = path.with_suffix(".json")
@@ -189,7 +192,7 @@ def _check_records(
     threads: ThreadPoolExecutor,
     faults: Faults,
 ) -> Iterator[int]:
-    """Check the records of a shard, in several threads; yields how many are done."""
+    """Check the records of a shard in several threads; yield the number of checked records."""
     window: collections.deque[Future] = collections.deque()
     done = 0
     for serialized in _serialized(path, faults):
@@ -205,7 +208,7 @@ def _check_records(
 
 
 def _serialized(path: Path, faults: Faults) -> Iterator[tf.Tensor]:
-    """The records of a shard, up to the first whose checksum does not fit."""
+    """Yield the records of a shard, up to the first record with a wrong checksum."""
     dataset = iter(tf.data.TFRecordDataset(str(path)))
     for record in range(2**63):
         try:
@@ -221,7 +224,7 @@ def _serialized(path: Path, faults: Faults) -> Iterator[tf.Tensor]:
 def _check_record(
     serialized: tf.Tensor, expected: record_checks.Expected
 ) -> tuple[int | None, list[tuple[str, str]]]:
-    """The record's index and faults; no index if it cannot be decoded."""
+    """Return the index and the faults of a record; the index is None if decoding fails."""
     try:
         example = {name: value.numpy() for name, value in _parse(serialized).items()}
     except tf.errors.InvalidArgumentError as error:
@@ -235,7 +238,7 @@ def _parse(serialized: tf.Tensor) -> dict[str, tf.Tensor]:
 
 
 def _gather(checked: Future, path: Path, indices: range, record: int, faults: Faults) -> None:
-    """Write down what was found in a record, with where it is."""
+    """Add the faults of a checked record, with the record's place in the shard."""
     where = f"{path}, record {record}"
     index, found = checked.result()
     if index is not None:
@@ -248,7 +251,7 @@ def _gather(checked: Future, path: Path, indices: range, record: int, faults: Fa
 
 
 def _read_json(path: Path) -> Any:
-    """What a JSON file holds; None if it is missing or broken."""
+    """Return the content of a JSON file; None if the file is missing or broken."""
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except (FileNotFoundError, ValueError):

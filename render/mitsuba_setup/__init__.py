@@ -1,1 +1,1 @@
-"""Which variant of Mitsuba runs here, and the libLLVM that the fast one needs."""
+"""The choice of a Mitsuba variant that runs here, and the libLLVM that the fast variant needs."""

@@ -1,10 +1,10 @@
-"""A libLLVM for the fast renderer, without root.
+"""A command that fetches a libLLVM for the fast renderer, without root.
 
     python -m lime_keras.render.mitsuba_setup.fetch_llvm
 
-Does nothing where a usable one is found. Else downloads Debian's or Ubuntu's package, with what it
-and Mitsuba need and this system lacks, and unpacks all into the virtual environment, where
-`variants` looks first.
+It does nothing if a usable libLLVM is found. Else it downloads the package of Debian or Ubuntu, and
+the packages that libLLVM and Mitsuba need and this system lacks, and unpacks them into the virtual
+environment, where `variants` looks before it looks at the system's.
 """
 
 import subprocess
@@ -19,11 +19,14 @@ from . import variants
 _VERSIONS = ("20", "19", "18", "17")
 _NEEDED_BY_MITSUBA = "libatomic1"
 _NEVER_UNPACKED = ("libc6_", "libgcc-s1_", "libstdc++6_")
-"""The running process has these loaded; a second copy would break it."""
+"""Packages of libraries that the running process has loaded; a second copy would break it."""
 
 
 def main() -> int:
-    """Fetch a library if none is usable; 0 even if that fails, since rendering works without."""
+    """Fetch a libLLVM if none is usable, and return the exit status.
+
+    The status is 0 even if the fetching fails, since rendering works without a libLLVM.
+    """
     return console.run(_fetch, "run it again to have the fast renderer")
 
 
@@ -39,7 +42,7 @@ def _fetch() -> int:
 
 
 def _unpack(target: Path) -> None:
-    """Download the newest packaged libLLVM, with what it lacks here, and unpack it into a folder.
+    """Download the newest packaged libLLVM and its missing dependencies, and unpack them.
 
     Raises:
         OSError: if there is no `apt-get`, or no package of a usable version.
@@ -56,7 +59,7 @@ def _unpack(target: Path) -> None:
 
 
 def _apt(scratch: Path) -> list[str]:
-    """An `apt-get` with lists and cache of its own, which an ordinary user may update."""
+    """Return an `apt-get` command with its own lists and cache, which need no root to update."""
     for folder in ("lists/partial", "cache/archives/partial"):
         (scratch / folder).mkdir(parents=True)
     options = {
@@ -71,7 +74,7 @@ def _apt(scratch: Path) -> list[str]:
 
 
 def _download(apt: list[str], version: str) -> bool:
-    """Download what installing a version would take here; False if there is no such version."""
+    """Download the packages that a version of libLLVM needs here, and return whether it worked."""
     command = [*apt, "install", "--yes", "--download-only", "--no-install-recommends"]
     answer = subprocess.run(
         [*command, f"libllvm{version}", _NEEDED_BY_MITSUBA], capture_output=True, timeout=600

@@ -1,8 +1,8 @@
-"""Which Mitsuba variant can run here, chosen without ever aborting the process.
+"""The choice of a Mitsuba variant that can run here, made without aborting this process.
 
 `llvm_ad_rgb` needs a shared libLLVM. Some versions abort the whole process while compiling a
 kernel (15 and 16 do, with Dr.Jit 1.5), so each candidate library is tried in a child process first.
-Without a usable one, `scalar_rgb` traces rays and NumPy shades.
+Without a usable libLLVM, `scalar_rgb` traces the rays, and NumPy shades.
 """
 
 import contextlib
@@ -19,7 +19,7 @@ FAST, SLOW = "llvm_ad_rgb", "scalar_rgb"
 _LIBRARY_VARIABLE = "DRJIT_LIBLLVM_PATH"
 _PROBE_SECONDS = 120
 
-# What aborted with a bad library: a float minimum; then a traced ray. Answers are checked.
+# Bad libraries aborted on a minimum of floats, then on a traced ray; the results are checked too.
 _PROBE = """
 import resource
 resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
@@ -43,11 +43,11 @@ mitsuba.set_variant("scalar_rgb")
 
 @dataclass(frozen=True)
 class Choice:
-    """A Mitsuba variant that was seen to run, with the libLLVM it needs.
+    """A Mitsuba variant that was tried and runs, with the libLLVM it needs.
 
     Attributes:
         variant: `llvm_ad_rgb` or `scalar_rgb`.
-        library: the libLLVM of the former, None for the latter.
+        library: the libLLVM of `llvm_ad_rgb`, None for `scalar_rgb`.
         tried: libraries that were found and do not work.
     """
 
@@ -56,7 +56,7 @@ class Choice:
     tried: tuple[Path, ...] = ()
 
     def explain(self) -> str:
-        """One or two lines for the user: what runs, and how to get the faster one."""
+        """Return lines for the user: the variant that runs, and how to get the faster variant."""
         if self.library:
             return f"rendering with {self.variant}, {self.library}"
         found = f" (found but unusable: {', '.join(map(str, self.tried))})" if self.tried else ""
@@ -75,7 +75,7 @@ def choose() -> Choice:
     environment (`fetch_llvm` puts one there), then the system's, newest first.
 
     Raises:
-        RuntimeError: if Mitsuba cannot be loaded at all, naming what it lacks.
+        RuntimeError: if Mitsuba cannot be loaded at all; the message names what is missing.
     """
     tried: list[Path] = []
     for library in candidates():
@@ -93,7 +93,7 @@ def choose() -> Choice:
 
 
 def candidates() -> list[Path]:
-    """Files of libLLVM on this machine, each once, in the order in which to try them."""
+    """Return the libLLVM files of this machine, each once, in the order in which to try them."""
     named = os.environ.get(_LIBRARY_VARIABLE)
     system = [*Path("/usr/lib").glob("llvm*/lib/libLLVM*.so*"), *_linker_cache()]
     ordered = [
@@ -105,17 +105,17 @@ def candidates() -> list[Path]:
 
 
 def own_folder() -> Path:
-    """Where this environment keeps a libLLVM of its own, if it has one."""
+    """Return the folder in which this Python environment keeps its own libLLVM, if it has one."""
     return Path(sys.prefix) / "llvm"
 
 
 def works(library: Path) -> bool:
-    """Whether Mitsuba's LLVM variant computes rightly with this libLLVM, tried in a child."""
+    """Return whether Mitsuba's LLVM variant works with this libLLVM, tried in a child process."""
     return _failure(_PROBE, os.environ | {_LIBRARY_VARIABLE: str(library)}) is None
 
 
 def _failure(probe: str, environment: Mapping[str, str]) -> str | None:
-    """Run code in a child; None if it succeeded, else the reason as far as it can be told."""
+    """Run code in a child process; return None if it succeeded, else the reason if it is known."""
     try:
         child = subprocess.run(
             [sys.executable, "-c", probe],
@@ -137,12 +137,12 @@ def activate(choice: Choice, threads: int) -> None:
 
     Args:
         choice: from `choose`.
-        threads: of Dr.Jit's and Mitsuba's pool. One thread makes every sum's order, and so every
-            byte, reproducible.
+        threads: number of threads of Dr.Jit and Mitsuba. With one thread, the order of every sum,
+            and so every byte, is reproducible.
 
     Raises:
         RuntimeError: if TensorFlow was imported before Mitsuba, which ends in a segmentation fault,
-            or Mitsuba before its library was chosen, which takes the system's first.
+            or if Mitsuba was imported before its libLLVM was chosen: it would use the system's.
     """
     if "tensorflow" in sys.modules and "drjit" not in sys.modules:
         raise RuntimeError(
@@ -165,9 +165,9 @@ def activate(choice: Choice, threads: int) -> None:
 
 
 def load_companions() -> None:
-    """Load the libraries that this environment keeps for libLLVM and Mitsuba to be linked to.
+    """Load the libraries in `own_folder` that libLLVM and Mitsuba are linked to.
 
-    The dynamic linker does not look there, but takes what is loaded already.
+    The dynamic linker does not search this folder, but it uses libraries that are loaded already.
     """
     waiting = [
         path
@@ -176,14 +176,14 @@ def load_companions() -> None:
     ]
     for _ in range(len(waiting)):
         for path in list(waiting):
-            # One may need another: those that do not load yet are tried again.
+            # A library may need another that is not loaded yet; then it is tried again.
             with contextlib.suppress(OSError):
                 ctypes.CDLL(str(path), mode=ctypes.RTLD_GLOBAL)
                 waiting.remove(path)
 
 
 def _linker_cache() -> list[Path]:
-    """Files of libLLVM that the dynamic linker knows; none where there is no `ldconfig`."""
+    """Return the libLLVM files that the dynamic linker knows; none if `ldconfig` cannot run."""
     try:
         listing = subprocess.run(
             ["/sbin/ldconfig", "-p"], capture_output=True, text=True, timeout=20
@@ -194,7 +194,7 @@ def _linker_cache() -> list[Path]:
 
 
 def _newest_first(libraries: Iterable[Path]) -> list[Path]:
-    """Sort by the numbers in the files' names: libLLVM.so.19.1 before libLLVM-15.so.1."""
+    """Sort libraries by the numbers in their names: libLLVM.so.19.1 before libLLVM-15.so.1."""
     return sorted(
         {path.resolve() for path in libraries},
         key=lambda path: [int(number) for number in re.findall(r"\d+", path.name)],

@@ -1,1 +1,1 @@
-"""Procedural rooms, path traced to environment maps."""
+"""Procedural rooms and their path tracing to environment maps."""

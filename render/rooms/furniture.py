@@ -1,4 +1,4 @@
-"""Furniture: tables, shelves and blocks, at random places of a room's floor."""
+"""Furniture of a room: tables, shelves and blocks, at random places on the floor."""
 
 from collections.abc import Iterable
 
@@ -10,10 +10,10 @@ CLEARANCE = 0.3  # metres around the viewpoint that stay empty
 
 
 def sample(rng: np.random.Generator, size: np.ndarray, viewpoint: np.ndarray) -> list[Solid]:
-    """Pieces on the floor that overlap neither one another nor the viewpoint."""
+    """Draw pieces on the floor that overlap neither one another nor the viewpoint."""
     solids: list[Solid] = []
     taken = [(viewpoint[[0, 2]], CLEARANCE)]
-    if rng.random() < 0.5:  # what the object stands on
+    if rng.random() < 0.5:  # a table under the viewpoint, for the object to stand on
         tall, radius = viewpoint[1] - rng.uniform(CLEARANCE, 0.5), rng.uniform(0.25, 0.5)
         solids += _table(rng, viewpoint[[0, 2]], np.array([radius, tall, radius]))
         taken = [(viewpoint[[0, 2]], 1.5 * radius)]
@@ -41,7 +41,7 @@ def _solid(
 
 
 def _block(rng: np.random.Generator, place: np.ndarray, extent: np.ndarray) -> list[Solid]:
-    """A cupboard, column or ball on the floor, at times with a smaller one on top."""
+    """Draw a cupboard, column or ball on the floor, at times with smaller ones on top."""
     solids, y, turn = [], 0.0, rng.uniform(0, np.pi)
     for k in range(rng.integers(1, 4)):
         kind = rng.choice(["box", "cylinder", "sphere"])
@@ -58,7 +58,7 @@ def _block(rng: np.random.Generator, place: np.ndarray, extent: np.ndarray) -> l
 
 
 def _table(rng: np.random.Generator, place: np.ndarray, extent: np.ndarray) -> list[Solid]:
-    """A top on four legs or on a column."""
+    """Draw a table: a top on four legs or on a column."""
     w, h, d = extent[0], min(extent[1], 1.3), extent[2]
     top = _solid(rng, "box", (place[0], h - 0.02, place[1]), (w, 0.02, d), 0.0)
     if rng.random() < 0.4:
@@ -74,7 +74,7 @@ def _table(rng: np.random.Generator, place: np.ndarray, extent: np.ndarray) -> l
 
 
 def _shelf(rng: np.random.Generator, place: np.ndarray, extent: np.ndarray) -> list[Solid]:
-    """Boards between two sides, with a box standing on each."""
+    """Draw a shelf: boards between two sides, with a box on each board."""
     w, h, d = extent[0], extent[1], extent[2] / 2
     boards = rng.integers(2, 6)
     gap = h / boards

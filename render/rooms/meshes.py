@@ -1,6 +1,6 @@
-"""What rooms are made of, panels and solids, and their triangles.
+"""The parts of rooms, panels and solids, and their triangles.
 
-Metres; Y up.
+Lengths are in metres; Y is up.
 """
 
 from collections.abc import Iterable
@@ -11,7 +11,7 @@ import numpy as np
 
 Vector = tuple[float, float, float]
 Pattern = tuple[tuple[float, ...], ...]
-Piece = tuple[np.ndarray, ...]  # vertices, normals, faces; the faces' albedo and roughness
+Piece = tuple[np.ndarray, ...]  # vertices, normals, faces, and each face's albedo and roughness
 
 
 @dataclass(frozen=True)
@@ -19,10 +19,10 @@ class Panel:
     """A rectangle divided into cells, visible from the side of `across` x `up`.
 
     Attributes:
-        corner: Its corner at the lower left.
-        across: The edge to the right.
-        up: The upward edge.
-        cells: Rows from the bottom, the albedo of each cell; of lights ((0,),).
+        corner: The lower left corner.
+        across: The edge from the corner to the right.
+        up: The edge from the corner upwards.
+        cells: The albedo of each cell, by rows from the bottom; ((0,),) for a light.
     """
 
     corner: Vector
@@ -33,15 +33,15 @@ class Panel:
 
 @dataclass(frozen=True)
 class Solid:
-    """A box, a cylinder upright or lying ("tube"), or an ellipsoid.
+    """A box, an upright cylinder, a lying cylinder ("tube"), or an ellipsoid.
 
     Attributes:
         kind: "box", "cylinder", "tube" or "sphere".
-        centre: Of its bounding box.
-        extent: Half extents along its own axes.
-        turn: Rotation about the vertical, radians.
-        albedo: Between 0 and 1; of lamps 0.
-        roughness: Of a glossy coat, between 0 and 1, or None for a matte solid.
+        centre: Centre of the bounding box.
+        extent: Half extents along the solid's own axes.
+        turn: Rotation about the vertical in radians.
+        albedo: Albedo between 0 and 1; 0 for a lamp.
+        roughness: Roughness of a glossy coat, between 0 and 1, or None for a matte solid.
     """
 
     kind: str
@@ -53,7 +53,7 @@ class Solid:
 
 
 def panel_piece(panel: Panel) -> Piece:
-    """Two triangles a cell."""
+    """Return the triangles of a panel, two for each cell."""
     cells = np.array(panel.cells)
     rows, columns = cells.shape
     across, up = np.array(panel.across), np.array(panel.up)
@@ -70,7 +70,7 @@ def panel_piece(panel: Panel) -> Piece:
 
 
 def solid_piece(solid: Solid) -> Piece:
-    """The unit solid, scaled, turned and put in its place."""
+    """Return the triangles of a solid: those of its unit solid, scaled, turned and moved."""
     vertices, normals, faces = _unit(solid.kind)
     c, s = np.cos(solid.turn), np.sin(solid.turn)
     turn = np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]])
@@ -84,7 +84,7 @@ def solid_piece(solid: Solid) -> Piece:
 
 @lru_cache
 def _unit(kind: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Vertices, normals and faces of a solid of half extents 1."""
+    """Return the vertices, normals and faces of a solid of half extents 1."""
     if kind == "box":
         v, n, f, *_ = panel_piece(Panel((-1, -1, 1), (2, 0, 0), (0, 2, 0), ((0,),)))
         turns = [np.eye(3)[list(p)] * np.array(q)[:, None] for p, q in _BOX_TURNS]
@@ -113,13 +113,13 @@ _BOX_TURNS = (
     ((2, 1, 0), (-1, 1, 1)),
     ((0, 2, 1), (1, 1, -1)),
     ((0, 2, 1), (1, -1, 1)),
-)  # permutation and signs of the rotations that carry the front of a box to its sides
+)  # permutation and signs of the rotations that turn the front of a box to each of its sides
 
 
 def _lathed(
     rings: np.ndarray, slopes: np.ndarray, columns: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Revolves points `(K, 2)` of radius and height and their normals about y."""
+    """Revolve points `(K, 2)` of radius and height, and their normals, about y."""
     angle = 2 * np.pi * np.arange(columns) / columns
     around = np.stack([np.cos(angle), np.ones(columns), -np.sin(angle)], 1)
     vertices = (rings[:, None, [0, 1, 0]] * around).reshape(-1, 3)
@@ -132,7 +132,7 @@ def _lathed(
 
 
 def merged(pieces: list[tuple[np.ndarray, ...]]) -> tuple[np.ndarray, ...]:
-    """Joins pieces; whatever follows vertices, normals and faces is joined along its rows."""
+    """Join pieces; arrays after vertices, normals and faces are concatenated along their rows."""
     vertices, normals, faces, *values = zip(*pieces, strict=True)
     starts = np.cumsum([0] + [len(v) for v in vertices[:-1]])
     faces = [f + start for f, start in zip(faces, starts, strict=True)]
@@ -140,18 +140,18 @@ def merged(pieces: list[tuple[np.ndarray, ...]]) -> tuple[np.ndarray, ...]:
 
 
 def area(piece: Piece) -> float:
-    """Of all faces together."""
+    """Return the area of all faces of a piece."""
     vertices, _, faces, _, _ = piece
     a, b, c = vertices[faces].swapaxes(0, 1)
     return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
 
 
 def as_vector(values: Iterable[float]) -> Vector:
-    """Three numbers as plain, comparable data."""
+    """Return three numbers as a tuple of floats, which can be compared."""
     x, y, z = values
     return float(x), float(y), float(z)
 
 
 def as_pattern(values: np.ndarray) -> Pattern:
-    """Rows of numbers as plain, comparable data."""
+    """Return rows of numbers as tuples of floats, which can be compared."""
     return tuple(tuple(float(value) for value in row) for row in values)

@@ -1,8 +1,8 @@
-"""Rooms, path traced to environment maps of photographed dynamic range.
+"""Path tracing of rooms to environment maps with the dynamic range of photographed maps.
 
 One Mitsuba scene serves all rooms of a process: its meshes have a fixed number of faces, and each
-room only fills their buffers. So nothing is compiled twice, and the memory that Mitsuba keeps with
-every scene loaded (its issue 1890) is spent once.
+room only fills their buffers. So nothing is compiled twice, and the memory that Mitsuba keeps for
+every loaded scene (its issue 1890) is spent only once.
 """
 
 from functools import lru_cache
@@ -14,9 +14,9 @@ from numpy.typing import ArrayLike
 from .meshes import Piece, Vector, area, merged, panel_piece, solid_piece
 from .sampling import LIGHTS, Light, Room
 
-FACES = {"matte": 16384, "glossy": 8192, "light": 640}  # of each mesh of the scene
+FACES = {"matte": 16384, "glossy": 8192, "light": 640}  # number of faces of each mesh
 BOUNCES = 4  # depth of the path tracer: enough to lift the shadows, too short for caustics
-SUBDIVISION = 8  # directions across and down a texel that are looked up in the views
+SUBDIVISION = 8  # directions across a texel, and down it, that are looked up in the views
 VIEWS = (
     ((0, 0, -1), (0, 1, 0)),
     ((1, 0, 0), (0, 1, 0)),
@@ -24,20 +24,22 @@ VIEWS = (
     ((-1, 0, 0), (0, 1, 0)),
     ((0, 1, 0), (0, 0, 1)),
     ((0, -1, 0), (0, 0, -1)),
-)  # forward and up
+)  # forward and up direction of each view
 
 
 def render(room: Room, *, height: int = 128, samples: int = 32, seed: int) -> np.ndarray:
-    """Path traces a room from its viewpoint, in the variant of Mitsuba that is active.
+    """Path trace a room from its viewpoint, in the variant of Mitsuba that is active.
 
-    Paths end after `BOUNCES` segments. Where no light is seen directly, a pixel of the six views
-    may be at most twice as bright as its brightest neighbour, so that rare paths leave no speckles.
+    Paths end after `BOUNCES` segments. The map is put together from six square views. In a view, a
+    pixel that sees no light directly is limited to twice the brightness of its brightest neighbour,
+    so that rare paths leave no speckles.
 
     Args:
-        room: What to render.
+        room: The room to render.
         height: Rows of the map.
-        samples: Paths per pixel of the six views that the map is put together from.
-        seed: Of the sampler; the same seed gives the same map, to the bit if Dr.Jit has one thread.
+        samples: Paths for each pixel of the six views.
+        seed: Seed of the sampler. The same seed gives the same map, bit for bit if Dr.Jit has one
+            thread.
 
     Returns:
         `(height, 2 * height)` float32 radiance, non-negative, one channel: equirectangular,
@@ -46,7 +48,7 @@ def render(room: Room, *, height: int = 128, samples: int = 32, seed: int) -> np
     Raises:
         ValueError: If the room has more faces or lights than the scene holds.
     """
-    side = 3 * height // 4  # a view's pixels in its middle then are about as wide as the texels
+    side = 3 * height // 4  # pixels in the middle of a view are then about as wide as texels
     scene = _scene(mi.variant(), side)
     _furnish(scene[1], room)
     views = _views(scene, "path", side, samples, seed)
@@ -60,7 +62,12 @@ def render(room: Room, *, height: int = 128, samples: int = 32, seed: int) -> np
 
 @lru_cache(maxsize=2)
 def _scene(variant: str, side: int) -> tuple["mi.Scene", "mi.SceneParameters", dict]:
-    """The scene that all rooms share, its parameters and integrators, for one variant and size."""
+    """Build the scene that all rooms share; return it with its parameters and integrators.
+
+    Args:
+        variant: Active variant of Mitsuba; a scene cannot be used in another variant.
+        side: Height and width of the six views in pixels.
+    """
     albedo = {"type": "mesh_attribute", "name": "face_albedo"}
     rough = {"type": "mesh_attribute", "name": "face_roughness"}
     matte = {"type": "diffuse", "reflectance": albedo}
@@ -88,7 +95,7 @@ def _scene(variant: str, side: int) -> tuple["mi.Scene", "mi.SceneParameters", d
 
 
 def _mesh(kind: str, bsdf: dict, emitter: dict | None = None) -> "mi.Mesh":
-    """A mesh with as many faces as `FACES` says, all but one of them without area."""
+    """Return a mesh with the number of faces in `FACES`, all but one of them without area."""
     properties = mi.Properties()
     properties["bsdf"] = mi.load_dict(bsdf)
     if emitter:
@@ -105,7 +112,7 @@ def _mesh(kind: str, bsdf: dict, emitter: dict | None = None) -> "mi.Mesh":
 
 
 def _furnish(parameters: "mi.SceneParameters", room: Room) -> None:
-    """Writes a room into the scene's buffers, the viewpoint at the origin."""
+    """Write a room into the scene's buffers, with the viewpoint at the origin."""
     if len(room.lights) > LIGHTS:
         raise ValueError(
             f"the room has {len(room.lights)} lights, expected at most {LIGHTS}; "
@@ -122,18 +129,21 @@ def _furnish(parameters: "mi.SceneParameters", room: Room) -> None:
         meshes[f"light{k}"] = pieces
         parameters[f"light{k}.emitter.radiance.value"] = light.radiance
         flux = light.radiance * sum(map(area, pieces))
-        # Not 0 for the last, or a room without light would leave Mitsuba nothing to choose from.
+        # The last weight is never 0: in a room without light, Mitsuba could choose no emitter.
         parameters[f"light{k}.emitter.sampling_weight"] = float(flux) or 1e-6 * (k == LIGHTS - 1)
     for name, pieces in meshes.items():
         for key, values in _buffers(name.rstrip("0123456789"), pieces, room.viewpoint).items():
             parameters[f"{name}.{key}"] = values
-        # Equal normals count as unchanged, and Mitsuba would compute its own for new positions.
+        # Mitsuba takes equal normals for unchanged, and would compute its own for new positions.
         parameters.set_dirty(f"{name}.vertex_normals")
     parameters.update()
 
 
 def _buffers(kind: str, pieces: list[Piece], origin: Vector) -> dict[str, np.ndarray]:
-    """Mitsuba's flat buffers, filled up with faces of no area behind a tiny triangle far below."""
+    """Return Mitsuba's flat buffers of some pieces, filled up to the mesh's number of faces.
+
+    The buffers begin with a tiny triangle far below the room, and end with faces without area.
+    """
     room = FACES[kind]
     far = np.array([[0, 0, 0], [0, 0, 1e-3], [1e-3, 0, 0]]) - (0, 100, 0)
     tiny = (far + origin, np.tile([0.0, 1.0, 0.0], (3, 1)), np.arange(3)[None], *np.ones((2, 1)))
@@ -159,7 +169,7 @@ def _filled(values: np.ndarray, filler: ArrayLike, count: int) -> np.ndarray:
 
 
 def _views(scene: tuple, kind: str, side: int, samples: int, seed: int) -> np.ndarray:
-    """The six views `(6, side, side)`, non-finite pixels black."""
+    """Render the six views `(6, side, side)`; pixels that are not finite become black."""
     # Mitsuba's stub wants a UInt32 for a seed; a plain number does.
     rendered = mi.render(scene[0], integrator=scene[2][kind], seed=seed, spp=samples)  # type: ignore[arg-type]
     image = np.array(rendered, np.float32).reshape(side, 6, side).swapaxes(0, 1)
@@ -167,7 +177,7 @@ def _views(scene: tuple, kind: str, side: int, samples: int, seed: int) -> np.nd
 
 
 def _equirectangular(views: np.ndarray, height: int) -> np.ndarray:
-    """Averages the views over each texel's solid angle."""
+    """Average the views over each texel's solid angle; return the map `(height, 2 * height)`."""
     pixels, weights = _lookup(height, views.shape[1])
     values = (views.ravel()[pixels] * weights).reshape(height, SUBDIVISION, 2 * height, -1)
     return values.sum(axis=(1, 3)).astype(np.float32)
@@ -175,7 +185,7 @@ def _equirectangular(views: np.ndarray, height: int) -> np.ndarray:
 
 @lru_cache(maxsize=2)
 def _lookup(height: int, side: int) -> tuple[np.ndarray, np.ndarray]:
-    """For each sub-texel the view's pixel it falls in, and its share of the texel's solid angle."""
+    """Return the pixel in the views and the share of the texel's solid angle of each sub-texel."""
     rows = SUBDIVISION * height
     theta = np.pi * (np.arange(rows, dtype=np.float32)[:, None] + 0.5) / rows
     phi = np.pi * (np.arange(2 * rows, dtype=np.float32) + 0.5) / rows

@@ -1,7 +1,7 @@
-"""Procedural rooms: plain data, drawn at random.
+"""Procedural rooms, drawn at random as plain data.
 
-Everything is grey, as the paper's light is white-balanced. Metres; Y up; the floor is the plane
-y = 0, the vertical axis runs through the middle of the room.
+Everything is grey, as the paper's light is white-balanced. Lengths are in metres; Y is up. The
+floor is the plane y = 0, and the vertical axis runs through the middle of the room.
 """
 
 from dataclasses import dataclass
@@ -11,12 +11,12 @@ import numpy as np
 from . import furniture
 from .meshes import Panel, Pattern, Solid, Vector, area, as_pattern, as_vector, solid_piece
 
-LIGHTS = 11  # emitters of the scene: up to three windows of sky and ground, and five lamps
+LIGHTS = 11  # largest number of emitters: sky and ground of three windows, and five lamps
 
 
 @dataclass(frozen=True)
 class Light:
-    """What emits the same radiance everywhere: a lamp, or the sky or the ground in a window."""
+    """An emitter of uniform radiance: a lamp, or the sky or the ground behind a window."""
 
     radiance: float
     panels: tuple[Panel, ...] = ()
@@ -25,7 +25,7 @@ class Light:
 
 @dataclass(frozen=True)
 class Room:
-    """A room: its width, height and depth, where it is seen from, what it holds and what shines."""
+    """A room: its size (width, height, depth), viewpoint, panels, solids and lights."""
 
     size: Vector
     viewpoint: Vector
@@ -35,13 +35,13 @@ class Room:
 
 
 def sample(rng: np.random.Generator) -> Room:
-    """Draws a room: walls with patterns and pictures, windows, lamps and furniture.
+    """Draw a room: walls with patterns and pictures, windows, lamps and furniture.
 
     Args:
         rng: The only source of randomness.
 
     Returns:
-        The room; its viewpoint keeps `furniture.CLEARANCE` from everything.
+        The room; nothing is nearer to its viewpoint than `furniture.CLEARANCE`.
     """
     size = np.array([rng.uniform(3, 8), rng.uniform(2.3, 4), rng.uniform(3, 8)])
     viewpoint = np.array([rng.uniform(-0.5, 0.5), 0, rng.uniform(-0.5, 0.5)]) * (size - 2)
@@ -66,7 +66,7 @@ def sample(rng: np.random.Generator) -> Room:
 
 
 def _walls(rng: np.random.Generator, size: np.ndarray) -> list[Panel]:
-    """Back, front, left, right, floor and ceiling, seen from inside."""
+    """Draw the walls back, front, left and right, the floor and the ceiling, seen from inside."""
     w, h, d = size
     x, y, z = np.diag(size)
     corners = [(-w, 0, -d), (w, 0, d), (-w, 0, d), (w, 0, -d), (-w, 0, d), (-w, 2 * h, -d)]
@@ -87,7 +87,7 @@ def _walls(rng: np.random.Generator, size: np.ndarray) -> list[Panel]:
 
 
 def _pattern(rng: np.random.Generator, tone: float) -> Pattern:
-    """Stripes, checks, a dado or patches around a tone."""
+    """Draw a pattern of albedos around a tone: stripes, checks, a dado or patches."""
     rows, columns = rng.integers(4, 20, 2)
     other = np.clip(tone * np.exp(rng.choice([-1, 1]) * rng.uniform(0.3, 1.5)), 0.03, 0.95)
     i, j = np.mgrid[:rows, :columns]
@@ -106,7 +106,7 @@ def _pattern(rng: np.random.Generator, tone: float) -> Pattern:
 
 
 def _on_wall(wall: Panel, rect: np.ndarray, lift: float, cells: Pattern) -> Panel:
-    """A panel at `rect` (left, bottom, width, height; metres), lifted off the wall."""
+    """Return a panel at `rect` (left, bottom, width, height in metres), lifted off the wall."""
     across, up = np.array(wall.across), np.array(wall.up)
     u, v = across / np.linalg.norm(across), up / np.linalg.norm(up)
     corner = np.array(wall.corner) + rect[0] * u + rect[1] * v + lift * np.cross(u, v)
@@ -114,7 +114,7 @@ def _on_wall(wall: Panel, rect: np.ndarray, lift: float, cells: Pattern) -> Pane
 
 
 def _place(rng: np.random.Generator, wall: Panel, width: tuple, height: tuple) -> np.ndarray:
-    """A random rectangle of a wall, kept off its edges."""
+    """Draw a rectangle (left, bottom, width, height) of a wall, away from the wall's edges."""
     room = np.array([np.linalg.norm(wall.across), np.linalg.norm(wall.up)]) - 0.4
     extent = np.minimum([rng.uniform(*width), rng.uniform(*height)], room)
     start = 0.2 + rng.uniform(0.3, 1.0, 2) * (room - extent)
@@ -122,7 +122,7 @@ def _place(rng: np.random.Generator, wall: Panel, width: tuple, height: tuple) -
 
 
 def _window(rng: np.random.Generator, wall: Panel) -> tuple[Panel, Light, Light]:
-    """A frame, and behind its bars bright sky above darker ground."""
+    """Draw a window: its frame with bars, the bright sky and the darker ground behind it."""
     rect = _place(rng, wall, (0.6, 3.0), (0.8, 2.0))
     bar, columns, rows = rng.uniform(0.03, 0.08), rng.integers(1, 4), rng.integers(1, 4)
     frame = _on_wall(wall, rect, 0.01, ((float(rng.uniform(0.05, 0.9)),),))
@@ -143,14 +143,14 @@ def _window(rng: np.random.Generator, wall: Panel) -> tuple[Panel, Light, Light]
 
 
 def _picture(rng: np.random.Generator, wall: Panel) -> Panel:
-    """A picture, a door or a poster: a framed patchwork."""
+    """Draw a picture, a door or a poster: patches of random albedo in a frame."""
     rect = _place(rng, wall, (0.4, 1.8), (0.4, 1.4))
     cells = np.pad(rng.uniform(0.03, 0.95, rng.integers(1, 8, 2)), 1, constant_values=rng.random())
     return _on_wall(wall, rect, 0.015, as_pattern(cells))
 
 
 def _lamp(rng: np.random.Generator, size: np.ndarray, viewpoint: np.ndarray) -> Light:
-    """A bulb, globe, downlight, tube, ceiling panel or studio softbox."""
+    """Draw a lamp: a bulb, globe, downlight, tube, ceiling panel or studio softbox."""
     top = size[1]
     kind = rng.choice(["bulb", "globe", "downlight", "tube", "panel", "softbox"])
     shape, extent, y = {

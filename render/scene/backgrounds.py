@@ -1,10 +1,10 @@
-"""Backgrounds to put behind rendered objects: procedural textures, and crops of photographs.
+"""Backgrounds of rendered objects: procedural textures, and crops of photographs.
 
 A background is `(size, size, 3)` float32, sRGB-encoded, within [0, 1].
 
-Procedural ones are made in two steps: a pattern, which gives every pixel a number in [0, 1]
-(noise, stripes, checks, cells, rings, clutter, often bent by noise), and a palette, which gives
-each number a colour. Two such textures are often mixed, and light falls off across them.
+A procedural background is made in two steps. A pattern gives every pixel a number in [0, 1] (noise,
+stripes, checks, cells, rings, clutter, often bent by noise); a palette gives each number a colour.
+Two such textures are often mixed, and their brightness falls off to one side.
 """
 
 from pathlib import Path
@@ -13,11 +13,11 @@ import numpy as np
 import OpenImageIO as oiio
 
 LEAST_SIDE = 8
-"""Pixels along a side below which a picture shows nothing."""
+"""Least number of pixels along either side of a picture; smaller pictures show nothing."""
 
 
 def procedural(rng: np.random.Generator, size: int) -> np.ndarray:
-    """Makes a random texture.
+    """Make a random texture.
 
     Args:
         rng: The only source of randomness.
@@ -39,11 +39,11 @@ def procedural(rng: np.random.Generator, size: int) -> np.ndarray:
 
 
 def photograph(path: str | Path, rng: np.random.Generator, size: int) -> np.ndarray:
-    """Cuts a random square out of a picture file, at times mirrored, and resizes it.
+    """Cut a random square out of a picture file, mirror it at times, and resize it.
 
     Args:
         path: Any picture that OpenImageIO reads; its numbers are taken as sRGB-encoded.
-        rng: Chooses the square: its side is half to all of the picture's shorter side.
+        rng: Source of randomness; the square's side is half to all of the picture's shorter side.
         size: Pixels along each side of the result.
 
     Returns:
@@ -53,14 +53,14 @@ def photograph(path: str | Path, rng: np.random.Generator, size: int) -> np.ndar
         ValueError: If the file is missing, cannot be read or is too small.
     """
     picture = read(path)[0]
-    data = picture.roi  # a file may say that its pixels begin elsewhere than at 0
+    data = picture.roi  # the first pixel of a file need not be at (0, 0)
     width, height = data.width, data.height
     side = max(1, round(rng.uniform(0.5, 1.0) * min(width, height)))
     left = data.xbegin + int(rng.integers(width - side + 1))
     top = data.ybegin + int(rng.integers(height - side + 1))
     region = oiio.ROI(left, left + side, top, top + side)
     square = oiio.ImageBufAlgo.copy(oiio.ImageBufAlgo.cut(picture, region), oiio.FLOAT)
-    # Much smaller, averaged over areas: a filter as wide as the change takes seconds.
+    # A large reduction uses the box filter: the default filter would take seconds.
     kernel = "box" if side > 2 * size else ""
     resized = oiio.ImageBufAlgo.resize(square, kernel, roi=oiio.ROI(0, size, 0, size))
     pixels = np.asarray(resized.get_pixels(oiio.FLOAT))
@@ -71,13 +71,13 @@ def photograph(path: str | Path, rng: np.random.Generator, size: int) -> np.ndar
 
 
 def read(path: str | Path) -> tuple[oiio.ImageBuf, tuple[str, ...]]:
-    """Reads a picture file, turned upright.
+    """Read a picture file and turn it upright.
 
     Returns:
-        The picture, in the file's own numbers; and notes on what is black instead.
+        The picture, in the file's own numbers, and notes on pixels that were replaced by black.
 
     Raises:
-        ValueError: If the file is missing, cannot be read or has less than `LEAST_SIDE` pixels
+        ValueError: If the file is missing, cannot be read, or has fewer than `LEAST_SIDE` pixels
             along a side.
     """
     picture = oiio.ImageBuf(str(path))
@@ -112,7 +112,7 @@ def _texture(rng: np.random.Generator, size: int) -> np.ndarray:
 
 
 def _coloured(rng: np.random.Generator, values: np.ndarray) -> np.ndarray:
-    """Looks numbers in [0, 1] up in a palette of two to six colours, smooth or in flat steps."""
+    """Map numbers in [0, 1] to a random palette of two to six colours, smooth or in flat steps."""
     count = int(rng.integers(2, 7))
     stops = _palette(rng, count)
     table = np.arange(256) / 255 * (count - 1)
@@ -124,7 +124,7 @@ def _coloured(rng: np.random.Generator, values: np.ndarray) -> np.ndarray:
 
 
 def _palette(rng: np.random.Generator, count: int) -> np.ndarray:
-    """Related colours: hues around one or two, few of them vivid, of any lightness."""
+    """Return `count` random colours that fit together: their hues lie around one or two hues."""
     hue = rng.random() + rng.normal(0, rng.choice([0.03, 0.1, 0.3]), count)
     hue += 0.5 * (rng.random(count) < rng.choice([0.0, 0.4]))
     vividness = np.clip(rng.normal(rng.choice([0.1, 0.3, 0.6]), 0.15, count), 0, 1)
@@ -142,7 +142,7 @@ def _coordinates(size: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _spread(lattice: np.ndarray, size: int) -> np.ndarray:
-    """Spreads a lattice over the image by uniform cubic B-splines: a blur as wide as its cells."""
+    """Interpolate a lattice over the image by uniform cubic B-splines, which blur its cells."""
     rows, columns = (_spline_weights(count, size) for count in lattice.shape)
     return rows @ lattice.astype(np.float32) @ columns.T
 
@@ -155,12 +155,12 @@ def _spline_weights(count: int, size: int) -> np.ndarray:
 
 
 def _contrasted(values: np.ndarray, gain: float) -> np.ndarray:
-    """A smooth step from 0 to 1 around the values' mean."""
+    """Map values to [0, 1] by a smooth step around their mean."""
     return 0.5 + 0.5 * np.tanh(np.float32(gain / 2) * (values - values.mean()))
 
 
 def _noise(rng: np.random.Generator, size: int, cells: int) -> np.ndarray:
-    """Octaves of noise: cells half as wide each time, and lower by a random factor."""
+    """Return octaves of noise; each has cells half as wide, lower by a random factor."""
     persistence = rng.uniform(0.2, 0.75)
     total = np.zeros((size, size), np.float32)
     strength = 2.0
@@ -178,7 +178,7 @@ def _clouds(rng: np.random.Generator, size: int) -> np.ndarray:
 
 
 def _warped(rng: np.random.Generator, size: int) -> tuple[np.ndarray, np.ndarray]:
-    """Coordinates turned, scaled and often bent by noise."""
+    """Return the coordinates x and y of the pixels, turned and often bent by noise."""
     x, y = _coordinates(size)
     angle = rng.uniform(0, 2 * np.pi)
     c, s = np.float32(np.cos(angle)), np.float32(np.sin(angle))
@@ -191,7 +191,7 @@ def _warped(rng: np.random.Generator, size: int) -> tuple[np.ndarray, np.ndarray
 
 
 def _wave(rng: np.random.Generator, phase: np.ndarray) -> np.ndarray:
-    """A periodic profile: sine, saw or a step of random share, phase in periods."""
+    """Apply a random periodic profile (sine, saw or step) to phases given in periods."""
     kind = rng.choice(3)
     if kind == 0:
         return 0.5 + 0.5 * np.sin(np.float32(2 * np.pi) * phase)
@@ -205,7 +205,7 @@ def _stripes(rng: np.random.Generator, size: int) -> np.ndarray:
 
 
 def _checks(rng: np.random.Generator, size: int) -> np.ndarray:
-    """Tiles in two shades, or each in its own; rows may be shifted like bricks."""
+    """Return tiles in two shades, or each in its own shade; rows may be shifted like bricks."""
     x, y = _warped(rng, size)
     across, down = np.exp(rng.uniform(np.log(1.5), np.log(10), 2))
     j = np.floor(y * np.float32(down)).astype(np.int32)
@@ -217,7 +217,7 @@ def _checks(rng: np.random.Generator, size: int) -> np.ndarray:
 
 
 def _rings(rng: np.random.Generator, size: int) -> np.ndarray:
-    """Growth rings around a point that may lie outside: wood, agate, ripples."""
+    """Return rings around a point that may lie outside the image: wood, agate, ripples."""
     x, y = _warped(rng, size)
     centre = rng.uniform(-2.5, 2.5, 2).astype(np.float32)
     return _wave(rng, np.hypot(x - centre[0], y - centre[1]) * np.float32(rng.uniform(1.5, 12)))
@@ -237,7 +237,7 @@ def _gradient(rng: np.random.Generator, size: int) -> np.ndarray:
 
 
 def _voronoi(rng: np.random.Generator, size: int) -> np.ndarray:
-    """Cells around random points: flat in their own shade, domed, or parted by joints."""
+    """Return Voronoi cells of random points: flat, domed, or separated by joints."""
     points = rng.uniform(-1.1, 1.1, (int(rng.integers(6, 28)), 2)).astype(np.float32)
     x, y = _warped(rng, size)
     nearest = np.full((size, size), 9, np.float32)
@@ -256,7 +256,7 @@ def _voronoi(rng: np.random.Generator, size: int) -> np.ndarray:
 
 
 def _clutter(rng: np.random.Generator, size: int) -> np.ndarray:
-    """Boxes and discs on top of one another, out of focus."""
+    """Return boxes and discs on top of one another, out of focus."""
     coarse = int(np.exp(rng.uniform(np.log(24), np.log(128))))
     x, y = _coordinates(coarse)
     scene = np.full((coarse, coarse), rng.random(), np.float32)
@@ -269,6 +269,6 @@ def _clutter(rng: np.random.Generator, size: int) -> np.ndarray:
 
 
 PATTERNS = (
-    *(_clouds, _clutter, _clutter),  # twice: what stands behind things in photographs
+    *(_clouds, _clutter, _clutter),  # clutter twice: photographs often have it in the background
     *(_stripes, _checks, _rings, _marble, _gradient, _voronoi),
 )

@@ -1,9 +1,9 @@
-"""Environment maps: read from files, and brought to sizes without losing light.
+"""Environment maps: reading them from files, and reducing their size without losing light.
 
 A map is `(H, W)` float32 radiance of one channel, W about 2 H, equirectangular: rows are equal
-steps of the polar angle from the zenith, columns equal steps of the azimuth. Whenever a map
-changes its size, every new texel is the mean of what it covers, weighted by solid angle; so the
-integral over the sphere stays, wherever the light is.
+steps of the polar angle from the zenith, columns equal steps of the azimuth. When a map is reduced,
+every new texel is the mean of the radiance it covers, weighted by solid angle. So the integral over
+the sphere stays the same, wherever the light is.
 """
 
 from collections.abc import Iterator, Sequence
@@ -17,33 +17,33 @@ from lime_keras.optics import colour
 
 EXTENSIONS = (".hdr", ".exr")
 
-ASPECT = 0.02  # by which share W may differ from 2 H
+ASPECT = 0.02  # largest relative difference between W and 2 H
 _BAND = 256  # rows converted to floats at a time
 
 
 def load(path: str | Path) -> np.ndarray:
-    """Reads an environment map as radiance of one channel; `read` tells what had to be repaired."""
+    """Read an environment map as radiance of one channel; see `read`, which also returns notes."""
     return read(path)[0]
 
 
 def read(path: str | Path) -> tuple[np.ndarray, tuple[str, ...]]:
-    """Reads an environment map as radiance of one channel, upright and whole.
+    """Read an environment map as radiance of one channel, upright, and repair broken texels.
 
-    Infinite texels, lights too bright for the file's half floats, become the largest finite value
-    of the file; texels that are not a number or negative become 0. Where an OpenEXR file has no
-    data in its display window, the map is black.
+    Infinite texels (lights too bright for the file's half floats) become the largest finite value
+    of the file; NaN and negative texels become 0. Where the display window of an OpenEXR file holds
+    no data, the map is black.
 
     Args:
         path: An OpenEXR or Radiance file with 1, 3 or 4 channels, or R, G and B among others,
             linear Rec. 709, about 2:1, of any size and orientation.
 
     Returns:
-        `(H, W)` float32, finite, non-negative: the luminance of the colour channels, in the file's
-        unit and size; and notes on what was repaired.
+        The map, `(H, W)` float32, finite, non-negative: the luminance of the colour channels, in
+        the file's unit and size; and notes on what was repaired.
 
     Raises:
-        ValueError: If the file is missing, cannot be read, has another shape or number of channels,
-            or is black everywhere.
+        ValueError: If the file is missing or cannot be read, or if its shape or its number of
+            channels is wrong, or if it is black everywhere.
     """
     image = oiio.ImageBuf(str(path))
     if image.has_error:
@@ -96,7 +96,10 @@ def _unreadable(path: str | Path, image: oiio.ImageBuf) -> ValueError:
 
 
 def _colour_channels(names: Sequence[str]) -> list[int]:
-    """Which channels hold the radiance: R, G and B; Y; or the first. None if it is not clear."""
+    """Return the indices of the radiance channels, an empty list if they cannot be determined.
+
+    They are R, G and B if the file has them; else, of 1, 3 or 4 channels, Y or the first 1 or 3.
+    """
     if {"R", "G", "B"} <= set(names):
         return [names.index(name) for name in "RGB"]
     if len(names) not in (1, 3, 4):
@@ -105,7 +108,7 @@ def _colour_channels(names: Sequence[str]) -> list[int]:
 
 
 def _bands(image: oiio.ImageBuf, channels: list[int], path: str | Path) -> Iterator[np.ndarray]:
-    """The display window's texels in `(h, W, C)` bands: floats of a whole large map take much."""
+    """Yield the display window's texels in `(h, W, C)` bands, to save memory with large maps."""
     window = image.roi_full
     for top in range(window.ybegin, window.yend, _BAND):
         bottom = min(top + _BAND, window.yend)
@@ -116,20 +119,20 @@ def _bands(image: oiio.ImageBuf, channels: list[int], path: str | Path) -> Itera
 
 
 def _repaired(texels: np.ndarray, largest: float) -> np.ndarray:
-    """Replaces what is no radiance, by the rule that `read` states."""
+    """Replace values that are no radiance; `read` states the rule."""
     sound = np.where(texels > 0, texels, 0)  # NaN compares false
     return np.where(np.isposinf(texels), np.float32(largest), sound)
 
 
 def _overlap(data: oiio.ROI, window: oiio.ROI) -> int:
-    """Texels of a window that hold data."""
+    """Return the number of texels of a window that hold data."""
     width = min(data.xend, window.xend) - max(data.xbegin, window.xbegin)
     height = min(data.yend, window.yend) - max(data.ybegin, window.ybegin)
     return max(width, 0) * max(height, 0)
 
 
 def _upright(radiance: np.ndarray, orientation: int) -> np.ndarray:
-    """Turns and mirrors a map `(H, W)` as its file's orientation, 1 to 8, asks."""
+    """Turn and mirror a map `(H, W)` according to its file's orientation, 1 to 8."""
     if orientation == 1:
         return radiance
     image = oiio.ImageBuf(np.ascontiguousarray(radiance[..., None]))
@@ -138,7 +141,7 @@ def _upright(radiance: np.ndarray, orientation: int) -> np.ndarray:
 
 
 def resized(radiance: np.ndarray, height: int) -> np.ndarray:
-    """Averages a map over the texels of a smaller one.
+    """Average a map over the texels of a smaller map.
 
     Args:
         radiance: `(H, W)` map, W about 2 H.
@@ -164,7 +167,16 @@ def resized(radiance: np.ndarray, height: int) -> np.ndarray:
 
 
 def _averaged(values: np.ndarray, edges: np.ndarray, coarse: np.ndarray) -> np.ndarray:
-    """Means over the rows between `coarse` edges of values that are constant between `edges`."""
+    """Average rows of values over new rows.
+
+    Args:
+        values: `(R, C)`; row k is constant between `edges[k]` and `edges[k + 1]`.
+        edges: borders of the rows, `(R + 1,)`, ascending.
+        coarse: borders of the new rows, `(K + 1,)`, ascending.
+
+    Returns:
+        The means, `(K, C)`.
+    """
     means = np.empty((len(coarse) - 1, values.shape[1]))
     for k, (low, high) in enumerate(pairwise(coarse)):
         first = max(np.searchsorted(edges, low, "right") - 1, 0)

@@ -1,4 +1,4 @@
-"""One training example: from a scene to the features of `lime_keras.data.records`."""
+"""Rendering of a scene to a training example, with the features of `lime_keras.data.records`."""
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from .lights import Light
 from .sampling import Pose
 
 LEAST_COVERAGE = 0.02
-"""Share of the image that an object must cover to be worth learning from."""
+"""Least share of the image that an object must cover; smaller objects teach a network little."""
 
 
 def render(
@@ -26,17 +26,20 @@ def render(
     *,
     literal: bool = False,
 ) -> dict[str, np.ndarray | float]:
-    """Every image and number of a record but its names (shape, light, seed and index).
+    """Render the images and numbers of a record, all features but shape, light, seed and index.
 
     Args:
-        tracer: of the mesh.
-        light: the environment.
-        pose: of the object, with the camera.
-        light_rotation: `(3, 3)`, the map's frame to camera space.
-        material: of the object.
-        background_srgb: `(S, S, 3)` in [0, 1].
-        literal: store D and S as Eqs. 2 and 3 are printed, without furnace normalisation, in an
-            environment 1/π as bright, so that D keeps its size.
+        tracer: tracer of the object's mesh.
+        light: environment map that lights the object.
+        pose: pose of the object, with the camera.
+        light_rotation: rotation `(3, 3)` from the map's frame to camera space.
+        material: material of the object.
+        background_srgb: background, `(S, S, 3)` sRGB in [0, 1].
+        literal: whether D and S are stored as Eqs. 2 and 3 are printed, without furnace
+            normalisation. The environment is then 1/π as bright, so that D keeps its size.
+
+    Returns:
+        The features by name, as in `lime_keras.data.records`.
 
     Raises:
         ValueError: if the object covers less than `LEAST_COVERAGE` of the image.
@@ -57,7 +60,7 @@ def render(
         specular[None],
     )[0]
     background = colour.srgb_to_linear(background_srgb)
-    # The sensor clips what a pixel has gathered, object and background together.
+    # The sensor clips the sum of object and background in each pixel.
     linear = np.clip(coverage * composed + (1 - coverage) * background, 0, 1)
     stored_light = environment.rotate(light.coarse(), light_rotation, *environment.STORED_SHAPE)
     return {
@@ -79,7 +82,16 @@ def render(
 def layers(
     gbuffer: GBuffer, light: Light, light_rotation: np.ndarray, exponent: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """D, S and M `(S, S, 1)`, furnace-normalised: means over what each pixel sees of the object."""
+    """Compute D, S and M, each `(S, S, 1)`, furnace-normalised.
+
+    The values are means over the part of the object that each pixel sees.
+
+    Args:
+        gbuffer: samples of the image.
+        light: environment map in its own frame.
+        light_rotation: rotation `(3, 3)` from the map's frame to camera space.
+        exponent: s.
+    """
     to_map = light_rotation.astype(light.quality.precision)
     normal, view = gbuffer.normal @ to_map, gbuffer.view @ to_map
     diffuse = gbuffer.pixel_means(integrals.diffuse(normal, light))

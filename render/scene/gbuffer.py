@@ -1,9 +1,9 @@
-"""What each pixel sees: coverage, normals and view directions, traced by Mitsuba.
+"""The G-buffer of an image: coverage, normals and view directions, traced by Mitsuba.
 
-Every pixel is sampled on a regular grid. Where it sees an edge, or a surface that bends so much
-that mirror directions spread, it is rough and sampled again on a finer one. What a lobe blurs needs
-fewer samples: a pixel is divided into cells, each represented by its covered sample nearest its
-middle.
+Every pixel is sampled on a regular grid. A pixel is rough if it sees an edge, or a surface that
+bends so much that its mirror directions spread. Rough pixels are sampled again on a finer grid.
+S needs fewer samples, because the specular lobe blurs it: for S, a pixel is divided into cells, and
+the covered sample nearest the middle of a cell represents the cell.
 """
 
 import dataclasses
@@ -18,24 +18,24 @@ from ..shapes.meshes import Mesh
 from .quality import FAST, Quality
 
 _MOST_RAYS = 2**22
-"""Traced at once: some 500 MB."""
+"""Largest number of rays that are traced at once; they take some 500 MB."""
 _LEAST_COSINE = 0.02
-"""Smooth shading can turn a normal away from the viewer; it is bent back to this o·n."""
+"""Least o·n of a normal; smooth shading can turn normals away from the viewer."""
 
 
 @dataclass(frozen=True)
 class GBuffer:
-    """Samples of one image, all directions in camera space.
+    """The samples of one image, with all directions in camera space.
 
     Attributes:
-        coverage: `(S, S)` in [0, 1].
-        normal: `(N, 3)` unit normals of all samples that hit the object.
-        view: `(N, 3)` unit directions from them to the viewer.
-        pixel: `(N,)` row-major pixel of each sample.
-        central: `(P,)` the sample nearest the centre of each covered pixel.
-        spread: `(P,)` variance of the mirror directions in each covered pixel, 0 … 1.
-        cells: `(Q,)` the sample standing for each covered cell.
-        cell_weights: `(Q,)` how many covered samples it stands for.
+        coverage: `(S, S)`, share of each pixel that the object covers, in [0, 1].
+        normal: `(N, 3)`, unit normals of all samples that hit the object.
+        view: `(N, 3)`, unit directions from these samples to the viewer.
+        pixel: `(N,)`, row-major index of each sample's pixel.
+        central: `(P,)`, index of the sample nearest the centre of each covered pixel.
+        spread: `(P,)`, variance of the mirror directions in each covered pixel, 0 … 1.
+        cells: `(Q,)`, index of the sample that represents each covered cell.
+        cell_weights: `(Q,)`, number of covered samples in each covered cell.
     """
 
     coverage: np.ndarray
@@ -49,7 +49,7 @@ class GBuffer:
 
     @property
     def covered_pixels(self) -> np.ndarray:
-        """`(P,)` row-major indices of the pixels with any coverage."""
+        """The row-major indices `(P,)` of the pixels with any coverage."""
         return self.pixel[self.central]
 
     def pixel_means(
@@ -58,16 +58,20 @@ class GBuffer:
         samples: np.ndarray | slice = slice(None),
         weights: np.ndarray | None = None,
     ) -> np.ndarray:
-        """Weighted mean over each covered pixel of values at some, by default all, samples: `(P,)`.
+        """Compute the weighted mean of sample values over each covered pixel, `(P,)`.
 
-        Every covered pixel needs a sample.
+        Args:
+            values: value of each sample.
+            samples: indices of the samples; every covered pixel needs at least one.
+            weights: weight of each sample; all equal by default.
         """
         return _means(self.pixel[samples], values, weights, self.coverage.size)[self.covered_pixels]
 
     def lobe_samples(self, most: float) -> tuple[np.ndarray, np.ndarray]:
-        """Samples for what a lobe blurs, and their weights.
+        """Return the indices of the samples at which S is computed, and their weights.
 
-        The central one of each pixel whose spread is at most `most`, else those of its cells.
+        A pixel whose spread is at most `most` has its central sample, any other pixel the samples
+        of its cells.
         """
         rough = np.zeros(self.coverage.size, bool)
         rough[self.covered_pixels] = self.spread > most
@@ -84,7 +88,7 @@ class GBuffer:
         return flat.reshape(*self.coverage.shape, -1)
 
     def part(self, kept: np.ndarray) -> "GBuffer":
-        """Only what lies in the pixels where `kept` `(S · S,)` is true."""
+        """Return the G-buffer of the pixels where `kept` `(S · S,)` is true; the rest is empty."""
         samples, pixels = kept[self.pixel], kept[self.covered_pixels]
         cells, place = kept[self.pixel[self.cells]], np.cumsum(samples) - 1
         return GBuffer(
@@ -100,15 +104,15 @@ class GBuffer:
 
 
 class Tracer:
-    """One mesh, ready to be looked at from anywhere.
+    """A tracer of images of one mesh, from any camera.
 
-    The mesh stays in its own frame and the camera moves: one Mitsuba scene and one acceleration
+    The mesh stays in its own frame and the camera moves. So one Mitsuba scene and one acceleration
     structure serve every image of a mesh, and no kernel is compiled twice.
 
     Args:
         mesh: surface in its own frame.
         size: height and width of the images in pixels.
-        quality: how finely pixels are sampled.
+        quality: number of samples of a pixel, and limits above which pixels are rough.
     """
 
     def __init__(self, mesh: Mesh, size: int, quality: Quality = FAST):
@@ -120,10 +124,10 @@ class Tracer:
         self._scene = mi.load_dict({"type": "scene", "shape": mitsuba_mesh(mesh)})
 
     def trace(self, rotation: np.ndarray, translation: np.ndarray, camera: np.ndarray) -> GBuffer:
-        """Look at the mesh.
+        """Trace the G-buffer of the mesh, seen by a camera.
 
         Args:
-            rotation: `(3, 3)`, object to camera space.
+            rotation: rotation `(3, 3)` from object to camera space.
             translation: `(3,)`, the object's origin in camera space; its z is negative.
             camera: (fx, fy, cx, cy) in pixels.
         """
@@ -138,7 +142,7 @@ class Tracer:
         return _joined(seen.part(~rough), again)
 
     def _in_sight(self, rotation, translation, camera) -> np.ndarray:
-        """Row-major pixels of the box around the projected vertices."""
+        """Return the row-major indices of the pixels in the box of the projected vertices."""
         fx, fy, cx, cy = camera
         x, y, z = rotation @ self._vertices.T + translation[:, None]
         if z.max() >= 0:  # partly behind the camera
@@ -152,7 +156,7 @@ class Tracer:
         return (row * self._size + column).ravel()
 
     def _look(self, rotation, translation, camera, pixels: np.ndarray, across: int) -> GBuffer:
-        """Sample some pixels, each on a grid of `across` × `across`."""
+        """Return the G-buffer of some pixels, each sampled on a grid of `across` × `across`."""
         if len(pixels) > max(_MOST_RAYS // across**2, 1):
             middle = len(pixels) // 2
             place = rotation, translation, camera
@@ -167,7 +171,7 @@ class Tracer:
         y = (cy - row[:, None] - grid.y) / fy
         rays = np.stack([x, y, np.full_like(x, -1.0)], axis=-1).astype(np.float32).reshape(-1, 3)
         rays /= _length(rays)
-        turn = rotation.astype(np.float32)  # rows times it: from camera to object space
+        turn = rotation.astype(np.float32)  # `rays @ turn`: from camera to object space
         hit, shading_normal, geometric = _intersect(
             self._scene, -rotation.T @ translation, rays @ turn
         )
@@ -179,9 +183,11 @@ class Tracer:
 def _intersect(
     scene, origin: np.ndarray, directions: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """First hits of rays from one point: which `(R,)` hit, and shading and geometric normals.
+    """Find the first hits of rays from one point.
 
-    The normals are those of the rays that hit, `(N, 3)`, in the scene's frame.
+    Returns:
+        Whether each ray hits, `(R,)`; then the shading and the geometric normals at the N hits,
+        `(N, 3)` each, in the scene's frame.
     """
     import drjit as dr
     import mitsuba as mi
@@ -205,7 +211,7 @@ def _intersect(
 
 
 def mitsuba_mesh(mesh: Mesh):
-    """A Mitsuba shape with the mesh's vertices, faces and normals."""
+    """Return a Mitsuba shape with the vertices, faces and normals of a mesh."""
     import mitsuba as mi
 
     shape = mi.Mesh("mesh", len(mesh.vertices), len(mesh.faces), has_vertex_normals=True)
@@ -218,7 +224,7 @@ def mitsuba_mesh(mesh: Mesh):
 
 
 def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Of rows, `(N, 1)`."""
+    """Return the dot products `(N, 1)` of the rows."""
     return np.einsum("ij,ij->i", a, b)[:, None]
 
 
@@ -227,14 +233,14 @@ def _length(vectors: np.ndarray) -> np.ndarray:
 
 
 def _facing(normal: np.ndarray, geometric: np.ndarray, view: np.ndarray) -> np.ndarray:
-    """Unit normals on the viewer's side of the surface, at least `_LEAST_COSINE` towards it."""
+    """Turn unit normals to the viewer's side, with o·n of about `_LEAST_COSINE` at least."""
     normal = np.where(_dot(geometric, view) < 0, -normal, normal)
     normal = normal + np.maximum(_LEAST_COSINE - _dot(normal, view), 0) * view
     return normal / _length(normal)
 
 
 def _edges(coverage: np.ndarray) -> np.ndarray:
-    """Row-major flags of the pixels that the silhouette may touch, uncovered neighbours too."""
+    """Return row-major flags of the pixels at the silhouette, with their uncovered neighbours."""
     touched = ndimage.maximum_filter(coverage, 3) > 0
     return (touched & (ndimage.minimum_filter(coverage, 3, mode="nearest") < 1)).ravel()
 
@@ -242,7 +248,7 @@ def _edges(coverage: np.ndarray) -> np.ndarray:
 def _means(
     groups: np.ndarray, values: np.ndarray, weights: np.ndarray | None, count: int
 ) -> np.ndarray:
-    """Weighted mean of the values of each of `count` groups, NaN for an empty one."""
+    """Return the weighted mean of the values of each of `count` groups, NaN for an empty group."""
     weighted = values if weights is None else values * weights
     total = np.bincount(groups, weights=weighted, minlength=count)
     with np.errstate(invalid="ignore"):
@@ -250,7 +256,7 @@ def _means(
 
 
 def _joined(first: GBuffer, second: GBuffer) -> GBuffer:
-    """Two parts of an image that share no pixel."""
+    """Join the G-buffers of two parts of an image that share no pixel."""
     shift = {"central": len(first.pixel), "cells": len(first.pixel)}
     fields = {
         field.name: np.concatenate(
@@ -263,7 +269,7 @@ def _joined(first: GBuffer, second: GBuffer) -> GBuffer:
 
 
 class _Grid:
-    """Places of a pixel's samples, ordered by cell, then by distance from its middle."""
+    """Places of a pixel's samples, ordered by cell, then by distance from the cell's middle."""
 
     def __init__(self, across: int, cells: int):
         row, column = np.divmod(np.arange(across**2), across)
@@ -286,21 +292,21 @@ class _Grid:
         normal: np.ndarray,
         view: np.ndarray,
     ) -> GBuffer:
-        """Find which samples stand for others.
+        """Gather samples into a G-buffer, and choose those that represent pixels and cells.
 
         Args:
-            size: height and width of the image.
-            pixels: `(K,)` that were sampled.
-            hit: `(K, samples a pixel)`.
-            normal: `(N, 3)` of those that hit.
-            view: `(N, 3)` of those that hit.
+            size: height and width of the image in pixels.
+            pixels: row-major indices of the sampled pixels, `(K,)`.
+            hit: whether each sample hits the object, `(K, samples of a pixel)`.
+            normal: unit normals of the samples that hit, `(N, 3)`.
+            view: unit directions from these samples to the viewer, `(N, 3)`.
         """
         owner, sample = np.nonzero(hit)
         coverage = np.zeros(size * size, np.float32)
         coverage[pixels] = hit.mean(axis=1, dtype=np.float32)
         covered = np.flatnonzero(hit.any(axis=1))
         nearest = self._by_distance[np.argmax(hit[covered][:, self._by_distance], axis=1)]
-        # Of row k, sample m is the (hits of earlier rows + earlier hits of this row)th that hit.
+        # ordinal[k, m]: index of sample m of row k among all samples that hit.
         ordinal = np.cumsum(hit).reshape(hit.shape) - 1
         cell = owner * self._cells_a_pixel + self._cell[sample]
         first = np.flatnonzero(np.diff(cell, prepend=-1))

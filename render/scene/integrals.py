@@ -1,7 +1,7 @@
-"""D, S and M of all samples of an image: fast, and tested against plain sums over every texel.
+"""D, S and M at all samples of an image: fast, and tested against plain sums over every texel.
 
-Directions are in the map's frame. S is a sum over a `Light.cut`; lights outside the lobe are not
-visited: pixels are grouped by mirror direction, and each group shares the lights near it.
+Directions are in the map's frame. S is a sum over the lights of `Light.cut`, without the lights
+outside the lobe: samples are grouped by mirror direction, and a group shares the lights near it.
 """
 
 import math
@@ -13,23 +13,31 @@ from lime_keras.optics import environment, shading
 from .lights import Light
 
 _WIDE = math.radians(75)
-"""A lobe that reaches further sees too much of the sphere for groups to pay."""
+"""Largest support angle in radians with which samples are grouped; for wider lobes, groups would
+save nothing."""
 _CELL_ROWS = 12
-_SLICE = 2**14  # normals sorted into cells at once
+_SLICE = 2**14  # mirror directions that are sorted into cells at once
 
 
 def diffuse(normal: np.ndarray, light: Light) -> np.ndarray:
-    """D(n), `(N,)`, for normals `(N, 3)`: looked up where it was tabulated for all directions."""
+    """Look up D(n), `(N,)`, for normals `(N, 3)` in the light's table."""
     return environment.lookup(light.diffuse_shading, normal)
 
 
 def mirror(normal: np.ndarray, view: np.ndarray, light: Light) -> np.ndarray:
-    """M(n, o), `(N,)`, from the map's finest resolution."""
+    """Compute M(n, o), `(N,)`, from the map at its finest resolution."""
     return shading.mirror(normal, view, light.radiance)
 
 
 def specular(normal: np.ndarray, view: np.ndarray, exponent: float, light: Light) -> np.ndarray:
-    """S(n, o, s), `(N,)`; n and o unit, `(N, 3)`, in the precision of the light."""
+    """Compute S(n, o, s), `(N,)`.
+
+    Args:
+        normal: n, unit, `(N, 3)`, in the precision of the light.
+        view: o, unit, `(N, 3)`, in the precision of the light.
+        exponent: s.
+        light: environment map in its own frame.
+    """
     directions, energies = light.cut(exponent)
     support = support_angle(exponent, light.quality.negligible)
     if support > _WIDE:
@@ -53,10 +61,10 @@ def specular(normal: np.ndarray, view: np.ndarray, exponent: float, light: Light
 
 
 def support_angle(exponent: float, negligible: float) -> float:
-    """Angle about the mirror direction beyond which the lobe is negligible, at most π radians.
+    """Return the angle from the mirror direction beyond which the lobe is negligible, at most π.
 
-    h leaves n by the θ at which cos(θ)^s falls to `negligible`, and i leaves the mirror direction
-    by at most 2θ.
+    At the angle θ between h and n, cos(θ)^s falls to `negligible`; the angle between i and the
+    mirror direction is then at most 2θ, in radians.
     """
     if exponent <= 0:
         return math.pi

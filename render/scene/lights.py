@@ -1,7 +1,7 @@
-"""An environment map, made ready to light many scenes.
+"""Environment maps, prepared to light many scenes.
 
-Everything that depends on the map alone is computed once: its energy at falling resolutions, its
-irradiance, where its strong light is. A scene rotates its own normals into the map's frame.
+Everything that depends on the map alone is computed once: its energy at several resolutions, its
+irradiance, the direction of its strongest light. A scene rotates its normals into the map's frame.
 """
 
 import math
@@ -18,17 +18,17 @@ MEAN_RADIANCE = 0.4
 """Spherical mean to which every map is scaled: the exposure (docs/decisions.md)."""
 _COARSEST = 16
 _FEWEST_ROWS = 32
-_IRRADIANCE_LIGHTS = 64  # rows of the map that lights the irradiance table, at least
+_IRRADIANCE_LIGHTS = 64  # least rows of the level from which the irradiance table is computed
 
 
 @dataclass(frozen=True)
 class Level:
-    """A map's energy gathered into `(H, W)` texels.
+    """The energy of a map at one resolution, in `(H, W)` texels.
 
     Attributes:
         energy: radiance times solid angle of each texel, `(H, W)`.
-        direction: unit energy-weighted mean direction of what each texel holds, `(H, W, 3)`: the
-            first moment is kept, so a lamp stays where it is at every resolution.
+        direction: energy-weighted mean direction of the light in each texel, unit, `(H, W, 3)`.
+            The first moment is kept, so a lamp stays where it is at every resolution.
     """
 
     energy: np.ndarray
@@ -37,16 +37,16 @@ class Level:
 
 @dataclass(frozen=True)
 class Light:
-    """One map in its own frame, scaled to a spherical mean.
+    """An environment map in its own frame, scaled to a spherical mean.
 
     Attributes:
-        name: file or room it came from.
-        radiance: `(H, W)`, the finest resolution.
-        levels: energies by height, from the quality's finest, or the power of two below the map's
-            own, down to 16.
-        diffuse_shading: `(R, 2 R)`, D for a normal in the direction of each texel.
-        strong_direction: `(3,)` unit, towards the texel of most energy.
-        quality: how finely it lights.
+        name: name of the file or room that the map came from.
+        radiance: radiance at the finest resolution, `(H, W)`.
+        levels: energies by number of rows: powers of two from 16 up to the quality's finest, as far
+            as the map's own rows reach.
+        diffuse_shading: table of D, `(R, 2 R)`, for a normal in the direction of each texel.
+        strong_direction: unit direction `(3,)` of the texel of most energy.
+        quality: resolution and precision of the light.
     """
 
     name: str
@@ -57,21 +57,24 @@ class Light:
     quality: Quality
 
     def coarse(self) -> np.ndarray:
-        """The map at twice the rows that a record keeps, or its own if it has fewer: `(H, W)`."""
+        """Return the radiance `(H, W)` at twice the rows of a record's map, or at the finest level.
+
+        The finest level is taken if it has fewer rows.
+        """
         height = min(2 * environment.STORED_SHAPE[0], max(self.levels))
         energy = self.levels[height].energy
         return energy / environment.solid_angles(*energy.shape)
 
     def cut(self, exponent: float) -> tuple[np.ndarray, np.ndarray]:
-        """The map as lights for a lobe of this exponent: directions `(T, 3)`, energies `(T,)`.
+        """Return directions `(T, 3)` and energies `(T,)` of lights for a lobe of this exponent.
 
-        A cut through the pyramid: bright or wide texels are split until the error that their
-        extent makes in the lobe is small, dim ones are taken whole.
+        The lights are a cut through the pyramid of levels: bright or wide texels are split until
+        their extent causes little error in the lobe; dim texels are taken whole.
         """
         directions, energies = [], []
         height = min(self.levels)
         total = float(np.sum(self.levels[height].energy))
-        # Share of the sphere's energy that a lobe of this exponent sees from an even light.
+        # Share of a uniform light's energy that a lobe of this exponent sees.
         seen = min(1.0, 4.0 / (exponent + 2.0))
         open_texels = np.ones(self.levels[height].energy.shape, bool)
         while height in self.levels:
@@ -93,18 +96,18 @@ class Light:
 def prepare(
     name: str, radiance: np.ndarray, mean: float = MEAN_RADIANCE, quality: Quality = FAST
 ) -> Light:
-    """Scale a map `(H, W)` to the spherical mean and precompute what scenes need.
+    """Scale a map to the spherical mean and compute everything that depends on the map alone.
 
     Args:
-        name: to be told with the light, and in errors.
-        radiance: `(H, W)`, W about 2 H, of any size.
-        mean: the spherical mean of the result.
-        quality: how finely it is to light.
+        name: name of the light, also used in errors.
+        radiance: the map, `(H, W)`, W about 2 H, of any size.
+        mean: spherical mean of the scaled map.
+        quality: resolution and precision of the light.
 
     Raises:
         ValueError: if the map is black or not finite.
     """
-    # Repeating the texels of a small map changes its radiance nowhere.
+    # A small map is enlarged by repeating its texels, which leaves its radiance as it is.
     repeats = -(-_FEWEST_ROWS // min(len(radiance), radiance.shape[1] // 2))
     radiance = radiance.repeat(repeats, axis=0).repeat(repeats, axis=1)
     rows, columns = radiance.shape
@@ -132,7 +135,7 @@ def prepare(
 
 
 def _levels(radiance: np.ndarray, precision: str) -> dict[int, Level]:
-    """Gather a map's energy and its first moment into ever larger texels."""
+    """Return the levels of a map by height; each height is half of the height before."""
     energy = radiance * environment.solid_angles(*radiance.shape)
     moment = energy[..., None] * environment.directions(*radiance.shape)
     levels = {}
@@ -146,5 +149,5 @@ def _levels(radiance: np.ndarray, precision: str) -> dict[int, Level]:
 
 
 def _halve(values: np.ndarray) -> np.ndarray:
-    """Sums over 2 × 2 texels of `(H, W)` or `(H, W, C)`."""
+    """Return the sums over 2 × 2 texels of `(H, W)` or `(H, W, C)` values."""
     return values[0::2, 0::2] + values[1::2, 0::2] + values[0::2, 1::2] + values[1::2, 1::2]

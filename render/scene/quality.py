@@ -1,7 +1,6 @@
-"""How much work goes into an example's layers.
+"""The qualities of rendering: settings that trade the exactness of the layers against time.
 
-Every number here is a knob of the trade between exactness and time; `benchmarks/quality.py` draws
-it, and docs/decisions.md says why the fast ones are what they are.
+`benchmarks/quality.py` draws this trade; docs/decisions.md gives the reasons for the fast settings.
 """
 
 import math
@@ -11,22 +10,22 @@ from typing import Literal
 
 @dataclass(frozen=True)
 class Quality:
-    """Sampling of the pixels and of the light.
+    """Settings for the sampling of the pixels and of the light.
 
     Attributes:
         subsamples: samples across a pixel.
         refined: samples across a rough pixel, for coverage, D and M.
-        rough_above: variance of a pixel's mirror directions above which it is rough; edges always
-            are.
+        rough_above: variance of a pixel's mirror directions above which the pixel is rough. Pixels
+            at edges are always rough.
         cells: evaluations of S across a pixel whose mirror directions spread too far for the lobe.
-        lobe_rough_above: variance of the mirror directions times (s + 2), above which they do.
-        split_above: a light is split while its share of the energy times (extent / lobe width)²
-            exceeds this.
-        finest: rows of the map that lights S, a power of two; of a smaller map, the power below
-            its own.
-        irradiance_rows: rows of the table that D is looked up in.
-        negligible: value of the lobe below which a light is passed over.
-        precision: of the sums.
+        lobe_rough_above: limit of (s + 2) times the variance of the mirror directions; above it,
+            they spread too far for the lobe.
+        split_above: limit of a texel's share of the energy times (extent / lobe width)²; above it,
+            the texel is split into four lights.
+        finest: largest number of rows of the map that lights S, a power of two.
+        irradiance_rows: rows of the table in which D is looked up.
+        negligible: value of the lobe below which a light is left out.
+        precision: floating-point type of the sums.
     """
 
     subsamples: int
@@ -67,6 +66,6 @@ QUALITIES = {
         precision="float64",
     ),
 }
-"""`fast` renders corpora; `reference` is converged, and many times slower."""
+"""Qualities by name: `fast` renders corpora; `reference` is converged, and many times slower."""
 
 FAST = QUALITIES["fast"]

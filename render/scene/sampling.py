@@ -1,4 +1,4 @@
-"""What is in a scene: plain data, drawn from a random generator (paper, section 5.1)."""
+"""Random material, pose and light rotation of a scene (paper, section 5.1)."""
 
 import math
 from dataclasses import dataclass
@@ -9,23 +9,26 @@ from lime_keras.material import BlinnPhong
 from lime_keras.optics import colour, shininess
 
 _ANGULAR_RADIUS = (math.radians(5), math.radians(16))
-"""Of the object's bounding sphere as the camera sees it: from a long lens to an arm's length."""
+"""Range of the angular radius of the object's bounding sphere, in radians.
+
+It reaches from the view of a long lens to the view from an arm's length.
+"""
 OFF_AXIS = math.radians(10)
-"""How far from the photo's centre the object, and so the crop, may lie."""
+"""Largest angle of the object, and so of the crop, from the photo's axis, across and up, in rad."""
 FILL = (0.55, 0.92)
 """Share of the crop that the object's longer side takes."""
 AMBIENT = (0.0, 0.05)
 _LIGHT_PITCH = (math.radians(-10), math.radians(30))
-"""The camera looks up or down: the light is tilted by as much."""
+"""Range of the light's tilt in radians: the camera looks up or down by the same angle."""
 _LIGHT_TRIES = 64
 
 
 @dataclass(frozen=True)
 class Pose:
-    """Where the object is and how it is cropped.
+    """The place of an object in camera space, and the camera of the crop around it.
 
     Attributes:
-        rotation: `(3, 3)`, object to camera space.
+        rotation: rotation `(3, 3)` from object to camera space.
         translation: `(3,)`, the object's origin in camera space.
         camera: fx, fy, cx, cy in pixels of the crop.
     """
@@ -36,7 +39,11 @@ class Pose:
 
 
 def sample_material(rng: np.random.Generator) -> BlinnPhong:
-    """m_d uniform in YUV, m_s uniform, s uniform over the bins and log-uniform inside."""
+    """Draw a material.
+
+    m_d is uniform in YUV; m_s and m_a are uniform; s is uniform over the bins and log-uniform
+    inside a bin.
+    """
     exponent_bin = rng.integers(shininess.BIN_COUNT)
     log = shininess.LOG_LOW + shininess.BIN_WIDTH * (exponent_bin + rng.uniform())
     return BlinnPhong(
@@ -48,10 +55,10 @@ def sample_material(rng: np.random.Generator) -> BlinnPhong:
 
 
 def sample_diffuse_albedo(rng: np.random.Generator) -> np.ndarray:
-    """Uniform over those YUV colours that are RGB colours: `(3,)` linear RGB in [0, 1].
+    """Draw m_d, `(3,)` linear RGB in [0, 1], uniformly from the YUV colours that are RGB colours.
 
-    Others are rejected; clipping them would pile three quarters of all albedos onto the faces of
-    the cube.
+    Other YUV colours are rejected: if they were clipped, three quarters of all albedos would lie on
+    the faces of the RGB cube.
     """
     while True:
         rgb = colour.yuv_to_rgb(rng.uniform(colour.YUV_LOW, colour.YUV_HIGH))
@@ -60,7 +67,7 @@ def sample_diffuse_albedo(rng: np.random.Generator) -> np.ndarray:
 
 
 def sample_rotation(rng: np.random.Generator) -> np.ndarray:
-    """Rotation `(3, 3)` uniform over all orientations, from a random unit quaternion."""
+    """Draw a rotation `(3, 3)`, uniform over all orientations, from a random unit quaternion."""
     w, x, y, z = (q := rng.normal(size=4)) / np.linalg.norm(q)
     return np.array(
         [
@@ -72,11 +79,11 @@ def sample_rotation(rng: np.random.Generator) -> np.ndarray:
 
 
 def sample_pose(rng: np.random.Generator, vertices: np.ndarray, size: int) -> Pose:
-    """Put an object before the camera and crop the photo around it.
+    """Draw the pose of an object before the camera, and the crop of the photo around it.
 
     Args:
         rng: source of all randomness.
-        vertices: `(V, 3)`, inside the unit sphere.
+        vertices: vertices of the object, `(V, 3)`, inside the unit sphere.
         size: height and width of the crop in pixels.
     """
     rotation = sample_rotation(rng)
@@ -98,15 +105,15 @@ def sample_pose(rng: np.random.Generator, vertices: np.ndarray, size: int) -> Po
 
 
 def sample_light_rotation(rng: np.random.Generator, strong_direction: np.ndarray) -> np.ndarray:
-    """Rotation `(3, 3)` from the map's frame to camera space with the strong light in front.
+    """Draw a rotation `(3, 3)` from the map's frame to camera space, the strongest light in front.
 
-    The map turns about its vertical and is tilted as a camera is; draws that leave the strong light
-    behind the object (z < 0 in camera space) are rejected. For a light at the zenith or nadir,
-    which no turn brings to the front, the last draw is taken.
+    The map is turned about its vertical and tilted as a camera is. A draw with the strongest light
+    behind the object (z < 0 in camera space) is rejected. If too many draws are rejected, the last
+    draw is taken.
 
     Args:
         rng: source of all randomness.
-        strong_direction: `(3,)`, in the map's frame.
+        strong_direction: direction `(3,)` of the strongest light, in the map's frame.
     """
     for _ in range(_LIGHT_TRIES):
         yaw, pitch = rng.uniform(-math.pi, math.pi), rng.uniform(*_LIGHT_PITCH)

@@ -1,9 +1,10 @@
-"""Implicit fields: what is inside a composition of primitives, a blend of blobs, or a frame.
+"""Implicit fields of random solids: compositions of primitives, blends of blobs, thin frames.
 
 The families follow the procedural shapes of Xu et al., "Deep image-based relighting from optimal
 sparse samples" (2018), and Li et al., "Learning to reconstruct shape and spatially-varying
-reflectance from a single image" (2018): displaced primitives joined at random. Metaballs are added
-to them for necks, and frames for legs, wings, handles and hoops, which a mask misses first.
+reflectance from a single image" (2018): displaced primitives joined at random. Two families are
+added: metaballs, which have necks, and frames, which have legs, wings, handles and hoops. Such thin
+parts are the first that an estimated mask misses.
 
 Letters: `p` points (3, N); `d` (N,) approximate signed distance, negative inside.
 """
@@ -16,7 +17,11 @@ Field = Callable[[np.ndarray], np.ndarray]
 
 
 def composition(rng: np.random.Generator) -> tuple[Field, float]:
-    """Primitives grown out of one another, displaced: a field, and a radius that holds it."""
+    """Draw primitives that grow out of one another, displaced by waves.
+
+    Returns:
+        The field, and the radius of a ball around the origin that holds the solid.
+    """
     parts: list[Field] = []
     sizes: list[float] = []
     centres = [np.zeros(3)]
@@ -42,7 +47,11 @@ def composition(rng: np.random.Generator) -> tuple[Field, float]:
 
 
 def blobs(rng: np.random.Generator) -> tuple[Field, float]:
-    """Balls on a random walk, blended and stretched, often mirrored left to right."""
+    """Draw overlapping balls, blended and stretched, often mirrored left to right.
+
+    Returns:
+        The field, and the radius of a ball around the origin that holds the solid.
+    """
     count = int(rng.integers(3, 10))
     radii = rng.uniform(0.12, 0.45, count).astype(np.float32)
     radii[0] = rng.uniform(0.3, 0.5)
@@ -70,9 +79,13 @@ def blobs(rng: np.random.Generator) -> tuple[Field, float]:
 
 
 def frame(rng: np.random.Generator) -> tuple[Field, float]:
-    """Thin bars, blades and hoops that grow out of a body, often mirrored left to right."""
+    """Draw thin bars, blades and hoops that grow out of a body, often mirrored left to right.
+
+    Returns:
+        The field, and the radius of a ball around the origin that holds the solid.
+    """
     mirrored = rng.random() < 0.5
-    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0].astype(np.float32)  # about its own axes
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0].astype(np.float32)  # of the mirror plane
     body = rng.uniform(0.08, 0.35, 3)
     body[rng.integers(3)] = rng.uniform(0.3, 0.8)
     a = body.astype(np.float32)[:, None]
@@ -81,7 +94,7 @@ def frame(rng: np.random.Generator) -> tuple[Field, float]:
     for _ in range(rng.integers(2, 7)):
         start = joints[rng.integers(len(joints))].copy()
         along = _direction(rng)
-        if mirrored:  # the half of it with x > 0 is kept
+        if mirrored:  # limbs are made in the half with x > 0, which is mirrored
             start[0], along[0] = abs(start[0]), abs(along[0])
         part, end = _limb(rng, start, along)
         parts.append(part)
@@ -103,7 +116,7 @@ def frame(rng: np.random.Generator) -> tuple[Field, float]:
 def _limb(
     rng: np.random.Generator, start: np.ndarray, along: np.ndarray
 ) -> tuple[Field, np.ndarray]:
-    """A bar, blade or hoop that begins at a point, and a point of its far end."""
+    """Draw a bar, blade or hoop that begins at `start`; return its field and a point of its end."""
     kind = rng.choice(3, p=(0.5, 0.3, 0.2))
     thickness = float(np.exp(rng.uniform(np.log(0.045), np.log(0.13))))
     if kind == 0:
@@ -125,7 +138,7 @@ def _limb(
 
 
 def _primitive(rng: np.random.Generator, size: float, centre: np.ndarray) -> Field:
-    """A superquadric, rounded box or torus, turned at random, of half extents up to `size`."""
+    """Draw a superquadric, rounded box or torus of half extents up to `size`, turned at random."""
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0].astype(np.float32)
     a = (size * rng.uniform(0.35, 1.0, 3)).astype(np.float32)[:, None]
     centre = centre.astype(np.float32)[:, None]
@@ -141,7 +154,7 @@ def _primitive(rng: np.random.Generator, size: float, centre: np.ndarray) -> Fie
 
 
 def _superquadric(p: np.ndarray, a: np.ndarray, e1: float, e2: float) -> np.ndarray:
-    """Radial distance to a superquadric: |p| (1 - F^(-e1/2)), F its inside-outside function."""
+    """Return |p| (1 - F^(-e1/2)), the radial distance, for the inside-outside function F."""
     x, y, z = np.abs(p / a) + np.float32(1e-6)
     level = (x ** (2 / e2) + y ** (2 / e2)) ** (e2 / e1) + z ** (2 / e1)
     return np.sqrt((p * p).sum(0)) * (1 - (level + np.float32(1e-30)) ** (-e1 / 2))
@@ -156,7 +169,7 @@ def _box(p: np.ndarray, a: np.ndarray, rounding: float) -> np.ndarray:
 def _bar(
     p: np.ndarray, start: np.ndarray, end: np.ndarray, radius: float, end_radius: float
 ) -> np.ndarray:
-    """A round bar whose radius goes from one to the other along its axis."""
+    """Return the distance to a round bar whose radius goes from `radius` to `end_radius`."""
     axis = (end - start).astype(np.float32)
     q = p - start.astype(np.float32)[:, None]
     t = np.clip((axis @ q) / np.float32(axis @ axis), 0, 1)
@@ -169,7 +182,7 @@ def _torus(p: np.ndarray, ring: float, tube: float) -> np.ndarray:
 
 
 def _join(d: np.ndarray, other: np.ndarray, softness: float) -> np.ndarray:
-    """The union, blended over `softness` by a quadratic; 0 leaves a sharp edge."""
+    """Return the distance to the union of two solids, blended over `softness` by a quadratic."""
     if softness == 0:
         return np.minimum(d, other)
     overlap = np.maximum(np.float32(softness) - np.abs(d - other), 0)
@@ -177,7 +190,7 @@ def _join(d: np.ndarray, other: np.ndarray, softness: float) -> np.ndarray:
 
 
 def _displacement(rng: np.random.Generator) -> Field:
-    """Plane waves of one band, often none; the slope is bounded so that nothing tears off."""
+    """Draw plane waves of one band, often none; a bounded slope keeps the solid in one piece."""
     if rng.random() < 0.4:
         return lambda p: np.zeros((), np.float32)
     frequency = np.exp(rng.uniform(np.log(4), np.log(22)))

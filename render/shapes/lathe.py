@@ -1,4 +1,4 @@
-"""Surfaces of revolution: profiles drawn at random, turned about Y."""
+"""Surfaces of revolution: random profiles, revolved about Y."""
 
 from itertools import pairwise
 
@@ -6,16 +6,16 @@ import numpy as np
 
 from .meshes import Mesh, normalised
 
-CORNER = np.radians(33)  # profiles that bend by more get separate normals on either side
+CORNER = np.radians(33)  # a profile that bends by more has separate normals on either side
 
 
 def sample(rng: np.random.Generator) -> Mesh:
-    """A turned piece: upright, closed, at times fluted or hollow."""
+    """Draw a turned piece: upright, closed, at times fluted or hollow."""
     return turned(_profile(rng), rng)
 
 
 def _profile(rng: np.random.Generator) -> np.ndarray:
-    """A polyline `(K, 2)` of radius and height, from the axis at the bottom back to the axis."""
+    """Draw a polyline `(K, 2)` of radius and height, from the axis at the bottom back to it."""
     kind = rng.choice(3)
     if kind == 0:
         wall = _spline_profile(rng)
@@ -27,7 +27,7 @@ def _profile(rng: np.random.Generator) -> np.ndarray:
 
 
 def _spline_profile(rng: np.random.Generator) -> np.ndarray:
-    """Random radii joined by Catmull-Rom pieces: bottles, vases, bowls."""
+    """Draw random radii joined by Catmull-Rom splines: bottles, vases, bowls."""
     count = rng.integers(3, 7)
     radii = rng.uniform(0.15, 1.0, count + 2)
     t = np.linspace(0, count - 1, 80)
@@ -41,7 +41,7 @@ def _spline_profile(rng: np.random.Generator) -> np.ndarray:
 
 
 def _moulded_profile(rng: np.random.Generator) -> np.ndarray:
-    """Stacked mouldings with sharp edges between them: chessmen, balusters, spinning tops."""
+    """Draw a stack of mouldings with sharp edges: chessmen, balusters, spinning tops."""
     radius, y, pieces = rng.uniform(0.5, 1.0), 0.0, []
     for _ in range(rng.integers(3, 8)):
         target, height = rng.uniform(0.18, 1.0), rng.uniform(0.1, 0.7)
@@ -56,7 +56,7 @@ def _moulded_profile(rng: np.random.Generator) -> np.ndarray:
 
 
 def _cap(rng: np.random.Generator, radius: float, y: float) -> np.ndarray:
-    """Closes the top: flat, domed, pointed, or with a knob on it."""
+    """Draw the profile of a top that closes the surface: flat, domed, pointed, or a knob."""
     kind = rng.choice(4)
     if kind == 0:
         return np.array([[0.0, y]])
@@ -72,7 +72,7 @@ def _cap(rng: np.random.Generator, radius: float, y: float) -> np.ndarray:
 
 
 def _hollow(wall: np.ndarray, thickness: float) -> np.ndarray:
-    """A vessel: up the outside, over a round lip, down the inside to the floor."""
+    """Make the profile of a vessel: up the outside, over a round lip, down inside to the floor."""
     a = np.linspace(0, np.pi, 9)[1:-1]
     rim = wall[-1] - (thickness / 2, 0)
     lip = rim + thickness / 2 * np.stack([np.cos(a), np.sin(a)], 1)
@@ -82,7 +82,7 @@ def _hollow(wall: np.ndarray, thickness: float) -> np.ndarray:
 
 
 def turned(profile: np.ndarray, rng: np.random.Generator) -> Mesh:
-    """Revolves a profile about Y, at times fluted, with creases at its sharp corners."""
+    """Revolve a profile about Y, at times with flutes, with creases at its sharp corners."""
     profile[[0, -1], 0] = 0
     profile = profile[np.r_[True, np.linalg.norm(np.diff(profile, axis=0), axis=1) > 1e-4]]
     profile[-1, 0] = 0
@@ -101,7 +101,7 @@ def turned(profile: np.ndarray, rng: np.random.Generator) -> Mesh:
 
 
 def _sections(profile: np.ndarray) -> list[np.ndarray]:
-    """Cuts a polyline at its corners; long straight pieces get points of their own."""
+    """Cut a polyline at its corners; a section that is one straight line is divided by points."""
     tangents = np.diff(profile, axis=0)
     tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
     cosine = (tangents[1:] * tangents[:-1]).sum(1)
@@ -114,7 +114,10 @@ def _sections(profile: np.ndarray) -> list[np.ndarray]:
 def _revolved(
     section: np.ndarray, angle: np.ndarray, flutes: int, depth: float, twist: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Points and outward normals `(rows, angles, 3)`: the cross product of both tangents."""
+    """Return points and outward normals, each `(rows, angles, 3)`, of a revolved section.
+
+    A normal is the cross product of the tangents along the profile and around the axis.
+    """
     radius, y = section[:, :1], np.broadcast_to(section[:, 1:], (len(section), len(angle)))
     phase = flutes * (angle + twist * y)
     ripple = 1 + depth * np.cos(phase)
@@ -130,7 +133,7 @@ def _revolved(
 
 
 def _strip_faces(radii: np.ndarray, sides: int) -> np.ndarray:
-    """Triangles between neighbouring rings; a ring on the axis spends one triangle a side."""
+    """Return the triangles between neighbouring rings; at the axis, one triangle for each side."""
     row, side = np.mgrid[: len(radii) - 1, :sides].reshape(2, -1)
     a, b = row * sides + side, row * sides + (side + 1) % sides
     lower = np.stack([a, a + sides, b], 1)[radii[row] > 0]

@@ -1,7 +1,7 @@
-"""Triangle meshes: normalised, and read from files of every quality.
+"""Triangle meshes: reading them from files, also faulty ones, and normalising them.
 
-Every mesh is normalised alike: centred on its bounding box, scaled so that the farthest vertex lies
-on the unit sphere, right-handed, Y up, normals of length one pointing outwards.
+Every normalised mesh is centred on its bounding box and scaled so that its farthest vertex lies on
+the unit sphere. It is right-handed, Y up; its normals are of length one and point outwards.
 """
 
 from dataclasses import dataclass
@@ -16,8 +16,10 @@ from .smoothing import face_normals, smoothed
 EXTENSIONS = (".obj", ".ply", ".stl", ".glb")
 
 _TRUSTED = 0.98
-"""Share of faces whose corners' normals lie on one side of them, from which a file's normals are
-used: smooth normals of a coarse mesh seldom cross a face, garbled ones cross most."""
+"""Least share of faces with all corner normals on one side, for which a file's normals are used.
+
+Smooth normals of a coarse mesh seldom lie on both sides of a face; garbled normals mostly do.
+"""
 
 
 @dataclass(frozen=True)
@@ -25,9 +27,9 @@ class Mesh:
     """A triangle mesh, centred, inside the unit sphere, right-handed, Y up.
 
     Attributes:
-        vertices: `(V, 3)` float32, the farthest at distance 1 from the origin.
+        vertices: `(V, 3)` float32; the farthest vertex is at distance 1 from the origin.
         faces: `(F, 3)` uint32, counter-clockwise seen from outside.
-        normals: `(V, 3)` float32, of unit length, outwards; creased edges have doubled vertices.
+        normals: `(V, 3)` float32, unit, outwards; at creases, vertices are doubled.
     """
 
     vertices: np.ndarray
@@ -36,26 +38,26 @@ class Mesh:
 
 
 def load(path: str | Path) -> Mesh:
-    """Reads a mesh file and normalises it; `read` tells what had to be mended."""
+    """Read a mesh file and normalise the mesh; see `read`, which also returns notes."""
     return read(path)[0]
 
 
 def read(path: str | Path) -> tuple[Mesh, tuple[str, ...]]:
-    """Reads a mesh file, mends and normalises it.
+    """Read a mesh file, repair and normalise the mesh.
 
     Several parts become one mesh. Faces without area, or with a corner that is missing or not
-    finite, are dropped. The file's own normals are used if they are finite and fit the faces, which
-    are turned to their side; otherwise faces are turned to agree with their neighbours, and normals
-    are smooth except across creases of more than 50 degrees.
+    finite, are dropped. The file's own normals are used if they are finite and fit the faces; the
+    faces are then turned to the side of the normals. Otherwise the faces are turned to agree with
+    their neighbours, and normals are made, smooth except across creases of more than 50 degrees.
 
     Args:
         path: A file with one of the `EXTENSIONS`.
 
     Returns:
-        The mesh, as finely divided as the file says, and notes on what was mended.
+        The mesh, with the faces of the file, and notes on what was repaired.
 
     Raises:
-        ValueError: If the file is missing, of another kind, cannot be read or has no faces.
+        ValueError: If the file is missing, is no mesh file, cannot be read or has no faces.
     """
     path = Path(path)
     if path.suffix.lower() not in EXTENSIONS:
@@ -68,7 +70,7 @@ def read(path: str | Path) -> tuple[Mesh, tuple[str, ...]]:
         with np.errstate(invalid="ignore", over="ignore"):  # what is not finite is dropped below
             vertices, faces, normals = _parts(path)
     except MemoryError:
-        raise  # says nothing of the file
+        raise  # this machine's fault, not the file's
     except Exception as error:  # trimesh passes on whatever its many readers raise
         reason = str(error) or type(error).__name__
         raise ValueError(f"{path}: cannot be read as a mesh ({reason}); export it anew.") from error
@@ -101,7 +103,7 @@ def read(path: str | Path) -> tuple[Mesh, tuple[str, ...]]:
 
 
 def normalised(vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray) -> Mesh:
-    """Centres, scales, drops unused vertices, and turns a closed surface outside out."""
+    """Centre and scale a mesh, drop unused vertices, and turn a closed surface right side out."""
     used, faces = np.unique(faces, return_inverse=True)
     vertices, normals = np.asarray(vertices, float)[used], np.asarray(normals, float)[used]
     faces = faces.reshape(-1, 3)
@@ -117,10 +119,11 @@ def normalised(vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray) -> 
 
 
 def may_cover(mesh: Mesh, share: float) -> bool:
-    """Whether a mesh may cover that share of a square picture which its longer side fills.
+    """Return whether a mesh may cover that share of a square picture that its longer side fills.
 
-    Looks from afar in 64 directions; faces count even where they hide one another, so that a wire
-    or a speck far from another is told for sure, and nothing else is.
+    The mesh is seen from afar in 64 directions. Hidden faces count too, so the covered share is
+    overestimated: only meshes that surely cover too little are found, such as wires or two specks
+    far from each other.
     """
     rng = np.random.default_rng(0)
     normals = face_normals(mesh.vertices, mesh.faces)
@@ -132,9 +135,10 @@ def may_cover(mesh: Mesh, share: float) -> bool:
 
 
 def _parts(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """All parts in their places; normals that the file does not give are NaN.
+    """Read vertices, faces and normals of all parts of a file, each part in its place.
 
-    Vertex 0 is nowhere: corners that name a vertex that is not there are sent to it.
+    Normals that the file does not give are NaN. Vertex 0 is NaN: it replaces vertices that a face
+    names and the file does not have.
     """
     if path.suffix.lower() == ".obj":
         return obj.read(path.read_bytes())
@@ -153,7 +157,7 @@ def _parts(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         corners = part.faces[:, ::turned].astype(int)
         there = (corners >= 0) & (corners < len(part.vertices))
         faces.append(np.where(there, count + corners, 0))
-        # trimesh makes normals up when asked for them; only the cache tells which were read.
+        # trimesh computes normals that were not read; only its cache shows which were read.
         given = "vertex_normals" in part._cache.cache and np.linalg.matrix_rank(linear) == 3
         blank = np.full(part.vertices.shape, np.nan)
         normals.append(part.vertex_normals @ np.linalg.inv(linear) if given else blank)
@@ -162,14 +166,14 @@ def _parts(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _sound(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices within [-1, 1], and the faces whose area is finite and not rounding error."""
+    """Return vertices scaled into [-1, 1], and the faces of finite area above rounding error."""
     finite = np.isfinite(vertices).all(1)
     faces = faces[finite[faces].all(1)]
     if len(faces) == 0:
         return vertices, faces
     used = np.zeros(len(vertices), bool)
     used[faces] = True
-    # Vertices of no face may be anything; at another's place they do no harm.
+    # Vertices of no face may have any value; moved to a used vertex, they do no harm.
     vertices = np.where(used[:, None], vertices, vertices[faces[0, 0]])
     vertices = vertices / max(np.abs(vertices).max(), np.finfo(float).tiny)
     vertices = vertices - (vertices.min(0) + vertices.max(0)) / 2
@@ -178,12 +182,12 @@ def _sound(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def _sides(vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """How far each corner's normal points to the front of its face, `(F, 3)`."""
+    """Return the dot product of each corner's normal with its face's normal, `(F, 3)`."""
     return (normals[faces] * face_normals(vertices, faces)[:, None]).sum(-1)
 
 
 def _trusted(vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray) -> bool:
-    """Whether given normals are finite, not zero, and seldom on both sides of a face."""
+    """Return whether the normals are finite, not zero, and seldom on both sides of a face."""
     given = normals[faces]
     if not np.isfinite(given).all() or (np.linalg.norm(given, axis=-1) < 1e-6).any():
         return False

@@ -1,4 +1,4 @@
-"""Wavefront OBJ files: their polygons as triangles, with the normals that the file gives."""
+"""Reading of Wavefront OBJ files: polygons as triangles, with the normals that the file gives."""
 
 import codecs
 from array import array
@@ -7,24 +7,24 @@ import numpy as np
 
 
 def read(data: bytes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Reads all polygons of a file, whatever object, group or material they belong to.
+    """Read all polygons of a file, of every object, group and material, as triangles.
 
-    Polygons need not be convex. Indices below zero count back from the vertex read last, as the
-    format has it.
+    Polygons need not be convex. As in the format's definition, indices below zero count back from
+    the vertex read last.
 
     Args:
         data: The file's content.
 
     Returns:
         Vertices `(V, 3)`, triangles `(F, 3)`, and normals `(V, 3)`, NaN where the file gives none.
-        Vertex 0 is nowhere, NaN: corners that name a vertex that is not there are sent to it.
+        Vertex 0 is NaN: it replaces vertices that a polygon names and the file does not have.
 
     Raises:
         ValueError: If a line cannot be read.
     """
     vertices, normals = [(np.nan,) * 3], [(np.nan,) * 3]
-    polygons: dict[int, array] = {}  # by how many corners they have: a vertex and a normal for each
-    data = data.removeprefix(codecs.BOM_UTF8)  # some editors begin with it
+    polygons: dict[int, array] = {}  # by number of corners: vertex and normal of each corner
+    data = data.removeprefix(codecs.BOM_UTF8)  # some editors write it
     data = data.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ")
     for line in data.splitlines():
         words = line.partition(b"#")[0].split()
@@ -44,7 +44,7 @@ def read(data: bytes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     for size, indices in polygons.items():
         if size >= 3:
             outlines = np.array(indices).reshape(-1, size, 2)
-            outlines = np.where(outlines < known, outlines, 0)  # 0 for what the file never told
+            outlines = np.where(outlines < known, outlines, 0)  # 0 for indices beyond the end
             triangles.append(_triangles(outlines, places))
     corners = np.concatenate(triangles)
     pairs, faces = np.unique(corners[..., 0] * len(normals) + corners[..., 1], return_inverse=True)
@@ -58,7 +58,13 @@ def read(data: bytes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _corner(word: bytes, vertices: int, normals: int) -> tuple[int, int]:
-    """Numbers of a corner's vertex and normal, 0 for none, given how many are read."""
+    """Return the indices of a corner's vertex and normal, 0 for none.
+
+    Args:
+        word: the corner in the file: `v`, `v/vt`, `v//vn` or `v/vt/vn`.
+        vertices: number of vertices read so far.
+        normals: number of normals read so far.
+    """
     vertex, _, rest = word.partition(b"/")
     one, other = int(vertex), int(rest.rpartition(b"/")[2] or 0) if b"/" in rest else 0
     return (
@@ -68,14 +74,14 @@ def _corner(word: bytes, vertices: int, normals: int) -> tuple[int, int]:
 
 
 _MOST_CORNERS = 500
-"""Of a concave face: cutting it takes a time that grows with their cube."""
+"""Largest number of corners of a concave face: the time to cut it grows with the cube of this."""
 
 
 def _triangles(corners: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """Polygons `(P, n, 2)` cut into triangles `(F, 3, 2)`: fans, or ears where a fan folds over."""
+    """Cut polygons `(P, n, 2)` into triangles `(F, 3, 2)`: fans, or ears if a fan folds over."""
     points = places[corners[..., 0]]
     spokes = points[:, 1:] - points[:, :1]
-    normals = np.cross(spokes[:, :-1], spokes[:, 1:])  # of a fan's triangles
+    normals = np.cross(spokes[:, :-1], spokes[:, 1:])  # normals of a fan's triangles
     folded = ((normals * normals.sum(1, keepdims=True)).sum(-1) < 0).any(1)
     fan = [[0, k, k + 1] for k in range(1, corners.shape[1] - 1)]
     cut = [
@@ -88,7 +94,7 @@ def _triangles(corners: np.ndarray, places: np.ndarray) -> np.ndarray:
 
 
 def _ears(points: np.ndarray, normal: np.ndarray) -> list[list[int]]:
-    """Cuts a polygon `(n, 3)` into triangles, each time one that holds no other corner."""
+    """Cut a polygon `(n, 3)` into triangles, one by one; each holds no other corner."""
     axis = int(np.argmax(np.abs(normal)))
     flat = points[:, [(axis + 1) % 3, (axis + 2) % 3]]
     flat = flat if normal[axis] > 0 else flat[:, ::-1]  # counter-clockwise
@@ -104,7 +110,7 @@ def _ears(points: np.ndarray, normal: np.ndarray) -> list[list[int]]:
             others = [i for i in rest if i not in ear]
             if _is_ear(flat[ear], flat[others]):
                 break
-        else:  # a polygon that crosses itself: anything will do
+        else:  # a polygon that crosses itself has no right cut: take any triangle
             k, ear = 1, rest[:3]
         triangles.append(ear)
         del rest[k]
@@ -112,11 +118,11 @@ def _ears(points: np.ndarray, normal: np.ndarray) -> list[list[int]]:
 
 
 def _is_ear(corners: np.ndarray, others: np.ndarray) -> bool:
-    """Whether a triangle `(3, 2)` runs counter-clockwise around none of the other points."""
+    """Return whether a triangle `(3, 2)` is counter-clockwise and holds no other point."""
     edges = np.roll(corners, -1, axis=0) - corners
     if edges[0, 0] * edges[1, 1] - edges[0, 1] * edges[1, 0] <= 0:
         return False
     to = others[:, None] - corners
     inside = (edges[:, 0] * to[..., 1] - edges[:, 1] * to[..., 0] >= 0).all(1)
-    # A corner that the outline passes twice is no obstacle.
+    # Another point in the place of a corner does not count: an outline may pass a point twice.
     return not (inside & (to != 0).any(-1).all(1)).any()

@@ -1,4 +1,4 @@
-"""Shapes: procedural closed surfaces of four families, and meshes read from files."""
+"""Procedural shapes: closed surfaces of four families."""
 
 import numpy as np
 
@@ -9,14 +9,14 @@ __all__ = ["EXTENSIONS", "Mesh", "load", "procedural"]
 
 
 def procedural(rng: np.random.Generator) -> Mesh:
-    """Makes a random closed surface: a composition, turned piece, blend of blobs, or thin frame.
+    """Make a random closed surface: a composition, turned piece, blend of blobs, or thin frame.
 
     Args:
         rng: The only source of randomness; the same state gives the same mesh.
 
     Returns:
-        One connected, watertight `Mesh` of 5,000 to 40,000 faces. Pieces turned on a lathe stand
-        upright, the others lie as they fell.
+        One connected, watertight `Mesh` of 5,000 to 40,000 faces. Turned pieces stand upright; the
+        others may lie in any way.
     """
     family = rng.choice(4, p=(0.25, 0.2, 0.2, 0.35))
     if family == 0:

@@ -1,4 +1,4 @@
-"""Normals for meshes that come without: consistent winding, creases kept, the rest smooth."""
+"""Normals for meshes without normals: consistent winding, sharp at creases, smooth elsewhere."""
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -6,11 +6,11 @@ from scipy.sparse.csgraph import connected_components
 
 CREASE = np.radians(50)  # faces that meet at a larger angle keep separate normals
 _JOINED = 6
-"""Decimals to which vertices in one place agree, in a mesh as large as the unit sphere."""
+"""Number of decimals to which vertices in one place agree, in a mesh of about unit size."""
 
 
 def face_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Normals `(F, 3)` as long as twice the faces' areas."""
+    """Return the normals of the faces, `(F, 3)`; their lengths are twice the faces' areas."""
     a, b, c = vertices[faces].swapaxes(0, 1)
     return np.cross(b - a, c - a)
 
@@ -18,20 +18,21 @@ def face_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 def smoothed(
     vertices: np.ndarray, faces: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
-    """Gives a mesh normals from its shape alone.
+    """Compute the normals of a mesh from its shape alone.
 
-    Vertices in one place are joined, and of faces with the same corners the first is kept. Faces
-    are turned to agree with their neighbours, each connected surface to the side that most of its
-    faces have; a one-sided surface stays as it is. At every vertex, faces that hang together by
-    edges flatter than `CREASE` share a normal: the mean of theirs, weighted by area and by angle.
+    Vertices in one place are joined; of several faces with the same corners, the first is kept.
+    Faces are turned to agree with their neighbours: all faces of a connected surface get the
+    orientation of the majority. A one-sided surface is left as it is. At every vertex, faces that
+    are connected by edges flatter than `CREASE` share a normal: the mean of the face normals,
+    weighted by area and by angle.
 
     Args:
         vertices: `(V, 3)`, within about [-1, 1].
-        faces: `(F, 3)`, each of some area.
+        faces: `(F, 3)`, without faces of zero area.
 
     Returns:
-        Vertices, doubled along creases, faces, normals of any length, and how many faces were
-        turned.
+        Vertices, which are doubled along creases; faces; normals of any length; and the number of
+        turned faces.
     """
     corners = _joined(vertices)[faces]
     first = np.unique(np.sort(corners, axis=1), axis=0, return_index=True)[1]
@@ -48,7 +49,7 @@ def smoothed(
 
 
 def _joined(vertices: np.ndarray) -> np.ndarray:
-    """For each vertex, one that stands for all in its place."""
+    """Return for each vertex the index of the vertex that represents all vertices in its place."""
     rounded = np.round(vertices, _JOINED) + 0.0  # no negative zeros
     order = np.lexsort(rounded.T)
     new = (np.diff(rounded[order], axis=0, prepend=np.nan) != 0).any(1)
@@ -58,9 +59,12 @@ def _joined(vertices: np.ndarray) -> np.ndarray:
 
 
 def _edges(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Edges of exactly two faces: the two half-edges `(E,)`, and whether both run the same way.
+    """Find the edges that belong to exactly two faces.
 
-    Half-edge 3 f + k runs from corner k of face f to the next.
+    Half-edge 3 f + k runs from corner k of face f to the next corner.
+
+    Returns:
+        The two half-edges of each edge, `(E,)` each, and whether both run the same way, `(E,)`.
     """
     start, end = corners.ravel(), np.roll(corners, -1, axis=1).ravel()
     low, high = np.minimum(start, end), np.maximum(start, end)
@@ -73,11 +77,11 @@ def _edges(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _against(corners: np.ndarray) -> np.ndarray:
-    """Whether each face is wound against most of its connected surface, `(F,)`."""
+    """Return for each face, `(F,)`, whether it is wound against most of its connected surface."""
     one, other, same = _edges(corners)
     count = len(corners)
-    # Every face twice, as it is and turned; neighbours that agree are joined. A surface with two
-    # sides falls into two pieces, of which the one with more faces as they are is taken.
+    # Each face is two nodes of a graph: as it is, and turned. Neighbours that agree are joined. A
+    # surface with two sides gives two components; that with more unturned faces is taken.
     f, g = one // 3, other // 3 + np.where(same, count, 0)
     piece = _components(np.r_[f, (f + count)], np.r_[g, (g + count) % (2 * count)], 2 * count)
     kept = np.bincount(piece[:count], minlength=piece.max() + 1)
@@ -86,7 +90,7 @@ def _against(corners: np.ndarray) -> np.ndarray:
 
 
 def _patches(corners: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """Numbers the corners `(3 F,)` so that those which share a normal share a number."""
+    """Number the corners, `(3 F,)`, so that corners that share a normal have the same number."""
     one, other, same = _edges(corners)
     unit = normals / np.linalg.norm(normals, axis=1, keepdims=True)
     smooth = ~same & ((unit[one // 3] * unit[other // 3]).sum(1) > np.cos(CREASE))
@@ -96,13 +100,13 @@ def _patches(corners: np.ndarray, normals: np.ndarray) -> np.ndarray:
 
 
 def _components(a: np.ndarray, b: np.ndarray, count: int) -> np.ndarray:
-    """Numbers the connected components of a graph of `count` nodes and edges from a to b."""
+    """Number the connected components of a graph of `count` nodes with edges from a to b."""
     graph = coo_array((np.ones(len(a), bool), (a, b)), shape=(count, count))
     return connected_components(graph, directed=False)[1]
 
 
 def _angles(triangles: np.ndarray) -> np.ndarray:
-    """Angles `(F, 3)` of triangles `(F, 3, 3)` at their corners."""
+    """Return the angles `(F, 3)` at the corners of triangles `(F, 3, 3)`, in radians."""
     ahead = np.roll(triangles, -1, axis=1) - triangles
     back = np.roll(triangles, 1, axis=1) - triangles
     sine = np.linalg.norm(np.cross(ahead, back), axis=-1)

@@ -1,4 +1,4 @@
-"""Solids: the surface of an implicit field, as a mesh."""
+"""Meshes of the surfaces of implicit fields."""
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -8,11 +8,16 @@ from skimage.measure import marching_cubes
 from .fields import Field
 from .meshes import Mesh, normalised
 
-CELLS = 150_000  # of the marching cubes' grid: 8,000 to 30,000 faces, about 0.1 s
+CELLS = 150_000  # cells of the grid for marching cubes: 8,000 to 30,000 faces, about 0.1 s
 
 
 def polygonise(field: Field, radius: float) -> Mesh:
-    """The zero level of a field inside a ball, with the field's gradient for normals."""
+    """Return the mesh of a field's zero level inside a ball; its normals are the field's gradient.
+
+    Args:
+        field: the implicit field, negative inside.
+        radius: radius of the ball around the origin.
+    """
     low, high = _bounds(field, radius)
     step = (np.prod(high - low) / CELLS) ** (1 / 3)
     box = zip(low, high, strict=True)
@@ -31,7 +36,7 @@ def polygonise(field: Field, radius: float) -> Mesh:
 
 
 def _bounds(field: Field, radius: float) -> tuple[np.ndarray, np.ndarray]:
-    """The box around the cells of a coarse grid that the surface can reach."""
+    """Return the lower and upper corner of a box that holds the surface, from a coarse grid."""
     axis = np.linspace(-radius, radius, 24, dtype=np.float32)
     inside = _sampled(field, [axis] * 3) < axis[1] - axis[0]
     reached = [np.flatnonzero(inside.any(axis=other)) for other in ((1, 2), (0, 2), (0, 1))]
@@ -44,13 +49,13 @@ def _sampled(field: Field, axes: list[np.ndarray]) -> np.ndarray:
 
 
 def _gradient(field: Field, p: np.ndarray, step: float) -> np.ndarray:
-    """Central differences along the four diagonals of a tetrahedron."""
+    """Return the direction of the field's gradient at points, by differences over a tetrahedron."""
     corners = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]], np.float32)
     return sum(c[:, None] * field(p + np.float32(step) * c[:, None]) for c in corners)
 
 
 def _largest_component(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Leaves crumbs and cavities away."""
+    """Return the largest connected part of a mesh, without crumbs and cavities."""
     edges = np.concatenate([faces[:, :2], faces[:, 1:]])
     links = coo_array((np.ones(len(edges), bool), edges.T), shape=(len(vertices),) * 2)
     _, label = connected_components(links, directed=False)

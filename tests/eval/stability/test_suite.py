@@ -21,7 +21,6 @@ from lime_keras.optics import (
     dynamic_range,
     environment,
     masking,
-    reflectance,
     shading,
     shininess,
 )

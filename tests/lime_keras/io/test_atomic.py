@@ -54,6 +54,14 @@ def test_a_folder_takes_the_place_of_another_whole(tmp_path):
     assert [one.name for one in tmp_path.rglob("*")] == ["model", "new"]
 
 
+def test_a_file_takes_no_folders_place(tmp_path):
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "kept").touch()
+    with pytest.raises(IsADirectoryError):
+        atomic.write(tmp_path / "mine", "content")
+    assert [one.name for one in tmp_path.rglob("*")] == ["mine", "kept"]
+
+
 def test_what_an_interrupted_write_left_is_no_part_of_the_next(tmp_path):
     (tmp_path / "partial-model").mkdir()
     (tmp_path / "partial-model" / "left").touch()
