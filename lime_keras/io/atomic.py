@@ -30,7 +30,7 @@ def replacing(path: Path, *, shared: bool = False) -> Iterator[Path]:
     try:
         yield partial
         if partial.is_dir() or path.is_dir():
-            remove(path)  # os.replace does not replace a folder that has content
+            remove(path)  # os.replace replaces only a file by a file
         os.replace(partial, path)
     except BaseException:
         remove(partial)

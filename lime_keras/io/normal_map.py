@@ -74,7 +74,7 @@ def _channels(path: Path, names: tuple[str, ...]) -> list[int]:
 
 
 def _normals(path: Path, vectors: np.ndarray) -> np.ndarray:
-    """Return vectors `(H, W, 3)` at length 1, background 0; raise ValueError if they are no normals."""
+    """Return vectors `(H, W, 3)` made unit, the background 0; raise ValueError if not normals."""
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
     seen = length[..., 0] >= _LEAST_LENGTH
     if not seen.any():

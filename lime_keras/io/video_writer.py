@@ -47,7 +47,7 @@ class Movie:
 
         Args:
             image_srgb: `(H, W, 3)` uint8 sRGB, H and W even.
-            seconds: time of the image since the first one.
+            seconds: time of the image, in seconds since the first image.
 
         Raises:
             OSError: if the file cannot be written.

@@ -59,7 +59,7 @@ def reflect(normal: np.ndarray, view: np.ndarray) -> np.ndarray:
 
 
 def mirror(normal: np.ndarray, view: np.ndarray, radiance: np.ndarray) -> np.ndarray:
-    """Return M(n, o) = E(2(o·n)n − o) (Eq. 1), linear radiance `(N,)`, bilinear in the map.
+    """Return M(n, o) = E(2(o·n)n − o), linear radiance `(N,)`, bilinear in the map.
 
     Args:
         normal: n, unit, `(N, 3)`.
