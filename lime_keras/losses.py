@@ -54,8 +54,8 @@ def exponent_cross_entropy(exponent_bin: Any, probabilities: Any) -> Any:
 
     Args:
         exponent_bin: true classes `(B,)`, integers 0…7 (`lime_keras.optics.shininess`).
-        probabilities: predicted probabilities `(B, 8)`, summing to 1. Those below 1e-7 count as
-            1e-7, so the loss is at most 16.1.
+        probabilities: predicted probabilities `(B, 8)`, summing to 1. A probability below
+            1e-7 counts as 1e-7, so the loss is at most 16.1.
     """
     least = 1e-7
     chosen = ops.take_along_axis(probabilities, ops.expand_dims(exponent_bin, -1), axis=-1)

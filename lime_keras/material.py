@@ -40,8 +40,8 @@ class Material:
             `specular_shading` and `mirror` `(H, W, 1)` linear radiance; `diffuse` `(H, W, 3)`
             linear radiance, the photo minus m_s · S inside the mask; `recomposed` `(H, W, 3)`
             linear radiance, Eq. 4 of the estimate with the grey D that fits the photo best. From
-            the baseline also `reflectance_map` `(S, S, 3)` linear radiance, a sphere of the
-            material, 0 beside the sphere.
+            the baseline `reflectance_map` `(S, S, 3)` instead of S and M: linear radiance of a
+            sphere of the material, 0 beside the sphere.
     """
 
     diffuse_albedo: np.ndarray | None = None

@@ -1,10 +1,10 @@
 """The measures of Table 1: functions for each example's error, and Keras metrics over batches.
 
-The functions return one number per example, `(B,)`. They take NumPy arrays; those that the Keras
-metrics use take Keras tensors, too. A metric gives the same result however the examples are divided
-into batches; an example of weight one half counts half. For albedos and log10 s
-`keras.metrics.MeanAbsoluteError` is enough. Shapes are not checked: one that does not fit raises an
-error of NumPy or of the backend.
+The functions return one number per example, `(B,)`. They take NumPy arrays; the functions that the
+Keras metrics use take Keras tensors, too. The result of a metric does not depend on how the
+examples are divided into batches; an example of weight one half counts half. For albedos and
+log10 s `keras.metrics.MeanAbsoluteError` is enough. Shapes are not checked: a shape that does not
+fit raises an error of NumPy or of the backend.
 """
 
 from typing import Any
@@ -129,7 +129,7 @@ class PooledIoU(keras.metrics.Metric):
 
         Args:
             mask: true coverage `(B, H, W, 1)`; pixels of at least one half belong to the mask.
-            predicted: predicted coverage `(B, H, W, 1)`, treated likewise.
+            predicted: predicted coverage `(B, H, W, 1)`, cut at one half as well.
             sample_weight: weight of each example, `(B,)`; by default 1.
         """
         mask, predicted = (ops.convert_to_tensor(one, self.dtype) for one in (mask, predicted))

@@ -1,8 +1,8 @@
 """The input pipeline: shards become shuffled, augmented and resized batches of `tf.data`.
 
-A batch is a dictionary of tensors with the examples along the first axis. Its names are those of
-`records`, and `exponent_bin` `(B,)`, the class of the exponent, and `clipped` `(B, S, S, 3)`, 1
-where a channel is clipped.
+A batch is a dictionary of tensors with the examples along the first axis. Its entries are
+the features of `records`, and also `exponent_bin` `(B,)`, the class of the exponent, and `clipped`
+`(B, S, S, 3)`, 1 where a channel is clipped.
 """
 
 import math
@@ -37,7 +37,7 @@ LEARNT_FROM = (
 )
 """Features that the losses need. Strings, which other backends do not take, are left out.
 
-So are normals, which the losses do not use and which take time to decode.
+Normals are left out, too: the losses do not use them, and decoding takes time.
 """
 
 _SHUFFLE = 2048
@@ -119,7 +119,7 @@ def training(
 
 
 def _epoch(paths: tf.Tensor, seed: tf.Tensor) -> tf.data.Dataset:
-    """Return each serialised example once, in an order that depends on the seed `(2,)` alone."""
+    """Return all serialised examples once, in an order that depends on the seed `(2,)` alone."""
     of_files, of_records = tf.unstack(tf.random.split(seed))
     paths = tf.random.experimental.stateless_shuffle(paths, of_files)
     dataset = tf.data.Dataset.from_tensor_slices(paths)

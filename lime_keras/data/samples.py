@@ -42,7 +42,7 @@ def validation(corpus: Path, size: int, *, camera: bool) -> np.ndarray:
 
 
 def first(shards: list[Path], size: int, count: int, *, camera: bool) -> np.ndarray:
-    """Return the first images of shards.
+    """Return the first images of the given shards.
 
     Args:
         shards: paths of the shards.

@@ -100,7 +100,7 @@ class Estimator:
 
         Raises:
             ValueError: if a photo or a mask has another shape, is not finite, or leaves [0, 1], or
-                if the numbers of photos and masks differ.
+                if the numbers of photos and masks differ; raised at the first material.
         """
         images = [_checked(image) for image in images_srgb]
         given = [None] * len(images) if masks is None else list(masks)
@@ -205,7 +205,7 @@ def available(subnetworks: Mapping[str, keras.Model]) -> dict[str, tuple[str, ..
 def _recomposed(
     image_srgb: np.ndarray, mask: np.ndarray, shading: np.ndarray, answer: dict[str, np.ndarray]
 ) -> dict[str, np.ndarray]:
-    """Return `diffuse`, the photo's diffuse part, and `recomposed`, Eq. 4 with the D that fits best."""
+    """Return the layers `diffuse`, the photo's diffuse part, and `recomposed`, Eq. 4 of the fit."""
     diffuse_albedo = answer["diffuse_albedo"]
     specular = answer["specular_albedo"] * shading
     diffuse = np.maximum(colour.srgb_to_linear(image_srgb) - specular, 0) * mask

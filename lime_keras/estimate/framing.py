@@ -64,7 +64,7 @@ def around(mask: np.ndarray, square: Square) -> Square:
 
 
 def around_given(mask: np.ndarray) -> Square:
-    """Return the square around a given mask, which fills `FILL` of its side.
+    """Return the square around the object of a given mask; the object fills `FILL` of its side.
 
     All that the mask covers counts as the object. An empty mask gives the square of the whole
     photo.

@@ -46,7 +46,7 @@ def sphere(material: Material, size: int) -> np.ndarray:
     whole = material.whole()
     if whole is None:
         raise ValueError("a sphere needs a whole material: estimate `albedo` and `exponent`")
-    # Rounded to a twentieth of a decade, which the eye cannot tell apart, for the cache.
+    # Rounded for the cache, to a twentieth of a decade: the eye sees no difference.
     log_exponent = round(20 * math.log10(max(whole.exponent, 1e-3))) / 20
     diffuse_shading, specular_shading = _shaded(log_exponent, 2 * size)
     radiance = compose(

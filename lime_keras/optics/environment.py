@@ -20,7 +20,7 @@ def directions(height: int, width: int) -> np.ndarray:
 
 
 def solid_angles(height: int, width: int) -> np.ndarray:
-    """Return the exact solid angle of each texel in steradians, `(height, width)`, in all 4π."""
+    """Return each texel's exact solid angle in steradians, `(height, width)`; the sum is 4π."""
     edges = np.cos(np.pi * np.arange(height + 1) / height)
     rows = (edges[:-1] - edges[1:]) * (2 * np.pi / width)
     return np.broadcast_to(rows[:, None], (height, width))

@@ -15,7 +15,7 @@ In rendered scenes the distance between cuts stays below an eighth of this thres
 below the threshold.
 """
 _STANDS_OUT = 2.0
-"""Factor by which a cut exceeds the distance before it; in a fast pan all distances are large."""
+"""Least ratio of a cut's distance to the distance before it; in a fast pan all are large."""
 _BINS = 16
 _ACROSS = 64
 """Smallest number of pixels counted along a side of a larger frame: enough for a histogram."""

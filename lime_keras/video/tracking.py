@@ -59,7 +59,7 @@ class Tracker:
 
 
 def is_found(material: Material) -> bool:
-    """Return whether an estimate has found an object."""
+    """Return whether an estimate shows an object: a mask coverage above 0."""
     return bool(material.mask_coverage)
 
 
