@@ -1,6 +1,6 @@
 """LIME: Live Intrinsic Material Estimation (CVPR 2018), in TensorFlow and Keras.
 
-`import lime_keras` is cheap: TensorFlow is imported when `Estimator` is first asked for.
+`import lime_keras` is cheap: TensorFlow is imported when `Estimator` is first accessed.
 
     from lime_keras import Estimator
     material = Estimator().estimate(image_srgb)
@@ -14,7 +14,7 @@ __all__ = ["Estimator", "Material", "__version__"]
 
 
 def __getattr__(name: str) -> Any:
-    """Import the two public classes on first use, so that `--help` need not wait for TensorFlow."""
+    """Import the two public classes on first use, so that `--help` does not wait for TensorFlow."""
     if name == "Estimator":
         from lime_keras.estimate.estimator import Estimator
 

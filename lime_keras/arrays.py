@@ -1,4 +1,4 @@
-"""What arrays are passed through: one formula for NumPy and Keras alike, and loaded models."""
+"""Array helpers: the module to compute with, NumPy or Keras, and the type of a loaded model."""
 
 from collections.abc import Callable, Mapping
 from types import ModuleType
@@ -7,13 +7,16 @@ from typing import Any
 import numpy as np
 
 Answer = Callable[[np.ndarray], Mapping[str, np.ndarray]]
-"""From images `(B, S, S, 3)` sRGB in [0, 1] to the outputs of `lime_keras.networks.assemble`."""
+"""A loaded model: maps images `(B, S, S, 3)`, sRGB in [0, 1], to outputs by name.
+
+The outputs are those of `lime_keras.networks.assemble`.
+"""
 
 
 def namespace(*values: Any) -> ModuleType:
-    """Return the module whose functions suit `values`: `numpy`, or else `keras.ops`.
+    """Return the module to compute with: `numpy` for plain values, `keras.ops` for tensors.
 
-    Keras is imported only when a tensor is passed, so the renderer's workers never need it.
+    Keras is imported only if one of `values` is a tensor, so the renderer's workers never need it.
     """
     plain = np.ndarray | np.generic | float | int | list | tuple
     if all(isinstance(value, plain) for value in values):

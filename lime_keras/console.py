@@ -1,6 +1,6 @@
-"""What every command shares: exit statuses, errors told in one line, argument types, a bar.
+"""Shared parts of the commands: exit statuses, one-line errors, argument types, a progress bar.
 
-0 done, 1 something failed (and is said on standard error), 2 wrong usage, 130 interrupted.
+Exit statuses: 0 done, 1 failed (standard error says why), 2 wrong usage, 130 interrupted.
 """
 
 import argparse
@@ -17,11 +17,14 @@ _EXPECTED = (OSError, ValueError, RuntimeError)
 
 
 def run(command: Callable[[], int], interrupted: str) -> int:
-    """Run a command's work and turn its expected errors into a line and an exit status.
+    """Run a command's work, print an expected error in one line and return the exit status.
 
     Args:
-        command: does the work and returns the exit status.
-        interrupted: what to tell a user who pressed Ctrl-C.
+        command: function that does the work and returns the exit status.
+        interrupted: message for a user who pressed Ctrl-C.
+
+    Returns:
+        The command's own exit status, 1 after an expected error, 130 after Ctrl-C.
     """
     try:
         return command()
@@ -32,7 +35,8 @@ def run(command: Callable[[], int], interrupted: str) -> int:
         print(f"error: {error}", file=sys.stderr)
         return 1
     except Exception as error:
-        # TensorFlow's own, told by name so that it need not be imported: a damaged record, say.
+        # TensorFlow's own errors, such as that of a damaged record, are expected too. The name of
+        # their module identifies them, so that TensorFlow need not be imported.
         if not type(error).__module__.startswith("tensorflow"):
             raise
         first_line = str(error).splitlines()[0]
@@ -41,7 +45,7 @@ def run(command: Callable[[], int], interrupted: str) -> int:
 
 
 def count(text: str) -> int:
-    """Parse an option that counts: a whole number of at least 1."""
+    """Parse the value of an option that is a count: a whole number of at least 1."""
     value = int(text)
     if value < 1:
         raise argparse.ArgumentTypeError(f"{text} is not at least 1")
@@ -49,7 +53,7 @@ def count(text: str) -> int:
 
 
 def names(known: Sequence[str]) -> Callable[[str], tuple[str, ...]]:
-    """Return what parses an option of comma-separated names, each of them known."""
+    """Return a parser for an option that lists names out of `known`, separated by commas."""
 
     def parse(text: str) -> tuple[str, ...]:
         named = tuple(part.strip() for part in text.split(","))
@@ -64,11 +68,13 @@ def names(known: Sequence[str]) -> Callable[[str], tuple[str, ...]]:
 
 
 class Bar:
-    """A progress bar that appears with the first news; what was done before does not count.
+    """A progress bar that appears with the first call of `move`.
+
+    Items done before that call do not count towards the bar's speed.
 
     Args:
-        title: of what is being done.
-        unit: what is counted, in the singular.
+        title: name of the work, shown before the bar.
+        unit: name of one item, in the singular.
     """
 
     def __init__(self, title: str, unit: str):
@@ -83,7 +89,7 @@ class Bar:
             self._bar.close()
 
     def move(self, done: int, total: int, told: Mapping[str, str] | None = None) -> None:
-        """Show that `done` of `total` are there, and behind that what else is told, by name."""
+        """Move the bar to `done` of `total` items; show the values `told`, by name, behind it."""
         from tqdm import tqdm
 
         if self._bar is None:
@@ -104,14 +110,14 @@ def import_tensorflow() -> None:
         import tensorflow as tf
 
         if os.environ.get("KERAS_BACKEND", "tensorflow") != "tensorflow":
-            # Only reading is left to TensorFlow, which would take the GPU's memory for itself.
+            # TensorFlow only reads here, and would reserve the GPU's memory for itself.
             tf.config.set_visible_devices([], "GPU")
         tf.constant(0)
 
 
 @contextlib.contextmanager
 def _standard_error_closed() -> Iterator[None]:
-    """Send file descriptor 2, to which C++ writes past `sys.stderr`, nowhere for a while."""
+    """Discard output to file descriptor 2 in the block; C++ writes there, not to `sys.stderr`."""
     sys.stderr.flush()
     kept = os.dup(2)
     nowhere = os.open(os.devnull, os.O_WRONLY)

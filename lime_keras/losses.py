@@ -1,6 +1,8 @@
 """The paper's losses (section 5, with Eq. 5), each one number per example: shape `(B,)`.
 
-The reduction over the batch, and the weights between the terms, are the caller's.
+The arguments are Keras tensors, with the examples along the first axis. The caller reduces each
+loss over the batch and weights the losses. Shapes and ranges are not checked: a shape that does not
+fit raises an error of the backend.
 """
 
 from typing import Any
@@ -15,37 +17,57 @@ from lime_keras.optics.shininess import LOG_LOW
 
 
 def mask_l2(mask: Any, predicted: Any) -> Any:
-    """Mean squared error of the mask over the whole image; both `(B, H, W, 1)` in [0, 1]."""
+    """Return the mean squared error of the mask over the whole image, `(B,)` in [0, 1].
+
+    Args:
+        mask: true coverage `(B, H, W, 1)` in [0, 1].
+        predicted: predicted coverage `(B, H, W, 1)` in [0, 1].
+    """
     return ops.mean(ops.square(predicted - mask), axis=(1, 2, 3))
 
 
 def shading_l1(shading: Any, predicted_compressed: Any, mask: Any) -> Any:
-    """Masked ℓ1 on S or M, both compressed (`dynamic_range`).
+    """Return the mean absolute error of compressed S or M inside the mask, `(B,)`, at least 0.
+
+    The compression is log(1 + x) (`lime_keras.optics.dynamic_range`). An empty mask gives 0.
 
     Args:
-        shading: true linear shading `(B, H, W, 1)`.
-        predicted_compressed: what the network answers, `(B, H, W, 1)`.
-        mask: coverage `(B, H, W, 1)`.
+        shading: true S or M, linear radiance `(B, H, W, 1)`, at least 0.
+        predicted_compressed: output of the network `(B, H, W, 1)`, compressed.
+        mask: coverage `(B, H, W, 1)` in [0, 1], the weight of each pixel.
     """
     return masked_mean(ops.abs(predicted_compressed - compress(shading)), mask)
 
 
 def albedo_l2(albedo: Any, predicted: Any) -> Any:
-    """Mean squared error of an albedo `(B, C)` in [0, 1]."""
+    """Return the mean squared error of an albedo over its channels, `(B,)` in [0, 1].
+
+    Args:
+        albedo: true linear reflectance `(B, C)` in [0, 1].
+        predicted: predicted linear reflectance `(B, C)` in [0, 1].
+    """
     return ops.mean(ops.square(predicted - albedo), axis=-1)
 
 
 def exponent_cross_entropy(exponent_bin: Any, probabilities: Any) -> Any:
-    """Cross-entropy in nats of the true class `(B,)` under `(B, 8)` probabilities."""
+    """Return the cross-entropy of the true class of the exponent in nats, `(B,)`, at least 0.
+
+    Args:
+        exponent_bin: true classes `(B,)`, integers 0…7 (`lime_keras.optics.shininess`).
+        probabilities: predicted probabilities `(B, 8)`, summing to 1. A probability below
+            1e-7 counts as 1e-7, so the loss is at most 16.1.
+    """
     least = 1e-7
     chosen = ops.take_along_axis(probabilities, ops.expand_dims(exponent_bin, -1), axis=-1)
     return -ops.log(ops.maximum(chosen[:, 0], least))
 
 
 def log_exponent_l2(exponent: Any, log_predicted: Any) -> Any:
-    """Squared error of log10 s: true exponents `(B,)` at least 0, predicted logarithms `(B, 1)`.
+    """Return the squared error of log10 s in squared decades, `(B,)`, at least 0.
 
-    As for the bins, a smaller exponent counts as 1.
+    Args:
+        exponent: true exponents s `(B,)`, at least 0; below 1 they count as 1, as in the classes.
+        log_predicted: predicted log10 s, `(B, 1)`.
     """
     log = ops.log10(ops.maximum(exponent, 10.0**LOG_LOW))
     return ops.square(log_predicted[:, 0] - log)
@@ -61,23 +83,25 @@ def compositing_l1(
     specular_compressed: Any,
     clipped: Any = None,
 ) -> Any:
-    """Eq. 5: the image recomposed from predicted m_d, m_s, S and true D, m_a, against the photo.
+    """Return the mean absolute error of the recomposed image (Eq. 5), `(B,)`, at least 0.
 
-    A clipped channel says only that the radiance was at least what the photo shows, so there the
-    error is how far the prediction falls short of it, and overshoot is free; elsewhere it is the
-    distance in linear radiance. The prediction itself is never clipped, or an overshoot would
-    lose its gradient.
+    The image is recomposed by Eq. 4 from the predicted m_d, m_s and S and the true D and m_a, and
+    compared with the photo in linear radiance. In a clipped channel the photo gives only a lower
+    bound of the radiance, so only a prediction that is too dark counts as an error. The prediction
+    itself is never clipped: clipping would remove the gradient where it is too bright. Only pixels
+    of full coverage count; if there are none, the loss is 0.
 
     Args:
-        image_srgb: `(B, H, W, 3)` in [0, 1], sRGB.
-        mask: coverage `(B, H, W, 1)`; pixels of partial coverage show background and do not count.
-        diffuse_albedo: predicted m_d `(B, 3)`.
-        specular_albedo: predicted m_s `(B, 1)`.
-        ambient: true m_a `(B,)`.
-        diffuse_shading: true D `(B, H, W, 1)`.
-        specular_compressed: predicted S `(B, H, W, 1)`, compressed.
-        clipped: `(B, H, W, 3)`, above 0 where a channel, or a part of the pixel before the photo
-            was made smaller, was clipped; by default the channels at `colour.CLIPPED` and above.
+        image_srgb: photo `(B, H, W, 3)`, sRGB in [0, 1].
+        mask: coverage `(B, H, W, 1)` in [0, 1]; a pixel of partial coverage shows background.
+        diffuse_albedo: predicted m_d, linear `(B, 3)` in [0, 1].
+        specular_albedo: predicted m_s, `(B, 1)` in [0, 1].
+        ambient: true m_a, linear radiance `(B,)`.
+        diffuse_shading: true D, linear radiance `(B, H, W, 1)`.
+        specular_compressed: predicted S `(B, H, W, 1)`, compressed by log(1 + x).
+        clipped: `(B, H, W, 3)`, above 0 where a channel was clipped. If the photo was made smaller,
+            this holds for any part of the pixel. By default the channels at `colour.CLIPPED` and
+            above.
     """
     if clipped is None:
         clipped = ops.cast(image_srgb >= colour.CLIPPED, image_srgb.dtype)

@@ -1,4 +1,4 @@
-"""Materials: the three quantities of the model, and an estimate of them."""
+"""Data classes of a material: the three quantities of the model, and an estimate of them."""
 
 from dataclasses import dataclass, field
 
@@ -7,11 +7,11 @@ import numpy as np
 
 @dataclass(frozen=True)
 class BlinnPhong:
-    """A whole material, as Eq. 4 takes it.
+    """A complete Blinn–Phong material, as Eq. 4 takes it.
 
     Attributes:
         diffuse_albedo: m_d, `(3,)` linear RGB in [0, 1].
-        specular_albedo: m_s in [0, 1]; multiplies the furnace-normalised S.
+        specular_albedo: m_s in [0, 1], the factor of the furnace-normalised S.
         exponent: shininess s, at least 0.
         ambient: m_a, radiance; the same in all three channels.
     """
@@ -24,23 +24,26 @@ class BlinnPhong:
 
 @dataclass(frozen=True)
 class Material:
-    """An estimate of a material, with the layers it was read from; fields not asked for are None.
+    """An estimate of a material and its layers; a quantity that was not estimated is None.
 
     Attributes:
         diffuse_albedo: m_d, `(3,)` linear RGB in [0, 1].
-        specular_albedo: m_s in [0, 1]; multiplies the furnace-normalised S.
-        exponent: shininess s, from the expected log10 s over the eight classes, or under
-            regression from the network's own.
-        exponent_bin_probabilities: `(8,)`, summing to 1; None under regression.
-        mask_coverage: share of the image that the object covers, in [0, 1].
-        exponent_entropy: bits, from 0 (certain) to 3 (nothing known); None under regression.
-        square: top row, left column and side, in the photo's pixels, of what the networks saw; it
-            may reach beyond the photo.
-        layers: images by name, each at the photo's size: `mask` `(H, W, 1)` in [0, 1];
-            `specular_shading` and `mirror` `(H, W, 1)` linear radiance; `diffuse` `(H, W, 3)`, the
-            photo less m_s · S, and `recomposed` `(H, W, 3)`, Eq. 4 of the estimate with the grey D
-            that comes closest to the photo, linear radiance; of the baseline `reflectance_map`
-            `(S, S, 3)`, a sphere of the material, linear radiance, 0 beside it.
+        specular_albedo: m_s in [0, 1], the factor of the furnace-normalised S.
+        exponent: shininess s, from the expected log10 s over the eight classes; from a model that
+            regresses the exponent, 10 to the regressed log10 s.
+        exponent_bin_probabilities: probabilities of the eight classes `(8,)`, summing to 1; None
+            from a model that regresses the exponent.
+        mask_coverage: share of the photo that the object covers, in [0, 1].
+        exponent_entropy: entropy of the class probabilities in bits, from 0 (certain) to 3 (all
+            classes equally likely); None from a model that regresses the exponent.
+        square: top row, left column and side, in pixels of the photo, of the square that the
+            networks saw; it may reach beyond the photo.
+        layers: images by name. At the photo's size: `mask` `(H, W, 1)` in [0, 1];
+            `specular_shading` and `mirror` `(H, W, 1)` linear radiance; `diffuse` `(H, W, 3)`
+            linear radiance, the photo minus m_s · S inside the mask; `recomposed` `(H, W, 3)`
+            linear radiance, Eq. 4 of the estimate with the grey D that fits the photo best. From
+            the baseline `reflectance_map` `(S, S, 3)` instead of S and M: linear radiance of a
+            sphere of the material, 0 beside the sphere.
     """
 
     diffuse_albedo: np.ndarray | None = None
@@ -53,13 +56,13 @@ class Material:
     layers: dict[str, np.ndarray] = field(default_factory=dict)
 
     def whole(self) -> BlinnPhong | None:
-        """The three quantities, or None where one of them was not estimated."""
+        """Return the complete material, or None if one of its quantities was not estimated."""
         if self.diffuse_albedo is None or self.specular_albedo is None or self.exponent is None:
             return None
         return BlinnPhong(self.diffuse_albedo, self.specular_albedo, self.exponent)
 
     def to_json(self) -> dict[str, object]:
-        """The numbers without the layers, ready for `json.dumps`; what is None is left out.
+        """Return the numbers, ready for `json.dumps`, without the layers and without None.
 
         Six significant digits are kept: more than an estimate has, and as many as float32 holds.
         """

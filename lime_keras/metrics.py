@@ -1,8 +1,10 @@
-"""Table 1's measures: of each example a number, in NumPy, and as Keras metrics.
+"""The measures of Table 1: functions for each example's error, and Keras metrics over batches.
 
-Keras' are gathered batch by batch, in any split the same; an example of weight one half counts
-half. Albedos and log10 s need no more than `keras.metrics.MeanAbsoluteError`. The functions that
-both share take Keras tensors, too.
+The functions return one number per example, `(B,)`. They take NumPy arrays; the functions that the
+Keras metrics use take Keras tensors, too. The result of a metric does not depend on how the
+examples are divided into batches; an example of weight one half counts half. For albedos and
+log10 s `keras.metrics.MeanAbsoluteError` is enough. Shapes are not checked: a shape that does not
+fit raises an error of NumPy or of the backend.
 """
 
 from typing import Any
@@ -16,11 +18,13 @@ from lime_keras.optics import shininess
 
 
 def overlap(mask: Any, predicted: Any) -> tuple[Any, Any]:
-    """Pixels `(B,)` of the intersection and of the union of two coverages, each cut at one half.
+    """Return the numbers of pixels in the intersection and in the union of two masks, each `(B,)`.
+
+    A pixel belongs to a mask if its coverage is at least one half.
 
     Args:
-        mask: `(B, H, W, 1)`, of NumPy or Keras.
-        predicted: the same.
+        mask: true coverage `(B, H, W, 1)` in [0, 1], a NumPy array or a Keras tensor.
+        predicted: predicted coverage `(B, H, W, 1)` in [0, 1], of the same kind.
     """
     xp = namespace(mask, predicted)
     true, found = mask >= 0.5, predicted >= 0.5
@@ -30,48 +34,80 @@ def overlap(mask: Any, predicted: Any) -> tuple[Any, Any]:
 
 
 def overlap_ratio(intersection: Any, union: Any) -> Any:
-    """IoU of pixel counts of any shape. Two empty masks agree: 1."""
+    """Return the intersection over union (IoU) in [0, 1] of pixel counts of any shape.
+
+    Two empty masks agree: their IoU is 1.
+    """
     xp = namespace(intersection, union)
     return xp.where(union > 0, intersection / xp.maximum(union, 1e-9), 1.0)
 
 
 def intersection_over_union(mask: np.ndarray, predicted: np.ndarray) -> np.ndarray:
-    """IoU `(B,)` of two coverages `(B, H, W, 1)`, each cut at one half.
+    """Return the intersection over union (IoU) of two masks, `(B,)` in [0, 1].
 
-    Two empty masks agree: 1.
+    A pixel belongs to a mask if its coverage is at least one half. Two empty masks agree: their IoU
+    is 1.
+
+    Args:
+        mask: true coverage `(B, H, W, 1)` in [0, 1].
+        predicted: predicted coverage `(B, H, W, 1)` in [0, 1].
     """
     return overlap_ratio(*overlap(mask, predicted))
 
 
 def albedo_absolute_error(albedo: np.ndarray, predicted: np.ndarray) -> np.ndarray:
-    """Mean absolute error `(B,)` over the channels of `(B, C)` albedos."""
+    """Return the mean absolute error of an albedo over its channels, `(B,)` in [0, 1].
+
+    Args:
+        albedo: true linear reflectance `(B, C)` in [0, 1].
+        predicted: predicted linear reflectance `(B, C)` in [0, 1].
+    """
     return np.mean(np.abs(predicted - albedo), axis=-1)
 
 
 def albedo_squared_error(albedo: np.ndarray, predicted: np.ndarray) -> np.ndarray:
-    """Mean squared error `(B,)` over the channels of `(B, C)` albedos."""
+    """Return the mean squared error of an albedo over its channels, `(B,)` in [0, 1].
+
+    Args:
+        albedo: true linear reflectance `(B, C)` in [0, 1].
+        predicted: predicted linear reflectance `(B, C)` in [0, 1].
+    """
     return np.mean(np.square(predicted - albedo), axis=-1)
 
 
 def bin_distance(exponent: np.ndarray, probabilities: np.ndarray) -> np.ndarray:
-    """How many bins the winning class of `(B, 8)` lies from the true exponent's, `(B,)` ≥ 0."""
+    """Return the distance in bins from the most probable class to the true one, `(B,)`, 0…7.
+
+    Args:
+        exponent: true exponents s `(B,)`, at least 0.
+        probabilities: predicted probabilities of the classes `(B, 8)`.
+
+    Raises:
+        ValueError: if an exponent is negative or NaN.
+    """
     return np.abs(np.argmax(probabilities, axis=-1) - shininess.bin_of(exponent))
 
 
 def log_exponent_error(exponent: np.ndarray, log_predicted: np.ndarray) -> np.ndarray:
-    """|Δ log10 s| `(B,)`."""
+    """Return the absolute error of log10 s in decades, `(B,)`, at least 0.
+
+    Args:
+        exponent: true exponents s `(B,)`, above 0.
+        log_predicted: predicted log10 s `(B,)`.
+    """
     return np.abs(np.log10(exponent) - log_predicted)
 
 
 def masked_relative_error(shading: Any, predicted: Any, mask: Any) -> Any:
-    """Σ|predicted − shading| / Σ shading over each mask, `(B,)`.
+    """Return Σ|predicted − shading| / Σ shading over the pixels of each mask, `(B,)`, at least 0.
 
-    0 where the mask is empty, and where the shading is black, whose relative error is boundless.
+    The error is 0 if the mask is empty, and also if the shading is black inside it, because a
+    relative error has no upper bound there.
 
     Args:
-        shading: linear radiance `(B, H, W, 1)`, at least 0, of NumPy or Keras.
-        predicted: the same.
-        mask: coverage `(B, H, W, 1)`, cut at one half.
+        shading: true linear radiance `(B, H, W, 1)`, at least 0, a NumPy array or a Keras tensor.
+        predicted: predicted linear radiance `(B, H, W, 1)`, of the same kind.
+        mask: coverage `(B, H, W, 1)` in [0, 1]; pixels of at least one half count.
     """
     xp = namespace(shading, predicted, mask)
     inside = xp.where(mask >= 0.5, 1.0, 0.0)
@@ -81,7 +117,7 @@ def masked_relative_error(shading: Any, predicted: Any, mask: Any) -> Any:
 
 
 class PooledIoU(keras.metrics.Metric):
-    """IoU in [0, 1] of the pixels of all masks together; 1 where none holds any."""
+    """The IoU in [0, 1] of the pixels of all examples together; 1 if all masks are empty."""
 
     def __init__(self, name: str = "pooled_iou", dtype: Any = None):
         super().__init__(name=name, dtype=dtype)
@@ -89,12 +125,12 @@ class PooledIoU(keras.metrics.Metric):
         self.union = self.add_variable((), "zeros", name="union")
 
     def update_state(self, mask: Any, predicted: Any, sample_weight: Any = None) -> None:
-        """Take in a batch.
+        """Add a batch to the metric.
 
         Args:
-            mask: coverage `(B, H, W, 1)`, cut at one half.
-            predicted: the same.
-            sample_weight: of each example, `(B,)`; by default 1.
+            mask: true coverage `(B, H, W, 1)`; pixels of at least one half belong to the mask.
+            predicted: predicted coverage `(B, H, W, 1)`, cut at one half as well.
+            sample_weight: weight of each example, `(B,)`; by default 1.
         """
         mask, predicted = (ops.convert_to_tensor(one, self.dtype) for one in (mask, predicted))
         weight = ops.convert_to_tensor(1.0 if sample_weight is None else sample_weight, self.dtype)
@@ -103,17 +139,18 @@ class PooledIoU(keras.metrics.Metric):
         self.union.assign_add(ops.sum(weight * union))
 
     def result(self) -> Any:
-        """Σ intersection / Σ union."""
+        """Return Σ intersection / Σ union over the examples, a number in [0, 1]."""
         return overlap_ratio(*map(ops.convert_to_tensor, (self.intersection, self.union)))
 
 
 class WithinBins(keras.metrics.Mean):
-    """Share in [0, 1] of the exponents whose bin is estimated to within so many.
+    """The share in [0, 1] of exponents predicted within `distance` bins of the true bin.
 
     Args:
-        distance: 0 asks for the right bin, 1 also takes its neighbours.
-        name: of the metric.
-        dtype: of its state; by default single precision.
+        distance: largest distance in bins that counts as right; 0 accepts only the true bin, 1
+            accepts its neighbours as well.
+        name: name of the metric.
+        dtype: type of the metric's state; by default single precision.
     """
 
     def __init__(self, distance: int, name: str = "within_bins", dtype: Any = None):
@@ -121,34 +158,34 @@ class WithinBins(keras.metrics.Mean):
         self._distance = distance
 
     def update_state(self, exponent_bin: Any, predicted: Any, sample_weight: Any = None) -> None:
-        """Take in a batch.
+        """Add a batch to the metric.
 
         Args:
-            exponent_bin: true classes 0…7 `(B,)`, as of `shininess.bin_of`.
-            predicted: the same; NaN is within no distance.
-            sample_weight: of each example, `(B,)`; by default 1.
+            exponent_bin: true classes 0…7 `(B,)` (see `shininess.bin_of`).
+            predicted: predicted classes 0…7 `(B,)`; NaN counts as wrong at any distance.
+            sample_weight: weight of each example, `(B,)`; by default 1.
         """
         distance = ops.abs(ops.cast(exponent_bin, self.dtype) - ops.cast(predicted, self.dtype))
         super().update_state(distance <= self._distance, sample_weight)
 
     def get_config(self) -> dict[str, Any]:
-        """Arguments that make the same metric anew."""
+        """Return the arguments from which Keras makes the same metric again."""
         return super().get_config() | {"distance": self._distance}
 
 
 class MaskedRelativeError(keras.metrics.Mean):
-    """Mean over the examples of `masked_relative_error`, at least 0."""
+    """The mean of `masked_relative_error` over the examples, at least 0."""
 
     def update_state(
         self, shading: Any, predicted: Any, mask: Any, sample_weight: Any = None
     ) -> None:
-        """Take in a batch.
+        """Add a batch to the metric.
 
         Args:
-            shading: linear radiance `(B, H, W, 1)`.
-            predicted: linear radiance `(B, H, W, 1)`.
-            mask: coverage `(B, H, W, 1)`.
-            sample_weight: of each example, `(B,)`; by default 1.
+            shading: true linear radiance `(B, H, W, 1)`, at least 0.
+            predicted: predicted linear radiance `(B, H, W, 1)`.
+            mask: coverage `(B, H, W, 1)` in [0, 1]; pixels of at least one half count.
+            sample_weight: weight of each example, `(B,)`; by default 1.
         """
         images = (ops.convert_to_tensor(one, self.dtype) for one in (shading, predicted, mask))
         super().update_state(masked_relative_error(*images), sample_weight)

@@ -1,6 +1,6 @@
-"""What systems answer, and what users may ask for: their names, and what there is to know of each.
+"""The outputs of the systems and the estimates that users may ask for, by name.
 
-Imports no other module, so that a command's `--help` may list the names.
+This module imports no other of the package, so that a command's `--help` lists the names at once.
 """
 
 from dataclasses import dataclass
@@ -8,13 +8,14 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Output:
-    """Something that an assembled system answers.
+    """The description of one output of an assembled system.
 
     Attributes:
-        unit: of its numbers, with their range, in words.
-        layer: `photo` or `sphere`, whose pixels it has if it is an image; None of numbers.
-        levels: what black and white stand for in a picture of a layer; None of linear radiance,
-            which has no upper end.
+        unit: unit and range of the output's numbers, in words.
+        layer: for an image, whether its pixels are those of the `photo` or of a `sphere`; None if
+            the output is no image.
+        levels: values that are black and white in a picture of the layer; None for linear radiance,
+            which has no upper limit.
     """
 
     unit: str
@@ -34,7 +35,7 @@ OUTPUTS = {
     ),
     "log_exponent": Output("log10 of the Blinn-Phong exponent, in [0, 3]"),
 }
-"""By name, in the order in which systems answer them. No system has them all."""
+"""All outputs by name, in the order in which a system gives them. No system has every output."""
 
 NEEDED = {
     "mask": ("mask",),
@@ -45,7 +46,8 @@ NEEDED = {
     "diffuse": ("mask", "specular_shading", "diffuse_albedo", "specular_albedo"),
     "reflectance_map": ("mask", "reflectance_map"),
 }
-"""What an estimate can be asked for, and the outputs that it takes.
+"""The estimates that can be asked for, by name, and the outputs that each of them needs.
 
-Under regression the exponent takes `log_exponent`. Not every system has them all.
+In a system that regresses the exponent, `exponent` needs `log_exponent` instead of the
+probabilities. No system has every output, so none can give every estimate.
 """

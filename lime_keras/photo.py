@@ -1,4 +1,4 @@
-"""The public door to pictures; how they are read and written stands in `lime_keras.io.photo`."""
+"""The public functions that read and write pictures, implemented in `lime_keras.io.photo`."""
 
 from lime_keras.io.photo import read_mask, read_srgb, write
 

@@ -1,1 +1,1 @@
-"""Corpora: the record of one example, the pipeline that reads it, and its augmentations."""
+"""Corpora: the records of examples, the pipeline that reads them, and its augmentations."""

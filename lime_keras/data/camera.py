@@ -1,7 +1,7 @@
-"""A consumer camera, as an augmentation: the photo one would have taken of a rendered scene.
+"""The camera augmentation: a photo of a rendered scene, as a consumer camera would take it.
 
 Light → exposure → defocus → noise → clipping → sRGB → 8 bits → JPEG, inside a `tf.data` graph.
-White balance is not touched: section 4 of the paper takes white-balanced photos.
+White balance stays as it is, because section 4 of the paper assumes white-balanced photos.
 """
 
 import functools
@@ -21,16 +21,16 @@ SCENE = (
     "specular_albedo",
     "ambient",
 )
-"""Features of an example without which no photo of it can be taken."""
+"""Features of an example that a photo of it needs."""
 
-_STOPS = 0.5  # either way: how far automatic exposure strays from the corpus' fixed one
-_CONFUSION = 1.5 / 256  # largest radius by image width: soft when looked at closely, σ 0.8 / 256
+_STOPS = 0.5  # largest deviation, up or down, of automatic exposure from the corpus' fixed one
+_CONFUSION = 1.5 / 256  # largest blur radius over image width, visible only close up: σ 0.8 / 256
 _FULL_WELL = 1_000.0, 30_000.0  # electrons at white: a phone by lamplight, a large sensor by day
-_READ_NOISE = 2.0  # electrons, of a present CMOS sensor
+_READ_NOISE = 2.0  # electrons, as in a present-day CMOS sensor
 _QUALITY = 60.0, 98.0  # JPEG: from what messengers send to what cameras store
-_NEVER_COMPRESSED = 0.2  # share of photos: frames of a live video never were a JPEG
+_NEVER_COMPRESSED = 0.2  # share of photos without JPEG: frames of a live video are not compressed
 
-_ROOT_LEVELS = 4096  # of the table from √radiance to sRGB: steps below a tenth of an 8-bit level
+_ROOT_LEVELS = 4096  # of the table from √radiance to sRGB: a step is below 0.1 of an 8-bit level
 _LIT = ("diffuse_shading", "specular_shading", "mirror", "ambient", "environment")
 _GRAIN_ROWS, _GRAIN_LENGTH = 4096, 64
 
@@ -38,20 +38,21 @@ _GRAIN_ROWS, _GRAIN_LENGTH = 4096, 64
 def photograph(
     example: dict[str, tf.Tensor], seed: tf.Tensor | None = None
 ) -> dict[str, tf.Tensor]:
-    """Photograph an example's scene with a camera drawn at random.
+    """Photograph an example's scene with a random camera.
 
-    Exposure multiplies the light, so D, S, M, m_a and the environment change with the image while
-    the albedos stay, and Eq. 4 stays true. Where the stored image is clipped the scene's own
-    radiance, from Eq. 4, is exposed.
+    The exposure multiplies the light: the image, D, S, M, m_a and the environment are scaled, and
+    the albedos stay, so Eq. 4 still holds. Where the stored image is clipped, the radiance to
+    expose comes from Eq. 4.
 
     Args:
-        example: as `records.parse` gives it, with the features of `SCENE` at least.
-        seed: `(2,)` integers; the same seed, the same photo. By default the example's own `seed`
-            and `index`.
+        example: example from `records.parse`, with the features of `SCENE` at least.
+        seed: `(2,)` integers; the same seed gives the same photo. By default the example's own
+            `seed` and `index`.
 
     Returns:
-        The example with another `image`, a multiple of 1/255; with `clipped` `(S, S, 3)`, 1 where
-        the light saturated the sensor, noise apart; and with its light scaled by the exposure.
+        The example with a new `image`, sRGB in multiples of 1/255; with `clipped` `(S, S, 3)`, 1
+        where the light, without the noise, saturates the sensor; and with its light scaled by the
+        exposure.
     """
     if seed is None:
         seed = tf.stack([example["seed"], example["index"]])
@@ -78,10 +79,11 @@ def photograph(
 
 
 def _radiance(example: dict[str, tf.Tensor], exposure: tf.Tensor) -> tf.Tensor:
-    """Linear radiance `(S, S, 3)` of a scene in exposed light, whose image is not exposed yet.
+    """Return the exposed linear radiance `(S, S, 3)` of a scene.
 
-    A pixel is at least as bright as the object's share of it, and brighter than the stored image
-    only where that is clipped.
+    The example's light is exposed already, and its image is not. A pixel is at least as bright as
+    the object's share of the pixel. It is brighter than the exposed image only where the stored
+    image is clipped.
     """
     levels = tf.cast(example["image"] * 255.0 + 0.5, tf.int32)
     decoded = colour.srgb_to_linear(np.arange(256) / 255).astype(np.float32)
@@ -89,9 +91,9 @@ def _radiance(example: dict[str, tf.Tensor], exposure: tf.Tensor) -> tf.Tensor:
 
 
 def objects_share(example: dict[str, tf.Tensor]) -> tf.Tensor:
-    """What of each pixel's light comes from the object: coverage × Eq. 4, `(S, S, 3)`, not clipped.
+    """Return the object's share of each pixel's light: coverage × Eq. 4, `(S, S, 3)`, not clipped.
 
-    Of an example with the features of `SCENE`. A matrix product is thrice as fast as broadcasting.
+    The share is linear radiance. The example needs the features of `SCENE`.
     """
     grey = example["specular_albedo"] * example["specular_shading"] + example["ambient"]
     layers = tf.stack([example["diffuse_shading"] * example["mask"], grey * example["mask"]])
@@ -101,9 +103,10 @@ def objects_share(example: dict[str, tf.Tensor]) -> tf.Tensor:
 
 
 def _defocused(light: tf.Tensor, strength: tf.Tensor) -> tf.Tensor:
-    """Blur of `(S, S, 3)` by a circle of confusion; what lies beyond the edges mirrors the inside.
+    """Blur light `(S, S, 3)` by a circle of confusion whose radius is `strength` × the largest.
 
-    A circle that fits into a pixel blurs nothing.
+    The image is mirrored beyond its edges. A circle that fits into a pixel leaves the light as it
+    is.
     """
     largest = _CONFUSION * tf.cast(tf.shape(light)[0], tf.float32)
     radius = strength * largest
@@ -123,16 +126,16 @@ def _defocused(light: tf.Tensor, strength: tf.Tensor) -> tf.Tensor:
 
 
 def _sensed(light: tf.Tensor, full_well: tf.Tensor, seed: tf.Tensor) -> tf.Tensor:
-    """The sensor's answer to radiance: noisy, clipped, sRGB, `(S, S, 3)` uint8.
+    """Return the sensor's image of linear radiance: noisy, clipped, sRGB `(S, S, 3)` uint8.
 
-    With N electrons at white and r of read noise, the variance is (L + r²/N) / N. The root of
-    L + r²/N then has variance 1/4N wherever it lies, so the noise is added to the root, and the
-    1/4N that squaring adds to the mean is taken off again.
+    With N electrons at white and r electrons of read noise, the variance of a radiance L is
+    (L + r²/N) / N. The square root of L + r²/N then has the variance 1/4N for every L. So the noise
+    is added to the root. Squaring adds 1/4N to the mean, which is subtracted again.
     """
     dark = _READ_NOISE**2 / full_well
     deviation = 0.5 * tf.math.rsqrt(full_well)
     root = tf.sqrt(light + dark) + deviation * _grain(tf.shape(light), seed)
-    # Up to the root that stands for 1; beyond it all is white.
+    # The table ends at the root of radiance 1; everything brighter is white.
     scale = _ROOT_LEVELS * tf.math.rsqrt(1.0 + dark + deviation**2)
     bins = tf.clip_by_value(root * scale, 0.0, _ROOT_LEVELS - 1.0)
     centres = (tf.range(_ROOT_LEVELS, dtype=tf.float32) + 0.5) / scale
@@ -143,20 +146,20 @@ def _sensed(light: tf.Tensor, full_well: tf.Tensor, seed: tf.Tensor) -> tf.Tenso
 
 
 def _compressed(levels: tf.Tensor, quality: tf.Tensor) -> tf.Tensor:
-    """There and back through a JPEG, its chroma at half resolution as cameras write it."""
+    """Compress pixels as a JPEG and decode it; chroma has half resolution, as in cameras."""
     jpeg = tf.raw_ops.EncodeJpegVariableQuality(images=levels, quality=quality)
     return tf.io.decode_jpeg(jpeg, 3)
 
 
 def _look_up(table: tf.Tensor | np.ndarray, indices: tf.Tensor) -> tf.Tensor:
-    """Entries of a table `(N,)`; `tf.gather` takes half as long again."""
+    """Return the entries of a table `(N,)` at `indices`; `tf.gather` takes 1.5 times as long."""
     return tf.gather_nd(table, indices[..., None])
 
 
 def _grain(shape: tf.Tensor, seed: tf.Tensor) -> tf.Tensor:
-    """Standard normal numbers of that shape, in rows drawn from a table.
+    """Return standard normal numbers of a shape, in rows drawn from a table.
 
-    To draw them one by one would take as long as decoding all of the example's pictures.
+    Drawing each number would take as long as decoding all pictures of the example.
     """
     count = tf.reduce_prod(shape)
     rows = tf.random.stateless_uniform([-(-count // _GRAIN_LENGTH)], seed, 0, _GRAIN_ROWS, tf.int32)

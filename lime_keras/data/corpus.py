@@ -11,11 +11,11 @@ SPLITS = ("train", "test")
 
 @dataclass(frozen=True)
 class Split:
-    """One half of a corpus: where its files lie and, once it is complete, what they hold.
+    """A split of a corpus on disk: the paths of its files and, once it is complete, their content.
 
-    The manifest is read once, when something of it is first asked for. Every property that needs it
-    raises FileNotFoundError if the split was not rendered, or not to the end, and ValueError if the
-    file is broken.
+    The manifest is read once, when a property first needs it. Every such property raises
+    FileNotFoundError if the split is not rendered completely, and ValueError if the manifest is
+    broken.
 
     Attributes:
         corpus: folder that `lime-render` wrote.
@@ -27,35 +27,35 @@ class Split:
 
     @property
     def folder(self) -> Path:
-        """Holds all files of the split."""
+        """The folder of the split's files."""
         return Path(self.corpus) / self.name
 
     @property
     def manifest_path(self) -> Path:
-        """File that records how the split was rendered; written when it is complete."""
+        """The file that records how the split was rendered; written when the split is complete."""
         return self.folder / "manifest.json"
 
     @property
     def description_path(self) -> Path:
-        """File that records what the split is to be; written before anything is rendered."""
+        """The file that records the split's settings; written before anything is rendered."""
         return self.folder / "description.json"
 
     @property
     def inputs_path(self) -> Path:
-        """File that records what was found in the user's files, beside the description."""
+        """The file that records what was found in the user's files; beside the description."""
         return self.folder / "inputs.json"
 
     def shard_path(self, shard: int) -> Path:
-        """File of one shard."""
+        """Return the path of a shard's file."""
         return self.folder / f"{shard:05d}.tfrecord"
 
     def sidecar_path(self, shard: int) -> Path:
-        """File beside a shard that vouches for it."""
+        """Return the path of the sidecar, the file beside a shard that records its checksum."""
         return self.shard_path(shard).with_suffix(".json")
 
     @functools.cached_property
     def manifest(self) -> dict[str, Any]:
-        """All that is recorded of the complete split."""
+        """The whole record of the complete split."""
         path = self.manifest_path
         if not path.is_file():
             raise FileNotFoundError(
@@ -71,7 +71,7 @@ class Split:
             ) from error
 
     def shard_paths(self) -> list[Path]:
-        """Files of all shards of the complete split, in order.
+        """Return the paths of all shards of the complete split, in order.
 
         Raises:
             FileNotFoundError: if the split is incomplete or a shard is missing.
@@ -87,37 +87,37 @@ class Split:
 
     @property
     def count(self) -> int:
-        """Number of examples."""
+        """The number of examples."""
         return self._recorded("examples", int)
 
     @property
     def sha256(self) -> list[str]:
-        """Checksums of the shards, in order."""
+        """The SHA-256 checksums of the shards, in order."""
         return self._recorded("sha256", list)
 
     @property
     def inputs(self) -> dict[str, dict[str, str]]:
-        """Names and checksums of the user's files that were used, by kind."""
+        """The names and checksums of the user's files that were used, by kind of file."""
         return self._recorded("inputs", dict)
 
     @property
     def shard_size(self) -> int:
-        """Examples in each shard but the last."""
+        """The number of examples in each shard but the last."""
         return self._checked(self._description.get("shard_size"), int)
 
     @property
     def size(self) -> int | None:
-        """Height and width of the images in pixels; None of a corpus that does not tell."""
+        """The height and width of the images in pixels; None if the manifest does not record it."""
         return self._description.get("size")
 
     @property
     def shading(self) -> str:
-        """`furnace`, or `literal` if D and S are stored as Eqs. 2 and 3 are printed."""
+        """The normalisation of D and S: `furnace`, or `literal` as printed in Eqs. 2 and 3."""
         return self._description.get("shading", "furnace")
 
     @property
     def is_literal(self) -> bool:
-        """Whether D and S are stored as Eqs. 2 and 3 are printed."""
+        """True if D and S are stored as printed in Eqs. 2 and 3."""
         return self.shading == "literal"
 
     @property
@@ -128,7 +128,7 @@ class Split:
         return self._checked(self._checked(self.manifest, dict).get(name), kind)
 
     def _checked(self, value: Any, kind: type) -> Any:
-        """The value, if it is what a manifest holds in its place."""
+        """Return a value of the manifest; raise ValueError if it is not of the expected kind."""
         if not isinstance(value, kind):
             raise ValueError(
                 f"{self.manifest_path} is no manifest of `lime-render`: render the split again"

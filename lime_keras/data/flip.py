@@ -1,4 +1,4 @@
-"""A scene in a mirror, as an augmentation: left and right change places, all of it stays true."""
+"""The flip augmentation: a scene with left and right exchanged, and its ground truth with it."""
 
 import tensorflow as tf
 
@@ -8,16 +8,16 @@ _IMAGES = ("image", "clipped", "mask", "diffuse_shading", "specular_shading", "m
 def flip(example: dict[str, tf.Tensor]) -> dict[str, tf.Tensor]:
     """Turn x into −x in camera space.
 
-    The mirrored shape under the mirrored light shades as the mirrored image does, because a lobe
-    depends on angles alone; so Eqs. 2 to 5 hold as before, with the same material.
+    The mirrored shape under the mirrored light gives the mirrored image, because a lobe depends on
+    angles alone. So Eqs. 2 to 5 still hold, with the same material.
 
     Args:
-        example: as of `records.parse` or `pipeline.resize`: all of it, or some of it, with the
-            mask if the camera is there.
+        example: example from `records.parse` or `pipeline.resize`, with all features or some of
+            them; with `camera`, `mask` is needed as well.
 
     Returns:
-        The example with its pictures' and its light's columns reversed, the first component of its
-        normals negated, and its camera's principal point as far from the other edge.
+        The example with the columns of its pictures and of its light reversed, the x of its normals
+        negated, and the principal point of its camera mirrored.
     """
     out = dict(example)
     for name in filter(example.__contains__, _IMAGES):
@@ -25,7 +25,7 @@ def flip(example: dict[str, tf.Tensor]) -> dict[str, tf.Tensor]:
     if "normal" in example:
         out["normal"] = tf.reverse(example["normal"], [1]) * [-1.0, 1.0, 1.0]
     if "environment" in example:
-        # Longitude runs from −z through +x: to reverse its columns is to change the sign of x.
+        # Longitude runs from −z through +x, so reversing the columns changes the sign of x.
         out["environment"] = tf.reverse(example["environment"], [1])
     if "camera" in example:
         fx, fy, cx, cy = tf.unstack(example["camera"])

@@ -1,7 +1,8 @@
-"""Shards → parsed, photographed, resized, shuffled, batched `tf.data`.
+"""The input pipeline: shards become shuffled, augmented and resized batches of `tf.data`.
 
-A dataset's elements are dictionaries named as in `records`, batched along the first axis, with
-`exponent_bin` `(B,)` and `clipped` `(B, S, S, 3)` added.
+A batch is a dictionary of tensors with the examples along the first axis. Its entries are
+the features of `records`, and also `exponent_bin` `(B,)`, the class of the exponent, and `clipped`
+`(B, S, S, 3)`, 1 where a channel is clipped.
 """
 
 import math
@@ -21,7 +22,7 @@ from lime_keras.data.repaint import repaint
 from lime_keras.optics import colour, shininess
 
 FEATURES = (*records.FEATURES, "clipped", "exponent_bin")
-"""All that a batch may hold."""
+"""Features that a batch can hold."""
 LEARNT_FROM = (
     "image",
     "mask",
@@ -34,20 +35,25 @@ LEARNT_FROM = (
     "clipped",
     "exponent_bin",
 )
-"""What the losses read: no backend is fed strings, and no normals are decoded for nothing."""
+"""Features that the losses need. Strings, which other backends do not take, are left out.
+
+Normals are left out, too: the losses do not use them, and decoding takes time.
+"""
 
 _SHUFFLE = 2048
-"""Serialised examples held for shuffling: some 400 MB at 256 × 256."""
+"""Number of serialised examples in the shuffle buffer: some 400 MB at 256 × 256."""
 _AHEAD = 256
-"""Serialised examples to go on with while the next epoch's are gathered: some 50 MB."""
+"""Number of serialised examples read ahead, while the next epoch fills its buffer: some 50 MB."""
 _LAYERS = ("diffuse_shading", "specular_shading", "mirror", "normal")
 _CHANNELS = {"image": 3, "clipped": 3, "mask": 1} | dict.fromkeys(_LAYERS, 1) | {"normal": 3}
 _SOURCES = {"clipped": "image", "exponent_bin": "shininess"}
-"""What the features that are not stored are computed from."""
+"""Stored feature from which each feature that is not stored is computed."""
 
 
 def training_shards(corpus: Path) -> tuple[list[Path], list[Path]]:
-    """Split the train split's shards into those for training and the last tenth for validation.
+    """Return the paths of the train split's shards: for training, and held out for validation.
+
+    The last tenth of the shards, and at least one shard, is held out.
 
     Raises:
         FileNotFoundError: if the split is incomplete.
@@ -75,24 +81,24 @@ def training(
     repaints: bool = False,
     features: Collection[str] = LEARNT_FROM,
 ) -> tf.data.Dataset:
-    """Endless shuffled batches; the same seed gives the same ones, from any `first_step` on.
+    """Return an endless dataset of shuffled batches; a seed determines it, from any step on.
 
-    Every epoch holds each example once, in an order of its own; batches may span two.
+    Every epoch holds each example once, in an order of its own. A batch may span two epochs.
 
     Args:
-        shards: files to read.
+        shards: paths of the shards to read.
         size: height and width of the images; a divisor of the stored size.
-        batch_size: examples a batch.
-        seed: of the order and the photos, in any process: TensorFlow's global one has no part.
-        first_step: batches to pass over, when training is resumed. Of epochs that are over nothing
-            is read, and of the one it falls into nothing is decoded.
-        camera: whether to photograph the scenes anew each time (`camera.photograph`).
-        flips: whether every other scene, drawn anew each time, is a mirror's (`flipping.flip`).
-        repaints: whether each scene has albedos drawn anew each time (`repainting.repaint`).
-        features: what the batches are to hold; nothing else is decoded without need.
+        batch_size: number of examples in a batch.
+        seed: seed of the order and of the augmentations; TensorFlow's global seed has no effect.
+        first_step: number of batches to skip, to resume training. The pipeline reads nothing of
+            whole epochs that it skips, and decodes no example that it skips.
+        camera: whether to take a new photo of a scene each time (`camera.photograph`).
+        flips: whether to flip a scene with probability one half each time (`flip.flip`).
+        repaints: whether to draw new albedos for a scene each time (`repaint.repaint`).
+        features: names of the features in a batch; others are decoded only if these need them.
 
     Raises:
-        ValueError: if a shard is cut off, all are empty, or a feature is unknown.
+        ValueError: if a shard is cut off, all shards are empty, or a feature is unknown.
     """
     count, first = _check_whole(shards), first_step * batch_size
     if not count:
@@ -113,12 +119,12 @@ def training(
 
 
 def _epoch(paths: tf.Tensor, seed: tf.Tensor) -> tf.data.Dataset:
-    """All serialised examples once, in an order that depends on the seed `(2,)` alone."""
+    """Return all serialised examples once, in an order that depends on the seed `(2,)` alone."""
     of_files, of_records = tf.unstack(tf.random.split(seed))
     paths = tf.random.experimental.stateless_shuffle(paths, of_files)
     dataset = tf.data.Dataset.from_tensor_slices(paths)
     dataset = dataset.interleave(tf.data.TFRecordDataset, cycle_length=4)
-    # `Dataset.shuffle` would add the global seed to its own.
+    # `Dataset.shuffle` would combine its seed with the global seed.
     shuffled = tf.raw_ops.ShuffleDataset(
         input_dataset=tf.data.experimental.to_variant(dataset),
         buffer_size=_SHUFFLE,
@@ -139,10 +145,18 @@ def evaluation(
     camera: bool = False,
     features: Collection[str] = FEATURES,
 ) -> tf.data.Dataset:
-    """Every example once, in order; the last batch may be smaller.
+    """Return a dataset with every example once, in order; the last batch may be smaller.
 
-    With `camera`, each is photographed by the camera of its own seed and index. Arguments and
-    errors as in `training`.
+    Args:
+        shards: paths of the shards to read.
+        size: height and width of the images; a divisor of the stored size.
+        batch_size: number of examples in a batch.
+        camera: whether to take a photo of each scene (`camera.photograph`), drawn from the
+            example's own seed and index.
+        features: names of the features in a batch.
+
+    Raises:
+        ValueError: if a shard is cut off or a feature is unknown.
     """
     _check_whole(shards)
     dataset = tf.data.TFRecordDataset([str(path) for path in shards])
@@ -152,12 +166,14 @@ def evaluation(
 
 
 def naming_damage(batches: Iterable[Any], shards: list[Path]) -> Iterator[Any]:
-    """Yield what `batches` yields; say where it is if a record turns out to be damaged.
+    """Yield the items of `batches`; if a record is damaged, raise an error that locates it.
 
-    TensorFlow's own errors name neither file nor record, so the shards are searched for it then.
+    TensorFlow's own errors name neither file nor record. After such an error, the shards are
+    searched for the damaged record.
 
     Raises:
-        ValueError: naming the shard, its first damaged record, and how to mend it.
+        ValueError: if a record is damaged; the message names the shard, its first damaged record
+            and the repair.
     """
     iterator = iter(batches)
     while True:
@@ -173,16 +189,17 @@ def naming_damage(batches: Iterable[Any], shards: list[Path]) -> Iterator[Any]:
 
 
 def resize(example: dict[str, tf.Tensor], size: int) -> dict[str, tf.Tensor]:
-    """Bring an example's images to `size` × `size` by area averaging; those of that size stay.
+    """Resize an example's images to `size` × `size` by area averaging.
 
-    The image is averaged in linear light, and `clipped` `(size, size, 3)`, by default the channels
-    at `colour.CLIPPED` and above, is 1 where any part of the area was clipped, whose mean is then
-    only a lower bound. Layers are averaged over the covered part of each area, so a silhouette
-    stays as bright as the object; the camera is scaled along.
+    The image is averaged in linear light. `clipped` `(size, size, 3)` is 1 where any part of an
+    area was clipped, because the area's mean is then only a lower bound; without `clipped` in the
+    example, channels at `colour.CLIPPED` and above count as clipped. Layers are averaged over the
+    covered part of each area, so a silhouette stays as bright as the object. The camera is scaled
+    with the images.
 
     Args:
-        example: as of `records.parse`: all of it, or some of it with the mask.
-        size: a divisor of the stored height and width.
+        example: example from `records.parse`, with all features or with some of them and the mask.
+        size: height and width in pixels; a divisor of the stored height and width.
 
     Raises:
         tf.errors.InvalidArgumentError: if `size` does not divide the stored size.
@@ -203,7 +220,7 @@ def resize(example: dict[str, tf.Tensor], size: int) -> dict[str, tf.Tensor]:
 
 
 def _averaged(example: dict[str, tf.Tensor], size: int, factor: tf.Tensor) -> dict[str, tf.Tensor]:
-    """The example with each `factor` × `factor` pixels of it made one."""
+    """Return the example with each area of `factor` × `factor` pixels averaged to one pixel."""
 
     def blocks(name: str, image: tf.Tensor) -> tf.Tensor:
         return tf.reshape(image, (size, factor, size, factor, _CHANNELS[name]))
@@ -229,15 +246,15 @@ def _averaged(example: dict[str, tf.Tensor], size: int, factor: tf.Tensor) -> di
 
 
 def _as_float(values: tf.Tensor) -> tf.Tensor:
-    """float32 again, which TensorFlow's NumPy functions widen."""
+    """Return values as float32; TensorFlow's NumPy functions widen them."""
     return tf.cast(values, tf.float32)
 
 
 def _check_whole(shards: list[Path]) -> int:
-    """Number of records in shards, after refusing one whose records do not end where it does.
+    """Return the number of records in shards; raise ValueError if a shard is cut off.
 
-    Of a record cut off within its first 12 bytes TensorFlow itself says nothing at all. Only the
-    lengths are read; what lies between is checked as it is decoded.
+    TensorFlow reports no error if a record is cut off within its first 12 bytes. Only the lengths
+    of the records are read here; their content is checked when it is decoded.
     """
     count = 0
     for path in shards:
@@ -255,10 +272,10 @@ def _check_whole(shards: list[Path]) -> int:
 
 
 def _check_records(path: Path) -> int:
-    """Number of records in a shard, after decoding them all.
+    """Decode all records of a shard and return their number.
 
     Raises:
-        ValueError: naming the first that is damaged.
+        ValueError: if a record is damaged; the message names the first damaged record.
     """
     count = 0
     try:
@@ -271,7 +288,10 @@ def _check_records(path: Path) -> int:
 
 
 def _refuse_non_finite(example: dict[str, tf.Tensor]) -> dict[str, tf.Tensor]:
-    """The example, if all its numbers are finite; pictures of whole levels cannot be otherwise."""
+    """Return the example; raise TensorFlow's error if a number is not finite.
+
+    Pictures of 8 bits are always finite and are not checked.
+    """
     return {
         name: value
         if name in ("image", "mask") or not value.dtype.is_floating
@@ -281,12 +301,12 @@ def _refuse_non_finite(example: dict[str, tf.Tensor]) -> dict[str, tf.Tensor]:
 
 
 def _plain(error: tf.errors.OpError) -> str:
-    """TensorFlow's message without the operations it passed through."""
+    """Return TensorFlow's message without the names of its operations."""
     return re.sub(r"\{\{.*?\}\} *| *\[Op:.*", "", str(error.message).splitlines()[0])
 
 
 def _broken(path: Path, record: int, found: str) -> ValueError:
-    """The error for a damaged record, counted from 0."""
+    """Return the error for a damaged record; records are counted from 0."""
     return ValueError(
         f"{path} is broken: record {record} (the first is 0) cannot be read: {found}; delete the "
         "file and its .json, and run the same `lime-render` command again"
@@ -300,9 +320,10 @@ def _prepare(
     flips: bool = False,
     repaints: bool = False,
 ) -> Callable[..., dict[str, tf.Tensor]]:
-    """The map function: bytes, and a seed → the features of an example of that size.
+    """Return the function from a serialised example and a seed to its features at `size`.
 
-    The seed is the camera's, which has one of its own by default, and that of flips and paint.
+    The seed determines the photo, the flip and the paint. Without a seed, the photo depends on the
+    example's own seed and index; flips and repaints need a seed.
     """
     if unknown := sorted(set(features) - set(FEATURES)):
         raise ValueError(f"a batch can hold no {', '.join(unknown)}, but {', '.join(FEATURES)}")
@@ -316,7 +337,7 @@ def _prepare(
     def prepare(serialized: tf.Tensor, seed: tf.Tensor | None = None) -> dict[str, tf.Tensor]:
         example = _refuse_non_finite(records.parse(serialized, wanted))
         if repaints:
-            # The camera splits the seed in two, a flip takes the third of three.
+            # The camera uses parts 0 and 1 of the seed, the flip part 2, the paint part 3.
             example = repaint(example, tf.random.split(seed, 4)[3])
         if camera:
             example = photograph(example, seed)
@@ -327,7 +348,7 @@ def _prepare(
             example = tf.cond(drawn < 0.5, lambda: flip(whole), lambda: whole)
         if "exponent_bin" in features:
             log = tf.math.log(tf.maximum(example["shininess"], 1.0)) / math.log(10.0)
-            # The same slack as shininess.bin_of.
+            # The slack is that of `shininess.bin_of`.
             above = log + shininess.BIN_WIDTH * 1e-6 >= edges
             example["exponent_bin"] = tf.reduce_sum(tf.cast(above, tf.int32))
         return {name: example[name] for name in features}

@@ -1,4 +1,4 @@
-"""The TFRecord schema: encode one training example, parse one. Writer and reader in one file.
+"""The TFRecord schema of a training example: its encoder and its parser.
 
 | feature | shape | content |
 |---|---|---|
@@ -6,15 +6,15 @@
 | mask | (S, S, 1) | coverage in [0, 1], fractional at the edge; PNG, 8 bits |
 | diffuse_shading, specular_shading, mirror | (S, S, 1) | linear radiance; half floats in a PNG |
 | normal | (S, S, 3) | camera space, unit inside the mask, 0 outside; half floats in a PNG |
-| environment | (64, 128, 1) | the light in camera space, linear radiance; half floats in a PNG |
+| environment | (64, 128, 1) | light in camera space, linear radiance; half floats in a PNG |
 | camera | (4,) | fx, fy, cx, cy in pixels |
 | diffuse_albedo | (3,) | m_d, linear RGB in [0, 1] |
 | specular_albedo, shininess, ambient | () | m_s, s and m_a |
 | shape, light | () | names of the mesh and the environment map |
-| seed, index | () | of the corpus and of the example in it: enough to render it again |
+| seed, index | () | seed of the corpus and number of the example: enough to render it again |
 
-A half float's bits are stored as a 16-bit PNG: lossless, smaller than a deflated tensor because the
-PNG filters work on smooth images, and decoded inside the tf.data graph.
+The bits of half floats are stored as a 16-bit PNG. This is lossless and decoded inside the
+`tf.data` graph. It is smaller than a deflated tensor, because PNG filters suit smooth images.
 """
 
 from collections.abc import Collection, Mapping
@@ -28,7 +28,7 @@ from lime_keras.optics.environment import STORED_SHAPE
 SCHEMA_VERSION = 1
 LARGEST_HALF = 65504.0
 COMPRESSION = 4
-"""Of zlib's ten levels: a third faster than its usual 6, and 1 % larger."""
+"""zlib's compression level, 0…9: a third faster than the usual 6, and files 1 % larger."""
 
 _BYTE_IMAGES = {"image": 3, "mask": 1}
 _HALF_IMAGES = {
@@ -54,9 +54,12 @@ FEATURES = (
 
 
 def encode(example: Mapping[str, Any]) -> bytes:
-    """Serialise one example, a value for each of `FEATURES` with the shapes of the table above.
+    """Serialise one example.
 
-    Radiance above half precision's 65,504 is stored as 65,504.
+    Radiance above 65,504, the limit of half precision, is stored as 65,504.
+
+    Args:
+        example: a value for each of `FEATURES`, with the shapes and ranges of the table above.
 
     Raises:
         ValueError: if a feature is missing or unknown, has a wrong shape, is not finite, or lies
@@ -69,7 +72,7 @@ def encode(example: Mapping[str, Any]) -> bytes:
         features[name] = _png(pixels)
     for name in _HALF_IMAGES:
         values = np.clip(np.asarray(example[name], np.float32), -LARGEST_HALF, LARGEST_HALF)
-        # + 0.0 turns −0 into 0, whose bits compress.
+        # Adding 0 turns −0 into 0, whose bits compress better.
         bits = (values.astype(np.float16) + np.float16(0)).view(np.uint16)
         features[name] = _png(bits)
     for name in (*_VECTORS, *_SCALARS):
@@ -83,19 +86,19 @@ def encode(example: Mapping[str, Any]) -> bytes:
 
 
 def parse(serialized: Any, features: Collection[str] = FEATURES) -> dict[str, tf.Tensor]:
-    """Decode one example: every feature as float32 (strings and integers as they are).
+    """Decode one example, eagerly or inside `tf.data`.
 
     Args:
-        serialized: scalar string tensor or bytes. Works eagerly and inside `tf.data`.
-        features: which to decode; most of the time goes into the images.
+        serialized: scalar string tensor or bytes.
+        features: names of the features to decode; the images take most of the time.
 
     Returns:
-        Tensors named and shaped as in the table above; the image stays sRGB in [0, 1], radiance is
-        linear.
+        Tensors with the names, shapes and units of the table above, as float32; strings and
+        integers keep their types.
 
     Raises:
         ValueError: if a feature is unknown.
-        tf.errors.InvalidArgumentError: if the bytes are no example, or of another schema version.
+        tf.errors.InvalidArgumentError: if the bytes are no example or have another schema version.
     """
     if unknown := sorted(set(features) - set(FEATURES)):
         raise ValueError(f"records hold no {', '.join(unknown)}, but {', '.join(FEATURES)}")
@@ -128,7 +131,7 @@ def parse(serialized: Any, features: Collection[str] = FEATURES) -> dict[str, tf
 
 
 def _check(example: Mapping[str, Any]) -> None:
-    """Refuse an example that does not fit the schema."""
+    """Raise ValueError if an example does not fit the schema."""
     where = f"seed {example.get('seed')}, index {example.get('index')}"
     if set(example) != set(FEATURES):
         missing, unknown = set(FEATURES) - set(example), set(example) - set(FEATURES)
@@ -156,7 +159,7 @@ def _check(example: Mapping[str, Any]) -> None:
 
 
 def _range(name: str) -> tuple[float, float]:
-    """Lowest and highest value that a feature may hold."""
+    """Return the lowest and the highest value that a feature may hold."""
     if name in (*_BYTE_IMAGES, "diffuse_albedo", "specular_albedo"):
         return 0.0, 1.0
     if name in ("normal", "camera"):

@@ -1,4 +1,4 @@
-"""A scene of another colour and gloss, as an augmentation: the same shape, light and exponent."""
+"""The repaint augmentation: a scene with other albedos, and the same shape, light and exponent."""
 
 import tensorflow as tf
 import tensorflow.experimental.numpy as tnp
@@ -8,22 +8,23 @@ from lime_keras.optics import colour
 
 
 def repaint(example: dict[str, tf.Tensor], seed: tf.Tensor) -> dict[str, tf.Tensor]:
-    """Give the object m_d and m_s drawn anew, as section 5.1 draws them.
+    """Draw new m_d and m_s for the object, as in section 5.1, and recompose its image.
 
-    D, S and M do not depend on either, so Eq. 4 of the stored layers is the picture of the same
-    object in other paint: no approximation, where it fills the pixel. At the silhouette the
-    background's share is what the stored picture shows beyond the object's, at least nothing; what
-    was clipped there stays a lower bound.
+    D, S and M do not depend on the albedos. So Eq. 4 with the stored layers gives the exact image
+    of the repainted object where it fills the pixel. At the silhouette the background's share is
+    the stored image minus the object's old share, at least 0. If the stored image is clipped there,
+    this is only a lower bound.
 
     Args:
-        example: as `records.parse` gives it, with the features of `camera.SCENE` at least.
-        seed: `(2,)` integers; the same seed, the same paint.
+        example: example from `records.parse`, with the features of `camera.SCENE` at least.
+        seed: `(2,)` integers; the same seed gives the same albedos.
 
     Returns:
-        The example with another `image`, a multiple of 1/255 as stored ones are, another
-        `diffuse_albedo` `(3,)` and another `specular_albedo` `()`; m_a stays.
+        The example with a new `image`, sRGB in multiples of 1/255, a new `diffuse_albedo` `(3,)`
+        and a new `specular_albedo` `()`; m_a stays.
     """
-    # Uniform in YUV, and an RGB colour, is uniform in RGB: the change between them is linear.
+    # Section 5.1 draws uniformly in YUV and keeps valid RGB. This is uniform in RGB, because the
+    # conversion is linear.
     drawn = tf.random.stateless_uniform((4,), seed)
     out = dict(example)
     out["diffuse_albedo"], out["specular_albedo"] = drawn[:3], drawn[3]
@@ -37,5 +38,5 @@ def repaint(example: dict[str, tf.Tensor], seed: tf.Tensor) -> dict[str, tf.Tens
 
 
 def _as_float(values: tf.Tensor) -> tf.Tensor:
-    """float32 again, which TensorFlow's NumPy functions widen."""
+    """Return values as float32; TensorFlow's NumPy functions widen them."""
     return tf.cast(values, tf.float32)

@@ -1,7 +1,7 @@
-"""A few images of a corpus: to calibrate with, to judge by, to compare answers on.
+"""Small sets of images from a corpus, for calibration and validation.
 
-Those that decide something (calibration and validation) come from the train split, the latter from
-the shards that training holds out; the test split is for what is only reported.
+Both sets come from the train split: the calibration set from the shards for training, the
+validation set from the shards that training holds out. The test split is only for reported results.
 """
 
 from pathlib import Path
@@ -14,29 +14,48 @@ _CALIBRATION, _VALIDATION = 64, 64
 
 
 def calibration(corpus: Path, size: int, *, camera: bool) -> np.ndarray:
-    """Images that networks were trained on, `(N, size, size, 3)` sRGB in [0, 1], float32.
+    """Return images that networks were trained on, for the calibration of a quantised model.
 
     Args:
         corpus: folder with a complete train split.
-        size: a divisor of the stored size.
-        camera: take photos of the scenes (`lime_keras.data.camera`), the same every time.
+        size: height and width of the images; a divisor of the stored size.
+        camera: whether to take photos of the scenes (`lime_keras.data.camera`), the same each time.
+
+    Returns:
+        Images `(N, size, size, 3)` float32, sRGB in [0, 1]; N is at most 64.
 
     Raises:
         FileNotFoundError: if the split is incomplete.
-        ValueError: if there is nothing to read, or it is damaged.
+        ValueError: if there are fewer than two shards, or a shard is empty or damaged.
     """
     shards, _ = pipeline.training_shards(corpus)
     return first(shards, size, _CALIBRATION, camera=camera)
 
 
 def validation(corpus: Path, size: int, *, camera: bool) -> np.ndarray:
-    """As `calibration`, of those that training held out."""
+    """Return held-out images, which no network was trained on, for validation.
+
+    Arguments, result and errors are those of `calibration`.
+    """
     _, shards = pipeline.training_shards(corpus)
     return first(shards, size, _VALIDATION, camera=camera)
 
 
 def first(shards: list[Path], size: int, count: int, *, camera: bool) -> np.ndarray:
-    """As `calibration`, the first images of some shards: as many as asked for, or all there are."""
+    """Return the first images of the given shards.
+
+    Args:
+        shards: paths of the shards.
+        size: height and width of the images; a divisor of the stored size.
+        count: largest number of images to return.
+        camera: whether to take photos of the scenes (`lime_keras.data.camera`), the same each time.
+
+    Returns:
+        Images `(N, size, size, 3)` float32, sRGB in [0, 1]; N is at most `count`.
+
+    Raises:
+        ValueError: if the shards hold no examples, or a shard is damaged.
+    """
     dataset = pipeline.evaluation(
         shards, size=size, batch_size=count, camera=camera, features=("image",)
     )

@@ -1,1 +1,1 @@
-"""From photos to materials, and the files that are written of each."""
+"""The estimate of materials from photos, and its files."""

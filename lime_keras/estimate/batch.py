@@ -1,4 +1,4 @@
-"""Many photos with one model: read, estimated and written batch by batch."""
+"""A run over many photos with one model, which reads, estimates and writes batch by batch."""
 
 import sys
 import time
@@ -16,23 +16,25 @@ from lime_keras.lighting import files as lighting_files
 from lime_keras.material import Material
 
 _BATCH, _BATCH_PIXELS = 8, 25_000_000
-"""Photos whose networks run at once: at most so many, and some 1 GB of pixels."""
+"""Largest number of photos, and of their pixels (about 1 GB), in one batch of the networks."""
 
 
 class Batch:
-    """Photos estimated one batch after another with one model, and how it went.
+    """A run of one model over many photos, with its counts and times.
 
     Args:
-        estimator: of all of them.
-        out: folder, which exists, for their files (`estimate_files.write`).
-        masks: the one photo's mask, or a folder with one of the same name for each; None where they
-            are to be looked for.
-        light: whether to write the light of each photo, too (`lighting_files.write`).
-        normals: the one object's normals, or a folder likewise; None where they are to be guessed.
-        clone: renders another shape in each object's place; it takes `light`.
+        estimator: model for all photos.
+        out: existing folder for the files (`estimate_files.write`).
+        masks: mask of the only photo, or folder with a mask of the same name for each photo; None
+            to use a photo's alpha channel or else SegmentationNet.
+        light: whether to write the light of each photo as well (`lighting_files.write`).
+        normals: file with the normals of the only photo, or folder with a file of the same name for
+            each photo; None to guess the normals.
+        clone: renderer of another shape in the object's place; used only with `light`.
 
     Attributes:
-        failed: photos that could not be read.
+        failed: number of photos that failed: they could not be read, or their light could not be
+            estimated.
     """
 
     def __init__(
@@ -52,9 +54,12 @@ class Batch:
         self.failed = 0
 
     def run(self, photos: Mapping[str, Path]) -> None:
-        """Estimate and write photos, by the name that their files are to have.
+        """Estimate photos and write their files.
 
-        Their numbers go to standard output, progress and errors to standard error.
+        The numbers go to standard output, the progress and the errors to standard error.
+
+        Args:
+            photos: path of each photo, by the name for its files.
         """
         with tqdm(total=len(photos), unit="photo", delay=2) as bar:
             for batch in self._batches(photos):
@@ -63,7 +68,7 @@ class Batch:
             bar.update(self._done + self.failed - bar.n)
 
     def summary(self) -> str:
-        """What was done, in one line."""
+        """Return counts and times of the run in one line."""
         ran = [
             name
             for name in self._estimator.subnetworks
@@ -79,7 +84,7 @@ class Batch:
         )
 
     def _batches(self, photos: Mapping[str, Path]) -> Iterator[list[tuple[Any, ...]]]:
-        """Some photos with their path, name and mask; those that cannot be read are told."""
+        """Yield batches of path, name, photo and mask; report photos that cannot be read."""
         batch: list[tuple[Any, ...]] = []
         pixels = 0
         for name, path in photos.items():
@@ -103,7 +108,7 @@ class Batch:
             yield batch
 
     def _read(self, path: Path) -> tuple[np.ndarray, np.ndarray | None]:
-        """The photo and, if there is one, its mask."""
+        """Read a photo and its mask, or None if it has no mask."""
         image, alpha = photo.read(path)
         if self._masks is None:
             return image, alpha
@@ -153,7 +158,7 @@ class Batch:
 
 
 def _belonging(path: Path, given: Path) -> Path:
-    """The file given, or, of a folder, the one in it that is called as the photo is."""
+    """Return the given file or, in a given folder, the file with the photo's name."""
     if not given.is_dir():
         return given
     found = sorted(file for file in given.iterdir() if file.stem == path.stem)

@@ -1,4 +1,4 @@
-"""From photos to materials: the public Python interface.
+"""The estimator of materials from photos: the public Python interface.
 
 Example:
     from lime_keras import Estimator
@@ -27,19 +27,21 @@ class Estimator:
     """A trained model, loaded once and applied to many photos.
 
     Args:
-        weights_folder: run of `lime-train` or folder of `lime_keras.networks.weights.save`; by
-            default the model that comes with the package (`lime_keras.networks.weights.SHIPPED`).
-        only: what to estimate, out of `outputs.NEEDED`; only the subnetworks it takes are run. By
-            default everything that this model can.
+        weights_folder: folder of the trained model, from `lime-train` or
+            `lime_keras.networks.weights.save`; by default the model that comes with the package
+            (`lime_keras.networks.weights.SHIPPED`).
+        only: names of the estimates to make, out of `outputs.NEEDED`; only the subnetworks that
+            these need are run. By default all estimates that this model can make.
 
     Attributes:
-        architecture: of the model.
-        subnetworks: names of those that are run, in order; of them `segmentation` only where no
-            mask is given.
+        architecture: architecture of the model.
+        subnetworks: names of the subnetworks that are run, in order; `segmentation` is always
+            among them, but runs only for photos without a mask.
 
     Raises:
         FileNotFoundError: if the folder holds no trained model.
-        ValueError: if `only` names nothing, or something that this model cannot estimate.
+        ValueError: if the model's files are damaged, `only` is empty, or `only` names something
+            that this model cannot estimate.
     """
 
     def __init__(
@@ -68,15 +70,15 @@ class Estimator:
         """Estimate the material of the object in a photo.
 
         Args:
-            image_srgb: `(H, W, 3)` sRGB in [0, 1]; one object of uniform material.
-            mask: `(H, W)` or `(H, W, 1)` in [0, 1], 1 where the object is. Without one,
-                SegmentationNet looks for it.
+            image_srgb: photo `(H, W, 3)`, sRGB in [0, 1], of one object of uniform material.
+            mask: coverage `(H, W)` or `(H, W, 1)` in [0, 1], 1 where the object is; None to find
+                the object with SegmentationNet.
 
         Returns:
-            The material, with its layers at the photo's size.
+            The material, with its layers at the photo's size; albedos and layers are linear.
 
         Raises:
-            ValueError: if the image or the mask has another shape, is not finite or leaves [0, 1].
+            ValueError: if the photo or the mask has another shape, is not finite, or leaves [0, 1].
         """
         return next(self.estimate_many([image_srgb], [mask]))
 
@@ -85,15 +87,20 @@ class Estimator:
     ) -> Iterator[Material]:
         """Estimate the materials of several photos, of any sizes, as one batch.
 
-        The networks run at once; each material's layers are made when it is asked for, so that
-        those of large photos need not be held together.
+        The networks run once, for all photos together. The layers of a material are made when the
+        iterator reaches it, so that the layers of all photos are never in memory together.
 
         Args:
-            images_srgb: as of `estimate`.
-            masks: as of `estimate`, for each photo one or None; by default none at all.
+            images_srgb: photos, each `(H, W, 3)`, sRGB in [0, 1].
+            masks: for each photo coverage `(H, W)` or `(H, W, 1)` in [0, 1], or None to find the
+                object with SegmentationNet; by default None for all photos.
+
+        Yields:
+            The material of each photo, in order (see `estimate`).
 
         Raises:
-            ValueError: as `estimate`.
+            ValueError: if a photo or a mask has another shape, is not finite, or leaves [0, 1], or
+                if the numbers of photos and masks differ; raised at the first material.
         """
         images = [_checked(image) for image in images_srgb]
         given = [None] * len(images) if masks is None else list(masks)
@@ -118,7 +125,7 @@ class Estimator:
     def _find(
         self, images: list[np.ndarray], given: list[np.ndarray | None]
     ) -> tuple[list[Square], np.ndarray, np.ndarray]:
-        """Where to look in each photo, what is seen there and its mask, `(N, S, S, C)`."""
+        """Return each photo's square, and its content `(N, S, S, 3)` and mask `(N, S, S, 1)`."""
         size = self.architecture.size
         squares = [
             framing.whole(*image.shape[:2]) if mask is None else framing.around_given(mask)
@@ -135,20 +142,20 @@ class Estimator:
         again = [index for index in looked if closer[index] != squares[index]]
         near = [framing.cut(images[index], closer[index], size) for index in again]
         for index, view, mask in zip(again, near, self._masks(np.array(near)), strict=True):
-            # What is lost from near was never an object, or too small for one.
+            # If the closer view shows no object, keep the whole photo.
             if np.any(mask >= framing.THRESHOLD):
                 squares[index], seen[index], masks[index] = closer[index], view, mask
         return squares, seen, masks
 
     def _masks(self, seen: np.ndarray) -> np.ndarray:
-        """SegmentationNet's answers `(N, S, S, 1)`, also to none at all."""
+        """Return SegmentationNet's masks `(N, S, S, 1)` of images `(N, S, S, 3)`; N may be 0."""
         size = self.architecture.size
         return _run(self._finder, seen)["mask"] if len(seen) else np.empty((0, size, size, 1))
 
     def _material(
         self, image: np.ndarray, mask: np.ndarray, square: Square, answer: dict[str, np.ndarray]
     ) -> Material:
-        """Gather what was asked for."""
+        """Return the material of one photo with the estimates that were asked for."""
         only = self._only
         fields: dict[str, Any] = {}
         layers = {"mask": mask}
@@ -161,7 +168,7 @@ class Estimator:
                 continue
             for name in NEEDED[asked]:
                 if OUTPUTS[name].layer == "sphere":
-                    # Which lies nowhere in the photo.
+                    # The sphere is not a part of the photo, so it keeps its own size.
                     layers[name] = answer[name]
                 elif OUTPUTS[name].layer == "photo" and name != "mask":
                     layers[name] = framing.paste(answer[name], square, *image.shape[:2])
@@ -180,7 +187,15 @@ class Estimator:
 
 
 def available(subnetworks: Mapping[str, keras.Model]) -> dict[str, tuple[str, ...]]:
-    """`NEEDED` of these subnetworks, without what they cannot estimate."""
+    """Return the estimates that subnetworks can make, by name, with the outputs that each needs.
+
+    Args:
+        subnetworks: models by name, such as `lime_keras.networks.build` returns them.
+
+    Returns:
+        The part of `outputs.NEEDED` that these subnetworks can give; `exponent` needs
+        `log_exponent` if they regress the exponent.
+    """
     known = answers(subnetworks)
     regression = {"exponent": ("mask", "log_exponent")} if "log_exponent" in known else {}
     needed = NEEDED | regression
@@ -190,11 +205,11 @@ def available(subnetworks: Mapping[str, keras.Model]) -> dict[str, tuple[str, ..
 def _recomposed(
     image_srgb: np.ndarray, mask: np.ndarray, shading: np.ndarray, answer: dict[str, np.ndarray]
 ) -> dict[str, np.ndarray]:
-    """The photo's diffuse part, and Eq. 4 with the grey D that explains it best."""
+    """Return the layers `diffuse`, the photo's diffuse part, and `recomposed`, Eq. 4 of the fit."""
     diffuse_albedo = answer["diffuse_albedo"]
     specular = answer["specular_albedo"] * shading
     diffuse = np.maximum(colour.srgb_to_linear(image_srgb) - specular, 0) * mask
-    # A black material explains nothing, whatever its D.
+    # The D of a black material is NaN. It does not matter: m_d · D is 0 for every D.
     shade = np.nan_to_num(compositing.diffuse_shading(diffuse, diffuse_albedo))
     return {"diffuse": diffuse, "recomposed": shade * diffuse_albedo + specular * mask}
 

@@ -1,4 +1,4 @@
-"""The files of one photo's estimate."""
+"""The files of the estimate of one photo."""
 
 import json
 from collections.abc import Collection
@@ -15,20 +15,21 @@ from lime_keras.outputs import OUTPUTS
 
 
 def write(folder: Path, name: str, source: Path, image_srgb: np.ndarray, material: Material) -> str:
-    """Write `NAME.json` and, before it, all that goes with it.
+    """Write the files of an estimate, `NAME.json` with its numbers last.
 
-    Layers: `NAME-LAYER.png`, 8 bits, and, of linear radiance, `NAME-LAYER.exr`; a preview,
-    `NAME-preview.png`; of a whole material `NAME.mtl`, `NAME.gltf` and `NAME-mitsuba.json`.
+    Each layer becomes `NAME-LAYER.png`, 8 bits; a layer of linear radiance also becomes
+    `NAME-LAYER.exr`, half floats. `NAME-preview.png` shows the estimate. A complete material also
+    becomes `NAME.mtl`, `NAME.gltf` and `NAME-mitsuba.json`.
 
     Args:
-        folder: that exists.
-        name: of the files.
-        source: of the photo, for the record.
-        image_srgb: the photo `(H, W, 3)`.
-        material: estimated from it.
+        folder: existing folder for the files.
+        name: beginning of the files' names.
+        source: path of the photo, recorded in `NAME.json`.
+        image_srgb: photo `(H, W, 3)`, sRGB in [0, 1].
+        material: estimate from the photo.
 
     Returns:
-        What `NAME.json` holds.
+        The text of `NAME.json`.
 
     Raises:
         OSError: if a file cannot be written.
@@ -46,7 +47,7 @@ def write(folder: Path, name: str, source: Path, image_srgb: np.ndarray, materia
 
 
 def distinct_names(sources: Collection[Path]) -> list[str]:
-    """A file stem for each source; those of the same stem are numbered."""
+    """Return a file stem for each source; sources of the same stem are numbered from 2."""
     names: list[str] = []
     for path in sources:
         name, number = path.stem, 2
@@ -57,7 +58,7 @@ def distinct_names(sources: Collection[Path]) -> list[str]:
 
 
 def _write_layers(folder: Path, name: str, material: Material) -> None:
-    """Write each layer in the formats that keep its range and that show it."""
+    """Write each layer in a format for viewing and, if its range needs it, as OpenEXR."""
     for layer, image in material.layers.items():
         path = folder / f"{name}-{layer}.png"
         output = OUTPUTS.get(layer)
@@ -67,6 +68,6 @@ def _write_layers(folder: Path, name: str, material: Material) -> None:
             continue
         if output is not None:
             photo.write(path.with_suffix(".exr"), image)
-            # The eye's copy: bright parts compressed, then encoded for a screen.
+            # The copy for viewing: bright parts are compressed, then encoded for a screen.
             image = image / (1 + image)
         photo.write(path, colour.linear_to_srgb(np.clip(image, 0, 1)))

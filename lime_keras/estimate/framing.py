@@ -1,8 +1,8 @@
-"""Which square of a photo the networks look at, and the way from its pixels to theirs and back.
+"""The square of a photo that the networks see, and resampling into this square and back.
 
 The networks were trained on objects that fill 0.55 to 0.92 of the frame around its middle
-(render/scene/sampling.py). A photo is first looked at as a whole; if the object found there is
-smaller, a square around it is looked at anew.
+(render/scene/sampling.py). First they see the whole photo. If the object found there is smaller,
+they see a square around it.
 """
 
 from typing import NamedTuple
@@ -14,20 +14,20 @@ from scipy import ndimage
 from lime_keras.optics import colour
 
 FILL = 0.73
-"""Share of a square's side that the object fills: the middle of what the networks know."""
+"""Share of a square's side that the object fills: the middle of the range in training."""
 _SMALLEST_FILL = 0.5
-"""Below this the networks look again."""
+"""Share of a square's side below which the networks see a smaller square."""
 THRESHOLD = 0.5
-"""Coverage from which on a pixel belongs to the object."""
+"""Smallest coverage, in [0, 1], of a pixel that belongs to the object."""
 
 
 class Square(NamedTuple):
     """A square of whole pixels of a photo; it may reach beyond the photo's edges.
 
     Attributes:
-        top: row of its first pixel.
-        left: column of its first pixel.
-        side: in pixels, at least 1.
+        top: row of the first pixel.
+        left: column of the first pixel.
+        side: width and height in pixels, at least 1.
     """
 
     top: int
@@ -36,21 +36,21 @@ class Square(NamedTuple):
 
 
 def whole(height: int, width: int) -> Square:
-    """The smallest square that holds all of a photo, in whose middle the photo lies."""
+    """Return the smallest square that contains a whole photo, with the photo in its middle."""
     side = max(height, width)
     return Square(-((side - height) // 2), -((side - width) // 2), side)
 
 
 def around(mask: np.ndarray, square: Square) -> Square:
-    """The square to look at, given what mask was found in another.
+    """Return the square for a closer view of the object found in `square`.
 
     Args:
-        mask: `(S, S, 1)` coverage in [0, 1] of `square`.
-        square: of the photo.
+        mask: coverage `(S, S, 1)` in [0, 1] of `square`.
+        square: square of the photo in which the mask was found.
 
     Returns:
-        `square` itself if nothing is in it, or the largest object fills enough of it; else a
-        square in whose middle that object fills `FILL` of the side.
+        `square` itself if the mask shows no object, or if the largest object fills at least half
+        of its side. Else a square around that object, which fills `FILL` of its side.
     """
     found, count = ndimage.label(mask[..., 0] >= THRESHOLD)
     if not count:
@@ -64,9 +64,13 @@ def around(mask: np.ndarray, square: Square) -> Square:
 
 
 def around_given(mask: np.ndarray) -> Square:
-    """The square to look at, given the object's mask `(H, W, 1)` in the photo's own pixels.
+    """Return the square around the object of a given mask; the object fills `FILL` of its side.
 
-    All that it covers counts as the object; an empty mask gives the whole photo.
+    All that the mask covers counts as the object. An empty mask gives the square of the whole
+    photo.
+
+    Args:
+        mask: coverage `(H, W, 1)` in [0, 1] in the photo's own pixels.
     """
     box = ndimage.find_objects((mask[..., 0] >= THRESHOLD).astype(np.uint8))
     square = whole(*mask.shape[:2])
@@ -77,7 +81,7 @@ def around_given(mask: np.ndarray) -> Square:
 
 
 def _centred(box: tuple[slice, ...], extent: int, square: Square, scale: float) -> Square:
-    """The square around a box of a grid whose pixels are `scale` of the photo's wide."""
+    """Return the square around a box; a pixel of the box's grid is `scale` pixels of the photo."""
     side = max(1, round(extent * scale / FILL))
     top, left = (
         round(origin + (edge.start + edge.stop) / 2 * scale - side / 2)
@@ -87,10 +91,15 @@ def _centred(box: tuple[slice, ...], extent: int, square: Square, scale: float) 
 
 
 def cut(image_srgb: np.ndarray, square: Square, size: int) -> np.ndarray:
-    """Resample a square of a photo `(H, W, 3)`, sRGB, to `(size, size, 3)`.
+    """Resample a square of a photo to `(size, size, 3)`, sRGB in [0, 1].
 
-    What lies beyond the photo repeats its edge. Made smaller, it is averaged over areas in linear
-    light, as the training images are (`pipeline.resize`).
+    Beyond the photo its edge is repeated. A larger square is averaged over areas in linear light,
+    as the training images are (`pipeline.resize`).
+
+    Args:
+        image_srgb: photo `(H, W, 3)`, sRGB in [0, 1].
+        square: square of the photo.
+        size: height and width of the result in pixels.
     """
     height, width = image_srgb.shape[:2]
     rows = np.clip(np.arange(square.top, square.top + square.side), 0, height - 1)
@@ -103,9 +112,14 @@ def cut(image_srgb: np.ndarray, square: Square, size: int) -> np.ndarray:
 
 
 def cut_layer(layer: np.ndarray, square: Square, size: int) -> np.ndarray:
-    """Resample a square of a layer `(H, W, C)` to `(size, size, C)`; beyond its edges there is 0.
+    """Resample a square of a linear layer, such as a mask or radiance, to `(size, size, C)`.
 
-    For what is linear: masks and radiance.
+    Beyond the layer's edges the result is 0.
+
+    Args:
+        layer: layer `(H, W, C)` of linear values.
+        square: square of the photo.
+        size: height and width of the result in pixels.
     """
     seen = np.zeros((square.side, square.side, layer.shape[-1]), np.float32)
     inside, outside = _overlap(square, *layer.shape[:2])
@@ -114,9 +128,15 @@ def cut_layer(layer: np.ndarray, square: Square, size: int) -> np.ndarray:
 
 
 def paste(layer: np.ndarray, square: Square, height: int, width: int) -> np.ndarray:
-    """Bring a layer `(S, S, C)` of a square back to its photo's pixels, `(height, width, C)`.
+    """Resample a layer of a square to the pixels of its photo, `(height, width, C)`.
 
-    Between the layer's pixels it is linear, and outside the square 0.
+    The result is interpolated linearly inside the square, and 0 outside.
+
+    Args:
+        layer: layer `(S, S, C)` of linear values in the square.
+        square: square of the photo.
+        height: height of the photo in pixels.
+        width: width of the photo in pixels.
     """
     out = np.zeros((height, width, layer.shape[-1]), np.float32)
     inside, outside = _overlap(square, height, width)
@@ -128,9 +148,9 @@ def paste(layer: np.ndarray, square: Square, height: int, width: int) -> np.ndar
 
 
 def _shares(pixels: slice, side: int, size: int) -> np.ndarray:
-    """What each of `size` samples along a square's side gives to some of its pixels, `(P, size)`.
+    """Return the weights `(P, size)` of the samples along a square's side for P of its pixels.
 
-    A tent as wide as two samples, or, where those are finer, two pixels.
+    The kernel is a tent with a base of two samples, or of two pixels if the samples are finer.
     """
     position = (np.arange(pixels.start, pixels.stop)[:, None] + 0.5) * size / side - 0.5
     distance = np.abs(np.arange(size) - position)
@@ -141,7 +161,7 @@ def _shares(pixels: slice, side: int, size: int) -> np.ndarray:
 def _overlap(
     square: Square, height: int, width: int
 ) -> tuple[tuple[slice, ...], tuple[slice, ...]]:
-    """Rows and columns of what a square and a photo share: of the square, and of the photo."""
+    """Return the overlap of a square and a photo as slices of the square and of the photo."""
     first = [max(0, -square.top), max(0, -square.left)]
     last = [min(square.side, height - square.top), min(square.side, width - square.left)]
     inside = tuple(slice(low, max(low, high)) for low, high in zip(first, last, strict=True))
@@ -153,7 +173,7 @@ def _overlap(
 
 
 def _resampled(image: np.ndarray, height: int, width: int) -> np.ndarray:
-    """A picture `(H, W, C)` in another size: areas averaged, or points joined linearly."""
+    """Resample `(H, W, C)`: average areas to make it smaller, else interpolate linearly."""
     if image.shape[:2] == (height, width):
         return np.asarray(image, np.float32)
     channels = image.shape[-1]

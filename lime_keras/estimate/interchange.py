@@ -1,11 +1,12 @@
-"""A material in the formats of other tools: Wavefront MTL, glTF 2.0 and a Mitsuba scene.
+"""The material formats of other tools: Wavefront MTL, glTF 2.0 and a Mitsuba scene.
 
 Neither glTF nor Mitsuba has this Blinn–Phong lobe. Both get the nearest microfacet lobe, of
-roughness α = √(2 / (s + 2)) (Walter et al. 2007, section 5.2: the Phong distribution of exponent s
-and Beckmann's of that α have nearly the same shape), and both stack a lobe of constant reflectance
-m_s on a diffuse base that receives the rest. The base's colour is therefore m_d / (1 − m_s), so
-that m_d · D + m_s · S comes out; where that is above 1, it is clipped, and the material is darker
-there than estimated: m_d + m_s > 1 reflects more light than falls on it.
+roughness α = √(2 / (s + 2)): the Phong distribution of exponent s and Beckmann's distribution of
+this α have nearly the same shape (Walter et al. 2007, section 5.2). Both place a lobe of constant
+reflectance m_s on a diffuse base, which receives the rest of the light. The base's colour is
+therefore m_d / (1 − m_s), so that the result is m_d · D + m_s · S. A base colour above 1 is
+clipped, and the written material is then darker than the estimate. This happens if m_d + m_s > 1,
+which would reflect more light than arrives.
 """
 
 import base64
@@ -21,27 +22,34 @@ from lime_keras.version import __version__
 _SPHERE_ROWS, _SPHERE_COLUMNS = 32, 64
 _FLOAT, _UNSIGNED_SHORT = 5126, 5123
 _VERTICES, _INDICES = 34962, 34963
-"""glTF's numbers for component types and buffer targets."""
+"""Numbers of glTF for component types and buffer targets."""
 _MOST_BRIGHT = 25.0
-"""Times glTF's F0 of 0.04 of a dielectric is 1: the lobe's colour is then its `specularFactor`."""
+"""Factor that makes 1 of glTF's F0 = 0.04 of a dielectric, so `specularFactor` alone sets F0."""
 
 
 def roughness(exponent: float) -> float:
-    """Microfacet roughness α in (0, 1] of the Blinn–Phong exponent s ≥ 0."""
+    """Return the microfacet roughness α, in (0, 1], of a Blinn–Phong exponent s, at least 0."""
     return math.sqrt(2 / (exponent + 2))
 
 
 def base_colour(material: Material) -> np.ndarray:
-    """Linear RGB `(3,)` in [0, 1] of the base below a lobe of reflectance m_s."""
+    """Return the colour of the diffuse base below the lobe, linear RGB `(3,)` in [0, 1].
+
+    Raises:
+        ValueError: if the material has no albedos.
+    """
     diffuse, specular = _albedos(material)
     return np.clip(diffuse / max(1 - specular, 1e-6), 0, 1)
 
 
 def wavefront(material: Material, name: str) -> str:
-    """An MTL file: Kd = m_d, Ks = m_s, Ns = s, all linear.
+    """Return the text of an MTL file: Kd = m_d and Ks = m_s, both linear, and Ns = min(s, 1000).
 
-    MTL's lobe is not normalised: Ks is the reflectance, and viewers that take it for the height of
-    a highlight show shiny materials too dull, by π c(s).
+    The lobe of MTL is not normalised. Ks is the reflectance here. A viewer that takes Ks for the
+    height of a highlight shows shiny materials too dull, by the factor π c(s).
+
+    Raises:
+        ValueError: if the material has no albedos or no exponent.
     """
     diffuse, specular = _albedos(material)
     kd = " ".join(f"{value:.6f}" for value in diffuse)
@@ -55,10 +63,13 @@ def wavefront(material: Material, name: str) -> str:
 
 
 def gltf(material: Material, name: str) -> str:
-    """A glTF 2.0 file, JSON with everything inside: the material on a sphere.
+    """Return a glTF 2.0 file as JSON text with all its data: the material on a unit sphere.
 
-    Its roughness is √α, as glTF squares it. KHR_materials_specular gives the lobe the same
-    reflectance m_s from every side: F0 = min(0.04 · 25, 1) · m_s, F90 = m_s.
+    The roughness written is √α, because glTF squares it. KHR_materials_specular gives the lobe the
+    same reflectance m_s at every angle: F0 = min(0.04 · 25, 1) · m_s, F90 = m_s.
+
+    Raises:
+        ValueError: if the material has no albedos or no exponent.
     """
     _, specular = _albedos(material)
     positions, triangles = _sphere()
@@ -131,10 +142,13 @@ def gltf(material: Material, name: str) -> str:
 
 
 def mitsuba_scene(material: Material) -> dict[str, Any]:
-    """A scene for `mitsuba.load_dict`: the material on a sphere under constant light.
+    """Return a scene for `mitsuba.load_dict`: the material on a sphere under constant light.
 
-    Its `sphere.bsdf` is what to take over into other scenes. Plain numbers and lists, so that JSON
-    holds it.
+    The material itself is `sphere.bsdf`, to be copied into other scenes. All values are plain
+    numbers and lists, so JSON can hold the scene.
+
+    Raises:
+        ValueError: if the material has no albedos or no exponent.
     """
     _, specular = _albedos(material)
     return {
@@ -181,7 +195,7 @@ def _exponent(material: Material) -> float:
 
 
 def _word(name: str) -> str:
-    """A name as MTL takes it, which ends names at a space."""
+    """Return a name without spaces, because a name in MTL ends at a space."""
     return "_".join(name.split()) or "material"
 
 
@@ -194,7 +208,7 @@ def _numbers(values: np.ndarray) -> list[float]:
 
 
 def _sphere() -> tuple[np.ndarray, np.ndarray]:
-    """Vertices `(V, 3)` of the unit sphere and triangles `(T, 3)`, outside anticlockwise."""
+    """Return the unit sphere's vertices `(V, 3)` and triangles `(T, 3)`, outside anticlockwise."""
     theta = np.linspace(0, math.pi, _SPHERE_ROWS + 1)[:, None]
     phi = np.linspace(0, 2 * math.pi, _SPHERE_COLUMNS + 1)[None, :]
     parts = np.broadcast_arrays(

@@ -1,4 +1,4 @@
-"""An estimate as a picture: its layers, the object recomposed, and a sphere of the material."""
+"""The preview of an estimate: its layers, the recomposed object, and a sphere of the material."""
 
 import functools
 import math
@@ -17,7 +17,7 @@ _TILE = 256
 _MARGIN, _TITLE = 12, 24
 _PAPER, _INK = (250, 250, 251), (29, 36, 48)
 _BACKGROUND = 0.16
-"""Linear grey behind the sphere."""
+"""Linear radiance of the grey behind the sphere."""
 _OUTLINE = np.array([1.0, 0.25, 0.1], np.float32)
 _TITLES = {
     "photo": "photo and mask",
@@ -29,9 +29,16 @@ _TITLES = {
 
 
 def sphere(material: Material, size: int) -> np.ndarray:
-    """A sphere of the material in a dark studio with three soft boxes, `(size, size, 3)` sRGB.
+    """Render a sphere of the material in a dark studio with three soft boxes.
 
-    In [0, 1], rendered by Eqs. 1–4 at twice the size, over grey.
+    The sphere is shaded by Eqs. 2–4 at twice the size and averaged.
+
+    Args:
+        material: estimate with albedos and exponent.
+        size: height and width of the picture in pixels.
+
+    Returns:
+        Picture `(size, size, 3)` float32, sRGB in [0, 1], grey beside the sphere.
 
     Raises:
         ValueError: if the estimate holds no albedos or no exponent.
@@ -39,7 +46,7 @@ def sphere(material: Material, size: int) -> np.ndarray:
     whole = material.whole()
     if whole is None:
         raise ValueError("a sphere needs a whole material: estimate `albedo` and `exponent`")
-    # To a twentieth of a decade, which no eye tells apart.
+    # Rounded for the cache, to a twentieth of a decade: the eye sees no difference.
     log_exponent = round(20 * math.log10(max(whole.exponent, 1e-3))) / 20
     diffuse_shading, specular_shading = _shaded(log_exponent, 2 * size)
     radiance = compose(
@@ -56,7 +63,7 @@ def sphere(material: Material, size: int) -> np.ndarray:
 
 @functools.lru_cache(maxsize=64)
 def _shaded(log_exponent: float, size: int) -> tuple[np.ndarray, np.ndarray]:
-    """D and S of the sphere in the studio, each `(1, size, size, 1)`."""
+    """Return D and S of the sphere in the studio, each `(1, size, size, 1)`, linear radiance."""
     light = studio_light.light()[None, ..., None].astype(np.float32)
     exponent = np.array([10.0**log_exponent], np.float32)
     diffuse_shading, specular_shading = sphere_shading(light, exponent, size)
@@ -64,17 +71,20 @@ def _shaded(log_exponent: float, size: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def sheet(image_srgb: np.ndarray, material: Material) -> np.ndarray:
-    """All that an estimate holds, side by side: `(H, W, 3)` sRGB in [0, 1].
+    """Draw all parts of an estimate side by side, with its numbers below.
 
     Args:
-        image_srgb: the photo, `(H, W, 3)`.
-        material: estimated from it.
+        image_srgb: photo `(H, W, 3)`, sRGB in [0, 1].
+        material: estimate from the photo, with the layer `mask`.
+
+    Returns:
+        Picture `(h, w, 3)` float32, sRGB in [0, 1].
     """
     tiles = {_TITLES["photo"]: _with_outline(image_srgb, material)}
     for name, title in list(_TITLES.items())[1:]:
         if name in material.layers:
             tile = _seen(material.layers[name], material)
-            # S and M reach far above white: their bright parts are compressed.
+            # S and M are far brighter than white, so their bright parts are compressed.
             shown = tile / (1 + tile) if tile.shape[-1] == 1 else np.clip(tile, 0, 1)
             tiles[title] = np.broadcast_to(colour.linear_to_srgb(shown), (_TILE, _TILE, 3))
     if "reflectance_map" in material.layers:
@@ -87,7 +97,7 @@ def sheet(image_srgb: np.ndarray, material: Material) -> np.ndarray:
 
 
 def caption(material: Material) -> str:
-    """The numbers in one line; what was not estimated is left out."""
+    """Return the estimated numbers in one line of text."""
     parts = []
     if material.diffuse_albedo is not None:
         red, green, blue = material.diffuse_albedo
@@ -100,7 +110,7 @@ def caption(material: Material) -> str:
 
 
 def _with_outline(image_srgb: np.ndarray, material: Material) -> np.ndarray:
-    """The photo's square with a line where the mask ends."""
+    """Return the photo's square as a tile, with the outline of the mask."""
     inside = _seen(material.layers["mask"], material)[..., 0] >= framing.THRESHOLD
     padded = np.pad(inside, 1, mode="edge")
     neighbours = [padded[1:-1, :-2], padded[1:-1, 2:], padded[:-2, 1:-1], padded[2:, 1:-1]]
@@ -110,7 +120,7 @@ def _with_outline(image_srgb: np.ndarray, material: Material) -> np.ndarray:
 
 
 def _seen(layer: np.ndarray, material: Material) -> np.ndarray:
-    """What the networks saw of a linear layer `(H, W, C)`, as a tile."""
+    """Return the square of a linear layer `(H, W, C)` that the networks saw, as a tile."""
     return framing.cut_layer(layer, _square(material, layer), _TILE)
 
 

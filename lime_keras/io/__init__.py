@@ -1,1 +1,1 @@
-"""Pictures, normal maps and videos, from and to files."""
+"""Reading and writing of pictures, normal maps and videos."""

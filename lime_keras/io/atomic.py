@@ -1,4 +1,4 @@
-"""Files and folders that are whole or not there."""
+"""Atomic writing: a file or folder is there completely, or not at all."""
 
 import contextlib
 import os
@@ -10,17 +10,17 @@ from pathlib import Path
 
 @contextlib.contextmanager
 def replacing(path: Path, *, shared: bool = False) -> Iterator[Path]:
-    """Yield a path beside `path` to write to, a file or a folder, which replaces it at the end.
+    """Yield a temporary path beside `path`, and move what was written there to `path` at the end.
 
-    Missing parent folders are made. What an interrupted write left there is removed first. If the
-    block fails, what it wrote and the parent folders made for it are removed, and what was at
-    `path` stays.
+    The block writes a file or a folder to the temporary path. Missing parent folders are made, and
+    the rest of an earlier interrupted write is removed first. If the block fails, the temporary
+    path and the parent folders made for it are removed, and `path` stays as it was.
 
     Args:
-        path: of the file or folder to replace.
-        shared: whether several processes may write `path` at once. Each then has a path of its
-            own, and the last to finish wins; what a killed process left, `partial-*`, is the
-            caller's to remove.
+        path: path of the file or folder to replace.
+        shared: whether several processes may write `path` at once. Then each process has its own
+            temporary path, and the last process to finish wins. The caller has to remove what a
+            killed process left (`partial-*`).
     """
     own = f"{uuid.uuid4().hex}-" if shared else ""
     partial = path.with_name(f"partial-{own}{path.name}")
@@ -35,25 +35,25 @@ def replacing(path: Path, *, shared: bool = False) -> Iterator[Path]:
     except BaseException:
         remove(partial)
         for parent in made:
-            with contextlib.suppress(OSError):  # another's file is in it by now
+            with contextlib.suppress(OSError):  # another process has written there meanwhile
                 parent.rmdir()
         raise
 
 
 def write(path: Path, content: bytes | str, *, shared: bool = False) -> None:
-    """Write a file, and its folders, whole or not at all; text as UTF-8.
+    """Write a file completely or not at all; make its missing folders.
 
     Args:
-        path: of the file.
-        content: all of it.
-        shared: as for `replacing`.
+        path: path of the file.
+        content: whole content of the file; text is written as UTF-8.
+        shared: whether several processes may write `path` at once (see `replacing`).
     """
     with replacing(path, shared=shared) as partial:
         partial.write_bytes(content.encode() if isinstance(content, str) else content)
 
 
 def remove(path: Path) -> None:
-    """Remove a file, or a folder with all that is in it; do nothing where neither is."""
+    """Remove a file, or a folder with its content; do nothing if `path` does not exist."""
     if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path)
     else:

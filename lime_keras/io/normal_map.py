@@ -1,4 +1,4 @@
-"""Normals from files: what a user's scanner or renderer knows of the shape in a photo."""
+"""The reader of normal maps, which a user's scanner or renderer made for the shape in a photo."""
 
 from pathlib import Path
 
@@ -6,26 +6,30 @@ import numpy as np
 import OpenImageIO as oiio
 
 _LEAST_LENGTH = 0.5
-"""Shorter vectors are background: black and mid-grey are both used for it."""
+"""Length below which a vector is background; files use black or mid-grey for background."""
 _UNIT_WITHIN = 0.1
-"""At half of a map's pixels at least; where normals meet they are averaged, and shorter."""
+"""Deviation from length 1 allowed for a unit normal.
+
+Only half of the pixels have to keep it: where surfaces meet, averaged normals are shorter.
+"""
 _NAMES = (("normal.X", "normal.Y", "normal.Z"), ("X", "Y", "Z"), ("R", "G", "B"))
-"""Channels looked for, in this order: those of `lime-render --export` first."""
+"""Names of the channels to look for, in this order; `lime-render --export` writes the first."""
 
 
 def read(path: str | Path) -> np.ndarray:
     """Read unit normals in camera space (x right, y up, z towards the camera).
 
-    An OpenEXR file holds them as they are, in channels normal.X, normal.Y, normal.Z, or X, Y, Z, or
-    R, G, B; a PNG of 8 or 16 bits holds v = (n + 1) / 2, as colours without a gamma. Vectors
-    shorter than a half, black pixels of a PNG and those of alpha 0 are background.
+    An OpenEXR file holds n itself, in channels normal.X, normal.Y, normal.Z, or X, Y, Z, or R, G,
+    B. A PNG of 8 or 16 bits holds v = (n + 1) / 2, as colours without a gamma. Vectors shorter than
+    one half, black pixels of a PNG and pixels of alpha 0 are background.
 
     Returns:
-        `(H, W, 3)` float32, of length 1, or 0 in the background.
+        Normals `(H, W, 3)` float32, of length 1, or 0 in the background.
 
     Raises:
-        ValueError: if the file is missing, neither EXR nor PNG, has no three channels, holds NaN or
-            infinity or no normal at all, or vectors that are no normals facing the camera.
+        ValueError: if the file is missing or neither EXR nor PNG, lacks the three channels, holds
+            NaN or infinity, or holds no normal at all; also if most of its vectors do not have
+            length 1, or point away from the camera.
     """
     path = Path(path)
     file = oiio.ImageInput.open(str(path), _raw())
@@ -53,14 +57,14 @@ def read(path: str | Path) -> np.ndarray:
 
 
 def _raw() -> oiio.ImageSpec:
-    """Colours as stored: not multiplied by alpha."""
+    """Return the reading options that leave colours as stored, not multiplied by alpha."""
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
     return config
 
 
 def _channels(path: Path, names: tuple[str, ...]) -> list[int]:
-    """Which channels hold x, y and z."""
+    """Return the indices of the channels that hold x, y and z; raise ValueError without them."""
     for wanted in _NAMES:
         if set(wanted) <= set(names):
             return [names.index(name) for name in wanted]
@@ -70,7 +74,7 @@ def _channels(path: Path, names: tuple[str, ...]) -> list[int]:
 
 
 def _normals(path: Path, vectors: np.ndarray) -> np.ndarray:
-    """Vectors `(H, W, 3)` made unit, the background 0; refused if they are no normals."""
+    """Return vectors `(H, W, 3)` made unit, the background 0; raise ValueError if not normals."""
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
     seen = length[..., 0] >= _LEAST_LENGTH
     if not seen.any():

@@ -1,4 +1,4 @@
-"""Pictures from and to files, by OpenImageIO."""
+"""Reading and writing of pictures, with OpenImageIO."""
 
 import contextlib
 import io
@@ -11,34 +11,34 @@ import OpenImageIO as oiio
 from lime_keras.optics import colour
 
 LARGEST = 50_000_000
-"""Most pixels that a photo may have: it takes 6 GB of memory then."""
+"""Largest number of pixels that a photo may have; such a photo takes 6 GB of memory."""
 SMALLEST = 16
-"""Fewest pixels of a photo's shorter side: in fewer, no object's shading can be seen."""
+"""Smallest number of pixels on a photo's shorter side; fewer show no object's shading."""
 SUFFIXES = tuple(
     ".jpg .jpeg .png .heic .heif .exr .hdr .tif .tiff .webp .jp2 .jxl .bmp .gif .tga .ppm".split()
 )
-"""What is taken for a photo when a folder is gone through; a file named is read in any case."""
+"""Suffixes of the files in a folder that count as photos; a named file may have any suffix."""
 _HEIF = (".heic", ".heif", ".hif")
 _LINEAR_FORMATS = ("openexr", "hdr")
 _LINEAR_SPACES = ("lin", "scene_linear")
 
 
 def read(path: str | Path) -> tuple[np.ndarray, np.ndarray | None]:
-    """Read a photo of any kind, and the cut-out that its alpha channel holds, if any.
+    """Read a photo of any kind, and its alpha channel if a part of the photo is transparent.
 
-    Integer formats are taken to be sRGB, unless they bring a profile, such as the Display P3 of
-    phones, from which they are converted. OpenEXR, Radiance and files that say so (a PNG with
-    gamma 1) are linear; those are clipped at 1 and encoded. Grey is repeated, palettes and CMYK
-    become RGB, EXIF rotation is applied, and of many pages the first is taken. Transparent pixels
-    lie over black.
+    Integer formats count as sRGB; with a colour profile, such as the Display P3 of phones, they are
+    converted from it to sRGB. OpenEXR, Radiance and files marked as linear (a PNG with gamma 1) are
+    linear: they are clipped at 1 and encoded as sRGB. A grey channel is repeated, palettes and CMYK
+    become RGB, EXIF rotation is applied, and of a file with several pages the first is read.
+    Transparent pixels are composed over black.
 
     Returns:
         image: `(H, W, 3)` float32 sRGB in [0, 1].
         alpha: `(H, W, 1)` float32 in [0, 1]; None if nothing is transparent.
 
     Raises:
-        ValueError: if the file is missing, no picture, empty, not finite, below `SMALLEST` or above
-            `LARGEST`.
+        ValueError: if the file is missing, not a picture, empty, or holds NaN or infinity; also if
+            it is smaller than `SMALLEST` or larger than `LARGEST`.
     """
     path = Path(path)
     pixels, alpha, is_linear = _read_heif(path) if _is_heif(path) else _read(path)
@@ -52,17 +52,30 @@ def read(path: str | Path) -> tuple[np.ndarray, np.ndarray | None]:
 
 
 def read_srgb(path: str | Path) -> np.ndarray:
-    """Read a photo as `(H, W, 3)` float32 sRGB in [0, 1], without its alpha; errors as `read`."""
+    """Read a photo as `(H, W, 3)` float32 sRGB in [0, 1], without its alpha channel.
+
+    Raises:
+        ValueError: if the photo cannot be read (see `read`).
+    """
     return read(path)[0]
 
 
 def read_mask(path: str | Path, height: int, width: int) -> np.ndarray:
-    """Read an object's mask, white where it is, as `(height, width, 1)` float32 in [0, 1].
+    """Read the mask of an object from a picture that is white where the object is.
 
-    Of a colour picture the mean of its channels counts; of a cut-out, its alpha.
+    The mask is the mean of the picture's channels, or its alpha channel if it has one.
+
+    Args:
+        path: path of the picture.
+        height: height of the mask's photo in pixels.
+        width: width of the mask's photo in pixels.
+
+    Returns:
+        Coverage `(height, width, 1)` float32 in [0, 1].
 
     Raises:
-        ValueError: as `read`, or if it is not of the photo's size, or black.
+        ValueError: if the picture cannot be read (see `read`), has another size than the photo, or
+            is black.
     """
     image, alpha = read(path)
     mask = image.mean(-1, keepdims=True) if alpha is None else alpha
@@ -77,13 +90,13 @@ def read_mask(path: str | Path, height: int, width: int) -> np.ndarray:
 
 
 def _read(path: Path) -> tuple[np.ndarray, np.ndarray | None, bool]:
-    """Colour `(H, W, 3)`, alpha `(H, W, 1)` or None, and whether the colour is linear."""
+    """Read colour `(H, W, 3)`, alpha `(H, W, 1)` or None, and whether the colour is linear."""
     image = oiio.ImageBuf(str(path))
     if not image.has_error:
         _check_size(path, image.spec().width, image.spec().height)
     if image.has_error or not image.read(force=True, convert=oiio.FLOAT):
         raise ValueError(f"{path} cannot be read as a picture: {image.geterror()}")
-    # Reorienting makes a new image, which no longer knows its format.
+    # Take the format's properties now: the image that `reorient` makes has lost them.
     space = image.spec().get_string_attribute("oiio:ColorSpace").lower()
     is_linear = image.file_format_name in _LINEAR_FORMATS or space.startswith(_LINEAR_SPACES)
     profile = image.spec().getattribute("ICCProfile")
@@ -108,11 +121,11 @@ def _is_heif(path: Path) -> bool:
 
 
 def _read_heif(path: Path) -> tuple[np.ndarray, np.ndarray | None, bool]:
-    """As `_read`, of a phone's HEIC, which OpenImageIO's wheels are built without."""
+    """Read a phone's HEIC as `_read` does; the wheels of OpenImageIO do not support HEIC."""
     import pillow_heif
 
     with _naming(path):
-        # Upright already: the library applies the file's rotation.
+        # The image is upright already: the library applies the file's rotation.
         image = pillow_heif.open_heif(path)
     _check_size(path, *image.size)
     with _naming(path):
@@ -126,10 +139,10 @@ def _read_heif(path: Path) -> tuple[np.ndarray, np.ndarray | None, bool]:
 
 
 def _from_profile(pixels: np.ndarray, profile: bytes | None) -> np.ndarray:
-    """Pixels `(H, W, 3)` in [0, 1] of an ICC profile, in sRGB, to 8 bits.
+    """Convert pixels `(H, W, 3)` in [0, 1] from an ICC profile to sRGB, with 8 bits.
 
-    A profile that is broken, of other than RGB (OpenImageIO has made RGB of CMYK already), or
-    sRGB's own leaves them as they are.
+    The pixels stay unchanged if the profile is broken, is not for RGB (OpenImageIO has converted
+    CMYK to RGB already), or is sRGB itself.
     """
     if not profile:
         return pixels
@@ -150,7 +163,7 @@ def _from_profile(pixels: np.ndarray, profile: bytes | None) -> np.ndarray:
 
 @contextlib.contextmanager
 def _naming(path: Path) -> Iterator[None]:
-    """Say which file it was that a decoder could not read."""
+    """Turn a decoder's errors into a ValueError that names the file."""
     try:
         yield
     except (OSError, RuntimeError, SyntaxError, ValueError) as error:
@@ -171,7 +184,11 @@ def _check_size(path: Path, width: int, height: int) -> None:
 
 
 def write(path: str | Path, image: np.ndarray) -> None:
-    """Write `(H, W, C)` floats: a `.png` as 8 bits of [0, 1], an `.exr` as half floats.
+    """Write an image `(H, W, C)` of floats.
+
+    Args:
+        path: path of the file. A `.exr` holds half floats; any other format holds 8 bits of [0, 1].
+        image: values to write as they are, without a change of colour space.
 
     Raises:
         OSError: if the file cannot be written.
@@ -180,7 +197,7 @@ def write(path: str | Path, image: np.ndarray) -> None:
     height, width, channels = image.shape
     kind = oiio.HALF if path.suffix == ".exr" else oiio.UINT8
     spec = oiio.ImageSpec(width, height, channels, kind)
-    # Half the default's time, for a tenth more bytes.
+    # Level 4 takes half the time of the default level, for a tenth more bytes.
     spec.attribute("png:compressionLevel", 4)
     buffer = oiio.ImageBuf(spec)
     buffer.set_pixels(oiio.ROI(), np.ascontiguousarray(image, np.float32))

@@ -1,4 +1,4 @@
-"""Frames of a video file or a camera, upright and in their order, by PyAV."""
+"""The reader of frames from a video file or a camera, upright and in order, with PyAV."""
 
 import sys
 import time
@@ -13,29 +13,30 @@ import numpy as np
 from av import device
 
 CAMERA = "camera:"
-"""Begins the name of a camera: `camera:0`, `camera:/dev/video2`, `camera:FaceTime HD Camera`."""
+"""Prefix of a camera's name: `camera:0`, `camera:/dev/video2`, `camera:FaceTime HD Camera`."""
 EXTENSIONS = (
     *(".mp4", ".m4v", ".mov", ".3gp", ".mkv", ".webm", ".avi", ".wmv"),
     *(".mpg", ".mpeg", ".ts", ".mts", ".m2ts", ".ogv"),
 )
-"""Of the files that are taken for videos; FFmpeg looks at their bytes, not at these."""
+"""Suffixes of files that count as videos; FFmpeg itself looks only at a file's content."""
 
 _DEVICES = {"linux": "v4l2", "darwin": "avfoundation", "win32": "dshow"}
-"""FFmpeg's name for cameras, by `sys.platform`."""
+"""Name of FFmpeg's camera interface, by `sys.platform`."""
 _UNTOLD_MATRIX, _HIGH_DEFINITION = 2, 720
 _HDR = {16: "PQ", 18: "HLG"}
-"""Transfer curves of high dynamic range, by FFmpeg's number."""
+"""Names of the transfer curves of high dynamic range, by FFmpeg's number."""
 _WHOLE = 0.9
-"""Share of the time announced by a file that its frames fill if it is whole."""
+"""Share of the announced duration that the frames of a complete file fill at least."""
 
 
 @dataclass(frozen=True)
 class Frame:
-    """One frame, turned as it is to be seen.
+    """One frame of a video, upright.
 
     Attributes:
-        image_srgb: `(H, W, 3)` uint8.
-        time: seconds since the first frame; of the file, so a variable rate is kept.
+        image_srgb: `(H, W, 3)` uint8 sRGB.
+        time: seconds since the first frame, from the file's timestamps, so a variable frame rate is
+            kept.
     """
 
     image_srgb: np.ndarray
@@ -43,35 +44,35 @@ class Frame:
 
 
 def is_video(source: str) -> bool:
-    """Whether a name is that of a camera or of a video file."""
+    """Return whether `source` names a camera or a video file."""
     return is_camera(source) or Path(source).suffix.lower() in EXTENSIONS
 
 
 def is_camera(source: str) -> bool:
-    """Whether a name is that of a camera."""
+    """Return whether `source` names a camera."""
     return source.startswith((CAMERA, "/dev/video"))
 
 
 class Footage:
-    """An opened video, to be read through once: `with Footage(name) as footage: for frame in …`.
+    """An opened video that can be read once: `with Footage(name) as footage: for frame in …`.
 
     Args:
-        source: path of a file, or a camera's name behind `CAMERA`: a number or a device file on
-            Linux, what the system calls it elsewhere.
+        source: path of a file, or `CAMERA` and the name of a camera. The name is a number or a
+            device file on Linux, and the system's name for the camera elsewhere.
 
     Attributes:
-        expected: how many frames will come, as the file announces; None if it does not.
-        remarks: what the user should hear of, complete once the last frame was read: damage, which
-            is left out and read past, a file cut short, colours that are not sRGB's.
+        expected: number of frames that the file announces; None if it announces none.
+        remarks: messages for the user, complete once the last frame was read: damaged parts, which
+            are skipped, a file that is cut short, colours that are not sRGB.
 
     Raises:
-        ValueError: if the source is missing, not a video, or holds no pictures.
+        ValueError: if the source is missing, not a video, or has no video stream.
     """
 
     def __init__(self, source: str):
         self._source = source
         self._container: Any = _camera(source) if is_camera(source) else _file(source)
-        # A song's cover is a stream of one picture.
+        # The cover picture of a song is a video stream, too.
         streams = [s for s in self._container.streams.video if not _is_cover(s)]
         if not streams:
             self._container.close()
@@ -125,20 +126,20 @@ class Footage:
             )
 
     def _packets(self) -> Iterator[Any]:
-        """Compressed packets, last an empty one that makes the decoder give up what it holds."""
+        """Yield compressed packets and last an empty packet, which flushes the decoder."""
         while True:
             try:
                 yield from self._container.demux(self._stream)
                 return
             except av.error.BlockingIOError:
-                time.sleep(0.002)  # a Mac's camera has no picture yet
+                time.sleep(0.002)  # on a Mac: the camera has no picture yet
             except av.error.FFmpegError as error:
                 self.remarks.append(f"{self._source} ends early: {error.strerror}")
                 return
 
 
 def _file(source: str) -> Any:
-    """Open a file. Its path is made absolute, lest FFmpeg take `a:b.mp4` for a protocol."""
+    """Open a file by its absolute path, because FFmpeg would take `a:b.mp4` for a protocol."""
     path = Path(source).absolute()
     if not path.is_file():
         raise ValueError(f"{source}: no such file; check the path")
@@ -152,7 +153,7 @@ def _file(source: str) -> Any:
 
 
 def _camera(source: str) -> Any:
-    """Open a camera."""
+    """Open a camera; raise ValueError, with the names of the cameras found, if that fails."""
     kind, name = _DEVICES.get(sys.platform, "v4l2"), source.removeprefix(CAMERA)
     address = {"v4l2": f"/dev/video{name}" if name.isdigit() else name, "dshow": f"video={name}"}
     # AVFoundation asks for NTSC's 29.97 frames a second, which few of its cameras have.
@@ -165,7 +166,7 @@ def _camera(source: str) -> Any:
 
 
 def _known(kind: str) -> str:
-    """The cameras that there are, for an error."""
+    """Return the available cameras in words, for an error message."""
     try:
         found = [d for d in device.enumerate_input_devices(kind) if "audio" not in d.media_types]
     except (av.error.FFmpegError, ValueError):
@@ -180,10 +181,10 @@ def _is_cover(stream: Any) -> bool:
 
 
 def _upright(picture: Any) -> np.ndarray:
-    """Pixels of a decoded picture `(H, W, 3)`, uint8 sRGB, by its colour and display matrices."""
+    """Return the pixels `(H, W, 3)`, uint8 sRGB, of a decoded picture, turned upright."""
     untold = picture.colorspace == _UNTOLD_MATRIX
     high = min(picture.width, picture.height) >= _HIGH_DEFINITION
-    # Where the file does not tell, FFmpeg would take BT.601 even for high definition.
+    # If the file names no colour matrix, FFmpeg takes BT.601 even for high definition.
     matrix = "ITU709" if untold and high else None
     pixels = picture.to_ndarray(format="rgb24", src_colorspace=matrix)
     told = picture.side_data.get("DISPLAYMATRIX")
@@ -195,8 +196,8 @@ def oriented(pixels: np.ndarray, matrix: np.ndarray) -> np.ndarray:
 
     Args:
         pixels: `(H, W, C)`.
-        matrix: `(9,)` a, b, u, c, d, v, x, y, w: the point (p, q), q downwards, is to be shown at
-            (a p + c q, b p + d q).
+        matrix: display matrix `(9,)` of a, b, u, c, d, v, x, y, w. It moves the point (p, q), q
+            downwards, to (a p + c q, b p + d q).
     """
     a, b, _, c, d = matrix[:5].astype(np.int64)
     if abs(a) + abs(d) < abs(b) + abs(c):

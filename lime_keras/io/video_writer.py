@@ -1,4 +1,4 @@
-"""An MP4 file of pictures, by PyAV."""
+"""The writer of MP4 files, with PyAV."""
 
 from fractions import Fraction
 from pathlib import Path
@@ -9,19 +9,19 @@ import av
 import numpy as np
 
 _TICKS = 60_000
-"""A second, in the file's clock: a multiple of the usual frame rates, NTSC's with its 1001."""
+"""Clock ticks of the file per second: a multiple of the usual frame rates, also NTSC's."""
 
 
 class Movie:
-    """An MP4 file that grows frame by frame and can be played however it ends.
+    """An MP4 file that grows frame by frame and can be played even if the program is killed.
 
     Args:
-        path: of the file.
+        path: path of the file.
     """
 
     def __init__(self, path: Path):
-        # Fragments, and nothing held back: what was written is complete even if the program is
-        # killed.
+        # The file consists of complete fragments and nothing is buffered, so it can be played even
+        # if the program is killed.
         options = {"movflags": "frag_keyframe+empty_moov+default_base_moof", "flush_packets": "1"}
         self._container: Any = av.open(str(path.absolute()), "w", format="mp4", options=options)
         self._stream: Any = None
@@ -43,7 +43,11 @@ class Movie:
             self._container.close()
 
     def write(self, image_srgb: np.ndarray, seconds: float) -> None:
-        """Append `(H, W, 3)` uint8, H and W even; the first image's size is the file's.
+        """Append an image; later images are resized to the size of the first.
+
+        Args:
+            image_srgb: `(H, W, 3)` uint8 sRGB, H and W even.
+            seconds: time of the image, in seconds since the first image.
 
         Raises:
             OSError: if the file cannot be written.
@@ -57,13 +61,13 @@ class Movie:
             dst_colorspace="ITU709",
             dst_color_range="MPEG",
         )
-        # A file's clock must go on, though a camera's may stand still or jump back.
+        # Times in the file must increase, though a camera's clock may stand still or jump back.
         self._last = max(self._last + 1, round(seconds * _TICKS))
         picture.pts, picture.time_base = self._last, Fraction(1, _TICKS)
         self._append(picture)
 
     def _append(self, picture: Any) -> None:
-        """Encode one more picture, or at last those that the encoder still holds."""
+        """Encode a picture and write the result; None flushes the encoder."""
         try:
             self._container.mux(self._stream.encode(picture))
         except av.error.FFmpegError as error:
@@ -71,10 +75,10 @@ class Movie:
             raise OSError(f"{self._path} cannot be written: {error.strerror}") from error
 
     def _opened(self, height: int, width: int) -> Any:
-        # Builds of FFmpeg without x264 have at least its forerunner.
+        # Builds of FFmpeg without x264 have at least the older MPEG-4 encoder.
         codec = "libx264" if "libx264" in av.codecs_available else "mpeg4"
         options = {"preset": "veryfast", "crf": "20"} if codec == "libx264" else {"b": "4M"}
-        # Pictures predicted from later ones would delay all by two, without a word in the file.
+        # No B-frames (bf): they would delay all pictures by two, and the file would not say so.
         stream: Any = self._container.add_stream(codec, rate=30, options=options | {"bf": "0"})
         stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
         stream.codec_context.time_base = Fraction(1, _TICKS)

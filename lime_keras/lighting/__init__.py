@@ -1,1 +1,1 @@
-"""Section 7: the light of a scene, estimated from its object."""
+"""The light of a scene, estimated from an object in it (section 7)."""

@@ -1,4 +1,4 @@
-"""Files of section 7: the light that a photo was taken under, and its material on another shape."""
+"""The files of section 7: a photo's light, and its material on another shape (a clone)."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -11,9 +11,11 @@ from lime_keras.material import Material
 from lime_keras.optics import colour
 
 Clone = Callable[[np.ndarray, np.ndarray, Material, np.ndarray], np.ndarray]
-"""A renderer of clones: from the photo `(H, W, 3)` sRGB in [0, 1], the mask `(H, W, 1)`, the
-material and the light `(h, 2 h)`, linear, to the photo with another object of this material in the
-place of the first one."""
+"""A renderer of clones: puts another shape of the same material in the object's place.
+
+It takes the photo `(H, W, 3)`, sRGB in [0, 1], the mask `(H, W, 1)` in [0, 1], the material and the
+light `(h, 2 h)`, linear radiance. It returns the changed photo.
+"""
 
 
 def write(
@@ -25,21 +27,23 @@ def write(
     normals: Path | None,
     clone: Clone | None,
 ) -> None:
-    """Write `NAME-environment.exr` and `.png` and, given a renderer, `NAME-clone.png`.
+    """Estimate a photo's light and write `NAME-environment.exr` and `.png`.
+
+    With a renderer of clones, write `NAME-clone.png` as well.
 
     Args:
-        folder: that exists.
-        name: of the files.
-        image_srgb: the photo `(H, W, 3)`.
-        material: estimated from it, with all layers.
-        normals: file of the object's normals (`normal_map.read`), of the photo's size; without one
-            they are guessed from the mask (`guessed_normals.normals`).
-        clone: renders another shape of this material in the object's place.
+        folder: existing folder for the files.
+        name: beginning of the files' names.
+        image_srgb: photo `(H, W, 3)`, sRGB in [0, 1].
+        material: estimate from the photo, with all layers.
+        normals: file of the object's normals at the photo's size (`normal_map.read`); None to guess
+            the normals from the mask (`guessed_normals.normals`).
+        clone: renderer of clones; None to write no clone.
 
     Raises:
         OSError: if a file cannot be written.
-        ValueError: if no object was found, the normals or the mesh cannot be read, or the normals
-            are of another size.
+        ValueError: if no object was found, a layer or the albedo is missing, the normals cannot be
+            read or have another size than the photo, or the clone cannot be rendered.
     """
     mask = material.layers["mask"]
     if material.mask_coverage == 0:

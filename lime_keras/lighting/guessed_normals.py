@@ -1,9 +1,9 @@
-"""Normals where nobody knows them: a soap film's dome over the mask. Rough, and only that.
+"""A rough guess of an object's normals from its mask alone: a dome with the mask's outline.
 
 The height h over the mask's plane solves ∇²h = −4 with h = 0 at the rim, and the surface is z = √h.
-For a disc this is a hemisphere, for an ellipse half an ellipsoid; any other object becomes the
-cushion that its outline suggests. Dents, creases and flat faces are not known to it, so a light
-estimated with these normals has its lamps about where they are, blurred, and no more.
+For a disc this is a hemisphere, for an ellipse half an ellipsoid, and for any other outline a
+cushion. The dome has no dents, creases or flat faces of the object. A light estimated with these
+normals therefore shows its lamps blurred, and only roughly in their places.
 """
 
 import numpy as np
@@ -12,14 +12,14 @@ from scipy.sparse.linalg import spsolve
 from skimage.transform import resize
 
 _GRID = 96
-"""Longer side of the grid that the dome is solved on: it is smooth, and this takes 0.1 s."""
+"""Longer side of the grid for the dome, in pixels: enough for a smooth dome; it takes 0.1 s."""
 
 
 def normals(mask: np.ndarray) -> np.ndarray:
-    """Unit normals `(H, W, 3)` in camera space of a dome over a mask, 0 outside.
+    """Return the unit normals `(H, W, 3)` in camera space of a dome over a mask, 0 outside.
 
     Args:
-        mask: `(H, W, 1)` in [0, 1]; what is at least a half is the object.
+        mask: coverage `(H, W, 1)` in [0, 1]; pixels of at least one half are the object.
 
     Raises:
         ValueError: if the mask has another shape.
@@ -37,22 +37,22 @@ def normals(mask: np.ndarray) -> np.ndarray:
 
 
 def _dome(inside: np.ndarray) -> np.ndarray:
-    """Normals over the mask's bounding box `(h, w, 3)`."""
+    """Return the dome's normals `(h, w, 3)` over the mask's bounding box `(h, w)`."""
     step = max(1.0, max(inside.shape) / _GRID)
     shape = [max(1, round(side / step)) for side in inside.shape]
     coarse = resize(inside.astype(np.float64), shape, order=1, anti_aliasing=step > 1) >= 0.5
     height = np.pad(_film(coarse), 1)
     down, right = np.gradient(height)
-    # z = √h slopes by ∇h / 2√h: this is its normal times 2√h, finite at the rim too.
+    # The slope of z = √h is ∇h / 2√h. The vectors are the normals times 2√h: finite at the rim too.
     vectors = np.stack([-right, down, 2 * np.sqrt(height)], axis=-1)[1:-1, 1:-1]
     vectors = resize(vectors, (*inside.shape, 3), order=1, mode="edge")
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    # Slivers that the grid lost face the viewer.
+    # Parts too thin for the grid get a normal that faces the viewer.
     return np.where(length > 1e-9, vectors / np.maximum(length, 1e-9), (0.0, 0.0, 1.0))
 
 
 def _film(inside: np.ndarray) -> np.ndarray:
-    """The solution h `(h, w)` of ∇²h = −4 inside, 0 outside, in pixels²."""
+    """Return the height `(h, w)` in pixels² that solves ∇²h = −4 inside, and is 0 outside."""
     padded = np.pad(inside, 1)
     number = np.full(padded.shape, -1)
     number[padded] = np.arange(np.sum(padded))

@@ -1,9 +1,9 @@
-"""Section 7: the light of a scene, from the mirror image and the diffuse shading of an object.
+"""The light of a scene, from the mirror image and the diffuse shading of an object (section 7).
 
-Where a pixel of unit normal n is seen from o, its mirror image M is the light from 2(o·n)n − o, and
-its diffuse shading D the cosine-weighted light of n's hemisphere. `observe` gathers both from one
-image into maps of what was seen, in the scene's frame; those of several images add up; `estimate`
-makes the light of them.
+At a pixel with unit normal n, seen from o, the mirror image M is the light from 2(o·n)n − o, and
+the diffuse shading D is the cosine-weighted light of n's hemisphere. `observe` gathers M and D of
+one image into maps in the scene's frame, the evidence. The evidence of several images can be added.
+`estimate` computes the light from the evidence.
 """
 
 import functools
@@ -17,29 +17,33 @@ from lime_keras.optics import compositing, environment, shading
 from lime_keras.optics.environment import STORED_SHAPE
 
 _NORMALS_SHAPE = (32, 64)
-"""D varies slowly: 5.6° between the directions in which it is gathered change it by 0.1 %."""
+"""Rows and columns of the map of D. D varies slowly: a step of 5.6° changes it by 0.1 %."""
 _SCALES = (8.0, 4.0, 2.0, 1.0, 0.0)
-"""Blurs of the mirror image in texels: the coarser fill what the finer have not seen."""
+"""Blurs of the mirror image in texels; a coarser scale fills what a finer scale has not seen."""
 _TRUST = 0.05
-"""Pixels a texel at which what is seen counts as much as what the coarser scale says."""
+"""Number of pixels per texel at which a scale counts as much as the next coarser scale."""
 _LEAST_COSINE = 0.02
+"""Smallest o·n of a pixel that counts."""
 _COSINE_LOBE = np.array([1.0, *[2 / 3] * 3, *[1 / 4] * 5])
-"""What is left of each harmonic of E in D: the clamped cosine's factors over π."""
+"""Factor of each spherical harmonic from E to D: the clamped cosine's factor over π."""
 _RIDGE = 3e-3
-"""Beside the mean square of a basis function over all normals, 0.08, 0.035 and 0.005 by order."""
+"""Ridge penalty. A basis function's mean square over all normals is 0.08, 0.035, 0.005 by order."""
 _LENGTHS = (0.5, 1.5)
-"""Of normals: shorter ones are background, longer ones no directions."""
+"""Shortest and longest length that a normal may have."""
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """What one or several images show of the light, in the scene's frame; `a + b` fuses two.
+    """The evidence of the light in one or several images, in the scene's frame.
+
+    `a + b` is the evidence of both together.
 
     Attributes:
-        mirror: `(64, 128)` sums of weight times M, by the direction that is mirrored.
-        mirror_weight: `(64, 128)` sums of the weights: whole pixels facing the viewer count 1.
-        diffuse: `(32, 64)` sums of weight times D, by the normal's direction.
-        diffuse_weight: `(32, 64)` sums of the weights: whole pixels count 1.
+        mirror: `(64, 128)` sums of weight × M, by mirrored direction.
+        mirror_weight: `(64, 128)` sums of these weights; a fully covered pixel that faces the
+            viewer has weight 1.
+        diffuse: `(32, 64)` sums of weight × D, by direction of the normal.
+        diffuse_weight: `(32, 64)` sums of these weights; a fully covered pixel has weight 1.
     """
 
     mirror: np.ndarray
@@ -65,25 +69,26 @@ def observe(
     *,
     camera_to_scene: np.ndarray | None = None,
 ) -> Evidence:
-    """Gather what one image shows of the light.
+    """Return the evidence of the light in one image.
 
-    A pixel's M counts by its coverage and by o·n: near the silhouette one pixel mirrors a wide
-    angle. Normals that are zero or NaN, or turned from the viewer, and M or D that are NaN, are not
-    known and count nothing.
+    The weight of a pixel's M is coverage × o·n, because one pixel near the silhouette mirrors a
+    wide angle. The weight of its D is the coverage. A pixel has weight 0 if its normal is zero, NaN
+    or turned from the viewer; where M or D is NaN, only that value is left out.
 
     Args:
         normal: n, `(H, W, 3)` in camera space (x right, y up, z towards the camera).
-        view: o, `(H, W, 3)` unit; `shading.view_directions` of the camera.
-        mirror: M, `(H, W, 1)` linear radiance.
-        diffuse_shading: D, `(H, W, 1)` linear radiance, furnace-normalised; see
-            `compositing.diffuse_shading`.
-        mask: `(H, W, 1)` coverage in [0, 1].
-        camera_to_scene: `(3, 3)` rotation of this image's camera; by default the scene's frame is
-            the camera's.
+        view: o, unit, `(H, W, 3)` in camera space (see `shading.view_directions`).
+        mirror: M, linear radiance `(H, W, 1)`, at least 0.
+        diffuse_shading: D, linear radiance `(H, W, 1)`, at least 0, normalised to the white furnace
+            (see `compositing.diffuse_shading`).
+        mask: coverage `(H, W, 1)` in [0, 1].
+        camera_to_scene: `(3, 3)` rotation from camera space to the scene's frame; by default the
+            scene's frame is camera space.
 
     Raises:
-        ValueError: if the shapes differ, the rotation is none, a mask, M or D is negative or
-            infinite, or the normals are none: most not of length 1, or turned from the viewer.
+        ValueError: if the shapes differ, `camera_to_scene` is no rotation, M or D is negative or
+            infinite, the mask leaves [0, 1], or most normals do not have length 1 or are turned
+            from the viewer.
     """
     _check(normal, view, mirror, diffuse_shading, mask)
     rotation = np.eye(3) if camera_to_scene is None else np.asarray(camera_to_scene, np.float64)
@@ -109,7 +114,7 @@ def observe(
 
 
 def _check(normal, view, mirror, diffuse, mask) -> None:
-    """Refuse arrays of other shapes, and what no radiance or coverage can be."""
+    """Raise ValueError if the shapes differ or values are no radiance or coverage."""
     shape = mask.shape[:2]
     arrays = {"normal": (normal, 3), "view": (view, 3), "mirror": (mirror, 1)}
     arrays |= {"diffuse_shading": (diffuse, 1), "mask": (mask, 1)}
@@ -127,7 +132,7 @@ def _check(normal, view, mirror, diffuse, mask) -> None:
 
 
 def _unit(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Normals `(N, 3)` made unit, 0 where not known, and which are known."""
+    """Return normals `(N, 3)` made unit, 0 where not known, and which are known, `(N,)` bool."""
     length = np.linalg.norm(normal, axis=-1)
     given = np.isfinite(length) & (length > 0)
     known = given & (length >= _LENGTHS[0]) & (length <= _LENGTHS[1])
@@ -142,7 +147,7 @@ def _unit(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _gather(
     values: np.ndarray, weight: np.ndarray, direction: np.ndarray, shape: tuple[int, int]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Weighted sums of values by direction, and sums of the weights."""
+    """Return two maps of `shape`: weighted sums of values by direction, and sums of the weights."""
     kept = (weight > 0) & np.isfinite(values)
     values, weight, direction = values[kept], weight[kept], direction[kept]
     return (
@@ -152,10 +157,11 @@ def _gather(
 
 
 def _filled(evidence: Evidence) -> tuple[np.ndarray, np.ndarray]:
-    """The mirrored light `(64, 128)` where seen, falling to 0 beside it; the share not seen.
+    """Return the mirrored light `(64, 128)` and the share of each direction that was not seen.
 
-    From coarse to fine, what is seen at a scale is weighed against what the coarser one says; the
-    coarsest says 0, and the share tells how much of that is left.
+    The scales are combined from coarse to fine. At each scale, the light seen is averaged with the
+    result of the coarser scale, by their weights. Before the coarsest scale the light is 0. The
+    share, in [0, 1], is the weight of this initial 0 in the result.
     """
     relative = environment.solid_angles(*STORED_SHAPE) / (2 * math.pi**2 / np.prod(STORED_SHAPE))
     light, unseen = np.zeros(STORED_SHAPE), np.ones(STORED_SHAPE)
@@ -171,7 +177,7 @@ def _filled(evidence: Evidence) -> tuple[np.ndarray, np.ndarray]:
 
 
 def harmonics(direction: np.ndarray) -> np.ndarray:
-    """The nine real spherical harmonics of order 0 to 2 in unit directions `(..., 3)`."""
+    """Return the nine real spherical harmonics of order 0 to 2, `(..., 9)`, in unit directions."""
     x, y, z = np.moveaxis(direction, -1, 0)
     return np.stack(
         [
@@ -186,22 +192,29 @@ def harmonics(direction: np.ndarray) -> np.ndarray:
 
 
 def estimate(evidence: Evidence) -> np.ndarray:
-    """The light `(64, 128)`, linear radiance, at least 0, in the scene's frame.
+    """Estimate the light from evidence.
 
-    E = M̂ + u · L + C, in three steps, none of which counts what another has:
+    E = M̂ + u · L + C, in three steps that do not count any light twice:
 
-    1. M̂, the mirror image where it was seen, to the texel; u is the share of a direction that was
-       not seen, from 0 to 1.
-    2. L, the light of D in spherical harmonics of order 2, fills what was not seen. Where D is not
-       known either, it is even and as bright as what was seen on the mean.
-    3. C, of order 2 as well and everywhere, explains what D shows and M̂ + u · L does not.
+    1. M̂ is the mirrored light where it was seen, texel by texel. u, from 0 to 1, is the share of
+       each direction that was not seen.
+    2. L is the light in spherical harmonics up to order 2 that explains D. It fills the directions
+       that were not seen. Without any D, L is uniform, with the mean of the light that was seen.
+    3. C, also in harmonics up to order 2, corrects the light in all directions. It explains the
+       part of D that M̂ + u · L does not explain.
 
-    The nine coefficients solve a ridge regression on the D of all normals seen: L is drawn towards
-    the even light of the mean D, C towards none, the more the fewer and the more alike the normals.
-    Negative sums become 0.
+    The nine coefficients of L and of C solve a ridge regression on the D of all normals seen. The
+    ridge draws L towards the uniform light of the mean D, and C towards 0. The more
+    alike the normals are, the stronger the ridge acts. A negative sum becomes 0.
+
+    Args:
+        evidence: evidence of one or several images.
+
+    Returns:
+        Light in the scene's frame, linear radiance `(64, 128)`, at least 0.
 
     Raises:
-        ValueError: if nothing was seen: no pixel of the masks has a normal and M or D.
+        ValueError: if there is no evidence: no pixel of the masks has a normal and M or D.
     """
     if not (evidence.mirror_weight.any() or evidence.diffuse_weight.any()):
         raise ValueError(
@@ -224,7 +237,7 @@ def estimate(evidence: Evidence) -> np.ndarray:
 
 
 def _low_frequencies(values: np.ndarray, weight: np.ndarray, shaded: np.ndarray) -> np.ndarray:
-    """The light `(64, 128)` of order 2 with the diffuse shading `(N,)` of the normals `shaded`."""
+    """Return the light `(64, 128)` of order 2 that best fits D `(N,)` in directions `shaded`."""
     basis = harmonics(environment.directions(*_NORMALS_SHAPE)[shaded]) * _COSINE_LOBE
     weighted = basis * (weight / np.sum(weight))[:, None]
     coefficients = np.linalg.solve(weighted.T @ basis + _RIDGE * np.eye(9), weighted.T @ values)
@@ -232,7 +245,7 @@ def _low_frequencies(values: np.ndarray, weight: np.ndarray, shaded: np.ndarray)
 
 
 def _shading(light: np.ndarray) -> np.ndarray:
-    """D `(32, 64)`, by the normal's direction, of a light `(64, 128)`."""
+    """Return D `(32, 64)` of a light `(64, 128)`, by direction of the normal."""
     rows, columns = _NORMALS_SHAPE
     energy = light * environment.solid_angles(*STORED_SHAPE)
     energy = energy.reshape(rows, 2, columns, 2).sum(axis=(1, 3)).reshape(-1)
@@ -243,28 +256,29 @@ def _shading(light: np.ndarray) -> np.ndarray:
 
 @functools.cache
 def _cosines() -> np.ndarray:
-    """max(i·n, 0), `(2048, 2048)`, of all normals and lights of `_NORMALS_SHAPE`."""
+    """Return max(i·n, 0), `(2048, 2048)`, for each normal and each light of `_NORMALS_SHAPE`."""
     directions = environment.directions(*_NORMALS_SHAPE).reshape(-1, 3).astype(np.float32)
     return np.maximum(directions @ directions.T, 0)
 
 
 def seen(evidence: Evidence) -> np.ndarray:
-    """Which directions `(64, 128)` the object mirrors, more than half known."""
+    """Return the directions, `(64, 128)` bool, of which more than half of the light was seen."""
     return _filled(evidence)[1] < 0.5
 
 
 def from_material(
     material: Material, normal: np.ndarray, camera: np.ndarray | None = None
 ) -> Evidence:
-    """What an estimate's layers and the object's normals show of the light, in camera space.
+    """Return the evidence of the light, in camera space, in an estimate of one photo.
 
     Args:
-        material: with all layers, of one photo.
-        normal: `(H, W, 3)` of `normal_map.read`, or roughly of `dome.normals`, at the layers' size.
+        material: estimate with the layers `mask`, `mirror` and `diffuse`, and with m_d.
+        normal: normals `(H, W, 3)` in camera space at the layers' size, from `normal_map.read`, or
+            roughly from `guessed_normals.normals`.
         camera: fx, fy, cx, cy in pixels; by default `shading.assumed_camera`.
 
     Raises:
-        ValueError: as `observe`, or if the material lacks a layer or its diffuse albedo.
+        ValueError: if the material lacks a layer or m_d, or the arrays do not fit (see `observe`).
     """
     lacking = [name for name in ("mask", "mirror", "diffuse") if name not in material.layers]
     if lacking or material.diffuse_albedo is None:

@@ -1,1 +1,1 @@
-"""The equations: colour spaces, lobes, shading integrals, environment and reflectance maps."""
+"""The paper's equations: colour spaces, lobes, shading, environment maps, reflectance maps."""

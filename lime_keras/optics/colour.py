@@ -1,4 +1,7 @@
-"""sRGB and linear radiance, RGB and YUV. The only place that knows 0.0031308."""
+"""Conversions between sRGB and linear radiance, and between RGB and YUV.
+
+The functions do not check their arguments: they raise only errors of NumPy or of the backend.
+"""
 
 from types import ModuleType
 from typing import Any
@@ -11,10 +14,10 @@ _KNEE_LINEAR = 0.0031308
 _KNEE_SRGB = 0.04045
 
 CLIPPED = 0.999
-"""sRGB level from which a channel counts as clipped by the camera."""
+"""sRGB level, in [0, 1], from which on a channel counts as clipped by the camera."""
 
 LUMINANCE_WEIGHTS = np.array([0.2126, 0.7152, 0.0722], np.float32)
-"""Rec. 709 luminance of linear RGB."""
+"""Weights of linear R, G and B in the Rec. 709 luminance."""
 
 # BT.601 analogue YUV, in which the paper draws the diffuse albedo (section 5.1).
 _YUV_FROM_RGB = np.array(
@@ -27,18 +30,22 @@ _YUV_FROM_RGB = np.array(
 _RGB_FROM_YUV = np.linalg.inv(_YUV_FROM_RGB)
 YUV_LOW = np.array([0.0, -0.886 * 0.492, -0.701 * 0.877])
 YUV_HIGH = np.array([1.0, 0.886 * 0.492, 0.701 * 0.877])
-"""The smallest box in YUV that holds the RGB cube."""
+"""Corners of the smallest box in YUV that holds the RGB cube [0, 1]³."""
 
 
 def srgb_to_linear(srgb: Any, xp: ModuleType | None = None) -> Any:
-    """Decode sRGB to linear radiance (IEC 61966-2-1), any shape.
+    """Decode sRGB to linear radiance (IEC 61966-2-1); [0, 1] becomes [0, 1].
 
     Values outside [0, 1] follow the curve's own extension (linear below 0, the power above 1), so
     the function is monotone everywhere and its gradient is finite.
 
     Args:
-        srgb: array or tensor.
-        xp: module with NumPy's names to compute with; by default that of the argument.
+        srgb: sRGB values of any shape, array or tensor.
+        xp: module to compute with, which has NumPy's function names; by default `numpy` for an
+            array and `keras.ops` for a tensor.
+
+    Returns:
+        Linear radiance of the same shape.
     """
     xp = xp or namespace(srgb)
     high = ((xp.maximum(srgb, _KNEE_SRGB) + 0.055) / 1.055) ** 2.4
@@ -46,22 +53,35 @@ def srgb_to_linear(srgb: Any, xp: ModuleType | None = None) -> Any:
 
 
 def linear_to_srgb(linear: Any, xp: ModuleType | None = None) -> Any:
-    """Encode linear radiance as sRGB; the inverse of `srgb_to_linear`. Does not clip."""
+    """Encode linear radiance as sRGB; the inverse of `srgb_to_linear`.
+
+    Radiance above 1 is not clipped: it becomes sRGB values above 1.
+
+    Args:
+        linear: linear radiance of any shape, array or tensor.
+        xp: module to compute with (see `srgb_to_linear`).
+
+    Returns:
+        sRGB values of the same shape.
+    """
     xp = xp or namespace(linear)
     high = 1.055 * xp.maximum(linear, _KNEE_LINEAR) ** (1.0 / 2.4) - 0.055
     return xp.where(linear <= _KNEE_LINEAR, linear * 12.92, high)
 
 
 def luminance(rgb_linear: np.ndarray) -> np.ndarray:
-    """Rec. 709 luminance of linear RGB `(..., 3)`, shape `(...)`."""
+    """Return the Rec. 709 luminance `(...)` of linear RGB `(..., 3)`, in the unit of the RGB."""
     return rgb_linear @ LUMINANCE_WEIGHTS.astype(rgb_linear.dtype)
 
 
 def rgb_to_yuv(rgb: np.ndarray) -> np.ndarray:
-    """BT.601 YUV of RGB `(..., 3)`."""
+    """Return BT.601 YUV `(..., 3)`, from `YUV_LOW` to `YUV_HIGH`, of RGB `(..., 3)` in [0, 1]."""
     return rgb @ _YUV_FROM_RGB.T
 
 
 def yuv_to_rgb(yuv: np.ndarray) -> np.ndarray:
-    """RGB of BT.601 YUV `(..., 3)`; may leave [0, 1], which the caller rejects or clips."""
+    """Return RGB `(..., 3)` of BT.601 YUV `(..., 3)`.
+
+    The RGB may lie outside [0, 1]; the caller rejects or clips it.
+    """
     return yuv @ _RGB_FROM_YUV.T

@@ -1,4 +1,4 @@
-"""Eq. 4: the image from its layers."""
+"""The composition of an image from its layers (Eq. 4), and D from a diffuse layer."""
 
 from typing import Any
 
@@ -7,7 +7,7 @@ import numpy as np
 from lime_keras.arrays import namespace
 
 _BLACK = 1e-4
-"""Square of an albedo below which a diffuse layer is noise."""
+"""Squared length of m_d up to which it counts as black: its diffuse layer is only noise."""
 
 
 def compose(
@@ -17,17 +17,20 @@ def compose(
     diffuse_shading: Any,
     specular_shading: Any,
 ) -> Any:
-    """Linear radiance I = m_a + m_d · D + m_s · S, not clipped.
+    """Return the linear radiance I = m_a + m_d · D + m_s · S (Eq. 4), not clipped.
+
+    The arguments are NumPy arrays or Keras tensors. Shapes that do not fit raise an error of NumPy
+    or of the backend.
 
     Args:
-        diffuse_albedo: m_d, `(B, 3)`, linear, in [0, 1].
-        specular_albedo: m_s, `(B,)` or `(B, 1)`, in [0, 1].
-        ambient: m_a, `(B,)` or `(B, 1)`, radiance.
-        diffuse_shading: D, `(B, H, W, 1)`, at least 0.
-        specular_shading: S, `(B, H, W, 1)`, at least 0.
+        diffuse_albedo: m_d, linear RGB `(B, 3)` in [0, 1].
+        specular_albedo: m_s, `(B,)` or `(B, 1)` in [0, 1].
+        ambient: m_a, linear radiance `(B,)` or `(B, 1)`, at least 0.
+        diffuse_shading: D, linear radiance `(B, H, W, 1)`, at least 0.
+        specular_shading: S, linear radiance `(B, H, W, 1)`, at least 0.
 
     Returns:
-        `(B, H, W, 3)` radiance.
+        Linear RGB radiance `(B, H, W, 3)`, at least 0.
     """
     xp = namespace(diffuse_albedo, specular_albedo, ambient, diffuse_shading, specular_shading)
     m_d = xp.reshape(diffuse_albedo, (-1, 1, 1, 3))
@@ -37,11 +40,14 @@ def compose(
 
 
 def diffuse_shading(diffuse_layer: np.ndarray, diffuse_albedo: np.ndarray) -> np.ndarray:
-    """D `(H, W, 1)`, the grey shading with which m_d · D comes nearest a diffuse layer.
+    """Return the grey shading D whose product m_d · D fits a diffuse layer best (least squares).
 
     Args:
-        diffuse_layer: m_d · D, `(H, W, 3)` linear radiance.
-        diffuse_albedo: m_d, `(3,)` linear; of a black one D cannot be known, and is NaN.
+        diffuse_layer: m_d · D, linear RGB radiance `(H, W, 3)`.
+        diffuse_albedo: m_d, linear RGB `(3,)` in [0, 1].
+
+    Returns:
+        D, linear radiance `(H, W, 1)`. If m_d is black, D cannot be known and is NaN.
     """
     albedo = np.asarray(diffuse_albedo, diffuse_layer.dtype)
     square = float(albedo @ albedo)

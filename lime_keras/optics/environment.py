@@ -1,17 +1,17 @@
 """Equirectangular environment maps in Mitsuba's convention.
 
-direction(u, v) = (sin πv · sin 2πu, cos πv, −sin πv · cos 2πu), v = 0 at the top row. Maps are
-`(H, W)` linear radiance, one channel, because the paper's light is white-balanced.
+direction(u, v) = (sin πv · sin 2πu, cos πv, −sin πv · cos 2πu), v = 0 at the top row. A map is
+`(H, W)` linear radiance. It has one channel, because the paper's light is white-balanced.
 """
 
 import numpy as np
 
 STORED_SHAPE = (64, 128)
-"""Rows and columns in which a record keeps the light of its scene."""
+"""Rows and columns of the environment map that a record stores."""
 
 
 def directions(height: int, width: int) -> np.ndarray:
-    """Unit directions `(height, width, 3)` through the texel centres."""
+    """Return the unit directions `(height, width, 3)` through the texel centres."""
     theta = np.pi * (np.arange(height) + 0.5) / height
     phi = 2 * np.pi * (np.arange(width) + 0.5) / width
     sin_theta = np.sin(theta)[:, None]
@@ -20,22 +20,24 @@ def directions(height: int, width: int) -> np.ndarray:
 
 
 def solid_angles(height: int, width: int) -> np.ndarray:
-    """Exact solid angle of each texel in steradian, `(height, width)`; they sum to 4π."""
+    """Return each texel's exact solid angle in steradians, `(height, width)`; the sum is 4π."""
     edges = np.cos(np.pi * np.arange(height + 1) / height)
     rows = (edges[:-1] - edges[1:]) * (2 * np.pi / width)
     return np.broadcast_to(rows[:, None], (height, width))
 
 
 def spherical_mean(radiance: np.ndarray) -> float:
-    """Mean radiance over the sphere of a map `(H, W)`."""
+    """Return the mean radiance of a map `(H, W)` over the sphere."""
     return float(np.sum(radiance * solid_angles(*radiance.shape), dtype=np.float64) / (4 * np.pi))
 
 
 def check(radiance: np.ndarray) -> None:
-    """Refuse a map that no light can have: one such texel would darken or blind what it lights.
+    """Raise ValueError if a map `(H, W)` holds values that are no radiance.
+
+    A single such texel would spoil the shading of every surface that it lights.
 
     Raises:
-        ValueError: if a texel of `(H, W)` is NaN, infinite or negative.
+        ValueError: if a texel is NaN, infinite or negative.
     """
     if radiance.size and not (np.min(radiance) >= 0 and np.max(radiance) < np.inf):
         wrong = ~((radiance >= 0) & (radiance < np.inf))
@@ -48,9 +50,9 @@ def check(radiance: np.ndarray) -> None:
 
 
 def lookup(radiance: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """Radiance `(...)` that a map `(H, W)` holds in unit directions `(..., 3)`, bilinear.
+    """Return the radiance `(...)` of a map `(H, W)` in directions `(..., 3)`, bilinear.
 
-    Longitude wraps; at the poles the row is clamped. Directions need not be exactly unit length.
+    Longitude wraps; at the poles the row is clamped. Directions need not have length 1.
     """
     top, bottom, left, right, right_share, bottom_share = _between(direction, *radiance.shape)
     upper = radiance[top, left] * (1 - right_share) + radiance[top, right] * right_share
@@ -59,9 +61,10 @@ def lookup(radiance: np.ndarray, direction: np.ndarray) -> np.ndarray:
 
 
 def splat(values: np.ndarray, direction: np.ndarray, height: int, width: int) -> np.ndarray:
-    """Sums `(height, width)` of values `(N,)` in directions `(N, 3)`, each shared by four texels.
+    """Return a map `(height, width)` that sums values `(N,)` given in directions `(N, 3)`.
 
-    The transpose of `lookup`: Σ splat(v) · E = Σ v · lookup(E). In double precision.
+    Each value is divided among the four nearest texels. This is the transpose of `lookup`:
+    Σ splat(v) · E = Σ v · lookup(E). The sums are in double precision.
     """
     top, bottom, left, right, right_share, bottom_share = _between(direction, height, width)
     total = np.zeros(height * width)
@@ -73,13 +76,13 @@ def splat(values: np.ndarray, direction: np.ndarray, height: int, width: int) ->
 
 
 def blur(radiance: np.ndarray, angle: float) -> np.ndarray:
-    """A map `(H, W)` blurred by a Gaussian on the sphere; W is even. The integral stays.
+    """Return a map `(H, W)` blurred by a Gaussian on the sphere.
 
-    Along the parallels, then along the meridians and across the poles: round except within some
-    angles of a pole.
+    The map is blurred along the parallels, then along the meridians and across the poles. The
+    kernel is round and keeps the map's integral, except within a few `angle` of a pole.
 
     Args:
-        radiance: any values per steradian.
+        radiance: map `(H, W)` of values per steradian, at least 0; W is even.
         angle: standard deviation in radians.
     """
     height, width = radiance.shape
@@ -87,8 +90,8 @@ def blur(radiance: np.ndarray, angle: float) -> np.ndarray:
     energy = radiance * solid_angle
     sin_theta = np.sin(np.pi * (np.arange(height) + 0.5) / height)[:, None]
     energy = _smooth(energy, angle / (2 * np.pi * sin_theta), axis=1)
-    # A meridian goes on behind the pole on the opposite one: 2 H rows make a full circle. Shares of
-    # a texel's energy move to texels of other sizes, so what each could receive is blurred as well.
+    # Behind the pole a meridian continues as the opposite meridian: 2 H rows make a full circle.
+    # Energy moves between texels of different sizes, so the solid angles are blurred as well.
     both = [
         _smooth(np.concatenate([part, np.roll(part, width // 2, 1)[::-1]]), angle / 2 / np.pi, 0)
         for part in (energy, solid_angle)
@@ -97,7 +100,7 @@ def blur(radiance: np.ndarray, angle: float) -> np.ndarray:
 
 
 def _smooth(values: np.ndarray, share: np.ndarray | float, axis: int) -> np.ndarray:
-    """Periodic Gaussian blur along an axis; `share`: its deviation as a share of the period."""
+    """Blur periodic values along an axis by a Gaussian of standard deviation `share` × period."""
     count = values.shape[axis]
     frequency = np.fft.rfftfreq(count, 1 / count)
     frequency = frequency[:, None] if axis == 0 else frequency
@@ -106,7 +109,10 @@ def _smooth(values: np.ndarray, share: np.ndarray | float, axis: int) -> np.ndar
 
 
 def _between(direction: np.ndarray, height: int, width: int) -> tuple[np.ndarray, ...]:
-    """The rows and columns of texels around directions, and the shares of the latter of each."""
+    """Return the two rows and the two columns of texels around each direction, and two shares.
+
+    The shares are the weights in [0, 1] of the right column and of the bottom row.
+    """
     x, y, z = np.moveaxis(direction, -1, 0)
     u = np.arctan2(x, -z) / (2 * np.pi)
     v = np.arctan2(np.hypot(x, z), y) / np.pi
@@ -118,19 +124,19 @@ def _between(direction: np.ndarray, height: int, width: int) -> tuple[np.ndarray
 
 
 def rotate(radiance: np.ndarray, rotation: np.ndarray, height: int, width: int) -> np.ndarray:
-    """Resample a map into a rotated frame, box-filtered.
+    """Resample a map into a rotated frame, with a box filter.
 
-    Each texel is the mean of at least as many look-ups as it holds texels of the source, so that no
-    lamp falls between two.
+    Each texel of the result is the mean of at least as many look-ups as it covers texels of the
+    source, so no lamp is missed between two look-ups.
 
     Args:
-        radiance: `(H, W)` map in the source frame.
-        rotation: `(3, 3)` taking source directions to the new frame's.
+        radiance: linear radiance `(H, W)` in the source frame, at least 0.
+        rotation: `(3, 3)` rotation that takes source directions to the new frame.
         height: rows of the result.
         width: columns of the result.
 
     Returns:
-        `(height, width)` map in the new frame.
+        Linear radiance `(height, width)` in the new frame.
 
     Raises:
         ValueError: if a texel is NaN, infinite or negative.

@@ -1,13 +1,14 @@
 """Reflectance maps: the image of a sphere of a material under a light, seen from afar.
 
-Seen orthographically the viewer stays at o = (0, 0, 1), so a light's half vector h depends on the
-light alone, and nothing in Eqs. 2 and 3 changes when normal and light turn about o together. In
-polar coordinates about o, θ from it and φ around it, both shadings are therefore circular
-convolutions along φ: a product for each pair of rings and each frequency. The energy of the stored
-light is spread over a polar grid of half vectors, multiplied with the lobe there, and the shading
-on the same grid of normals is read at the pixels; both ways by cubic interpolation.
+The camera is orthographic, so the direction to the viewer is o = (0, 0, 1) for every pixel. A
+light's half vector h then depends on the light alone, and Eqs. 2 and 3 do not change when normal
+and light turn about o together. In polar coordinates about o, with θ the angle to o and φ the angle
+around o, both shadings are therefore circular convolutions along φ: one product for each pair of
+rings and each frequency. The energy of the stored light is spread over a polar grid of half vectors
+and multiplied with the lobe there. The result is the shading on the same grid of normals, which is
+read at the pixels. Spreading and reading use cubic interpolation.
 
-`keras.ops` throughout, so that a training step of any backend can make its targets.
+Everything is written in `keras.ops`, so a training step of any backend can compute its targets.
 """
 
 import functools
@@ -22,14 +23,14 @@ from lime_keras.optics.environment import STORED_SHAPE, directions, solid_angles
 from lime_keras.optics.shading import normaliser
 
 _RINGS = 64
-"""Of a quarter turn of θ: at s = 1000 the lobe's standard deviation is 1.3 of them."""
+"""Number of rings in a quarter turn of θ; at s = 1000 the lobe's deviation is 1.3 rings."""
 _MARGIN = 2
-"""Rings beyond the quarter turn, where the shading goes on smoothly, for the interpolation."""
+"""Number of rings beyond the quarter turn; the interpolation needs the shading there."""
 _ANGLES = 256
-"""Of a full turn of φ."""
+"""Number of angles in a full turn of φ."""
 _LARGEST_EXPONENT = 1000.0
 _UNLIT = -1e30
-"""Stands for log 0: finite, so that no exponent makes it NaN."""
+"""Value in place of log 0: finite, so that no exponent makes it NaN."""
 
 
 def reflectance_map(
@@ -40,23 +41,24 @@ def reflectance_map(
     ambient: Any,
     size: int,
 ) -> Any:
-    """Linear radiance of Eq. 4 on a sphere, not clipped, shading normalised to the white furnace.
+    """Return the linear radiance of Eq. 4 on a sphere, not clipped.
 
-    Pixel centres (u, v), u to the right and v up, show the normal (u, v, √(1 − u² − v²)). The
-    examples are shaded one after the other, 2 MB each, so memory hardly grows with the batch.
-    No gradients are meant to be taken.
+    D and S are normalised to the white furnace. The pixel whose centre is (u, v), u to the right
+    and v up, shows the normal (u, v, √(1 − u² − v²)). The examples are shaded one after the other,
+    2 MB each, so memory hardly grows with the batch. The function is not meant for gradients. It
+    checks neither shapes nor ranges.
 
     Args:
-        environment: the light in camera space, `(B, 64, 128, 1)`, linear radiance, at least 0.
+        environment: light in camera space, linear radiance `(B, 64, 128, 1)`, at least 0.
         shininess: exponent s, `(B,)`, at least 0. Above 1000 it counts as 1000, whose lobe is
             about as narrow as a texel of the light.
-        diffuse_albedo: m_d, `(B, 3)`, linear, in [0, 1].
-        specular_albedo: m_s, `(B,)`, in [0, 1].
-        ambient: m_a, `(B,)`, radiance.
-        size: height and width of the map.
+        diffuse_albedo: m_d, linear RGB `(B, 3)` in [0, 1].
+        specular_albedo: m_s, `(B,)` in [0, 1].
+        ambient: m_a, linear radiance `(B,)`, at least 0.
+        size: height and width of the map in pixels.
 
     Returns:
-        `(B, size, size, 3)`, top row first, 0 outside `disc(size)`.
+        Linear RGB radiance `(B, size, size, 3)`, top row first, 0 outside `disc(size)`.
     """
     composed = compose(
         ops.cast(diffuse_albedo, "float32"),
@@ -68,15 +70,16 @@ def reflectance_map(
 
 
 def sphere_shading(environment: Any, shininess: Any, size: int) -> tuple[Any, Any]:
-    """D and S of a sphere seen from afar, furnace-normalised: what Eq. 4 composes here.
+    """Return D and S of a sphere seen from afar, normalised to the white furnace.
 
     Args:
-        environment: as for `reflectance_map`.
-        shininess: as for `reflectance_map`.
-        size: height and width of the images.
+        environment: light in camera space, linear radiance `(B, 64, 128, 1)`, at least 0.
+        shininess: exponent s, `(B,)`, at least 0; above 1000 it counts as 1000.
+        size: height and width of the images in pixels.
 
     Returns:
-        Linear radiance `(B, size, size, 1)` each; beside `disc(size)` it means nothing.
+        D and S, each linear radiance `(B, size, size, 1)`; the values outside `disc(size)` have no
+        meaning.
     """
     exponent = ops.minimum(ops.cast(ops.reshape(shininess, (-1,)), "float32"), _LARGEST_EXPONENT)
     shading = ops.map(lambda one: _shading(one[0], one[1], size), (_energy(environment), exponent))
@@ -85,13 +88,13 @@ def sphere_shading(environment: Any, shininess: Any, size: int) -> tuple[Any, An
 
 
 def disc(size: int) -> np.ndarray:
-    """1 where the centre of a pixel shows the sphere, else 0, `(size, size, 1)` float32."""
+    """Return `(size, size, 1)` float32, 1 where a pixel's centre shows the sphere, else 0."""
     u, v = _centres(size)
     return (u**2 + v**2 <= 1).astype(np.float32)[..., None]
 
 
 def _energy(radiance: Any) -> Any:
-    """Energies `(B, rings, angles)` of maps `(B, 64, 128, 1)` on the grid of half vectors."""
+    """Return the energies `(B, rings, angles)`, on half vectors, of maps `(B, 64, 128, 1)`."""
     node, weight = _spread()
     texels = ops.reshape(ops.cast(radiance, "float32"), (-1, len(node)))
     # A row for each corner and texel, a column for each example.
@@ -103,7 +106,7 @@ def _energy(radiance: Any) -> Any:
 
 
 def _shading(energy: Any, exponent: Any, size: int) -> Any:
-    """D and S / c(s), `(size, size, 2)`, of one example's energies `(rings, angles)`."""
+    """Return D and S / c(s), `(size, size, 2)`, of one example's energies `(rings, angles)`."""
     rings, frequencies = _RINGS + _MARGIN, _ANGLES // 2 + 1
     log_lobe, diffuse = _kernels()
     analysis, synthesis, even = _fourier()
@@ -118,19 +121,21 @@ def _shading(energy: Any, exponent: Any, size: int) -> Any:
     node, weight = _pixels(size)
     found = ops.take(ops.transpose(ops.maximum(polar, 0.0)), node, axis=0)
     value = ops.sum(found * weight[..., None], axis=1)
-    # A cubic dips below its nodes at the foot of a highlight; the four around the pixel do not.
+    # At the foot of a highlight the cubic falls below its nodes. The least of the four nodes around
+    # the pixel is therefore the lower limit.
     value = ops.maximum(value, ops.min(ops.take(found, [5, 6, 9, 10], axis=1), axis=1))
     return ops.reshape(value, (size, size, 2))
 
 
 @functools.cache
 def _kernels() -> tuple[np.ndarray, np.ndarray]:
-    """The lobes between rings of normals (first) and of half vectors (second).
+    """Return the lobes between the rings of normals and the rings of half vectors.
 
     Returns:
-        log(h·n), or a very negative number where i·n ≤ 0, by difference of angle:
-        `(angles / 2 + 1, rings · rings)`; and max(i·n, 0) / π, by frequency:
-        `(angles / 2 + 1, rings, rings)`.
+        The specular lobe: log(h·n), or a very negative number where i·n ≤ 0 or h·n ≤ 0, for each
+        difference of φ, `(angles / 2 + 1, rings · rings)`. The diffuse lobe: max(i·n, 0) / π, for
+        each frequency, `(angles / 2 + 1, rings, rings)`. Rings of normals come before rings of half
+        vectors.
     """
     theta = (np.arange(_RINGS + _MARGIN) + 0.5) * (math.pi / 2 / _RINGS)
     phi = np.arange(_ANGLES // 2 + 1) * (2 * math.pi / _ANGLES)
@@ -149,11 +154,11 @@ def _kernels() -> tuple[np.ndarray, np.ndarray]:
 
 @functools.cache
 def _fourier() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Discrete Fourier transforms as matrices, which every backend multiplies fast.
+    """Return discrete Fourier transforms as matrices, which every backend multiplies fast.
 
     Returns:
-        angles to cosine and then sine waves; back again; and, of an even function given over half
-        the turn, its cosine waves.
+        The transform from angles to cosine waves and then sine waves; its inverse; and the
+        transform to cosine waves of an even function that is given over half a turn.
     """
     frequency = np.arange(_ANGLES // 2 + 1)
     phi = np.arange(_ANGLES) * (2 * math.pi / _ANGLES)
@@ -167,7 +172,7 @@ def _fourier() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 @functools.cache
 def _spread() -> tuple[np.ndarray, np.ndarray]:
-    """Nodes `(T, 16)` over which a stored light's T texels spread, and solid angle times share."""
+    """Return the 16 nodes of each texel of a stored light, and solid angle × weight, `(T, 16)`."""
     node, weight = _nodes(directions(*STORED_SHAPE).reshape(-1, 3), 0.5)
     weight = weight * solid_angles(*STORED_SHAPE).reshape(-1, 1)
     return node, weight.astype(np.float32)
@@ -175,26 +180,26 @@ def _spread() -> tuple[np.ndarray, np.ndarray]:
 
 @functools.cache
 def _pixels(size: int) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes between which each pixel of the map lies, and their shares, `(size², 16)`."""
+    """Return the 16 nodes around each pixel of the map and their weights, both `(size², 16)`."""
     u, v = _centres(size)
-    # Pixels beside the sphere are read at its rim, and hidden afterwards.
+    # Pixels beside the sphere are read at its rim; `disc` hides them afterwards.
     z = np.sqrt(np.maximum(1 - u**2 - v**2, 0))
     node, weight = _nodes(np.stack([u, v, z], axis=-1).reshape(-1, 3), 1.0)
     return node, weight.astype(np.float32)
 
 
 def _nodes(direction: np.ndarray, scale: float) -> tuple[np.ndarray, np.ndarray]:
-    """The 4 × 4 nodes of the polar grid around directions, and cubic weights, both `(N, 16)`.
+    """Return the 4 × 4 nodes of the polar grid around directions and cubic weights, `(N, 16)` each.
 
     Args:
         direction: `(N, 3)`, of any length above 0.
-        scale: of the angle to the viewer: ½ takes a light to its half vector.
+        scale: factor of the angle to the viewer; ½ takes a light to its half vector.
     """
     x, y, z = direction.T
     ring, ring_share = _cubic(scale * np.arctan2(np.hypot(x, y), z) * (2 * _RINGS / math.pi) - 0.5)
     angle, angle_share = _cubic(np.arctan2(y, x) * (_ANGLES / (2 * math.pi)))
     ring, angle = ring[:, :, None], angle[:, None, :]
-    # Before the first ring comes the first again, on the far side of the viewer's axis.
+    # Beyond the first ring lies the same ring again, on the other side of the viewer's axis.
     angle = (angle + (ring < 0) * (_ANGLES // 2)) % _ANGLES
     ring = np.where(ring < 0, -1 - ring, ring)
     node = (ring * _ANGLES + angle).reshape(len(direction), 16)
@@ -203,7 +208,7 @@ def _nodes(direction: np.ndarray, scale: float) -> tuple[np.ndarray, np.ndarray]
 
 
 def _cubic(position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The four samples around positions `(N,)`, and Lagrange's weights for them, both `(N, 4)`."""
+    """Return the four samples around positions `(N,)` and their Lagrange weights, both `(N, 4)`."""
     before = np.floor(position).astype(np.int64)
     t = position - before
     weights = [
@@ -216,6 +221,6 @@ def _cubic(position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _centres(size: int) -> tuple[np.ndarray, np.ndarray]:
-    """Coordinates u and v, in [−1, 1], of the pixel centres, each `(size, size)`."""
+    """Return the coordinates u and v in [−1, 1] of the pixel centres, each `(size, size)`."""
     u = (2 * np.arange(size) + 1) / size - 1
     return np.meshgrid(u, -u)

@@ -1,11 +1,12 @@
-"""Eqs. 1–3 by direct sums over an environment map's texels: D, S and M.
+"""Direct sums for D, S and M (Eqs. 1–3) over the texels of an environment map.
 
 Letters as in the paper: `n` surface normal, `o` direction to the viewer, both unit, `(N, 3)`, in
 the map's frame; `i` direction to the light; `h` half vector; `s` exponent. Shading is normalised to
-the white furnace: for E ≡ 1, D = 1, M = 1 and, at n = o, S = 1. `literal_scale` undoes it.
+the white furnace: for E ≡ 1, D = 1, M = 1 and, at n = o, S = 1. `literal_scale` undoes the
+normalisation.
 
-NumPy, in the precision of the arrays given: the reference that the fast renderer is tested against,
-and what runs where no fast renderer can. `normaliser` takes tensors of Keras, too.
+The functions use NumPy, in the precision of the given arrays. They are the reference in the tests
+of the fast renderer, and replace it where it cannot run. `normaliser` takes Keras tensors, too.
 """
 
 import math
@@ -17,20 +18,24 @@ from lime_keras.arrays import namespace
 from lime_keras.optics import environment
 
 _CHUNK = 2**17
-"""Pixel-light pairs computed at once: few enough that all stays in the processor's cache."""
+"""Number of pixel-light pairs computed at once: few enough for the processor's cache."""
 
 ASSUMED_FOCAL = 1.2
-"""Focal length over the photo's longer side: 43 mm on 36 mm film, between a telephone and a long
-lens."""
+"""Assumed focal length over the photo's longer side: 43 mm on 36 mm film.
+
+This lies between the lens of a telephone and a long lens.
+"""
 
 
 def view_directions(camera: np.ndarray, height: int, width: int) -> np.ndarray:
-    """Directions o to the viewer, `(height, width, 3)`, one for each pixel centre.
+    """Return the unit directions o to the viewer, `(height, width, 3)`, of the pixel centres.
+
+    The directions are in camera space (x right, y up, z towards the camera).
 
     Args:
         camera: fx, fy, cx, cy in pixels.
-        height: of the image.
-        width: of the image.
+        height: height of the image in pixels.
+        width: width of the image in pixels.
     """
     fx, fy, cx, cy = (float(value) for value in camera)
     x = (np.arange(width) + 0.5 - cx) / fx
@@ -40,18 +45,26 @@ def view_directions(camera: np.ndarray, height: int, width: int) -> np.ndarray:
 
 
 def assumed_camera(height: int, width: int) -> np.ndarray:
-    """fx, fy, cx, cy in pixels of a photo whose camera is not known: a normal lens, not cropped."""
+    """Return fx, fy, cx, cy in pixels, `(4,)`, for a photo whose camera is not known.
+
+    The photo is assumed to be taken with a normal lens (`ASSUMED_FOCAL`) and not cropped.
+    """
     focal = ASSUMED_FOCAL * max(height, width)
     return np.array([focal, focal, width / 2, height / 2])
 
 
 def reflect(normal: np.ndarray, view: np.ndarray) -> np.ndarray:
-    """Mirror direction 2(o·n)n − o, `(N, 3)`."""
+    """Return the mirror direction 2(o·n)n − o, `(N, 3)`, of unit vectors n and o, `(N, 3)`."""
     return 2 * np.sum(normal * view, axis=-1, keepdims=True) * normal - view
 
 
 def mirror(normal: np.ndarray, view: np.ndarray, radiance: np.ndarray) -> np.ndarray:
-    """M(n, o) = E(2(o·n)n − o), `(N,)`, bilinear in the map `(H, W)`.
+    """Return M(n, o) = E(2(o·n)n − o), linear radiance `(N,)`, bilinear in the map.
+
+    Args:
+        normal: n, unit, `(N, 3)`.
+        view: o, unit, `(N, 3)`.
+        radiance: E, linear radiance `(H, W)`, at least 0.
 
     Raises:
         ValueError: if a texel is NaN, infinite or negative.
@@ -61,12 +74,12 @@ def mirror(normal: np.ndarray, view: np.ndarray, radiance: np.ndarray) -> np.nda
 
 
 def diffuse(normal: np.ndarray, light: np.ndarray, energy: np.ndarray) -> np.ndarray:
-    """D(n) = 1/π ∫_{i·n>0} (i·n) E(i) di as a sum over lights, `(N,)`.
+    """Return D(n) = 1/π ∫_{i·n>0} (i·n) E(i) di as a sum over lights, linear radiance `(N,)`.
 
     Args:
-        normal: n, `(N, 3)`.
-        light: unit directions `(T, 3)`; `texels` gives those of a map.
-        energy: radiance times solid angle of each, `(T,)`.
+        normal: n, unit, `(N, 3)`.
+        light: unit directions of the lights `(T, 3)`; `texels` returns the lights of a map.
+        energy: linear radiance × solid angle in steradians of each light, `(T,)`, at least 0.
     """
     out = np.empty(len(normal), normal.dtype)
     for rows in _chunks(len(normal), len(light)):
@@ -80,10 +93,13 @@ def normaliser(exponent: Any) -> Any:
     c(0) = 1/(2π); c(s) → (s + 2)/(8π) as s grows.
 
     Args:
-        exponent: s, at least 0, of any shape; NumPy or a Keras tensor.
+        exponent: s, at least 0, of any shape; a NumPy array or a Keras tensor.
+
+    Returns:
+        c(s), of the shape of s, at least 1/(2π).
     """
     xp = namespace(exponent)
-    # 1 − 2^(−a) by expm1 keeps its digits; here a is at least 1, so it never cancels to zero.
+    # expm1 keeps the digits of 1 − 2^(−a); here a is at least 1, so the result is never zero.
     spread = -xp.expm1(-(exponent + 2.0) * (0.5 * math.log(2.0)))
     return (exponent + 2.0) / (8.0 * math.pi * spread)
 
@@ -91,21 +107,22 @@ def normaliser(exponent: Any) -> Any:
 def specular(
     normal: np.ndarray, view: np.ndarray, exponent: float, light: np.ndarray, energy: np.ndarray
 ) -> np.ndarray:
-    """S(n, o, s) = c(s) ∫_{i·n>0} (h·n)^s E(i) di as a sum over lights, `(N,)`.
+    """Return S(n, o, s) = c(s) ∫_{i·n>0} (h·n)^s E(i) di as a sum over lights, `(N,)`.
 
-    Exactly opposite directions i = −o have no half vector; they contribute nothing.
+    S is linear radiance. Exactly opposite directions i = −o have no half vector; they contribute
+    nothing.
 
     Args:
-        normal: n, `(N, 3)`.
-        view: o, `(N, 3)`.
+        normal: n, unit, `(N, 3)`.
+        view: o, unit, `(N, 3)`.
         exponent: s, at least 0.
-        light: unit directions `(T, 3)`; `texels` gives those of a map.
-        energy: radiance times solid angle of each, `(T,)`.
+        light: unit directions of the lights `(T, 3)`; `texels` returns the lights of a map.
+        energy: linear radiance × solid angle in steradians of each light, `(T,)`, at least 0.
     """
     out = np.empty(len(normal), normal.dtype)
     cosine = np.einsum("ij,ij->i", normal, view)[:, None]
-    # h·n = (i·n + o·n) / |i + o|, and |i + o|² = 2 + 2 i·o, both by a fourth coordinate of the
-    # light that is 1. The root costs less than the digits that a square of h·n would lose.
+    # h·n = (i·n + o·n) / |i + o|, and |i + o|² = 2 + 2 i·o. A fourth coordinate of the light, equal
+    # to 1, adds the constant terms. The square root is worth its time: (h·n)² would lose digits.
     towards = np.concatenate([light, np.ones((len(light), 1), light.dtype)], axis=1).T
     across = np.concatenate([normal, cosine], axis=1)
     along = 2 * np.concatenate([view, np.ones_like(cosine)], axis=1)
@@ -126,7 +143,12 @@ def specular(
 
 
 def texels(radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A map `(H, W)` as lights: directions `(T, 3)` and energies `(T,)` of its lit texels.
+    """Return the unit directions `(T, 3)` and energies `(T,)` of a map's texels that are not black.
+
+    The energy of a texel is its radiance × its solid angle in steradians.
+
+    Args:
+        radiance: linear radiance `(H, W)`, at least 0.
 
     Raises:
         ValueError: if a texel is NaN, infinite or negative.
@@ -139,11 +161,14 @@ def texels(radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def literal_scale(exponent: float) -> tuple[float, float]:
-    """Factors that turn furnace-normalised D and S into the paper's printed Eqs. 2 and 3."""
+    """Return the factors that turn furnace-normalised D and S into the paper's Eqs. 2 and 3.
+
+    The factors are π for D and 1 / c(s) for S; s is at least 0.
+    """
     return math.pi, 1.0 / normaliser(float(exponent))
 
 
 def _chunks(pixels: int, texels: int) -> list[slice]:
-    """Slices of the pixels whose products with all lights fit the chunk."""
+    """Return slices of the pixels, each of at most `_CHUNK` pairs of a pixel and a light."""
     step = max(1, _CHUNK // max(texels, 1))
     return [slice(start, start + step) for start in range(0, pixels, step)]

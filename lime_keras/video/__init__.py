@@ -1,1 +1,1 @@
-"""From videos to materials: fusion over time, tracking, scene cuts (section 5.5)."""
+"""The estimate of materials from videos: fusion over time, tracking, scene cuts (section 5.5)."""

@@ -1,35 +1,38 @@
-"""Scene cuts, by how far apart the colours of successive frames lie.
+"""Scene cuts, detected by the distance between the colour histograms of successive frames.
 
-Colours stay while an object turns or the camera moves about it, and change where another scene
-begins. A cut to a scene of the same colours, one thing put in another's place, is not noticed; nor
-is a slow cross-fade.
+The colours stay nearly the same while an object turns or the camera moves around it. They change
+when another scene begins. A cut to a scene of the same colours, such as an exchange of one object,
+is not detected; neither is a slow cross-fade.
 """
 
 import numpy as np
 
 THRESHOLD = 0.25
-"""Distance of two frames from which a cut may lie between them: that of rendered scenes, between
-cuts, stays below an eighth of it (`benchmarks/temporal.py`), and a step of a third of a stop in the
-camera's exposure below it."""
+"""Distance of two frames, in [0, 1], above which a cut may lie between them.
+
+In rendered scenes the distance between cuts stays below an eighth of this threshold
+(`benchmarks/temporal.py`). After a step of a third of a stop in the camera's exposure it stays
+below the threshold.
+"""
 _STANDS_OUT = 2.0
-"""A cut is so many times the distance before it: in a fast pan or a fade all are large."""
+"""Least ratio of a cut's distance to the distance before it; in a fast pan all are large."""
 _BINS = 16
 _ACROSS = 64
-"""Pixels looked at along either side, at least: a colour histogram needs no more."""
+"""Smallest number of pixels counted along a side of a larger frame: enough for a histogram."""
 
 
 class CutDetector:
-    """Tells, frame by frame, where a new scene begins."""
+    """A detector of scene cuts, fed frame by frame."""
 
     def __init__(self) -> None:
         self._last: np.ndarray | None = None
         self._before = 0.0
 
     def is_cut(self, image_srgb: np.ndarray) -> bool:
-        """Whether a cut lies between the last frame and this one, never before the first.
+        """Return whether a cut lies between the last frame and this frame; False for the first.
 
         Args:
-            image_srgb: `(H, W, 3)` uint8, of any size.
+            image_srgb: frame `(H, W, 3)`, uint8 sRGB, of any size.
         """
         last, self._last = self._last, histogram(image_srgb)
         before, self._before = self._before, 0.0 if last is None else distance(last, self._last)
@@ -37,13 +40,13 @@ class CutDetector:
 
 
 def histogram(image_srgb: np.ndarray) -> np.ndarray:
-    """How often each level of each channel occurs, `(3, 16)`, each row summing to 1.
+    """Return the colour histogram `(3, 16)` of an image, each channel's row summing to 1.
 
-    A level counts in the two bins around it by its nearness. In plain bins a wall whose level lies
-    at a bin's edge would cross it, all at once, with the camera's noise.
+    Each level is shared between the two nearest bins, by its distance to them. With plain bins, the
+    camera's noise could move a whole wall from one bin to the next.
 
     Args:
-        image_srgb: `(H, W, 3)` uint8.
+        image_srgb: `(H, W, 3)`, uint8 sRGB.
     """
     height, width, _ = image_srgb.shape
     small = image_srgb[:: max(1, height // _ACROSS), :: max(1, width // _ACROSS)].reshape(-1, 3)
@@ -58,10 +61,12 @@ def histogram(image_srgb: np.ndarray) -> np.ndarray:
 
 
 def distance(one: np.ndarray, other: np.ndarray) -> float:
-    """Share of the pixels, in [0, 1], whose level differs: that of the channel that differs most.
+    """Return the share of pixels, in [0, 1], by which two histograms differ.
+
+    The share is the largest of the three channels' shares.
 
     Args:
-        one: `(3, 16)` of `histogram`.
-        other: likewise.
+        one: histogram `(3, 16)` from `histogram`.
+        other: histogram `(3, 16)` from `histogram`.
     """
     return float(np.max(np.sum(np.abs(one - other), axis=1)) / 2)

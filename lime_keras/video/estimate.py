@@ -1,4 +1,4 @@
-"""A video's material: each frame estimated alone, and fused over time (section 5.5).
+"""The material of a video: estimated in each frame alone, and fused over time (section 5.5).
 
 Example:
     from pathlib import Path
@@ -33,30 +33,30 @@ COLUMNS = (
     *PARAMETERS,
     *(f"fused_{name}" for name in PARAMETERS),
 )
-"""Of the table that `estimate_video` writes."""
+"""Columns of the table that `estimate_video` writes."""
 
 
 class Estimates(Protocol):
-    """What can estimate a frame, as `lime_keras.Estimator` does."""
+    """An estimator of single frames, such as `lime_keras.Estimator`."""
 
     def estimate(self, image_srgb: np.ndarray) -> Material:
-        """The material of the object in a frame `(H, W, 3)`, float32 sRGB in [0, 1]."""
+        """Estimate the material of the object in a frame `(H, W, 3)`, float32 sRGB in [0, 1]."""
 
 
 @dataclass(frozen=True)
 class Summary:
-    """What became of a video.
+    """The result of estimating a video.
 
     Attributes:
-        frames: how many were read.
-        found: in how many there was an object.
-        cuts: how many scene cuts there were.
-        seconds: from the first frame to the last.
-        material: fused, as it stood when the last scene with an object ended; without layers, and
-            every number None if there never was an object.
-        remarks: on the source (`frames.Footage`), for the user.
-        table: the CSV file.
-        overlay: the video with outline and panel.
+        frames: number of frames read.
+        found: number of frames with an object.
+        cuts: number of scene cuts.
+        seconds: time from the first frame to the last, in seconds.
+        material: fused material at the end of the last scene with an object, without layers; every
+            number is None if no frame had an object.
+        remarks: messages for the user about the source (see `video_reader.Footage`).
+        table: path of the CSV file.
+        overlay: path of the video with outline and panel.
     """
 
     frames: int
@@ -72,17 +72,20 @@ class Summary:
 def estimate_video(
     source: str, estimator: Estimates, folder: Path, name: str, *, frames: int | None = None
 ) -> Summary:
-    """Estimate every frame of a video; write its table and overlay while it goes on.
+    """Estimate every frame of a video, and write its table and overlay frame by frame.
 
-    Progress goes to standard error. Ctrl-C leaves both files valid; it is the usual end of a
-    camera's video, and passed on for a file's.
+    Progress goes to standard error. Ctrl-C leaves both files valid. With a camera, Ctrl-C ends the
+    video in the usual way; with a file, KeyboardInterrupt is raised again.
 
     Args:
-        source: path, or a camera's name (`frames.Footage`).
-        estimator: of single frames.
-        folder: for the files; made if it is missing.
-        name: they are called `NAME.csv` and `NAME-overlay.mp4`.
-        frames: to stop after; by default only the video's end or Ctrl-C does.
+        source: path of a video file, or name of a camera (see `video_reader.Footage`).
+        estimator: estimator of single frames.
+        folder: folder for `NAME.csv` and `NAME-overlay.mp4`; made if it is missing.
+        name: NAME of the files.
+        frames: largest number of frames to read; by default the video ends by itself or by Ctrl-C.
+
+    Returns:
+        Counts, fused material and paths of the files.
 
     Raises:
         ValueError: if the source cannot be opened or holds no picture; nothing is written then.
@@ -112,7 +115,7 @@ def estimate_video(
 
 
 class _Run:
-    """The files and counts of a video while it is read."""
+    """The files and counts of a video during the estimate."""
 
     def __init__(self, table: Path, overlay: Path):
         self._paths = table, overlay
@@ -121,9 +124,9 @@ class _Run:
         self._last = np.full(len(PARAMETERS), np.nan)
 
     def follow(self, pictures: Iterable[Frame], estimator: Estimates) -> None:
-        """Estimate, fuse and write frame by frame."""
+        """Estimate and fuse each frame, and write its row and picture."""
         tracker, (table, overlay) = Tracker(), self._paths
-        # Line by line, so that the table can be read while it grows.
+        # The table is written line by line, so that it can be read while it grows.
         with table.open("w", newline="", buffering=1) as file, Movie(overlay) as video:
             rows = csv.writer(file)
             rows.writerow(COLUMNS)
@@ -146,7 +149,7 @@ class _Run:
             self._last = step.fused
 
     def summary(self, remarks: list[str]) -> Summary:
-        """What became of it so far."""
+        """Return the result so far."""
         return Summary(
             frames=self._frames,
             found=self._found,
@@ -160,7 +163,7 @@ class _Run:
 
 
 def _row(number: int, seconds: float, material: Material, step: Step) -> Iterator[str]:
-    """A row of the table; an empty cell is unknown."""
+    """Yield the cells of one row of the table; a cell is empty if its value is unknown."""
     yield from (str(number), f"{seconds:.6f}", str(int(step.found)), str(int(step.cut)))
     yield f"{material.mask_coverage or 0:.6g}"
     for values in (step.estimate, step.fused):

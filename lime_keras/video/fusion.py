@@ -1,37 +1,37 @@
 """Temporal fusion of the estimates of a video's frames (paper, section 5.5 and Eq. 6).
 
-An estimate first passes a median over the last five frames, which drops outliers, then the decaying
-average P̂_t = α P_t + (1 − α) P̂_{t−1} with α = 1/t, which is the mean of all medians so far: t
-counts the frames since the last scene cut, where the caller restarts.
+An estimate first passes a median over the last five frames, which removes outliers. Then follows
+the decaying average P̂_t = α P_t + (1 − α) P̂_{t−1} with α = 1/t, the mean of all medians so far.
+t counts the frames since the last scene cut, after which the caller restarts the fusion.
 """
 
 import numpy as np
 
 WINDOW = 5
-"""Frames of the median (section 5.5)."""
+"""Number of frames in the median (section 5.5)."""
 
 
 class Fusion:
-    """Fuses the estimates of one thing, an array of any shape, over frames.
+    """The fusion of one quantity, an array of any shape, over the frames of a video.
 
-    Every element is fused by itself. One that is NaN was not seen in that frame and takes no part:
-    its median reaches back to its own last five sightings, its t counts these alone, and it keeps
-    its fused value meanwhile. So an environment map whose texels come into view one by one is fused
-    by the same rule as a frame in which no object was found, which is all NaN or never passed.
+    Every element is fused by itself. An element that is NaN was not seen in that frame, and keeps
+    its fused value. Its median takes the last five frames in which it was seen, and its t counts
+    only these frames. So one rule serves an environment map whose texels come into view one by one
+    and a frame without an object, which is all NaN or is left out.
 
-    All is kept in float64: with t in the millions a step of 1/t is below float32's resolution.
+    All values are float64: with t in the millions, a step of 1/t is below float32's resolution.
     """
 
     def __init__(self) -> None:
         self.restart()
 
     def restart(self) -> None:
-        """Forget everything, as after a scene cut; the next estimate may have another shape."""
+        """Forget all estimates, for example after a scene cut; the next may have another shape."""
         self._recent: np.ndarray | None = None
 
     @property
     def fused(self) -> np.ndarray | None:
-        """The fused estimate, NaN where nothing was ever seen; None before the first estimate."""
+        """The fused estimate, NaN for elements never seen; None before the first estimate."""
         if self._recent is None:
             return None
         return np.where(self._sightings > 0, self._average, np.nan)
@@ -40,11 +40,12 @@ class Fusion:
         """Fuse the next frame's estimate.
 
         Args:
-            estimate: of any shape, the same until a restart; NaN where nothing was seen. Pass what
-                may be averaged: log10 of an exponent, linear radiance.
+            estimate: array of any shape, the same until a restart; NaN for elements not seen. Its
+                values must be meaningful to average, such as log10 of an exponent or linear
+                radiance.
 
         Returns:
-            The fused estimate, float64 and of the same shape, NaN where nothing was ever seen.
+            The fused estimate, float64 of the same shape, NaN for elements never seen.
 
         Raises:
             ValueError: if the shape changes between restarts, or an element is infinite.
@@ -74,16 +75,16 @@ class Fusion:
 
 
 def decayed(average: np.ndarray, value: np.ndarray, t: np.ndarray | int) -> np.ndarray:
-    """Eq. 6 with α = 1/t: the average of t values, from that of t − 1 and the t-th.
+    """Return the average of t values, given the average of the first t − 1 and the t-th value.
 
-    Written as a step from the average towards the value, so that a value that equals the average
-    leaves it exactly as it is however often it comes.
+    This is Eq. 6 with α = 1/t, written as a step from the average towards the value. A value equal
+    to the average then leaves the average exactly as it is.
     """
     return average + (value - average) / t
 
 
 def _median(recent: np.ndarray, sightings: np.ndarray) -> np.ndarray:
-    """Median over the first axis of `(WINDOW, ...)`, of as many values as there are; else NaN."""
+    """Return the median over the first axis of `(WINDOW, ...)` without NaN; NaN if all are NaN."""
     ordered = np.sort(recent, axis=0)  # NaN comes last
     count = np.clip(sightings, 1, WINDOW)
     lower, upper = np.take_along_axis(ordered, np.stack([(count - 1) // 2, count // 2]), axis=0)

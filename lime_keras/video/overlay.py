@@ -1,4 +1,4 @@
-"""A video to look at: each frame with the object's outline, beside what was estimated of it."""
+"""The overlay video: each frame with the object's outline, and a panel with its estimate."""
 
 import functools
 
@@ -11,26 +11,27 @@ from lime_keras.material import Material
 from lime_keras.optics import colour
 
 _HEIGHT, _WIDEST = 480, 1280
-"""Of the frame as it is shown, in pixels."""
+"""Height, and largest width, of the shown frame in pixels."""
 _PANEL, _SPHERE = 280, 192
 _RAW, _FUSED, _SWATCH = 96, 186, (80, 34)
 """Left edges of the panel's two columns; width and height of a swatch."""
 _PAPER, _INK, _FAINT, _OUTLINE = (24, 26, 30), (235, 235, 235), (150, 155, 165), (255, 225, 0)
 _ROWS = {"red": 132, "green": 154, "blue": 176, "specular": 204, "exponent": 232, "coverage": 260}
-"""Base lines of the panel's numbers."""
+"""Base line, in pixels from the top, of each of the panel's numbers."""
 
 
 def draw(
     image_srgb: np.ndarray, seconds: float, status: str, estimate: Material, fused: Material
 ) -> np.ndarray:
-    """A frame and its panel side by side, `(480, W, 3)` uint8 sRGB, W even.
+    """Draw a frame and its panel side by side, `(480, w, 3)` uint8 sRGB, w even.
 
     Args:
-        image_srgb: `(H, W, 3)` uint8.
-        seconds: since the first frame.
-        status: a word or two on the frame, such as `no object`.
-        estimate: of this frame, with its `mask` among the layers; numbers that are None stay empty.
-        fused: likewise, without layers; shown as a sphere if it is complete.
+        image_srgb: frame `(H, W, 3)`, uint8 sRGB.
+        seconds: time of the frame in seconds since the first frame.
+        status: short remark about the frame, such as `no object`.
+        estimate: estimate of this frame; its layer `mask`, if it has one, is shown as an outline.
+            The numbers that are None are not shown.
+        fused: fused estimate, shown as a sphere if it is complete.
     """
     height, width, _ = image_srgb.shape
     scale = min(_HEIGHT / height, _WIDEST / width)
@@ -46,7 +47,10 @@ def draw(
 
 
 def panel(seconds: float, status: str, estimate: Material, fused: Material) -> np.ndarray:
-    """Swatches, numbers and a sphere, `(480, 280, 3)` uint8 sRGB; arguments as of `draw`."""
+    """Draw the panel with swatches, numbers and a sphere, `(480, 280, 3)` uint8 sRGB.
+
+    The arguments are those of `draw`.
+    """
     pixels = _form().copy()
     for left, material in ((_RAW, estimate), (_FUSED, fused)):
         if material.diffuse_albedo is not None:
@@ -63,7 +67,7 @@ def panel(seconds: float, status: str, estimate: Material, fused: Material) -> n
 
 
 def _numbers(material: Material) -> dict[str, str]:
-    """What the panel tells of a material, by row."""
+    """Return the text of the panel's rows for a material, by row."""
     told: dict[str, str] = {}
     if material.diffuse_albedo is not None:
         told = {
@@ -81,7 +85,7 @@ def _numbers(material: Material) -> dict[str, str]:
 
 @functools.cache
 def _form() -> np.ndarray:
-    """The panel without its entries."""
+    """Return the panel with its headings and row names, without values."""
     pixels = np.full((_HEIGHT, _PANEL, 3), _PAPER, np.uint8)
     lines = [(12, y, row, 15, _FAINT) for row, y in _ROWS.items()]
     headings = [(12, 95, "diffuse"), (_RAW, 62, "this frame"), (_FUSED, 62, "fused")]
@@ -89,7 +93,7 @@ def _form() -> np.ndarray:
 
 
 def _written(pixels: np.ndarray, lines: list) -> np.ndarray:
-    """Pixels with lines of text, each (x, y of the base line, text, size, colour)."""
+    """Return pixels with lines of text, each (x, y of the base line, text, size, colour)."""
     height, width, channels = pixels.shape
     image = oiio.ImageBuf(oiio.ImageSpec(width, height, channels, oiio.UINT8))
     image.set_pixels(oiio.ROI(), pixels)
@@ -101,7 +105,7 @@ def _written(pixels: np.ndarray, lines: list) -> np.ndarray:
 
 
 def _ball(material: Material) -> np.ndarray | None:
-    """`estimate_preview.sphere` as bytes; None of what is not a whole material."""
+    """Return a sphere of the material as uint8 sRGB; None if the material is not complete."""
     if material.whole() is None:
         return None
     return np.rint(255 * estimate_preview.sphere(material, _SPHERE)).astype(np.uint8)
@@ -113,7 +117,7 @@ def _resized(image: np.ndarray, width: int, height: int) -> np.ndarray:
 
 
 def _outline(mask: np.ndarray, width: int, height: int) -> np.ndarray:
-    """Where the rim of a mask `(H, W, 1)` runs in an image of another size, two pixels wide."""
+    """Return the rim of a mask `(H, W, 1)` as bool `(height, width)`, two pixels wide."""
     rows = (np.arange(height) * mask.shape[0]) // height
     columns = (np.arange(width) * mask.shape[1]) // width
     inside = mask[rows[:, None], columns, 0] >= 0.5
@@ -126,5 +130,5 @@ def _outline(mask: np.ndarray, width: int, height: int) -> np.ndarray:
 
 
 def _bytes(linear: np.ndarray) -> np.ndarray:
-    """Linear radiance as uint8 sRGB, clipped."""
+    """Return linear radiance as uint8 sRGB, clipped."""
     return np.rint(255 * colour.linear_to_srgb(np.clip(linear, 0, 1))).astype(np.uint8)

@@ -1,4 +1,4 @@
-"""One object's material through the frames of a video, and when it may be another's."""
+"""The tracking of one object's material through a video, with a restart for another object."""
 
 import math
 from dataclasses import dataclass
@@ -10,21 +10,22 @@ from lime_keras.video.cuts import CutDetector
 from lime_keras.video.fusion import Fusion
 
 LOST_AFTER = 30
-"""Frames in a row without an object, a second's, after which another object is expected."""
+"""Number of frames in a row without an object, about a second, after which tracking restarts."""
 
 PARAMETERS = ("diffuse_r", "diffuse_g", "diffuse_b", "specular", "exponent")
-"""What is fused, in the order of the arrays below; the exponent there by its log10."""
+"""Names of the fused quantities, in the order of the arrays below; these hold log10 s."""
 
 
 @dataclass(frozen=True)
 class Step:
-    """What is known after one frame.
+    """The state of the tracking after one frame.
 
     Attributes:
-        found: whether there was an object.
-        cut: whether a new scene begins.
-        estimate: of this frame alone, `(5,)` as of `parameters`.
-        fused: over the frames since the last restart, likewise; NaN if none had an object.
+        found: whether the frame has an object.
+        cut: whether a new scene begins with the frame.
+        estimate: estimate of this frame alone, `(5,)` (see `parameters`).
+        fused: estimate fused over the frames since the last restart, `(5,)`; NaN if none of them
+            had an object.
     """
 
     found: bool
@@ -34,10 +35,11 @@ class Step:
 
 
 class Tracker:
-    """Follows one object through the frames, and notices when it may be another.
+    """A tracker of one object through the frames of a video.
 
-    A scene cut restarts the fusion; so do more than `LOST_AFTER` frames in a row without an object.
-    During fewer the fused estimate is held.
+    The fusion restarts after a scene cut, and after more than `LOST_AFTER` frames in a row without
+    an object, because the next object may be another. During a shorter gap the fused estimate is
+    kept.
     """
 
     def __init__(self) -> None:
@@ -46,7 +48,7 @@ class Tracker:
         self._lost = 0
 
     def step(self, image_srgb: np.ndarray, material: Material) -> Step:
-        """Take in the next frame `(H, W, 3)` uint8 and its estimate."""
+        """Add the next frame `(H, W, 3)`, uint8 sRGB, and its estimate; return the new state."""
         cut, found = self._cuts.is_cut(image_srgb), is_found(material)
         self._lost = 0 if found else self._lost + 1
         if cut or self._lost > LOST_AFTER:
@@ -57,20 +59,20 @@ class Tracker:
 
 
 def is_found(material: Material) -> bool:
-    """Whether an estimate is of anything."""
+    """Return whether an estimate shows an object: a mask coverage above 0."""
     return bool(material.mask_coverage)
 
 
 def parameters(material: Material) -> np.ndarray:
-    """What is fused of an estimate: m_d, m_s and log10 s, `(5,)` float64.
+    """Return the quantities of an estimate to fuse: m_d, m_s and log10 s, `(5,)` float64.
 
-    NaN stands for what was not asked for, and for everything if no object was found.
+    A quantity that was not estimated is NaN. If no object was found, all are NaN.
     """
     # The exponent is fused by its logarithm: s is uncertain by factors, and the mean of 10 and 1000
-    # should be 100. Not by the eight probabilities: their expected log10 s is linear in them, so
-    # the average comes to the same, while medians of single probabilities no longer belong to one
-    # distribution (when a frame's vote wanders from bin to bin all of them are 0), and a network
-    # that regresses has none.
+    # should be 100. The eight probabilities are not fused. Their expected log10 s is linear in
+    # them, so the average would be the same. But medians of single probabilities are no longer a
+    # distribution: if the winning class changes from frame to frame, all medians can be 0. And a
+    # network that regresses the exponent has no probabilities.
     if not is_found(material):
         return np.full(len(PARAMETERS), np.nan)
     diffuse = np.full(3, np.nan) if material.diffuse_albedo is None else material.diffuse_albedo
@@ -80,7 +82,7 @@ def parameters(material: Material) -> np.ndarray:
 
 
 def material_of(fused: np.ndarray) -> Material:
-    """The material of `(5,)` parameters; what is NaN becomes None."""
+    """Return the material of parameters `(5,)` (see `parameters`); NaN becomes None."""
     *diffuse, specular, log_exponent = (float(value) for value in fused)
     return Material(
         diffuse_albedo=None if math.isnan(diffuse[0]) else np.array(diffuse, np.float32),

@@ -247,7 +247,7 @@ class NumPy:
 BROKEN = {
     "a lobe without a horizon": ("lobe: ", shading, "specular", lobe_without_a_horizon),
     "a lobe by squares": ("lobe: ", shading, "specular", lobe_by_squares),
-    "a normaliser that cancels": ("normaliser: ", reflectance, "normaliser", cancelling_normaliser),
+    "a normaliser that cancels": ("normaliser: ", shading, "normaliser", cancelling_normaliser),
     "NaN taken for darkness": ("map: ", shading, "texels", texels_that_pass_over_nan),
     "a map with a seam": ("M: ", environment, "lookup", look_up_without_a_seam),
     "a power of what is negative": (
