@@ -45,7 +45,7 @@ class Schedule:
         joint_learning_rate: Adam's learning rate for joined subnetworks.
         validation_examples: number of held-out examples that a stage is evaluated on.
         cosine: whether the learning rate of each stage falls to 0, along half a cosine.
-        flips: whether training mirrors every other scene left to right.
+        flips: whether training mirrors scenes left to right, each with a probability of one half.
         repaints: whether training draws new albedos for each scene every time it is read.
     """
 
