@@ -126,7 +126,7 @@ def claim(run: Path, corpora: Sequence[Path], config: Config) -> None:
 def _differences(
     held: Mapping[str, Any], wanted: Mapping[str, Any], prefix: str = ""
 ) -> Iterator[tuple[str, Any, Any]]:
-    """Yield (name, value held, value wanted) of each difference; names as `schedule.cosine`."""
+    """Yield (name, value held, value wanted) of each difference; dots join nested names."""
     for key in sorted(wanted.keys() | held.keys()):
         there, asked = held.get(key), wanted.get(key)
         if isinstance(there, dict) and isinstance(asked, dict):

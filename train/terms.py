@@ -87,6 +87,8 @@ class Learning:
 
 @dataclass(frozen=True)
 class _Truth:
+    """A function that computes a truth from a batch, and the features that it reads."""
+
     of: Callable[[Batch], Any]
     features: tuple[str, ...]
 
