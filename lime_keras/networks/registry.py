@@ -9,7 +9,7 @@ To add a subnetwork, add:
 
 - a function in `subnetworks` that builds its model;
 - a row for it in `SUBNETWORKS`, and rows in `QUANTITIES` and `READINGS` for what it predicts;
-- its outputs in `lime_keras.outputs.OUTPUTS`;
+- its outputs in `lime_keras.outputs`;
 - its loss terms and measures in `train/terms.py`;
 - a field of `Architecture` that says whether a system has it. The field's default must be a system
   without it, so that models trained before still load.
@@ -154,6 +154,7 @@ QUANTITIES = {
     "exponent_bin_probabilities": Quantity(),
     "log_exponent": Quantity(lambda answer, _: ops.clip(answer, LOG_LOW, LOG_HIGH)),
 }
+"""Row of each quantity by name."""
 
 READINGS = {
     "mask": Reading("mask"),
