@@ -1,13 +1,13 @@
-"""What the paper's text leaves open about a U-Net, tried on SpecularNet, one choice at a time.
+"""A comparison of choices that the paper's text leaves open for a U-Net, tried on SpecularNet.
 
-For the output head see `heads.py`.
+One choice differs from the default at a time. For the output head see `heads.py`.
 
     python benchmarks/choices.py CORPUS [--steps 600] [--seeds 1] [--only NAME ...]
 
-Trains SpecularNet with the smoke preset's sizes and schedule from each seed; prints, on held-out
-examples, the masked ℓ1 between the logarithms log(1 + S), whatever the network was trained on,
-beside that of answering black, and the median time of a step, which the first one of each network
-(tracing) does not move.
+Trains SpecularNet with the smoke preset's sizes and schedule from each seed. Prints the error on
+held-out examples: the masked ℓ1 of log(1 + S), for every training target. Above the table stands
+the error of a black prediction. The time of a step is a median, so that the first step (tracing)
+does not count.
 """
 
 import argparse
@@ -31,19 +31,19 @@ from lime_keras.optics.masking import masked_mean
 from lime_keras.train.stages import SCHEDULES
 
 BRIGHTEST = 1.0
-"""Where the target `clipped` cuts off S: the white of the image."""
+"""Radiance at which the target "S clipped at 1" cuts S off: the white of the image."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Choice:
-    """One way to build and train the network.
+    """A way to build and train the network.
 
     Attributes:
         width: channels of the U-Net's first level.
-        initialiser: of the convolutions under ReLU.
-        encode: radiance to the target of the ℓ1.
-        decode: its inverse.
-        precision: of `precision.POLICIES`, that the network computes in.
+        initialiser: initialiser of the convolutions with ReLU.
+        encode: function from linear radiance to the target of the ℓ1 loss.
+        decode: inverse of `encode`.
+        precision: precision in which the network computes, a key of `precision.POLICIES`.
     """
 
     width: int = PRESETS["smoke"].unet_width
@@ -71,20 +71,20 @@ CHOICES = {
 
 
 class SpecularModel(keras.Model):
-    """SpecularNet under a choice: masked ℓ1 on the encoded radiance."""
+    """A model that trains SpecularNet with a masked ℓ1 loss on the encoded radiance of a choice."""
 
     def __init__(self, network: keras.Model, choice: Choice):
         super().__init__(dtype="float32")
         self.network, self.choice = network, choice
 
     def call(self, batch: Any, training: bool = False) -> Any:
-        """The network's encoded answer."""
+        """Return the network's prediction, encoded S."""
         return self.network(batch["image"] * batch["mask"], training=training)
 
     def compute_loss(
         self, x: Any = None, y: Any = None, y_pred: Any = None, sample_weight: Any = None, **_: Any
     ) -> Any:
-        """Mean over the batch."""
+        """Return the mean loss of the batch."""
         error = ops.abs(y_pred - self.choice.encode(x["specular_shading"]))
         return ops.mean(masked_mean(error, x["mask"]))
 
@@ -149,7 +149,7 @@ def _trained(name: str, seed: int, batches, steps: int, seconds: list[float]) ->
 
 
 def _error(batch: Any, linear: Any) -> float:
-    """Masked ℓ1 between log(1 + S) and what was answered."""
+    """Return the masked ℓ1 between log(1 + S) of the truth and of the prediction."""
     answer = ops.log1p(ops.maximum(linear, 0.0))
     error = ops.abs(answer - ops.log1p(batch["specular_shading"]))
     return float(ops.mean(masked_mean(error, batch["mask"])))

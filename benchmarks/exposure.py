@@ -1,9 +1,9 @@
-"""How much of the objects a camera would clip, by the light's spherical mean.
+"""The share of object pixels that a camera would clip, by the light's mean over the sphere.
 
     python benchmarks/exposure.py CORPUS
 
-Recomposes the train split's first examples from their layers with the light made brighter or
-dimmer, and prints the share of fully covered pixels with a clipped channel, and their median level.
+Recomposes the train split's first examples from their layers with a brighter or dimmer light.
+Prints the share of fully covered pixels with a clipped channel, and the pixels' median level.
 """
 
 import argparse

@@ -1,9 +1,10 @@
-"""Which output head learns: a linear one, against the sigmoid or softplus one would expect.
+"""A comparison of output heads: the linear head against a sigmoid or softplus head.
 
     python benchmarks/heads.py CORPUS
 
 Trains SegmentationNet (ℓ2 on the mask) and SpecularNet (masked ℓ1 on log(1 + S)) of the smoke
-preset for 100 batches from three seeds; prints the held-out loss beside that of answering nothing.
+preset for 100 batches from three seeds. Prints the held-out loss beside the loss of a prediction of
+zeros.
 """
 
 import argparse

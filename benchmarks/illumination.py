@@ -1,17 +1,20 @@
-"""How well the light of a scene is found (paper, section 7), for each bin of the exponent.
+"""The error of the estimated light of a scene (paper, section 7), for each bin of the exponent.
 
     python benchmarks/illumination.py CORPUS --weights RUN --count 100
 
-Over the test split's first images, by where the layers come from: "true" S, M and D; "estimated",
-those of a run's networks (with --weights), with the true normals in either case; "constant" stands
-for no estimate at all: an even light of the true mean radiance, the best that an answer without
-any layer could be told. Where the networks find no object they show no light: such an image is
-missing from the count of "estimated". Measures:
+Estimates the light of the test split's first images, with the true normals, from three sources:
 
-- error: ∫|E − E*| / ∫E* over the sphere, of maps blurred by 5.6° (two texels), finer than which
-  64 × 128 maps hold little; "seen": over the directions that the object mirrors.
+- "true": the true layers D and M;
+- "estimated": the layers that a run's networks estimate (with --weights). An image without light
+  from the networks, such as one in which they find no object, is missing from its count;
+- "constant": no layers, but an even light of the true mean radiance, as a baseline.
+
+Measures of the light E against the true light E*:
+
+- error: ∫|E − E*| / ∫E* over the sphere, of maps blurred by 5.6° (two texels), because 64 × 128
+  maps hold little detail below that; "seen": the same over the directions that the object mirrors.
 - relit: PSNR of the true material rendered under E against E*, by Eq. 4 as sRGB, on the object's
-  own pixels; "ball": on a ball, which also shows the light that the object did not see.
+  own pixels; "ball": on a ball, which also shows light from other directions.
 """
 
 import argparse
@@ -30,7 +33,7 @@ from lime_keras.optics import colour, compositing, environment, shading, shinine
 _BLUR = 2 * math.pi / environment.STORED_SHAPE[0]
 _BATCH = 10
 _BALL = 48
-"""Pixels across the ball."""
+"""Height and width in pixels of the image of the ball."""
 _COLUMNS = ("error", "seen", "relit", "ball")
 _FEATURES = ("image", "mirror", "diffuse_shading")
 
@@ -56,7 +59,7 @@ def main() -> None:
 def _examples(
     corpus: Path, run: Path | None, count: int
 ) -> Iterator[tuple[dict[str, np.ndarray], dict[str, np.ndarray] | None]]:
-    """The test split's first examples, and the networks' outputs for them."""
+    """Yield the test split's first examples, and the networks' outputs for each."""
     from lime_keras.data import pipeline
     from lime_keras.data.corpus import Split
     from lime_keras.eval.accuracy import relighting
@@ -84,12 +87,12 @@ def _examples(
 def _measured(
     truth: Mapping[str, np.ndarray], estimate: Mapping[str, np.ndarray] | None
 ) -> dict[str, list[float]]:
-    """By source, the four measures."""
+    """Return the four measures by source of the layers."""
     true = truth["environment"][..., 0].astype(np.float64)
     view = shading.view_directions(truth["camera"], *truth["mask"].shape[:2])
 
     def observed(mirror: np.ndarray, diffuse: np.ndarray, mask: np.ndarray):
-        # The true mask tells where the true normals are.
+        # True normals exist only inside the true mask.
         known = (truth["mask"] > 0) * mask
         return illumination.observe(truth["normal"], view, mirror, diffuse, known)
 
@@ -112,7 +115,7 @@ def _measured(
 
 
 def _errors(light: np.ndarray, true: np.ndarray, seen: np.ndarray) -> list[float]:
-    """Relative error of the blurred map over the sphere, and over what was seen."""
+    """Return the relative error of the blurred map over the sphere and over seen directions."""
     solid_angle = environment.solid_angles(*true.shape)
     light, true = environment.blur(light, _BLUR), environment.blur(true, _BLUR)
     return [
@@ -122,7 +125,7 @@ def _errors(light: np.ndarray, true: np.ndarray, seen: np.ndarray) -> list[float
 
 
 def _relit(truth: Mapping[str, np.ndarray], light: np.ndarray, true: np.ndarray) -> list[float]:
-    """PSNR of the true material under one light against the other, on the object and a ball."""
+    """Return the PSNR in dB of the true material under `light` against `true`: object and ball."""
     from lime_keras.eval.accuracy import relighting
 
     material = BlinnPhong(
@@ -135,7 +138,7 @@ def _relit(truth: Mapping[str, np.ndarray], light: np.ndarray, true: np.ndarray)
 
 
 def _ball() -> dict[str, np.ndarray]:
-    """Mask, normals and camera of a ball seen from afar."""
+    """Return mask, normals and camera of a ball seen from afar."""
     down, across = (np.mgrid[:_BALL, :_BALL] + 0.5) * (2 / _BALL) - 1
     inside = np.hypot(across, down) < 0.97
     towards = np.sqrt(np.maximum(1 - across**2 - down**2, 0))
@@ -145,7 +148,7 @@ def _ball() -> dict[str, np.ndarray]:
 
 
 def _table(name: str, found: list[tuple[int, list[float]]]) -> str:
-    """Means by bin, and over all."""
+    """Return a Markdown table of the means for each bin and for all images."""
     bins = np.array([exponent_bin for exponent_bin, _ in found])
     rows = np.array([row for _, row in found])
     lines = [f"\n{name}\n", f"| s | count | {' | '.join(_COLUMNS)} |", "|---|" + "---:|" * 5]

@@ -1,10 +1,10 @@
-"""What the weights between the loss terms do: a run trained again with one of them changed.
+"""The effect of the loss terms' weights: a run is trained again with one weight changed.
 
     python benchmarks/loss_weights.py CORPUS RUN --out DIR [--terms compositing] [--factors 0.2 5]
 
-Takes over from RUN, a finished run of `lime-train`, every stage that the term has no part in, and
-trains the others under the run's own config; prints the held-out terms, unweighted, at the end of
-the last stage. What is in DIR already is not trained again.
+RUN is a finished run of `lime-train`. Its stages without the changed term are reused; the others
+are trained again with the same config. Prints the held-out loss terms, unweighted, at the end of
+the last stage. Runs that are already in DIR are not trained again.
 """
 
 import argparse
@@ -59,7 +59,7 @@ def _train(name: str, corpus: Path, run: Path, config: Config, reuse: Path) -> N
 
 
 def _last_row(run: Path) -> dict[str, float]:
-    """Held-out terms at the end of a run's last stage."""
+    """Return the held-out loss terms, by name, at the end of a run's last stage."""
     path = max((run / "curves").iterdir())
     with path.open(newline="", encoding="utf-8") as file:
         last = list(csv.DictReader(file))[-1]

@@ -1,10 +1,10 @@
-"""What stretching the estimated mask about one half does to the errors (docs/decisions.md).
+"""The effect on the errors of stretching the estimated mask about one half (docs/decisions.md).
 
     python benchmarks/mask_contrast.py --weights RUN CORPUS CORPUS ... --count 320
 
-Over the first images of what training on each corpus would hold out, as rendered: errors with
-SegmentationNet's answer stretched by each contrast, and with the true mask. Below them, the
-differences from no stretching with half their 95 % interval.
+Uses the first images that training on each corpus would hold out, without the camera model. Prints
+the errors with SegmentationNet's prediction stretched by each contrast, and with the true mask.
+Below them stand the differences from the unstretched mask, with half of their 95 % interval.
 """
 
 import argparse
@@ -51,7 +51,7 @@ def main() -> None:
 
 
 def _measured(corpora: list[Path], run: Path, count: int) -> dict[str, np.ndarray]:
-    """Errors `(N, 9)` of each mask's name, the images in the same order."""
+    """Return errors `(N, 9)` by name of the mask, with the images in the same order for each."""
     from lime_keras.data import pipeline
     from lime_keras.networks import assemble, weights
 
@@ -95,7 +95,7 @@ def _errors(
             log_error,
             np.abs(answer["diffuse_albedo"] - truth["diffuse_albedo"]).mean(axis=-1),
             np.abs(answer["specular_albedo"][:, 0] - truth["specular_albedo"]),
-            np.minimum(missed / there, 5),  # a nearly black S would be the mean of all
+            np.minimum(missed / there, 5),  # a nearly black S would dominate the mean
         ],
         axis=-1,
     )

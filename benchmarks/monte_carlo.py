@@ -1,14 +1,14 @@
-"""D and S of this package against Mitsuba's own Monte Carlo, in one run and at equal error.
+"""A comparison of this package's D and S with Mitsuba's Monte Carlo integrator: error and time.
 
     python benchmarks/monte_carlo.py --environments DIR --maps 3
 
-A sphere under each map, 256 × 256; seconds are of the processor, on one thread. Mitsuba's
-`direct` integrator samples light and lobe with multiple importance; D is its `diffuse` material, S
-a material whose value is the lobe of Eq. 3. Its error is the noise, from two independent images;
-ours is the difference from `--quality reference`. Both are medians over fully covered pixels. As
-noise falls with the square root of the samples, the time at our error follows from the largest
-count that was run. The last column is the median of Monte Carlo's mean over ours: both integrate
-the same thing.
+The scene is a sphere under each map, 256 × 256 pixels. Seconds are processor time on one thread.
+Mitsuba's `direct` integrator uses multiple importance sampling of light and lobe. D is its
+`diffuse` material, S a material whose value is the lobe of Eq. 3. Mitsuba's error is its noise,
+from two independent images; our error is the difference from `--quality reference`. Both are
+medians over fully covered pixels. Noise falls with the square root of the samples, so the time
+that Mitsuba needs for our error is computed from the largest number of samples. The last column is
+the median ratio of Mitsuba's mean to our value; it is near 1, as both compute the same integral.
 """
 
 import argparse
@@ -76,7 +76,7 @@ def _row(mesh: meshes.Mesh, radiance: np.ndarray, exponent: float | None) -> str
 def _ours(
     mesh: meshes.Mesh, radiance: np.ndarray, exponent: float | None, quality: Quality
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """A layer `(SIZE, SIZE)`, where pixels are wholly covered, and seconds with the tracing."""
+    """Return a layer `(SIZE, SIZE)`, the mask of fully covered pixels, and seconds with tracing."""
     from lime_keras.render.scene.gbuffer import Tracer
 
     tracer = Tracer(mesh, SIZE, quality)
@@ -104,7 +104,7 @@ def _specular(seen, exponent: float, light: lights.Light) -> np.ndarray:
 def _monte_carlo(
     mesh: meshes.Mesh, radiance: np.ndarray, exponent: float | None, samples: int
 ) -> tuple[list[np.ndarray], float]:
-    """Two independent images `(SIZE, SIZE)`, and the seconds that one takes."""
+    """Return two independent images `(SIZE, SIZE)`, and the seconds that one of them takes."""
     import mitsuba as mi
 
     from lime_keras.render.scene.gbuffer import mitsuba_mesh
@@ -144,7 +144,7 @@ def _monte_carlo(
     images, seconds = [], []
     for seed in range(3):
         began = time.process_time()
-        # Mitsuba's stub wants a UInt32 for a seed; a plain number does.
+        # Mitsuba's type stub asks for a UInt32 as the seed; a plain number works.
         image = np.array(mi.render(scene, spp=samples, seed=seed))  # type: ignore[arg-type]
         seconds.append(time.process_time() - began)
         images.append(image.reshape(SIZE, SIZE, -1)[..., 0])
@@ -152,7 +152,7 @@ def _monte_carlo(
 
 
 def _register_lobe() -> None:
-    """Give Mitsuba a material whose value is c(s) (h·n)^s, sampled by its half vector."""
+    """Register a Mitsuba material whose value is c(s) (h·n)^s, sampled by its half vector."""
     import drjit as dr
     import mitsuba as mi
 

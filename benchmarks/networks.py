@@ -1,15 +1,15 @@
-"""What the subnetworks of each preset cost: parameters, arithmetic, and time for one image.
+"""The cost of each preset's subnetworks: parameters, arithmetic, and time for one image.
 
     python benchmarks/networks.py --presets smoke paper --threads 2
 
-For the five subnetworks and the whole system joined. Needs no corpus and no training: the weights
-are as initialised, the images noise, and neither changes the time. Arithmetic is that of the
-convolutions and dense layers, a multiplication and an addition counted apart. Times are medians on
-the processor of the Keras model under `tf.function` and of ONNX Runtime, both with the same number
-of threads; every repeat runs each subnetwork under each of them once, so that other programs
-disturb all alike, and ratios hold better than the times themselves. The last column is the paper's,
-on a Titan Xp, and their sum. The paper preset needs 9 GB of memory while it is converted to
-ONNX, and minutes.
+Measures the five subnetworks and the whole system. Needs no corpus and no training: the weights are
+fresh and the images noise, which does not change the time. Arithmetic is that of convolutions and
+dense layers; multiplications and additions are counted separately. Times are medians, on the
+processor, of the Keras model under `tf.function` and of ONNX Runtime with the same number of
+threads. Each repeat runs every subnetwork once under both, so that other programs disturb all of
+them alike; ratios are therefore more reliable than the times themselves. The last column has the
+paper's times on a Titan Xp and, for the whole system, their sum. The conversion of the paper preset
+to ONNX takes 9 GB of memory and minutes.
 """
 
 import argparse
@@ -31,7 +31,7 @@ from lime_keras.networks import PRESETS, Architecture, assemble, build
 
 WHOLE = "whole system"
 WARM_UP = 3
-"""Rounds before the clock counts: the first traces and allocates."""
+"""Number of rounds that are not timed, because the first rounds trace and allocate."""
 
 
 def main() -> None:
@@ -73,7 +73,7 @@ def _networks(architecture: Architecture) -> dict[str, keras.Model]:
 def _measure(
     networks: dict[str, keras.Model], threads: int, repeat: int, preset: str
 ) -> dict[str, np.ndarray]:
-    """Median seconds of each network under Keras and ONNX Runtime."""
+    """Return the median seconds of each network under Keras and ONNX Runtime, by name."""
     runners = {
         name: _runners(network, threads)
         for name, network in tqdm(networks.items(), f"{preset}: exporting", leave=False)
@@ -86,7 +86,7 @@ def _measure(
 
 
 def _runners(network: keras.Model, threads: int) -> tuple[Callable, Callable]:
-    """The network answering one image of noise: by `tf.function`, and by ONNX Runtime."""
+    """Return two functions that run the network on one image of noise: Keras and ONNX Runtime."""
     serve = formats.served(network)
     rng = np.random.default_rng(0)
     shapes = {spec.name: (1, *spec.shape[1:]) for spec in serve.input_signature}
@@ -106,7 +106,7 @@ def _session(
     model, _ = tf2onnx.convert.from_function(
         serve, input_signature=serve.input_signature, opset=formats.OPSET
     )
-    # The converter's copies of the graph hold one another, and 1 GB for a U-Net of 20 MB.
+    # The converter's copies of the graph refer to one another, and hold 1 GB for a U-Net of 20 MB.
     gc.collect()
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = threads

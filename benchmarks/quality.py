@@ -1,11 +1,11 @@
-"""The renderer's trade: error of D, S and M against time, for every knob.
+"""The renderer's trade-off: error of D, S and M against time, for every setting.
 
     python benchmarks/quality.py --shapes DIR --environments DIR --out DIR
 
-Scenes are drawn as a corpus' are, one for each map. Errors are relative, of random object pixels,
+Scenes are sampled as for a corpus, one for each map. Errors are relative, for random object pixels,
 edges included, against `--quality reference`, which is itself compared with float64 sums over every
-texel of the map. Writes quality.md and quality.png. Without folders, built-in shapes and rooms
-serve. Times are of the processor, on one thread, relative to `fast` in the same moment.
+texel of the map. Writes quality.md and quality.png. Without folders, built-in shapes and rooms are
+used. Times are processor time on one thread, divided by the time of `fast` at the same moment.
 """
 
 import argparse
@@ -50,7 +50,7 @@ REFERENCE = QUALITIES["reference"]
 
 @dataclasses.dataclass(frozen=True)
 class Scene:
-    """A mesh in its pose under a map, and the pixels that are compared."""
+    """A mesh in its pose under an environment map, and the size of its image in pixels."""
 
     mesh: Any
     radiance: np.ndarray
@@ -60,7 +60,7 @@ class Scene:
 
 
 def main() -> None:
-    """Measure, print and draw."""
+    """Measure all errors and times, print and write the tables, and draw the figure."""
     arguments = _arguments()
     variants.activate(variants.choose(), threads=1)
     console.import_tensorflow()
@@ -101,7 +101,7 @@ def _scenes(arguments: argparse.Namespace) -> list[Scene]:
 
 
 def _bins(chosen: list[Scene]) -> str:
-    """Error of `fast` in each of the eight bins."""
+    """Return the table of the error of `fast` in each of the eight bins."""
     errors: dict = {}
     for scene in tqdm(chosen, "fast and reference, eight bins"):
         for k in range(shininess.BIN_COUNT):
@@ -121,7 +121,7 @@ def _bins(chosen: list[Scene]) -> str:
 
 
 def _reference(chosen: list[Scene]) -> str:
-    """Error of `reference` against the plain sum over all texels, for all samples of a pixel."""
+    """Return the table of `reference`'s error against plain sums over all texels."""
     rows = []
     for name, exponent in LOBES.items():
         errors: dict[str, list] = {layer: [] for layer in LAYERS}
@@ -138,7 +138,7 @@ def _reference(chosen: list[Scene]) -> str:
 
 
 def _trade(chosen: list[Scene], out: Path) -> Iterable[str]:
-    """One table and one panel for each knob, all others as in `fast`."""
+    """Draw the figure and yield a table for each setting, with all others as in `fast`."""
     measured: dict[str, list[tuple[str, float, dict]]] = {}
     for knob, values in KNOBS.items():
         for value in tqdm(values, knob):
@@ -174,7 +174,7 @@ def _half_png(level: int, layer: np.ndarray) -> bytes:
 
 
 def _storage(chosen: list[Scene]) -> str:
-    """What D, S and M of an example take, and lose, in different encodings."""
+    """Return the table of size, time and error of D, S and M in different encodings."""
     import zlib
 
     import tensorflow as tf
@@ -242,7 +242,7 @@ def _storage(chosen: list[Scene]) -> str:
 
 
 def _errors(scene: Scene, quality: Quality, exponent: float) -> dict[str, np.ndarray]:
-    """Relative errors `(PIXELS,)` of D, S and M against the reference."""
+    """Return the relative errors, at most `(PIXELS,)`, of D, S and M against the reference."""
     truth = _reference_layers(scene, exponent)
     seen, light = _prepared(scene, quality)
     pixels = np.intersect1d(truth[0], seen.covered_pixels)
@@ -252,7 +252,7 @@ def _errors(scene: Scene, quality: Quality, exponent: float) -> dict[str, np.nda
 
 
 def _plain_errors(scene: Scene, exponent: float) -> dict[str, np.ndarray]:
-    """Errors of the reference against sums over every texel, for all its samples."""
+    """Return the relative errors of the reference against sums over every texel."""
     seen, light = _prepared(scene, REFERENCE)
     pixels = _chosen(seen, CHECKED_PIXELS)
     few = _some(seen, pixels)
@@ -269,7 +269,7 @@ def _plain_errors(scene: Scene, exponent: float) -> dict[str, np.ndarray]:
 
 
 def _measured(chosen: list[Scene], quality: Quality) -> tuple[float, dict]:
-    """Time of a whole example by that of `fast`, and errors by curve."""
+    """Return the time of a whole example divided by that of `fast`, and the errors by curve."""
     errors: dict = {}
     times = []
     for scene in chosen:
@@ -281,14 +281,14 @@ def _measured(chosen: list[Scene], quality: Quality) -> tuple[float, dict]:
         base = _resized(scene, 256)
         fast_light = _prepared(base, FAST)[1]
         for exponent in LOBES.values():
-            # Each beside `fast` in the same moment: other programs disturb both alike.
+            # `fast` is timed at the same moment, so that other programs disturb both alike.
             fast = _seconds(base, FAST, fast_light, exponent)
             times.append(_seconds(scene, quality, light, exponent) / fast)
     return float(np.median(times)), {key: np.concatenate(v) for key, v in errors.items()}
 
 
 def _seconds(scene: Scene, quality: Quality, light: lights.Light, exponent: float) -> float:
-    """Of the processor for a whole example; a first one is made before, to compile."""
+    """Return the processor seconds of a whole example, after another one for compilation."""
     _cached(
         ("compiled", id(scene.mesh), scene.size, _sampling(quality)),
         lambda: _example(scene, quality, light, exponent),
@@ -303,7 +303,7 @@ def _curves() -> list[tuple[str, str | None]]:
 
 
 def _example(scene: Scene, quality: Quality, light: lights.Light, exponent: float) -> bytes:
-    """All of an example: traced, lit, composed, encoded."""
+    """Trace, light, compose and encode an example, and return its record."""
     from lime_keras.data import records
 
     material = BlinnPhong(np.full(3, 0.4), 0.5, exponent, 0.02)
@@ -320,7 +320,7 @@ def _images(scene: Scene, quality: Quality, exponent: float) -> list[np.ndarray]
 
 
 def _sampling(quality: Quality) -> tuple:
-    """What a G-buffer depends on."""
+    """Return the settings that a G-buffer depends on."""
     return quality.subsamples, quality.refined, quality.rough_above, quality.cells
 
 
@@ -328,7 +328,7 @@ _CACHE: dict = {}
 
 
 def _cached(key: tuple, make) -> Any:
-    """Kept for the whole run: scenes are few."""
+    """Return a cached value, made on first request; values are never dropped, as scenes are few."""
     if key not in _CACHE:
         _CACHE[key] = make()
     return _CACHE[key]
@@ -342,7 +342,7 @@ def _tracer(scene: Scene, quality: Quality):
 
 
 def _prepared(scene: Scene, quality: Quality):
-    """G-buffer and light of a scene in a quality."""
+    """Return the G-buffer and the light of a scene in a quality."""
     sampling = _sampling(quality)
     seen = _cached(
         ("seen", id(scene.pose), scene.size, sampling),
@@ -373,7 +373,7 @@ def _chosen(seen, count: int) -> np.ndarray:
 
 
 def _some(seen, pixels: np.ndarray):
-    """The part of a G-buffer that lies in some pixels."""
+    """Return the part of a G-buffer that lies in the given pixels."""
     kept = np.zeros(seen.coverage.size, bool)
     kept[pixels] = True
     return seen.part(kept)
@@ -411,7 +411,7 @@ def _table(title: str, header: tuple, rows: list[tuple]) -> str:
 
 
 def _draw(measured: dict, path: Path) -> None:
-    """Median (full line) and 99th percentile (dotted) against time, a panel for each knob."""
+    """Draw median (solid line) and 99th percentile (dotted) over time, a panel for each setting."""
     from matplotlib.figure import Figure
 
     across = 3

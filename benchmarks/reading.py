@@ -1,9 +1,9 @@
-"""How fast examples are read, and what each step of the pipeline costs.
+"""The rate at which examples are read, and the cost of each step of the pipeline.
 
     python benchmarks/reading.py CORPUS
 
-Reads the train split on the processor alone, each row with one step more. Beside the rate stands
-the processor time of an example, all threads together, which other programs disturb less.
+Reads the train split on the processor alone; each row adds one step. Beside the rate stands the
+processor time of an example, summed over all threads, which other programs disturb less.
 """
 
 import argparse
@@ -17,7 +17,7 @@ from lime_keras.data import camera, pipeline, records
 from lime_keras.data.corpus import Split
 
 WARM_UP = 256
-"""Examples before the clock starts: the shuffle buffer is full then, and the threads are many."""
+"""Number of examples before the clock starts; then the buffer is full and all threads run."""
 
 
 def main() -> None:
@@ -64,7 +64,7 @@ def _mapped(dataset: tf.data.Dataset, function) -> tf.data.Dataset:
 
 
 def _measure(dataset: tf.data.Dataset, examples_each: int, examples: int) -> tuple[float, float]:
-    """Examples a second, and milliseconds of processor time an example."""
+    """Return examples a second, and milliseconds of processor time for each example."""
     iterator = iter(dataset)
     for _ in range(-(-WARM_UP // examples_each)):
         next(iterator)

@@ -1,9 +1,10 @@
-"""How far the relighting error moves when only some pixels of an object are lit.
+"""The change of the relighting error when only some pixels of an object are lit.
 
     python benchmarks/relighting.py CORPUS --count 60
 
-For some numbers of pixels: the mean PSNR over the test split's first images of the material in the
-middle of all ranges, and how far single images lie from what all their pixels give.
+For several numbers of pixels, prints the mean PSNR over the test split's first images, for the
+material in the middle of all ranges, and the median difference of an image's PSNR from its PSNR
+with all pixels.
 """
 
 import argparse

@@ -1,13 +1,14 @@
-"""What fusion over a video's frames is worth: variance over time, and error, raw and fused.
+"""The gain of fusion over a video's frames: variance over time, and error, raw and fused.
 
     python benchmarks/temporal.py --weights RUN
     python benchmarks/temporal.py --weights RUN --shapes DIR --environments DIR
 
-Renders short sequences, each of one test shape of one material in one light: in every other one the
-object turns before the camera, else the camera turns about the object, whose light turns with it in
-camera space. The exponents lie in the middles of every other bin. Each frame is estimated alone and
-fused as `lime-estimate` fuses a video's. Variance is over a sequence's frames, error the mean of
-|estimate − truth| over them; both are means over channels and sequences.
+Renders short sequences, each with one test shape, one material and one light. In even sequences the
+object turns before the camera. In odd ones the camera turns about the object, so that the light
+turns too in camera space. The exponents are the means of every second bin. Each frame is estimated
+alone ("raw") and then fused as `lime-estimate` fuses a video's frames. Variance is over a
+sequence's frames, error is the mean of |estimate − truth| over them. Both are means over channels
+and sequences.
 """
 
 import argparse
@@ -31,9 +32,10 @@ from lime_keras.video.tracking import parameters
 
 _DISTANCE = 6.0
 _FILL = 0.8
-"""Of the image by the object's bounding sphere, in which it can turn without leaving the image."""
+"""Share of the image's width that the object's bounding sphere fills: the object can turn without
+leaving the image."""
 _TURN = math.radians(90)
-"""From the first frame to the last."""
+"""Angle of the turn from the first frame to the last, in radians."""
 _PARAMETERS = {
     "diffuse albedo": slice(0, 3),
     "specular albedo": slice(3, 4),
@@ -43,7 +45,7 @@ _PARAMETERS = {
 
 @dataclasses.dataclass(frozen=True)
 class Sequence:
-    """Frames `(T, S, S, 3)` uint8 sRGB and what is true of all: m_d, m_s and log10 s, `(5,)`."""
+    """A sequence: frames `(T, S, S, 3)` uint8 sRGB, and the true m_d, m_s and log10 s, `(5,)`."""
 
     name: str
     frames: np.ndarray
@@ -51,7 +53,7 @@ class Sequence:
 
 
 def main() -> None:
-    """Print a table of the means, and one by sequence."""
+    """Print a table of all sequences, and one of their means."""
     arguments = _arguments()
     variants.activate(variants.choose(), threads=1)
     sequences = [render(arguments, k) for k in tqdm(range(arguments.sequences), unit="sequence")]
@@ -82,7 +84,7 @@ _BY_PROBABILITIES = "log10 exponent, the eight probabilities fused"
 
 
 def render(arguments: argparse.Namespace, number: int) -> Sequence:
-    """One sequence: shape, light, material, pose and turn from the seed and its number."""
+    """Render a sequence, whose shape, light, material and pose follow from the seed and number."""
     rng = np.random.default_rng([arguments.seed, number])
     shapes = sources.ShapeSource(arguments.shapes, "test", arguments.seed)
     lights = sources.LightSource(arguments.environments, "test", arguments.seed, arguments.cache)
@@ -108,9 +110,9 @@ def render(arguments: argparse.Namespace, number: int) -> Sequence:
 
 
 def estimates(estimator, sequence: Sequence) -> tuple[np.ndarray, np.ndarray]:
-    """What each frame alone gives: the parameters `(T, 5)` and the probabilities `(T, 8)`.
+    """Estimate each frame alone: the parameters `(T, 5)` and the probabilities `(T, 8)`.
 
-    NaN in frames without an object, and for probabilities that the model does not give.
+    Frames without an object are NaN, and so are probabilities if the model does not predict them.
     """
     materials = [estimator.estimate(frame / np.float32(255)) for frame in sequence.frames]
     nothing = np.full(shininess.BIN_COUNT, np.nan)
@@ -124,13 +126,13 @@ def estimates(estimator, sequence: Sequence) -> tuple[np.ndarray, np.ndarray]:
 
 
 def fuse(estimated: np.ndarray) -> np.ndarray:
-    """The fused estimate after each frame, `(T, ...)`."""
+    """Return the fused estimate after each frame, `(T, ...)`."""
     fusion = Fusion()
     return np.stack([fusion.update(estimate) for estimate in estimated])
 
 
 def distances(sequences: list[Sequence]) -> str:
-    """How far the cut detector's measure tells sequences apart."""
+    """Return a sentence on the cut detector's distances within and between sequences."""
     seen = [[cuts.histogram(frame) for frame in sequence.frames] for sequence in sequences]
     within = [cuts.distance(*pair) for s in seen for pair in itertools.pairwise(s)]
     between = [cuts.distance(a[-1], b[0]) for a, b in itertools.permutations(seen, 2)]
@@ -146,13 +148,13 @@ def _split(values: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def _log_exponents(probabilities: np.ndarray) -> np.ndarray:
-    """log10 s `(T, 1)`; medians of probabilities no longer sum to 1."""
+    """Return log10 s `(T, 1)`, with normalised probabilities: medians do not sum to 1."""
     total = probabilities.sum(axis=-1, keepdims=True)
     return shininess.log_expected(probabilities / total)[..., None]
 
 
 def _measures(raw: np.ndarray, fused: np.ndarray, truth: np.ndarray) -> list[float]:
-    """Variances and errors of `(T, C)` estimates, in the order of the table's columns."""
+    """Return variances and errors of `(T, C)` estimates, in the order of the table's columns."""
     seen = np.isfinite(raw[:, 0])
     raw, fused = raw[seen], fused[seen]
     if not len(raw):
@@ -172,7 +174,7 @@ def _cells(row) -> str:
 
 
 def _turn(angle: float) -> np.ndarray:
-    """Rotation `(3, 3)` about the camera's vertical."""
+    """Return the rotation `(3, 3)` by `angle` about the camera's vertical axis."""
     cos, sin = math.cos(angle), math.sin(angle)
     return np.array([[cos, 0, sin], [0, 1, 0], [-sin, 0, cos]])
 

@@ -1,9 +1,10 @@
-"""How fast each stage trains: examples a second by preset, precision and XLA, without reading.
+"""The training speed of each stage: examples a second by preset, precision and XLA.
 
     python benchmarks/training.py [--presets smoke live] [--steps 8]
 
-Random batches, already in memory. The settings of a stage take turns step by step, so a busy moment
-slows them alike; medians. `benchmarks/reading.py` says what reading costs beside it.
+The batches are random and already in memory; for the cost of reading see `benchmarks/reading.py`.
+The settings of a stage take turns step by step, so that a busy moment slows all of them alike.
+Speeds follow from the median time of a step.
 """
 
 import argparse
@@ -29,7 +30,7 @@ SETTINGS = {
     "bfloat16": ("bfloat16", False),
     "bfloat16, XLA": ("bfloat16", True),
 }
-"""Precision, and whether XLA compiles the step."""
+"""Precision of each setting, and whether XLA compiles the step."""
 STAGES = ("specular", "exponent", "albedo", "specular+mirror", "specular+mirror+exponent+albedo")
 
 
@@ -63,7 +64,7 @@ def main() -> None:
 def _step(
     architecture: Architecture, stage: Stage, precision: str, xla: bool, batch: dict[str, Any]
 ) -> Callable[[], Any]:
-    """One training step, compiled."""
+    """Return a function that takes one training step, already compiled."""
     with computing_in(precision):
         subnetworks = build(architecture, seed=0)
     model = StageModel({name: subnetworks[name] for name in stage.subnetworks})
@@ -74,7 +75,7 @@ def _step(
 
 
 def _alternately(steps: dict[str, Callable[[], Any]], count: int, what: str) -> dict[str, float]:
-    """Median seconds of each."""
+    """Return the median seconds of a step, by setting."""
     seconds: dict[str, list[float]] = {name: [] for name in steps}
     for _ in tqdm(range(count), desc=what, file=sys.stderr):
         for name, step in steps.items():

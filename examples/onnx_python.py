@@ -1,4 +1,4 @@
-"""A photo's material with ONNX Runtime alone, in any precision of `lime-export --format onnx`.
+"""The material of a photo with ONNX Runtime alone, in any precision of `lime-export`.
 
 pip install onnxruntime pillow
 python onnx_python.py exported/lime.onnx photo.jpg

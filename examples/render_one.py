@@ -1,11 +1,11 @@
-"""One example of a corpus, drawn and rendered here: its image and its layers as pictures.
+"""One example of a corpus, rendered by this script: its image and its layers as pictures.
 
 python render_one.py pictures 12
 
-Needs lime-keras alone, no corpus and no GPU: shapes, rooms and backgrounds are built in. A libLLVM
-makes it fast (`python -m lime_keras.render.mitsuba_setup.fetch_llvm`). The room that lights the
-example is rendered first, and kept in pictures/rooms. Import no TensorFlow before it: Mitsuba must
-be the first.
+This needs lime-keras alone, no corpus and no GPU: shapes, rooms and backgrounds are built in. With
+libLLVM it is fast (`python -m lime_keras.render.mitsuba_setup.fetch_llvm`). The room that lights
+the example is rendered first and kept in pictures/rooms. Do not import TensorFlow before this
+package: Mitsuba must be imported first.
 """
 
 import sys

@@ -1,4 +1,4 @@
-"""A photo's material with TensorFlow alone.
+"""The material of a photo with TensorFlow alone.
 
 pip install tensorflow pillow
 python savedmodel_python.py exported/saved_model/1 photo.jpg
@@ -21,7 +21,7 @@ photo = ImageOps.exif_transpose(Image.open(sys.argv[2])).convert("RGB")
 image = np.asarray(ImageOps.fit(photo, (width, height)), np.float32) / 255  # sRGB in [0, 1]
 photos = tf.constant(image[None])
 found = {name: x.numpy() for name, x in model.signatures["serving_default"](image=photos).items()}
-# Of one output alone, no more is computed than it needs.
+# The signature of a single output computes only what that output needs.
 mask = model.signatures["mask"](image=photos)["mask"].numpy()
 means = np.log10(about["exponent_bin_means"])
 print(

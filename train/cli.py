@@ -28,7 +28,7 @@ each train split's files is held out for validation.
 
 
 def parser() -> argparse.ArgumentParser:
-    """The command's options."""
+    """Return the parser of the command's options."""
     out = argparse.ArgumentParser(
         prog="lime-train",
         description="Train the subnetworks of LIME on corpora of `lime-render`.",
@@ -138,7 +138,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Train a run; returns the exit status."""
+    """Train a run and return the exit status."""
     options = parser().parse_args(argv)
     return console.run(lambda: _train(options), "the same command goes on from the last checkpoint")
 
@@ -173,7 +173,7 @@ def _train(options: argparse.Namespace) -> int:
 
 
 def _config(options: argparse.Namespace) -> Any:
-    """What is asked for; what is not, from the run that is resumed, or by default."""
+    """Return the config: from the options, else from the resumed run, else from the defaults."""
     import dataclasses
 
     from lime_keras.networks import PRESETS
@@ -227,7 +227,7 @@ def _config(options: argparse.Namespace) -> Any:
 
 
 class _Bars:
-    """A bar for each stage: steps, rate, time left, the running losses and the wait for data."""
+    """Progress bars, one for each stage: steps, rate, time left, mean losses and wait for data."""
 
     def __init__(self, stages: list[Any]):
         self._names = [stage.name for stage in stages]
@@ -242,7 +242,7 @@ class _Bars:
             self._bar.__exit__()
 
     def tell(self, progress: Any) -> None:
-        """Show how far a stage is."""
+        """Show the progress of a stage."""
         stage = progress.stage
         if self._bar is None or stage is not self._stage:
             self.__exit__()

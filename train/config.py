@@ -1,4 +1,4 @@
-"""What a run is, recorded beside it: config, corpus, versions, commit."""
+"""The record of a run in its folder: config, corpora, software versions and git commit."""
 
 import dataclasses
 import hashlib
@@ -23,20 +23,20 @@ _PACKAGES = ("tensorflow", "keras", "numpy")
 
 @dataclasses.dataclass(frozen=True)
 class Config:
-    """Everything that a run's weights depend on, apart from the software.
+    """The settings and data that a run's weights depend on, apart from the software.
 
     Attributes:
-        preset: name of the sizes and the schedule that it began from.
-        steps_scale: what the preset's numbers of batches were multiplied with.
-        architecture: of the subnetworks.
-        schedule: of the stages.
-        seed: of initialisation and order; 0 is a seed.
-        corpus_sha256: of the train splits' manifests (`corpus_sha256`).
-        camera: whether the networks see the scenes photographed (`lime_keras.data.camera`).
-        compositing: whether AlbedoNet is also held to Eq. 5.
-        precision: one of `precision.POLICIES`, that the subnetworks compute in.
-        begun_from: what identifies the trained model whose weights it begins with
-            (`beginning.sha256`); None with fresh ones.
+        preset: name of the preset from which sizes and schedule were taken.
+        steps_scale: factor by which the preset's numbers of batches were multiplied.
+        architecture: architecture of the subnetworks.
+        schedule: schedule of the stages.
+        seed: seed of the initial weights, of the order of examples and of the photos; 0 is a seed.
+        corpus_sha256: hash of the train splits (function `corpus_sha256`).
+        camera: whether the camera model photographs the scenes (`lime_keras.data.camera`).
+        compositing: whether AlbedoNet's loss contains Eq. 5.
+        precision: precision in which the subnetworks compute, a key of `precision.POLICIES`.
+        begun_from: hash of the trained model whose weights the run begins with
+            (`initial_weights.sha256`); None for fresh weights.
     """
 
     preset: str
@@ -52,11 +52,11 @@ class Config:
 
     @classmethod
     def read(cls, run: Path) -> "Config":
-        """What `claim` recorded.
+        """Read the config that `claim` recorded in the folder of a run.
 
         Raises:
             FileNotFoundError: if the folder holds no run.
-            ValueError: if it is one of another version.
+            ValueError: if another version of this package began the run.
         """
         path = config_path(run)
         if not path.is_file():
@@ -76,21 +76,21 @@ class Config:
 
 
 def config_path(run: Path) -> Path:
-    """Where a run's record lies."""
+    """Return the path of a run's record."""
     return run / "config.json"
 
 
 def corpus_sha256(corpora: Sequence[Path]) -> str:
-    """What identifies the train splits of corpora: their shards' checksums in order, hashed."""
+    """Return a hash that identifies the train splits: of their shards' checksums, in order."""
     digests = [digest for corpus in corpora for digest in Split(corpus, "train").sha256]
     return hashlib.sha256("".join(digests).encode()).hexdigest()
 
 
 def claim(run: Path, corpora: Sequence[Path], config: Config) -> None:
-    """Record in `RUN/config.json` what the run is.
+    """Record a run in `RUN/config.json`, unless the same config is recorded there already.
 
     Raises:
-        ValueError: if the folder holds a run of another config, with the differences.
+        ValueError: if the folder holds a run of another config; the message names the differences.
     """
     path = config_path(run)
     wanted = json.loads(json.dumps(dataclasses.asdict(config)))
@@ -126,7 +126,7 @@ def claim(run: Path, corpora: Sequence[Path], config: Config) -> None:
 def _differences(
     held: Mapping[str, Any], wanted: Mapping[str, Any], prefix: str = ""
 ) -> Iterator[tuple[str, Any, Any]]:
-    """(name, value held, value wanted) of all that differs, `schedule.batch_size` and the like."""
+    """Yield (name, value held, value wanted) of each difference; dots join nested names."""
     for key in sorted(wanted.keys() | held.keys()):
         there, asked = held.get(key), wanted.get(key)
         if isinstance(there, dict) and isinstance(asked, dict):
@@ -143,7 +143,7 @@ def _installed(package: str) -> str | None:
 
 
 def _commit() -> str | None:
-    """Git commit of the code that trains, "-dirty" if it was changed; None outside a checkout."""
+    """Return the git commit of this code, with "-dirty" if changed; None outside a checkout."""
 
     def git(*arguments: str) -> str:
         command = ["git", "-C", str(Path(__file__).parent), *arguments]

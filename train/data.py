@@ -1,4 +1,4 @@
-"""The batches that stages learn from, and the held-out ones that they are judged by."""
+"""The training batches of a stage, and the held-out batches that it is evaluated on."""
 
 import functools
 import math
@@ -15,21 +15,21 @@ from .config import Config
 from .stages import Stage
 
 _ORIGIN = ("seed", "index")
-"""What names an example."""
+"""Features that identify an example of a corpus."""
 
 Batch = dict[str, Any]
 
 
 class Data:
-    """The train splits of corpora, the last tenth of each one's files held out.
+    """The train splits of corpora, with the last tenth of each split's files held out.
 
     Args:
         corpora: folders with complete train splits.
-        config: of the run.
+        config: config of the run.
 
     Raises:
         FileNotFoundError: if a split is incomplete.
-        ValueError: if one is too small or damaged.
+        ValueError: if a split is too small or damaged.
     """
 
     def __init__(self, corpora: Sequence[Path], config: Config):
@@ -38,7 +38,10 @@ class Data:
         self._config = config
 
     def training(self, stage: Stage, features: Collection[str], first_step: int) -> Iterator[Batch]:
-        """Endless batches for a stage, from a step on; with `seed` and `index` of each example."""
+        """Yield a stage's batches without end, from a step on.
+
+        Each batch also holds `seed` and `index`, which identify its examples.
+        """
         config = self._config
         dataset = pipeline.training(
             self._training,
@@ -55,7 +58,7 @@ class Data:
             yield _native(batch)
 
     def held_out(self, features: Collection[str]) -> "HeldOut":
-        """The examples that a stage is judged by, as many of each corpus if they are there."""
+        """Return the held-out examples: equally many of each corpus, where it has enough."""
         config = self._config
         share = config.schedule.validation_examples / len(self._held_out)
         count = math.ceil(share / config.schedule.batch_size)
@@ -74,30 +77,30 @@ class Data:
 
 
 class HeldOut:
-    """Batches that can be gone through again and again; read once."""
+    """Held-out batches, which are read once and can be iterated many times."""
 
     def __init__(self, dataset: Any, shards: list[Path]):
         self._dataset, self._shards = dataset, shards
 
     def __iter__(self) -> Iterator[Batch]:
-        """From the first one on."""
+        """Yield the batches, from the first."""
         for batch in pipeline.naming_damage(self._dataset, self._shards):
             yield _native(batch)
 
 
 def without_origin(batch: Batch) -> Batch:
-    """What the networks may be given of a batch."""
+    """Return a batch without `seed` and `index`, which the networks must not get."""
     return {name: value for name, value in batch.items() if name not in _ORIGIN}
 
 
 def origin(batch: Batch, row: int) -> str:
-    """Which example of the corpus a row of a batch is."""
+    """Return words that identify the example in a row of a batch."""
     seed, index = (int(batch[name][row]) for name in _ORIGIN)
     return f"example {index} of seed {seed}"
 
 
 def _native(batch: Batch) -> Batch:
-    """As the backend takes it: other backends than TensorFlow know NumPy's arrays."""
+    """Return the batch with NumPy arrays in place of tensors, unless TensorFlow is the backend."""
     if keras.backend.backend() == "tensorflow":
         return batch
     return {name: value.numpy() for name, value in batch.items()}

@@ -1,4 +1,4 @@
-"""One batch split between several devices, through TensorFlow's or Keras' own means."""
+"""Data-parallel training: one batch split between several devices, under TensorFlow or JAX."""
 
 import contextlib
 from collections.abc import Mapping
@@ -9,44 +9,47 @@ import numpy as np
 
 
 class Devices:
-    """The first `count` accelerators, or, where there is none, processors.
+    """The first `count` accelerators or, where there are none, processors.
 
-    Under TensorFlow each device holds a copy of the weights (`tf.distribute.MirroredStrategy`);
-    under JAX Keras lays the batch out (`keras.distribution.DataParallel`).
+    Under TensorFlow each device holds a copy of the weights (`tf.distribute.MirroredStrategy`).
+    Under JAX, Keras distributes the batch (`keras.distribution.DataParallel`).
 
     Args:
-        count: of devices; 1 leaves everything where the backend puts it.
+        count: number of devices; with 1, the backend chooses the device.
 
     Raises:
-        ValueError: if there are fewer.
+        ValueError: if there are fewer devices.
     """
 
     def __init__(self, count: int):
         self.count = count
         self._strategy: Any = None
         if keras.backend.backend() != "tensorflow":
-            # Keras keeps it for the whole process: an earlier one must not stay.
+            # Keras keeps a distribution for the whole process: an earlier one must not stay.
             keras.distribution.set_distribution(_parallel(count) if count > 1 else None)
         elif count > 1:
             self._strategy = _mirrored(count)
 
     @property
     def replicas(self) -> int:
-        """How many of the devices see a part of the batch as if it were a whole one."""
+        """The number of devices that each treat their part of the batch as a whole batch."""
         return 1 if self._strategy is None else self.count
 
     def scope(self) -> contextlib.AbstractContextManager:
-        """What weights and optimisers are made in."""
+        """Return the context in which weights and optimisers must be created."""
         return contextlib.nullcontext() if self._strategy is None else self._strategy.scope()
 
     def split(self, batch: Mapping[str, Any]) -> Any:
-        """The batch as Keras takes it; one that cannot be shared out is seen whole by each."""
+        """Return the batch in the form that Keras takes, split between the devices.
+
+        If its examples cannot be split evenly, each device gets the whole batch.
+        """
         size = len(next(iter(batch.values())))
         if self._strategy is None:
             if not size % self.count:
                 return batch
-            # Keras deals out the rows itself, but only evenly. The means over several copies of a
-            # batch are its own.
+            # Keras splits the rows itself, but only evenly. Several copies of the batch can be
+            # split evenly, and their means are those of the batch.
             return {name: np.concatenate([value] * self.count) for name, value in batch.items()}
         if size % self.count:
             return batch
@@ -59,9 +62,9 @@ class Devices:
         return self._strategy.experimental_distribute_values_from_function(share)
 
     def weights(self, batch: Mapping[str, Any]) -> Any:
-        """What each example counts in sums over all devices, split as the batch is.
+        """Return the weight of each example in sums over all devices, split like the batch.
 
-        A batch that each device sees whole would else count that many times.
+        An example that every device gets has the weight 1 / `count`, so that it counts once.
         """
         size = len(next(iter(batch.values())))
         counted = 1 / self.count if size % self.count else 1.0

@@ -1,7 +1,7 @@
-"""Weights that a run begins with, in place of fresh ones.
+"""The weights of a trained model that a run begins with, in place of fresh weights.
 
-The run keeps its own copy in `RUN/begun-from/`, so that it can be resumed without the model that
-they came from; `taken.json` there says which subnetworks fitted.
+The run keeps a copy of the model in `RUN/begun-from/`, so that it can be resumed without the
+original. `taken.json` there names the subnetworks whose weights were taken.
 """
 
 import hashlib
@@ -20,7 +20,7 @@ _FOLDER, _TAKEN = "begun-from", "taken.json"
 
 
 def sha256(model: Path) -> str:
-    """What identifies a trained model: its files, hashed.
+    """Return a hash that identifies a trained model: of all its files.
 
     Raises:
         FileNotFoundError: if the folder holds no model.
@@ -32,7 +32,7 @@ def sha256(model: Path) -> str:
 
 
 def keep(model: Path, run: Path) -> None:
-    """Copy a trained model into a run that is to begin with it; one that is there stays."""
+    """Copy a trained model into the run that begins with it, unless the run holds a copy."""
     if (run / _FOLDER).is_dir():
         return
     model = weights.folder(model)
@@ -46,13 +46,13 @@ def keep(model: Path, run: Path) -> None:
 def load(
     run: Path, subnetworks: Mapping[str, keras.Model]
 ) -> tuple[list[str], dict[str, list[np.ndarray]]]:
-    """Set the subnetworks that have the same layers in the model that `keep` copied.
+    """Set the weights of those subnetworks that have the same layers in the copied model.
 
-    U-Nets have them at any size of image; an encoder's first dense layer depends on it.
+    A U-Net's layers are the same for any image size; an encoder's first dense layer depends on it.
 
     Returns:
-        Names of those, and the weights that the encoders among them had before they were joined;
-        where the model does not hold such, those that it has.
+        Names of the subnetworks that were set; and, by name, the weights of the encoders among them
+        from before joined training, or the only weights if the model holds none from before.
 
     Raises:
         ValueError: if no subnetwork fits, or a file is broken.
@@ -76,7 +76,7 @@ def load(
 
 
 def described(run: Path) -> str:
-    """Which subnetworks began with weights of another run, in words."""
+    """Return in words which subnetworks began with the model's weights, and which afresh."""
     found = json.loads((run / _FOLDER / _TAKEN).read_text(encoding="utf-8"))
     return ", ".join(
         f"{' and '.join(names)} {how}"

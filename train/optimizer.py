@@ -1,4 +1,4 @@
-"""Adam that watches its gradients."""
+"""The Adam optimiser with gradient norms and a check for gradients that are not finite."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -8,13 +8,13 @@ from keras import ops
 
 
 class WatchedAdam(keras.optimizers.Adam):
-    """Adam that keeps the norm of each subnetwork's gradient, and takes no step that is not finite.
+    """Adam that records the norm of each subnetwork's gradient and ignores non-finite gradients.
 
-    One example whose gradient is NaN would otherwise make every weight NaN, and nobody could tell
-    any more which example it was.
+    A single example with a NaN gradient would otherwise make every weight NaN. Then it would no
+    longer be possible to find out which example it was.
 
     Args:
-        learning_rate: Adam's, a number or a schedule.
+        learning_rate: Adam's learning rate, a number or a schedule.
         groups: name and number of trainable variables of each subnetwork, in the variables' order.
     """
 
@@ -23,10 +23,10 @@ class WatchedAdam(keras.optimizers.Adam):
         self._groups = [(name, int(count)) for name, count in groups]
 
     def build(self, variables: list[keras.Variable]) -> None:
-        """Add a variable for each norm to Adam's own."""
+        """Create Adam's variables, and one for each gradient norm."""
         super().build(variables)
-        # Devices that see a part of the batch each have a part of the gradient: the sum of their
-        # norms bounds the whole one's, and shows what is not finite on any of them.
+        # If the batch is split, each device has a part of the gradient. The sum of the parts' norms
+        # is an upper bound of the gradient's norm, and it is not finite if any part is not.
         self._norms = {
             name: self.add_variable(
                 (), dtype="float32", aggregation="sum", name=f"{name}_gradient_norm"
@@ -35,11 +35,11 @@ class WatchedAdam(keras.optimizers.Adam):
         }
 
     def apply(self, grads: list[Any], trainable_variables: list[Any] | None = None) -> None:
-        """Record the norms; then Adam's step, or, if one of them is not finite, one of zero.
+        """Record the gradient norms and take Adam's step, with zero gradients if one is not finite.
 
         Args:
-            grads: as for `keras.optimizers.Adam`.
-            trainable_variables: needed unless `build` was called before.
+            grads: gradients, as for `keras.optimizers.Adam`.
+            trainable_variables: variables of the gradients; needed unless `build` was called.
         """
         if not self.built and trainable_variables is not None:
             self.build(list(trainable_variables))
@@ -58,19 +58,19 @@ class WatchedAdam(keras.optimizers.Adam):
 
     @property
     def norms(self) -> dict[str, float]:
-        """Norm of each subnetwork's gradient in the last step, by name."""
+        """The norm of each subnetwork's gradient in the last step, by name."""
         return {name: float(ops.convert_to_numpy(norm.value)) for name, norm in self._norms.items()}
 
 
 class LossScale(keras.optimizers.LossScaleOptimizer):
-    """Keras' loss scale, held back by an overflow on any device.
+    """Keras' loss scaling, which reduces the scale if a gradient overflows on any device.
 
-    Keras itself asks the first of TensorFlow's devices alone; a step that overflows on another one
-    would be taken, and the scale kept.
+    Keras itself checks only the first of TensorFlow's devices: after an overflow on another device
+    it would take the step and keep the scale.
     """
 
     def check_finite(self, grads: list[Any]) -> Any:
-        """Whether all gradients are finite on all devices, a boolean scalar."""
+        """Return whether all gradients are finite on all devices, a boolean scalar."""
         finite = super().check_finite(grads)
         if keras.backend.backend() != "tensorflow":
             return finite
@@ -83,5 +83,5 @@ class LossScale(keras.optimizers.LossScaleOptimizer):
 
 
 def gradient_norms(optimizer: keras.optimizers.Optimizer) -> dict[str, float]:
-    """`WatchedAdam.norms`, of one that may stand behind a loss scale."""
+    """Return the norms of a `WatchedAdam`, also if a `LossScale` wraps it."""
     return getattr(optimizer, "inner_optimizer", optimizer).norms

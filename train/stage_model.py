@@ -1,6 +1,6 @@
-"""A stage as a Keras model: wiring, losses and measures, and nothing else.
+"""The Keras model of a training stage: its wiring, losses and measures.
 
-Written in `keras.ops` alone, so that it trains under any Keras backend.
+It is written in `keras.ops` alone, so that it trains under any Keras backend.
 """
 
 from collections.abc import Mapping
@@ -18,21 +18,22 @@ from .terms import LEARNING, TERMS, Answer
 
 
 class StageModel(keras.Model):
-    """Subnetworks trained together on batches of records.
+    """A model of the subnetworks that one stage trains together.
 
-    A subnetwork's input comes from another one of the stage if that is present, else from the
-    truth; the true mask cuts out the object throughout.
+    The input of a subnetwork is the prediction of another subnetwork of the stage if there is one,
+    else the ground truth. The object is always cut out by the true mask.
 
     Args:
-        subnetworks: by name; only these are trained.
-        compositing: whether AlbedoNet is also held to Eq. 5.
-        replicas: how many parts of one batch are seen apart, their gradients added up.
+        subnetworks: subnetworks of the stage by name; all of them are trained.
+        compositing: whether AlbedoNet's loss contains Eq. 5.
+        replicas: number of devices that each compute the loss of their part of a batch. Their
+            gradients are added up, so each loss is divided by this number.
     """
 
     def __init__(
         self, subnetworks: Mapping[str, keras.Model], compositing: bool = True, replicas: int = 1
     ):
-        # Truth and losses in single precision, whatever the subnetworks compute in.
+        # Truth and losses are in single precision, even if the subnetworks compute in half.
         super().__init__(dtype="float32")
         self.subnetworks = dict(subnetworks)
         self._replicas = replicas
@@ -50,7 +51,7 @@ class StageModel(keras.Model):
 
     @property
     def features(self) -> tuple[str, ...]:
-        """What a batch must hold, by the names of `pipeline`."""
+        """The names of the features, as in `pipeline`, that a batch must hold."""
         wanted = list(pipeline.LEARNT_FROM)
         for quantity in self._given:
             wanted += terms.features_of_truth(quantity)
@@ -59,7 +60,7 @@ class StageModel(keras.Model):
         return tuple(dict.fromkeys(wanted))
 
     def call(self, batch: Mapping[str, Any], training: bool = False) -> Answer:
-        """What the stage's subnetworks answer."""
+        """Return the predictions of the stage's subnetworks, and what they read, for a batch."""
         truths = {quantity: terms.truth(quantity, batch) for quantity in self._given}
         graph = Wiring(self.subnetworks, truths | {"image": batch["image"]}, training=training)
         return Answer(
@@ -75,7 +76,7 @@ class StageModel(keras.Model):
     def compute_loss(
         self, x: Any = None, y: Any = None, y_pred: Any = None, sample_weight: Any = None, **_: Any
     ) -> Any:
-        """Weighted sum of the stage's terms over the batch."""
+        """Return the weighted sum of the stage's loss terms, each a mean over the batch."""
         total = 0.0
         for name in self.terms:
             term = TERMS[name]
@@ -87,26 +88,27 @@ class StageModel(keras.Model):
     def compute_metrics(
         self, x: Any, y: Any, y_pred: Any, sample_weight: Any = None
     ) -> dict[str, Any]:
-        """The losses of the batch, by name; one that comes with weights is measured too.
+        """Return the losses of the batch by name; update the measures if weights are passed.
 
-        Training passes none, and so has no part in the measures, nor does it pay for them.
+        Only evaluation passes weights: training batches must not count in the measures, and do not
+        spend time on them.
         """
         if sample_weight is not None:
             terms.update(self._measures, x, y_pred.outputs, sample_weight)
         return {metric.name: metric.result() for metric in self._of_a_batch()}
 
     def reset_metrics(self) -> None:
-        """Start the losses anew, which Keras asks for before each batch; measures are kept."""
+        """Reset the losses, as Keras asks before each batch, and keep the measures."""
         for metric in self._of_a_batch():
             metric.reset_state()
 
     def reset_measures(self) -> None:
-        """Start the measures anew."""
+        """Reset the measures."""
         for metric in self._measures.values():
             metric.reset_state()
 
     def measured(self) -> dict[str, float]:
-        """The measures by name, over all batches with weights since the last `reset_measures`."""
+        """Return the measures by name, over all batches with weights since `reset_measures`."""
         return {
             name: float(ops.convert_to_numpy(metric.result()))
             for name, metric in self._measures.items()

@@ -1,4 +1,4 @@
-"""One stage's batches: steps, checkpoints, curves, and a stop at the first number that is none."""
+"""The training of one stage: steps, checkpoints, curves, and a stop if a loss is not finite."""
 
 import dataclasses
 import math
@@ -17,18 +17,18 @@ from .tensorboard_log import Board
 
 _SECONDS_BETWEEN_CHECKPOINTS = 60
 _CURVE_POINTS, _LONGEST_INTERVAL = 10, 500
-"""How often the held-out losses are taken: so many times a stage, or every so many batches."""
+"""Number of evaluations on held-out examples in a stage, and most batches between two of them."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Progress:
-    """How far a stage is.
+    """The progress of a stage in training.
 
     Attributes:
-        stage: the one in training.
-        step: batches done.
-        losses: means over the interval since the held-out losses were last taken.
-        data_wait: share of that interval spent waiting for batches, in [0, 1].
+        stage: the stage.
+        step: number of batches done.
+        losses: mean training losses by name, since the last evaluation on held-out examples.
+        data_wait: share of the time since that evaluation spent waiting for batches, in [0, 1].
     """
 
     stage: Stage
@@ -41,11 +41,11 @@ Tell = Callable[[Progress], None]
 
 
 class Files:
-    """Where a stage's state and logs lie in its run.
+    """The paths of a stage's state and logs in the folder of its run.
 
     Args:
         run: folder of the run.
-        name: the stage's number and name.
+        name: number and name of the stage, such as `1-segmentation`.
     """
 
     def __init__(self, run: Path, name: str):
@@ -55,16 +55,16 @@ class Files:
 
 
 class StageTraining:
-    """A stage on its way from its checkpoint, or from its beginning, to its end.
+    """The training of a stage, from its checkpoint or from its start to its last batch.
 
     Args:
-        stage: which.
-        model: its subnetworks with their optimiser.
-        checkpoint: of the stage; may not exist yet.
-        files: of the stage.
-        data: to learn from.
-        devices: to split batches between.
-        tell: called after each batch.
+        stage: stage to train.
+        model: model of the stage, compiled with its optimiser.
+        checkpoint: checkpoint of the stage; its file may not exist yet.
+        files: paths of the stage's files.
+        data: training and held-out examples.
+        devices: devices that each batch is split between.
+        tell: function called with the progress after each batch.
     """
 
     def __init__(
@@ -85,8 +85,8 @@ class StageTraining:
         """Train until the stage's last batch.
 
         Raises:
-            RuntimeError: if a loss or a gradient is not finite, naming the example if one is to
-                blame.
+            RuntimeError: if a loss or a gradient is not finite. The message names the example if
+                a single one causes it.
             ValueError: if a record is damaged.
         """
         step = self._checkpoint.step() or 0
@@ -132,7 +132,7 @@ class StageTraining:
                 saved = time.monotonic()
 
     def _look(self, step: int, training: dict[str, float], curve: Curve, board: Board) -> None:
-        """Take the held-out losses and measures, and write them down with training's losses."""
+        """Evaluate on the held-out examples and record their losses with the training losses."""
         model, devices, losses, first = self._model, self._devices, Means(), None
         model.reset_measures()
         for batch in self._held_out:
@@ -149,10 +149,12 @@ class StageTraining:
     def _stop(
         self, step: int, batch: Batch, losses: Mapping[str, float], norms: Mapping[str, float]
     ) -> NoReturn:
-        """Find out which example it was, by a step on each alone: the optimiser takes no bad one.
+        """Find the examples that cause a non-finite value, by a step on each one alone.
+
+        The steps are safe: the optimiser ignores a gradient that is not finite (`WatchedAdam`).
 
         Raises:
-            RuntimeError: always.
+            RuntimeError: always; the message names the examples.
         """
         broken = [name for name, value in losses.items() if not math.isfinite(value)]
         broken += [

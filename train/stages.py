@@ -1,4 +1,4 @@
-"""The stages of section 5.4: each subnetwork alone on truth, then joined ever further."""
+"""The training stages of section 5.4: each subnetwork alone on ground truth, then joined ones."""
 
 import dataclasses
 from dataclasses import dataclass
@@ -10,13 +10,14 @@ from .terms import LEARNING
 
 @dataclass(frozen=True)
 class Stage:
-    """Some subnetworks trained together, each fed by the others' answers where they are present.
+    """A stage, which trains some subnetworks together.
 
     Attributes:
-        subnetworks: names of those trained; what they need of the others is taken from the truth.
-        steps: batches.
-        learning_rate: Adam's.
-        cosine: whether it falls to nothing by the last batch, along half a cosine.
+        subnetworks: names of the trained subnetworks. They read one another's predictions, and the
+            ground truth in place of all other subnetworks' predictions.
+        steps: number of batches.
+        learning_rate: Adam's learning rate.
+        cosine: whether the learning rate falls to 0 by the last batch, along half a cosine.
     """
 
     subnetworks: tuple[str, ...]
@@ -26,26 +27,26 @@ class Stage:
 
     @property
     def name(self) -> str:
-        """Such as `specular+mirror`."""
+        """The names of the subnetworks, joined by "+", such as `specular+mirror`."""
         return "+".join(self.subnetworks)
 
 
 @dataclass(frozen=True)
 class Schedule:
-    """How long and how fast each stage learns.
+    """The lengths and learning rates of all stages.
 
     Attributes:
-        batch_size: examples a batch.
-        single_steps: batches of a U-Net alone (and of the baseline's ReflectanceMapNet).
-        encoder_steps: batches of an encoder alone: AlbedoNet, ExponentNet, the baseline's
-            MaterialNet.
-        single_learning_rate: Adam's, of each subnetwork alone.
+        batch_size: number of examples in a batch.
+        single_steps: batches of a U-Net trained alone, and of the baseline's ReflectanceMapNet.
+        encoder_steps: batches of an encoder trained alone: AlbedoNet, ExponentNet, and the
+            baseline's MaterialNet.
+        single_learning_rate: Adam's learning rate for a subnetwork trained alone.
         joint_steps: batches of each stage of joined subnetworks.
-        joint_learning_rate: Adam's, of joined subnetworks.
-        validation_examples: how many held-out examples are looked at, at most.
-        cosine: whether each stage's learning rate falls to nothing, along half a cosine.
-        flips: whether every other scene is learnt from as a mirror shows it.
-        repaints: whether each scene is learnt from in albedos drawn anew.
+        joint_learning_rate: Adam's learning rate for joined subnetworks.
+        validation_examples: number of held-out examples that a stage is evaluated on.
+        cosine: whether the learning rate of each stage falls to 0, along half a cosine.
+        flips: whether training mirrors scenes left to right, each with a probability of one half.
+        repaints: whether training draws new albedos for each scene every time it is read.
     """
 
     batch_size: int
@@ -60,7 +61,7 @@ class Schedule:
     repaints: bool = False
 
     def scaled(self, factor: float) -> "Schedule":
-        """The same with `factor` times the batches, at least one a stage."""
+        """Return the schedule with `factor` times the batches, at least one in each stage."""
         steps = {
             name: max(1, round(getattr(self, name) * factor))
             for name in ("single_steps", "encoder_steps", "joint_steps")
@@ -68,7 +69,7 @@ class Schedule:
         return dataclasses.replace(self, **steps)
 
     def stages(self, architecture: Architecture) -> list[Stage]:
-        """All stages of a system, in order."""
+        """Return all stages of a system, in the order of training."""
         here = names(architecture)
         rounds = {name: LEARNING[name].joined for name in here}
         out = [

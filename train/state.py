@@ -1,4 +1,4 @@
-"""What a stage leaves on disk as it goes: checkpoints and loss curves, replaced atomically."""
+"""The files that a stage writes during training: its checkpoint and its loss curves."""
 
 import csv
 import time
@@ -15,11 +15,12 @@ from .stage_model import StageModel
 
 
 class Checkpoint:
-    """A stage's weights, optimiser state and step in one file, replaced atomically.
+    """A checkpoint of a stage: weights, optimiser state and step in one file, replaced atomically.
 
     Args:
-        path: of the file, `.npz`.
-        signature: what the stage's weights follow from; a file of another one is refused.
+        path: path of the file, `.npz`.
+        signature: hash of everything that the stage's weights follow from. A file with another
+            signature is refused.
     """
 
     def __init__(self, path: Path, signature: str):
@@ -27,13 +28,14 @@ class Checkpoint:
         self._signature = signature
 
     def step(self, refuse: bool = True) -> int | None:
-        """Batches that the file's state has seen; None if there is no file.
+        """Return the number of batches done at the checkpoint; None if there is no file.
 
         Args:
-            refuse: another signature's file; else it counts as none.
+            refuse: whether to raise an error for a file with another signature. If False, such a
+                file is treated as missing.
 
         Raises:
-            ValueError: if the file is broken, or refused.
+            ValueError: if the file is broken or refused.
         """
         if not self.path.is_file():
             return None
@@ -54,44 +56,52 @@ class Checkpoint:
         return step
 
     def save(self, model: StageModel, step: int) -> None:
-        """Write the state after `step` batches."""
+        """Write the state of a model after `step` batches."""
         values = [keras.ops.convert_to_numpy(variable) for variable in _variables(model)]
         with atomic.replacing(self.path) as partial:
             np.savez(partial, *values, step=step, signature=self._signature)
 
     def restore(self, model: StageModel) -> None:
-        """Load the state, or, into a model that is not compiled, the weights; there must be one."""
+        """Load the state into a model, or only the weights if it is not compiled.
+
+        The file must exist.
+        """
         with np.load(self.path) as stored:
             for index, variable in enumerate(_variables(model)):
                 variable.assign(stored[f"arr_{index}"])
 
 
 def _variables(model: StageModel) -> list[keras.Variable]:
-    """All that decides how a stage goes on; metrics start anew with each batch."""
+    """Return all variables that later steps depend on: metrics are not among them."""
     weights = [variable for network in model.subnetworks.values() for variable in network.weights]
     return [*weights, *(model.optimizer.variables if model.compiled else [])]
 
 
 class Means:
-    """Running means of several batches' numbers; Keras' `train_on_batch` tells the last batch's."""
+    """Running means over several batches; Keras' `train_on_batch` returns one batch's losses."""
 
     def __init__(self):
         self._sums: dict[str, float] = {}
         self._count = 0
 
     def add(self, values: Mapping[str, float]) -> None:
-        """Take in one batch."""
+        """Add the numbers of one batch."""
         self._count += 1
         for name, value in values.items():
             self._sums[name] = self._sums.get(name, 0.0) + float(value)
 
     def means(self) -> dict[str, float]:
-        """Mean of each number over the batches so far."""
+        """Return the mean of each number over the batches so far."""
         return {name: total / self._count for name, total in self._sums.items()}
 
 
 class Curve:
-    """Losses and measures by step in a CSV file; rows from after the restored step are dropped."""
+    """A CSV file of losses and measures by step.
+
+    Args:
+        path: path of the file, which may exist.
+        step: step from which training goes on; rows of later steps are dropped.
+    """
 
     def __init__(self, path: Path, step: int):
         self._path = path
@@ -113,10 +123,10 @@ class Curve:
         """Append a row and write the file.
 
         Args:
-            step: batches done.
-            training: mean losses of the interval before it.
+            step: number of batches done.
+            training: mean training losses since the row before.
             validation: mean losses of the held-out examples.
-            measures: of the held-out examples; errors and shares, on scales of their own.
+            measures: measures of the held-out examples, which are errors or shares.
         """
         seconds = self._earlier + time.monotonic() - self._began
         row = {"step": str(step), "seconds": f"{seconds:.1f}"}

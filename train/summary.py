@@ -1,4 +1,4 @@
-"""What each stage of a run achieved, from its curves."""
+"""The summary of a run: held-out losses and measures before and after each stage."""
 
 import csv
 from collections.abc import Iterable
@@ -8,12 +8,12 @@ _LOSS, _MEASURE = "validation_", "measure_"
 
 
 def table(run: Path) -> str:
-    """Held-out losses, then measures, before and after each stage, as aligned text.
+    """Return held-out losses and measures before and after each stage, as aligned text.
 
-    Empty without any curve.
+    The text is empty if the run has no curves.
 
-    A joined stage begins with the subnetworks that were trained alone, one fed by the other's
-    answers: the drop from there is what training them together gains.
+    Before a joined stage, its subnetworks are as trained alone, but read one another's predictions.
+    So the difference between before and after is the gain of joined training.
     """
     rows = [("stage", "batches", "minutes", "held-out loss or measure", "before", "after")]
     for path in sorted((run / "curves").glob("[0-9]*-*.csv")):
@@ -23,7 +23,7 @@ def table(run: Path) -> str:
         stage = path.stem.partition("-")[2]
         batches, minutes = last["step"], f"{float(last['seconds']) / 60:.1f}"
         for column in _columns(first):
-            # A run begun by an earlier version was not measured then.
+            # Rows that an earlier version wrote have no measures.
             before, after = (
                 f"{float(row[column]):.4f}" if row[column] else "" for row in (first, last)
             )
@@ -40,7 +40,7 @@ def table(run: Path) -> str:
 
 
 def _columns(names: Iterable[str]) -> list[str]:
-    """Columns of losses, without the sum of a single one, and of measures."""
+    """Return the columns of losses, without the sum if there is only one, and of measures."""
     losses = [name for name in names if name.startswith(_LOSS)]
     if len(losses) == 2:
         losses.remove(f"{_LOSS}loss")

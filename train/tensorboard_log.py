@@ -1,4 +1,4 @@
-"""TensorBoard logs of a stage: losses, gradient norms, throughput, and what the networks see."""
+"""TensorBoard logs of a stage: losses, measures, gradient norms, throughput and pictures."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,18 +14,18 @@ from . import terms
 from .stage_model import StageModel
 
 _PANELS = 4
-"""Held-out examples shown."""
+"""Number of held-out examples in a picture."""
 _LAYERS = tuple(name for name, output in OUTPUTS.items() if output.layer)
 
 
 class Board:
-    """Event files in one folder, `tensorboard --logdir RUN` shows them."""
+    """The event files of one stage, which `tensorboard --logdir RUN` shows."""
 
     def __init__(self, folder: Path):
         self._writer = tf.summary.create_file_writer(str(folder))
 
     def scalars(self, step: int, groups: Mapping[str, Mapping[str, float]]) -> None:
-        """Write numbers, named `group/name`."""
+        """Write numbers under the names `group/name`."""
         with self._writer.as_default(step):
             for group, values in groups.items():
                 for name, value in values.items():
@@ -33,7 +33,7 @@ class Board:
         self._writer.flush()
 
     def panel(self, step: int, model: StageModel, batch: Mapping[str, Any]) -> None:
-        """Write a picture of what the stage answers for the first held-out examples."""
+        """Write a picture of the stage's predictions for the first examples of a batch."""
         first = {name: value[:_PANELS] for name, value in batch.items()}
         with self._writer.as_default(step):
             tf.summary.image("held out", panel(first, model(first).outputs)[None])
@@ -45,15 +45,17 @@ class Board:
 
 
 def panel(batch: Mapping[str, Any], outputs: Mapping[str, Any]) -> np.ndarray:
-    """One row per example: its image, then truth and answer of each layer side by side.
+    """Return a picture with a row for each example.
+
+    A row shows the image, then truth and prediction of each layer side by side.
 
     Args:
-        batch: of the pipeline.
-        outputs: of an `Answer`.
+        batch: batch of the pipeline.
+        outputs: predicted outputs for the batch, from `terms.Answer`.
 
     Returns:
-        `(B·S, K·S, 3)` uint8. Radiance is compressed, and each row is shown up to the truth's
-        maximum; what is not finite is magenta.
+        `(B·S, K·S, 3)` uint8. Radiance is compressed. White is the maximum of the true layer.
+        Values that are not finite are magenta.
     """
     image = keras.ops.convert_to_numpy(batch["image"])
     mask = keras.ops.convert_to_numpy(batch["mask"])
@@ -73,7 +75,7 @@ def panel(batch: Mapping[str, Any], outputs: Mapping[str, Any]) -> np.ndarray:
 
 
 def _levels(name: str, layer: Any) -> np.ndarray:
-    """A layer's values as shown, from 0."""
+    """Return the values of a layer as they are shown: 0 is black, and radiance is compressed."""
     values, levels = keras.ops.convert_to_numpy(layer), OUTPUTS[name].levels
     if levels is None:
         return np.log1p(values)

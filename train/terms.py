@@ -1,7 +1,8 @@
-"""What each subnetwork is held to and judged by: loss terms with their weights, and measures.
+"""The loss terms, with their weights, and the measures of each subnetwork.
 
-Measures are Table 1's, each a Keras metric named as `lime-eval` names it. The true mask cuts out
-the object, as it does throughout a stage.
+`LEARNING` has a row for each subnetwork, with names of loss terms (rows of `TERMS`) and of measures
+(rows of `MEASURES`). The measures are those of Table 1, each a Keras metric with the name that
+`lime-eval` uses. Losses and measures use the true mask, as a stage does everywhere.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -19,16 +20,16 @@ from lime_keras.optics.masking import masked_mean
 from lime_keras.optics.reflectance_map import disc, reflectance_map
 
 Batch = Mapping[str, Any]
-"""Features by the names of `pipeline`."""
+"""Features of a batch by name, as `pipeline` names them."""
 
 
 class Answer(NamedTuple):
-    """What a stage makes of a batch.
+    """The results of a stage for a batch.
 
     Attributes:
-        raw: quantities as its subnetworks answer them, by name.
-        seen: quantities, with `image` and `masked_image`, as its subnetworks see them, by name.
-        outputs: what an assembled system would make of the answers, by name.
+        raw: raw predictions of the stage's subnetworks, by name of the quantity.
+        seen: values that the subnetworks read, by name of the quantity, `image` or `masked_image`.
+        outputs: outputs by name, computed from the predictions as in an assembled system.
     """
 
     raw: dict[str, Any]
@@ -41,10 +42,10 @@ class Term:
     """A loss term.
 
     Attributes:
-        weight: in the sum; the paper gives none (docs/decisions.md).
-        quantity: whose answer it judges.
-        loss: of each example, `(B,)`.
-        features: what it reads of a batch beside `pipeline.LEARNT_FROM`.
+        weight: factor of the term in the total loss; the paper gives none (docs/decisions.md).
+        quantity: name of the quantity whose prediction the term compares with the truth.
+        loss: function of a batch and an `Answer` that returns the loss of each example, `(B,)`.
+        features: names of the features that it reads, beside `pipeline.LEARNT_FROM`.
     """
 
     weight: float
@@ -55,11 +56,12 @@ class Term:
 
 @dataclass(frozen=True)
 class Measure:
-    """A measure.
+    """A measure, which evaluates the outputs on held-out examples and is not trained on.
 
     Attributes:
-        metric: makes a metric of a name.
-        compared: what the metric takes, truth first.
+        metric: function that builds the Keras metric from its name.
+        compared: function of a batch and the outputs that returns the metric's arguments, the
+            truth first.
     """
 
     metric: Callable[[str], keras.metrics.Metric]
@@ -68,12 +70,13 @@ class Measure:
 
 @dataclass(frozen=True)
 class Learning:
-    """How a subnetwork learns.
+    """The loss terms and measures of one subnetwork, and when it joins the others.
 
     Attributes:
-        terms: names of `TERMS`; those of what it does not answer are left out.
-        measures: names of `MEASURES`.
-        joined: number of the joined stage from which on it takes part; None if it is only trained
+        terms: names out of `TERMS`; terms of quantities that no subnetwork of the stage predicts
+            are left out.
+        measures: names out of `MEASURES`.
+        joined: number, from 1, of the first joined stage that trains it; None if it is only trained
             alone.
     """
 
@@ -84,22 +87,24 @@ class Learning:
 
 @dataclass(frozen=True)
 class _Truth:
+    """A function that computes a truth from a batch, and the features that it reads."""
+
     of: Callable[[Batch], Any]
     features: tuple[str, ...]
 
 
 def truth(quantity: str, batch: Batch) -> Any:
-    """The truth of a quantity, linear where it is radiance."""
+    """Return the ground truth of a quantity, linear if it is radiance."""
     return _COMPUTED[quantity].of(batch) if quantity in _COMPUTED else batch[quantity]
 
 
 def features_of_truth(quantity: str) -> tuple[str, ...]:
-    """What `truth` reads of a batch beside `pipeline.LEARNT_FROM`."""
+    """Return the features that `truth` reads, beside `pipeline.LEARNT_FROM`."""
     return _COMPUTED[quantity].features if quantity in _COMPUTED else ()
 
 
 def metrics_of(subnetworks: Iterable[str]) -> dict[str, keras.metrics.Metric]:
-    """The metrics, by name, that these subnetworks' answers are judged by."""
+    """Build the metrics of these subnetworks' measures, by name."""
     names = [name for part in subnetworks for name in LEARNING[part].measures]
     return {name: MEASURES[name].metric(name) for name in names}
 
@@ -110,7 +115,7 @@ def update(
     outputs: Mapping[str, Any],
     weights: Any,
 ) -> None:
-    """Take in a batch and the outputs of an `Answer`; weights of the examples, `(B,)`."""
+    """Update metrics with a batch, its `Answer.outputs`, and the examples' weights `(B,)`."""
     for name, metric in metrics.items():
         metric.update_state(*MEASURES[name].compared(batch, outputs), sample_weight=weights)
 
@@ -128,7 +133,7 @@ def _reflectance_map(batch: Batch) -> Any:
 
 
 _COMPUTED = {"reflectance_map": _Truth(_reflectance_map, ("environment", "shininess"))}
-"""Truths that no record holds."""
+"""Quantities whose truth is computed, because records do not hold it."""
 
 
 def _shading(name: str) -> Callable[[Batch, Answer], Any]:
@@ -199,7 +204,7 @@ TERMS = {
 
 
 def _log_exponents(batch: Batch, outputs: Mapping[str, Any]) -> tuple[Any, Any]:
-    """log10 s `(B, 1)`, true and found; of probabilities, the expected value."""
+    """Return true and estimated log10 s, each `(B, 1)`; expected value of probabilities."""
     least = 10.0**shininess.LOG_LOW
     true = ops.log10(ops.maximum(batch["shininess"], least))
     if "log_exponent" in outputs:
@@ -210,7 +215,7 @@ def _log_exponents(batch: Batch, outputs: Mapping[str, Any]) -> tuple[Any, Any]:
 
 
 def _bins(batch: Batch, outputs: Mapping[str, Any]) -> tuple[Any, Any]:
-    """True class `(B,)`, and the winning one, or the one that a regression falls into."""
+    """Return the true bins `(B,)`, and the most probable ones or those of a regressed log10 s."""
     if "log_exponent" in outputs:
         return batch["exponent_bin"], shininess.bin_of_log(outputs["log_exponent"][:, 0])
     return batch["exponent_bin"], ops.argmax(outputs["exponent_bin_probabilities"], axis=-1)
@@ -253,4 +258,4 @@ LEARNING = {
         ("diffuse_albedo", "specular_albedo", "exponent"), (*_EXPONENT, *_ALBEDOS), joined=1
     ),
 }
-"""By subnetwork, in the order in which they are trained alone."""
+"""Row of each subnetwork by name, in the order in which subnetworks are trained alone."""

@@ -1,10 +1,14 @@
-"""All stages of a run, one after another, each resumable.
+"""The training of a whole run: all its stages, one after another, each resumable.
 
-`RUN/config.json` says what the run is; `RUN/stages/N-name.npz` holds a stage's weights, optimiser
-state and step; `RUN/curves/N-name.csv` its losses; `RUN/tensorboard/` the same with gradient norms
-and pictures; `RUN/model/` the trained model, with the record of the run beside the weights, and in
-`alone/` the weights that the encoders had before they were joined; `RUN/begun-from/`, if it was
-begun from another model, that model.
+A run's folder holds:
+
+- `config.json`: the record of the run;
+- `stages/N-name.npz`: weights, optimiser state and step of a stage;
+- `curves/N-name.csv`: losses and measures of a stage;
+- `tensorboard/`: the same, with gradient norms and pictures;
+- `model/`: the trained model with a copy of the record, and in `alone/` the weights that encoders
+  had before joined training;
+- `begun-from/`: a copy of the trained model that the run began with, if it did.
 """
 
 import dataclasses
@@ -46,28 +50,28 @@ def train(
     start_from: Path | None = None,
     devices: int = 1,
 ) -> list[str]:
-    """Run or resume stages, and write the model: all subnetworks that are trained.
+    """Run or resume the stages of a run, and write its trained subnetworks to `RUN/model/`.
 
     Args:
-        corpora: folders with complete train splits, which are learnt from together.
-        run: folder of the run; one that was begun with the same config is carried on.
-        config: of the run.
-        tell: called as training goes on.
-        only: names of the stages to train; by default all. Of the others, those that are finished
-            give their weights, and the rest is skipped.
-        reuse: another run, whose finished stages are taken over where they are the same here.
-        start_from: the trained model that `config.begun_from` names; may be left out when the run
-            is carried on.
-        devices: how many to split each batch between.
+        corpora: folders with complete train splits; training mixes them.
+        run: folder of the run; a run that was begun there with the same config is resumed.
+        config: config of the run.
+        tell: function called with the progress of training.
+        only: names of the stages to train; by default all. Of the other stages, finished ones are
+            loaded and unfinished ones skipped.
+        reuse: folder of another run, whose finished stages are copied if they are the same stages.
+        start_from: trained model whose hash is `config.begun_from`; not needed to resume a run.
+        devices: number of devices that each batch is split between.
 
     Returns:
-        Names of the subnetworks that no finished stage has trained, nor the model that it began
-        with; empty if the run's model is whole.
+        Names of the subnetworks without trained weights: no finished stage has trained them, and
+        the run did not begin with weights for them. Empty if the run's model is complete.
 
     Raises:
         FileNotFoundError: if a corpus is incomplete, or there is no run to reuse.
-        ValueError: if the folder holds a run of another config, a corpus is too small or damaged
-            or in another unit than the first, or a stage has no such name.
+        ValueError: if the folder holds a run of another config; if a corpus is too small, damaged,
+            in another unit than the first, or of an image size that does not fit; or if a stage's
+            name is unknown.
         RuntimeError: if a loss or a gradient is not finite.
     """
     stages = config.schedule.stages(config.architecture)
@@ -128,7 +132,7 @@ def train(
 
 
 def _check_sizes(corpora: Sequence[Path], size: int) -> None:
-    """Refuse images that cannot be averaged to the networks' size."""
+    """Raise ValueError if a corpus' images cannot be averaged down to the networks' size."""
     for corpus in corpora:
         stored = Split(corpus, "train").size or size
         if stored % size:
@@ -140,7 +144,7 @@ def _check_sizes(corpora: Sequence[Path], size: int) -> None:
 
 
 def _check_units(corpora: Sequence[Path]) -> None:
-    """Refuse specular albedos in two units."""
+    """Raise ValueError if the corpora's specular albedos have different units."""
     first, *others = [Split(corpus, "train").shading for corpus in corpora]
     for corpus, shading in zip(corpora[1:], others, strict=True):
         if shading != first:
@@ -151,7 +155,7 @@ def _check_units(corpora: Sequence[Path]) -> None:
 
 
 def _build(config: Config) -> dict[str, keras.Model]:
-    """The subnetworks as they begin, in the precision asked for."""
+    """Build the run's subnetworks with fresh weights, in the config's precision."""
     with computing_in(config.precision):
         return build(config.architecture, config.seed)
 
@@ -159,7 +163,7 @@ def _build(config: Config) -> dict[str, keras.Model]:
 def _changed_since(
     earlier: Mapping[str, list[np.ndarray]], subnetworks: Mapping[str, keras.Model]
 ) -> dict[str, keras.Model]:
-    """Copies of those subnetworks that have changed, with their earlier weights."""
+    """Return copies, with the earlier weights, of the subnetworks whose weights have changed."""
     out = {}
     for name, values in earlier.items():
         now = subnetworks[name].get_weights()
@@ -170,7 +174,7 @@ def _changed_since(
 
 
 def _compile(model: StageModel, stage: Stage, precision: str) -> None:
-    """Give a stage its optimiser, whose variables exist from then on."""
+    """Compile a stage's model with its optimiser, and create the optimiser's variables."""
     groups = [
         (name, len(network.trainable_variables)) for name, network in model.subnetworks.items()
     ]
@@ -185,7 +189,7 @@ def _compile(model: StageModel, stage: Stage, precision: str) -> None:
 
 
 def _signature(config: Config, stage: Stage, model: StageModel, trained: Mapping[str, str]) -> str:
-    """What a stage's weights follow from, as a hash: its own settings and the earlier stages."""
+    """Return a hash of all that a stage's weights follow from: its settings and earlier stages."""
     follows_from = {
         "stage": dataclasses.asdict(stage),
         "layers": {
@@ -214,9 +218,9 @@ def _signature(config: Config, stage: Stage, model: StageModel, trained: Mapping
 
 
 def _take_over(reuse: Path, stage: Stage, signature: str, files: Files) -> None:
-    """Copy a finished stage from another run, unless this one has begun it or it differs there.
+    """Copy a finished stage from another run, if it is the same stage and not yet begun here.
 
-    The stage's number in its files' names may be another one there.
+    The stage may have another number in that run's file names.
     """
     if files.checkpoint.is_file():
         return

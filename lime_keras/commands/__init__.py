@@ -1,1 +1,1 @@
-"""`lime-estimate` and `lime-export`."""
+"""The commands `lime-estimate` and `lime-export`."""

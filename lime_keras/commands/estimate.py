@@ -1,4 +1,4 @@
-"""`lime-estimate`: photos and videos in, materials out."""
+"""`lime-estimate`: estimate materials from photos and videos."""
 
 import argparse
 import functools
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from lime_keras.lighting.files import Clone
 
 _OF_A_FRAME = ("mask", "albedo", "exponent")
-"""What a video's table and overlay show."""
+"""Parts of an estimate that a video's table and overlay show."""
 
 _EXAMPLE = """
 examples:
@@ -47,7 +47,7 @@ lost objects restart: OUT/NAME.csv has a row for each frame; OUT/NAME-overlay.mp
 
 
 def parser() -> argparse.ArgumentParser:
-    """The command's options."""
+    """Return the parser of the command's options."""
     out = argparse.ArgumentParser(
         prog="lime-estimate",
         description="Estimate mask, specular shading, mirror image, albedos and shininess of the "
@@ -102,7 +102,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Estimate the material of each photo; returns the exit status."""
+    """Estimate the materials in photos and videos and return the exit status."""
     options = parser().parse_args(argv)
     return console.run(lambda: _estimate(options), "photos done so far are in the output folder")
 
@@ -110,7 +110,7 @@ def main(argv: list[str] | None = None) -> int:
 def _estimate(options: argparse.Namespace) -> int:
     photos, videos = _sorted(options.sources)
     _check(options, photos, videos)
-    # Mitsuba before TensorFlow, or the process crashes.
+    # Mitsuba must be imported before TensorFlow, or the process crashes.
     clone = _clone_onto(options.clone_onto) if options.clone_onto else None
     console.import_tensorflow()
     from lime_keras.estimate.batch import Batch
@@ -140,7 +140,7 @@ def _estimate(options: argparse.Namespace) -> int:
 
 
 def _check(options: argparse.Namespace, photos: list[Path], videos: list[str]) -> None:
-    """Refuse what does not go together, before anything is loaded."""
+    """Raise ValueError if options exclude each other, before anything is loaded."""
     for option, given in (("--mask", options.mask), ("--normals", options.normals)):
         if given and videos:
             raise ValueError(f"{option} is for photos, and {videos[0]} is a video: leave one out")
@@ -156,7 +156,7 @@ def _check(options: argparse.Namespace, photos: list[Path], videos: list[str]) -
 
 
 def _clone_onto(mesh: Path) -> "Clone":
-    """The renderer of clones of this shape, with Mitsuba ready to be used."""
+    """Return the function that renders a material on this mesh, and set Mitsuba up for it."""
     from lime_keras.render.mitsuba_setup import variants
 
     variants.activate(variants.choose(), os.cpu_count() or 1)
@@ -173,7 +173,7 @@ def _estimator(options: argparse.Namespace, only: tuple[str, ...] | None) -> "Es
 
 
 def _estimate_video(estimator: "Estimator", source: str, out: Path, name: str) -> bool:
-    """Estimate and tell; returns whether it could be done."""
+    """Estimate a video, print its material, and return whether this succeeded."""
     import json
 
     from lime_keras.video.estimate import estimate_video
@@ -197,7 +197,7 @@ def _estimate_video(estimator: "Estimator", source: str, out: Path, name: str) -
 
 
 def _sorted(given: list[str]) -> tuple[list[Path], list[str]]:
-    """The photos and the videos among what is named, and in the folders that are named."""
+    """Return the photos and the videos among the sources and in the folders among them."""
     from lime_keras.io.photo import SUFFIXES
     from lime_keras.io.video_reader import is_camera, is_video
 
@@ -218,7 +218,7 @@ def _sorted(given: list[str]) -> tuple[list[Path], list[str]]:
 
 
 def _path(video: str) -> Path:
-    """What a video's files are named after; of a camera's name, what a file may be called."""
+    """Return the path after which a video's files are named; a camera's gets a valid file name."""
     from lime_keras.io.video_reader import is_camera
 
     return Path(video.replace(":", "-").replace("/", "-")) if is_camera(video) else Path(video)

@@ -1,4 +1,4 @@
-"""`lime-export`: SavedModel, ONNX, or weights in half the space."""
+"""`lime-export`: write a model as SavedModel, as ONNX, or as weights in half the space."""
 
 import argparse
 from pathlib import Path
@@ -39,7 +39,7 @@ http://localhost:8501/v1/models/lime:predict such as {"signature_name": "mask", 
 
 
 def parser() -> argparse.ArgumentParser:
-    """The command's options."""
+    """Return the parser of the command's options."""
     out = argparse.ArgumentParser(
         prog="lime-export",
         description="Write a trained model as TensorFlow SavedModel, as ONNX or as weights of half "
@@ -79,7 +79,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Export a model; returns the exit status."""
+    """Export a model and return the exit status."""
     command = parser()
     options = command.parse_args(argv)
     if options.format != "onnx" and options.precision is not None:

@@ -1,1 +1,1 @@
-"""SavedModel, ONNX and narrow weights, each checked against Keras."""
+"""The export of a model as SavedModel, ONNX or float16 weights, checked against Keras."""

@@ -1,4 +1,4 @@
-"""SavedModel, ONNX and narrow weights, each proved to agree with Keras before it is called done."""
+"""The export of a model as SavedModel, ONNX or float16 weights, each with a parity check."""
 
 import shutil
 import tempfile
@@ -22,11 +22,12 @@ PRECISIONS = {
     ONNX: ("float32", "float16", "int8"),
     WEIGHTS: ("float16",),
 }
-"""That a format can be had in, its usual one first; weights are computed with in float32."""
+"""Precisions of each format, its default first. Float16 weights are computed with in float32."""
 
-_VERSION = "1"  # TensorFlow Serving loads from a folder of numbered ones
+_VERSION = "1"  # TensorFlow Serving expects a subfolder with a version number
 _PICTURES = 64
-_RANGES = "widest"  # and heads in float32: of the four ways, least harm to held-out pictures
+# With heads in float32, the smallest error on held-out pictures of four settings that were tried.
+_RANGES = "widest"
 
 
 def export(
@@ -38,27 +39,29 @@ def export(
     precision: str | None = None,
     corpus: Path | None = None,
 ) -> dict[str, dict[str, float]]:
-    """Write a model and compare it with Keras on images it has never seen.
+    """Write a model to a file or folder and check its parity with Keras.
 
     Args:
-        folder: written to: what `target` names.
+        folder: folder to write to; `target` returns the path in it.
         model_format: `savedmodel`, `onnx`, or `weights` (`lime_keras.networks.weights.save`).
         weights_folder: run of `lime-train`, or folder of `lime_keras.networks.weights.save`.
-        only: names of outputs, out of `lime_keras.networks.answers`; by default all that this
-            model has.
+        only: names of outputs, out of `lime_keras.networks.answers`; by default all outputs of the
+            model.
         precision: one of the format's `PRECISIONS`; by default the first.
-        corpus: rendered pictures, photographed (`lime_keras.data.camera`): the first of the test
-            split are compared on, too, and the first of the train split calibrate int8.
+        corpus: corpus of rendered pictures, which the camera model photographs
+            (`lime_keras.data.camera`). If given, the first pictures of the test split are used in
+            the parity check, too. The first pictures of the train split calibrate int8.
 
     Returns:
-        By what was compared on, `extremes` (`parity.images`) and, given a corpus, `pictures`: what
-        `parity.judge` says of each output.
+        Difference from Keras of each output (`parity.judge`), by set of images: `extremes`
+        (`parity.images`) and, with a corpus, `pictures`.
 
     Raises:
         FileNotFoundError: if there is no trained model, or a split is not rendered.
-        ValueError: if the model has no output of a name, or the precision cannot be had.
-        ParityError: if the written model differs from Keras by more than it may; nothing is left in
-            its place.
+        ValueError: if the model has no output of a given name, or the format does not have the
+            precision.
+        ParityError: if the written model differs from Keras beyond the tolerance; nothing is left
+            at the path.
     """
     precision = PRECISIONS[model_format][0] if precision is None else precision
     _check(model_format, precision, corpus, only)
@@ -94,10 +97,10 @@ def export(
 
 
 def target(folder: Path, model_format: str, precision: str = "float32") -> Path:
-    """What `export` writes.
+    """Return the path that `export` writes.
 
-    An ONNX file; a SavedModel's folder, in one for its versions; or a model's, which makes `folder`
-    what every command takes for weights.
+    It is an ONNX file, a SavedModel's folder inside a folder of versions, or a folder of weights.
+    In the last case every command takes `folder` as its `--weights`.
     """
     if model_format == SAVED_MODEL:
         return folder / "saved_model" / _VERSION
@@ -120,7 +123,7 @@ def _check(
 
 
 def _images(size: int, corpus: Path | None) -> dict[str, np.ndarray]:
-    """What to compare on."""
+    """Return the sets of images for the parity check, by name."""
     out = {"extremes": parity.images(size)}
     if corpus is not None:
         shards = Split(corpus, "test").shard_paths()
@@ -129,7 +132,7 @@ def _images(size: int, corpus: Path | None) -> dict[str, np.ndarray]:
 
 
 def _write_onnx(network: keras.Model, path: Path, precision: str, corpus: Path | None) -> None:
-    """Write an ONNX file in any of `PRECISIONS`."""
+    """Write an ONNX file in one of its `PRECISIONS`."""
     if precision == "float32":
         return formats.write_onnx(network, path)
     with tempfile.TemporaryDirectory() as scratch:
@@ -149,7 +152,11 @@ def _prove(
     images: Mapping[str, np.ndarray],
     precision: str,
 ) -> dict[str, dict[str, float]]:
-    """Judge what answers everything on all images, and what answers one output on the extremes."""
+    """Check the parity of a written model.
+
+    The signature with all outputs is checked on all images, the signatures with a single output on
+    the extremes alone.
+    """
     out = {}
     for name, batch in images.items():
         expected = parity.answers(network, batch)

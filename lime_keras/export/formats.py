@@ -1,4 +1,4 @@
-"""A network as SavedModel and as ONNX: written, described, and opened again."""
+"""The file formats of an exported model: functions to write, describe and open it."""
 
 import gc
 import json
@@ -15,18 +15,18 @@ import tensorflow as tf
 from lime_keras.arrays import Answer
 
 SERVED = "serving_default"
-"""The signature that answers every output; each output's own is called after it."""
+"""Name of the signature with every output; each output also has a signature with its own name."""
 
-_CARD = Path("assets.extra") / "lime.json"  # where SavedModels keep what no loader reads
+_CARD = Path("assets.extra") / "lime.json"  # the folder of a SavedModel for files no loader reads
 OPSET = 17
-"""Of the ONNX that is written."""
+"""Version of the ONNX operator set in the written files."""
 
 
 def write_saved_model(network: keras.Model, path: Path) -> None:
     """Write an assembled model as a SavedModel folder.
 
-    It has the signatures `SERVED` and one for each output, which computes no more than that output
-    needs; all share the variables.
+    It has the signature `SERVED` and one for each output, which computes only what that output
+    needs. All signatures share the variables.
     """
     module = tf.Module()
     module.shared = [variable.value for variable in network.variables]
@@ -37,13 +37,13 @@ def write_saved_model(network: keras.Model, path: Path) -> None:
 
 
 def describe_saved_model(path: Path, card: Mapping[str, Any]) -> None:
-    """Put a description (of `export.model_card`) into a SavedModel: `assets.extra/lime.json`."""
+    """Write a model card (`export.model_card`) into a SavedModel: `assets.extra/lime.json`."""
     (path / _CARD).parent.mkdir()
     (path / _CARD).write_text(json.dumps(card, indent=2) + "\n", encoding="utf-8")
 
 
 def open_saved_model(path: Path) -> dict[str, Answer]:
-    """Load a SavedModel folder: its signatures by name."""
+    """Load a SavedModel folder and return its signatures by name."""
     # The signatures alone do not keep the loaded model, and its variables, alive.
     loaded = tf.saved_model.load(str(path))
 
@@ -58,26 +58,26 @@ def open_saved_model(path: Path) -> dict[str, Answer]:
 
 
 def describe_weights(path: Path, card: Mapping[str, Any]) -> None:
-    """Put a description beside weights: `lime.json`."""
+    """Write a model card beside weights: `lime.json`."""
     (path / _CARD.name).write_text(json.dumps(card, indent=2) + "\n", encoding="utf-8")
 
 
 def write_onnx(network: keras.Model, path: Path) -> None:
-    """Write a model as ONNX in float32; answers by name as `served` has them."""
+    """Write a model as ONNX in float32, with the output names of `served`."""
     import tf2onnx
 
     serve = served(network)
     tf2onnx.convert.from_function(
         serve, input_signature=serve.input_signature, opset=OPSET, output_path=str(path)
     )
-    # The converter's copies of the graph hold one another, and 1 GB for a U-Net of 20 MB.
+    # The converter's copies of the graph refer to one another, and hold 1 GB for a U-Net of 20 MB.
     gc.collect()
 
 
 def describe_onnx(path: Path, card: Mapping[str, Any]) -> None:
-    """Put a description into an ONNX file: its properties, what is not a text as JSON.
+    """Write a model card into the properties of an ONNX file; values that are no text become JSON.
 
-    The dimension of the batch gets its name, too.
+    The first dimension of inputs and outputs gets the name `batch`.
     """
     model = onnx.load(path)
     texts = {k: v if isinstance(v, str) else json.dumps(v) for k, v in card.items()}
@@ -88,17 +88,17 @@ def describe_onnx(path: Path, card: Mapping[str, Any]) -> None:
 
 
 def open_onnx(path: Path) -> Answer:
-    """Load an ONNX model under ONNX Runtime."""
+    """Load an ONNX model with ONNX Runtime on the processor."""
     session = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
     names = [output.name for output in session.get_outputs()]
     return lambda images: dict(zip(names, session.run(names, {"image": images}), strict=True))
 
 
 def served(network: keras.Model) -> tf.types.experimental.PolymorphicFunction:
-    """The model as a function of its inputs `(B, …)`, in order, under their names.
+    """Return the model as a TensorFlow function of its inputs `(B, …)`, in order and by name.
 
-    It answers a dictionary: the model's own, or, of a model that answers tensors, one under their
-    operations' names.
+    The function returns a dictionary: the model's own, or, if the model returns tensors, a
+    dictionary of the tensors by `output_names`.
     """
     signature = [
         tf.TensorSpec((None, *tensor.shape[1:]), tf.float32, name=tensor.name)

@@ -1,4 +1,4 @@
-"""What a file must say of the network in it, so that it can be used without this package."""
+"""The model card in an exported file: all that is needed to use it without this package."""
 
 import dataclasses
 from typing import Any
@@ -12,19 +12,19 @@ from lime_keras.version import __version__
 
 
 def card(architecture: Architecture, network: keras.Model, precision: str) -> dict[str, Any]:
-    """The description of an assembled network, for JSON.
+    """Return the model card of an assembled network, a dictionary for JSON.
 
     Args:
-        architecture: of its subnetworks.
-        network: of `lime_keras.networks.assemble`.
-        precision: that its weights are written in.
+        architecture: architecture of the network's subnetworks.
+        network: network that `lime_keras.networks.assemble` returned.
+        precision: precision of the written weights.
 
     Returns:
-        `package`, `version`, `preset` (None if it is of none), `architecture`, `description`,
-        `precision`; of the input, `image`: `input_shape`, `input_layout`, `colour_space`,
-        `input_range`, `normalisation`; `outputs` by name, each with its `shape` and `unit`; and,
-        where the exponent is classified, `exponent_bin_edges` (9) and `exponent_bin_means` (8), the
-        exponent s that each class stands for.
+        `package`, `version`, `preset` (None if the architecture is none of the presets),
+        `architecture`, `description` and `precision`. For the input, `image`: `input_shape`,
+        `input_layout`, `colour_space`, `input_range` and `normalisation`. `outputs` by name, each
+        with `shape` and `unit`. If the exponent is classified, also `exponent_bin_edges` (9) and
+        `exponent_bin_means` (8), the exponent s that each class stands for.
     """
     out = {
         "package": "lime-keras",
@@ -50,7 +50,7 @@ def card(architecture: Architecture, network: keras.Model, precision: str) -> di
 
 
 def _preset(architecture: Architecture) -> str | None:
-    """The preset it is of; an ablation is of the one that it leaves something out of."""
+    """Return the preset's name; an ablation has the name of the preset that it changes."""
     whole = dataclasses.replace(architecture, system="lime", mirror=True, exponent="classification")
     return next((name for name, preset in PRESETS.items() if preset == whole), None)
 

@@ -1,4 +1,4 @@
-"""Whether a written model answers as Keras does: on which images, and how nearly it has to."""
+"""The parity check of a written model with Keras: its test images and its tolerances."""
 
 from collections.abc import Mapping
 
@@ -9,26 +9,26 @@ from lime_keras.arrays import Answer
 from lime_keras.export.quantisation import harm
 
 TOLERANCE = 1e-3
-"""Largest accepted difference in float32: absolute, and relative for values above 1."""
+"""Largest accepted difference in float32: absolute, but relative for values above 1."""
 GROSS = {"float16": 0.05, "int8": 0.5}
-"""Largest accepted `narrowing.harm` of an output in fewer bits.
+"""Largest accepted `quantisation.harm` of an output in fewer bits.
 
-What so few bits cost is for their users to judge. Beyond these, something is broken: float16 has 11
-bits, and of eight, half of an output's mean magnitude wrong is half of what silence gets wrong.
+Beyond these limits a model is broken; whether a smaller loss is acceptable is the user's choice.
+float16 has 11 significant bits. An output of zeros has a harm of 1, and int8 may have half of that.
 """
 _BATCH = 4
 
 
 class ParityError(RuntimeError):
-    """A written model that does not answer as Keras does."""
+    """A difference between a written model and Keras that is too large."""
 
 
 def images(size: int) -> np.ndarray:
-    """Images `(8, size, size, 3)` in [0, 1]: two shaded balls, then the extremes.
+    """Return images `(8, size, size, 3)` sRGB in [0, 1]: two shaded balls, then extreme images.
 
-    Smooth, noisy, black, white, one colour, and one lit pixel. The balls, one dull and one shiny,
-    are there because a trained mask is empty without an object, and everything behind an empty mask
-    would agree for nothing.
+    The extreme images are smooth, noisy, black, white, of one colour, and with one lit pixel. The
+    balls, one dull and one shiny, are needed because a trained mask is empty without an object.
+    With an empty mask the other outputs would agree although nothing was compared.
     """
     rng = np.random.default_rng(0)
     coarse = rng.uniform(size=(1, 8, 8, 3)).astype(np.float32)
@@ -43,7 +43,7 @@ def images(size: int) -> np.ndarray:
 
 
 def _ball(size: int, exponent: float) -> np.ndarray:
-    """A lit ball with a highlight before stripes, `(size, size, 3)` in [0, 1]."""
+    """Return a lit ball with a highlight, before stripes, `(size, size, 3)` in [0, 1]."""
     x, y = np.meshgrid(*[np.linspace(-1.25, 1.25, size)] * 2)
     z = np.sqrt(np.maximum(1 - x**2 - y**2, 0))
     towards_light = np.maximum(0.4 * x - 0.5 * y + 0.77 * z, 0)[..., None]
@@ -54,7 +54,7 @@ def _ball(size: int, exponent: float) -> np.ndarray:
 
 
 def answers(answer: Answer, images: np.ndarray) -> dict[str, np.ndarray]:
-    """Answers to all images: to the first alone, then in batches of several."""
+    """Return a model's outputs for all images: for the first alone, then in batches of several."""
     found = [answer(batch) for batch in np.split(images, range(1, len(images), _BATCH))]
     return {name: np.concatenate([np.array(one[name]) for one in found]) for name in found[0]}
 
@@ -62,15 +62,15 @@ def answers(answer: Answer, images: np.ndarray) -> dict[str, np.ndarray]:
 def judge(
     expected: Mapping[str, np.ndarray], found: Mapping[str, np.ndarray], precision: str
 ) -> dict[str, float]:
-    """How far answers are from Keras', of each output.
+    """Return the difference between a written model and Keras for each output, by name.
 
     Args:
-        expected: Keras' in float32.
-        found: the written model's, to the same images.
-        precision: its own: `float32`, `float16` or `int8`.
+        expected: outputs of the Keras model in float32.
+        found: outputs of the written model for the same images.
+        precision: precision of the written model: `float32`, `float16` or `int8`.
 
     Returns:
-        The largest difference (`compare`) in float32, else `narrowing.harm`.
+        The largest difference (`compare`) in float32, else `quantisation.harm`.
 
     Raises:
         ParityError: if names or shapes differ, a value is not finite, or the difference is beyond
@@ -91,7 +91,7 @@ def judge(
 def compare(
     expected: Mapping[str, np.ndarray], found: Mapping[str, np.ndarray]
 ) -> dict[str, float]:
-    """Largest difference of each output, relative where the expected value is above 1.
+    """Return the largest difference of each output, relative where the expected value is above 1.
 
     Raises:
         ParityError: if names or shapes differ.

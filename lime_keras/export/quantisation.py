@@ -1,8 +1,8 @@
-"""An ONNX model in fewer bits: float16, and eight-bit integers calibrated on images.
+"""The quantisation of an ONNX model: float16, or eight-bit integers calibrated on images.
 
-Weights get a scale for each channel, activations one for each tensor, from the values that
-calibration images give (static quantisation, QDQ format); masking, clipping and the expansion of S
-and M, which reach 59,873, stay float32 there. Images and answers are float32 in any case.
+In eight bits, weights have a scale for each channel. Activations have a scale for each tensor, from
+the values for calibration images (static quantisation, QDQ format). Masking, clipping and the
+expansion of S and M, which reach 59,873, stay float32. Input images and outputs are always float32.
 """
 
 from collections.abc import Mapping
@@ -18,23 +18,26 @@ from lime_keras.networks import SUBNETWORKS
 HEADS = {head for subnetwork in SUBNETWORKS.values() for head in subnetwork.heads}
 """Names of the subnetworks' last layers."""
 RANGES = {"widest": False, "mean": True}
-"""What a tensor's scale covers: its extremes over all calibration images, or the mean of each
-image's, which one odd image moves little. As ONNX Runtime's option of a moving average has it."""
+"""Value of ONNX Runtime's moving-average option for each range that a tensor's scale may cover.
+
+`widest` is the extremes over all calibration images. `mean` is the mean of each image's extremes,
+which a single unusual image changes little.
+"""
 
 _INTEGER = (
     *("Conv", "MatMul", "Gemm", "Relu", "MaxPool", "Concat"),
     *("Unsqueeze", "Tile", "Transpose", "Reshape"),
 )
-"""What is computed on eight bits. The second line is how upsampling comes out of the converter:
-left in floating point, it would part the convolutions."""
+"""Operators that compute in eight bits. Those of the second line are what the converter makes of
+upsampling; in floating point they would separate the eight-bit convolutions."""
 
 
 def prepare(source: Path, target: Path) -> None:
-    """Write the model with its shapes inferred and its biases fused, as the functions below need.
+    """Write the model with inferred shapes and fused biases, as the functions below need it.
 
     Args:
-        source: of `lime_keras.export.formats.write_onnx`.
-        target: written to.
+        source: ONNX file that `lime_keras.export.formats.write_onnx` wrote.
+        target: path to write to.
     """
     quantization.quant_pre_process(str(source), str(target), skip_symbolic_shape=True)
 
@@ -42,8 +45,8 @@ def prepare(source: Path, target: Path) -> None:
 def write_float16(prepared: Path, target: Path) -> None:
     """Write the model with float16 weights and activations.
 
-    S and M pass through float16 on their way out, with its 11 bits: 59,873, the most that there
-    is, is below its 65,504.
+    Its S and M have the 11 significant bits of float16. Their largest value, 59,873, is below
+    float16's largest value, 65,504.
     """
     narrow = float16.convert_float_to_float16(onnx.load(prepared), keep_io_types=True)
     onnx.save(narrow, target)
@@ -55,10 +58,10 @@ def write_int8(
     """Write the model with eight-bit weights and activations.
 
     Args:
-        prepared: of `prepare`.
-        target: written to.
-        images: `(N, S, S, 3)` sRGB in [0, 1] to calibrate with.
-        ranges: a name of `RANGES`.
+        prepared: ONNX file that `prepare` wrote.
+        target: path to write to.
+        images: calibration images `(N, S, S, 3)`, sRGB in [0, 1].
+        ranges: a key of `RANGES`.
         float_heads: whether the subnetworks' last layers stay float32.
     """
     quantization.quantize_static(
@@ -77,7 +80,7 @@ def write_int8(
 
 
 def heads(model: onnx.ModelProto) -> list[str]:
-    """Names of the nodes that are the subnetworks' last layers, told by their kernels' names."""
+    """Return the names of the nodes that are last layers; their kernels' names identify them."""
     weighted = (node for node in model.graph.node if node.op_type in ("Conv", "MatMul", "Gemm"))
     return [
         node.name
@@ -87,11 +90,13 @@ def heads(model: onnx.ModelProto) -> list[str]:
 
 
 def harm(expected: Mapping[str, np.ndarray], answer: Mapping[str, np.ndarray]) -> dict[str, float]:
-    """Mean difference of each output over its mean magnitude: 0 none, 1 as good as an answer of 0.
+    """Return each output's mean difference divided by its mean magnitude, by name.
+
+    It is 0 without any difference, and 1 for an output of zeros.
 
     Args:
-        expected: answers of the float32 model.
-        answer: answers of the other one, to the same images.
+        expected: outputs of the float32 model.
+        answer: outputs of the model in fewer bits for the same images.
     """
     return {
         name: float(np.mean(np.abs(answer[name] - value)) / max(np.mean(np.abs(value)), 1e-6))
@@ -100,12 +105,12 @@ def harm(expected: Mapping[str, np.ndarray], answer: Mapping[str, np.ndarray]) -
 
 
 class _Reader(quantization.CalibrationDataReader):
-    """The images as ONNX Runtime asks for them: one at a time, so that each has its own range."""
+    """A reader of calibration images, one at a time, so that ONNX Runtime sees a range for each."""
 
     def __init__(self, images: np.ndarray):
         self._images = iter(images)
 
     def get_next(self) -> dict[str, np.ndarray] | None:
-        """The model's input, or None at the end."""
+        """Return the next input of the model, or None at the end."""
         image = next(self._images, None)
         return None if image is None else {"image": image[None]}

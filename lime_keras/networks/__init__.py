@@ -1,4 +1,4 @@
-"""The subnetworks of section 5, each a functional Keras model, and their assembly."""
+"""The subnetworks of the paper's section 5 as functional Keras models, and their assembly."""
 
 from lime_keras.networks.architecture import PRESETS, Architecture
 from lime_keras.networks.registry import SUBNETWORKS

@@ -1,4 +1,4 @@
-"""Which subnetworks a system is made of, and how wide and deep they are: the presets."""
+"""The architecture of a system, which is its subnetworks with their sizes, and the presets."""
 
 from dataclasses import dataclass
 
@@ -6,27 +6,30 @@ SYSTEMS = ("lime", "reflectance-map")
 EXPONENTS = ("classification", "regression")
 
 ENCODER_BLOCKS = 5
-"""How often an encoder halves its input."""
+"""Number of an encoder's blocks, each of which halves the height and width."""
 
 
 @dataclass(frozen=True)
 class Architecture:
-    """What decides the subnetworks' layers.
+    """The settings that decide a system's subnetworks and their layers.
 
     Attributes:
-        size: height and width of the input image in pixels, which the encoders halve
-            `ENCODER_BLOCKS` times and the U-Nets `unet_depth` times.
-        unet_width: channels of a U-Net's first level; each level down doubles them.
-        unet_depth: levels below the first.
-        encoder_width: channels of the first of an encoder's five blocks; doubled up to eight times.
-        dense_width: units of the two hidden dense layers of an encoder.
-        system: `lime`, section 5's, or `reflectance-map`, the baseline of its evaluation, which
-            reads the material from an estimated reflectance map.
-        mirror: whether there is a MirrorNet, whose answer ExponentNet sees beside S.
-        exponent: `classification` into the eight bins, or `regression` of log10 s.
+        size: height and width of the input image in pixels. The encoders halve them
+            `ENCODER_BLOCKS` times, the U-Nets `unet_depth` times.
+        unet_width: channels of a U-Net's first level; each level below doubles the channels, to at
+            most eight times this number.
+        unet_depth: number of a U-Net's levels below the first.
+        encoder_width: channels of the first of an encoder's five blocks; each later block doubles
+            the channels, to at most eight times this number.
+        dense_width: units of each of an encoder's two hidden dense layers.
+        system: `lime` for the paper's method, or `reflectance-map` for its baseline, which
+            estimates a reflectance map first and the material from the map.
+        mirror: whether the system has a MirrorNet, whose prediction ExponentNet reads beside S.
+        exponent: `classification` of the exponent into eight bins, or `regression` of log10 s.
 
     Raises:
-        ValueError: if they do not go together.
+        ValueError: if a name is unknown, two settings exclude each other, or the size cannot be
+            halved so often.
     """
 
     size: int
@@ -39,7 +42,7 @@ class Architecture:
     exponent: str = "classification"
 
     def __post_init__(self) -> None:
-        """Refuse what no preset or option asks for."""
+        """Raise ValueError if the settings describe no system."""
         if self.system not in SYSTEMS or self.exponent not in EXPONENTS:
             raise ValueError(
                 f"no system {self.system} with exponent {self.exponent}: there are "
@@ -59,7 +62,7 @@ class Architecture:
 
     @property
     def description(self) -> str:
-        """Which of the evaluation's systems this is, in words."""
+        """The name of the system in words, ablations included."""
         if self.system == "reflectance-map":
             return "the reflectance-map baseline"
         without = [] if self.mirror else ["without MirrorNet"]
@@ -72,6 +75,7 @@ PRESETS = {
     "smoke": Architecture(size=128, unet_width=12, unet_depth=4, encoder_width=16, dense_width=64),
     # For video (docs/decisions.md).
     "live": Architecture(size=128, unet_width=16, unet_depth=4, encoder_width=16, dense_width=128),
-    # The lost figures' sizes as the printed run times bound them: at most 28 GFLOP a U-Net.
+    # The figures that show the paper's layer sizes are lost. Its run times bound the sizes: a U-Net
+    # takes at most 28 GFLOP.
     "paper": Architecture(size=256, unet_width=32, unet_depth=4, encoder_width=32, dense_width=256),
 }

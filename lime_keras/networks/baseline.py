@@ -1,4 +1,4 @@
-"""The baseline's two subnetworks: a reflectance map from the image, the material from the map."""
+"""The two subnetworks of the reflectance-map baseline: ReflectanceMapNet and MaterialNet."""
 
 import keras
 from keras import layers
@@ -9,9 +9,10 @@ from lime_keras.optics.shininess import BIN_COUNT
 
 
 def reflectance_map_net(architecture: Architecture) -> keras.Model:
-    """ReflectanceMapNet: `masked_image` `(B, S, S, 3)` → `(B, S, S, 3)` compressed reflectance map.
+    """Build ReflectanceMapNet: `masked_image` `(B, S, S, 3)` sRGB → reflectance map.
 
-    The map shows a sphere, so its pixels are not the image's, and there are no skip connections.
+    The output `(B, S, S, 3)` is compressed radiance. The map shows a sphere, so its pixels do not
+    correspond to pixels of the image, and the network has no skip connections.
     """
     size, width = architecture.size, architecture.encoder_width
     masked_image = keras.Input((size, size, 3), name="masked_image")
@@ -21,10 +22,10 @@ def reflectance_map_net(architecture: Architecture) -> keras.Model:
 
 
 def material_net(architecture: Architecture) -> keras.Model:
-    """MaterialNet: compressed `reflectance_map` `(B, S, S, 3)` → albedos and class of the exponent.
+    """Build MaterialNet: compressed `reflectance_map` `(B, S, S, 3)` → albedos and exponent bins.
 
-    The answers are `(B, 4)`, m_d and m_s, linear and not yet clipped to [0, 1], and `(B, 8)`
-    probabilities.
+    The outputs are `(B, 4)`, m_d and m_s, linear and not yet clipped to [0, 1], and `(B, 8)`, the
+    probabilities of the exponent's bins.
     """
     size = architecture.size
     sphere = keras.Input((size, size, 3), name="reflectance_map")

@@ -1,4 +1,4 @@
-"""The families of networks: U-Nets, encoders, and the decoder of the reflectance-map baseline."""
+"""The building blocks of the subnetworks: U-Net, encoder, and the baseline's decoder."""
 
 from keras import KerasTensor, layers
 
@@ -6,7 +6,7 @@ from lime_keras.networks.architecture import ENCODER_BLOCKS
 
 
 def convolutions(x: KerasTensor, width: int, name: str) -> KerasTensor:
-    """Two 3×3 convolutions with ReLU, zero-padded, He initialisation."""
+    """Apply two 3×3 convolutions with ReLU, zero padding and He initialisation."""
     for index in (1, 2):
         x = layers.Conv2D(
             width,
@@ -20,13 +20,17 @@ def convolutions(x: KerasTensor, width: int, name: str) -> KerasTensor:
 
 
 def unet(x: KerasTensor, *, width: int, depth: int, channels: int) -> KerasTensor:
-    """U-Net with skip concatenation; linear, at the input's height and width.
+    """Apply a U-Net whose skip connections concatenate.
 
     Args:
         x: `(B, H, W, C)`; H and W divisible by `2 ** depth`.
-        width: channels of the first level; each level down doubles them, up to eight times.
-        depth: levels below the first.
-        channels: of the answer, `(B, H, W, channels)`.
+        width: channels of the first level; each level below doubles the channels, to at most eight
+            times this number.
+        depth: number of levels below the first.
+        channels: number of output channels.
+
+    Returns:
+        `(B, H, W, channels)`, linear (no activation function), float32.
     """
     widths = [width * min(2**level, 8) for level in range(depth + 1)]
     skips = []
@@ -36,24 +40,25 @@ def unet(x: KerasTensor, *, width: int, depth: int, channels: int) -> KerasTenso
         x = layers.MaxPooling2D(name=f"pool{level}")(x)
     x = convolutions(x, widths[depth], "bottom")
     for level in reversed(range(depth)):
-        # Nearest, not bilinear: XLA cannot compile the mixed-precision gradient of the latter.
+        # Not bilinear: XLA cannot compile the mixed-precision gradient of bilinear upsampling.
         x = layers.UpSampling2D(interpolation="nearest", name=f"up{level}")(x)
         x = layers.Concatenate(name=f"skip{level}")([x, skips[level]])
         x = convolutions(x, widths[level], f"up{level}")
-    # Linear: a softplus head here died to all black (docs/decisions.md).
+    # Linear: with a softplus head the output became all black in training (docs/decisions.md).
     return layers.Conv2D(channels, 1, dtype="float32", name="head")(x)
 
 
 def encoder(x: KerasTensor, *, width: int, dense_width: int) -> KerasTensor:
-    """Five blocks of convolution, ReLU and max-pooling, then two dense layers with ReLU.
+    """Apply five blocks of convolution, ReLU and max-pooling, then two dense layers with ReLU.
 
     Args:
         x: `(B, H, W, C)`; H and W divisible by 32.
-        width: channels of the first block; each next one doubles them, up to eight times.
+        width: channels of the first block; each later block doubles the channels, to at most eight
+            times this number.
         dense_width: units of each dense layer.
 
     Returns:
-        `(B, dense_width)` features; the caller adds the third dense layer, its head.
+        `(B, dense_width)` features. The caller adds the last dense layer, the head.
     """
     for block in range(ENCODER_BLOCKS):
         x = layers.Conv2D(
@@ -74,13 +79,17 @@ def encoder(x: KerasTensor, *, width: int, dense_width: int) -> KerasTensor:
 
 
 def decoder(features: KerasTensor, *, size: int, width: int, channels: int) -> KerasTensor:
-    """The mirror of `encoder`: a dense layer, then five blocks of upsampling and convolution.
+    """Apply the reverse of `encoder`: a dense layer, five blocks of upsampling and convolution.
 
     Args:
         features: `(B, F)`.
-        size: height and width of the answer; divisible by 32.
-        width: channels of the last block; each one before doubles them, up to eight times.
-        channels: of the answer, `(B, size, size, channels)`, which is linear.
+        size: height and width of the output in pixels; divisible by 32.
+        width: channels of the last block; each block before has twice the channels, to at most
+            eight times this number.
+        channels: number of output channels.
+
+    Returns:
+        `(B, size, size, channels)`, linear (no activation function), float32.
     """
     side = size // 2**ENCODER_BLOCKS
     widths = [width * min(2**block, 8) for block in range(ENCODER_BLOCKS)]

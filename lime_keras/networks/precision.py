@@ -1,4 +1,4 @@
-"""What networks compute in."""
+"""The numerical precision in which the networks compute."""
 
 import contextlib
 from collections.abc import Iterator
@@ -6,13 +6,13 @@ from collections.abc import Iterator
 import keras
 
 POLICIES = {"float32": "float32", "bfloat16": "mixed_bfloat16", "float16": "mixed_float16"}
-"""By precision, Keras' policy: whatever the subnetworks compute in, weights and heads are float32.
+"""Keras policy of each precision. Weights and the networks' last layers are float32 in all three.
 """
 
 
 @contextlib.contextmanager
 def computing_in(precision: str) -> Iterator[None]:
-    """Layers built inside compute in a precision of `POLICIES`."""
+    """Let the layers that are built inside this context compute in a precision of `POLICIES`."""
     before = keras.config.dtype_policy()
     keras.config.set_dtype_policy(POLICIES[precision])
     try:

@@ -1,11 +1,18 @@
-"""What systems are made of: a row for each subnetwork, quantity and output.
+"""The registry of the systems' parts: a row for each subnetwork, each quantity and each output.
 
-A quantity is what passes between subnetworks, by the name of the input that takes it: images in
-sRGB, and S, M and the reflectance map compressed (`dynamic_range`), 0 outside the object.
+A *quantity* is a value that one subnetwork predicts, such as the mask. Other subnetworks may read
+it: each input of a subnetwork's model is named after the quantity that it takes. Subnetworks read
+S, M and the reflectance map compressed (`dynamic_range`) and 0 outside the object, and images in
+sRGB. An *output* is a value for users, computed from one quantity; its radiance is linear.
 
-A further subnetwork is a function in `subnetworks`, its rows here, the names of its outputs in
-`lime_keras.outputs`, what it learns by in `train/terms.py` and, so that weights from before it are
-still whole, a field of `Architecture`.
+To add a subnetwork, add:
+
+- a function in `subnetworks` that builds its model;
+- a row for it in `SUBNETWORKS`, and rows in `QUANTITIES` and `READINGS` for what it predicts;
+- its outputs in `lime_keras.outputs`;
+- its loss terms and measures in `train/terms.py`;
+- a field of `Architecture` that says whether a system has it. The field's default must be a system
+  without it, so that models trained before still load.
 """
 
 from collections.abc import Callable
@@ -29,21 +36,22 @@ from lime_keras.optics.reflectance_map import disc
 from lime_keras.optics.shininess import LOG_HIGH, LOG_LOW
 
 MASK_CONTRAST = 1.5
-"""By which SegmentationNet's answer is stretched about one half before it cuts the object out: ℓ2
-draws what it is unsure of towards the middle, and a mask of 0.9 inside the object darkens the
-albedo that is read through it (docs/decisions.md)."""
+"""Factor by which SegmentationNet's prediction is stretched about one half, before the mask cuts
+the object out. The ℓ2 loss draws uncertain pixels towards one half, and a mask of 0.9 inside the
+object would make the estimated albedo too dark (docs/decisions.md)."""
 
 
 @dataclass(frozen=True)
 class Subnetwork:
-    """A kind of subnetwork.
+    """A row of the registry: one subnetwork.
 
     Attributes:
-        build: makes one. Its model's inputs are called after the quantities that it sees.
-        answers: the quantities that it answers, in order.
-        part_of: whether a system of an architecture has it.
-        encoder: whether it reads a material's numbers from layers; the others answer layers.
-        heads: names of its last layers.
+        build: function that builds the model for an architecture. The model's inputs are named
+            after the quantities that the subnetwork reads, or `image` or `masked_image`.
+        answers: names of the quantities that it predicts, in the order of the model's outputs.
+        part_of: function that says whether a system of an architecture has this subnetwork.
+        encoder: whether it predicts numbers of the material (True) or images (False).
+        heads: names that the model's last layers with weights may have.
     """
 
     build: Callable[[Architecture], keras.Model]
@@ -54,7 +62,8 @@ class Subnetwork:
 
 
 Seen = Callable[[str], Any]
-"""Any quantity as subnetworks see it, by name."""
+"""Function from the name of a quantity, or `image` or `masked_image`, to the value that subnetworks
+read (`Wiring.seen`)."""
 
 
 def _as_it_is(value: Any, seen: Seen) -> Any:
@@ -63,12 +72,16 @@ def _as_it_is(value: Any, seen: Seen) -> Any:
 
 @dataclass(frozen=True)
 class Quantity:
-    """Something that a subnetwork answers.
+    """A row of the registry: one quantity, which a subnetwork predicts and others may read.
+
+    Both functions take `Seen` as their second argument and return the quantity in the form that
+    other subnetworks read and that outputs are computed from.
 
     Attributes:
-        estimated: a subnetwork's answer to the quantity as others see it.
-        given: the truth, in linear radiance where it is radiance, to the same.
-        channels: of an image; None of numbers, which no subnetwork sees.
+        estimated: function of the subnetwork's raw prediction.
+        given: function of the ground truth, which is linear if it is radiance.
+        channels: number of channels if the quantity is an image; None if it is numbers, which no
+            subnetwork reads.
     """
 
     estimated: Callable[[Any, Seen], Any] = _as_it_is
@@ -78,11 +91,11 @@ class Quantity:
 
 @dataclass(frozen=True)
 class Reading:
-    """How an output is read from a quantity.
+    """A row of the registry: one output, and the quantity that it is computed from.
 
     Attributes:
-        quantity: its name.
-        read: the quantity, as others see it, to the output.
+        quantity: name of the quantity.
+        read: function from the quantity, in the form of `Quantity.estimated`, to the output.
     """
 
     quantity: str
@@ -118,7 +131,7 @@ SUBNETWORKS = {
         heads=("albedos", "logits"),
     ),
 }
-"""By name, in the order in which systems have them."""
+"""Row of each subnetwork by name, in the order of `system.build`."""
 
 QUANTITIES = {
     "mask": Quantity(
@@ -141,6 +154,7 @@ QUANTITIES = {
     "exponent_bin_probabilities": Quantity(),
     "log_exponent": Quantity(lambda answer, _: ops.clip(answer, LOG_LOW, LOG_HIGH)),
 }
+"""Row of each quantity by name."""
 
 READINGS = {
     "mask": Reading("mask"),
@@ -152,15 +166,17 @@ READINGS = {
     "exponent_bin_probabilities": Reading("exponent_bin_probabilities"),
     "log_exponent": Reading("log_exponent"),
 }
-"""Of each of `lime_keras.outputs.OUTPUTS`."""
+"""Row of each output by name; the names are those of `lime_keras.outputs.OUTPUTS`."""
 
 
 def answered(name: str, network: keras.Model) -> tuple[str, ...]:
-    """Quantities that a subnetwork answers: its row's, or, of ExponentNet by regression, log10 s.
+    """Return the names of the quantities that a subnetwork predicts.
+
+    They are the `answers` of its row, but `log_exponent` for an ExponentNet that regresses log10 s.
 
     Args:
-        name: of the subnetwork.
-        network: as its row builds it.
+        name: name of the subnetwork.
+        network: the subnetwork, as its row builds it.
     """
     if name == "exponent" and network.output_shape[-1] == 1:
         return ("log_exponent",)

@@ -1,4 +1,4 @@
-"""The five subnetworks of section 5. Each one's inputs are called after the quantities it sees."""
+"""The five subnetworks of section 5; their inputs are named after the quantities they read."""
 
 import keras
 from keras import layers
@@ -9,10 +9,10 @@ from lime_keras.optics.shininess import BIN_COUNT, LOG_HIGH, LOG_LOW
 
 
 def segmentation_net(architecture: Architecture) -> keras.Model:
-    """SegmentationNet: `image` `(B, S, S, 3)` sRGB in [0, 1] → `(B, S, S, 1)` coverage.
+    """Build SegmentationNet: `image` `(B, S, S, 3)` sRGB in [0, 1] → `(B, S, S, 1)` coverage.
 
-    The answer is not yet clipped to [0, 1]. The head is linear: under the paper's ℓ2 a sigmoid
-    saturated within the first steps and never came back (docs/decisions.md).
+    The output is not yet clipped to [0, 1]. The head is linear: under the paper's ℓ2 loss a sigmoid
+    saturated within the first steps and did not recover (docs/decisions.md).
     """
     size = architecture.size
     image = keras.Input((size, size, 3), name="image")
@@ -21,7 +21,7 @@ def segmentation_net(architecture: Architecture) -> keras.Model:
 
 
 def specular_net(architecture: Architecture) -> keras.Model:
-    """SpecularNet: `masked_image` `(B, S, S, 3)` sRGB in [0, 1] → `(B, S, S, 1)` compressed S."""
+    """Build SpecularNet: `masked_image` `(B, S, S, 3)` sRGB → `(B, S, S, 1)` compressed S."""
     size = architecture.size
     masked_image = keras.Input((size, size, 3), name="masked_image")
     shading = _unet(masked_image, architecture, channels=1)
@@ -29,7 +29,7 @@ def specular_net(architecture: Architecture) -> keras.Model:
 
 
 def mirror_net(architecture: Architecture) -> keras.Model:
-    """MirrorNet: `specular_shading` `(B, S, S, 1)` compressed → `(B, S, S, 1)` compressed M."""
+    """Build MirrorNet: compressed `specular_shading` `(B, S, S, 1)` → compressed M, same shape."""
     size = architecture.size
     shading = keras.Input((size, size, 1), name="specular_shading")
     mirror = _unet(shading, architecture, channels=1)
@@ -37,9 +37,10 @@ def mirror_net(architecture: Architecture) -> keras.Model:
 
 
 def exponent_net(architecture: Architecture) -> keras.Model:
-    """ExponentNet: compressed S and M, `(B, S, S, 1)` each → `(B, 8)` probabilities of the bins.
+    """Build ExponentNet: compressed S and M, each `(B, S, S, 1)` → `(B, 8)` bin probabilities.
 
-    Without a MirrorNet S alone is its input; under regression it answers log10 s, `(B, 1)`.
+    In a system without MirrorNet its input is S alone. With regression its output is log10 s,
+    `(B, 1)`.
     """
     size = architecture.size
     names = ["specular_shading", "mirror"] if architecture.mirror else ["specular_shading"]
@@ -47,7 +48,7 @@ def exponent_net(architecture: Architecture) -> keras.Model:
     seen = layers.Concatenate(name="layers")(inputs) if architecture.mirror else inputs[0]
     features = encoder(seen, width=architecture.encoder_width, dense_width=architecture.dense_width)
     if architecture.exponent == "regression":
-        # From the middle on: a bias of 0 is the dullest material there is.
+        # Training starts from the middle of the range: a bias of 0 is the dullest material.
         middle = keras.initializers.Constant((LOG_LOW + LOG_HIGH) / 2)
         answer = layers.Dense(1, dtype="float32", bias_initializer=middle, name="log_exponent")(
             features
@@ -59,9 +60,9 @@ def exponent_net(architecture: Architecture) -> keras.Model:
 
 
 def albedo_net(architecture: Architecture) -> keras.Model:
-    """AlbedoNet: `masked_image` `(B, S, S, 3)` and compressed S `(B, S, S, 1)` → m_d, m_s.
+    """Build AlbedoNet: `masked_image` `(B, S, S, 3)` and compressed S `(B, S, S, 1)` → m_d, m_s.
 
-    The answer is `(B, 4)`: linear RGB diffuse albedo, then specular albedo, not yet clipped to
+    The output is `(B, 4)`: linear RGB diffuse albedo, then specular albedo, not yet clipped to
     [0, 1].
     """
     size = architecture.size

@@ -1,6 +1,6 @@
-"""A whole system: its subnetworks built, and joined.
+"""The construction of a whole system: its subnetworks, built and joined into one model.
 
-Only the subnetworks that the outputs need become part of the joined model.
+The joined model contains only the subnetworks that its outputs need.
 """
 
 import zlib
@@ -15,17 +15,17 @@ from lime_keras.networks.wiring import Wiring, quantities
 
 
 def names(architecture: Architecture) -> tuple[str, ...]:
-    """Names of the subnetworks that a system of this architecture has."""
+    """Return the names of the subnetworks that a system of this architecture has."""
     return tuple(name for name, row in SUBNETWORKS.items() if row.part_of(architecture))
 
 
 def build(architecture: Architecture, seed: int | None = None) -> dict[str, keras.Model]:
-    """The architecture's subnetworks by name, freshly initialised.
+    """Build the subnetworks of an architecture, by name, with freshly initialised weights.
 
     Args:
-        architecture: of the system.
-        seed: makes the initial weights of a subnetwork depend on it and the subnetwork's name, and
-            not on what else there is; by default they follow from Keras' global seed.
+        architecture: architecture of the system.
+        seed: seed of the initial weights. A subnetwork's weights depend on the seed and on its name
+            alone, not on the other subnetworks. By default they follow Keras' global seed.
     """
     out = {}
     for name in names(architecture):
@@ -36,11 +36,11 @@ def build(architecture: Architecture, seed: int | None = None) -> dict[str, kera
 
 
 def answers(subnetworks: Mapping[str, keras.Model]) -> tuple[str, ...]:
-    """Names of the outputs that `assemble` can make of subnetworks, out of `outputs.OUTPUTS`.
+    """Return the names out of `outputs.OUTPUTS` that `assemble` can compute with these subnetworks.
 
-    Without MirrorNet there is no `mirror`; under regression, `log_exponent` `(B, 1)`, log10 s, is
-    in place of `exponent_bin_probabilities`; for the baseline, `reflectance_map` `(B, S, S, 3)`
-    linear radiance in place of S and M.
+    Without MirrorNet there is no `mirror`. With regression, `log_exponent` `(B, 1)`, log10 s,
+    replaces `exponent_bin_probabilities`. In the baseline, `reflectance_map` `(B, S, S, 3)`, linear
+    radiance, replaces `specular_shading` and `mirror`.
     """
     found = quantities(subnetworks)
     return tuple(name for name, row in READINGS.items() if row.quantity in found)
@@ -55,22 +55,25 @@ def assemble(
     """Join subnetworks into one functional model from the image to the named outputs.
 
     Args:
-        subnetworks: as `build` returns them; those that no output needs may be missing.
+        subnetworks: subnetworks by name, as `build` returns them; a subnetwork that no output needs
+            may be missing.
         outputs: names out of `answers(subnetworks)`; by default all of them.
-        given: what is an input beside the image, in place of a subnetwork's answer: `mask`
-            `(B, S, S, 1)` in [0, 1], `specular_shading` and `mirror` `(B, S, S, 1)` or
-            `reflectance_map` `(B, S, S, 3)`, linear radiance. It is no output then.
+        given: names of quantities that are inputs of the model beside the image and replace a
+            subnetwork's prediction: `mask` `(B, S, S, 1)` in [0, 1], `specular_shading` and
+            `mirror` `(B, S, S, 1)` or `reflectance_map` `(B, S, S, 3)` in linear radiance. A given
+            quantity cannot be an output.
 
     Returns:
-        A model from `image` `(B, S, S, 3)` sRGB in [0, 1], or, where something is given, from a
-        dictionary of it and that, to a dictionary with, of the outputs named: `mask`
-        `(B, S, S, 1)` in [0, 1]; `specular_shading` and `mirror` `(B, S, S, 1)` linear radiance,
-        0 outside the mask; `diffuse_albedo` `(B, 3)` linear; `specular_albedo` `(B, 1)`;
-        `exponent_bin_probabilities` `(B, 8)`; or what `answers` says of the ablations.
+        A model from images to a dictionary of the named outputs. Its input is `image`
+        `(B, S, S, 3)` sRGB in [0, 1] or, if quantities are given, a dictionary of the image and
+        these quantities. The outputs of LIME are `mask` `(B, S, S, 1)` in [0, 1];
+        `specular_shading` and `mirror` `(B, S, S, 1)` linear radiance, 0 outside the mask;
+        `diffuse_albedo` `(B, 3)` linear; `specular_albedo` `(B, 1)`; and
+        `exponent_bin_probabilities` `(B, 8)`. See `answers` for the outputs of the ablations.
 
     Raises:
-        ValueError: if no output or an unknown one is named, or something is given that no
-            subnetwork can be fed with.
+        ValueError: if no output is named, an output is unknown, or a given quantity is not an input
+            of any subnetwork.
     """
     channels = {name: row.channels for name, row in QUANTITIES.items() if row.channels}
     if unknown := sorted(set(given) - set(channels)):

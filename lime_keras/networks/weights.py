@@ -1,7 +1,8 @@
-"""A trained model's files: `MODEL/architecture.json` and `MODEL/{subnetwork}.weights.h5`.
+"""The files of a trained model: `MODEL/architecture.json` and `MODEL/{subnetwork}.weights.h5`.
 
-Joined training teaches a subnetwork to read the others' estimates, and it then reads true layers
-worse. As its own stage left it, it may lie beside the rest: `MODEL/alone/{subnetwork}.weights.h5`.
+Joined training adapts a subnetwork to the estimates of the others, so that its predictions from
+true layers get worse. `MODEL/alone/{subnetwork}.weights.h5` may hold the weights that such a
+subnetwork had before joined training.
 """
 
 import dataclasses
@@ -18,7 +19,7 @@ from lime_keras.networks import Architecture, build
 
 _ALONE = "alone"
 SHIPPED = Path(__file__).parents[1] / "pretrained" / "live"
-"""The model that comes with the package: what is used where no other is named."""
+"""Folder of the model that comes with the package, used where no other model is named."""
 
 
 def save(
@@ -32,12 +33,12 @@ def save(
     """Write the architecture and each subnetwork's weights, each file atomically.
 
     Args:
-        model: folder; what it held is replaced.
-        architecture: of the subnetworks.
-        subnetworks: by name: all of them, or those that are trained yet, with which a further run
-            can begin.
-        alone: those of them that joined training changed, as they were before it.
-        half: keep 16 bits of each weight, in half the space; they are loaded as any.
+        model: folder to write to; the files of an earlier model in it are replaced.
+        architecture: architecture of the subnetworks.
+        subnetworks: trained subnetworks by name. They may be only some of the architecture's;
+            another run can start from such a model.
+        alone: subnetworks with their weights from before joined training, if it changed them.
+        half: whether to write float16 weights, in half the space; `load` reads them like others.
     """
     alone = {} if alone is None else alone
     for path in (model / _ALONE).glob("*.weights.h5"):
@@ -52,15 +53,19 @@ def save(
 
 
 def load(model: Path, *, whole: bool = True) -> tuple[Architecture, dict[str, keras.Model]]:
-    """Build the subnetworks and load what `save` wrote, or what a training run holds.
+    """Build a trained model's subnetworks and load their weights.
 
     Args:
-        model: folder written by `save`, or a run of `lime-train`, whose `model/` is taken.
-        whole: refuse a model of which not all subnetworks are there; else return those that are.
+        model: folder written by `save`, or folder of a run of `lime-train`, whose `model/` is read.
+        whole: whether to raise an error if a subnetwork's weights are missing. If False, only the
+            subnetworks that have weights are returned.
+
+    Returns:
+        The architecture, and the subnetworks by name.
 
     Raises:
-        FileNotFoundError: if the folder holds no complete model.
-        ValueError: if a file is broken, or not of this version.
+        FileNotFoundError: if the folder holds no model, or no complete one.
+        ValueError: if a file is broken or belongs to another version of this package.
     """
     model = folder(model)
     description = model / "architecture.json"
@@ -79,18 +84,18 @@ def load(model: Path, *, whole: bool = True) -> tuple[Architecture, dict[str, ke
 
 
 def load_alone(model: Path, subnetworks: Mapping[str, keras.Model]) -> dict[str, keras.Model]:
-    """Load subnetworks as their own stages left them, before joined training changed them.
+    """Load subnetworks with their weights from before joined training.
 
     Args:
-        model: folder as of `load`.
-        subnetworks: what `load` returned for it; they stay as they are.
+        model: folder of the trained model (see `load`).
+        subnetworks: the subnetworks that `load` returned for this folder; they are not changed.
 
     Returns:
-        Those that the folder holds, by name. There are none if it was saved without any, or if no
-        later stage changed them.
+        Copies of the subnetworks for which the folder holds such weights, by name. It holds none if
+        joined training changed no subnetwork, or if the model was saved without them.
 
     Raises:
-        ValueError: if a file is broken, or not of this model.
+        ValueError: if a file is broken or does not fit its subnetwork.
     """
     out = {}
     for name, subnetwork in subnetworks.items():
@@ -102,10 +107,10 @@ def load_alone(model: Path, subnetworks: Mapping[str, keras.Model]) -> dict[str,
 
 
 def files(model: Path) -> list[Path]:
-    """All files that `load` and `load_alone` would read, in a fixed order.
+    """Return all files that `load` and `load_alone` read, in a fixed order.
 
     Args:
-        model: folder as of `load`.
+        model: folder of the trained model (see `load`).
 
     Raises:
         FileNotFoundError: if the folder holds no model.
@@ -116,7 +121,7 @@ def files(model: Path) -> list[Path]:
 
 
 def folder(model: Path) -> Path:
-    """The folder itself, or, of a run of `lime-train`, its `model/`."""
+    """Return the folder of the model: `model/` of a run of `lime-train`, else the folder itself."""
     model = Path(model)
     return model / "model" if (model / "model").is_dir() else model
 
@@ -133,7 +138,7 @@ def _write(target: Path, name: str, network: keras.Model, half: bool) -> None:
 
 
 def _copy_half(source: h5py.Group, target: h5py.Group) -> None:
-    """Copy a weights file's tree, its arrays as float16; Keras casts them back as it loads."""
+    """Copy the tree of a weights file with float16 arrays; Keras casts them back when it loads."""
     target.attrs.update(source.attrs)
     for name, item in source.items():
         if isinstance(item, h5py.Group):

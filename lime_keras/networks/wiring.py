@@ -1,4 +1,4 @@
-"""Who feeds whom (section 5): one graph of system, stage of training and oracle."""
+"""The connections between subnetworks (section 5), shared by whole systems and training stages."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -9,7 +9,7 @@ from lime_keras.networks.registry import QUANTITIES, READINGS, answered
 
 
 def quantities(subnetworks: Mapping[str, keras.Model]) -> dict[str, str]:
-    """By quantity that subnetworks answer, which of them does, in their order."""
+    """Map each quantity to the name of the subnetwork that predicts it, in the given order."""
     return {
         quantity: name
         for name, network in subnetworks.items()
@@ -18,9 +18,10 @@ def quantities(subnetworks: Mapping[str, keras.Model]) -> dict[str, str]:
 
 
 def needed(subnetworks: Mapping[str, keras.Model]) -> tuple[str, ...]:
-    """Quantities that have to be given for these subnetworks to work by themselves.
+    """Return the quantities that must be given so that these subnetworks can run without others.
 
-    The mask in any case, which cuts the object out, and what they see that none of them answers.
+    They are the quantities that the subnetworks read and do not predict, and always the mask, which
+    cuts the object out.
     """
     seen = {tensor.name for network in subnetworks.values() for tensor in network.inputs}
     unanswered = seen - set(quantities(subnetworks))
@@ -28,15 +29,15 @@ def needed(subnetworks: Mapping[str, keras.Model]) -> tuple[str, ...]:
 
 
 class Wiring:
-    """Subnetworks joined, each value made when it is first asked for and once.
+    """A graph of connected subnetworks that computes each value once, on first request.
 
-    Values are symbolic tensors, of which a model can be made, or tensors of numbers.
+    The values are symbolic tensors, from which a Keras model can be made, or tensors of numbers.
 
     Args:
-        subnetworks: by name.
-        given: `image` `(B, S, S, 3)` sRGB in [0, 1], and the quantities that are inputs in place
-            of estimates: `mask` in [0, 1], the others linear radiance.
-        training: passed on to the subnetworks; by default they are left to find out.
+        subnetworks: subnetworks by name.
+        given: `image` `(B, S, S, 3)` sRGB in [0, 1], and the quantities that replace predictions
+            as inputs of the subnetworks: `mask` in [0, 1], the others in linear radiance.
+        training: Keras' `training` argument for the subnetworks; by default it is not passed.
     """
 
     def __init__(
@@ -54,7 +55,7 @@ class Wiring:
         self._estimates: dict[str, Any] = {}
 
     def answer(self, quantity: str) -> Any:
-        """What a subnetwork says of a quantity, as it stands."""
+        """Return the raw prediction of a quantity, as the subnetwork outputs it."""
         name = self._answering[quantity]
         if name not in self._answers:
             network = self._subnetworks[name]
@@ -66,16 +67,16 @@ class Wiring:
         return self._answers[name][quantity]
 
     def seen(self, quantity: str) -> Any:
-        """What subnetworks are fed of a quantity: the truth if it is given, else the estimate.
+        """Return a quantity in the form that subnetworks read: given if it is, else predicted.
 
-        `image` and `masked_image` count as quantities here.
+        `quantity` may also be `image` or `masked_image`.
         """
         if quantity not in self._seen:
             self._seen[quantity] = self._fed(quantity)
         return self._seen[quantity]
 
     def output(self, name: str) -> Any:
-        """An output, of what the subnetworks answer."""
+        """Return an output, computed from the predicted quantity even if the quantity is given."""
         row = READINGS[name]
         return row.read(self._estimate(row.quantity))
 
