@@ -1,5 +1,6 @@
-"""The examples of the documentation, run as they stand."""
+"""The documentation: its examples run, the files it names exist, docstrings begin plainly."""
 
+import ast
 import re
 from pathlib import Path
 
@@ -45,3 +46,24 @@ def paths_of_paper():
 @pytest.mark.parametrize("path", paths_of_paper())
 def test_the_map_of_the_paper_names_files_that_exist(path):
     assert (ROOT / path).is_file() or (ROOT / "tests" / path).is_file()
+
+
+RIDDLES = re.compile(
+    r"(As|By|Every|For|From|How|In|It|Of|Such|That|Those|To|What|Where|Whether|Which|Who|With) "
+)
+"""First words of a sentence that neither names its thing nor says what is done."""
+
+
+@pytest.mark.parametrize(
+    "folder", ["lime_keras", "render", "train", "eval", "benchmarks", "examples"]
+)
+def test_docstrings_begin_with_a_noun_or_a_verb(folder):
+    found = [
+        f"{path.relative_to(ROOT)}: {text.splitlines()[0]}"
+        for path in sorted((ROOT / folder).rglob("*.py"))
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef)
+        and (text := ast.get_docstring(node))
+        and RIDDLES.match(text)
+    ]
+    assert not found, "\n".join(found)
