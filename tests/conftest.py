@@ -74,7 +74,7 @@ def tiny():
     """Return the smallest architecture."""
     from lime_keras.networks import Architecture
 
-    return Architecture(size=32, unet_width=2, unet_depth=2, encoder_width=2, dense_width=4)
+    return Architecture(size=32, unet_width=2, unet_depth=1, encoder_width=2, dense_width=4)
 
 
 @pytest.fixture(scope="session")

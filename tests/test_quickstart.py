@@ -4,6 +4,7 @@ import json
 
 import OpenImageIO as oiio
 import pytest
+from in_process import InProcess
 from render_scenes import write_inputs
 
 from lime_keras.commands import estimate as estimate_cli
@@ -13,6 +14,7 @@ from lime_keras.eval import cli as eval_cli
 from lime_keras.networks import PRESETS, Architecture
 from lime_keras.render import cli as render_cli
 from lime_keras.render.corpus import processes
+from lime_keras.render.corpus import split as rendering
 from lime_keras.train import cli as train_cli
 from lime_keras.train import stages
 
@@ -43,6 +45,8 @@ def run(request, tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         for name in processes.THREAD_VARIABLES:
             patch.setenv(name, "1")
+        # Processes are tested in tests/render/corpus.
+        patch.setattr(rendering, "Workers", InProcess)
         patch.setitem(stages.SCHEDULES, "smoke", BRIEF)
         patch.setitem(PRESETS, "smoke", SMALL)
         run = tmp_path_factory.mktemp("quickstart")

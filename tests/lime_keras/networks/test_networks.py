@@ -85,6 +85,12 @@ def fresh(architecture, seed):
 
 
 @pytest.fixture(scope="module")
+def tiny(tiny):
+    """Return a tiny architecture whose U-Nets have more than one skip connection."""
+    return dataclasses.replace(tiny, unet_depth=2)
+
+
+@pytest.fixture(scope="module")
 def fresh_subnetworks(tiny):
     return fresh(tiny, seed=0)
 
