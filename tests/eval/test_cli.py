@@ -23,7 +23,7 @@ from lime_keras.optics.reflectance_map import reflectance_map
 
 SIZE = 64
 COUNT = 7
-TINY = Architecture(size=SIZE, unet_width=2, unet_depth=1, encoder_width=2, dense_width=4)
+TINY = Architecture(size=SIZE, unet_width=2, unet_depth=2, encoder_width=2, dense_width=4)
 FILES = [
     "confusion.png",
     "examples",

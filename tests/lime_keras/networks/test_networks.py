@@ -71,9 +71,12 @@ def images(size, seed=0):
 
 
 def fresh(architecture, seed):
-    """A module's subnetworks, and a function that gives them the weights they began with."""
+    """A module's subnetworks, and a function that gives them the weights they began with.
+
+    Their U-Nets have two levels, so that skip connections can be mixed up.
+    """
     keras.utils.set_random_seed(seed)
-    out = build(architecture)
+    out = build(dataclasses.replace(architecture, unet_depth=2))
     begun = {name: network.get_weights() for name, network in out.items()}
 
     def again():
@@ -82,12 +85,6 @@ def fresh(architecture, seed):
         return out
 
     return again
-
-
-@pytest.fixture(scope="module")
-def tiny(tiny):
-    """Return a tiny architecture whose U-Nets have more than one skip connection."""
-    return dataclasses.replace(tiny, unet_depth=2)
 
 
 @pytest.fixture(scope="module")
