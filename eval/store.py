@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from lime_keras.io import atomic
+from lime_keras.version import installed
 
 DependsOn = Mapping[str, Any]
 """The inputs of a result, as JSON; the result is reused while they are the same."""
@@ -115,11 +116,11 @@ def size(path: Path) -> int:
 
 
 @functools.cache
-def package_versions() -> dict[str, str]:
+def package_versions() -> dict[str, str | None]:
     """Return the versions of the packages that this one requires, by name."""
     asked = [one for one in metadata.requires("lime-keras") or () if "extra ==" not in one]
     names = [re.split(r"[^\w.-]", one, maxsplit=1)[0] for one in asked]
-    return {name: metadata.version(name) for name in names}
+    return installed(names)
 
 
 @functools.cache

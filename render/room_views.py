@@ -6,6 +6,7 @@ Only those maps are used that `lime-render --environments hdris/` assigns to the
 picture has its own exposure: its geometric mean becomes 18 % grey, up to one stop more or less.
 """
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -67,3 +68,7 @@ def write_views(
             if not picture.write(str(target), oiio.UINT8):
                 raise OSError(f"{target} cannot be written: {picture.geterror()}")
             on_picture(number * count + index + 1, len(paths) * count)
+
+
+if __name__ == "__main__":
+    sys.exit("this is a command now: lime-render views HDRIS OUT")

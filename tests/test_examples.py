@@ -14,6 +14,8 @@ import pytest
 import sphere_corpus
 from PIL import Image
 
+from lime_keras.data import samples
+from lime_keras.data.corpus import Split
 from lime_keras.export import exporter
 from lime_keras.networks import assemble, weights
 from lime_keras.optics import shininess
@@ -31,8 +33,8 @@ def corpus(tmp_path_factory):
 @pytest.fixture(scope="module")
 def photo(corpus, tmp_path_factory):
     """A picture of the network's size, which nobody has to resample: `(1, 32, 32, 3)`, its file."""
-    shards = exporter.Split(corpus, "test").shard_paths()
-    levels = np.round(255 * exporter.samples.first(shards, 32, 1, camera=True)).astype(np.uint8)
+    shards = Split(corpus, "test").shard_paths()
+    levels = np.round(255 * samples.first(shards, 32, 1, camera=True)).astype(np.uint8)
     path = tmp_path_factory.mktemp("photo") / "photo.png"
     Image.fromarray(levels[0]).save(path)
     return levels.astype(np.float32) / 255, path

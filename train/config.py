@@ -2,7 +2,6 @@
 
 import dataclasses
 import hashlib
-import importlib.metadata
 import json
 import subprocess
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,7 +13,7 @@ import keras
 from lime_keras.data.corpus import Split
 from lime_keras.io import atomic
 from lime_keras.networks import Architecture
-from lime_keras.version import __version__
+from lime_keras.version import __version__, installed
 
 from .stages import Schedule
 
@@ -117,7 +116,7 @@ def claim(run: Path, corpora: Sequence[Path], config: Config) -> None:
         ],
         "version": __version__,
         "backend": keras.backend.backend(),
-        "packages": {name: _installed(name) for name in _PACKAGES},
+        "packages": installed(_PACKAGES),
         "commit": _commit(),
     }
     atomic.write(path, json.dumps(record, indent=1) + "\n")
@@ -133,13 +132,6 @@ def _differences(
             yield from _differences(there, asked, f"{prefix}{key}.")
         elif there != asked:
             yield f"{prefix}{key}", there, asked
-
-
-def _installed(package: str) -> str | None:
-    try:
-        return importlib.metadata.version(package)
-    except importlib.metadata.PackageNotFoundError:
-        return None
 
 
 def _commit() -> str | None:

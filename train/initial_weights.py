@@ -14,7 +14,7 @@ import keras
 import numpy as np
 
 from lime_keras.io import atomic
-from lime_keras.networks import SUBNETWORKS, weights
+from lime_keras.networks import weights
 
 _FOLDER, _TAKEN = "begun-from", "taken.json"
 
@@ -52,13 +52,13 @@ def load(
 
     Returns:
         Names of the subnetworks that were set; and, by name, the weights of the encoders among them
-        from before joined training, or the only weights if the model holds none from before.
+        from before joined training, as far as the model holds such weights.
 
     Raises:
         ValueError: if no subnetwork fits, or a file is broken.
     """
     _, others = weights.load(run / _FOLDER, whole=False)
-    alone = others | weights.load_alone(run / _FOLDER, others)
+    alone = weights.load_alone(run / _FOLDER, others)
     taken = [
         name for name in subnetworks if name in others and _fit(subnetworks[name], others[name])
     ]
@@ -70,9 +70,8 @@ def load(
     for name in taken:
         subnetworks[name].set_weights(others[name].get_weights())
     text = json.dumps({"taken": taken, "fresh": [n for n in subnetworks if n not in taken]})
-    (run / _FOLDER / _TAKEN).write_text(text + "\n", encoding="utf-8")
-    encoders = [name for name in taken if SUBNETWORKS[name].encoder]
-    return taken, {name: alone[name].get_weights() for name in encoders}
+    atomic.write(run / _FOLDER / _TAKEN, text + "\n")
+    return taken, {name: alone[name].get_weights() for name in taken if name in alone}
 
 
 def described(run: Path) -> str:

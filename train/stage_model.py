@@ -14,7 +14,7 @@ from lime_keras.networks import answers
 from lime_keras.networks.wiring import Wiring, needed, quantities
 
 from . import terms
-from .terms import LEARNING, TERMS, Answer
+from .terms import LEARNING, TERMS, StageAnswer
 
 
 class StageModel(keras.Model):
@@ -59,11 +59,11 @@ class StageModel(keras.Model):
             wanted += TERMS[term].features
         return tuple(dict.fromkeys(wanted))
 
-    def call(self, batch: Mapping[str, Any], training: bool = False) -> Answer:
+    def call(self, batch: Mapping[str, Any], training: bool = False) -> StageAnswer:
         """Return the predictions of the stage's subnetworks, and what they read, for a batch."""
         truths = {quantity: terms.truth(quantity, batch) for quantity in self._given}
         graph = Wiring(self.subnetworks, truths | {"image": batch["image"]}, training=training)
-        return Answer(
+        return StageAnswer(
             raw={quantity: graph.answer(quantity) for quantity in self._answered},
             seen={
                 tensor.name: graph.seen(tensor.name)

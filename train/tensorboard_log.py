@@ -51,7 +51,8 @@ def panel(batch: Mapping[str, Any], outputs: Mapping[str, Any]) -> np.ndarray:
 
     Args:
         batch: batch of the pipeline.
-        outputs: predicted outputs for the batch, from `terms.Answer`.
+        outputs: predicted outputs for the batch, as the assembled system would have them
+            (`StageAnswer.outputs`).
 
     Returns:
         `(B·S, K·S, 3)` uint8. Radiance is compressed. White is the maximum of the true layer.

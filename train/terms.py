@@ -17,13 +17,13 @@ from lime_keras.metrics import MaskedRelativeError, PooledIoU, WithinBins
 from lime_keras.optics import shininess
 from lime_keras.optics.dynamic_range import compress
 from lime_keras.optics.masking import masked_mean
-from lime_keras.optics.reflectance_map import disc, reflectance_map
+from lime_keras.optics.reflectance_map import disc, true_reflectance_map
 
 Batch = Mapping[str, Any]
 """Features of a batch by name, as `pipeline` names them."""
 
 
-class Answer(NamedTuple):
+class StageAnswer(NamedTuple):
     """The results of a stage for a batch.
 
     Attributes:
@@ -44,18 +44,18 @@ class Term:
     Attributes:
         weight: factor of the term in the total loss; the paper gives none (docs/decisions.md).
         quantity: name of the quantity whose prediction the term compares with the truth.
-        loss: function of a batch and an `Answer` that returns the loss of each example, `(B,)`.
+        loss: function of a batch and a `StageAnswer`; returns the loss of each example, `(B,)`.
         features: names of the features that it reads, beside `pipeline.LEARNT_FROM`.
     """
 
     weight: float
     quantity: str
-    loss: Callable[[Batch, Answer], Any]
+    loss: Callable[[Batch, StageAnswer], Any]
     features: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
-class Measure:
+class StageMeasure:
     """A measure, which evaluates the outputs on held-out examples and is not trained on.
 
     Attributes:
@@ -115,38 +115,30 @@ def update(
     outputs: Mapping[str, Any],
     weights: Any,
 ) -> None:
-    """Update metrics with a batch, its `Answer.outputs`, and the examples' weights `(B,)`."""
+    """Update metrics with a batch, its `StageAnswer.outputs`, and the examples' weights `(B,)`."""
     for name, metric in metrics.items():
         metric.update_state(*MEASURES[name].compared(batch, outputs), sample_weight=weights)
 
 
 def _reflectance_map(batch: Batch) -> Any:
-    linear = reflectance_map(
-        batch["environment"],
-        batch["shininess"],
-        batch["diffuse_albedo"],
-        batch["specular_albedo"],
-        batch["ambient"],
-        batch["image"].shape[1],
-    )
-    return ops.stop_gradient(linear)
+    return ops.stop_gradient(true_reflectance_map(batch))
 
 
 _COMPUTED = {"reflectance_map": _Truth(_reflectance_map, ("environment", "shininess"))}
 """Quantities whose truth is computed, because records do not hold it."""
 
 
-def _shading(name: str) -> Callable[[Batch, Answer], Any]:
+def _shading(name: str) -> Callable[[Batch, StageAnswer], Any]:
     return lambda batch, answer: losses.shading_l1(batch[name], answer.raw[name], batch["mask"])
 
 
-def _reflectance_map_l1(batch: Batch, answer: Answer) -> Any:
+def _reflectance_map_l1(batch: Batch, answer: StageAnswer) -> Any:
     true = compress(truth("reflectance_map", batch))
     inside = ops.broadcast_to(disc(true.shape[1])[None], (ops.shape(true)[0], *true.shape[1:3], 1))
     return masked_mean(ops.abs(answer.raw["reflectance_map"] - true), inside)
 
 
-def _compositing(batch: Batch, answer: Answer) -> Any:
+def _compositing(batch: Batch, answer: StageAnswer) -> Any:
     albedos = answer.raw["albedos"]
     return losses.compositing_l1(
         batch["image"],
@@ -226,17 +218,19 @@ def _layers(name: str) -> Callable[[Batch, Mapping[str, Any]], tuple[Any, Any, A
 
 
 MEASURES = {
-    "mask_iou_pooled": Measure(PooledIoU, lambda batch, outputs: (batch["mask"], outputs["mask"])),
-    "specular_shading_relative": Measure(MaskedRelativeError, _layers("specular_shading")),
-    "mirror_relative": Measure(MaskedRelativeError, _layers("mirror")),
-    "exponent_exact": Measure(lambda name: WithinBins(0, name), _bins),
-    "exponent_within_one": Measure(lambda name: WithinBins(1, name), _bins),
-    "log_exponent_mae": Measure(keras.metrics.MeanAbsoluteError, _log_exponents),
-    "diffuse_albedo_mae": Measure(
+    "mask_iou_pooled": StageMeasure(
+        PooledIoU, lambda batch, outputs: (batch["mask"], outputs["mask"])
+    ),
+    "specular_shading_relative": StageMeasure(MaskedRelativeError, _layers("specular_shading")),
+    "mirror_relative": StageMeasure(MaskedRelativeError, _layers("mirror")),
+    "exponent_exact": StageMeasure(lambda name: WithinBins(0, name), _bins),
+    "exponent_within_one": StageMeasure(lambda name: WithinBins(1, name), _bins),
+    "log_exponent_mae": StageMeasure(keras.metrics.MeanAbsoluteError, _log_exponents),
+    "diffuse_albedo_mae": StageMeasure(
         keras.metrics.MeanAbsoluteError,
         lambda batch, outputs: (batch["diffuse_albedo"], outputs["diffuse_albedo"]),
     ),
-    "specular_albedo_mae": Measure(
+    "specular_albedo_mae": StageMeasure(
         keras.metrics.MeanAbsoluteError,
         lambda batch, outputs: (
             ops.expand_dims(batch["specular_albedo"], -1),

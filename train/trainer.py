@@ -127,7 +127,7 @@ def train(
     if trained:
         before_joining = _changed_since(alone, done)
         weights.save(run / "model", config.architecture, done, before_joining)
-        shutil.copyfile(config_path(run), run / "model" / "training.json")
+        atomic.write(run / "model" / "training.json", config_path(run).read_bytes())
     return [name for name in subnetworks if name not in done]
 
 

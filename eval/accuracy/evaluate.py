@@ -10,7 +10,6 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import keras
 import numpy as np
@@ -26,7 +25,7 @@ from lime_keras.material import BlinnPhong
 from lime_keras.networks import SUBNETWORKS, Architecture, assemble, weights
 from lime_keras.networks.wiring import needed
 from lime_keras.optics import environment, shininess
-from lime_keras.optics.reflectance_map import reflectance_map
+from lime_keras.optics.reflectance_map import true_reflectance_map
 
 from . import flip, relighting
 
@@ -152,8 +151,7 @@ def measure(
         example: batch as `pipeline.evaluation` yields it.
         estimate: outputs of the assembled system for this batch.
     """
-    true, found = example["mask"] >= 0.5, estimate["mask"] >= 0.5
-    pixels: dict[str, Any] = {"axis": (1, 2, 3), "dtype": np.float64}
+    intersection, union = metrics.overlap(example["mask"], estimate["mask"])
     return {
         **{name: example[name] for name in ("seed", "index", "diffuse_albedo", "specular_albedo")},
         # Names become bytes of one width, which NumPy stores without Python objects.
@@ -163,10 +161,10 @@ def measure(
         "log_exponent_found": found_log_exponent(estimate),
         "diffuse_found": estimate["diffuse_albedo"],
         "specular_found": estimate["specular_albedo"][:, 0],
-        "iou": metrics.intersection_over_union(example["mask"], estimate["mask"]),
-        "intersection": np.sum(true & found, **pixels),
-        "union": np.sum(true | found, **pixels),
-        "coverage": np.mean(true, **pixels),
+        "iou": metrics.overlap_ratio(intersection, union),
+        "intersection": intersection,
+        "union": union,
+        "coverage": np.mean(example["mask"] >= 0.5, axis=(1, 2, 3), dtype=np.float64),
         "saturated": _saturated(example),
         "light_contrast": _contrast(example["environment"]),
         **{
@@ -188,23 +186,6 @@ def found_log_exponent(estimate: Mapping[str, np.ndarray]) -> np.ndarray:
     if "log_exponent" in estimate:
         return estimate["log_exponent"][..., 0]
     return shininess.log_expected(estimate["exponent_bin_probabilities"])
-
-
-def true_reflectance_map(example: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Return the ground truth of the baseline's ReflectanceMapNet, `(B, S, S, 3)` linear radiance.
-
-    Args:
-        example: batch as `pipeline.evaluation` yields it.
-    """
-    sphere = reflectance_map(
-        example["environment"],
-        example["shininess"],
-        example["diffuse_albedo"],
-        example["specular_albedo"],
-        example["ambient"],
-        example["mask"].shape[1],
-    )
-    return keras.ops.convert_to_numpy(sphere)
 
 
 def _material_errors(
@@ -345,11 +326,10 @@ def _from_true_layers(
     network = assemble(encoders, given=given)
 
     def answer(example: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        true = {
-            name: true_reflectance_map(example) if name == "reflectance_map" else example[name]
-            for name in given
-        }
-        return network.predict_on_batch({"image": example["image"], **true})
+        true = dict(example)
+        if "reflectance_map" in given:
+            true["reflectance_map"] = np.asarray(true_reflectance_map(example))
+        return network.predict_on_batch({name: true[name] for name in ("image", *given)})
 
     return answer
 

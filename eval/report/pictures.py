@@ -8,9 +8,8 @@ from matplotlib import image as png_writer
 
 from lime_keras.optics import colour, shading
 from lime_keras.optics.compositing import compose
-from lime_keras.optics.reflectance_map import disc
+from lime_keras.optics.reflectance_map import disc, true_reflectance_map
 
-from ..accuracy.evaluate import true_reflectance_map
 from ..accuracy.tone import coloured, tonemap, white_point
 from .examples import Example
 
@@ -37,7 +36,8 @@ def pairs(example: Example) -> list[Pair]:
     if "reflectance_map" in estimate:
         sphere = disc(len(truth["mask"]))
         batch = {name: np.asarray(value)[None] for name, value in truth.items()}
-        true, found = true_reflectance_map(batch)[0], estimate["reflectance_map"]
+        true = np.asarray(true_reflectance_map(batch))[0]
+        found = estimate["reflectance_map"]
         layers.append(_hdr_pair("Reflectance map", true, found, sphere))
     return [
         Pair("Mask", coloured(truth["mask"]), coloured(estimate["mask"])),

@@ -2,8 +2,9 @@
 
 import os
 import platform
-from importlib.metadata import version
 from pathlib import Path
+
+from lime_keras.version import installed
 
 _PACKAGES = ("tensorflow", "keras", "onnxruntime", "onnx", "tf2onnx", "numpy", "lime-keras")
 """Packages that compute, or that write the models."""
@@ -30,7 +31,7 @@ def describe() -> dict:
         "memory_gib": round(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30, 1),
         "system": platform.platform(),
         "python": platform.python_version(),
-        "packages": {name: version(name) for name in _PACKAGES},
+        "packages": installed(_PACKAGES),
     }
 
 

@@ -82,7 +82,7 @@ def markdown(result: Mapping[str, Any]) -> str:
 
 def _conditions(result: Mapping[str, Any]) -> str:
     machine = result["machine"]
-    packages = ", ".join(" ".join(pair) for pair in machine["packages"].items())
+    packages = ", ".join(f"{name} {version}" for name, version in machine["packages"].items())
     instructions = ", ".join(machine["instructions"]) or "unknown instructions"
     seen = ", seen through a camera" if result["camera"] else ""
     busy = min(row["busy"] for row in result["rows"])

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from lime_keras.estimate import files as estimate_files
+from lime_keras.estimate import files
 from lime_keras.estimate.estimator import Estimator
 from lime_keras.io import photo
 from lime_keras.lighting import files as lighting_files
@@ -24,7 +24,7 @@ class Batch:
 
     Args:
         estimator: model for all photos.
-        out: existing folder for the files (`estimate_files.write`).
+        out: existing folder for the files (`files.write`).
         masks: mask of the only photo, or folder with a mask of the same name for each photo; None
             to use a photo's alpha channel or else SegmentationNet.
         light: whether to write the light of each photo as well (`lighting_files.write`).
@@ -128,7 +128,7 @@ class Batch:
             self._seconds["writing"] += begun - estimated
 
     def _write(self, path: Path, name: str, image: np.ndarray, material: Material) -> None:
-        text = estimate_files.write(self._out, name, path, image, material)
+        text = files.write(self._out, name, path, image, material)
         try:
             if self._light:
                 normals = self._normals and _belonging(path, self._normals)

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lime_keras.estimate import interchange
-from lime_keras.estimate import preview as estimate_preview
+from lime_keras.estimate import interchange, preview
 from lime_keras.io import atomic, photo
 from lime_keras.material import Material
 from lime_keras.optics import colour
@@ -35,7 +34,7 @@ def write(folder: Path, name: str, source: Path, image_srgb: np.ndarray, materia
         OSError: if a file cannot be written.
     """
     _write_layers(folder, name, material)
-    photo.write(folder / f"{name}-preview.png", estimate_preview.sheet(image_srgb, material))
+    photo.write(folder / f"{name}-preview.png", preview.sheet(image_srgb, material))
     if material.whole() is not None:
         scene = json.dumps(interchange.mitsuba_scene(material), indent=1)
         atomic.write(folder / f"{name}.mtl", interchange.wavefront(material, name))

@@ -92,7 +92,7 @@ def export(
             _write_onnx(network, partial, precision, corpus)
             formats.describe_onnx(partial, card)
             signatures = {SERVED: formats.open_onnx(partial)}
-        differences = _prove(network, signatures, images, precision)
+        differences = _check_parity(network, signatures, images, precision)
     return differences
 
 
@@ -146,7 +146,7 @@ def _write_onnx(network: keras.Model, path: Path, precision: str, corpus: Path |
             quantisation.write_int8(prepared, path, pictures, ranges=_RANGES, float_heads=True)
 
 
-def _prove(
+def _check_parity(
     network: keras.Model,
     signatures: Mapping[str, Answer],
     images: Mapping[str, np.ndarray],

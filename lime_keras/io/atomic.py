@@ -14,7 +14,8 @@ def replacing(path: Path, *, shared: bool = False) -> Iterator[Path]:
 
     The block writes a file or a folder to the temporary path. Missing parent folders are made, and
     the rest of an earlier interrupted write is removed first. If the block fails, the temporary
-    path and the parent folders made for it are removed, and `path` stays as it was.
+    path and the parent folders made for it are removed, and `path` stays as it was. A file is
+    replaced in one step; a folder is removed just before the new one takes its name.
 
     Args:
         path: path of the file or folder to replace.

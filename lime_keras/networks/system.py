@@ -72,8 +72,8 @@ def assemble(
         `exponent_bin_probabilities` `(B, 8)`. See `answers` for the outputs of the ablations.
 
     Raises:
-        ValueError: if no output is named, an output is unknown, or a given quantity is not an input
-            of any subnetwork.
+        ValueError: if no output is named, an output is unknown, or a given quantity is not an image
+            that subnetworks see.
     """
     channels = {name: row.channels for name, row in QUANTITIES.items() if row.channels}
     if unknown := sorted(set(given) - set(channels)):

@@ -13,6 +13,7 @@ Everything is written in `keras.ops`, so a training step of any backend can comp
 
 import functools
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -67,6 +68,23 @@ def reflectance_map(
         *sphere_shading(environment, shininess, size),
     )
     return composed * ops.convert_to_tensor(disc(size))
+
+
+def true_reflectance_map(batch: Mapping[str, Any]) -> Any:
+    """Return the reflectance map of each example of a batch, `(B, S, S, 3)` linear radiance.
+
+    Args:
+        batch: features by the names of `data.pipeline`: the light and the whole material, and the
+            mask `(B, S, S, 1)`, whose size S the map has.
+    """
+    return reflectance_map(
+        batch["environment"],
+        batch["shininess"],
+        batch["diffuse_albedo"],
+        batch["specular_albedo"],
+        batch["ambient"],
+        batch["mask"].shape[1],
+    )
 
 
 def sphere_shading(environment: Any, shininess: Any, size: int) -> tuple[Any, Any]:

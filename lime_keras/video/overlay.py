@@ -6,7 +6,7 @@ import av
 import numpy as np
 import OpenImageIO as oiio
 
-from lime_keras.estimate import preview as estimate_preview
+from lime_keras.estimate import preview
 from lime_keras.material import Material
 from lime_keras.optics import colour
 
@@ -108,7 +108,7 @@ def _ball(material: Material) -> np.ndarray | None:
     """Return a sphere of the material as uint8 sRGB; None if the material is not complete."""
     if material.whole() is None:
         return None
-    return np.rint(255 * estimate_preview.sphere(material, _SPHERE)).astype(np.uint8)
+    return np.rint(255 * preview.sphere(material, _SPHERE)).astype(np.uint8)
 
 
 def _resized(image: np.ndarray, width: int, height: int) -> np.ndarray:

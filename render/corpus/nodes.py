@@ -1,7 +1,6 @@
 """The work of a process on a cluster node: check that it renders the same bytes, then render."""
 
 import dataclasses
-import importlib.metadata
 import json
 import platform
 from collections.abc import Callable, Hashable, Iterable
@@ -9,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from lime_keras.version import __version__
+from lime_keras.version import __version__, installed
 
 from ..mitsuba_setup import variants
 from . import inputs
@@ -85,7 +84,8 @@ def processor() -> list[str]:
 
 def versions(packages: Iterable[str]) -> dict[str, str]:
     """Return the versions of some packages and of `lime-keras`, by name."""
-    return {name: _version(name) for name in packages} | {"lime-keras": __version__}
+    held = {name: version or "not installed" for name, version in installed(packages).items()}
+    return held | {"lime-keras": __version__}
 
 
 def _refuse_other_versions(wanted: dict[str, str]) -> None:
@@ -96,13 +96,6 @@ def _refuse_other_versions(wanted: dict[str, str]) -> None:
             ", ".join(f"{name} {held[name]} there, {wanted[name]} here" for name in differing)
             + ": the bytes may depend on them, so install the same on all nodes"
         )
-
-
-def _version(package: str) -> str:
-    try:
-        return importlib.metadata.version(package)
-    except importlib.metadata.PackageNotFoundError:
-        return "not installed"
 
 
 def _refuse_other_files(job: Job) -> None:

@@ -82,5 +82,6 @@ def test_the_baseline_shows_its_spheres(batch, monkeypatch):
     monkeypatch.setattr(terms, "truth", lambda name, batch: {"reflectance_map": sphere}[name])
     picture = panel(batch, {"reflectance_map": 0 * sphere})
     assert (picture[:, 4:8] == 255).all() and (picture[:, 8:] == 0).all()
-    # Of MaterialNet alone there is no estimated one.
-    assert panel(batch, {"true_reflectance_map": sphere}).shape == (8, 4, 3)
+    # MaterialNet alone predicts no layer.
+    numbers = {"diffuse_albedo": np.zeros((2, 3)), "specular_albedo": np.zeros((2, 1))}
+    assert panel(batch, numbers).shape == (8, 4, 3)

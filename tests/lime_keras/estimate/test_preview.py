@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lime_keras import Estimator
-from lime_keras.estimate import preview as estimate_preview
+from lime_keras.estimate import preview
 from lime_keras.material import Material
 from lime_keras.optics import colour, shading, studio_light
 from lime_keras.optics.compositing import compose
@@ -23,7 +23,7 @@ def material(diffuse, specular, exponent, **fields):
 def test_the_sphere_is_eq_4_under_the_studio(exponent):
     """Against the direct sum over the light, away from where two pixels' means differ."""
     size = 32
-    found = estimate_preview.sphere(material([0.5, 0.3, 0.1], 0.5, exponent), size)
+    found = preview.sphere(material([0.5, 0.3, 0.1], 0.5, exponent), size)
     assert found.shape == (size, size, 3) and found.min() >= 0 and found.max() <= 1
     u, v = np.meshgrid(*[(2 * np.arange(size) + 1) / size - 1] * 2)
     inside = u**2 + v**2 < 0.7
@@ -38,30 +38,28 @@ def test_the_sphere_is_eq_4_under_the_studio(exponent):
 
 
 def test_the_sphere_lies_on_grey():
-    found = estimate_preview.sphere(material([1.0, 0.0, 0.0], 0.0, 1.0), 16)
+    found = preview.sphere(material([1.0, 0.0, 0.0], 0.0, 1.0), 16)
     assert np.ptp(found[0, 0]) < 1e-6 and found[8, 5, 0] > found[8, 5, 1]
 
 
 @pytest.mark.parametrize("fields", [{}, {"exponent": 3.0}, {"diffuse_albedo": np.zeros(3)}])
 def test_half_a_material_has_no_sphere(fields):
     with pytest.raises(ValueError, match="whole material"):
-        estimate_preview.sphere(Material(**fields), 16)
+        preview.sphere(Material(**fields), 16)
 
 
 def test_all_layers_are_shown(tiny_model):
     photo = np.random.default_rng(0).uniform(size=(40, 90, 3)).astype(np.float32)
-    found = estimate_preview.sheet(photo, Estimator(tiny_model).estimate(photo))
+    found = preview.sheet(photo, Estimator(tiny_model).estimate(photo))
     assert found.shape[1] == 6 * 256 + 7 * 12
-    only = estimate_preview.sheet(photo, Estimator(tiny_model, ["mask"]).estimate(photo))
+    only = preview.sheet(photo, Estimator(tiny_model, ["mask"]).estimate(photo))
     assert only.shape[1] == 256 + 2 * 12 and only.shape[0] == found.shape[0]
 
 
 def test_the_mask_is_outlined():
     mask = np.zeros((64, 64, 1), np.float32)
     mask[16:48, 16:48] = 1
-    found = estimate_preview.sheet(
-        np.zeros((64, 64, 3), np.float32), Material(layers={"mask": mask})
-    )
+    found = preview.sheet(np.zeros((64, 64, 3), np.float32), Material(layers={"mask": mask}))
     tile = found[24 : 24 + 256, 12 : 12 + 256]
     red = tile[..., 0] > 0.5
     rows, columns = np.nonzero(red)
@@ -71,7 +69,7 @@ def test_the_mask_is_outlined():
 
 
 def test_the_caption_leaves_out_what_is_not_known():
-    assert estimate_preview.caption(Material(mask_coverage=0.25)) == "covers 25%"
+    assert preview.caption(Material(mask_coverage=0.25)) == "covers 25%"
     whole = material([0.1, 0.2, 0.3], 0.5, 123.4, exponent_entropy=1.0, mask_coverage=0.5)
     expected = "m_d 0.10 0.20 0.30    m_s 0.50    s 123    entropy 1.0 of 3 bits    covers 50%"
-    assert estimate_preview.caption(whole) == expected
+    assert preview.caption(whole) == expected

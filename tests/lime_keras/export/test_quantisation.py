@@ -36,7 +36,7 @@ def test_the_heads_are_every_subnetworks_last_layers(ablation, tiny):
 
 @pytest.fixture(scope="module")
 def prepared(tiny_export, tmp_path_factory):
-    path = tmp_path_factory.mktemp("narrowing") / "prepared.onnx"
+    path = tmp_path_factory.mktemp("quantised") / "prepared.onnx"
     quantisation.prepare(exporter.target(tiny_export("onnx")[0], "onnx"), path)
     return path
 
