@@ -7,7 +7,7 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 
 from lime_keras.train import terms
 from lime_keras.train.tensorboard_log import Board, panel
-from lime_keras.train.terms import Answer
+from lime_keras.train.terms import StageAnswer
 
 
 @pytest.fixture
@@ -42,7 +42,7 @@ def test_scalars_are_read_back_by_tensorboard(tmp_path):
 
 def test_a_picture_is_written(tmp_path, batch):
     board = Board(tmp_path)
-    board.panel(3, lambda batch: Answer({}, {}, {"mask": batch["mask"]}), batch)
+    board.panel(3, lambda batch: StageAnswer({}, {}, {"mask": batch["mask"]}), batch)
     board.close()
     events = EventAccumulator(str(tmp_path)).Reload()
     (event,) = events.Tensors("held out")
