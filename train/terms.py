@@ -199,17 +199,14 @@ def _log_exponents(batch: Batch, outputs: Mapping[str, Any]) -> tuple[Any, Any]:
     """Return true and estimated log10 s, each `(B, 1)`; expected value of probabilities."""
     least = 10.0**shininess.LOG_LOW
     true = ops.log10(ops.maximum(batch["shininess"], least))
-    if "log_exponent" in outputs:
-        found = outputs["log_exponent"][:, 0]
-    else:
-        found = shininess.log_expected(outputs["exponent_bin_probabilities"])
+    found = shininess.log_of_outputs(outputs)
     return ops.expand_dims(true, -1), ops.expand_dims(found, -1)
 
 
 def _bins(batch: Batch, outputs: Mapping[str, Any]) -> tuple[Any, Any]:
     """Return the true bins `(B,)`, and the most probable ones or those of a regressed log10 s."""
     if "log_exponent" in outputs:
-        return batch["exponent_bin"], shininess.bin_of_log(outputs["log_exponent"][:, 0])
+        return batch["exponent_bin"], shininess.bin_of_log(shininess.log_of_outputs(outputs))
     return batch["exponent_bin"], ops.argmax(outputs["exponent_bin_probabilities"], axis=-1)
 
 

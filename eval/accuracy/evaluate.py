@@ -158,7 +158,7 @@ def measure(
         **{name: np.asarray(example[name], np.bytes_) for name in ("shape", "light")},
         "bin": shininess.bin_of(example["shininess"]),
         "log_exponent": np.log10(np.maximum(example["shininess"], _LEAST_EXPONENT)),
-        "log_exponent_found": found_log_exponent(estimate),
+        "log_exponent_found": shininess.log_of_outputs(estimate),
         "diffuse_found": estimate["diffuse_albedo"],
         "specular_found": estimate["specular_albedo"][:, 0],
         "iou": metrics.overlap_ratio(intersection, union),
@@ -174,18 +174,6 @@ def measure(
         },
         **_material_errors(example, estimate),
     }
-
-
-def found_log_exponent(estimate: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Return log10 s `(...)` of a system's outputs.
-
-    Args:
-        estimate: `log_exponent` `(..., 1)`, or `exponent_bin_probabilities` `(..., 8)`, of which
-            the expected value is taken.
-    """
-    if "log_exponent" in estimate:
-        return estimate["log_exponent"][..., 0]
-    return shininess.log_expected(estimate["exponent_bin_probabilities"])
 
 
 def _material_errors(
@@ -211,7 +199,7 @@ def _exponent_errors(
     The predicted bin is the winning class, or under regression the bin that contains s.
     """
     exponent = np.maximum(example["shininess"], _LEAST_EXPONENT)
-    log = found_log_exponent(estimate)
+    log = shininess.log_of_outputs(estimate)
     error = metrics.log_exponent_error(exponent, log)
     errors = {"log_error": error, "log_squared": np.square(error)}
     if "log_exponent" in estimate:
@@ -280,7 +268,7 @@ def _relit(
             name: BlinnPhong(
                 answer["diffuse_albedo"][row],
                 float(answer["specular_albedo"][row, 0]),
-                float(10.0 ** found_log_exponent(answer)[row]),
+                float(10.0 ** shininess.log_of_outputs(answer)[row]),
             )
             for name, answer in answers.items()
         }

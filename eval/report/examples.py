@@ -14,7 +14,6 @@ from lime_keras.data.corpus import Split
 from lime_keras.networks import assemble, weights
 from lime_keras.optics import shininess
 
-from ..accuracy.evaluate import found_log_exponent
 from ..accuracy.labels import bin_label
 
 _WORST = 2
@@ -50,7 +49,7 @@ class Example:
     @property
     def exponent(self) -> float:
         """The estimated exponent: from the expected log10 s over the classes, or by regression."""
-        return float(10.0 ** found_log_exponent(self.estimate))
+        return float(10.0 ** shininess.log_of_outputs(self.estimate))
 
 
 def choose(rows: Mapping[str, np.ndarray]) -> list[Choice]:

@@ -175,11 +175,10 @@ class Estimator:
         if "albedo" in only:
             fields["diffuse_albedo"] = answer["diffuse_albedo"]
             fields["specular_albedo"] = float(answer["specular_albedo"][0])
-        if "log_exponent" in answer:
-            fields["exponent"] = float(10.0 ** answer["log_exponent"][0])
-        elif "exponent" in only:
+        if "exponent" in only:
+            fields["exponent"] = float(10.0 ** shininess.log_of_outputs(answer))
+        if "exponent_bin_probabilities" in answer:
             probabilities = answer["exponent_bin_probabilities"]
-            fields["exponent"] = float(10.0 ** shininess.log_expected(probabilities))
             fields["exponent_bin_probabilities"] = probabilities
             fields["exponent_entropy"] = float(shininess.entropy(probabilities))
         coverage = float(np.mean(mask >= framing.THRESHOLD))

@@ -4,6 +4,7 @@ The paper's figure with the ranges is lost. Equal widths of 0.375 decades of s, 
 reproduce four rows of its Table 1 (docs/decisions.md).
 """
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -50,6 +51,18 @@ def log_expected(probabilities: Any) -> Any:
     """Return the expected log10 s `(...)`, 0.19…2.81, of probabilities `(..., 8)` that sum to 1."""
     xp = namespace(probabilities)
     return xp.sum(probabilities * LOG_MEANS.astype("float32"), axis=-1)
+
+
+def log_of_outputs(outputs: Mapping[str, Any]) -> Any:
+    """Return log10 s `(...)` of a system's outputs, NumPy arrays or tensors.
+
+    Args:
+        outputs: `log_exponent` `(..., 1)`, or `exponent_bin_probabilities` `(..., 8)`, of which
+            the expected value is taken.
+    """
+    if "log_exponent" in outputs:
+        return outputs["log_exponent"][..., 0]
+    return log_expected(outputs["exponent_bin_probabilities"])
 
 
 def log_winning(probabilities: np.ndarray) -> np.ndarray:
