@@ -1,1 +1,1 @@
-"""Scenes made where the training runs: geometry and lights of a bank become batches."""
+"""Scenes that are made where the training runs: banks of geometry and of lights, and their use."""
