@@ -1,12 +1,9 @@
-"""Random material, pose and light rotation of a scene (paper, section 5.1)."""
+"""Random pose and light rotation of a scene (paper, section 5.1)."""
 
 import math
 from dataclasses import dataclass
 
 import numpy as np
-
-from lime_keras.material import BlinnPhong
-from lime_keras.optics import colour, shininess
 
 _ANGULAR_RADIUS = (math.radians(5), math.radians(16))
 """Range of the angular radius of the object's bounding sphere, in radians.
@@ -17,7 +14,6 @@ OFF_AXIS = math.radians(10)
 """Largest angle of the object, and so of the crop, from the photo's axis, across and up, in rad."""
 FILL = (0.55, 0.92)
 """Share of the crop that the object's longer side takes."""
-AMBIENT = (0.0, 0.05)
 _LIGHT_PITCH = (math.radians(-10), math.radians(30))
 """Range of the light's tilt in radians: the camera looks up or down by the same angle."""
 _LIGHT_TRIES = 64
@@ -36,34 +32,6 @@ class Pose:
     rotation: np.ndarray
     translation: np.ndarray
     camera: np.ndarray
-
-
-def sample_material(rng: np.random.Generator) -> BlinnPhong:
-    """Draw a material.
-
-    m_d is uniform in YUV; m_s and m_a are uniform; s is uniform over the bins and log-uniform
-    inside a bin.
-    """
-    exponent_bin = rng.integers(shininess.BIN_COUNT)
-    log = shininess.LOG_LOW + shininess.BIN_WIDTH * (exponent_bin + rng.uniform())
-    return BlinnPhong(
-        diffuse_albedo=sample_diffuse_albedo(rng),
-        specular_albedo=float(rng.uniform()),
-        exponent=float(10.0**log),
-        ambient=float(rng.uniform(*AMBIENT)),
-    )
-
-
-def sample_diffuse_albedo(rng: np.random.Generator) -> np.ndarray:
-    """Draw m_d, `(3,)` linear RGB in [0, 1], uniformly from the YUV colours that are RGB colours.
-
-    Other YUV colours are rejected: if they were clipped, three quarters of all albedos would lie on
-    the faces of the RGB cube.
-    """
-    while True:
-        rgb = colour.yuv_to_rgb(rng.uniform(colour.YUV_LOW, colour.YUV_HIGH))
-        if rgb.min() >= 0 and rgb.max() <= 1:
-            return rgb
 
 
 def sample_rotation(rng: np.random.Generator) -> np.ndarray:
