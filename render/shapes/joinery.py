@@ -10,12 +10,15 @@ from . import parts, profiles, sweeps
 from .meshes import Mesh, normalised
 from .parts import Part, bar, union
 
+_UPRIGHT = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]])  # from z up to y up
+
 
 def sample(rng: np.random.Generator) -> Mesh:
     """Draw a thing made of plates, bars, bowls and handles."""
     kinds = (_table, _chair, _rack, _lamp, _vessel, _wheel, _fan, _tool, _ladder)
     kind = kinds[rng.choice(9, p=(0.13, 0.12, 0.1, 0.1, 0.2, 0.1, 0.1, 0.1, 0.05))]
-    return normalised(*parts.joined(kind(rng)))
+    vertices, faces, normals = parts.joined(kind(rng))
+    return normalised(vertices @ _UPRIGHT, faces, normals @ _UPRIGHT)
 
 
 def _sides(rng: np.random.Generator) -> int:
@@ -218,7 +221,7 @@ def _wheel(rng: np.random.Generator) -> list[Part]:
 def _fan(rng: np.random.Generator) -> list[Part]:
     blades = int(rng.integers(2, 9))
     blade = profiles.convex(rng).scale((rng.uniform(0.1, 0.3), rng.uniform(0.02, 0.05)))
-    blade = Manifold.extrude(blade, 1.0, 20, rng.uniform(-70, 70), (rng.uniform(0.4, 1.8), 1.0))
+    blade = Manifold.extrude(blade, 1.0, 10, rng.uniform(-70, 70), (rng.uniform(0.4, 1.8), 1.0))
     blade = blade.rotate((0, 0, rng.uniform(0, 180))).rotate((0, 90, 0))
     hub = rng.uniform(0.12, 0.25)
     pieces = [Manifold.cylinder(rng.uniform(0.2, 0.6), hub, hub * rng.uniform(0.3, 1), 40, True)]
