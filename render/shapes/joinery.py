@@ -197,8 +197,9 @@ def _vessel(rng: np.random.Generator) -> list[Part]:
         ]
         curve = sweeps.smooth(np.array(knots), 30, False)
         pieces.append(sweeps.tube(curve, np.linspace(2 * thick, thick, 30), False))
-        lid = Manifold.sphere(high - 0.5 * wall, 48).scale((1, 1, rng.uniform(0.2, 0.6)))
-        knob = Manifold.sphere(0.15, 24).translate((0, 0, 0.6 * high))
+        squash = rng.uniform(0.2, 0.6)
+        lid = Manifold.sphere(high - 0.5 * wall, 48).scale((1, 1, squash))
+        knob = Manifold.sphere(0.15, 24).translate((0, 0, squash * high + 0.08))
         pieces += [parts.of_solid(s.translate((0, 0, height))) for s in (lid, knob)]
     return pieces
 
