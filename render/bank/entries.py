@@ -27,6 +27,7 @@ from ..shapes.deformation import deformed
 from ..shapes.endless import endless
 from ..shapes.meshes import Mesh
 from .description import Job
+from .surfaces import parted
 
 ROW = 8
 """Number of entries in a row that show one body."""
@@ -37,6 +38,7 @@ CUT = 0.15
 """Share of the entries whose crop is moved further, so that its frame may cut the object."""
 _FARTHEST_CUT = 0.25
 """Largest such move, across and up, as a share of the object's longer side."""
+_LEAST_COSINE_OF_COARSE_CODES = 0.05
 _TRIES = 20
 _TRIES_OF_A_BODY = 4
 QUALITY = dataclasses.replace(FAST, rough_above=math.inf)
@@ -139,19 +141,34 @@ def framed(rng: np.random.Generator, mesh: Mesh, size: int) -> Pose:
     return dataclasses.replace(pose, camera=camera)
 
 
-def quantised(gbuffer: GBuffer, camera: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return a G-buffer as a bank holds it: coverage, normals and spread (`geometry.encode`).
+def quantised(gbuffer: GBuffer, camera: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Return a G-buffer as a bank holds it: coverage, share, normals, spread (`geometry.encode`).
 
     Every normal faces the viewer, as seen from the middle of its pixel.
     """
     size = len(gbuffer.coverage)
     pixels = gbuffer.covered_pixels
     view = view_directions(camera, size, size).reshape(-1, 3)[pixels]
-    coverage = np.zeros(size * size, np.uint8)
+    coverage, share = np.zeros(size * size, np.uint8), np.full(size * size, 255, np.uint8)
     coverage[pixels] = np.maximum(np.round(gbuffer.coverage.ravel()[pixels] * 255), 1)
-    normal = np.zeros((size * size, 2), np.uint16)
-    normal[pixels] = octahedral.encode(lifted(gbuffer.normal[gbuffer.central], view))
-    spread = np.zeros(size * size, np.uint8)
-    spread[pixels] = geometry.spread_code(gbuffer.spread)
+    normals = np.stack([gbuffer.normal[gbuffer.central]] * 2)
+    variance = np.stack([gbuffer.spread] * 2)
+    two = parted(gbuffer)
+    normals[:, two.rows], variance[:, two.rows] = two.normal, two.variance
+    share[pixels[two.rows]] = np.clip(np.round(two.share * 255), 1, 254)
+    normal = np.zeros((2, size * size, 2), np.uint16)
+    spread = np.zeros((2, size * size), np.uint8)
+    for surface, rows in enumerate((np.arange(len(pixels)), two.rows)):
+        there = normals[surface][rows]
+        there = lifted(there / np.linalg.norm(there, axis=-1, keepdims=True), view[rows])
+        if surface:  # its codes are coarse
+            there = lifted(there, view[rows], _LEAST_COSINE_OF_COARSE_CODES)
+        normal[surface, pixels[rows]] = octahedral.encode(there)
+        spread[surface, pixels[rows]] = geometry.spread_code(variance[surface][rows])
     square = (size, size)
-    return coverage.reshape(square), normal.reshape(*square, 2), spread.reshape(square)
+    return (
+        coverage.reshape(square),
+        share.reshape(square),
+        normal.reshape(2, *square, 2),
+        spread.reshape(2, *square),
+    )

@@ -237,14 +237,15 @@ def _facing(normal: np.ndarray, geometric: np.ndarray, view: np.ndarray) -> np.n
     return lifted(np.where(_dot(geometric, view) < 0, -normal, normal), view)
 
 
-def lifted(normal: np.ndarray, view: np.ndarray) -> np.ndarray:
-    """Return unit normals `(N, 3)` with o·n of about `_LEAST_COSINE` at least.
+def lifted(normal: np.ndarray, view: np.ndarray, least: float = _LEAST_COSINE) -> np.ndarray:
+    """Return unit normals `(N, 3)` with o·n of about `least` at least.
 
     Args:
         normal: unit normals n, `(N, 3)`.
         view: unit directions o to the viewer, `(N, 3)`.
+        least: least o·n.
     """
-    normal = normal + np.maximum(_LEAST_COSINE - _dot(normal, view), 0) * view
+    normal = normal + np.maximum(least - _dot(normal, view), 0) * view
     return normal / _length(normal)
 
 
