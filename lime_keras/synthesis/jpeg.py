@@ -36,6 +36,10 @@ _CHROMINANCE_STEPS = np.array(
     ],
     np.float32,
 )
+_YCC_FROM_RGB = np.array(
+    [[0.299, 0.587, 0.114], [-0.168736, -0.331264, 0.5], [0.5, -0.418688, -0.081312]], np.float32
+)
+_OFFSET = np.array([0.0, 128.0, 128.0], np.float32)
 _BLOCK = 8
 """Side of the blocks that are transformed, in pixels."""
 
@@ -60,15 +64,9 @@ def compressed(image: Any, quality: Any) -> Any:
             f"JPEG compression takes images whose sides are multiples of {2 * _BLOCK}, not "
             f"{height} x {width}: choose another size"
         )
-    red, green, blue = image[..., 0], image[..., 1], image[..., 2]
-    luma = ops.round(0.299 * red + 0.587 * green + 0.114 * blue)
-    chroma = ops.concatenate(
-        [
-            _halved(ops.round(128.0 - 0.168736 * red - 0.331264 * green + 0.5 * blue)),
-            _halved(ops.round(128.0 + 0.5 * red - 0.418688 * green - 0.081312 * blue)),
-        ],
-        axis=1,
-    )
+    components = ops.round(ops.matmul(image, _YCC_FROM_RGB.T) + _OFFSET)
+    luma, blueness, redness = (components[..., k] for k in range(3))
+    chroma = ops.concatenate([_halved(blueness), _halved(redness)], axis=1)
     luma = _quantised(luma, _steps(_LUMINANCE_STEPS, quality))
     chroma = _quantised(chroma, _steps(_CHROMINANCE_STEPS, quality)) - 128.0
     blueness, redness = _doubled(chroma[:, : height // 2]), _doubled(chroma[:, height // 2 :])

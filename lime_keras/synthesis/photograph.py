@@ -69,19 +69,21 @@ def _defocused(light: Any, strength: Any) -> Any:
     reach = max(math.ceil(largest - 0.5), 0)
     if reach == 0:
         return light
-    radius = _each(strength * largest)
+    offsets = np.mgrid[-reach : reach + 1, -reach : reach + 1].reshape(2, -1).T
+    distances = np.hypot(*offsets.T)
+    reached = distances < largest + 0.5
+    disc = ops.clip(strength * largest + (0.5 - distances[reached, None]), 0.0, 1.0)
+    disc = ops.cast(disc / ops.sum(disc, axis=0), "float32")
+    corners = ops.convert_to_tensor((offsets[reached] + reach).astype(np.int32))
     padded = ops.pad(light, ((0, 0), (reach, reach), (reach, reach), (0, 0)), "symmetric")
-    total, blurred = 0.0, 0.0
-    for row in range(-reach, reach + 1):
-        for column in range(-reach, reach + 1):
-            distance = math.hypot(row, column)
-            if distance >= largest + 0.5:
-                continue  # no circle reaches as far
-            weight = ops.clip(radius + (0.5 - distance), 0.0, 1.0)
-            top, left = reach + row, reach + column
-            total = total + weight
-            blurred = blurred + weight * padded[:, top : top + size, left : left + size]
-    return blurred / total
+
+    # In a loop, because XLA would compute the light anew for each of the disc's pixels.
+    def add(pixel: Any, blurred: Any) -> Any:
+        row, column = corners[pixel, 0], corners[pixel, 1]
+        moved = ops.slice(padded, (0, row, column, 0), light.shape)
+        return blurred + _each(disc[pixel]) * moved
+
+    return ops.fori_loop(0, len(corners), add, ops.zeros_like(light))
 
 
 def _sensed(light: Any, full_well: Any, grain: Any) -> Any:
