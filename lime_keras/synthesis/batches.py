@@ -53,9 +53,7 @@ def training(
             f"scenes stand in pairs, so batches of {batch_size} cannot be divided among {parts} "
             f"machine{'s' * (parts > 1)}: choose a multiple of {2 * parts}"
         )
-    sources = [
-        Scenes(folder, size=size, camera=camera, features=features) for folder in folders
-    ]
+    sources = [Scenes(folder, size=size, camera=camera, features=features) for folder in folders]
     share = batch_size // parts
 
     def drawn(step: int) -> tuple[Scenes, dict[str, Any]]:
