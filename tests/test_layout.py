@@ -26,7 +26,7 @@ ROWS = {
     "lime_keras": (
         ("version", "arrays", "console", "material", "outputs"),
         ("optics",),
-        ("io", "data", "losses", "metrics"),
+        ("io", "data", "losses", "metrics", "synthesis"),
         ("networks", "lighting"),
         ("estimate", "export", "photo"),
         ("video", "__init__"),

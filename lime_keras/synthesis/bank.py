@@ -1,0 +1,64 @@
+"""A bank on disk, `BANK/{geometry/*, lights/*, textures.npy, bank.json}`: its manifest.
+
+`lime-render bank` writes it. The manifest is written last, so a bank that has one is complete.
+"""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+FORMAT, VERSION = "lime-bank", 1
+MANIFEST = "bank.json"
+_KEYS = {"size": int, "count": int, "description": dict, "files": dict, "shapes": list}
+
+
+def is_bank(folder: Path) -> bool:
+    """Return whether a folder has the manifest of a bank."""
+    return (folder / MANIFEST).is_file()
+
+
+def manifest(folder: Path) -> dict[str, Any]:
+    """Read the manifest of a bank, and check that it is one that this version reads.
+
+    Raises:
+        FileNotFoundError: if the bank is incomplete.
+        ValueError: if the manifest is broken or of another version.
+    """
+    path = folder / MANIFEST
+    if not path.is_file():
+        raise FileNotFoundError(
+            f"{path} is missing: `lime-render bank {folder} --split SPLIT --count N` renders the "
+            "bank, or completes it where it was interrupted"
+        )
+    try:
+        held = json.loads(path.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise ValueError(
+            f"{path} is broken ({error}): delete it and run the same `lime-render bank` again"
+        ) from error
+    if not isinstance(held, Mapping) or held.get("format") != FORMAT:
+        raise ValueError(f"{path} is no manifest of a bank: pass a folder by `lime-render bank`")
+    if held.get("version") != VERSION:
+        raise ValueError(
+            f"{path} is of version {held.get('version')}, and this lime-keras reads version "
+            f"{VERSION}: render the bank anew, or install the lime-keras that it was made with"
+        )
+    wrong = [name for name, kind in _KEYS.items() if not isinstance(held.get(name), kind)]
+    if wrong:
+        raise ValueError(
+            f"{path} has no {', '.join(wrong)}: delete it and run the same `lime-render bank` again"
+        )
+    return dict(held)
+
+
+def file(folder: Path, name: str) -> Path:
+    """Return the path of a file of a bank.
+
+    Raises:
+        FileNotFoundError: if there is no such file.
+    """
+    path = folder / name
+    if not path.is_file():
+        raise FileNotFoundError(f"{path} is missing: run the same `lime-render bank` command again")
+    return path

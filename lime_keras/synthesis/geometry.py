@@ -1,0 +1,246 @@
+"""The G-buffers of a bank: coverage, normals and the spread of the mirror directions, compressed.
+
+A pixel that the object covers has an octahedral code of its normal (`optics.octahedral`) and a code
+of its spread. On smooth surfaces a code is nearly what its left, upper and upper left neighbours
+make of it, left + up − (upper left), and only the residual is stored: in one byte, or in two if it
+is large. Uncovered pixels are taken to have a residual of 0, so decoding is two running sums.
+"""
+
+import itertools
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from . import bank
+
+INDEX = np.dtype([("offset", "<u8"), ("length", "<u4"), ("shape", "<u4"), ("camera", "<f4", 4)])
+"""An entry of a shard's index: its place in bytes, the row of its shape, fx, fy, cx, cy in px."""
+_MODULUS = 4096
+_LARGE = 255  # in place of a residual that has two bytes elsewhere
+_FINEST = 14
+
+
+def spread_code(variance: np.ndarray) -> np.ndarray:
+    """Return the codes, uint8 0 … 15, of variances v of mirror directions in a pixel, 0 … 1.
+
+    The code is 0 for v < 2^-14, else 1 + floor(log2 v + 14): a step is a factor of two.
+    """
+    steps = np.floor(np.log2(np.maximum(variance, 2.0 ** -(_FINEST + 1))) + _FINEST + 1)
+    return np.clip(steps, 0, _FINEST + 1).astype(np.uint8)
+
+
+def variance_of(code: np.ndarray) -> np.ndarray:
+    """Return the variances, float32 0 … 1, in the middle of the steps of codes (`spread_code`).
+
+    The middle is that of the logarithms; it is 0 for code 0, and 1 for code 15.
+    """
+    middle = 2.0 ** (np.asarray(code, np.float32) - (_FINEST + 0.5))
+    return np.where(code == 0, 0, np.minimum(middle, 1)).astype(np.float32)
+
+
+def encode(coverage: np.ndarray, normal: np.ndarray, spread: np.ndarray) -> bytes:
+    """Compress a G-buffer.
+
+    Args:
+        coverage: share of each pixel that the object covers, in 255ths, `(S, S)` uint8.
+        normal: octahedral codes of the normals, `(S, S, 2)` uint16.
+        spread: codes of the spread, `(S, S)` uint8.
+
+    Returns:
+        The bytes, from which `decode` restores the three arrays where coverage is not 0.
+    """
+    covered = coverage > 0
+    residual = _residuals(covered, normal)
+    # The least number of bits: 0, −1, 1, −2, … become 0, 1, 2, 3, …
+    folded = np.where(residual < 0, -2 * residual - 1, 2 * residual)
+    large = folded >= _LARGE
+    compressor = zlib.compressobj(9, zlib.DEFLATED, -15, 9, zlib.Z_FILTERED)
+    parts = (
+        np.packbits(covered),
+        coverage[covered],
+        spread[covered],
+        np.where(large, _LARGE, folded).astype(np.uint8),
+        folded[large].astype("<u2"),
+    )
+    blocks = []
+    for part in parts:
+        blocks.append(compressor.compress(part.tobytes()))
+        blocks.append(compressor.flush(zlib.Z_BLOCK))  # each part has Huffman codes of its own
+    return b"".join(blocks) + compressor.flush()
+
+
+def decode(data: bytes, size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Restore a G-buffer from the bytes of `encode`.
+
+    Args:
+        data: the bytes.
+        size: height and width in pixels.
+
+    Returns:
+        Coverage `(S, S)` uint8, normals `(S, S, 2)` uint16 and spread `(S, S)` uint8 as in
+        `encode`; normals and spread are 0 where coverage is.
+
+    Raises:
+        ValueError: if the bytes are no G-buffer of this size.
+    """
+    pixels = size * size
+    try:
+        raw = np.frombuffer(zlib.decompress(data, -15), np.uint8)
+    except zlib.error as error:
+        raise ValueError(f"the bytes cannot be decompressed ({error})") from error
+    covered = np.flatnonzero(np.unpackbits(raw[: -(-pixels // 8)]))
+    count, start = len(covered), -(-pixels // 8)
+    ends = np.cumsum([start, count, count, 2 * count])
+    coverage_there, spread_there, small = (raw[low:high] for low, high in itertools.pairwise(ends))
+    large = np.flatnonzero(small == _LARGE)
+    if len(raw) != ends[-1] + 2 * len(large) or (count and covered[-1] >= pixels):
+        raise ValueError(f"the bytes are no G-buffer of {size}×{size} pixels")
+    folded = small.astype(np.uint16)
+    folded[large] = raw[ends[-1] :].view("<u2")
+    residual = ((folded >> 1) ^ -(folded & 1)).astype(np.int16).astype(np.uint32)
+    coverage, spread = np.zeros((2, pixels), np.uint8)
+    coverage[covered], spread[covered] = coverage_there, spread_there
+    normal = np.zeros((pixels, 2), np.uint16)
+    for axis, part in enumerate(residual.reshape(2, count)):
+        sums = np.zeros(pixels, np.uint32)
+        sums[covered] = part
+        sums = sums.reshape(size, size).cumsum(axis=1, dtype=np.uint32)
+        sums.cumsum(axis=0, dtype=np.uint32, out=sums)
+        normal[covered, axis] = sums.ravel()[covered] % _MODULUS
+    square = (size, size)
+    return coverage.reshape(square), normal.reshape(*square, 2), spread.reshape(square)
+
+
+def _residuals(covered: np.ndarray, codes: np.ndarray) -> np.ndarray:
+    """Return what the codes of the covered pixels differ by from what their neighbours tell.
+
+    Returns:
+        `(2, N)` int64 in −2048 … 2047, modulo 4096.
+    """
+    size = len(covered)
+    step = np.zeros((size + 1, 2), np.int64)  # what a row adds to the row above it, from column −1
+    above = np.zeros((size, 2), np.int64)
+    out = np.zeros((size, size, 2), np.int64)
+    columns = np.arange(1, size + 1)
+    for row in np.flatnonzero(covered.any(axis=1)):
+        step[1:] = np.where(covered[row, :, None], codes[row] - above, 0)
+        # A residual of 0 outside: the step there is that of the last covered pixel to the left.
+        step = step[np.maximum.accumulate(np.append(0, np.where(covered[row], columns, 0)))]
+        out[row] = np.diff(step, axis=0)
+        above = above + step[1:]
+    half = _MODULUS // 2
+    return ((out[covered] + half) % _MODULUS - half).T
+
+
+class GeometryBank:
+    """The G-buffers of a bank, read from disk as they are asked for.
+
+    Attributes:
+        size: height and width in pixels.
+        camera: fx, fy, cx, cy in pixels of each entry, `(N, 4)` float32.
+        shape: row of each entry's shape in `shape_names`, `(N,)`.
+        shape_names: names of the shapes.
+
+    Args:
+        folder: folder by `lime-render bank`.
+
+    Raises:
+        FileNotFoundError: if the bank is incomplete or a file is missing.
+        ValueError: if the bank is of another version, or a file is cut off or broken.
+    """
+
+    def __init__(self, folder: Path):
+        manifest = bank.manifest(folder)
+        self.size: int = manifest["size"]
+        self.shape_names: list[str] = manifest["shapes"]
+        names = sorted(name for name in manifest["files"] if name.startswith("geometry/"))
+        self._paths = [bank.file(folder, name) for name in names if name.endswith(".bin")]
+        tables = [_index(path, len(self.shape_names)) for path in self._paths]
+        if sum(map(len, tables)) != manifest["count"] or not tables:
+            raise ValueError(
+                f"{folder / 'geometry'} holds {sum(map(len, tables))} entries, and {bank.MANIFEST} "
+                f"tells of {manifest['count']}: render the bank anew"
+            )
+        self._shards = [np.memmap(path, np.uint8, "r") for path in self._paths]
+        self._first = np.cumsum([0, *map(len, tables)])
+        self._table = np.concatenate(tables)
+        self.camera = np.ascontiguousarray(self._table["camera"])
+        self.shape = self._table["shape"].astype(np.int64)
+
+    def __len__(self) -> int:
+        return len(self._table)
+
+    def read(self, indices: np.ndarray) -> dict[str, np.ndarray]:
+        """Read G-buffers.
+
+        Args:
+            indices: indices of the entries, `(B,)`.
+
+        Returns:
+            `coverage` `(B, S, S)` uint8 in 255ths of the pixel, `normal` `(B, S, S, 2)` uint16
+            octahedral codes of the unit normals in camera space, 0 outside, `spread` `(B, S, S)`
+            uint8 (see `variance_of`), and `camera` `(B, 4)` float32, fx, fy, cx, cy in pixels.
+
+        Raises:
+            IndexError: if an index is not in 0 … N − 1.
+            ValueError: if an entry is broken.
+        """
+        indices = np.asarray(indices)
+        if indices.size and not (indices.min() >= 0 and indices.max() < len(self)):
+            raise IndexError(f"the bank has {len(self)} entries, so no entry {indices.max()}")
+        square = (len(indices), self.size, self.size)
+        out = {
+            "coverage": np.empty(square, np.uint8),
+            "normal": np.empty((*square, 2), np.uint16),
+            "spread": np.empty(square, np.uint8),
+            "camera": self.camera[indices],
+        }
+        for place, index in enumerate(indices):
+            shard = int(np.searchsorted(self._first, index, "right")) - 1
+            offset, length = (int(self._table[name][index]) for name in ("offset", "length"))
+            data: Any = self._shards[shard][offset : offset + length]
+            try:
+                arrays = decode(data, self.size)
+            except ValueError as error:
+                entry = index - self._first[shard]
+                raise ValueError(
+                    f"{self._paths[shard]}, entry {entry}: {error}; delete the file and run the "
+                    "same `lime-render bank` again"
+                ) from error
+            out["coverage"][place], out["normal"][place], out["spread"][place] = arrays
+        return out
+
+
+def _index(path: Path, shapes: int) -> np.ndarray:
+    """Read the index of a shard, and check that its entries lie in the shard.
+
+    Raises:
+        FileNotFoundError: if the index is missing.
+        ValueError: if the index is broken, or names bytes or shapes that are not there.
+    """
+    beside = path.with_suffix(".npy")
+    again = f"delete {path.with_suffix('.*')} and run the same `lime-render bank` again"
+    try:
+        table = np.load(beside, allow_pickle=False)
+    except FileNotFoundError as error:
+        raise FileNotFoundError(f"{beside} is missing: {again}") from error
+    except (EOFError, OSError, ValueError) as error:
+        raise ValueError(f"{beside} is broken ({error}): {again}") from error
+    if table.dtype != INDEX or table.ndim != 1:
+        raise ValueError(f"{beside} is no index of a shard: {again}")
+    ends = table["offset"] + table["length"]
+    if len(table) and ends.max() > path.stat().st_size:
+        raise ValueError(
+            f"{path} has {path.stat().st_size} bytes, and its index tells of {ends.max()}: it is "
+            f"cut off; {again}"
+        )
+    if len(table) and table["shape"].max() >= shapes:
+        raise ValueError(
+            f"{beside} names shape {table['shape'].max()}, and {bank.MANIFEST} lists {shapes}: "
+            f"{again}"
+        )
+    if not np.isfinite(table["camera"]).all() or (table["camera"][:, :2] <= 0).any():
+        raise ValueError(f"{beside} has a camera that is none: {again}")
+    return table
