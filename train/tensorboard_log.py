@@ -35,7 +35,7 @@ class Board:
 
     def __init__(self, folder: Path):
         self._writer: Any = None
-        if importlib.util.find_spec("tensorboard") is None:
+        if not installed():
             return
         from tensorboard.compat.proto import event_pb2
         from tensorboard.summary.writer.record_writer import RecordWriter
@@ -66,11 +66,9 @@ class Board:
         from tensorboard.plugins.image.metadata import create_summary_metadata
         from tensorboard.util.tensor_util import make_tensor_proto
 
-        first = {name: value[:_PANELS] for name, value in batch.items()}
-        picture = Image.fromarray(panel(first, model(first).outputs))
-        png = io.BytesIO()
-        picture.save(png, "PNG")
-        width, height = (str(pixels).encode() for pixels in picture.size)
+        drawn, png = Image.fromarray(picture(model, batch)), io.BytesIO()
+        drawn.save(png, "PNG")
+        width, height = (str(pixels).encode() for pixels in drawn.size)
         summary = summary_pb2.Summary()
         summary.value.add(
             tag="held out",
@@ -90,6 +88,17 @@ class Board:
 
         event = event_pb2.Event(wall_time=time.time(), step=step, summary=summary)
         self._writer.write(event.SerializeToString())
+
+
+def installed() -> bool:
+    """Return whether the package is there that event files are written through."""
+    return importlib.util.find_spec("tensorboard") is not None
+
+
+def picture(model: StageModel, batch: Mapping[str, Any]) -> np.ndarray:
+    """Return the picture (`panel`) of a stage's predictions for the first examples of a batch."""
+    first = {name: value[:_PANELS] for name, value in batch.items()}
+    return panel(first, model(first).outputs)
 
 
 def panel(batch: Mapping[str, Any], outputs: Mapping[str, Any]) -> np.ndarray:
