@@ -21,7 +21,7 @@ import numpy as np
 from tqdm import tqdm
 
 from lime_keras import console
-from lime_keras.optics import shininess
+from lime_keras.optics import material_law, shininess
 from lime_keras.render.corpus import sources
 from lime_keras.render.mitsuba_setup import variants
 from lime_keras.render.scene import example, sampling
@@ -91,7 +91,7 @@ def render(arguments: argparse.Namespace, number: int) -> Sequence:
     shape, light_name = rng.choice(shapes.names()), rng.choice(lights.names())
     tracer, light = Tracer(shapes.load(shape), arguments.size), lights.load(light_name)
     exponent = float(10 ** shininess.LOG_MEANS[(2 * number + 1) % shininess.BIN_COUNT])
-    material = dataclasses.replace(sampling.sample_material(rng), exponent=exponent)
+    material = dataclasses.replace(material_law.sample_material(rng), exponent=exponent)
     start = sampling.sample_rotation(rng)
     light_start = sampling.sample_light_rotation(rng, light.strong_direction)
     background = sources.BackgroundSource(None).sample(rng, arguments.size)

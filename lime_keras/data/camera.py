@@ -4,13 +4,11 @@ Light → exposure → defocus → noise → clipping → sRGB → 8 bits → JP
 White balance stays as it is, because section 4 of the paper assumes white-balanced photos.
 """
 
-import functools
-
 import numpy as np
 import tensorflow as tf
 import tensorflow.experimental.numpy as tnp
 
-from lime_keras.optics import colour
+from lime_keras.optics import camera_law, colour
 
 SCENE = (
     "image",
@@ -23,16 +21,7 @@ SCENE = (
 )
 """Features of an example that a photo of it needs."""
 
-_STOPS = 0.5  # largest deviation, up or down, of automatic exposure from the corpus' fixed one
-_CONFUSION = 1.5 / 256  # largest blur radius over image width, visible only close up: σ 0.8 / 256
-_FULL_WELL = 1_000.0, 30_000.0  # electrons at white: a phone by lamplight, a large sensor by day
-_READ_NOISE = 2.0  # electrons, as in a present-day CMOS sensor
-_QUALITY = 60.0, 98.0  # JPEG: from what messengers send to what cameras store
-_NEVER_COMPRESSED = 0.2  # share of photos without JPEG: frames of a live video are not compressed
-
 _ROOT_LEVELS = 4096  # of the table from √radiance to sRGB: a step is below 0.1 of an 8-bit level
-_LIT = ("diffuse_shading", "specular_shading", "mirror", "ambient", "environment")
-_GRAIN_ROWS, _GRAIN_LENGTH = 4096, 64
 
 
 def photograph(
@@ -58,21 +47,18 @@ def photograph(
         seed = tf.stack([example["seed"], example["index"]])
     seeds = tf.random.split(seed)
     stops, defocus, well, quality, kept = tf.unstack(tf.random.stateless_uniform((5,), seeds[0]))
-    exposure = 2.0 ** (_STOPS * (2.0 * stops - 1.0))
+    exposure = camera_law.exposure(stops)
     out = dict(example)
-    for name in _LIT:
+    for name in camera_law.LIT:
         if name in example:
             out[name] = example[name] * exposure
     light = _defocused(_radiance(out, exposure), defocus)
-    saturated = light >= np.float32(colour.srgb_to_linear(colour.CLIPPED))
-    out["clipped"] = tf.cast(saturated, tf.float32)
-    low, high = _FULL_WELL
-    levels = _sensed(light, low * (high / low) ** well, seeds[1])
-    low, high = _QUALITY
+    out["clipped"] = tf.cast(light >= camera_law.SATURATED, tf.float32)
+    levels = _sensed(light, camera_law.full_well(well), seeds[1])
     pixels = tf.cond(
-        kept < _NEVER_COMPRESSED,
+        kept < camera_law.NEVER_COMPRESSED,
         lambda: levels,
-        lambda: _compressed(levels, tf.cast(tf.round(low + (high - low) * quality), tf.int32)),
+        lambda: _compressed(levels, tf.cast(tf.round(camera_law.quality(quality)), tf.int32)),
     )
     out["image"] = tf.ensure_shape(tf.cast(pixels, tf.float32) / 255.0, example["image"].shape)
     return out
@@ -108,7 +94,7 @@ def _defocused(light: tf.Tensor, strength: tf.Tensor) -> tf.Tensor:
     The image is mirrored beyond its edges. A circle that fits into a pixel leaves the light as it
     is.
     """
-    largest = _CONFUSION * tf.cast(tf.shape(light)[0], tf.float32)
+    largest = camera_law.CONFUSION * tf.cast(tf.shape(light)[0], tf.float32)
     radius = strength * largest
 
     def blurred() -> tf.Tensor:
@@ -128,11 +114,9 @@ def _defocused(light: tf.Tensor, strength: tf.Tensor) -> tf.Tensor:
 def _sensed(light: tf.Tensor, full_well: tf.Tensor, seed: tf.Tensor) -> tf.Tensor:
     """Return the sensor's image of linear radiance: noisy, clipped, sRGB `(S, S, 3)` uint8.
 
-    With N electrons at white and r electrons of read noise, the variance of a radiance L is
-    (L + r²/N) / N. The square root of L + r²/N then has the variance 1/4N for every L. So the noise
-    is added to the root. Squaring adds 1/4N to the mean, which is subtracted again.
+    The noise is added to the root of the radiance (`camera_law.READ_NOISE`).
     """
-    dark = _READ_NOISE**2 / full_well
+    dark = camera_law.READ_NOISE**2 / full_well
     deviation = 0.5 * tf.math.rsqrt(full_well)
     root = tf.sqrt(light + dark) + deviation * _grain(tf.shape(light), seed)
     # The table ends at the root of radiance 1; everything brighter is white.
@@ -162,11 +146,7 @@ def _grain(shape: tf.Tensor, seed: tf.Tensor) -> tf.Tensor:
     Drawing each number would take as long as decoding all pictures of the example.
     """
     count = tf.reduce_prod(shape)
-    rows = tf.random.stateless_uniform([-(-count // _GRAIN_LENGTH)], seed, 0, _GRAIN_ROWS, tf.int32)
-    return tf.reshape(tf.reshape(tf.gather(_grain_table(), rows), [-1])[:count], shape)
-
-
-@functools.cache
-def _grain_table() -> np.ndarray:
-    rng = np.random.default_rng(0)
-    return rng.standard_normal((_GRAIN_ROWS, _GRAIN_LENGTH), np.float32)
+    rows = tf.random.stateless_uniform(
+        [-(-count // camera_law.GRAIN_LENGTH)], seed, 0, camera_law.GRAIN_ROWS, tf.int32
+    )
+    return tf.reshape(tf.reshape(tf.gather(camera_law.grain_table(), rows), [-1])[:count], shape)

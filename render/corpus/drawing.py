@@ -5,11 +5,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from lime_keras.optics.material_law import sample_material
+
 from ..scene import example
 from ..scene.gbuffer import Tracer
 from ..scene.lights import Light
 from ..scene.quality import FAST, Quality
-from ..scene.sampling import sample_light_rotation, sample_material, sample_pose
+from ..scene.sampling import sample_light_rotation, sample_pose
 from ..shapes.meshes import Mesh
 from .sources import BackgroundSource, LightSource, ShapeSource, generator, some
 

@@ -15,9 +15,10 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from scipy import stats
 
 from lime_keras.optics import colour, shininess
+from lime_keras.optics.material_law import AMBIENT
 
 from ..scene.lights import MEAN_RADIANCE
-from ..scene.sampling import AMBIENT, FILL, OFF_AXIS
+from ..scene.sampling import FILL, OFF_AXIS
 
 _DPI = 100
 _PAPER, _INK, _FAINT, _BAR, _LAW, _ALARM = (

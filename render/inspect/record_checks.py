@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from lime_keras.optics import shading, shininess
+from lime_keras.optics.material_law import AMBIENT
 
 from ..scene.example import LEAST_COVERAGE
-from ..scene.sampling import AMBIENT
 from . import recomposition
 from .recomposition import FLOAT_ROUNDING, HALF_ROUNDING, covered_pixels, pixels_at
 

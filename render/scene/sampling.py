@@ -1,12 +1,9 @@
-"""Random material, pose and light rotation of a scene (paper, section 5.1)."""
+"""Random pose and light rotation of a scene (paper, section 5.1)."""
 
 import math
 from dataclasses import dataclass
 
 import numpy as np
-
-from lime_keras.material import BlinnPhong
-from lime_keras.optics import colour, shininess
 
 _ANGULAR_RADIUS = (math.radians(5), math.radians(16))
 """Range of the angular radius of the object's bounding sphere, in radians.
@@ -17,7 +14,6 @@ OFF_AXIS = math.radians(10)
 """Largest angle of the object, and so of the crop, from the photo's axis, across and up, in rad."""
 FILL = (0.55, 0.92)
 """Share of the crop that the object's longer side takes."""
-AMBIENT = (0.0, 0.05)
 _LIGHT_PITCH = (math.radians(-10), math.radians(30))
 """Range of the light's tilt in radians: the camera looks up or down by the same angle."""
 _LIGHT_TRIES = 64
@@ -38,34 +34,6 @@ class Pose:
     camera: np.ndarray
 
 
-def sample_material(rng: np.random.Generator) -> BlinnPhong:
-    """Draw a material.
-
-    m_d is uniform in YUV; m_s and m_a are uniform; s is uniform over the bins and log-uniform
-    inside a bin.
-    """
-    exponent_bin = rng.integers(shininess.BIN_COUNT)
-    log = shininess.LOG_LOW + shininess.BIN_WIDTH * (exponent_bin + rng.uniform())
-    return BlinnPhong(
-        diffuse_albedo=sample_diffuse_albedo(rng),
-        specular_albedo=float(rng.uniform()),
-        exponent=float(10.0**log),
-        ambient=float(rng.uniform(*AMBIENT)),
-    )
-
-
-def sample_diffuse_albedo(rng: np.random.Generator) -> np.ndarray:
-    """Draw m_d, `(3,)` linear RGB in [0, 1], uniformly from the YUV colours that are RGB colours.
-
-    Other YUV colours are rejected: if they were clipped, three quarters of all albedos would lie on
-    the faces of the RGB cube.
-    """
-    while True:
-        rgb = colour.yuv_to_rgb(rng.uniform(colour.YUV_LOW, colour.YUV_HIGH))
-        if rgb.min() >= 0 and rgb.max() <= 1:
-            return rgb
-
-
 def sample_rotation(rng: np.random.Generator) -> np.ndarray:
     """Draw a rotation `(3, 3)`, uniform over all orientations, from a random unit quaternion."""
     w, x, y, z = (q := rng.normal(size=4)) / np.linalg.norm(q)
@@ -78,13 +46,20 @@ def sample_rotation(rng: np.random.Generator) -> np.ndarray:
     )
 
 
-def sample_pose(rng: np.random.Generator, vertices: np.ndarray, size: int) -> Pose:
+def sample_pose(
+    rng: np.random.Generator,
+    vertices: np.ndarray,
+    size: int,
+    fill: tuple[float, float] = FILL,
+) -> Pose:
     """Draw the pose of an object before the camera, and the crop of the photo around it.
 
     Args:
         rng: source of all randomness.
         vertices: vertices of the object, `(V, 3)`, inside the unit sphere.
         size: height and width of the crop in pixels.
+        fill: range of the share of the crop that the object's longer side takes. An object that
+            takes more than the crop is cut by its frame.
     """
     rotation = sample_rotation(rng)
     distance = 1.0 / math.sin(rng.uniform(*_ANGULAR_RADIUS))
@@ -93,9 +68,9 @@ def sample_pose(rng: np.random.Generator, vertices: np.ndarray, size: int) -> Po
     points = vertices @ rotation.T + translation
     projected = points[:, :2] / -points[:, 2:]
     low, high = projected.min(axis=0), projected.max(axis=0)
-    fill = rng.uniform(*FILL)
-    focal = fill * size / np.max(high - low)
-    slack = (1 - fill) / 2 * size
+    share = rng.uniform(*fill)
+    focal = share * size / np.max(high - low)
+    slack = abs(1 - share) / 2 * size
     shift = rng.uniform(-slack, slack, 2)
     centre = focal * (low + high) / 2
     camera = np.array(

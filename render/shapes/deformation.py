@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 
 from .meshes import Mesh, normalised
-from .subdivision import refined
+from .subdivision import refined, rounded
 
 Map = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 """A map of space: from points `(N, 3)` to moved points `(N, 3)` and Jacobians `(N, 3, 3)`."""
@@ -22,24 +22,35 @@ UNDEFORMED = 0.25
 """Share of the meshes that keep their shape."""
 _LONGEST = 0.16
 """Longest edge of a mesh that is bent, in radii of its bounding sphere."""
+_COARSE = 4_000
+"""Number of faces below which a mesh may be rounded: its facets would show."""
+_ROUNDED = 0.35
+"""Share of the coarse meshes that are rounded."""
+_CREASES = np.radians(45), np.radians(140)
+"""Range of the angle above which an edge of a rounded mesh stays sharp, in radians."""
 
 
 def deformed(mesh: Mesh, rng: np.random.Generator) -> Mesh:
     """Bend, twist, taper, stretch, shear or warp a mesh at random; leave a quarter as they are.
 
-    Long edges are divided first, so that flat faces of few vertices can take on curvature.
+    Long edges are divided first, so that flat faces of few vertices can take on curvature; and of
+    the meshes of few faces, a third are rounded, as a smooth surface through their vertices.
 
     Args:
         mesh: Any normalised mesh, closed or not.
         rng: The only source of randomness; the same state gives the same mesh.
 
     Returns:
-        A normalised mesh, with the same surface connectivity; or `mesh` itself.
+        A normalised mesh; or `mesh` itself.
     """
     if rng.random() < UNDEFORMED:
         return mesh
     maps = draw(rng)
-    vertices, faces, normals = refined(mesh.vertices, mesh.faces, mesh.normals, _LONGEST)
+    vertices, faces, normals = mesh.vertices.astype(float), mesh.faces, mesh.normals.astype(float)
+    if rng.random() < _ROUNDED and len(faces) < _COARSE:
+        vertices, faces, normals = rounded(vertices, faces, rng.uniform(*_CREASES), 0.8 * _LONGEST)
+    else:
+        vertices, faces, normals = refined(vertices, faces, normals, _LONGEST)
     for step in maps:
         vertices, j = step(vertices)
         normals = turned(normals, j)

@@ -11,14 +11,17 @@ import numpy as np
 from . import carving, extrusion, facets, fields, groups, joinery, lathe, sheets, solids, wires
 from .meshes import Mesh
 
-CELLS = 60_000
-"""Cells of the grid on which implicit fields are polygonised: 3,000 to 14,000 faces."""
+CELLS = 50_000
+"""Cells of the grid on which implicit fields without thin bars are polygonised."""
+
+SIDES = 56
+"""Number of sides of a turned piece: enough for 24 flutes."""
 
 FAMILIES: dict[str, tuple[float, Callable[[np.random.Generator], Mesh]]] = {
     "composition": (0.05, lambda rng: solids.polygonise(*fields.composition(rng), CELLS)),
     "blobs": (0.04, lambda rng: solids.polygonise(*fields.blobs(rng), CELLS)),
-    "frame": (0.06, lambda rng: solids.polygonise(*fields.frame(rng), CELLS)),
-    "turned": (0.07, lathe.sample),
+    "frame": (0.06, lambda rng: solids.polygonise(*fields.frame(rng))),
+    "turned": (0.07, lambda rng: lathe.sample(rng, SIDES)),
     "hollowed": (0.08, lambda rng: solids.polygonise(*fields.carved(rng), CELLS)),
     "dented": (0.07, lambda rng: solids.polygonise(*fields.dented(rng), CELLS)),
     "carved": (0.12, carving.sample),

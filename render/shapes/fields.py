@@ -15,6 +15,9 @@ import numpy as np
 
 Field = Callable[[np.ndarray], np.ndarray]
 
+_LEAST_LEFT = 0.015
+"""Least share of the cube of half width one that a carved solid still fills."""
+
 
 def composition(rng: np.random.Generator) -> tuple[Field, float]:
     """Draw primitives that grow out of one another, displaced by waves.
@@ -119,9 +122,19 @@ def carved(rng: np.random.Generator) -> tuple[Field, float]:
     Returns:
         The field, and the radius of a ball around the origin that holds the solid.
     """
+    axis = np.linspace(-1, 1, 16, dtype=np.float32)
+    grid = np.stack(np.meshgrid(axis, axis, axis)).reshape(3, -1)
+    while True:
+        field = _carved(rng)
+        if (field(grid) < 0).mean() > _LEAST_LEFT:
+            return field, 1.8
+
+
+def _carved(rng: np.random.Generator) -> Field:
     body = _primitive(rng, 0.8, np.zeros(3))
     softness = float(np.exp(rng.uniform(np.log(0.01), np.log(0.2))))
-    wall = rng.choice([0.0, rng.uniform(0.03, 0.09)], p=(0.7, 0.3))
+    wall = rng.choice([0.0, rng.uniform(0.06, 0.11)], p=(0.7, 0.3))
+    softness = max(softness, 0.8 * wall)  # thin edges of a shell would be ragged
     cutters = []
     for _ in range(rng.integers(1, 5)):
         size = rng.uniform(0.25, 0.65)
@@ -139,7 +152,7 @@ def carved(rng: np.random.Generator) -> tuple[Field, float]:
             d = -_join(-d, cutter(p), softness)
         return d if waves is None else d - waves(p)
 
-    return field, 1.8
+    return field
 
 
 def dented(rng: np.random.Generator) -> tuple[Field, float]:

@@ -16,13 +16,13 @@ def sample(rng: np.random.Generator, draw: Callable[[np.random.Generator], Mesh]
         rng: the only source of randomness.
         draw: draws one thing.
     """
-    count = int(rng.choice([2, 3, 4], p=(0.5, 0.3, 0.2)))
+    count = int(rng.choice([2, 3, 4], p=(0.6, 0.28, 0.12)))
     alike = rng.random() < 0.35
     first = draw(rng)
     things = [first if alike or k == 0 else draw(rng) for k in range(count)]
     pieces = [_turned(rng, thing) for thing in things]
     kind = rng.choice(3, p=(0.5, 0.25, 0.25))
-    gap = rng.choice([0.0, rng.uniform(-0.08, 0.25)])
+    gap = rng.choice([0.0, rng.uniform(-0.15, 0.15)])
     placed = [pieces[0]]
     axis = parts.direction(rng)
     for piece in pieces[1:]:

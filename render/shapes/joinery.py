@@ -10,12 +10,15 @@ from . import parts, profiles, sweeps
 from .meshes import Mesh, normalised
 from .parts import Part, bar, union
 
+_UPRIGHT = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]])  # from z up to y up
+
 
 def sample(rng: np.random.Generator) -> Mesh:
     """Draw a thing made of plates, bars, bowls and handles."""
     kinds = (_table, _chair, _rack, _lamp, _vessel, _wheel, _fan, _tool, _ladder)
     kind = kinds[rng.choice(9, p=(0.13, 0.12, 0.1, 0.1, 0.2, 0.1, 0.1, 0.1, 0.05))]
-    return normalised(*parts.joined(kind(rng)))
+    vertices, faces, normals = parts.joined(kind(rng))
+    return normalised(vertices @ _UPRIGHT, faces, normals @ _UPRIGHT)
 
 
 def _sides(rng: np.random.Generator) -> int:
@@ -194,8 +197,9 @@ def _vessel(rng: np.random.Generator) -> list[Part]:
         ]
         curve = sweeps.smooth(np.array(knots), 30, False)
         pieces.append(sweeps.tube(curve, np.linspace(2 * thick, thick, 30), False))
-        lid = Manifold.sphere(high - 0.5 * wall, 48).scale((1, 1, rng.uniform(0.2, 0.6)))
-        knob = Manifold.sphere(0.15, 24).translate((0, 0, 0.6 * high))
+        squash = rng.uniform(0.2, 0.6)
+        lid = Manifold.sphere(high - 0.5 * wall, 48).scale((1, 1, squash))
+        knob = Manifold.sphere(0.15, 24).translate((0, 0, squash * high + 0.08))
         pieces += [parts.of_solid(s.translate((0, 0, height))) for s in (lid, knob)]
     return pieces
 
@@ -218,7 +222,7 @@ def _wheel(rng: np.random.Generator) -> list[Part]:
 def _fan(rng: np.random.Generator) -> list[Part]:
     blades = int(rng.integers(2, 9))
     blade = profiles.convex(rng).scale((rng.uniform(0.1, 0.3), rng.uniform(0.02, 0.05)))
-    blade = Manifold.extrude(blade, 1.0, 20, rng.uniform(-70, 70), (rng.uniform(0.4, 1.8), 1.0))
+    blade = Manifold.extrude(blade, 1.0, 10, rng.uniform(-70, 70), (rng.uniform(0.4, 1.8), 1.0))
     blade = blade.rotate((0, 0, rng.uniform(0, 180))).rotate((0, 90, 0))
     hub = rng.uniform(0.12, 0.25)
     pieces = [Manifold.cylinder(rng.uniform(0.2, 0.6), hub, hub * rng.uniform(0.3, 1), 40, True)]

@@ -36,7 +36,7 @@ def convex(rng: np.random.Generator) -> CrossSection:
 
 def _rounded(outline: CrossSection, radius: float) -> CrossSection:
     """Round the corners that stick out; where nothing is left, the profile stays as it was."""
-    round_ = outline.offset(-radius, JoinType.Miter).offset(radius, JoinType.Round, 2.0, 32)
+    round_ = outline.offset(-radius, JoinType.Miter).offset(radius, JoinType.Round, 2.0, 24)
     return outline if round_.area() < 0.6 * outline.area() else round_
 
 
@@ -49,7 +49,7 @@ def _at(radii: np.ndarray | float, angles: np.ndarray) -> np.ndarray:
 
 
 def _disc(rng: np.random.Generator) -> CrossSection:
-    return CrossSection.circle(1.0, 64).scale((1.0, rng.choice([1.0, rng.uniform(0.4, 1.0)])))
+    return CrossSection.circle(1.0, 48).scale((1.0, rng.choice([1.0, rng.uniform(0.4, 1.0)])))
 
 
 def _polygon(rng: np.random.Generator) -> CrossSection:

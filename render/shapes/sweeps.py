@@ -26,27 +26,27 @@ def swept(
         section: outline around the origin, counter-clockwise, as smooth pieces `(M, 2)`, each of
             which begins where the one before it ended; the last ends where the first began.
         closed: whether the curve is closed; an open one gets flat ends.
-        turns: turns of the section about the curve, from one end to the other. On a closed curve,
-            they must bring the section back onto itself.
+        turns: turns of the section about the curve, from one end to the other; whole ones on a
+            closed curve.
 
     Returns:
         A closed part, with creases between the pieces of the section.
     """
     tangent = _tangents(curve, closed)
     first, second = _frames(curve, tangent, closed, 2 * np.pi * turns)
-    vertices, normals, faces, count = [], [], [], 0
+    vertices, normals, faces, grids, count = [], [], [], [], 0
     for piece in section:
         u, v = piece.T[..., None]
         offset = u[..., None] * first + v[..., None] * second  # (M, K, 3)
         points = (curve + radius[:, None] * offset).swapaxes(0, 1)  # (K, M, 3)
         normals.append(_normals(points, piece, first, second, closed).reshape(-1, 3))
         vertices.append(points.reshape(-1, 3))
+        grids.append(points)
         faces.append(count + _grid(len(curve), len(piece), closed))
         count += len(vertices[-1])
     if not closed:
-        outline = np.concatenate([piece[:-1] for piece in section])
         for end, side in ((0, -1), (-1, 1)):
-            ring = outline @ np.stack([first[end], second[end]]) * radius[end] + curve[end]
+            ring = np.concatenate([rows[end, :-1] for rows in grids])
             vertices.append(np.concatenate([curve[end][None], ring]))
             normals.append(np.repeat(side * tangent[end][None], len(ring) + 1, axis=0))
             k = np.arange(len(ring))
@@ -91,6 +91,15 @@ def smooth(points: np.ndarray, count: int, closed: bool) -> np.ndarray:
     a, b, c, d = (padded[k + j] for j in range(4))
     spline = b + f * (c - a) / 2 + f**2 * (a - 2.5 * b + 2 * c - d / 2)
     return spline + f**3 * (1.5 * (b - c) + (d - a) / 2)
+
+
+def even(curve: np.ndarray, count: int, closed: bool) -> np.ndarray:
+    """Return `count` points along a polyline `(K, 3)`, at equal distances along it."""
+    if closed:
+        curve = np.concatenate([curve, curve[:1]])
+    way = np.r_[0, np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))]
+    at = np.linspace(0, way[-1], count, endpoint=not closed)
+    return np.stack([np.interp(at, way, c) for c in curve.T], 1)
 
 
 def tightest(curve: np.ndarray, closed: bool) -> float:

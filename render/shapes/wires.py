@@ -2,12 +2,13 @@
 
 import numpy as np
 import trimesh
+from manifold3d import Manifold
 
 from . import parts, sweeps
 from .meshes import Mesh, normalised
 from .parts import Part
 
-_POINTS = 180
+_POINTS = 220
 
 
 def tubes(rng: np.random.Generator) -> Mesh:
@@ -37,14 +38,13 @@ def cages(rng: np.random.Generator) -> Mesh:
     """Draw the edges of a polyhedron, or of a bent lattice, as bars."""
     points, edges = (_polyhedron if rng.random() < 0.5 else _lattice)(rng)
     points = points * rng.uniform(0.4, 1.0, 3)
-    radius = parts.log_uniform(rng, 0.02, 0.07)
+    radius = parts.log_uniform(rng, 0.025, 0.08)
     sides = int(rng.choice([4, 6, 12], p=(0.25, 0.15, 0.6)))
-    bars = [_bar(points[a], points[b], radius, sides) for a, b in edges]
+    bars = [parts.bar(points[a], points[b], radius, radius, sides) for a, b in edges]
     if rng.random() < 0.6:
-        knob = trimesh.creation.icosphere(2, radius * rng.uniform(1.0, 2.2))
-        ball = knob.vertices, knob.faces, knob.vertices
-        bars += [(ball[0] + point, *ball[1:]) for point in points]
-    return normalised(*parts.joined(bars))
+        knob = Manifold.sphere(radius * rng.uniform(1.0, 2.2), 12)
+        bars += [knob.translate(tuple(point)) for point in points]
+    return normalised(*parts.of_solid(Manifold.compose(bars)))
 
 
 def branches(rng: np.random.Generator) -> Mesh:
@@ -67,25 +67,17 @@ def branches(rng: np.random.Generator) -> Mesh:
         twigs = grown
     if rng.random() < 0.4:
         for start, *_ in twigs[:: int(forks)]:
-            leaf = trimesh.creation.icosphere(2, rng.uniform(0.08, 0.3))
-            pieces.append((leaf.vertices + start, leaf.faces, leaf.vertices))
+            fruit = Manifold.sphere(rng.uniform(0.08, 0.3), 24).translate(tuple(start))
+            pieces.append(parts.of_solid(fruit))
     return normalised(*parts.joined(pieces))
-
-
-def _bar(start: np.ndarray, end: np.ndarray, radius: float, sides: int) -> Part:
-    curve = np.linspace(start, end, 3)
-    if sides > 6:
-        return sweeps.swept(curve, np.full(3, radius), [sweeps.circle(sides)], False)
-    section = sweeps.angular(sweeps.circle(sides)[:-1])
-    return sweeps.swept(curve, np.full(3, radius), section, False)
 
 
 def _tube(rng: np.random.Generator, count: int) -> Part:
     curve, closed = _curve(rng, count)
+    curve = sweeps.even(curve, count, closed)
     size = np.ptp(curve, axis=0).max()
     widest = min(0.7 * sweeps.tightest(curve, closed), 0.2 * size)
-    radius = parts.log_uniform(rng, 0.015 * size, max(0.12 * size, 0.02 * size))
-    radius = min(radius, max(widest, 0.006 * size))
+    radius = min(parts.log_uniform(rng, 0.022 * size, 0.12 * size), max(widest, 0.012 * size))
     kind = rng.choice(3, p=(0.6, 0.25, 0.15))
     along = np.linspace(0, 1, len(curve), endpoint=not closed)
     if kind == 0:
@@ -97,14 +89,16 @@ def _tube(rng: np.random.Generator, count: int) -> Part:
         return sweeps.tube(curve, radii, closed, 14)
     if kind == 1:
         sides = int(rng.integers(3, 7))
-        turns = int(rng.integers(-2 * sides, 2 * sides)) / sides if rng.random() < 0.5 else 0.0
+        turns = _turns(rng, closed) if rng.random() < 0.5 else 0.0
         section = sweeps.angular(sweeps.circle(sides)[:-1])
         return sweeps.swept(curve, np.full(len(curve), radius), section, closed, turns)
     flat = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * (1.0, rng.uniform(0.1, 0.35))
-    turns = int(rng.integers(-3, 4)) / 2
-    return sweeps.swept(
-        curve, np.full(len(curve), 1.5 * radius), sweeps.angular(flat), closed, turns
-    )
+    radii = np.full(len(curve), min(1.5 * radius, max(widest, 0.012 * size)))
+    return sweeps.swept(curve, radii, sweeps.angular(flat), closed, _turns(rng, closed))
+
+
+def _turns(rng: np.random.Generator, closed: bool) -> float:
+    return float(rng.integers(-2, 3)) if closed else rng.uniform(-2, 2)
 
 
 def _curve(rng: np.random.Generator, count: int) -> tuple[np.ndarray, bool]:
@@ -135,7 +129,6 @@ def _line(rng: np.random.Generator, count: int) -> tuple[np.ndarray, bool]:
 def _spring(rng: np.random.Generator, count: int) -> tuple[np.ndarray, bool]:
     """Draw a coil, cylindrical or conical, on a straight axis."""
     turns, pitch = rng.uniform(2, 9), rng.uniform(0.15, 0.8)
-    count = int(count * 1.3)
     t = np.linspace(0, 2 * np.pi * turns, count)
     radius = np.linspace(1, rng.choice([1.0, rng.uniform(0.2, 1.0)]), count)
     return np.stack([radius * np.cos(t), pitch * t / np.pi / 2, radius * np.sin(t)], 1), False
@@ -144,7 +137,6 @@ def _spring(rng: np.random.Generator, count: int) -> tuple[np.ndarray, bool]:
 def _knot(rng: np.random.Generator, count: int) -> tuple[np.ndarray, bool]:
     """Draw a torus knot; p and q without a common divisor."""
     p, q = ((2, 3), (3, 2), (2, 5), (3, 4), (3, 5), (1, 4), (1, 6), (5, 2))[rng.integers(8)]
-    count = int(count * 1.4)
     t = 2 * np.pi * np.arange(count) / count
     tube = rng.uniform(0.25, 0.5)
     ring = 1 + tube * np.cos(q * t)
@@ -198,9 +190,7 @@ def _polyhedron(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
 
 def _lattice(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """Draw a flat or three-dimensional grid of points, and the edges between neighbours."""
-    counts = [int(rng.integers(2, 7)), int(rng.integers(2, 7)), int(rng.choice([1, 2, 3]))]
-    if rng.random() < 0.3:
-        counts[2] = 1
+    counts = [int(rng.integers(2, 7)), int(rng.integers(2, 6)), int(rng.choice([1, 1, 2]))]
     index = np.arange(int(np.prod(counts))).reshape(counts)
     axes = [np.linspace(-1, 1, n) if n > 1 else np.zeros(1) for n in counts]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)

@@ -171,7 +171,7 @@ def test_the_same_source_has_the_same_hash_wherever_it_lies(copies, tmp_path):
     "package, file, constant",
     [
         ("lime_keras", "networks/registry.py", "MASK_CONTRAST"),
-        ("lime_keras", "data/camera.py", "_READ_NOISE"),
+        ("lime_keras", "optics/camera_law.py", "READ_NOISE"),
         ("lime_keras.render", "scene/quality.py", "import"),
         ("lime_keras.train", "stages.py", "import"),
         ("lime_keras.eval", "accuracy/tone.py", "_WHITE_PERCENTILE"),

@@ -7,7 +7,7 @@ from sphere_corpus import example
 
 from lime_keras import losses
 from lime_keras.data import camera, records
-from lime_keras.optics import colour
+from lime_keras.optics import camera_law, colour
 from lime_keras.optics.compositing import compose
 from lime_keras.optics.dynamic_range import compress
 
@@ -23,9 +23,9 @@ def sphere():
 @pytest.fixture
 def perfect(monkeypatch):
     """A camera that only exposes and clips."""
-    monkeypatch.setattr(camera, "_CONFUSION", 0.0)
-    monkeypatch.setattr(camera, "_FULL_WELL", (1e12, 1e12))
-    monkeypatch.setattr(camera, "_NEVER_COMPRESSED", 1.0)
+    monkeypatch.setattr(camera_law, "CONFUSION", 0.0)
+    monkeypatch.setattr(camera_law, "FULL_WELL", (1e12, 1e12))
+    monkeypatch.setattr(camera_law, "NEVER_COMPRESSED", 1.0)
 
 
 def photo(scene, seed):
@@ -157,7 +157,7 @@ def sensed(radiance, full_well, size=256):
 @pytest.mark.parametrize("radiance", [0.05, 0.2, 0.5, 0.8])
 def test_noise_has_the_mean_and_variance_of_electrons(radiance, full_well):
     found = sensed(radiance, full_well)
-    variance = (radiance + camera._READ_NOISE**2 / full_well) / full_well
+    variance = (radiance + camera_law.READ_NOISE**2 / full_well) / full_well
     # Rounding to 8 bits adds a twelfth of a level's square.
     level = np.ptp(colour.srgb_to_linear(colour.linear_to_srgb(radiance) + np.array([-1, 1]) / 510))
     assert found.mean() == pytest.approx(radiance, rel=3e-3)
@@ -190,7 +190,7 @@ def test_without_noise_every_level_comes_back():
 
 
 def test_noise_differs_between_photos(monkeypatch):
-    monkeypatch.setattr(camera, "_NEVER_COMPRESSED", 1.0)
+    monkeypatch.setattr(camera_law, "NEVER_COMPRESSED", 1.0)
     scene = flat(0.3)
     first, other = (photo(scene, seed)["image"] - 0.5 for seed in (0, 1))
     first, other = first - first.mean(), other - other.mean()

@@ -5,15 +5,12 @@ import pytest
 from render_scenes import write_inputs
 
 from lime_keras.data import records
+from lime_keras.optics.material_law import sample_material
 from lime_keras.render.corpus import drawing
 from lime_keras.render.corpus.drawing import Sources, render_example
 from lime_keras.render.corpus.sources import BackgroundSource, LightSource, ShapeSource, generator
 from lime_keras.render.scene.quality import FAST
-from lime_keras.render.scene.sampling import (
-    sample_light_rotation,
-    sample_material,
-    sample_pose,
-)
+from lime_keras.render.scene.sampling import sample_light_rotation, sample_pose
 
 SMALL = {"size": 64, "shard_size": 2}
 

@@ -7,7 +7,7 @@ from matplotlib import image as png
 from scipy import stats
 
 from lime_keras.data import records
-from lime_keras.optics import colour, environment
+from lime_keras.optics import colour, environment, material_law
 from lime_keras.render.inspect import contact_sheet, histograms, preview, quantities
 from lime_keras.render.scene import sampling
 
@@ -43,7 +43,7 @@ def panel(figure, start):
 def columns(count, seed=0):
     """Quantities as a sound corpus has them."""
     rng = np.random.default_rng(seed)
-    materials = [sampling.sample_material(rng) for _ in range(count)]
+    materials = [material_law.sample_material(rng) for _ in range(count)]
     rgb = np.array([material.diffuse_albedo for material in materials])
     out = {panel.name: rng.uniform(0.55, 0.9, count) for panel in histograms._PANELS}
     out |= dict(zip(("red", "green", "blue"), rgb.T, strict=True))

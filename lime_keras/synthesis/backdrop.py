@@ -1,0 +1,213 @@
+"""Behind the object: backgrounds cut from textures, the surroundings out of focus, and distractors.
+
+Batches of scenes in `keras.ops`, on the device that trains. All that is random comes as the draws
+of `drawing.draw`, each with a leading axis of B; so each background follows from its own draws.
+"""
+
+import functools
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from keras import ops
+
+from lime_keras.optics import colour
+
+_SHARP_ROWS, _BLURRED_ROWS = 256, 32
+"""Rows of the map in which the surroundings are looked up, at the most and the least sharpness:
+0.7° and 5.6° a texel, where a crop shows some 10° to 30°."""
+_GRID = 64
+"""Cells along each side of the grid on which the surroundings are looked up."""
+
+_DECODED = colour.srgb_to_linear(np.arange(256) / 255).astype(np.float32)
+"""Linear radiance of the 8-bit sRGB levels."""
+
+
+def background(
+    textures: Any, radiance: Any, rotation: Any, camera: Any, size: int, draws: Mapping[str, Any]
+) -> Any:
+    """Make the backgrounds of a batch, `(B, S, S, 3)` float32, linear radiance in [0, 1].
+
+    A background is a texture, the surroundings as the light's map shows them, or two of these on
+    both sides of a smooth random field. Each part has a gain and a tint of its own.
+
+    Args:
+        textures: sRGB pictures `(K, T, T, 3)` uint8.
+        radiance: the lights in the map's frame, linear radiance `(B, H, 2 H)`, at least 0.
+        rotation: rotations `(B, 3, 3)` from the map's frame to camera space.
+        camera: fx, fy, cx, cy in pixels, `(B, 4)`.
+        size: S, height and width in pixels, at most T.
+        draws: the background's draws (`drawing.draw`).
+    """
+    first, second = _cropped(textures, size, draws)
+    rooms = _surroundings(radiance, rotation, camera, size, draws["sharpness"])
+    tint = ops.reshape(draws["tint"], (-1, 2, 1, 1, 3))
+    surrounded = ops.reshape(draws["surrounded"], (-1, 1, 1, 1)) > 0
+    first = ops.where(surrounded, rooms, first) * tint[:, 0]
+    share = ops.sigmoid(_spread(draws["blend"], size))[..., None]
+    return ops.clip(first + share * (second * tint[:, 1] - first), 0.0, 1.0)
+
+
+def _cropped(textures: Any, size: int, draws: Mapping[str, Any]) -> tuple[Any, Any]:
+    """Return the two turned crops of each scene, linear radiance `(B, S, S, 3)` each."""
+    side = textures.shape[1]
+    turn = draws["texture_turn"][..., None, None]
+    row, column = _turned_indices(turn, size)
+    corner = draws["corner"][..., None, None]
+    index = draws["texture"][..., None, None] * side + corner[:, :, 0] + row
+    index = index * side + corner[:, :, 1] + column
+    levels = ops.take(ops.reshape(textures, (-1, 3)), index, axis=0)
+    decoded = ops.take(_DECODED, ops.cast(levels, "int32"))
+    return decoded[:, 0], decoded[:, 1]
+
+
+def _turned_indices(turn: Any, size: int) -> tuple[Any, Any]:
+    """Return the row and the column, `(..., S, S)`, that turned pictures take each pixel from.
+
+    Args:
+        turn: 0 … 7, `(..., 1, 1)` int32: bit 0 exchanges left and right, bit 1 top and bottom,
+            bit 2 rows and columns.
+        size: S, height and width of the pictures.
+    """
+    along = np.arange(size, dtype=np.int32)
+    row, column = along[:, None], along[None, :]
+    column = ops.where(turn % 2 == 1, size - 1 - column, column)
+    row = ops.where(turn // 2 % 2 == 1, size - 1 - row, row)
+    return ops.where(turn >= 4, column, row), ops.where(turn >= 4, row, column)
+
+
+def _surroundings(radiance: Any, rotation: Any, camera: Any, size: int, sharpness: Any) -> Any:
+    """Return what the camera's rays see of the lights, out of focus, `(B, S, S, 1)`.
+
+    The rays are those through a coarse grid, between which the radiance is interpolated.
+    """
+    across = _pixels_of_nodes(_GRID + 3, size)
+    fx, fy, cx, cy = (camera[:, k, None, None] for k in range(4))
+    ray = (across[None, None, :] - cx) / fx, (cy - across[None, :, None]) / fy, -1.0
+    # The rotation's transpose takes camera space to the map's frame.
+    x, y, z = (sum(rotation[:, i, j, None, None] * ray[i] for i in range(3)) for j in range(3))
+    u = ops.arctan2(x, -z) / (2 * math.pi)
+    v = ops.arctan2(ops.sqrt(ops.square(x) + ops.square(z)), y) / math.pi
+    finer = _reduced(radiance, _SHARP_ROWS)
+    coarser = _reduced(finer, _BLURRED_ROWS)
+    sharp, blurred = _bilinear(finer, u, v), _bilinear(coarser, u, v)
+    seen = blurred + ops.reshape(sharpness, (-1, 1, 1)) * (sharp - blurred)
+    return _spread(seen, size)[..., None]
+
+
+def _reduced(radiance: Any, rows: int) -> Any:
+    """Return maps `(B, H, 2 H)` averaged to at most so many rows."""
+    batch, height, width = radiance.shape
+    factor = height // rows
+    if factor <= 1:
+        return radiance
+    height, columns = height // factor, width // factor
+    total = ops.mean(ops.reshape(radiance, (batch, height, factor, width)), axis=2)
+    return ops.mean(ops.reshape(total, (batch, height, columns, factor)), axis=3)
+
+
+def _bilinear(radiance: Any, u: Any, v: Any) -> Any:
+    """Return the bilinear values, `(B, ...)`, of maps `(B, H, W)` at shares u, v of their sides.
+
+    Longitude wraps; at the poles the row is clamped.
+    """
+    batch, height, width = radiance.shape
+    flat = ops.reshape(radiance, (-1,))
+    first = np.arange(batch, dtype=np.int32).reshape(-1, 1, 1) * height
+    column, row = u * width - 0.5, ops.clip(v * height - 0.5, 0.0, height - 1.0)
+    left, top = ops.floor(column), ops.floor(row)
+    across, down = column - left, row - top
+    left, top = ops.cast(left, "int32"), ops.cast(top, "int32")
+    right, bottom = ops.mod(left + 1, width), ops.minimum(top + 1, height - 1)
+    left = ops.mod(left, width)
+
+    def blend(row: Any) -> Any:
+        start = (first + row) * width
+        here = ops.take(flat, start + left)
+        return here + across * (ops.take(flat, start + right) - here)
+
+    upper = blend(top)
+    return upper + down * (blend(bottom) - upper)
+
+
+def _spread(lattice: Any, size: int) -> Any:
+    """Interpolate lattices `(B, n, n)` over images `(B, S, S)` by uniform cubic B-splines."""
+    weights = _spline_weights(lattice.shape[1], size)
+    return ops.matmul(ops.matmul(weights, lattice), weights.T)
+
+
+@functools.cache
+def _spline_weights(count: int, size: int) -> np.ndarray:
+    """Return each pixel's weights of the nodes, `(S, count)`; the outermost lie outside."""
+    position = np.linspace(1, count - 2, size)[:, None]
+    d = np.abs(position - np.arange(count))
+    near = 2 / 3 - d**2 + d**3 / 2
+    return np.where(d < 1, near, np.maximum(2 - d, 0) ** 3 / 6).astype(np.float32)
+
+
+def _pixels_of_nodes(count: int, size: int) -> np.ndarray:
+    """Return the coordinates in pixels of the nodes of `_spread`, `(count,)` float32.
+
+    The first and the last pixel, whose centres are ½ and S − ½, lie on the nodes next to the ends.
+    """
+    spacing = (size - 1) / (count - 3)
+    return (0.5 + (np.arange(count) - 1) * spacing).astype(np.float32)
+
+
+def compose(
+    radiance: Any, coverage: Any, behind: Any, draws: Mapping[str, Any] | None = None
+) -> Any:
+    """Return the linear radiance of whole images, `(B, S, S, 3)`: objects before backgrounds.
+
+    In the image of an accompanied scene, the object of its partner stands between its own object
+    and the background: mirrored at times, and shifted. The partner of scene 2 k is scene 2 k + 1,
+    and the other way round. So a batch begins at an even position; then every scene has the same
+    partner in batches of all sizes.
+
+    Args:
+        radiance: linear radiance of the objects, Eq. 4, `(B, S, S, 3)`, at least 0 and finite.
+        coverage: share of each pixel that the object covers, `(B, S, S, 1)` in [0, 1].
+        behind: the backgrounds, linear radiance `(B, S, S, 3)`.
+        draws: the distractors' draws (`drawing.draw`); by default no scene is accompanied.
+
+    Raises:
+        ValueError: if there are draws, and B is odd.
+    """
+    own = coverage * radiance
+    if draws is not None:
+        batch = coverage.shape[0]
+        if batch % 2:
+            raise ValueError(
+                f"scenes stand in pairs, so a batch cannot hold {batch}: choose an even batch size"
+            )
+        partner = np.arange(batch) ^ 1
+        both = ops.concatenate([own, coverage], axis=-1)
+        other = _shifted(both, partner, draws["offset"], draws["mirrored"])
+        other = ops.reshape(draws["accompanied"], (-1, 1, 1, 1)) * other
+        behind = other[..., :3] + (1.0 - other[..., 3:]) * behind
+    return own + (1.0 - coverage) * behind
+
+
+def _shifted(images: Any, source: np.ndarray, offset: Any, mirrored: Any) -> Any:
+    """Return other images of a batch, mirrored left to right at times and shifted, 0 beyond.
+
+    Args:
+        images: `(B, S, S, C)`.
+        source: index of the image that each scene takes, `(B,)`.
+        offset: rows down and columns to the right, `(B, 2)` int32.
+        mirrored: 0 or 1, `(B,)` int32.
+    """
+    size, channels = images.shape[2:]
+    along = np.arange(size, dtype=np.int32)
+    row, column = (along - offset[:, k : k + 1] for k in (0, 1))
+    inside = ops.logical_and(_within(row, size)[:, :, None], _within(column, size)[:, None, :])
+    column = ops.where(mirrored[:, None] > 0, size - 1 - column, column)
+    index = (source.astype(np.int32)[:, None] * size + ops.clip(row, 0, size - 1)) * size
+    index = index[:, :, None] + ops.clip(column, 0, size - 1)[:, None, :]
+    taken = ops.take(ops.reshape(images, (-1, channels)), index, axis=0)
+    return ops.where(inside[..., None], taken, 0.0)
+
+
+def _within(index: Any, size: int) -> Any:
+    return ops.logical_and(index >= 0, index < size)
