@@ -25,6 +25,7 @@ from keras import ops
 from tqdm import tqdm
 
 from lime_keras.data import pipeline
+from lime_keras.data.features import LEARNT_FROM
 from lime_keras.networks import PRESETS, SUBNETWORKS
 from lime_keras.networks.precision import computing_in
 from lime_keras.optics.masking import masked_mean
@@ -103,7 +104,7 @@ def main() -> None:
     training, kept_back = pipeline.training_shards(options.corpus)
     size, batch_size = PRESETS["smoke"].size, SCHEDULES["smoke"].batch_size
     evaluation = pipeline.evaluation(
-        kept_back, size=size, batch_size=batch_size, features=pipeline.LEARNT_FROM
+        kept_back, size=size, batch_size=batch_size, features=LEARNT_FROM
     )
     held_out = list(evaluation.take(math.ceil(options.examples / batch_size)))
     black = np.mean([_error(batch, 0.0 * batch["specular_shading"]) for batch in held_out])

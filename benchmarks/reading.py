@@ -15,6 +15,7 @@ import tensorflow as tf
 
 from lime_keras.data import camera, pipeline, records
 from lime_keras.data.corpus import Split
+from lime_keras.data.features import LEARNT_FROM
 
 WARM_UP = 256
 """Number of examples before the clock starts; then the buffer is full and all threads run."""
@@ -33,7 +34,7 @@ def main() -> None:
     stored = tf.data.TFRecordDataset([str(path) for path in shards]).repeat()
     size = arguments.size or records.parse(next(iter(stored)), ["mask"])["mask"].shape[0]
     needed = [
-        *(name for name in pipeline.LEARNT_FROM if name in records.FEATURES),
+        *(name for name in LEARNT_FROM if name in records.FEATURES),
         *("shininess", "seed", "index"),
     ]
     decoded = _mapped(stored, lambda serialized: records.parse(serialized, needed))

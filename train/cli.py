@@ -1,6 +1,10 @@
 """`lime-train`: run the training stages."""
 
 import argparse
+import importlib.util
+import os
+import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,15 +19,26 @@ examples:
   lime-train corpus --out runs/paper --preset paper --precision bfloat16
   lime-train corpus --out runs/paper --resume
   lime-train meshes procedural --out runs/both --preset live
+  lime-train bank --out runs/bank --preset live --minutes 22 --batch-size 64
+  KERAS_BACKEND=jax lime-train bank --out runs/jax --preset live
   lime-train corpus --out runs/64 --preset live --size 64 --stages segmentation specular mirror
   lime-train corpus --out runs/live --preset live --start-from runs/64
   lime-train corpus --out runs/no-mirror --preset paper --without mirror --reuse runs/paper
   tensorboard --logdir runs
 
+A bank (`lime-render bank`) makes every scene anew where the training runs. Under JAX, runs from
+banks alone need no TensorFlow. Named together, corpora and banks take turns batch by batch, in
+proportion to the number of paths of each.
+
 Stages: the five subnetworks alone on truth (segmentation, specular, mirror, albedo, exponent), then
 specular+mirror, specular+mirror+exponent and specular+mirror+exponent+albedo joined. An interrupted
 command, run again, goes on from its last checkpoint, at most a minute back. The last tenth of
-each train split's files is held out for validation.
+each train split's files, and a tenth of each bank's shapes and lights, is held out for validation.
+
+--minutes: all stages are first compiled and measured. Then each gets a share of the time left, in
+proportion to the preset's batches times the seconds of a batch, and its learning rate falls to 0 in
+that time. OUT/model is written every two minutes. A resumed run goes on with the time that was left
+at its last checkpoint; its weights are not the same bit for bit.
 """
 
 
@@ -31,16 +46,16 @@ def parser() -> argparse.ArgumentParser:
     """Return the parser of the command's options."""
     out = argparse.ArgumentParser(
         prog="lime-train",
-        description="Train the subnetworks of LIME on corpora of `lime-render`.",
+        description="Train the subnetworks of LIME on corpora and banks of `lime-render`.",
         epilog=_EXAMPLE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     out.add_argument(
-        "corpora",
+        "paths",
         nargs="+",
         type=Path,
-        metavar="CORPUS",
-        help="folder that lime-render wrote; of several all are learnt from together",
+        metavar="PATH",
+        help="corpus or bank that lime-render wrote; of several all are learnt from together",
     )
     out.add_argument("--out", type=Path, required=True, metavar="RUN", help="folder of the run")
     begun = out.add_mutually_exclusive_group(required=True)
@@ -56,11 +71,24 @@ def parser() -> argparse.ArgumentParser:
         help="go on with the run that is there, as it was begun; an option that says otherwise is "
         "refused with the difference",
     )
-    out.add_argument(
+    length = out.add_mutually_exclusive_group()
+    length.add_argument(
         "--scale-steps",
         type=_positive,
         metavar="FACTOR",
         help="train each stage for so many times the preset's batches (default: 1)",
+    )
+    length.add_argument(
+        "--minutes",
+        type=_positive,
+        metavar="M",
+        help="train within so many minutes of wall-clock time, start-up and evaluation included",
+    )
+    out.add_argument(
+        "--batch-size",
+        type=console.count,
+        metavar="EXAMPLES",
+        help="in a batch; more make better use of a large GPU (default: the preset's)",
     )
     out.add_argument(
         "--width",
@@ -139,18 +167,21 @@ def parser() -> argparse.ArgumentParser:
 
 def main(argv: list[str] | None = None) -> int:
     """Train a run and return the exit status."""
+    began = time.monotonic()
     options = parser().parse_args(argv)
-    return console.run(lambda: _train(options), "the same command goes on from the last checkpoint")
+    return console.run(
+        lambda: _train(options, began), "the same command goes on from the last checkpoint"
+    )
 
 
-def _train(options: argparse.Namespace) -> int:
-    console.import_tensorflow()
+def _train(options: argparse.Namespace, began: float) -> int:
+    _import_tensorflow(options.paths)
     from . import initial_weights, summary, trainer
 
     config = _config(options)
     with _Bars(config.schedule.stages(config.architecture)) as bars:
         untrained = trainer.train(
-            options.corpora,
+            options.paths,
             options.out,
             config,
             bars.tell,
@@ -158,8 +189,11 @@ def _train(options: argparse.Namespace) -> int:
             reuse=options.reuse,
             start_from=options.start_from,
             devices=options.devices,
+            began=began,
         )
     print(summary.table(options.out))
+    if evaluated := summary.evaluation(options.out):
+        print(f"\n{evaluated}\n")
     if config.begun_from is not None:
         print(initial_weights.described(options.out))
     if untrained:
@@ -170,6 +204,29 @@ def _train(options: argparse.Namespace) -> int:
     else:
         print(f"trained model in {options.out / 'model'}")
     return 0
+
+
+def _import_tensorflow(paths: Sequence[Path]) -> None:
+    """Import TensorFlow if it is the backend or reads records.
+
+    Raises:
+        ValueError: if it is needed and not installed.
+    """
+    from lime_keras.synthesis import bank
+
+    backend = os.environ.get("KERAS_BACKEND", "tensorflow")
+    corpora = [str(path) for path in paths if not bank.is_bank(path)]
+    if backend != "tensorflow" and not corpora:
+        return
+    if importlib.util.find_spec("tensorflow") is None:
+        mend = (
+            f"{', '.join(corpora)} holds records, or is an incomplete bank: install TensorFlow to "
+            "read records"
+            if corpora
+            else "set KERAS_BACKEND=jax to train from banks without it"
+        )
+        raise ValueError(f"TensorFlow is not installed; {mend}")
+    console.import_tensorflow()
 
 
 def _config(options: argparse.Namespace) -> Any:
@@ -190,7 +247,7 @@ def _config(options: argparse.Namespace) -> Any:
         return default if held is None else of_held(held)
 
     preset = chosen(options.preset, lambda c: c.preset, None)
-    sizes = PRESETS[preset]
+    sizes, schedule = PRESETS[preset], SCHEDULES[preset]
     scale = chosen(options.scale_steps, lambda c: c.steps_scale, 1.0)
     without = options.without
     return Config(
@@ -208,9 +265,14 @@ def _config(options: argparse.Namespace) -> Any:
             ),
             exponent=chosen(options.exponent, lambda c: c.architecture.exponent, "classification"),
         ),
-        schedule=SCHEDULES[preset].scaled(scale),
+        schedule=dataclasses.replace(
+            schedule.scaled(scale),
+            batch_size=chosen(
+                options.batch_size, lambda c: c.schedule.batch_size, schedule.batch_size
+            ),
+        ),
         seed=chosen(options.seed, lambda c: c.seed, 0),
-        corpus_sha256=corpus_sha256(options.corpora),
+        corpus_sha256=corpus_sha256(options.paths),
         camera=chosen(options.camera, lambda c: c.camera, True),
         compositing=chosen(
             None if without is None else "perceptual" not in without,
@@ -223,15 +285,19 @@ def _config(options: argparse.Namespace) -> Any:
             lambda c: c.begun_from,
             None,
         ),
+        minutes=chosen(options.minutes, lambda c: c.minutes, None),
     )
 
 
 class _Bars:
-    """Progress bars, one for each stage: steps, rate, time left, mean losses and wait for data."""
+    """Progress bars, one for each stage: steps, rate, time left, mean losses and wait for data.
+
+    The bar of a stage with a share of a budget shows per cent of its time, and the run's time left.
+    """
 
     def __init__(self, stages: list[Any]):
         self._names = [stage.name for stage in stages]
-        self._stage: Any = None
+        self._title = ""
         self._bar: console.Bar | None = None
 
     def __enter__(self) -> "_Bars":
@@ -242,16 +308,27 @@ class _Bars:
             self._bar.__exit__()
 
     def tell(self, progress: Any) -> None:
-        """Show the progress of a stage."""
-        stage = progress.stage
-        if self._bar is None or stage is not self._stage:
+        """Show the progress of a stage, or of what precedes the stages of a run with a budget."""
+        stage, timed = progress.stage, progress.left is not None
+        if progress.compiled:
+            self._named("compiling and measuring", "stage").move(*progress.compiled)
+            return
+        title = f"{self._names.index(stage.name) + 1}/{len(self._names)} {stage.name}"
+        bar = self._named(title, "%" if timed else "step")
+        told = {name: f"{value:.3g}" for name, value in progress.losses.items() if name != "loss"}
+        told["data"] = f"{progress.data_wait:.0%}"
+        if timed:
+            minutes, seconds = divmod(max(0, int(progress.left)), 60)
+            told |= {"step": str(progress.step), "left": f"{minutes}:{seconds:02}"}
+            bar.move(int(100 * progress.done), 100, told)
+        else:
+            bar.move(progress.step, stage.steps, told)
+
+    def _named(self, title: str, unit: str) -> console.Bar:
+        if self._bar is None or title != self._title:
             self.__exit__()
-            self._stage = stage
-            number = self._names.index(stage.name) + 1
-            self._bar = console.Bar(f"{number}/{len(self._names)} {stage.name}", "step")
-        terms = {name: f"{value:.3g}" for name, value in progress.losses.items() if name != "loss"}
-        waited = {"data": f"{progress.data_wait:.0%}"}
-        self._bar.move(progress.step, stage.steps, terms | waited)
+            self._title, self._bar = title, console.Bar(title, unit)
+        return self._bar
 
 
 def _positive(text: str) -> float:

@@ -1,4 +1,4 @@
-"""The record of a run in its folder: config, corpora, software versions and git commit."""
+"""The record of a run in its folder: config, data, software versions and git commit."""
 
 import dataclasses
 import hashlib
@@ -13,11 +13,12 @@ import keras
 from lime_keras.data.corpus import Split
 from lime_keras.io import atomic
 from lime_keras.networks import Architecture
+from lime_keras.synthesis import bank
 from lime_keras.version import __version__, installed
 
 from .stages import Schedule
 
-_PACKAGES = ("tensorflow", "keras", "numpy")
+_PACKAGES = ("tensorflow", "jax", "keras", "numpy")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -30,12 +31,14 @@ class Config:
         architecture: architecture of the subnetworks.
         schedule: schedule of the stages.
         seed: seed of the initial weights, of the order of examples and of the photos; 0 is a seed.
-        corpus_sha256: hash of the train splits (function `corpus_sha256`).
+        corpus_sha256: hash of the train splits and banks (function `corpus_sha256`).
         camera: whether the camera model photographs the scenes (`lime_keras.data.camera`).
         compositing: whether AlbedoNet's loss contains Eq. 5.
         precision: precision in which the subnetworks compute, a key of `precision.POLICIES`.
         begun_from: hash of the trained model whose weights the run begins with
             (`initial_weights.sha256`); None for fresh weights.
+        minutes: wall-clock time of the whole run (`train.budget`); None if each stage has as many
+            batches as the schedule says.
     """
 
     preset: str
@@ -48,6 +51,7 @@ class Config:
     compositing: bool = True
     precision: str = "float32"
     begun_from: str | None = None
+    minutes: float | None = None
 
     @classmethod
     def read(cls, run: Path) -> "Config":
@@ -79,40 +83,57 @@ def config_path(run: Path) -> Path:
     return run / "config.json"
 
 
-def corpus_sha256(corpora: Sequence[Path]) -> str:
-    """Return a hash that identifies the train splits: of their shards' checksums, in order."""
-    digests = [digest for corpus in corpora for digest in Split(corpus, "train").sha256]
+def is_bank(path: Path) -> bool:
+    """Return whether a path is a bank, complete or not, and no corpus."""
+    return bank.is_bank(path) or (path / "geometry").is_dir()
+
+
+def corpus_sha256(paths: Sequence[Path]) -> str:
+    """Return a hash that identifies the data of a run.
+
+    It is made of the checksums of corpora's train shards and of banks' files, in order.
+    """
+    digests = [digest for path in paths for digest in _digests(path)]
     return hashlib.sha256("".join(digests).encode()).hexdigest()
 
 
-def claim(run: Path, corpora: Sequence[Path], config: Config) -> None:
+def _digests(path: Path) -> list[str]:
+    if not is_bank(path):
+        return Split(path, "train").sha256
+    return [digest for _, digest in sorted(bank.manifest(path)["files"].items())]
+
+
+def check(run: Path, config: Config) -> None:
+    """Raise ValueError if a folder holds a run of another config, and name the differences."""
+    path = config_path(run)
+    if not path.is_file():
+        return
+    held = json.loads(path.read_text(encoding="utf-8"))["config"]
+    differing = [
+        f"{name} {there} there, {asked} asked"
+        for name, there, asked in _differences(held, _plain(config))
+    ]
+    if differing:
+        raise ValueError(
+            f"{run} holds another run: {'; '.join(differing)}. Pass another --out, the same "
+            "options and corpus, or remove it"
+        )
+
+
+def claim(run: Path, paths: Sequence[Path], config: Config) -> None:
     """Record a run in `RUN/config.json`, unless the same config is recorded there already.
 
     Raises:
-        ValueError: if the folder holds a run of another config; the message names the differences.
+        ValueError: if the folder holds a run of another config (see `check`).
     """
+    check(run, config)
     path = config_path(run)
-    wanted = json.loads(json.dumps(dataclasses.asdict(config)))
     if path.is_file():
-        held = json.loads(path.read_text(encoding="utf-8"))["config"]
-        differing = [
-            f"{name} {there} there, {asked} asked"
-            for name, there, asked in _differences(held, wanted)
-        ]
-        if differing:
-            raise ValueError(
-                f"{run} holds another run: {'; '.join(differing)}. Pass another --out, the same "
-                "options and corpus, or remove it"
-            )
         return
     record = {
-        "config": wanted,
+        "config": _plain(config),
         "corpora": [
-            {
-                "path": str(corpus),
-                "description": Split(corpus, "train").manifest.get("description"),
-            }
-            for corpus in corpora
+            {"path": str(path), "description": _manifest(path).get("description")} for path in paths
         ],
         "version": __version__,
         "backend": keras.backend.backend(),
@@ -120,6 +141,15 @@ def claim(run: Path, corpora: Sequence[Path], config: Config) -> None:
         "commit": _commit(),
     }
     atomic.write(path, json.dumps(record, indent=1) + "\n")
+
+
+def _plain(config: Config) -> dict[str, Any]:
+    """Return a config in the form that JSON gives back."""
+    return json.loads(json.dumps(dataclasses.asdict(config)))
+
+
+def _manifest(path: Path) -> Mapping[str, Any]:
+    return bank.manifest(path) if is_bank(path) else Split(path, "train").manifest
 
 
 def _differences(

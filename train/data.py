@@ -1,91 +1,118 @@
-"""The training batches of a stage, and the held-out batches that it is evaluated on."""
+"""The training batches of a stage, and the held-out batches that it is evaluated on.
 
-import functools
+They come from corpora of stored records, from banks of geometry whose scenes are made where the
+training runs, or from both. TensorFlow is imported only to read records.
+"""
+
+import itertools
 import math
 import zlib
 from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-import keras
+from lime_keras.data.corpus import Split
+from lime_keras.synthesis import bank
 
-from lime_keras.data import pipeline
-
-from .config import Config
+from .config import Config, is_bank
 from .stages import Stage
 
 _ORIGIN = ("seed", "index")
-"""Features that identify an example of a corpus."""
+"""Features that identify an example: in a corpus its own, of a bank's scene seed and position."""
+_ALWAYS = ("shininess",)
+"""Features that held-out batches always hold, so that all stages can share them."""
 
 Batch = dict[str, Any]
 
 
 class Data:
-    """The train splits of corpora, with the last tenth of each split's files held out.
+    """The data of a run, without what is held out.
+
+    Batches of corpora and of banks alternate in proportion to the number of paths of each kind: of
+    two corpora and a bank, every third batch is the bank's. Each batch is of one kind, and mixes
+    all paths of its kind.
 
     Args:
-        corpora: folders with complete train splits.
+        paths: folders of corpora with complete train splits, and of complete banks.
         config: config of the run.
 
     Raises:
-        FileNotFoundError: if a split is incomplete.
-        ValueError: if a split is too small or damaged.
+        FileNotFoundError: if a split or a bank is incomplete.
+        ValueError: if a split is too small, if anything is damaged, in another unit than the first
+            path, or of an image size that does not fit.
     """
 
-    def __init__(self, corpora: Sequence[Path], config: Config):
-        training, self._held_out = zip(*map(pipeline.training_shards, corpora), strict=True)
-        self._training = [path for shards in training for path in shards]
-        self._config = config
+    def __init__(self, paths: Sequence[Path], config: Config):
+        banks = [path for path in paths if is_bank(path)]
+        corpora = [path for path in paths if path not in banks]
+        self._paths, self._bank_count, self._config = paths, len(banks), config
+        self._corpora: Any = None
+        self._banks: Any = None
+        if corpora:
+            from .corpora import Corpora
+
+            self._corpora = Corpora(corpora, config)
+        if banks:
+            from .banks import Banks
+
+            self._banks = Banks(banks, config)
+        _check_sizes(paths, config.architecture.size)
+        _check_units(paths)
+        self._kept: list[Batch] = []
+        self._kept_features: set[str] = set()
 
     def training(self, stage: Stage, features: Collection[str], first_step: int) -> Iterator[Batch]:
         """Yield a stage's batches without end, from a step on.
 
         Each batch also holds `seed` and `index`, which identify its examples.
         """
-        config = self._config
-        dataset = pipeline.training(
-            self._training,
-            size=config.architecture.size,
-            batch_size=config.schedule.batch_size,
-            seed=zlib.crc32(f"{config.seed} {stage.name}".encode()),
-            first_step=first_step,
-            camera=config.camera,
-            flips=config.schedule.flips,
-            repaints=config.schedule.repaints,
-            features=(*features, *_ORIGIN),
-        )
-        for batch in pipeline.naming_damage(dataset, self._training):
-            yield _native(batch)
+        seed = zlib.crc32(f"{self._config.seed} {stage.name}".encode())
+        of_banks = self._steps_of_banks(first_step)
+        wanted, batches = (*features, *_ORIGIN), {}
+        if self._banks is not None:
+            batches["banks"] = self._banks.training(seed, wanted, of_banks)
+        if self._corpora is not None:
+            batches["corpora"] = self._corpora.training(seed, wanted, first_step - of_banks)
+        for step in itertools.count(first_step):
+            yield next(batches["banks" if self._is_of_banks(step) else "corpora"])
 
-    def held_out(self, features: Collection[str]) -> "HeldOut":
-        """Return the held-out examples: equally many of each corpus, where it has enough."""
-        config = self._config
-        share = config.schedule.validation_examples / len(self._held_out)
-        count = math.ceil(share / config.schedule.batch_size)
-        datasets = [
-            pipeline.evaluation(
-                shards,
-                size=config.architecture.size,
-                batch_size=config.schedule.batch_size,
-                camera=config.camera,
-                features=features,
-            ).take(count)
-            for shards in self._held_out
-        ]
-        dataset = functools.reduce(lambda one, other: one.concatenate(other), datasets)
-        return HeldOut(dataset.cache(), [path for shards in self._held_out for path in shards])
+    def held_out(self, features: Collection[str]) -> Iterator[Batch]:
+        """Yield the held-out batches: equally many of each path, where it has enough.
 
+        They are read or made once, and then kept in memory.
+        """
+        if not self._kept_features.issuperset(features):
+            self._kept_features |= {*features, *_ALWAYS}
+            self._kept = list(self._held_out(sorted(self._kept_features)))
+        for batch in self._kept:
+            yield {name: batch[name] for name in features}
 
-class HeldOut:
-    """Held-out batches, which are read once and can be iterated many times."""
+    def blamed(self, step: int, batch: Batch, rows: Sequence[int]) -> str:
+        """Return words that identify examples of a batch and say what mends them.
 
-    def __init__(self, dataset: Any, shards: list[Path]):
-        self._dataset, self._shards = dataset, shards
+        Args:
+            step: number of batches before this one.
+            batch: batch of `training`.
+            rows: rows of the examples, at least one.
+        """
+        origins = [(int(batch["seed"][row]), int(batch["index"][row])) for row in rows]
+        of_banks = self._steps_of_banks(step)
+        if self._is_of_banks(step):
+            return self._banks.blamed(of_banks, origins)
+        return self._corpora.blamed(step - of_banks, origins)
 
-    def __iter__(self) -> Iterator[Batch]:
-        """Yield the batches, from the first."""
-        for batch in pipeline.naming_damage(self._dataset, self._shards):
-            yield _native(batch)
+    def _held_out(self, features: Collection[str]) -> Iterator[Batch]:
+        share = self._config.schedule.validation_examples / len(self._paths)
+        batches = math.ceil(share / self._config.schedule.batch_size)
+        for source in filter(None, (self._corpora, self._banks)):
+            yield from source.held_out(features, batches)
+
+    def _steps_of_banks(self, steps: int) -> int:
+        """Return how many of the first `steps` batches are of banks."""
+        return steps * self._bank_count // len(self._paths)
+
+    def _is_of_banks(self, step: int) -> bool:
+        return self._steps_of_banks(step + 1) > self._steps_of_banks(step)
 
 
 def without_origin(batch: Batch) -> Batch:
@@ -93,14 +120,32 @@ def without_origin(batch: Batch) -> Batch:
     return {name: value for name, value in batch.items() if name not in _ORIGIN}
 
 
-def origin(batch: Batch, row: int) -> str:
-    """Return words that identify the example in a row of a batch."""
-    seed, index = (int(batch[name][row]) for name in _ORIGIN)
-    return f"example {index} of seed {seed}"
+def _check_sizes(paths: Sequence[Path], size: int) -> None:
+    """Raise ValueError if images cannot be averaged down to the networks' size."""
+    for path in paths:
+        stored = _size(path) or size
+        if stored % size:
+            raise ValueError(
+                f"{path} holds images of {stored} pixels, which cannot be averaged to the {size} "
+                f"that the networks take: pass --size with a divisor of {stored}, or render with "
+                f"--size {size} or a multiple of it"
+            )
 
 
-def _native(batch: Batch) -> Batch:
-    """Return the batch with NumPy arrays in place of tensors, unless TensorFlow is the backend."""
-    if keras.backend.backend() == "tensorflow":
-        return batch
-    return {name: value.numpy() for name, value in batch.items()}
+def _check_units(paths: Sequence[Path]) -> None:
+    """Raise ValueError if the specular albedos of corpora and banks have different units."""
+    first, *others = map(_shading, paths)
+    for path, shading in zip(paths[1:], others, strict=True):
+        if shading != first:
+            raise ValueError(
+                f"{path} was rendered with --shading {shading} and {paths[0]} with {first}: "
+                "their specular albedos have different units, so render one of them again"
+            )
+
+
+def _size(path: Path) -> int | None:
+    return bank.manifest(path)["size"] if is_bank(path) else Split(path, "train").size
+
+
+def _shading(path: Path) -> str:
+    return "furnace" if is_bank(path) else Split(path, "train").shading

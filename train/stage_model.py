@@ -9,7 +9,7 @@ from typing import Any
 import keras
 from keras import ops
 
-from lime_keras.data import pipeline
+from lime_keras.data.features import LEARNT_FROM
 from lime_keras.networks import answers
 from lime_keras.networks.wiring import Wiring, needed, quantities
 
@@ -51,8 +51,8 @@ class StageModel(keras.Model):
 
     @property
     def features(self) -> tuple[str, ...]:
-        """The names of the features, as in `pipeline`, that a batch must hold."""
-        wanted = list(pipeline.LEARNT_FROM)
+        """The names of the features, as in `data.pipeline`, that a batch must hold."""
+        wanted = list(LEARNT_FROM)
         for quantity in self._given:
             wanted += terms.features_of_truth(quantity)
         for term in self.terms:

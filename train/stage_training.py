@@ -1,23 +1,27 @@
 """The training of one stage: steps, checkpoints, curves, and a stop if a loss is not finite."""
 
 import dataclasses
+import functools
 import math
-import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from time import monotonic
 from typing import NoReturn
 
-from .data import Batch, Data, origin, without_origin
+from . import tensorboard_log
+from .budget import Cost, seconds_of, seconds_of_evaluation
+from .data import Batch, Data, without_origin
 from .devices import Devices
 from .optimizer import gradient_norms
+from .pace import Pace
 from .stage_model import StageModel
 from .stages import Stage
-from .state import Checkpoint, Curve, Means
+from .state import Checkpoint, Curve, Mark, Means, restore, values
 from .tensorboard_log import Board
 
 _SECONDS_BETWEEN_CHECKPOINTS = 60
-_CURVE_POINTS, _LONGEST_INTERVAL = 10, 500
-"""Number of evaluations on held-out examples in a stage, and most batches between two of them."""
+_TIMED_STEPS = 3
+"""Number of batches whose mean time is taken for that of a stage's batches."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -29,12 +33,19 @@ class Progress:
         step: number of batches done.
         losses: mean training losses by name, since the last evaluation on held-out examples.
         data_wait: share of the time since that evaluation spent waiting for batches, in [0, 1].
+        done: share of the stage that is done, in [0, 1].
+        left: seconds left of the run's budget; None if the stage has a number of batches.
+        compiled: number of stages that are compiled and measured, and number of those to train,
+            before a run with a budget begins to train; None in training.
     """
 
     stage: Stage
     step: int
     losses: Mapping[str, float]
     data_wait: float
+    done: float = 1.0
+    left: float | None = None
+    compiled: tuple[int, int] | None = None
 
 
 Tell = Callable[[Progress], None]
@@ -64,7 +75,7 @@ class StageTraining:
         files: paths of the stage's files.
         data: training and held-out examples.
         devices: devices that each batch is split between.
-        tell: function called with the progress after each batch.
+        tell: function called with the progress after each batch, and once before.
     """
 
     def __init__(
@@ -79,72 +90,119 @@ class StageTraining:
     ):
         self._stage, self._model, self._checkpoint, self._files = stage, model, checkpoint, files
         self._data, self._devices, self._tell = data, devices, tell
-        self._held_out = data.held_out(model.features)
 
-    def run(self) -> None:
+    def measure(self) -> Cost:
+        """Compile the functions of the stage, measure their time, and leave the model as it was."""
+        model, before = self._model, values(self._model)
+        batches = self._data.training(self._stage, model.features, 0)
+
+        def step() -> None:
+            self._step(next(batches))
+
+        step()
+        seconds = sum(seconds_of(step) for _ in range(_TIMED_STEPS)) / _TIMED_STEPS
+        restore(model, before)
+        look = seconds_of_evaluation(self._data.held_out(model.features), self._evaluate)
+        first = next(self._data.held_out(model.features), None)
+        if first is not None and tensorboard_log.installed():
+            draw = functools.partial(tensorboard_log.picture, model, first)
+            draw()
+            look += seconds_of(draw)
+        return Cost(seconds, look)
+
+    def run(self, pace: Pace, keep: Callable[[], None]) -> None:
         """Train until the stage's last batch.
+
+        Args:
+            pace: pace of the stage.
+            keep: function called after each batch, which may write the model trained so far.
 
         Raises:
             RuntimeError: if a loss or a gradient is not finite. The message names the example if
                 a single one causes it.
             ValueError: if a record is damaged.
         """
-        step = self._checkpoint.step() or 0
+        mark = self._checkpoint.mark()
+        step = 0 if mark is None else mark.step
         if step:
             self._checkpoint.restore(self._model)
         curve, board = Curve(self._files.curve, step), Board(self._files.board)
         try:
-            self._run(step, curve, board)
+            self._run(step, pace, keep, curve, board)
         finally:
             board.close()
 
-    def _run(self, step: int, curve: Curve, board: Board) -> None:
+    def _run(
+        self, step: int, pace: Pace, keep: Callable[[], None], curve: Curve, board: Board
+    ) -> None:
         stage, model = self._stage, self._model
-        self._tell(Progress(stage, step, {}, 0.0))
+        self._tell(Progress(stage, step, {}, 0.0, pace.progress(step), pace.left))
         if step == 0:
-            self._look(0, {}, curve, board)
+            pace.looked(0.0, self._look(0, {}, curve, board))
         batches = self._data.training(stage, model.features, step)
-        interval = min(max(1, stage.steps // _CURVE_POINTS), _LONGEST_INTERVAL)
-        losses, norms, waited, began = Means(), Means(), 0.0, time.monotonic()
+        losses, norms, waited, began = Means(), Means(), 0.0, monotonic()
         saved, first = began, step
-        while step < stage.steps:
-            asked = time.monotonic()
+        pace.start()
+        progress = pace.progress(step)
+        while True:
+            # However short its time is, the first batch of a stage is learnt from.
+            rate = pace.rate(progress if step else 0.0, stage.learning_rate)
+            if rate is not None:
+                model.optimizer.learning_rate = rate
+            asked = monotonic()
             batch = next(batches)
-            waited += time.monotonic() - asked
-            batch_losses = model.train_on_batch(
-                self._devices.split(without_origin(batch)), return_dict=True
-            )
+            waited += monotonic() - asked
+            batch_losses = self._step(batch)
             step += 1
             batch_norms = gradient_norms(model.optimizer)
             if not _finite(batch_losses) or not _finite(batch_norms):
                 self._stop(step, batch, batch_losses, batch_norms)
             losses.add(batch_losses)
             norms.add(batch_norms)
-            elapsed = time.monotonic() - began
-            self._tell(Progress(stage, step, losses.means(), waited / max(elapsed, 1e-9)))
-            if step % interval == 0 or step == stage.steps:
-                rate = {"steps a second": (step - first) / elapsed, "data wait": waited / elapsed}
-                self._look(step, losses.means(), curve, board)
-                board.scalars(step, {"gradient norm": norms.means(), "throughput": rate})
-                losses, norms, waited, began, first = Means(), Means(), 0.0, time.monotonic(), step
-            if step == stage.steps or time.monotonic() - saved > _SECONDS_BETWEEN_CHECKPOINTS:
-                self._checkpoint.save(model, step)
-                saved = time.monotonic()
+            progress = pace.progress(step)
+            elapsed = monotonic() - began
+            share = waited / max(elapsed, 1e-9)
+            self._tell(Progress(stage, step, losses.means(), share, progress, pace.left))
+            if pace.looks(step, progress):
+                rates = {"steps a second": (step - first) / elapsed, "data wait": waited / elapsed}
+                pace.looked(progress, self._look(step, losses.means(), curve, board))
+                board.scalars(step, {"gradient norm": norms.means(), "throughput": rates})
+                losses, norms, waited, began, first = Means(), Means(), 0.0, monotonic(), step
+            if progress >= 1 or monotonic() - saved > _SECONDS_BETWEEN_CHECKPOINTS:
+                self._checkpoint.save(model, Mark(step, **pace.state(progress)))
+                saved = monotonic()
+            if progress >= 1:
+                return
+            keep()
 
-    def _look(self, step: int, training: dict[str, float], curve: Curve, board: Board) -> None:
-        """Evaluate on the held-out examples and record their losses with the training losses."""
-        model, devices, losses, first = self._model, self._devices, Means(), None
+    def _step(self, batch: Batch) -> dict[str, float]:
+        """Take a training step and return the batch's losses by name."""
+        seen = self._devices.split(without_origin(batch))
+        return self._model.train_on_batch(seen, return_dict=True)
+
+    def _evaluate(self, batch: Batch) -> dict[str, float]:
+        """Update the measures with a held-out batch and return the batch's losses by name."""
+        seen, weights = self._devices.split(batch), self._devices.weights(batch)
+        return self._model.test_on_batch(seen, sample_weight=weights, return_dict=True)
+
+    def _look(self, step: int, training: dict[str, float], curve: Curve, board: Board) -> float:
+        """Evaluate on the held-out examples and record their losses with the training losses.
+
+        Returns:
+            The seconds that it took.
+        """
+        began, model, losses, first = monotonic(), self._model, Means(), None
         model.reset_measures()
-        for batch in self._held_out:
+        for batch in self._data.held_out(model.features):
             first = first or batch
-            seen, weights = devices.split(batch), devices.weights(batch)
-            losses.add(model.test_on_batch(seen, sample_weight=weights, return_dict=True))
+            losses.add(self._evaluate(batch))
         measured = {} if first is None else model.measured()
         curve.add(step, training, losses.means(), measured)
         groups = {"training": training, "held out": losses.means(), "measure": measured}
         board.scalars(step, groups)
         if first is not None:
             board.panel(step, model, first)
+        return monotonic() - began
 
     def _stop(
         self, step: int, batch: Batch, losses: Mapping[str, float], norms: Mapping[str, float]
@@ -162,12 +220,11 @@ class StageTraining:
         ]
         blamed = []
         for row in range(len(batch["mask"])):
-            one = {name: value[row : row + 1] for name, value in without_origin(batch).items()}
-            alone = self._model.train_on_batch(self._devices.split(one), return_dict=True)
+            alone = self._step({name: value[row : row + 1] for name, value in batch.items()})
             if not _finite(alone) or not _finite(gradient_norms(self._model.optimizer)):
-                blamed.append(origin(batch, row))
+                blamed.append(row)
         found = (
-            f"from {', '.join(blamed)} of the train split: render it again, or leave it out"
+            f"from {self._data.blamed(step - 1, batch, blamed)}"
             if blamed
             else "no example of the batch does it alone: try another --seed or --precision float32"
         )

@@ -45,8 +45,10 @@ class Schedule:
         joint_learning_rate: Adam's learning rate for joined subnetworks.
         validation_examples: number of held-out examples that a stage is evaluated on.
         cosine: whether the learning rate of each stage falls to 0, along half a cosine.
-        flips: whether training mirrors scenes left to right, each with a probability of one half.
-        repaints: whether training draws new albedos for each scene every time it is read.
+        flips: whether training mirrors the scenes of corpora left to right, each with a probability
+            of one half.
+        repaints: whether training draws new albedos for each scene of a corpus every time it is
+            read. A bank's scenes are drawn anew in every way, so neither concerns them.
     """
 
     batch_size: int

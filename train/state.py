@@ -3,8 +3,9 @@
 import csv
 import time
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import keras
 import numpy as np
@@ -12,6 +13,21 @@ import numpy as np
 from lime_keras.io import atomic
 
 from .stage_model import StageModel
+
+
+class Mark(NamedTuple):
+    """The point of a stage at which a checkpoint was written.
+
+    Attributes:
+        step: number of batches done.
+        progress: share of the stage's time that was over, in [0, 1]; None if the stage has a number
+            of batches.
+        spent: seconds that the whole run had taken; 0 if the stage has a number of batches.
+    """
+
+    step: int
+    progress: float | None = None
+    spent: float = 0.0
 
 
 class Checkpoint:
@@ -27,8 +43,8 @@ class Checkpoint:
         self.path = path
         self._signature = signature
 
-    def step(self, refuse: bool = True) -> int | None:
-        """Return the number of batches done at the checkpoint; None if there is no file.
+    def mark(self, refuse: bool = True) -> Mark | None:
+        """Return the point at which the checkpoint was written; None if there is no file.
 
         Args:
             refuse: whether to raise an error for a file with another signature. If False, such a
@@ -41,7 +57,9 @@ class Checkpoint:
             return None
         try:
             with np.load(self.path) as stored:
-                signature, step = str(stored["signature"]), int(stored["step"])
+                signature, mark = str(stored["signature"]), Mark(int(stored["step"]))
+                if "progress" in stored:
+                    mark = Mark(mark.step, float(stored["progress"]), float(stored["spent"]))
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
             raise ValueError(
                 f"{self.path} cannot be read: {error}; delete it to train the stage again"
@@ -53,13 +71,13 @@ class Checkpoint:
                 f"{self.path} was trained from other weights than an earlier stage now has: delete "
                 "it to train the stage again"
             )
-        return step
+        return mark
 
-    def save(self, model: StageModel, step: int) -> None:
-        """Write the state of a model after `step` batches."""
-        values = [keras.ops.convert_to_numpy(variable) for variable in _variables(model)]
+    def save(self, model: StageModel, mark: Mark) -> None:
+        """Write the state of a model at a point of its stage."""
+        point = mark._asdict() if mark.progress is not None else {"step": mark.step}
         with atomic.replacing(self.path) as partial:
-            np.savez(partial, *values, step=step, signature=self._signature)
+            np.savez(partial, *values(model), signature=self._signature, **point)
 
     def restore(self, model: StageModel) -> None:
         """Load the state into a model, or only the weights if it is not compiled.
@@ -67,12 +85,21 @@ class Checkpoint:
         The file must exist.
         """
         with np.load(self.path) as stored:
-            for index, variable in enumerate(_variables(model)):
-                variable.assign(stored[f"arr_{index}"])
+            restore(model, [stored[f"arr_{index}"] for index in range(len(_variables(model)))])
+
+
+def values(model: StageModel) -> list[np.ndarray]:
+    """Return copies of all values that later steps depend on: metrics are not among them."""
+    return [np.array(keras.ops.convert_to_numpy(variable)) for variable in _variables(model)]
+
+
+def restore(model: StageModel, saved: Sequence[np.ndarray]) -> None:
+    """Set the values of a model to those that `values` returned."""
+    for variable, value in zip(_variables(model), saved, strict=True):
+        variable.assign(value)
 
 
 def _variables(model: StageModel) -> list[keras.Variable]:
-    """Return all variables that later steps depend on: metrics are not among them."""
     weights = [variable for network in model.subnetworks.values() for variable in network.weights]
     return [*weights, *(model.optimizer.variables if model.compiled else [])]
 

@@ -1,8 +1,11 @@
 """The summary of a run: held-out losses and measures before and after each stage."""
 
 import csv
-from collections.abc import Iterable
+import json
+from collections.abc import Iterable, Sequence
 from pathlib import Path
+
+from .evaluation import evaluation_path
 
 _LOSS, _MEASURE = "validation_", "measure_"
 
@@ -30,8 +33,25 @@ def table(run: Path) -> str:
             name = column.removeprefix(_LOSS).removeprefix(_MEASURE)
             rows.append((stage, batches, minutes, name, before, after))
             stage = batches = minutes = ""
-    if len(rows) == 1:
+    return _aligned(rows) if len(rows) > 1 else ""
+
+
+def evaluation(run: Path) -> str:
+    """Return the measures of the whole system on the held-out examples, as aligned text.
+
+    The text is empty if the run's system is not complete, and so not evaluated.
+    """
+    path = evaluation_path(run)
+    if not path.is_file():
         return ""
+    found = json.loads(path.read_text(encoding="utf-8"))
+    rows = [("whole system", f"of {found['examples']} held-out examples")]
+    for name, value in found["measures"].items():
+        rows.append((name, "not finite" if value is None else f"{value:.4f}"))
+    return _aligned(rows)
+
+
+def _aligned(rows: Sequence[tuple[str, ...]]) -> str:
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return "\n".join(
         "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()

@@ -1,12 +1,18 @@
-"""TensorBoard logs of a stage: losses, measures, gradient norms, throughput and pictures."""
+"""TensorBoard logs of a stage: losses, measures, gradient norms, throughput and pictures.
 
+The event files are written through TensorBoard's own package, which does not need TensorFlow.
+"""
+
+import importlib.util
+import io
+import socket
+import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import keras
 import numpy as np
-import tensorflow as tf
 
 from lime_keras.outputs import OUTPUTS
 
@@ -19,29 +25,80 @@ _LAYERS = tuple(name for name, output in OUTPUTS.items() if output.layer)
 
 
 class Board:
-    """The event files of one stage, which `tensorboard --logdir RUN` shows."""
+    """The event file of one stage, which `tensorboard --logdir RUN` shows.
+
+    Without the package tensorboard nothing is written: a run's curves do not need it.
+
+    Args:
+        folder: folder of the stage's event files; each `Board` adds one.
+    """
 
     def __init__(self, folder: Path):
-        self._writer = tf.summary.create_file_writer(str(folder))
+        self._writer: Any = None
+        if not installed():
+            return
+        from tensorboard.compat.proto import event_pb2
+        from tensorboard.summary.writer.record_writer import RecordWriter
+
+        folder.mkdir(parents=True, exist_ok=True)
+        path = folder / f"events.out.tfevents.{time.time():.6f}.{socket.gethostname()}"
+        self._writer = RecordWriter(path.open("wb"))
+        version = event_pb2.Event(wall_time=time.time(), file_version="brain.Event:2")
+        self._writer.write(version.SerializeToString())
 
     def scalars(self, step: int, groups: Mapping[str, Mapping[str, float]]) -> None:
         """Write numbers under the names `group/name`."""
-        with self._writer.as_default(step):
-            for group, values in groups.items():
-                for name, value in values.items():
-                    tf.summary.scalar(f"{group}/{name}", value)
+        if self._writer is None:
+            return
+        from tensorboard.plugins.scalar.summary_v2 import scalar_pb
+
+        for group, values in groups.items():
+            for name, value in values.items():
+                self._add(step, scalar_pb(f"{group}/{name}", value))
         self._writer.flush()
 
     def panel(self, step: int, model: StageModel, batch: Mapping[str, Any]) -> None:
         """Write a picture of the stage's predictions for the first examples of a batch."""
-        first = {name: value[:_PANELS] for name, value in batch.items()}
-        with self._writer.as_default(step):
-            tf.summary.image("held out", panel(first, model(first).outputs)[None])
+        if self._writer is None:
+            return
+        from PIL import Image
+        from tensorboard.compat.proto import summary_pb2
+        from tensorboard.plugins.image.metadata import create_summary_metadata
+        from tensorboard.util.tensor_util import make_tensor_proto
+
+        drawn, png = Image.fromarray(picture(model, batch)), io.BytesIO()
+        drawn.save(png, "PNG")
+        width, height = (str(pixels).encode() for pixels in drawn.size)
+        summary = summary_pb2.Summary()
+        summary.value.add(
+            tag="held out",
+            tensor=make_tensor_proto([width, height, png.getvalue()]),
+            metadata=create_summary_metadata(None, None),
+        )
+        self._add(step, summary)
         self._writer.flush()
 
     def close(self) -> None:
         """Finish the event file."""
-        self._writer.close()
+        if self._writer is not None:
+            self._writer.close()
+
+    def _add(self, step: int, summary: Any) -> None:
+        from tensorboard.compat.proto import event_pb2
+
+        event = event_pb2.Event(wall_time=time.time(), step=step, summary=summary)
+        self._writer.write(event.SerializeToString())
+
+
+def installed() -> bool:
+    """Return whether the package is there that event files are written through."""
+    return importlib.util.find_spec("tensorboard") is not None
+
+
+def picture(model: StageModel, batch: Mapping[str, Any]) -> np.ndarray:
+    """Return the picture (`panel`) of a stage's predictions for the first examples of a batch."""
+    first = {name: value[:_PANELS] for name, value in batch.items()}
+    return panel(first, model(first).outputs)
 
 
 def panel(batch: Mapping[str, Any], outputs: Mapping[str, Any]) -> np.ndarray:

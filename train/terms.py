@@ -20,7 +20,7 @@ from lime_keras.optics.masking import masked_mean
 from lime_keras.optics.reflectance_map import disc, true_reflectance_map
 
 Batch = Mapping[str, Any]
-"""Features of a batch by name, as `pipeline` names them."""
+"""Features of a batch by name, as `data.pipeline` names them."""
 
 
 class StageAnswer(NamedTuple):
@@ -45,7 +45,7 @@ class Term:
         weight: factor of the term in the total loss; the paper gives none (docs/decisions.md).
         quantity: name of the quantity whose prediction the term compares with the truth.
         loss: function of a batch and a `StageAnswer`; returns the loss of each example, `(B,)`.
-        features: names of the features that it reads, beside `pipeline.LEARNT_FROM`.
+        features: names of the features that it reads, beside `data.features.LEARNT_FROM`.
     """
 
     weight: float
@@ -99,7 +99,7 @@ def truth(quantity: str, batch: Batch) -> Any:
 
 
 def features_of_truth(quantity: str) -> tuple[str, ...]:
-    """Return the features that `truth` reads, beside `pipeline.LEARNT_FROM`."""
+    """Return the features that `truth` reads, beside `data.features.LEARNT_FROM`."""
     return _COMPUTED[quantity].features if quantity in _COMPUTED else ()
 
 

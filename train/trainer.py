@@ -5,6 +5,7 @@ A run's folder holds:
 - `config.json`: the record of the run;
 - `stages/N-name.npz`: weights, optimiser state and step of a stage;
 - `curves/N-name.csv`: losses and measures of a stage;
+- `evaluation.json`: measures of the whole system on the held-out examples;
 - `tensorboard/`: the same, with gradient norms and pictures;
 - `model/`: the trained model with a copy of the record, and in `alone/` the weights that encoders
   had before joined training;
@@ -15,32 +16,37 @@ import dataclasses
 import hashlib
 import json
 import shutil
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
+from time import monotonic
 from typing import Any
 
 import keras
 import numpy as np
 
-from lime_keras.data.corpus import Split
 from lime_keras.io import atomic
 from lime_keras.networks import SUBNETWORKS, build, weights
 from lime_keras.networks.precision import computing_in
 
 from . import initial_weights
-from .config import Config, claim, config_path
+from .budget import SAVING, Budget, Plan
+from .config import Config, check, claim, config_path
 from .data import Data
 from .devices import Devices
+from .evaluation import SystemEvaluation, evaluation_path
 from .optimizer import LossScale, WatchedAdam
+from .pace import Clock, Count
 from .stage_model import StageModel
 from .stage_training import Files, Progress, StageTraining, Tell
 from .stages import Stage
-from .state import Checkpoint
+from .state import Checkpoint, Mark
 from .terms import TERMS
+
+_SECONDS_BETWEEN_MODELS = 120
 
 
 def train(
-    corpora: Sequence[Path],
+    paths: Sequence[Path],
     run: Path,
     config: Config,
     tell: Tell,
@@ -49,11 +55,16 @@ def train(
     reuse: Path | None = None,
     start_from: Path | None = None,
     devices: int = 1,
+    began: float | None = None,
 ) -> list[str]:
     """Run or resume the stages of a run, and write its trained subnetworks to `RUN/model/`.
 
+    If the config has `minutes`, the stages are first compiled and measured. Then each gets a share
+    of the time left (`train.budget`), and the model trained so far is written every two minutes.
+
     Args:
-        corpora: folders with complete train splits; training mixes them.
+        paths: folders of corpora with complete train splits, and of banks; training mixes them
+            (`train.data.Data`).
         run: folder of the run; a run that was begun there with the same config is resumed.
         config: config of the run.
         tell: function called with the progress of training.
@@ -62,18 +73,21 @@ def train(
         reuse: folder of another run, whose finished stages are copied if they are the same stages.
         start_from: trained model whose hash is `config.begun_from`; not needed to resume a run.
         devices: number of devices that each batch is split between.
+        began: `time.monotonic()` from which on the time of this command counts; by default now.
 
     Returns:
         Names of the subnetworks without trained weights: no finished stage has trained them, and
-        the run did not begin with weights for them. Empty if the run's model is complete.
+        the run did not begin with weights for them. Empty if the run's model is complete; then it
+        is also evaluated (`train.evaluation`).
 
     Raises:
-        FileNotFoundError: if a corpus is incomplete, or there is no run to reuse.
-        ValueError: if the folder holds a run of another config; if a corpus is too small, damaged,
-            in another unit than the first, or of an image size that does not fit; or if a stage's
-            name is unknown.
+        FileNotFoundError: if a corpus or bank is incomplete, or there is no run to reuse.
+        ValueError: if the folder holds a run of another config; if a corpus or bank is too small,
+            damaged, in another unit than the first, or of an image size that does not fit; if a
+            stage's name is unknown; or if the minutes are too few for a batch of each stage.
         RuntimeError: if a loss or a gradient is not finite.
     """
+    began = monotonic() if began is None else began
     stages = config.schedule.stages(config.architecture)
     if unknown := sorted(set(only or ()) - {stage.name for stage in stages}):
         raise ValueError(
@@ -83,12 +97,15 @@ def train(
         raise ValueError(
             f"batches of {config.schedule.batch_size} cannot be split between {devices} devices"
         )
+    if reuse is not None and config.minutes is not None:
+        raise ValueError("--reuse takes over stages of a number of batches: leave out --minutes")
     if reuse is not None and not (reuse / "stages").is_dir():
         raise FileNotFoundError(f"{reuse} holds no stages of a run to take over: check --reuse")
-    data = Data(corpora, config)
-    _check_sizes(corpora, config.architecture.size)
-    _check_units(corpora)
-    claim(run, corpora, config)
+    data = Data(paths, config)
+    if config.minutes is None:
+        claim(run, paths, config)
+    else:
+        check(run, config)  # it is claimed when the minutes are known to be enough
     begun: list[str] = []
     alone: dict[str, list[np.ndarray]] = {}
     split = Devices(devices)
@@ -98,6 +115,84 @@ def train(
             initial_weights.keep(start_from, run)
         if config.begun_from is not None:
             begun, alone = initial_weights.load(run, subnetworks)
+    parts = _parts(run, config, stages, subnetworks, split, only, reuse)
+    left = [part for part in parts if not part.finished]
+    known = {*begun, *(name for part in parts for name in part.stage.subnetworks)}
+    untrained = [name for name in subnetworks if name not in known]
+    evaluation = None if untrained else SystemEvaluation(subnetworks, data, split)
+
+    def prepared(part: _Part) -> StageTraining:
+        with split.scope():
+            _compile(part.model, part.stage, config)
+        return StageTraining(part.stage, part.model, part.checkpoint, part.files, data, split, tell)
+
+    timetable = None
+    if config.minutes is not None and left:
+        spent = max(part.mark.spent for part in parts)
+        budget = Budget(config.minutes, began, spent)
+        timetable = _Timetable(budget, left, prepared, evaluation, tell)
+        claim(run, paths, config)
+    written = monotonic()
+
+    def write() -> None:
+        nonlocal written
+        trained = {name: one for name, one in subnetworks.items() if name in so_far}
+        _write_model(run, config, trained, alone)
+        written = monotonic()
+
+    def keep() -> None:
+        if timetable is not None and monotonic() - written > _SECONDS_BETWEEN_MODELS:
+            write()
+
+    so_far = set(begun)
+    for part in parts:
+        name = part.stage.name
+        so_far |= set(part.stage.subnetworks)
+        if part.finished:
+            part.checkpoint.restore(part.model)
+            seconds_left = None if part.mark.progress is None else 0.0
+            tell(Progress(part.stage, part.mark.step, {}, 0.0, left=seconds_left))
+        elif timetable is None:
+            prepared(part).run(Count(part.stage.steps), keep)
+        else:
+            timetable.run(keep)
+        if name in SUBNETWORKS and SUBNETWORKS[name].encoder:
+            alone[name] = subnetworks[name].get_weights()
+    if parts:
+        write()
+        if evaluation is not None and (left or not evaluation_path(run).is_file()):
+            evaluation.write(run)
+    return untrained
+
+
+@dataclasses.dataclass(frozen=True)
+class _Part:
+    """A stage to load or to train, with the point at which its checkpoint stands."""
+
+    stage: Stage
+    model: StageModel
+    checkpoint: Checkpoint
+    files: Files
+    mark: Mark
+
+    @property
+    def finished(self) -> bool:
+        if self.mark.progress is None:
+            return self.mark.step == self.stage.steps
+        return self.mark.progress >= 1
+
+
+def _parts(
+    run: Path,
+    config: Config,
+    stages: Sequence[Stage],
+    subnetworks: Mapping[str, keras.Model],
+    split: Devices,
+    only: Collection[str] | None,
+    reuse: Path | None,
+) -> list[_Part]:
+    """Return the stages that are finished or to be trained, in order."""
+    parts: list[_Part] = []
     trained: dict[str, str] = {}
     for number, stage in enumerate(stages, 1):
         with split.scope():
@@ -111,47 +206,67 @@ def train(
         checkpoint = Checkpoint(files.checkpoint, signature)
         if reuse is not None:
             _take_over(reuse, stage, signature, files)
-        if checkpoint.step() == stage.steps:
-            checkpoint.restore(model)
-            tell(Progress(stage, stage.steps, {}, 0.0))
-        elif only is None or stage.name in only:
-            with split.scope():
-                _compile(model, stage, config.precision)
-            StageTraining(stage, model, checkpoint, files, data, split, tell).run()
-        else:
-            continue
-        trained |= dict.fromkeys(stage.subnetworks, signature)
-        if stage.name in SUBNETWORKS and SUBNETWORKS[stage.name].encoder:
-            alone[stage.name] = subnetworks[stage.name].get_weights()
-    done = {name: network for name, network in subnetworks.items() if name in {*trained, *begun}}
-    if trained:
-        before_joining = _changed_since(alone, done)
-        weights.save(run / "model", config.architecture, done, before_joining)
-        atomic.write(run / "model" / "training.json", config_path(run).read_bytes())
-    return [name for name in subnetworks if name not in done]
+        part = _Part(stage, model, checkpoint, files, checkpoint.mark() or Mark(0))
+        if part.finished or only is None or stage.name in only:
+            parts.append(part)
+            trained |= dict.fromkeys(stage.subnetworks, signature)
+    return parts
 
 
-def _check_sizes(corpora: Sequence[Path], size: int) -> None:
-    """Raise ValueError if a corpus' images cannot be averaged down to the networks' size."""
-    for corpus in corpora:
-        stored = Split(corpus, "train").size or size
-        if stored % size:
-            raise ValueError(
-                f"{corpus} holds images of {stored} pixels, which cannot be averaged to the {size} "
-                f"that the networks take: pass --size with a divisor of {stored}, or render with "
-                f"--size {size} or a multiple of it"
-            )
+class _Timetable:
+    """The training of stages that share a budget: all are measured before the first is trained.
+
+    Raises:
+        ValueError: if the budget is too short for a batch of each stage.
+    """
+
+    def __init__(
+        self,
+        budget: Budget,
+        parts: Sequence[_Part],
+        prepared: Callable[[_Part], StageTraining],
+        evaluation: SystemEvaluation | None,
+        tell: Tell,
+    ):
+        self._budget = budget
+        self._plans: list[Plan] = []
+        self._trainings: list[StageTraining] = []
+
+        def compiled(number: int) -> None:
+            stage = parts[min(number, len(parts) - 1)].stage
+            counted = (number, len(parts))
+            tell(Progress(stage, 0, {}, 0.0, 0.0, budget.left, compiled=counted))
+
+        compiled(0)
+        # The model is written at the end, and the interpreter takes its time to stop.
+        self._last = 2 * SAVING
+        for number, part in enumerate(parts, 1):
+            self._trainings.append(prepared(part))
+            cost = self._trainings[-1].measure()
+            self._plans.append(Plan(part.stage.steps, cost, part.mark.progress or 0.0))
+            if evaluation is not None and number == 1:
+                self._last += evaluation.measure()
+            budget.check([plan.cost for plan in self._plans], len(parts), self._last)
+            compiled(number)
+
+    def run(self, keep: Callable[[], None]) -> None:
+        """Train the next stage for its share of the time left."""
+        seconds = self._budget.share(self._plans, self._last)
+        plan, training = self._plans.pop(0), self._trainings.pop(0)
+        training.run(Clock(self._budget, seconds, plan.cost.look, plan.done), keep)
 
 
-def _check_units(corpora: Sequence[Path]) -> None:
-    """Raise ValueError if the corpora's specular albedos have different units."""
-    first, *others = [Split(corpus, "train").shading for corpus in corpora]
-    for corpus, shading in zip(corpora[1:], others, strict=True):
-        if shading != first:
-            raise ValueError(
-                f"{corpus} was rendered with --shading {shading} and {corpora[0]} with {first}: "
-                "their specular albedos have different units, so render one of them again"
-            )
+def _write_model(
+    run: Path,
+    config: Config,
+    subnetworks: Mapping[str, keras.Model],
+    alone: Mapping[str, list[np.ndarray]],
+) -> None:
+    """Write the trained subnetworks with a copy of the run's record, in place of earlier ones."""
+    with atomic.replacing(run / "model") as partial:
+        before_joining = _changed_since(alone, subnetworks)
+        weights.save(partial, config.architecture, subnetworks, before_joining)
+        atomic.write(partial / "training.json", config_path(run).read_bytes())
 
 
 def _build(config: Config) -> dict[str, keras.Model]:
@@ -173,16 +288,16 @@ def _changed_since(
     return out
 
 
-def _compile(model: StageModel, stage: Stage, precision: str) -> None:
+def _compile(model: StageModel, stage: Stage, config: Config) -> None:
     """Compile a stage's model with its optimiser, and create the optimiser's variables."""
     groups = [
         (name, len(network.trainable_variables)) for name, network in model.subnetworks.items()
     ]
     rate: Any = stage.learning_rate
-    if stage.cosine:
+    if stage.cosine and config.minutes is None:
         rate = keras.optimizers.schedules.CosineDecay(stage.learning_rate, stage.steps)
     optimizer: Any = WatchedAdam(rate, groups)
-    if precision == "float16":
+    if config.precision == "float16":
         optimizer = LossScale(optimizer)
     model.compile(optimizer=optimizer)
     optimizer.build(model.trainable_variables)
@@ -208,6 +323,8 @@ def _signature(config: Config, stage: Stage, model: StageModel, trained: Mapping
         "precision": config.precision,
         "earlier": {name: trained.get(name) for name in stage.subnetworks},
     }
+    if config.minutes is not None:
+        follows_from["minutes"] = config.minutes
     if config.begun_from is not None:
         follows_from["begun_from"] = config.begun_from
     if config.schedule.flips:
@@ -225,7 +342,8 @@ def _take_over(reuse: Path, stage: Stage, signature: str, files: Files) -> None:
     if files.checkpoint.is_file():
         return
     for path in (reuse / "stages").glob(f"[0-9]-{stage.name}.npz"):
-        if Checkpoint(path, signature).step(refuse=False) == stage.steps:
+        mark = Checkpoint(path, signature).mark(refuse=False)
+        if mark is not None and mark.step == stage.steps:
             other = Files(reuse, path.stem)
             for source, target in ((other.curve, files.curve), (path, files.checkpoint)):
                 with atomic.replacing(target) as partial:

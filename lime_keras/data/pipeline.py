@@ -17,28 +17,13 @@ import tensorflow.experimental.numpy as tnp
 from lime_keras.data import records
 from lime_keras.data.camera import SCENE, photograph
 from lime_keras.data.corpus import Split
+from lime_keras.data.features import LEARNT_FROM
 from lime_keras.data.flip import flip
 from lime_keras.data.repaint import repaint
 from lime_keras.optics import colour, shininess
 
 FEATURES = (*records.FEATURES, "clipped", "exponent_bin")
 """Features that a batch can hold."""
-LEARNT_FROM = (
-    "image",
-    "mask",
-    "diffuse_shading",
-    "specular_shading",
-    "mirror",
-    "diffuse_albedo",
-    "specular_albedo",
-    "ambient",
-    "clipped",
-    "exponent_bin",
-)
-"""Features that the losses need. Strings, which other backends do not take, are left out.
-
-Normals are left out, too: the losses do not use them, and decoding takes time.
-"""
 
 _SHUFFLE = 2048
 """Number of serialised examples in the shuffle buffer: some 400 MB at 256 × 256."""

@@ -1,5 +1,7 @@
 """TensorBoard's files hold what was written, and the pictures show truth beside answer."""
 
+import importlib.util
+
 import numpy as np
 import pytest
 import tensorflow as tf
@@ -85,3 +87,21 @@ def test_the_baseline_shows_its_spheres(batch, monkeypatch):
     # MaterialNet alone predicts no layer.
     numbers = {"diffuse_albedo": np.zeros((2, 3)), "specular_albedo": np.zeros((2, 1))}
     assert panel(batch, numbers).shape == (8, 4, 3)
+
+
+def test_without_tensorboard_nothing_is_written(tmp_path, batch, monkeypatch):
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    board = Board(tmp_path / "board")
+    board.scalars(1, {"held out": {"mask": 0.5}})
+    board.panel(1, lambda batch: StageAnswer({}, {}, {"mask": batch["mask"]}), batch)
+    board.close()
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_second_board_keeps_the_firsts_events(tmp_path):
+    for step in (1, 2):
+        board = Board(tmp_path)
+        board.scalars(step, {"held out": {"mask": 0.5}})
+        board.close()
+    events = EventAccumulator(str(tmp_path), size_guidance={"tensors": 0}).Reload()
+    assert [event.step for event in events.Tensors("held out/mask")] == [1, 2]

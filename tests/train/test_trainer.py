@@ -18,11 +18,19 @@ from lime_keras.data.corpus import Split
 from lime_keras.networks import Architecture, names, weights
 from lime_keras.optics import shininess
 from lime_keras.optics.dynamic_range import compress
-from lime_keras.train import cli, initial_weights, stage_model, stage_training, terms, trainer
+from lime_keras.train import (
+    cli,
+    initial_weights,
+    pace,
+    stage_model,
+    stage_training,
+    terms,
+    trainer,
+)
 from lime_keras.train.config import Config, corpus_sha256
 from lime_keras.train.data import Data
 from lime_keras.train.stages import SCHEDULES, Schedule, Stage
-from lime_keras.train.state import Means
+from lime_keras.train.state import Mark, Means
 
 TINY = Architecture(size=32, unet_width=2, unet_depth=1, encoder_width=2, dense_width=4)
 BRIEF = Schedule(
@@ -159,12 +167,12 @@ class Nudge:
     """In place of a stage's training: its last checkpoint, each weight moved by one."""
 
     def __init__(self, stage, model, checkpoint, *_):
-        self.run = lambda: self._end(stage, model, checkpoint)
+        self.run = lambda *_: self._end(stage, model, checkpoint)
 
     def _end(self, stage, model, checkpoint):
         for network in model.subnetworks.values():
             network.set_weights([value + 1 for value in network.get_weights()])
-        checkpoint.save(model, stage.steps)
+        checkpoint.save(model, Mark(stage.steps))
 
 
 @pytest.fixture
@@ -221,7 +229,7 @@ def test_an_interrupted_stage_ends_with_the_same_weights(
 
 def test_curves_hold_means_over_their_interval(corpus, config, tmp_path, monkeypatch):
     """Not the last batch's losses, which is what Keras tells."""
-    monkeypatch.setattr(stage_training, "_CURVE_POINTS", 1)
+    monkeypatch.setattr(pace, "_CURVE_POINTS", 1)
     seen = []
     longer = dataclasses.replace(config.schedule, single_steps=4, single_learning_rate=0.1)
     trainer.train(
@@ -245,7 +253,7 @@ def test_the_learning_rate_falls_along_half_a_cosine(config, precision):
     stage = Stage(("segmentation",), 4, 0.5, cosine=True)
     network = networks.build(TINY, 0)["segmentation"]
     model = stage_model.StageModel({"segmentation": network})
-    trainer._compile(model, stage, precision)
+    trainer._compile(model, stage, dataclasses.replace(config, precision=precision))
     optimizer = getattr(model.optimizer, "inner_optimizer", model.optimizer)
     rates = []
     for step in range(5):
@@ -319,7 +327,7 @@ def test_what_was_run_is_recorded(config, finished):
     assert record["config"]["schedule"]["joint_steps"] == 4
     assert record["corpora"][0]["description"] is not None
     assert record["backend"] == "tensorflow"
-    assert {"tensorflow", "keras", "numpy"} == set(record["packages"])
+    assert {"tensorflow", "jax", "keras", "numpy"} == set(record["packages"])
     beside_the_weights = finished / "model" / "training.json"
     assert json.loads(beside_the_weights.read_text(encoding="utf-8")) == record
 

@@ -9,6 +9,7 @@ from sphere_corpus import example, write_split
 
 from lime_keras.data import camera, pipeline, records
 from lime_keras.data.corpus import Split
+from lime_keras.data.features import LEARNT_FROM
 from lime_keras.optics import colour, shading, shininess
 
 SIZE = 16
@@ -141,14 +142,14 @@ def test_batches_hold_every_feature_and_the_class(shards):
 
 def test_training_holds_what_the_losses_read(shards):
     [batch] = pipeline.training(shards, size=8, batch_size=4, seed=0).take(1)
-    assert set(batch) == set(pipeline.LEARNT_FROM)
+    assert set(batch) == set(LEARNT_FROM)
     assert all(value.dtype.is_floating or name == "exponent_bin" for name, value in batch.items())
 
 
 @pytest.mark.parametrize("photographed", [False, True])
 def test_training_names_its_examples_if_asked(shards, photographed):
     options = {"size": 8, "batch_size": COUNT, "seed": 0, "camera": photographed}
-    names = (*pipeline.LEARNT_FROM, "seed", "index")
+    names = (*LEARNT_FROM, "seed", "index")
     [batch] = pipeline.training(shards, **options, features=names).take(1)
     [learnt_from] = pipeline.training(shards, **options).take(1)
     assert set(batch) == set(names)

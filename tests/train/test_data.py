@@ -1,0 +1,140 @@
+"""Batches of corpora and of banks take turns, and go on where they were."""
+
+import itertools
+import json
+
+import noise_bank
+import numpy as np
+import pytest
+import stage_runs
+from sphere_corpus import write_split
+
+from lime_keras.synthesis import bank
+from lime_keras.train import banks
+from lime_keras.train.config import corpus_sha256
+from lime_keras.train.data import Data
+from lime_keras.train.stages import Stage
+
+STAGE = Stage(("segmentation",), 4, 1e-3)
+
+
+@pytest.fixture(scope="module")
+def paths(tmp_path_factory):
+    """Two corpora, of seeds 0 and 1, and two banks."""
+    folder = tmp_path_factory.mktemp("paths")
+    write_split(folder / "corpus", "train", [range(4), range(4, 12)], size=32)
+    write_split(folder / "other", "train", [range(4), range(4, 12)], seed=1, size=32)
+    noise_bank.write(folder / "bank")
+    noise_bank.write(folder / "thin", digest="1")
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def noise(monkeypatch):
+    monkeypatch.setattr(banks, "scenes", noise_bank)
+
+
+def _data(folder, *names):
+    found = [folder / name for name in names]
+    return Data(found, stage_runs.config(*found))
+
+
+def _first(data, step, count):
+    return list(itertools.islice(data.training(STAGE, ["image"], step), count))
+
+
+def _of_banks(batch):
+    """Corpora of spheres have seeds 0 and 1, and noise has the stage's."""
+    return int(batch["seed"][0]) > 1
+
+
+@pytest.mark.parametrize(
+    "names, expected",
+    [
+        (["bank"], [True] * 6),
+        (["corpus"], [False] * 6),
+        (["corpus", "bank"], [False, True] * 3),
+        (["bank", "corpus", "other"], [False, False, True] * 2),
+        (["bank", "thin", "corpus"], [False, True, True] * 2),
+    ],
+)
+def test_kinds_take_turns_in_proportion_to_their_paths(paths, names, expected):
+    batches = _first(_data(paths, *names), 0, 6)
+    assert all(set(batch) == {"image", "seed", "index"} for batch in batches)
+    assert [_of_banks(batch) for batch in batches] == expected
+    # Positions go on from one batch of banks to the next.
+    positions = [int(batch["index"][0]) for batch in batches if _of_banks(batch)]
+    assert positions == [4 * index for index in range(sum(expected))]
+
+
+@pytest.mark.parametrize("names", [["bank", "thin", "corpus"], ["bank", "corpus", "other"]])
+def test_batches_go_on_from_any_step(paths, names):
+    whole = _first(_data(paths, *names), 0, 7)
+    for step in (1, 2, 4):
+        resumed = _first(_data(paths, *names), step, 7 - step)
+        for expected, batch in zip(whole[step:], resumed, strict=True):
+            for name in expected:
+                np.testing.assert_array_equal(batch[name], expected[name])
+
+
+def test_held_out_batches_are_of_every_path_and_kept(paths, monkeypatch):
+    data = _data(paths, "bank", "corpus", "thin")
+    batches = list(data.held_out(["mask", "seed"]))
+    # Four examples make up a batch, of which each path gets one.
+    assert [set(map(int, batch["seed"])) for batch in batches] == [{0}, {10**6}, {10**6}]
+    monkeypatch.setattr(noise_bank, "held_out", None)
+    again = list(data.held_out(["mask"]))
+    assert [set(batch) for batch in again] == [{"mask"}] * 3
+    assert all(one["mask"] is other["mask"] for one, other in zip(batches, again, strict=True))
+
+
+def test_held_out_batches_are_made_anew_for_more_features(paths):
+    data = _data(paths, "bank")
+    assert "environment" not in next(data.held_out(["mask"]))
+    (batch,) = data.held_out(["environment", "shininess"])
+    assert set(batch) == {"environment", "shininess"}
+
+
+def test_who_is_to_blame(paths):
+    data = _data(paths, "bank", "corpus", "thin")
+    batches = _first(data, 0, 6)
+    seed = int(batches[1]["seed"][0])
+    assert data.blamed(0, batches[0], [0, 1]).endswith(
+        "of the train split: render it again, or leave it out"
+    )
+    # The banks take turns: the second batch of theirs is the other bank's.
+    found = [data.blamed(step, batches[step], [3]) for step in (1, 2, 4)]
+    for words, position, name in zip(found, (3, 7, 11), ("bank", "thin", "bank"), strict=True):
+        expected = f"scene at position {position} of seed {seed} of bank {paths / name}: check the "
+        assert words.startswith(expected)
+    assert "position 3 of seed" in data.blamed(1, batches[1], [0, 3])
+
+
+def test_data_of_other_units_or_sizes_is_refused(paths, tmp_path):
+    corpus = write_split(tmp_path / "literal", "train", [range(2), range(2)], size=32)
+    path = corpus / "train" / "manifest.json"
+    manifest = json.loads(path.read_text(encoding="utf-8"))
+    manifest["description"]["shading"] = "literal"
+    path.write_text(json.dumps(manifest), encoding="utf-8")
+    with pytest.raises(ValueError, match=r"bank was rendered with --shading furnace and .*literal"):
+        Data([corpus, paths / "bank"], stage_runs.config(corpus))
+    small = noise_bank.write(tmp_path / "small", size=48)
+    with pytest.raises(ValueError, match="small holds images of 48 pixels"):
+        Data([small], stage_runs.config(small))
+
+
+def test_a_bank_that_is_not_complete_or_of_another_version_is_refused(tmp_path):
+    (tmp_path / "begun" / "geometry").mkdir(parents=True)
+    with pytest.raises(FileNotFoundError, match=r"begun.bank\.json is missing: `lime-render bank"):
+        corpus_sha256([tmp_path / "begun"])
+    other = noise_bank.write(tmp_path / "other")
+    path = other / bank.MANIFEST
+    path.write_text(path.read_text(encoding="utf-8").replace('"version": 1', '"version": 9'))
+    with pytest.raises(ValueError, match="of version 9"):
+        corpus_sha256([other])
+
+
+def test_the_data_are_identified_by_their_files(paths):
+    names = ("corpus", "bank", "thin")
+    digests = {corpus_sha256([paths / name]) for name in names}
+    assert len(digests | {corpus_sha256([paths / name for name in names])}) == 4

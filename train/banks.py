@@ -1,0 +1,64 @@
+"""The training batches of banks: scenes that are made on the device that trains."""
+
+from collections.abc import Collection, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from lime_keras.synthesis import batches as scenes
+
+from .config import Config
+
+Batch = dict[str, Any]
+
+
+class Banks:
+    """Banks of geometry and lights, of which some shapes and lights are held out.
+
+    Every scene is drawn anew from the seed and its position, light, material and photo, whether or
+    not the schedule flips and repaints the scenes of corpora.
+
+    Args:
+        folders: folders of complete banks.
+        config: config of the run.
+    """
+
+    def __init__(self, folders: Sequence[Path], config: Config):
+        self._folders, self._config = list(folders), config
+
+    def training(self, seed: int, features: Collection[str], first_step: int) -> Iterator[Batch]:
+        """Yield batches without end, from a step on; the seed determines them.
+
+        The banks take turns.
+        """
+        config = self._config
+        return scenes.training(
+            self._folders,
+            size=config.architecture.size,
+            batch_size=config.schedule.batch_size,
+            seed=seed,
+            first_step=first_step,
+            camera=config.camera,
+            features=features,
+        )
+
+    def held_out(self, features: Collection[str], batches: int) -> Iterator[Batch]:
+        """Yield so many batches of each bank, of shapes and lights that training does not see."""
+        config = self._config
+        for folder in self._folders:
+            yield from scenes.held_out(
+                folder,
+                size=config.architecture.size,
+                batch_size=config.schedule.batch_size,
+                count=batches,
+                camera=config.camera,
+                features=features,
+            )
+
+    def blamed(self, step: int, origins: Sequence[tuple[int, int]]) -> str:
+        """Return words for scenes of a step, of these seeds and positions, and what mends them."""
+        folder = self._folders[step % len(self._folders)]
+        named = ", ".join(f"scene at position {index} of seed {seed}" for seed, index in origins)
+        return (
+            f"{named} of bank {folder}: check the bank with `lime-render verify {folder}`, or try "
+            "another --seed"
+        )
