@@ -1,0 +1,1 @@
+"""Banks of geometry and light, from which scenes are made where the training runs."""
