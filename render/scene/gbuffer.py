@@ -207,7 +207,12 @@ def _intersect(
     valid, shading_normal, geometric = surface.is_valid(), surface.sh_frame.n, surface.n
     dr.eval(valid, shading_normal, geometric)
     hit = np.array(valid)
-    return hit, np.array(shading_normal).T[hit], np.array(geometric).T[hit]
+    there = np.flatnonzero(hit)
+    normals = [
+        np.stack([np.array(axis)[there] for axis in (found.x, found.y, found.z)], axis=-1)
+        for found in (shading_normal, geometric)
+    ]
+    return hit, normals[0], normals[1]
 
 
 def mitsuba_mesh(mesh: Mesh):
