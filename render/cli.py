@@ -3,8 +3,9 @@
 import argparse
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 from lime_keras import console
 from lime_keras.data.corpus import SPLITS, Split
@@ -12,12 +13,13 @@ from lime_keras.version import __version__
 
 from .scene.quality import QUALITIES
 
-COMMANDS = ("verify", "preview", "layers", "views")
+COMMANDS = ("verify", "preview", "layers", "views", "bank")
 """First arguments that name a command; any other first argument is the folder of a corpus."""
 _EXAMPLE = """
 other commands, each with a --help of its own:
-  lime-render verify CORPUS         check files, checksums and every record
-  lime-render preview CORPUS        draw a contact sheet and histograms
+  lime-render bank OUT              render a bank of geometry and light, to train from
+  lime-render verify CORPUS|BANK    check files, checksums and every record or entry
+  lime-render preview CORPUS|BANK   draw a contact sheet, and histograms of a corpus
   lime-render layers CORPUS INDEX   write one example as OpenEXR layers
   lime-render views HDRIS OUT       take pictures inside HDR maps, for --backgrounds
 A corpus that is called like one of them is rendered by its path: ./verify.
@@ -45,11 +47,7 @@ def parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     out.add_argument("out", type=Path, metavar="OUT", help="folder of the corpus")
-    out.add_argument("--split", choices=SPLITS, required=True, help="which half of the corpus")
-    out.add_argument(
-        "--count", type=console.count, required=True, help="number of examples to render"
-    )
-    out.add_argument("--seed", type=_seed, default=0, help="of everything random (default: 0)")
+    _add_contents(out, "examples")
     out.add_argument(
         "--shapes",
         type=Path,
@@ -65,19 +63,6 @@ def parser() -> argparse.ArgumentParser:
         "(40 for training, 12 for test); "
         "of both folders a fifth of the files is kept for the test split, or the subfolders train "
         "and test are used if there are such",
-    )
-    out.add_argument(
-        "--backgrounds",
-        type=Path,
-        metavar="DIR",
-        help="folder of pictures to put behind the objects instead of random textures",
-    )
-    out.add_argument(
-        "--unusable",
-        choices=("refuse", "skip"),
-        default="refuse",
-        help="what to do about files of these folders that cannot be used; they are told by name, "
-        "with the reason (default: refuse to begin)",
     )
     out.add_argument(
         "--quality",
@@ -146,15 +131,20 @@ def commands() -> argparse.ArgumentParser:
         "verify",
         _verify,
         "Check files, counts, checksums and every record: that layers recompose to the image, that "
-        "the stored light shades the stored normals, and more. Exit status 1 if anything is wrong.",
-        "  lime-render verify corpus\n  lime-render verify corpus --split test",
+        "the stored light shades the stored normals, and more. Of a bank, check every entry: that "
+        "normals face the viewer, that lights shine with a mean of 1, and more. Exit status 1 if "
+        "anything is wrong.",
+        "  lime-render verify corpus\n  lime-render verify corpus --split test\n"
+        "  lime-render verify bank",
     )
     preview = add(
         "preview",
         _preview,
         "Draw CORPUS/SPLIT/preview.png, a contact sheet, and histograms.png, what was sampled "
-        "beside what should have been.",
-        "  lime-render preview corpus\n  lime-render preview corpus --split test",
+        "beside what should have been; or BANK/preview.png, 100 G-buffers of a bank, its lights "
+        "and its textures.",
+        "  lime-render preview corpus\n  lime-render preview corpus --split test\n"
+        "  lime-render preview bank --out sheet.png",
     )
     layers = add(
         "layers",
@@ -163,10 +153,17 @@ def commands() -> argparse.ArgumentParser:
         "  lime-render layers corpus 12 --split test\n"
         "  lime-render layers corpus 12 --split test --out example.exr",
     )
-    for command in (verify, preview, layers):
-        command.add_argument("corpus", type=Path, metavar="CORPUS", help="folder of the corpus")
+    layers.add_argument("corpus", type=Path, metavar="CORPUS", help="folder of the corpus")
     for command in (verify, preview):
-        command.add_argument("--split", choices=SPLITS, help="default: all that there are")
+        command.add_argument(
+            "corpus", type=Path, metavar="CORPUS|BANK", help="folder of the corpus or the bank"
+        )
+        command.add_argument(
+            "--split", choices=SPLITS, help="of a corpus; default: all that there are"
+        )
+    preview.add_argument(
+        "--out", type=Path, metavar="PNG", help="of a bank (default: BANK/preview.png)"
+    )
     layers.add_argument("index", type=_index, metavar="INDEX", help="of the example in the split")
     layers.add_argument("--split", choices=SPLITS, required=True, help="which half of the corpus")
     layers.add_argument(
@@ -188,6 +185,22 @@ def commands() -> argparse.ArgumentParser:
     )
     views.add_argument("out", type=Path, metavar="OUT", help="folder of the pictures")
     views.add_argument("--count", type=console.count, default=16, help="of each map (default: 16)")
+    _add_bank_options(
+        add(
+            "bank",
+            _bank,
+            "Render a bank: G-buffers of objects, compressed, in random pose, size and crop, each "
+            "deformed anew; lights; and textures. Training makes scenes without end from it, where "
+            "it runs.",
+            "  lime-render bank bank --split train --count 4000\n"
+            "  lime-render bank bank --split train --count 20000 --shapes meshes/ "
+            "--environments hdris/\n"
+            "  lime-render verify bank\n\n"
+            "An interrupted command, run again, goes on where it stopped; the same seed gives the "
+            "same\nbytes whatever the number of workers.",
+            "the same command goes on with what is missing",
+        )
+    )
     return out
 
 
@@ -207,7 +220,67 @@ def main(argv: list[str] | None = None) -> int:
     )
 
 
+def _add_bank_options(bank: argparse.ArgumentParser) -> None:
+    bank.add_argument("out", type=Path, metavar="OUT", help="folder of the bank")
+    _add_contents(bank, "G-buffers")
+    bank.add_argument(
+        "--shapes",
+        type=Path,
+        metavar="DIR",
+        help="folder of meshes (OBJ, PLY, STL, GLB), which half of the G-buffers show; the others, "
+        "and without a folder all, show procedural shapes without end",
+    )
+    bank.add_argument(
+        "--environments",
+        type=Path,
+        metavar="DIR",
+        help="folder of environment maps (HDR, EXR; equirectangular) beside the built-in rooms "
+        "and skies (88 for training, 24 for test); "
+        "of both folders a fifth of the files is kept for the test split, or the subfolders train "
+        "and test are used if there are such",
+    )
+    bank.add_argument(
+        "--size", type=_size, default=128, help="height and width in pixels (default: 128)"
+    )
+    bank.add_argument(
+        "--shard-size",
+        type=console.count,
+        metavar="N",
+        help="G-buffers in a file (default: a twentieth of the count, at most 256)",
+    )
+    bank.add_argument(
+        "--workers",
+        type=console.count,
+        default=os.cpu_count(),
+        help="processes (default: all cores)",
+    )
+
+
+def _add_contents(out: argparse.ArgumentParser, unit: str) -> None:
+    """Add the options that a corpus and a bank share: how much of what, drawn from which seed."""
+    out.add_argument("--split", choices=SPLITS, required=True, help="which half of the data")
+    out.add_argument(
+        "--count", type=console.count, required=True, help=f"number of {unit} to render"
+    )
+    out.add_argument("--seed", type=_seed, default=0, help="of everything random (default: 0)")
+    out.add_argument(
+        "--backgrounds",
+        type=Path,
+        metavar="DIR",
+        help="folder of pictures to put behind the objects instead of random textures",
+    )
+    out.add_argument(
+        "--unusable",
+        choices=("refuse", "skip"),
+        default="refuse",
+        help="what to do about files of these folders that cannot be used; they are told by name, "
+        "with the reason (default: refuse to begin)",
+    )
+
+
 def _verify(options: argparse.Namespace) -> int:
+    if _is_bank(options):
+        return _verify_bank(options.corpus)
     console.import_tensorflow()
     from .inspect import verification
 
@@ -224,6 +297,10 @@ def _verify(options: argparse.Namespace) -> int:
 
 
 def _preview(options: argparse.Namespace) -> int:
+    if _is_bank(options):
+        return _preview_bank(options.corpus, options.out or options.corpus / "preview.png")
+    if options.out:
+        raise ValueError(f"{options.corpus} is no bank: --out is for the preview of a bank")
     console.import_tensorflow()
     from .inspect import preview
 
@@ -232,6 +309,39 @@ def _preview(options: argparse.Namespace) -> int:
             paths = preview.preview(options.corpus, split.name, bar.move)
         for path in paths:
             print(path)
+    return 0
+
+
+def _is_bank(options: argparse.Namespace) -> bool:
+    """Return whether the folder holds a bank, or the beginning of one.
+
+    Raises:
+        ValueError: if a split of it is asked for.
+    """
+    folder = options.corpus
+    found = any((folder / name).exists() for name in ("bank.json", "description.json"))
+    if found and options.split:
+        raise ValueError(f"{folder} is a bank, which has one split: leave out --split")
+    return found
+
+
+def _verify_bank(folder: Path) -> int:
+    from .bank import verification
+
+    with console.Bar("verify", "entry") as bar:
+        faults = verification.verify(folder, bar.move)
+    for line in faults.lines():
+        print(line, file=sys.stderr)
+    found = f"{faults.count} fault{'s' if faults.count > 1 else ''}"
+    print(f"{faults.examples} entries in {folder}: {found if faults.count else 'sound'}")
+    return int(faults.count > 0)
+
+
+def _preview_bank(folder: Path, out: Path) -> int:
+    from .bank import preview
+
+    preview.preview(folder, out)
+    print(out)
     return 0
 
 
@@ -271,6 +381,67 @@ def _views(options: argparse.Namespace) -> int:
     return 0
 
 
+def _bank(options: argparse.Namespace) -> int:
+    from .bank import rendering
+    from .bank.description import Description
+    from .corpus import claim
+    from .mitsuba_setup import variants
+
+    choice = variants.choose()
+    if (claim.held(options.out / "description.json") or {}).get("variant") == variants.SLOW:
+        # The bank was begun without a libLLVM: its other shards need the same variant.
+        choice = variants.Choice(variants.SLOW, None)
+    print(choice.explain(), file=sys.stderr)
+    description = Description(
+        split=options.split,
+        count=options.count,
+        seed=options.seed,
+        size=options.size,
+        shard_size=options.shard_size or min(256, -(-options.count // 20)),
+        variant=choice.variant,
+        **_folders(options),
+    )
+    with (
+        console.Bar("files", "file") as checked,
+        console.Bar("lights", "light") as lit,
+        console.Bar("textures", "texture") as drawn,
+        console.Bar("G-buffers", "entry") as rendered,
+    ):
+        manifest = rendering.render_bank(
+            options.out,
+            description,
+            choice,
+            workers=options.workers,
+            skip_unusable=options.unusable == "skip",
+            on_input=checked.move,
+            on_light=lit.move,
+            on_texture=drawn.move,
+            on_entry=rendered.move,
+        )
+    _tell(manifest, "entry")
+    print(f"{manifest['count']} entries in {options.out}")
+    return 0
+
+
+def _folders(options: argparse.Namespace) -> dict[str, str | None]:
+    """Return the user's folders by kind; None for a built-in kind."""
+    return {
+        name: str(folder.resolve()) if (folder := getattr(options, name)) else None
+        for name in ("shapes", "environments", "backgrounds")
+    }
+
+
+def _tell(manifest: Mapping[str, Any], unit: str) -> None:
+    """Print what was repaired, skipped and replaced."""
+    for repair in manifest["repaired"]:
+        print(f"repaired: {repair}", file=sys.stderr)
+    for kind, skipped in manifest["skipped"].items():
+        for name, reason in skipped.items():
+            print(f"skipped: {kind}: {name}: {reason}", file=sys.stderr)
+    for failure in manifest["failures"]:
+        print(f"replaced: {unit} {failure['index']}: {failure['error']}", file=sys.stderr)
+
+
 def _render(options: argparse.Namespace) -> int:
     from .corpus.description import Description
     from .corpus.split import held_variant, render_split
@@ -281,10 +452,6 @@ def _render(options: argparse.Namespace) -> int:
         # The split was begun without a libLLVM: its other shards need the same variant.
         choice = variants.Choice(variants.SLOW, None)
     print(choice.explain(), file=sys.stderr)
-    folders = {
-        name: str(folder.resolve()) if (folder := getattr(options, name)) else None
-        for name in ("shapes", "environments", "backgrounds")
-    }
     description = Description(
         split=options.split,
         count=options.count,
@@ -294,7 +461,7 @@ def _render(options: argparse.Namespace) -> int:
         quality=options.quality,
         shading=options.shading,
         variant=choice.variant,
-        **folders,
+        **_folders(options),
     )
     with (
         console.Bar("files", "file") as checked,
@@ -312,13 +479,7 @@ def _render(options: argparse.Namespace) -> int:
             on_room=rooms.move,
             on_example=rendered.move,
         )
-    for repair in manifest["repaired"]:
-        print(f"repaired: {repair}", file=sys.stderr)
-    for kind, skipped in manifest["skipped"].items():
-        for name, reason in skipped.items():
-            print(f"skipped: {kind}: {name}: {reason}", file=sys.stderr)
-    for failure in manifest["failures"]:
-        print(f"replaced: example {failure['index']}: {failure['error']}", file=sys.stderr)
+    _tell(manifest, "example")
     print(f"{manifest['examples']} examples in {options.out / options.split}")
     return 0
 

@@ -36,7 +36,7 @@ ROWS = {
         ("mitsuba_setup", "shapes", "rooms"),
         ("scene",),
         ("corpus", "inspect", "cloning"),
-        ("room_views",),
+        ("room_views", "bank"),
         ("cli",),
     ),
     "eval": (

@@ -1,7 +1,8 @@
 """The G-buffers of a bank: coverage, normals and the spread of the mirror directions, compressed.
 
 A pixel that the object covers has an octahedral code of its normal (`optics.octahedral`) and a code
-of its spread. On smooth surfaces a code is nearly what its left, upper and upper left neighbours
+of its spread. At an edge or a crease it has two surfaces, each with a normal and a spread of its
+own, and the first one's share. On smooth surfaces a code is nearly what its left, upper and upper left neighbours
 make of it, left + up − (upper left), and only the residual is stored: in one byte, or in two if it
 is large. Uncovered pixels are taken to have a residual of 0, so decoding is two running sums.
 """
@@ -13,11 +14,16 @@ from typing import Any
 
 import numpy as np
 
+from lime_keras.optics import octahedral
+
 from . import bank
 
 INDEX = np.dtype([("offset", "<u8"), ("length", "<u4"), ("shape", "<u4"), ("camera", "<f4", 4)])
 """An entry of a shard's index: its place in bytes, the row of its shape, fx, fy, cx, cy in px."""
+ONE_SURFACE = 255
+"""Share of the first surface in pixels that see one surface only."""
 _MODULUS = 4096
+_LOST_BITS = octahedral.BITS - 8  # of the second surface's codes: 0.5° in the mean, at a rough edge
 _LARGE = 255  # in place of a residual that has two bytes elsewhere
 _FINEST = 14
 
@@ -40,19 +46,25 @@ def variance_of(code: np.ndarray) -> np.ndarray:
     return np.where(code == 0, 0, np.minimum(middle, 1)).astype(np.float32)
 
 
-def encode(coverage: np.ndarray, normal: np.ndarray, spread: np.ndarray) -> bytes:
+def encode(
+    coverage: np.ndarray, share: np.ndarray, normal: np.ndarray, spread: np.ndarray
+) -> bytes:
     """Compress a G-buffer.
 
     Args:
         coverage: share of each pixel that the object covers, in 255ths, `(S, S)` uint8.
-        normal: octahedral codes of the normals, `(S, S, 2)` uint16.
-        spread: codes of the spread, `(S, S)` uint8.
+        share: share of the covered part that shows the pixel's first surface, in 255ths, at least
+            1, `(S, S)` uint8; `ONE_SURFACE` where the pixel sees one surface.
+        normal: octahedral codes of both surfaces' normals, `(2, S, S, 2)` uint16.
+        spread: codes of both surfaces' spread, `(2, S, S)` uint8.
 
     Returns:
-        The bytes, from which `decode` restores the three arrays where coverage is not 0.
+        The bytes, from which `decode` restores the arrays where there is a surface. Of the second
+        surface's codes, the last four bits are lost.
     """
     covered = coverage > 0
-    residual = _residuals(covered, normal)
+    two = covered & (share < ONE_SURFACE)
+    residual = _residuals(covered, normal[0])
     # The least number of bits: 0, −1, 1, −2, … become 0, 1, 2, 3, …
     folded = np.where(residual < 0, -2 * residual - 1, 2 * residual)
     large = folded >= _LARGE
@@ -60,8 +72,11 @@ def encode(coverage: np.ndarray, normal: np.ndarray, spread: np.ndarray) -> byte
     parts = (
         np.packbits(covered),
         coverage[covered],
-        spread[covered],
+        share[covered],
+        spread[0][covered],
         np.where(large, _LARGE, folded).astype(np.uint8),
+        spread[1][two],
+        (normal[1][two] >> _LOST_BITS).T.astype(np.uint8),
         folded[large].astype("<u2"),
     )
     blocks = []
@@ -71,7 +86,7 @@ def encode(coverage: np.ndarray, normal: np.ndarray, spread: np.ndarray) -> byte
     return b"".join(blocks) + compressor.flush()
 
 
-def decode(data: bytes, size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def decode(data: bytes, size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Restore a G-buffer from the bytes of `encode`.
 
     Args:
@@ -79,8 +94,8 @@ def decode(data: bytes, size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         size: height and width in pixels.
 
     Returns:
-        Coverage `(S, S)` uint8, normals `(S, S, 2)` uint16 and spread `(S, S)` uint8 as in
-        `encode`; normals and spread are 0 where coverage is.
+        Coverage, share, normals and spread as in `encode`; normals and spread are 0 where there is
+        no surface, and share is `ONE_SURFACE` where there is no second one.
 
     Raises:
         ValueError: if the bytes are no G-buffer of this size.
@@ -90,27 +105,42 @@ def decode(data: bytes, size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         raw = np.frombuffer(zlib.decompress(data, -15), np.uint8)
     except zlib.error as error:
         raise ValueError(f"the bytes cannot be decompressed ({error})") from error
-    covered = np.flatnonzero(np.unpackbits(raw[: -(-pixels // 8)]))
-    count, start = len(covered), -(-pixels // 8)
-    ends = np.cumsum([start, count, count, 2 * count])
-    coverage_there, spread_there, small = (raw[low:high] for low, high in itertools.pairwise(ends))
+    start = -(-pixels // 8)
+    covered = np.flatnonzero(np.unpackbits(raw[:start]))
+    count = len(covered)
+    ends = np.cumsum([start, count, count, count, 2 * count])
+    coverage_there, share_there, spread_there, small = (
+        raw[low:high] for low, high in itertools.pairwise(ends)
+    )
+    two = covered[: len(share_there)][share_there < ONE_SURFACE]
+    middle = ends[-1] + len(two)
+    end = middle + 2 * len(two)
     large = np.flatnonzero(small == _LARGE)
-    if len(raw) != ends[-1] + 2 * len(large) or (count and covered[-1] >= pixels):
+    if len(raw) != end + 2 * len(large) or (count and covered[-1] >= pixels):
         raise ValueError(f"the bytes are no G-buffer of {size}×{size} pixels")
     folded = small.astype(np.uint16)
-    folded[large] = raw[ends[-1] :].view("<u2")
+    folded[large] = raw[end:].view("<u2")
     residual = ((folded >> 1) ^ -(folded & 1)).astype(np.int16).astype(np.uint32)
-    coverage, spread = np.zeros((2, pixels), np.uint8)
-    coverage[covered], spread[covered] = coverage_there, spread_there
-    normal = np.zeros((pixels, 2), np.uint16)
+    coverage, share = np.zeros(pixels, np.uint8), np.full(pixels, ONE_SURFACE, np.uint8)
+    spread, normal = np.zeros((2, pixels), np.uint8), np.zeros((2, pixels, 2), np.uint16)
+    coverage[covered], share[covered] = coverage_there, share_there
+    spread[0, covered], spread[1, two] = spread_there, raw[ends[-1] : middle]
     for axis, part in enumerate(residual.reshape(2, count)):
         sums = np.zeros(pixels, np.uint32)
         sums[covered] = part
         sums = sums.reshape(size, size).cumsum(axis=1, dtype=np.uint32)
         sums.cumsum(axis=0, dtype=np.uint32, out=sums)
-        normal[covered, axis] = sums.ravel()[covered] % _MODULUS
+        normal[0, covered, axis] = sums.ravel()[covered] % _MODULUS
+    codes = raw[middle:end].reshape(2, len(two)).T.astype(np.uint16)
+    # The middle of what the lost bits may have been.
+    normal[1, two] = np.minimum((codes << _LOST_BITS) + (1 << _LOST_BITS - 1), octahedral.LARGEST)
     square = (size, size)
-    return coverage.reshape(square), normal.reshape(*square, 2), spread.reshape(square)
+    return (
+        coverage.reshape(square),
+        share.reshape(square),
+        normal.reshape(2, *square, 2),
+        spread.reshape(2, *square),
+    )
 
 
 def _residuals(covered: np.ndarray, codes: np.ndarray) -> np.ndarray:
@@ -179,9 +209,10 @@ class GeometryBank:
             indices: indices of the entries, `(B,)`.
 
         Returns:
-            `coverage` `(B, S, S)` uint8 in 255ths of the pixel, `normal` `(B, S, S, 2)` uint16
-            octahedral codes of the unit normals in camera space, 0 outside, `spread` `(B, S, S)`
-            uint8 (see `variance_of`), and `camera` `(B, 4)` float32, fx, fy, cx, cy in pixels.
+            `coverage` and `share` `(B, S, S)` uint8 in 255ths, `normal` `(B, 2, S, S, 2)` uint16
+            octahedral codes of the unit normals in camera space, 0 where there is no surface,
+            `spread` `(B, 2, S, S)` uint8 (see `variance_of`), and `camera` `(B, 4)` float32, fx,
+            fy, cx, cy in pixels.
 
         Raises:
             IndexError: if an index is not in 0 … N − 1.
@@ -190,11 +221,12 @@ class GeometryBank:
         indices = np.asarray(indices)
         if indices.size and not (indices.min() >= 0 and indices.max() < len(self)):
             raise IndexError(f"the bank has {len(self)} entries, so no entry {indices.max()}")
-        square = (len(indices), self.size, self.size)
+        count, size = len(indices), self.size
         out = {
-            "coverage": np.empty(square, np.uint8),
-            "normal": np.empty((*square, 2), np.uint16),
-            "spread": np.empty(square, np.uint8),
+            "coverage": np.empty((count, size, size), np.uint8),
+            "share": np.empty((count, size, size), np.uint8),
+            "normal": np.empty((count, 2, size, size, 2), np.uint16),
+            "spread": np.empty((count, 2, size, size), np.uint8),
             "camera": self.camera[indices],
         }
         for place, index in enumerate(indices):
@@ -209,7 +241,8 @@ class GeometryBank:
                     f"{self._paths[shard]}, entry {entry}: {error}; delete the file and run the "
                     "same `lime-render bank` again"
                 ) from error
-            out["coverage"][place], out["normal"][place], out["spread"][place] = arrays
+            for name, array in zip(("coverage", "share", "normal", "spread"), arrays, strict=True):
+                out[name][place] = array
         return out
 
 

@@ -74,25 +74,12 @@ class Job:
     )
 
     def recorded(self) -> dict[str, Any]:
-        """Return the description as it is stored in JSON.
-
-        Folders are stored by name alone: their place on this machine changes no byte.
-        """
-        record = dataclasses.asdict(self.description)
-        for name in inputs.KINDS:
-            record[name] = Path(record[name]).name if record[name] else None
-        return record
+        """Return the description as it is stored in JSON; see `recorded`."""
+        return recorded(self.description)
 
     def files(self) -> dict[str, list[Path]]:
-        """Return the user's files for this split, by kind; an empty list for a built-in kind."""
-        extensions = {"shapes": procedural.EXTENSIONS, "environments": environments.EXTENSIONS}
-        found = {
-            kind: sources.files(folder, self.description.split, extensions[kind]) if folder else []
-            for kind in extensions
-            for folder in [self._folder(kind)]
-        }
-        backgrounds = sources.BackgroundSource(self._folder("backgrounds"))
-        return found | {"backgrounds": backgrounds.pictures()}
+        """Return the user's files for this split, by kind; see `files`."""
+        return files(self.description)
 
     @property
     def split(self) -> Split:
@@ -126,3 +113,37 @@ class Job:
     def _folder(self, kind: str) -> Path | None:
         folder = getattr(self.description, kind)
         return Path(folder) if folder else None
+
+
+def recorded(description: Any) -> dict[str, Any]:
+    """Return a description, a dataclass, as it is stored in JSON.
+
+    Folders are stored by name alone: their place on this machine changes no byte.
+
+    Args:
+        description: a dataclass, among whose fields are the folders of `inputs.KINDS`.
+    """
+    record = dataclasses.asdict(description)
+    for name in inputs.KINDS:
+        record[name] = Path(record[name]).name if record[name] else None
+    return record
+
+
+def files(description: Any) -> dict[str, list[Path]]:
+    """Return the user's files for a split, by kind; an empty list for a built-in kind.
+
+    Args:
+        description: a dataclass, among whose fields are `split` and the folders of `inputs.KINDS`.
+
+    Raises:
+        ValueError: if a folder is missing or holds too few files.
+    """
+    folders = {kind: getattr(description, kind) for kind in inputs.KINDS}
+    extensions = {"shapes": procedural.EXTENSIONS, "environments": environments.EXTENSIONS}
+    found = {
+        kind: sources.files(Path(folders[kind]), description.split, known) if folders[kind] else []
+        for kind, known in extensions.items()
+    }
+    pictures = folders["backgrounds"]
+    source = sources.BackgroundSource(Path(pictures) if pictures else None)
+    return found | {"backgrounds": source.pictures()}

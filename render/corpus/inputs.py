@@ -180,6 +180,27 @@ def skip(findings: Findings) -> dict[str, frozenset[str]]:
     return {kind: frozenset(names) for kind, names in problems.items()}
 
 
+def usable(findings: Findings) -> dict[str, tuple[str, ...] | None]:
+    """Return the names of the files to use, by kind; None for a built-in kind.
+
+    Raises:
+        ValueError: If no usable file of a kind is left.
+    """
+    skipped = skip(findings)
+    return {
+        kind: tuple(f.name for f in found if f.name not in skipped[kind]) or None
+        for kind, found in findings.items()
+    }
+
+
+def digests(findings: Findings) -> dict[str, dict[str, str]]:
+    """Return the checksums of the files that are used, by kind and name."""
+    return {
+        kind: {finding.name: finding.sha256 for finding in found if finding.problem is None}
+        for kind, found in findings.items()
+    }
+
+
 def repairs(findings: Findings) -> list[str]:
     """Return one line for the user for each note on a repaired file."""
     return [

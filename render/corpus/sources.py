@@ -25,7 +25,12 @@ from ..shapes import procedural
 TEST_SHARE = 0.2
 PROCEDURAL_SHAPES = {"train": 400, "test": 100}
 PROCEDURAL_ROOMS = {"train": 40, "test": 12}
-_KINDS = {"example": 0, "shape": 1, "room": 2, "shard": 3}
+_KINDS = {
+    kind: number
+    for number, kind in enumerate(
+        ("example", "shape", "room", "shard", "entry", "body", "order", "sky", "texture")
+    )
+}
 
 
 def generator(seed: int, split: str, kind: str, *indices: int) -> np.random.Generator:
@@ -34,7 +39,8 @@ def generator(seed: int, split: str, kind: str, *indices: int) -> np.random.Gene
     Args:
         seed: seed of the corpus.
         split: `train` or `test`.
-        kind: kind of the thing: `example`, `shape`, `room` or `shard`.
+        kind: kind of the thing: in a corpus `example`, `shape`, `room` or `shard`; in a bank
+            `entry`, `body`, `order`, `room`, `sky` or `texture`.
         indices: numbers of the thing, such as its index.
     """
     key = (SPLITS.index(split), _KINDS[kind], *indices)

@@ -4,20 +4,16 @@ The bytes of a shard depend on the split's description and the shard's number al
 number of workers, nor on interruptions. A finished shard is never written again.
 """
 
-import contextlib
 import dataclasses
-import fcntl
 import json
-import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from lime_keras.data.corpus import SPLITS, Split
-from lime_keras.io import atomic
 
 from ..mitsuba_setup import variants
-from . import cluster, inputs, worker
+from . import claim, cluster, inputs, worker
 from .description import Description, Job
 from .processes import Workers
 
@@ -57,9 +53,8 @@ def render_split(
     """
     job = Job(out.absolute(), description, choice)
     split = Split(out, description.split)
-    held = _held(split)
-    if held is not None:
-        _refuse_another(split.folder, held, job.recorded())
+    held = claim.held(split.description_path)
+    claim.refuse_another(split.folder, "split", held, job.recorded())
     # Inputs are checked first, so that an unusable file fails before the split's folder is made.
     pool = Workers(workers)
 
@@ -71,7 +66,7 @@ def render_split(
     findings = inspected(inputs.read(split.inputs_path) if held is not None else None)
     if held is None and not skip_unusable:
         inputs.refuse(findings)
-    job = dataclasses.replace(job, usable=_usable(findings, inputs.skip(findings)))
+    job = dataclasses.replace(job, usable=inputs.usable(findings))
     _refuse_shared_inputs(job, findings)
     renderers: cluster.Cluster | Workers
     if ray:
@@ -79,12 +74,12 @@ def render_split(
     else:
         renderers = Workers(workers, worker.start, job)
     split.folder.mkdir(parents=True, exist_ok=True)
-    with _alone(split.folder):
-        _write_json(split.description_path, job.recorded())
+    with claim.alone(split.folder):
+        claim.write_json(split.description_path, job.recorded())
         inputs.write(split.inputs_path, findings)
         manifest = _render_missing(job, renderers, findings, on_room, on_example)
         inspected(findings)  # a file that changed meanwhile may be in some shards only: an error
-        _write_json(split.manifest_path, manifest)
+        claim.write_json(split.manifest_path, manifest)
     return manifest
 
 
@@ -97,7 +92,7 @@ def _render_missing(
 ) -> dict[str, Any]:
     """Render the rooms and shards that are missing, and return the manifest."""
     description, lights = job.description, job.lights.names()
-    _remove_partials(job.split.folder)
+    claim.remove_partials(job.split.folder, job.split.folder / "rooms")
     rooms = [] if description.environments else lights
     missing_rooms = [name for name in rooms if not (job.lights.cache / name).is_file()]
     missing = [n for n in range(description.shards) if not _is_finished(job.split, n)]
@@ -108,47 +103,9 @@ def _render_missing(
     on_example(done, description.count)
     if missing:
         renderers.run(worker.render_shard, missing, done, description.count, on_example)
-    _remove_partials(job.split.folder)  # a lost node may have left some
+    # A lost node may have left some.
+    claim.remove_partials(job.split.folder, job.split.folder / "rooms")
     return _manifest(job, findings)
-
-
-@contextlib.contextmanager
-def _alone(folder: Path) -> Iterator[None]:
-    """Lock the folder of a split against a second process; the lock ends with this process.
-
-    Raises:
-        RuntimeError: if another process is rendering the split.
-    """
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError as error:
-        os.close(handle)
-        raise RuntimeError(f"another lime-render is rendering {folder}: wait for it") from error
-    except OSError:  # some network file systems cannot lock folders
-        pass
-    try:
-        yield
-    finally:
-        os.close(handle)
-
-
-def _usable(
-    findings: inputs.Findings, skipped: Mapping[str, frozenset[str]]
-) -> dict[str, tuple[str, ...] | None]:
-    """Return the names of the files to use, by kind; None for a built-in kind."""
-    return {
-        kind: tuple(f.name for f in found if f.name not in skipped[kind]) or None
-        for kind, found in findings.items()
-    }
-
-
-def _digests(findings: inputs.Findings) -> dict[str, dict[str, str]]:
-    """Return the checksums of the user's files that are used, by kind and name."""
-    return {
-        kind: {finding.name: finding.sha256 for finding in found if finding.problem is None}
-        for kind, found in findings.items()
-    }
 
 
 def _is_finished(split: Split, shard: int) -> bool:
@@ -158,7 +115,7 @@ def _is_finished(split: Split, shard: int) -> bool:
 
 def held_variant(split: Split) -> str | None:
     """Return the variant of Mitsuba with which a split was begun; None for a new split."""
-    return (_held(split) or {}).get("variant")
+    return (claim.held(split.description_path) or {}).get("variant")
 
 
 def _refuse_shared_inputs(job: Job, findings: inputs.Findings) -> None:
@@ -168,8 +125,8 @@ def _refuse_shared_inputs(job: Job, findings: inputs.Findings) -> None:
     if theirs is None:
         return
     for kind in ("shapes", "environments"):
-        names = {digest: name for name, digest in _digests(theirs)[kind].items()}
-        for name, digest in _digests(findings)[kind].items():
+        names = {digest: name for name, digest in inputs.digests(theirs)[kind].items()}
+        for name, digest in inputs.digests(findings)[kind].items():
             if digest in names:
                 raise ValueError(
                     f"{getattr(job.description, kind)}: {name} has the contents of "
@@ -177,41 +134,6 @@ def _refuse_shared_inputs(job: Job, findings: inputs.Findings) -> None:
                     "of them, or sort the files into subfolders train and test, and render "
                     f"{other.folder} anew"
                 )
-
-
-def _held(split: Split) -> dict[str, Any] | None:
-    """Return the description with which a split was begun; None for a new split.
-
-    Raises:
-        ValueError: if the description cannot be read.
-    """
-    path = split.description_path
-    if not path.is_file():
-        return None
-    try:
-        return dict(json.loads(path.read_text(encoding="utf-8")))
-    except (TypeError, ValueError) as error:
-        raise ValueError(
-            f"{path} is broken ({error}): remove {split.folder} to render anew"
-        ) from error
-
-
-def _refuse_another(folder: Path, held: dict[str, Any], wanted: dict[str, Any]) -> None:
-    """Raise ValueError if the folder holds a split of another description."""
-    differing = sorted(key for key in wanted | held if wanted.get(key) != held.get(key))
-    if differing:
-        raise ValueError(
-            f"{folder} holds another split: "
-            + ", ".join(
-                f"{key} {held.get(key)} there, {wanted.get(key)} asked" for key in differing
-            )
-            + ". Pass another folder, the same options, or remove it"
-        )
-
-
-def _remove_partials(folder: Path) -> None:
-    for partial in [*folder.glob("partial-*"), *(folder / "rooms").glob("partial-*")]:
-        partial.unlink(missing_ok=True)
 
 
 def _manifest(job: Job, findings: inputs.Findings) -> dict[str, Any]:
@@ -233,11 +155,7 @@ def _manifest(job: Job, findings: inputs.Findings) -> dict[str, Any]:
         "failures": [failure for sidecar in sidecars for failure in sidecar["failures"]],
         "shapes": job.shapes.names(),
         "lights": job.lights.names(),
-        "inputs": _digests(findings),
+        "inputs": inputs.digests(findings),
         "skipped": inputs.unusable(findings),
         "repaired": inputs.repairs(findings),
     }
-
-
-def _write_json(path: Path, value: dict[str, Any]) -> None:
-    atomic.write(path, json.dumps(value, indent=1) + "\n")

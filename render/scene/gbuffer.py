@@ -233,9 +233,19 @@ def _length(vectors: np.ndarray) -> np.ndarray:
 
 
 def _facing(normal: np.ndarray, geometric: np.ndarray, view: np.ndarray) -> np.ndarray:
-    """Turn unit normals to the viewer's side, with o·n of about `_LEAST_COSINE` at least."""
-    normal = np.where(_dot(geometric, view) < 0, -normal, normal)
-    normal = normal + np.maximum(_LEAST_COSINE - _dot(normal, view), 0) * view
+    """Turn unit normals to the viewer's side (see `lifted`)."""
+    return lifted(np.where(_dot(geometric, view) < 0, -normal, normal), view)
+
+
+def lifted(normal: np.ndarray, view: np.ndarray, least: float = _LEAST_COSINE) -> np.ndarray:
+    """Return unit normals `(N, 3)` with o·n of about `least` at least.
+
+    Args:
+        normal: unit normals n, `(N, 3)`.
+        view: unit directions o to the viewer, `(N, 3)`.
+        least: least o·n.
+    """
+    normal = normal + np.maximum(least - _dot(normal, view), 0) * view
     return normal / _length(normal)
 
 

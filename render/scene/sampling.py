@@ -76,13 +76,20 @@ def sample_rotation(rng: np.random.Generator) -> np.ndarray:
     )
 
 
-def sample_pose(rng: np.random.Generator, vertices: np.ndarray, size: int) -> Pose:
+def sample_pose(
+    rng: np.random.Generator,
+    vertices: np.ndarray,
+    size: int,
+    fill: tuple[float, float] = FILL,
+) -> Pose:
     """Draw the pose of an object before the camera, and the crop of the photo around it.
 
     Args:
         rng: source of all randomness.
         vertices: vertices of the object, `(V, 3)`, inside the unit sphere.
         size: height and width of the crop in pixels.
+        fill: range of the share of the crop that the object's longer side takes. An object that
+            takes more than the crop is cut by its frame.
     """
     rotation = sample_rotation(rng)
     distance = 1.0 / math.sin(rng.uniform(*_ANGULAR_RADIUS))
@@ -91,9 +98,9 @@ def sample_pose(rng: np.random.Generator, vertices: np.ndarray, size: int) -> Po
     points = vertices @ rotation.T + translation
     projected = points[:, :2] / -points[:, 2:]
     low, high = projected.min(axis=0), projected.max(axis=0)
-    fill = rng.uniform(*FILL)
-    focal = fill * size / np.max(high - low)
-    slack = (1 - fill) / 2 * size
+    share = rng.uniform(*fill)
+    focal = share * size / np.max(high - low)
+    slack = abs(1 - share) / 2 * size
     shift = rng.uniform(-slack, slack, 2)
     centre = focal * (low + high) / 2
     camera = np.array(

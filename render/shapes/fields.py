@@ -15,6 +15,9 @@ import numpy as np
 
 Field = Callable[[np.ndarray], np.ndarray]
 
+_LEAST_LEFT = 0.015
+"""Least share of the cube of half width one that a carved solid still fills."""
+
 
 def composition(rng: np.random.Generator) -> tuple[Field, float]:
     """Draw primitives that grow out of one another, displaced by waves.
@@ -111,6 +114,93 @@ def frame(rng: np.random.Generator) -> tuple[Field, float]:
         return d
 
     return field, max(float(np.linalg.norm(joint)) for joint in joints) + 1.5
+
+
+def carved(rng: np.random.Generator) -> tuple[Field, float]:
+    """Draw a primitive that others cut into, through or off, with rounded edges; some are hollow.
+
+    Returns:
+        The field, and the radius of a ball around the origin that holds the solid.
+    """
+    axis = np.linspace(-1, 1, 16, dtype=np.float32)
+    grid = np.stack(np.meshgrid(axis, axis, axis)).reshape(3, -1)
+    while True:
+        field = _carved(rng)
+        if (field(grid) < 0).mean() > _LEAST_LEFT:
+            return field, 1.8
+
+
+def _carved(rng: np.random.Generator) -> Field:
+    body = _primitive(rng, 0.8, np.zeros(3))
+    softness = float(np.exp(rng.uniform(np.log(0.01), np.log(0.2))))
+    wall = rng.choice([0.0, rng.uniform(0.06, 0.11)], p=(0.7, 0.3))
+    softness = max(softness, 0.8 * wall)  # thin edges of a shell would be ragged
+    cutters = []
+    for _ in range(rng.integers(1, 5)):
+        size = rng.uniform(0.25, 0.65)
+        cutters.append(_primitive(rng, size, rng.uniform(0.35, 0.8) * _direction(rng)))
+    kept = _primitive(rng, 1.1, np.zeros(3)) if rng.random() < 0.35 else None
+    waves = _displacement(rng) if rng.random() < 0.3 else None
+
+    def field(p: np.ndarray) -> np.ndarray:
+        d = body(p)
+        if wall:
+            d = np.abs(d) - np.float32(wall)
+        if kept is not None:
+            d = -_join(-d, -kept(p), softness)
+        for cutter in cutters:
+            d = -_join(-d, cutter(p), softness)
+        return d if waves is None else d - waves(p)
+
+    return field
+
+
+def dented(rng: np.random.Generator) -> tuple[Field, float]:
+    """Draw a solid with dents, bumps, grooves or ribs.
+
+    Returns:
+        The field, and the radius of a ball around the origin that holds the solid.
+    """
+    base = _primitive(rng, 0.8, np.zeros(3))
+    marks: list[tuple[Field, bool]] = []
+    for _ in range(rng.integers(1, 9)):
+        surface = _exit(base, _direction(rng), 2.0)
+        size = float(np.exp(rng.uniform(np.log(0.1), np.log(0.7))))
+        sunk = rng.random() < 0.6
+        depth = size * rng.uniform(0.15, 0.7)
+        away = surface / np.linalg.norm(surface) * (size - depth)
+        centre = (surface + away if sunk else surface - away).astype(np.float32)[:, None]
+        marks.append((_ball(centre, size), sunk))
+    softness = float(np.exp(rng.uniform(np.log(0.01), np.log(0.15))))
+    grooves = _grooves(rng) if rng.random() < 0.4 else None
+
+    def field(p: np.ndarray) -> np.ndarray:
+        d = base(p)
+        for ball, sunk in marks:
+            d = -_join(-d, ball(p), softness) if sunk else _join(d, ball(p), softness)
+        return d if grooves is None else d + grooves(p)
+
+    return field, 2.0
+
+
+def _ball(centre: np.ndarray, radius: float) -> Field:
+    return lambda p: np.sqrt(((p - centre) ** 2).sum(0)) - np.float32(radius)
+
+
+def _exit(solid: Field, along: np.ndarray, reach: float) -> np.ndarray:
+    """Return the last point inside a solid on a ray from the origin; the middle, if none is."""
+    points = np.linspace(0.05, reach, 80) * along[:, None]
+    inside = np.flatnonzero(solid(points.astype(np.float32)) < 0)
+    return points[:, inside[-1] if len(inside) else len(points) // 4]
+
+
+def _grooves(rng: np.random.Generator) -> Field:
+    """Draw parallel or ring-shaped grooves, or ribs; their depth is a fifth of their distance."""
+    axis = _direction(rng).astype(np.float32) if rng.random() < 0.5 else np.eye(3, dtype="f4")[1]
+    rate = np.float32(np.exp(rng.uniform(np.log(5), np.log(25))))
+    depth = np.float32(rng.choice([-1, 1]) * rng.uniform(0.3, 1.0) / rate)
+    sharpness = int(rng.choice([1, 2, 8]))
+    return lambda p: depth * np.abs(np.cos(rate * (axis @ p))) ** sharpness
 
 
 def _limb(

@@ -7,11 +7,12 @@ import numpy as np
 from .meshes import Mesh, normalised
 
 CORNER = np.radians(33)  # a profile that bends by more has separate normals on either side
+SIDES = 88
 
 
-def sample(rng: np.random.Generator) -> Mesh:
-    """Draw a turned piece: upright, closed, at times fluted or hollow."""
-    return turned(_profile(rng), rng)
+def sample(rng: np.random.Generator, sides: int = SIDES) -> Mesh:
+    """Draw a turned piece of that many sides: upright, closed, at times fluted or hollow."""
+    return turned(_profile(rng), rng, sides)
 
 
 def _profile(rng: np.random.Generator) -> np.ndarray:
@@ -81,7 +82,7 @@ def _hollow(wall: np.ndarray, thickness: float) -> np.ndarray:
     return np.concatenate([[[0, 0]], wall, lip, inside, [[0, inside[-1, 1]]]])
 
 
-def turned(profile: np.ndarray, rng: np.random.Generator) -> Mesh:
+def turned(profile: np.ndarray, rng: np.random.Generator, sides: int = SIDES) -> Mesh:
     """Revolve a profile about Y, at times with flutes, with creases at its sharp corners."""
     profile[[0, -1], 0] = 0
     profile = profile[np.r_[True, np.linalg.norm(np.diff(profile, axis=0), axis=1) > 1e-4]]
@@ -89,7 +90,7 @@ def turned(profile: np.ndarray, rng: np.random.Generator) -> Mesh:
     flutes = int(rng.integers(3, 25))
     depth = rng.choice([0.0, rng.uniform(0.1, 0.6) / flutes], p=(0.6, 0.4))
     twist = rng.choice([0.0, rng.uniform(-1.0, 1.0)])
-    angle = 2 * np.pi * np.arange(88) / 88
+    angle = 2 * np.pi * np.arange(sides) / sides
     vertices, normals, faces, count = [], [], [], 0
     for section in _sections(profile):
         points, outward = _revolved(section, angle, flutes, depth, twist)

@@ -11,15 +11,16 @@ from .meshes import Mesh, normalised
 CELLS = 150_000  # cells of the grid for marching cubes: 8,000 to 30,000 faces, about 0.1 s
 
 
-def polygonise(field: Field, radius: float) -> Mesh:
+def polygonise(field: Field, radius: float, cells: int = CELLS) -> Mesh:
     """Return the mesh of a field's zero level inside a ball; its normals are the field's gradient.
 
     Args:
         field: the implicit field, negative inside.
         radius: radius of the ball around the origin.
+        cells: number of cells of the grid for marching cubes.
     """
     low, high = _bounds(field, radius)
-    step = (np.prod(high - low) / CELLS) ** (1 / 3)
+    step = (np.prod(high - low) / cells) ** (1 / 3)
     box = zip(low, high, strict=True)
     axes = [np.arange(a - 1.5 * step, b + 2 * step, step, dtype=np.float32) for a, b in box]
     volume = _sampled(field, axes)

@@ -17,7 +17,7 @@ import pytest
 from render_scenes import write_inputs
 
 from lime_keras.render import cli
-from lime_keras.render.corpus import cluster, inputs, nodes, processes, split, worker
+from lime_keras.render.corpus import claim, cluster, inputs, nodes, processes, split, worker
 from lime_keras.render.corpus.description import Description, Job
 from lime_keras.render.mitsuba_setup import variants
 
@@ -93,7 +93,7 @@ def job(tmp_path, description):
     own = dataclasses.replace(description, **folders)
     job = Job(tmp_path / "corpus", own, variants.Choice(variants.SLOW, None))
     job.split.folder.mkdir(parents=True)
-    split._write_json(job.split.description_path, job.recorded())
+    claim.write_json(job.split.description_path, job.recorded())
     found = {kind: [inputs.check(kind, path) for path in job.files()[kind]] for kind in job.files()}
     inputs.write(job.split.inputs_path, found)
     return job

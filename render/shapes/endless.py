@@ -1,0 +1,62 @@
+"""Random shapes without end, drawn from many families.
+
+The four families of `procedural` are among them. Each family draws its own numbers of pieces,
+proportions and details, so that no two shapes of a long run are alike.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from . import carving, extrusion, facets, fields, groups, joinery, lathe, sheets, solids, wires
+from .meshes import Mesh
+
+CELLS = 50_000
+"""Cells of the grid on which implicit fields without thin bars are polygonised."""
+
+SIDES = 56
+"""Number of sides of a turned piece: enough for 24 flutes."""
+
+FAMILIES: dict[str, tuple[float, Callable[[np.random.Generator], Mesh]]] = {
+    "composition": (0.05, lambda rng: solids.polygonise(*fields.composition(rng), CELLS)),
+    "blobs": (0.04, lambda rng: solids.polygonise(*fields.blobs(rng), CELLS)),
+    "frame": (0.06, lambda rng: solids.polygonise(*fields.frame(rng))),
+    "turned": (0.07, lambda rng: lathe.sample(rng, SIDES)),
+    "hollowed": (0.08, lambda rng: solids.polygonise(*fields.carved(rng), CELLS)),
+    "dented": (0.07, lambda rng: solids.polygonise(*fields.dented(rng), CELLS)),
+    "carved": (0.12, carving.sample),
+    "extruded": (0.09, extrusion.sharp),
+    "bevelled": (0.06, lambda rng: extrusion.bevelled(rng, CELLS)),
+    "tubes": (0.07, wires.tubes),
+    "chains": (0.01, wires.chains),
+    "cages": (0.03, wires.cages),
+    "branches": (0.02, wires.branches),
+    "sheets": (0.05, sheets.sample),
+    "joinery": (0.1, joinery.sample),
+    "facets": (0.04, facets.sample),
+}
+"""The families of one thing: share of the draws, and the function that draws a mesh."""
+
+GROUPED = 0.1
+"""Share of the draws that are groups of things, each of one of the families."""
+
+
+def endless(rng: np.random.Generator) -> Mesh:
+    """Make random closed surfaces of one of the `FAMILIES`, or a group of them.
+
+    Args:
+        rng: The only source of randomness; the same state gives the same mesh.
+
+    Returns:
+        A normalised `Mesh` of a dozen to some 40,000 faces, mostly 1,000 to 12,000. Its surfaces
+        are watertight; where a thing is made of several, they may overlap or lie apart.
+    """
+    if rng.random() < GROUPED:
+        return groups.sample(rng, _single)
+    return _single(rng)
+
+
+def _single(rng: np.random.Generator) -> Mesh:
+    shares = np.array([share for share, _ in FAMILIES.values()])
+    family = list(FAMILIES)[rng.choice(len(shares), p=shares / shares.sum())]
+    return FAMILIES[family][1](rng)
