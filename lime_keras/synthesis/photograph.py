@@ -83,7 +83,7 @@ def _defocused(light: Any, strength: Any) -> Any:
         moved = ops.slice(padded, (0, row, column, 0), light.shape)
         return blurred + _each(disc[pixel]) * moved
 
-    return ops.fori_loop(0, len(corners), add, ops.zeros_like(light))
+    return ops.fori_loop(0, corners.shape[0], add, ops.zeros_like(light))
 
 
 def _sensed(light: Any, full_well: Any, grain: Any) -> Any:
