@@ -137,7 +137,9 @@ def _measured(scenes: list[Scene], coarseness: float, two: bool) -> tuple[float,
             share = np.full_like(share, ONE_SURFACE)
         there = np.stack([coverage > 0, (coverage > 0) & (share < ONE_SURFACE)])
         work = pieces(_repeated(there), EXPONENTS, coarseness)
-        radiance = scene.radiance * (lights.MEAN_RADIANCE / environment.spherical_mean(scene.radiance))
+        radiance = scene.radiance * (
+            lights.MEAN_RADIANCE / environment.spherical_mean(scene.radiance)
+        )
         given = [
             _repeated(octahedral.decode(normal)),
             _repeated(variance_of(spread)),

@@ -40,7 +40,9 @@ def main() -> None:
     )
     source = _source(arguments)
     draws = [source.draw(0, np.arange(k, k + arguments.batch)) for k in (0, 1000)]
-    _row("drawn and read on the host", lambda: source.draw(0, np.arange(arguments.batch)), arguments)
+    _row(
+        "drawn and read on the host", lambda: source.draw(0, np.arange(arguments.batch)), arguments
+    )
     _row("made on the device", lambda: _wait(source.make(draws[0])), arguments)
     for title, name, replacement in PARTS:
         with mock.patch.object(scenes, name, replacement):

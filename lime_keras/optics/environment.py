@@ -4,8 +4,14 @@ direction(u, v) = (sin πv · sin 2πu, cos πv, −sin πv · cos 2πu), v = 0 
 `(H, W)` linear radiance. It has one channel, because the paper's light is white-balanced.
 """
 
+import math
+
 import numpy as np
 
+MEAN_RADIANCE = 0.4
+"""Spherical mean to which every light is scaled: the exposure (docs/decisions.md)."""
+CAMERA_PITCH = (math.radians(-10), math.radians(30))
+"""Range in radians of the angle by which the camera looks down, and so of the light's tilt."""
 STORED_SHAPE = (64, 128)
 """Rows and columns of the environment map that a record stores."""
 

@@ -8,8 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from lime_keras.data.features import LEARNT_FROM
-
 from .scenes import Scenes
 
 _AHEAD = 4
@@ -26,7 +24,7 @@ def training(
     seed: int,
     first_step: int = 0,
     camera: bool = True,
-    features: Collection[str] = LEARNT_FROM,
+    features: Collection[str],
     rows: tuple[int, int] = (0, 1),
 ) -> Iterator[Batch]:
     """Yield batches without end; the banks and a seed determine them, from any step on.
@@ -55,9 +53,7 @@ def training(
             f"scenes stand in pairs, so batches of {batch_size} cannot be divided among {parts} "
             f"machine{'s' * (parts > 1)}: choose a multiple of {2 * parts}"
         )
-    sources = [
-        Scenes(folder, size=size, camera=camera, features=features) for folder in folders
-    ]
+    sources = [Scenes(folder, size=size, camera=camera, features=features) for folder in folders]
     share = batch_size // parts
 
     def drawn(step: int) -> tuple[Scenes, dict[str, Any]]:
@@ -75,7 +71,7 @@ def held_out(
     batch_size: int,
     count: int,
     camera: bool,
-    features: Collection[str] = LEARNT_FROM,
+    features: Collection[str],
 ) -> Iterator[Batch]:
     """Yield the same batches every time, of shapes and maps that training does not see.
 

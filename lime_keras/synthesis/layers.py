@@ -24,6 +24,8 @@ from keras import ops
 from lime_keras.optics import environment
 from lime_keras.optics.shading import normaliser
 
+from . import panorama
+
 LEVEL_ROWS = (16, 32, 64, 128)
 """Rows of the levels over which S is summed, coarsest first."""
 COARSENESS = 4.0
@@ -128,9 +130,7 @@ def layers(
     levels = _pyramid(radiance)
     mips = _mips(levels)
     to_map = ops.transpose(rotation, (0, 2, 1))
-    known = ops.concatenate(
-        [ops.reshape(normal, (-1, 3)), ops.reshape(variance, (-1, 1))], axis=1
-    )
+    known = ops.concatenate([ops.reshape(normal, (-1, 3)), ops.reshape(variance, (-1, 1))], axis=1)
     known = ops.transpose(ops.take(known, work.surfaces, axis=0))
     out = ops.zeros((3, known.shape[1]), "float32")
     first: Any = ops.convert_to_tensor(0, "int32")
@@ -215,9 +215,7 @@ def _mirror(n: Any, o: Any, variance: Any, mips: Any, scene: Any) -> Any:
     """
     stacked, rows, starts = mips
     mirrored = 2.0 * ops.sum(n * o, axis=0) * n - o
-    x, y, z = mirrored[0], mirrored[1], mirrored[2]
-    u = ops.arctan2(x, -z) * (0.5 / math.pi)
-    v = ops.arctan2(ops.sqrt(ops.square(x) + ops.square(z)), y) / math.pi
+    u, v = panorama.place(mirrored[0], mirrored[1], mirrored[2])
     width = ops.sqrt(2.0 * ops.maximum(variance, 1e-9))
     finest = math.log2(rows[-1])
     level = finest - ops.log2(width * (rows[-1] / math.pi))

@@ -16,7 +16,7 @@ from keras import ops
 from lime_keras.optics import environment, octahedral, shininess
 from lime_keras.optics.compositing import compose
 
-from . import backdrop, bank, drawing, light_law
+from . import backdrop, bank, drawing, light_law, panorama
 from .geometry import GeometryBank, variance_of
 from .layers import layers, pieces
 from .lights import LightBank
@@ -33,6 +33,9 @@ _LIGHTS, _TEXTURES = "lights", "textures"
 
 class Scenes:
     """The scenes of a bank, without end.
+
+    Attributes:
+        shapes: names of the shapes that the scenes show.
 
     Args:
         folder: folder by `lime-render bank`.
@@ -64,6 +67,7 @@ class Scenes:
                 f"to {size}: pass --size with a divisor of {self._geometry.size}"
             )
         shapes = _chosen(self._geometry.shape_names, held_out, f"{folder}: shapes")
+        self.shapes = [self._geometry.shape_names[shape] for shape in shapes]
         self._entries = np.flatnonzero(np.isin(self._geometry.shape, shapes))
         self._maps = _chosen(self._lights.names, held_out, f"{folder}: light maps")
         self._textures = np.load(bank.file(folder, "textures.npy"), mmap_mode="r")
@@ -179,12 +183,14 @@ def _in_camera_space(radiance: Any, rotation: Any) -> Any:
     A texel is the mean of 2 × 2 look-ups in maps of twice the rows.
     """
     height, width = environment.STORED_SHAPE
-    fine = environment.directions(2 * height, 2 * width).reshape(-1, 3).T.astype(np.float32)
-    seen = backdrop.looked_up(radiance, 2 * height, ops.matmul(ops.transpose(rotation, (0, 2, 1)), fine))
-    weights = environment.solid_angles(2 * height, 2 * width).astype(np.float32)
-    weights = weights / weights.reshape(height, 2, width, 2).sum((1, 3)).repeat(2, 0).repeat(2, 1)
-    fine_map = ops.reshape(seen, (-1, 2 * height, 2 * width)) * weights
-    blocks = ops.reshape(fine_map, (-1, height, 2, width, 2))
+    shape = 2 * height, 2 * width
+    fine = environment.directions(*shape).reshape(-1, 3).T.astype(np.float32)
+    towards = ops.matmul(ops.transpose(rotation, (0, 2, 1)), fine)
+    at = panorama.place(towards[:, 0], towards[:, 1], towards[:, 2])
+    seen = panorama.looked_up(panorama.reduced(radiance, 2 * height), *at)
+    angles = environment.solid_angles(*shape).reshape(height, 2, width, 2)
+    weights = angles / angles.sum(axis=(1, 3), keepdims=True)
+    blocks = ops.reshape(seen, (-1, *weights.shape)) * weights.astype(np.float32)
     return ops.sum(blocks, axis=(2, 4))[..., None]
 
 

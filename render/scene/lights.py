@@ -10,12 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from lime_keras.optics import environment, shading
+from lime_keras.optics.environment import MEAN_RADIANCE
 
 from . import environments
 from .quality import FAST, Quality
 
-MEAN_RADIANCE = 0.4
-"""Spherical mean to which every map is scaled: the exposure (docs/decisions.md)."""
 _COARSEST = 16
 _FEWEST_ROWS = 32
 _IRRADIANCE_LIGHTS = 64  # least rows of the level from which the irradiance table is computed

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lime_keras.optics import environment
+
 _ANGULAR_RADIUS = (math.radians(5), math.radians(16))
 """Range of the angular radius of the object's bounding sphere, in radians.
 
@@ -14,8 +16,6 @@ OFF_AXIS = math.radians(10)
 """Largest angle of the object, and so of the crop, from the photo's axis, across and up, in rad."""
 FILL = (0.55, 0.92)
 """Share of the crop that the object's longer side takes."""
-_LIGHT_PITCH = (math.radians(-10), math.radians(30))
-"""Range of the light's tilt in radians: the camera looks up or down by the same angle."""
 _LIGHT_TRIES = 64
 
 
@@ -91,7 +91,7 @@ def sample_light_rotation(rng: np.random.Generator, strong_direction: np.ndarray
         strong_direction: direction `(3,)` of the strongest light, in the map's frame.
     """
     for _ in range(_LIGHT_TRIES):
-        yaw, pitch = rng.uniform(-math.pi, math.pi), rng.uniform(*_LIGHT_PITCH)
+        yaw, pitch = rng.uniform(-math.pi, math.pi), rng.uniform(*environment.CAMERA_PITCH)
         turn = np.array(
             [
                 [math.cos(yaw), 0, math.sin(yaw)],

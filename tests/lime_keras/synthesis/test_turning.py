@@ -14,16 +14,18 @@ EVERY = range(SYMMETRIES)
 
 def gbuffers(count=1):
     rng = np.random.default_rng(0)
-    normal = rng.normal(size=(count, SIZE, SIZE, 3))
+    normal = rng.normal(size=(count, 2, SIZE, SIZE, 3))
     normal[..., :2, 2] *= -1  # behind as well: the folded half of the codes
     coverage = rng.integers(0, 256, (count, SIZE, SIZE)).astype(np.uint8)
     coverage[:, 2, :3] = 0
-    codes = octahedral.encode(normal)
-    codes[coverage == 0] = 0
+    there = np.repeat((coverage > 0)[:, None], 2, axis=1)
+    there[:, 1, :, 4:] = False
+    codes = octahedral.encode(normal) * there[..., None].astype(np.uint16)
     return {
         "coverage": coverage,
+        "share": rng.integers(1, 256, coverage.shape).astype(np.uint8),
         "normal": codes,
-        "spread": rng.integers(0, 16, coverage.shape).astype(np.uint8),
+        "spread": rng.integers(0, 16, there.shape).astype(np.uint8),
         "camera": rng.uniform(2, 9, (count, 4)).astype(np.float32),
     }
 
@@ -48,13 +50,16 @@ def matrix(bits):
 def test_pixels_normals_and_rays_turn_together(bits):
     whole = gbuffers()
     found = turned(whole, np.array([bits]))
-    covered = found["coverage"][0] > 0
-    for name in ("coverage", "spread"):
+    for name in ("coverage", "share"):
         np.testing.assert_array_equal(found[name][0], turned_image(whole[name][0], bits))
-    expected = turned_image(octahedral.decode(whole["normal"][0]), bits) @ matrix(bits).T
-    normal = octahedral.decode(found["normal"][0])
-    np.testing.assert_allclose(normal[covered], expected[covered], atol=2e-6)
-    assert not found["normal"][0][~covered].any()
+    for surface in (0, 1):
+        codes, before = found["normal"][0, surface], whole["normal"][0, surface]
+        there = turned_image(before.any(axis=-1), bits)
+        expected = turned_image(octahedral.decode(before), bits) @ matrix(bits).T
+        np.testing.assert_allclose(octahedral.decode(codes)[there], expected[there], atol=2e-6)
+        assert not codes[~there].any()
+        spread = turned_image(whole["spread"][0, surface], bits)
+        np.testing.assert_array_equal(found["spread"][0, surface], spread)
     view = view_directions(whole["camera"][0], SIZE, SIZE)
     np.testing.assert_allclose(
         view_directions(found["camera"][0], SIZE, SIZE),
@@ -89,13 +94,13 @@ def test_left_and_right_are_exchanged_as_in_corpora():
     covered = whole["coverage"][0, ..., None] > 0
     scene = {
         "mask": whole["coverage"][0, ..., None],
-        "normal": (octahedral.decode(whole["normal"][0]) * covered).astype(np.float32),
+        "normal": (octahedral.decode(whole["normal"][0, 0]) * covered).astype(np.float32),
         "camera": whole["camera"][0],
     }
     expected = flip(scene)
     np.testing.assert_array_equal(found["coverage"][0, ..., None], expected["mask"])
     np.testing.assert_allclose(found["camera"][0], expected["camera"], rtol=1e-6)
-    normal = octahedral.decode(found["normal"][0]) * (found["coverage"][0, ..., None] > 0)
+    normal = octahedral.decode(found["normal"][0, 0]) * (found["coverage"][0, ..., None] > 0)
     np.testing.assert_allclose(normal, expected["normal"], atol=2e-6)
 
 
