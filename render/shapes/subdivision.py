@@ -78,7 +78,7 @@ def rounded(
 
     Args:
         vertices: `(V, 3)`, within about [-1, 1].
-        faces: `(F, 3)`, without faces of zero area.
+        faces: `(F, 3)`.
         crease: angle in radians; faces that meet at a larger one keep a sharp, straight edge.
         longest: longest edge that stays.
 
