@@ -24,16 +24,16 @@ FAMILIES: dict[str, tuple[float, Callable[[np.random.Generator], Mesh]]] = {
     "turned": (0.07, lambda rng: lathe.sample(rng, SIDES)),
     "hollowed": (0.08, lambda rng: solids.polygonise(*fields.carved(rng), CELLS)),
     "dented": (0.07, lambda rng: solids.polygonise(*fields.dented(rng), CELLS)),
-    "carved": (0.12, carving.sample),
-    "extruded": (0.09, extrusion.sharp),
+    "carved": (0.13, carving.sample),
+    "extruded": (0.1, extrusion.sharp),
     "bevelled": (0.06, lambda rng: extrusion.bevelled(rng, CELLS)),
     "tubes": (0.07, wires.tubes),
     "chains": (0.01, wires.chains),
     "cages": (0.03, wires.cages),
     "branches": (0.02, wires.branches),
     "sheets": (0.05, sheets.sample),
-    "joinery": (0.1, joinery.sample),
-    "facets": (0.04, facets.sample),
+    "joinery": (0.11, joinery.sample),
+    "facets": (0.05, facets.sample),
 }
 """The families of one thing: share of the draws, and the function that draws a mesh."""
 

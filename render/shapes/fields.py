@@ -195,7 +195,7 @@ def _exit(solid: Field, along: np.ndarray, reach: float) -> np.ndarray:
 
 
 def _grooves(rng: np.random.Generator) -> Field:
-    """Draw parallel or ring-shaped grooves, or ribs; their depth is a fifth of their distance."""
+    """Draw parallel or ring-shaped grooves, or ribs; a tenth to a third as deep as far apart."""
     axis = _direction(rng).astype(np.float32) if rng.random() < 0.5 else np.eye(3, dtype="f4")[1]
     rate = np.float32(np.exp(rng.uniform(np.log(5), np.log(25))))
     depth = np.float32(rng.choice([-1, 1]) * rng.uniform(0.3, 1.0) / rate)

@@ -6,7 +6,7 @@ from .smoothing import smoothed
 
 _ROUNDS = 6
 _MOST_FACES = 20_000
-_BULGE = 0.75  # of Phong tessellation; the authors' choice
+_BULGE = 0.5  # of Phong tessellation: so the middles of a ball's edges come to lie on the ball
 _MOST_BULGE = 0.25
 """Largest bulge of an edge, in shortest edges of either end: long splinters of a face stay flat."""
 
