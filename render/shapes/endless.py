@@ -48,15 +48,16 @@ def endless(rng: np.random.Generator) -> Mesh:
         rng: The only source of randomness; the same state gives the same mesh.
 
     Returns:
-        A normalised `Mesh` of a dozen to some 40,000 faces, mostly 1,000 to 12,000. Its surfaces
-        are watertight; where a thing is made of several, they may overlap or lie apart.
+        A normalised `Mesh` of a dozen to some 50,000 faces, mostly 500 to 15,000. Its surfaces are
+        watertight; where a thing is made of several, they may overlap or lie apart.
     """
     if rng.random() < GROUPED:
-        return groups.sample(rng, _single)
-    return _single(rng)
+        return groups.sample(rng, single)
+    return single(rng)
 
 
-def _single(rng: np.random.Generator) -> Mesh:
+def single(rng: np.random.Generator) -> Mesh:
+    """Make one thing, of one of the `FAMILIES`; see `endless`."""
     shares = np.array([share for share, _ in FAMILIES.values()])
     family = list(FAMILIES)[rng.choice(len(shares), p=shares / shares.sum())]
     return FAMILIES[family][1](rng)

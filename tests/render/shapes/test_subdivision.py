@@ -85,11 +85,16 @@ def test_a_prism_with_a_crease_that_fades_out_has_no_cracks(sides):
 
 
 def test_a_bulge_keeps_to_the_size_of_the_facets():
-    """The long faces of a thin bar, with normals off their planes, swell by its width at most."""
-    ring = np.array([[np.cos(a), np.sin(a), 0] for a in 2 * np.pi * np.arange(12) / 12]) * 0.02
-    bar = trimesh.convex.convex_hull(np.concatenate([ring, 1.5 * ring + (0, 0, 2)]))
-    vertices, _, _ = subdivision.rounded(bar.vertices, bar.faces, np.radians(150), 0.1)
-    assert np.hypot(vertices[:, 0], vertices[:, 1]).max() < 0.05
+    """Between normals that lean apart, a long splinter rises by a share of its width alone."""
+
+    def highest(width):
+        vertices = np.array([[0, 0, 0], [2, 0, 0], [0, width, 0], [2, width, 0]], float)
+        normals = np.array([[-0.6, 0, 0.8], [0.6, 0, 0.8]] * 2)
+        faces = np.array([[0, 1, 2], [1, 3, 2]])
+        return subdivision.refined(vertices, faces, normals, 1.5, np.arange(4))[0][:, 2].max()
+
+    assert highest(1.0) == pytest.approx(0.5 / 4 * 2 * 2 * 0.6 * 0.8)
+    assert highest(0.02) == pytest.approx(0.25 * 0.02, rel=0.01)
 
 
 def test_soft_edges_turn_the_normals_near_an_edge_alone():
