@@ -1,30 +1,38 @@
-"""The Adam optimiser with gradient norms and a check for gradients that are not finite."""
+"""Adam and Muon, with gradient norms and a check for gradients that are not finite."""
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
 import keras
 from keras import ops
 
+_FEW_CHANNELS = 4
+"""Largest number of channels that go into, or come out of, a convolution left to Adam."""
 
-class WatchedAdam(keras.optimizers.Adam):
-    """Adam that records the norm of each subnetwork's gradient and ignores non-finite gradients.
 
-    A single example with a NaN gradient would otherwise make every weight NaN. Then it would no
-    longer be possible to find out which example it was.
+class _Watched:
+    """A mixin for optimisers that records the norm of each subnetwork's gradient.
+
+    A gradient that is not finite is taken as zero. A single example with a NaN gradient would
+    otherwise make every weight NaN. Then it would no longer be possible to find out which example
+    it was.
 
     Args:
-        learning_rate: Adam's learning rate, a number or a schedule.
+        learning_rate: learning rate, a number or a schedule.
         groups: name and number of trainable variables of each subnetwork, in the variables' order.
     """
+
+    add_variable: Any
+    built: bool
 
     def __init__(self, learning_rate: Any, groups: Sequence[tuple[str, int]], **kwargs: Any):
         super().__init__(learning_rate, **kwargs)
         self._groups = [(name, int(count)) for name, count in groups]
 
     def build(self, variables: list[keras.Variable]) -> None:
-        """Create Adam's variables, and one for each gradient norm."""
-        super().build(variables)
+        """Create the optimiser's variables, and one for each gradient norm."""
+        super().build(variables)  # type: ignore[misc]
         # If the batch is split, each device has a part of the gradient. The sum of the parts' norms
         # is an upper bound of the gradient's norm, and it is not finite if any part is not.
         self._norms = {
@@ -35,10 +43,10 @@ class WatchedAdam(keras.optimizers.Adam):
         }
 
     def apply(self, grads: list[Any], trainable_variables: list[Any] | None = None) -> None:
-        """Record the gradient norms and take Adam's step, with zero gradients if one is not finite.
+        """Record the gradient norms and take a step, with zero gradients if one is not finite.
 
         Args:
-            grads: gradients, as for `keras.optimizers.Adam`.
+            grads: gradients of the variables.
             trainable_variables: variables of the gradients; needed unless `build` was called.
         """
         if not self.built and trainable_variables is not None:
@@ -54,12 +62,46 @@ class WatchedAdam(keras.optimizers.Adam):
             finite = ops.logical_and(finite, ops.isfinite(norm))
             start += count
         held = [ops.where(finite, gradient, ops.zeros_like(gradient)) for gradient in grads]
-        super().apply(held, trainable_variables)
+        super().apply(held, trainable_variables)  # type: ignore[misc]
 
     @property
     def norms(self) -> dict[str, float]:
         """The norm of each subnetwork's gradient in the last step, by name."""
         return {name: float(ops.convert_to_numpy(norm.value)) for name, norm in self._norms.items()}
+
+
+class WatchedAdam(_Watched, keras.optimizers.Adam):
+    """Adam, watched."""
+
+
+class WatchedMuon(_Watched, keras.optimizers.Muon):
+    """Muon for the inner convolutions, and Adam for everything else, watched.
+
+    A kernel `(k, k, c_in, c_out)` is taken as a matrix `(k · k · c_in, c_out)`, whose momentum is
+    made orthogonal by five Newton–Schulz steps. Convolutions of a few channels, so those next to
+    the images, dense layers and biases stay with Adam, at the same learning rate.
+    """
+
+    def __init__(self, learning_rate: Any, groups: Sequence[tuple[str, int]]):
+        super().__init__(learning_rate, groups, weight_decay=None, adam_weight_decay=None)
+
+    def _should_use_adamw(self, variable: keras.Variable) -> bool:
+        """Return whether Adam updates a variable; Keras asks this method."""
+        return len(variable.shape) != 4 or min(variable.shape[2:]) <= _FEW_CHANNELS
+
+    def _muon_update_step(self, gradient: Any, variable: keras.Variable, lr: Any, m: Any) -> None:
+        """Take Muon's step for one kernel; Keras calls this method."""
+        self.assign_add(m, ops.add(gradient, m * (self.momentum - 1)))
+        direction = ops.add(gradient, self.momentum * m)
+        matrix = ops.reshape(direction, (-1, variable.shape[-1]))
+        update = self.zeropower_via_newtonschulz5(matrix, self.ns_steps)
+        # As large as a step of Adam, whatever the shape of the matrix.
+        scale = ops.cast(lr, variable.dtype) * (self.rms_rate * math.sqrt(max(matrix.shape)))
+        self.assign_sub(variable, ops.reshape(update * scale, variable.shape))
+
+
+OPTIMIZERS = {"adam": WatchedAdam, "muon": WatchedMuon}
+"""Optimisers by the name that a schedule gives them."""
 
 
 class LossScale(keras.optimizers.LossScaleOptimizer):
@@ -83,5 +125,5 @@ class LossScale(keras.optimizers.LossScaleOptimizer):
 
 
 def gradient_norms(optimizer: keras.optimizers.Optimizer) -> dict[str, float]:
-    """Return the norms of a `WatchedAdam`, also if a `LossScale` wraps it."""
+    """Return the norms of a watched optimiser, also if a `LossScale` wraps it."""
     return getattr(optimizer, "inner_optimizer", optimizer).norms

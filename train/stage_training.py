@@ -146,7 +146,8 @@ class StageTraining:
         progress = pace.progress(step)
         while True:
             # However short its time is, the first batch of a stage is learnt from.
-            rate = pace.rate(progress if step else 0.0, stage.learning_rate)
+            now = progress if step else 0.0
+            rate = pace.rate(now, stage.learning_rate * stage.risen(now))
             if rate is not None:
                 model.optimizer.learning_rate = rate
             asked = monotonic()

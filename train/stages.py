@@ -7,6 +7,10 @@ from lime_keras.networks import SUBNETWORKS, Architecture, names
 
 from .terms import LEARNING
 
+WARM_UP = 0.02
+"""Share of a stage in which Muon's learning rate rises from nearly 0."""
+_FIRST_SHARE = 0.05  # of the learning rate, at the first batch of a stage that has a clock
+
 
 @dataclass(frozen=True)
 class Stage:
@@ -16,19 +20,27 @@ class Stage:
         subnetworks: names of the trained subnetworks. They read one another's predictions, and the
             ground truth in place of all other subnetworks' predictions.
         steps: number of batches.
-        learning_rate: Adam's learning rate.
+        learning_rate: largest learning rate.
         cosine: whether the learning rate falls to 0 by the last batch, along half a cosine.
+        optimizer: a key of `optimizer.OPTIMIZERS`. Muon's learning rate first rises from 0.
     """
 
     subnetworks: tuple[str, ...]
     steps: int
     learning_rate: float
     cosine: bool = False
+    optimizer: str = "adam"
 
     @property
     def name(self) -> str:
         """The names of the subnetworks, joined by "+", such as `specular+mirror`."""
         return "+".join(self.subnetworks)
+
+    def risen(self, progress: float) -> float:
+        """Return the share of the learning rate that a stage's progress in [0, 1] allows."""
+        if self.optimizer != "muon":
+            return 1.0
+        return min(1.0, _FIRST_SHARE + (1 - _FIRST_SHARE) * progress / WARM_UP)
 
 
 @dataclass(frozen=True)
@@ -40,15 +52,16 @@ class Schedule:
         single_steps: batches of a U-Net trained alone, and of the baseline's ReflectanceMapNet.
         encoder_steps: batches of an encoder trained alone: AlbedoNet, ExponentNet, and the
             baseline's MaterialNet.
-        single_learning_rate: Adam's learning rate for a subnetwork trained alone.
+        single_learning_rate: learning rate for a subnetwork trained alone.
         joint_steps: batches of each stage of joined subnetworks.
-        joint_learning_rate: Adam's learning rate for joined subnetworks.
+        joint_learning_rate: learning rate for joined subnetworks.
         validation_examples: number of held-out examples that a stage is evaluated on.
         cosine: whether the learning rate of each stage falls to 0, along half a cosine.
         flips: whether training mirrors the scenes of corpora left to right, each with a probability
             of one half.
         repaints: whether training draws new albedos for each scene of a corpus every time it is
             read. A bank's scenes are drawn anew in every way, so neither concerns them.
+        optimizer: a key of `optimizer.OPTIMIZERS`.
     """
 
     batch_size: int
@@ -61,6 +74,7 @@ class Schedule:
     cosine: bool = False
     flips: bool = False
     repaints: bool = False
+    optimizer: str = "adam"
 
     def scaled(self, factor: float) -> "Schedule":
         """Return the schedule with `factor` times the batches, at least one in each stage."""
@@ -80,6 +94,7 @@ class Schedule:
                 self.encoder_steps if SUBNETWORKS[name].encoder else self.single_steps,
                 self.single_learning_rate,
                 self.cosine,
+                self.optimizer,
             )
             for name in LEARNING
             if name in here
@@ -90,7 +105,7 @@ class Schedule:
             )
             if len(joined) > 1:
                 rate = self.joint_learning_rate
-                out.append(Stage(joined, self.joint_steps, rate, self.cosine))
+                out.append(Stage(joined, self.joint_steps, rate, self.cosine, self.optimizer))
         return out
 
 
@@ -110,13 +125,14 @@ SCHEDULES = {
         batch_size=16,
         single_steps=20_000,
         encoder_steps=30_000,
-        single_learning_rate=5e-4,
+        single_learning_rate=2e-3,
         joint_steps=5_000,
-        joint_learning_rate=1e-4,
+        joint_learning_rate=4e-4,
         validation_examples=512,
         cosine=True,
         flips=True,
         repaints=True,
+        optimizer="muon",
     ),
     # Section 5.4 to the letter.
     "paper": Schedule(

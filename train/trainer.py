@@ -34,11 +34,11 @@ from .config import Config, check, claim, config_path
 from .data import Data
 from .devices import Devices
 from .evaluation import SystemEvaluation, evaluation_path
-from .optimizer import LossScale, WatchedAdam
+from .optimizer import OPTIMIZERS, LossScale
 from .pace import Clock, Count
 from .stage_model import StageModel
 from .stage_training import Files, Progress, StageTraining, Tell
-from .stages import Stage
+from .stages import WARM_UP, Stage
 from .state import Checkpoint, Mark
 from .terms import TERMS
 
@@ -294,18 +294,30 @@ def _compile(model: StageModel, stage: Stage, config: Config) -> None:
         (name, len(network.trainable_variables)) for name, network in model.subnetworks.items()
     ]
     rate: Any = stage.learning_rate
-    if stage.cosine and config.minutes is None:
-        rate = keras.optimizers.schedules.CosineDecay(stage.learning_rate, stage.steps)
-    optimizer: Any = WatchedAdam(rate, groups)
+    if config.minutes is None:
+        rate = _learning_rates(stage)
+    optimizer: Any = OPTIMIZERS[stage.optimizer](rate, groups)
     if config.precision == "float16":
         optimizer = LossScale(optimizer)
     model.compile(optimizer=optimizer)
     optimizer.build(model.trainable_variables)
 
 
+def _learning_rates(stage: Stage) -> Any:
+    """Return the learning rates of a stage: a number, or a schedule of Keras."""
+    rising = round(WARM_UP * stage.steps) if stage.optimizer == "muon" else 0
+    if not stage.cosine:
+        return stage.learning_rate
+    if not rising:
+        return keras.optimizers.schedules.CosineDecay(stage.learning_rate, stage.steps)
+    return keras.optimizers.schedules.CosineDecay(
+        0.0, stage.steps - rising, warmup_target=stage.learning_rate, warmup_steps=rising
+    )
+
+
 def _signature(config: Config, stage: Stage, model: StageModel, trained: Mapping[str, str]) -> str:
     """Return a hash of all that a stage's weights follow from: its settings and earlier stages."""
-    follows_from = {
+    follows_from: dict[str, Any] = {
         "stage": dataclasses.asdict(stage),
         "layers": {
             name: [
@@ -327,6 +339,8 @@ def _signature(config: Config, stage: Stage, model: StageModel, trained: Mapping
         follows_from["minutes"] = config.minutes
     if config.begun_from is not None:
         follows_from["begun_from"] = config.begun_from
+    if stage.optimizer == "adam":  # as runs recorded it that knew no other
+        follows_from["stage"].pop("optimizer")
     if config.schedule.flips:
         follows_from["flips"] = True
     if config.schedule.repaints:

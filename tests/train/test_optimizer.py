@@ -1,11 +1,11 @@
-"""Adam that watches: the same Adam, the gradients' own norms, and no step that is not finite."""
+"""Watched optimisers: their steps, the gradients' own norms, and no step that is not finite."""
 
 import keras
 import numpy as np
 import pytest
 import tensorflow as tf
 
-from lime_keras.train.optimizer import LossScale, WatchedAdam, gradient_norms
+from lime_keras.train.optimizer import LossScale, WatchedAdam, WatchedMuon, gradient_norms
 
 SHAPES = [(3, 4), (4,), (2, 3), ()]
 GROUPS = [("first", 2), ("second", 2)]
@@ -190,3 +190,54 @@ def test_a_broken_example_leaves_half_precision_weights_alone(half_precision):
     assert np.isnan(loss)
     for one, earlier in zip(model.get_weights(), before, strict=True):
         assert np.array_equal(one, earlier)
+
+
+MUON_SHAPES = [(3, 3, 3, 8), (3, 3, 8, 16), (16,), (1, 1, 16, 2), (6, 5)]
+
+
+def _muon(shapes):
+    rng = np.random.default_rng(0)
+    variables = [
+        keras.Variable(rng.normal(size=shape), name=f"v{i}") for i, shape in enumerate(shapes)
+    ]
+    optimizer = WatchedMuon(0.01, [("all", len(shapes))])
+    optimizer.build(variables)
+    return optimizer, variables
+
+
+def test_muon_moves_inner_kernels_along_orthogonal_matrices():
+    """All singular values of a step are near one another; its size is 0.2 √(larger side) × rate."""
+    optimizer, variables = _muon(MUON_SHAPES)
+    before = _numbers(variables)
+    rng = np.random.default_rng(1)
+    gradients = [np.asarray(rng.normal(size=shape), np.float32) for shape in MUON_SHAPES]
+    _apply(optimizer, variables, gradients)
+    step = (before[1] - _numbers(variables)[1]).reshape(72, 16)
+    values = np.linalg.svd(step, compute_uv=False) / (0.01 * 0.2 * np.sqrt(72))
+    assert values.min() > 0.6 and values.max() < 1.3
+    # A step downhill.
+    assert np.sum(step * gradients[1].reshape(72, 16)) > 0
+
+
+def test_muon_leaves_everything_else_to_adam():
+    optimizer, variables = _muon(MUON_SHAPES)
+    _, plain = _muon(MUON_SHAPES)
+    adam = keras.optimizers.Adam(0.01)
+    rng = np.random.default_rng(2)
+    for _ in range(3):
+        gradients = [np.asarray(rng.normal(size=shape), np.float32) for shape in MUON_SHAPES]
+        _apply(optimizer, variables, gradients)
+        _apply(adam, plain, gradients)
+    for index, (one, other) in enumerate(zip(_numbers(variables), _numbers(plain), strict=True)):
+        same = np.allclose(one, other, rtol=1e-5, atol=1e-6)
+        assert same == (index != 1), MUON_SHAPES[index]
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, 0.0, 1e30])
+def test_muon_survives_any_gradient(value):
+    """A gradient that is not finite counts as zero, and a huge one is made orthogonal."""
+    optimizer, variables = _muon(MUON_SHAPES)
+    gradients = [np.full(shape, value, np.float32) for shape in MUON_SHAPES]
+    _apply(optimizer, variables, gradients)
+    assert all(np.isfinite(weight).all() for weight in _numbers(variables))
+    assert np.isfinite(list(gradient_norms(optimizer).values())).all() == (abs(value) < 1e20)
