@@ -44,9 +44,10 @@ def background(
     rooms = _surroundings(radiance, rotation, camera, size, draws["sharpness"])
     tint = ops.reshape(draws["tint"], (-1, 2, 1, 1, 3))
     surrounded = ops.reshape(draws["surrounded"], (-1, 1, 1, 1)) > 0
-    first = ops.where(surrounded, rooms, first) * tint[:, 0]
+    first = ops.clip(ops.where(surrounded, rooms, first) * tint[:, 0], 0.0, 1.0)
+    second = ops.clip(second * tint[:, 1], 0.0, 1.0)
     share = ops.sigmoid(_spread(draws["blend"], size))[..., None]
-    return ops.clip(first + share * (second * tint[:, 1] - first), 0.0, 1.0)
+    return first + share * (second - first)
 
 
 def _cropped(textures: Any, size: int, draws: Mapping[str, Any]) -> tuple[Any, Any]:

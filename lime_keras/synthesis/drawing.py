@@ -11,6 +11,7 @@ import numpy as np
 
 from lime_keras.optics import camera_law
 from lime_keras.optics.material_law import sample_material
+from lime_keras.synthesis.turning import SYMMETRIES
 
 BLENDED = 0.4
 """Share of the backgrounds that blend two textures (or a texture and the surroundings)."""
@@ -29,7 +30,11 @@ _TINT, _ROOM_TINT = 0.08, 0.2  # standard deviations of each channel's log gain;
 _UNIFORM = 24
 
 
-def draw(rng: np.random.Generator, size: int, textures: tuple[int, ...]) -> dict[str, np.ndarray]:
+Draws = dict[str, np.ndarray | np.generic]
+"""The draws of one scene, by name."""
+
+
+def draw(rng: np.random.Generator, size: int, textures: tuple[int, ...]) -> Draws:
     """Draw a scene's material, symmetry, background, distractor and camera.
 
     Args:
@@ -81,10 +86,10 @@ def draw(rng: np.random.Generator, size: int, textures: tuple[int, ...]) -> dict
         "specular_albedo": np.float32(material.specular_albedo),
         "shininess": np.float32(material.exponent),
         "ambient": np.float32(material.ambient),
-        "turn": np.int32(8 * share[5]),
+        "turn": np.int32(SYMMETRIES * share[5]),
         "texture": (count * uniform[6:8]).astype(np.int32),
         "corner": ((side - size + 1) * uniform[8:12]).astype(np.int32).reshape(2, 2),
-        "texture_turn": (8 * uniform[12:14]).astype(np.int32),
+        "texture_turn": (SYMMETRIES * uniform[12:14]).astype(np.int32),
         "blend": blend.astype(np.float32),
         "tint": np.exp(tint).astype(np.float32),
         "surrounded": np.float32(surrounded),
@@ -101,7 +106,7 @@ def draw(rng: np.random.Generator, size: int, textures: tuple[int, ...]) -> dict
     }
 
 
-def batched(scenes: Sequence[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+def batched(scenes: Sequence[Draws]) -> dict[str, np.ndarray]:
     """Stack the draws of B scenes: each array gets a leading axis of B."""
     return {name: np.stack([scene[name] for scene in scenes]) for name in scenes[0]}
 

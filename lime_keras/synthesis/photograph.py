@@ -105,7 +105,7 @@ def _sensed(light: Any, full_well: Any, grain: Any) -> Any:
     deviation = 0.5 / ops.sqrt(full_well)
     noise = ops.reshape(ops.take(camera_law.grain_table(), grain, axis=0), (batch, -1))
     noise = ops.reshape(noise[:, : math.prod(shape)], (batch, *shape))
-    root = ops.maximum(ops.sqrt(light + dark) + deviation * noise, 0.0)
+    root = ops.sqrt(light + dark) + deviation * noise
     return _levels(ops.clip(ops.square(root) - dark - deviation**2, 0.0, 1.0))
 
 

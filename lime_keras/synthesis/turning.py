@@ -11,6 +11,7 @@ import numpy as np
 from lime_keras.optics.octahedral import LARGEST
 
 SYMMETRIES = 8
+"""Number of symmetries; they are numbered from 0, which changes nothing."""
 
 
 def turned(gbuffer: Mapping[str, np.ndarray], which: np.ndarray) -> dict[str, np.ndarray]:

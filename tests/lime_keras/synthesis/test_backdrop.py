@@ -101,6 +101,14 @@ def test_surroundings_are_what_the_cameras_rays_see(rows, sharpness):
     np.testing.assert_allclose(found[1], expected, atol=0.01)
 
 
+def test_huge_surroundings_are_white_beside_a_texture():
+    drawn = draws(1, surrounded=1, blend=np.repeat([-40.0, 40.0], drawing.LATTICE // 2))
+    found = backgrounds(drawn, np.full((1, 16, 32), 1e30, np.float32))[0]
+    np.testing.assert_array_equal(found[:, :8], 1)
+    second = colour.srgb_to_linear(crop(drawn, 0, 1) / 255)
+    np.testing.assert_allclose(found[:, -8:], second[:, -8:], atol=1e-5)
+
+
 def test_sharper_surroundings_show_more():
     light = np.random.default_rng(0).uniform(0, 1, (1, 256, 512)).astype(np.float32)
     spread = [
