@@ -24,6 +24,7 @@ _ACROSS = 14
 _TEXTURE = 61
 """Width of a texture: two and a gap are as wide as a G-buffer."""
 _WIDTH = 2 * _MARGIN + _ACROSS * (_THUMB + _GAP) - _GAP
+_KINDS = {"photograph": "photographs", "room": "rooms", "sky": "skies"}
 _PAPER, _INK, _FAINT = "#ffffff", "#1d2430", "#6b7482"
 
 
@@ -41,7 +42,7 @@ def preview(folder: Path, out: Path) -> None:
     geometry, lights = GeometryBank(folder), LightBank(folder)
     textures = bank.textures(folder)
     shown = np.linspace(0, len(geometry) - 1, min(SHOWN, len(geometry))).astype(int)
-    kinds = ", ".join(f"{lights.kinds.count(k)} {k}s" for k in dict.fromkeys(lights.kinds))
+    kinds = ", ".join(f"{lights.kinds.count(k)} {named}" for k, named in _KINDS.items())
     sections = (
         (
             f"{len(shown)} of {len(geometry)} G-buffers",
