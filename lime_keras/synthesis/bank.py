@@ -1,4 +1,4 @@
-"""A bank on disk, `BANK/{geometry/*, lights/*, textures.npy, bank.json}`: its manifest.
+"""A bank on disk, `BANK/{geometry/*, lights/*, textures.npy, bank.json}`: manifest and textures.
 
 `lime-render bank` writes it. The manifest is written last, so a bank that has one is complete.
 """
@@ -8,8 +8,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 FORMAT, VERSION = "lime-bank", 1
-MANIFEST = "bank.json"
+MANIFEST, TEXTURES = "bank.json", "textures.npy"
 _KEYS = {"size": int, "count": int, "description": dict, "files": dict, "shapes": list}
 
 
@@ -62,3 +64,38 @@ def file(folder: Path, name: str) -> Path:
     if not path.is_file():
         raise FileNotFoundError(f"{path} is missing: run the same `lime-render bank` command again")
     return path
+
+
+def array(path: Path, mend: str) -> np.ndarray:
+    """Map an array of a bank from disk.
+
+    Args:
+        path: a NumPy file.
+        mend: what to do about a broken one, for the message.
+
+    Raises:
+        FileNotFoundError: if there is no such file.
+        ValueError: if the file is cut off or holds no array.
+    """
+    try:
+        return np.load(path, mmap_mode="r", allow_pickle=False)
+    except FileNotFoundError as error:
+        raise FileNotFoundError(f"{path} is missing: {mend}") from error
+    except (EOFError, OSError, ValueError) as error:
+        raise ValueError(f"{path} is cut off or broken ({error}): {mend}") from error
+
+
+def textures(folder: Path) -> np.ndarray:
+    """Return the textures of a bank, sRGB `(K, T, T, 3)` uint8, read as they are asked for.
+
+    Raises:
+        FileNotFoundError: if there is no such file.
+        ValueError: if the file is cut off or broken.
+    """
+    path = folder / TEXTURES
+    mend = "delete it and run the same `lime-render bank` again"
+    held = array(path, mend)
+    square = held.ndim == 4 and held.shape[1:] == (held.shape[1], held.shape[1], 3)
+    if held.dtype != np.uint8 or not square or not held.size:
+        raise ValueError(f"{path} is {held.dtype} of {held.shape}, and no textures: {mend}")
+    return held

@@ -27,6 +27,8 @@ _MODULUS = 4096
 _LOST_BITS = octahedral.BITS - 8  # of the second surface's codes: 0.5° in the mean, at a rough edge
 _LARGE = 255  # in place of a residual that has two bytes elsewhere
 _FINEST = 14
+WIDEST = _FINEST + 1
+"""Largest code of the spread."""
 _LEVEL = 6  # of zlib: 1 % larger than the highest level, in a third of the time
 
 
@@ -36,7 +38,7 @@ def spread_code(variance: np.ndarray) -> np.ndarray:
     The code is 0 for v < 2^-14, else 1 + floor(log2 v + 14): a step is a factor of two.
     """
     steps = np.floor(np.log2(np.maximum(variance, 2.0 ** -(_FINEST + 1))) + _FINEST + 1)
-    return np.clip(steps, 0, _FINEST + 1).astype(np.uint8)
+    return np.clip(steps, 0, WIDEST).astype(np.uint8)
 
 
 def variance_of(code: np.ndarray) -> np.ndarray:
@@ -195,7 +197,7 @@ class GeometryBank:
         self.shape_names: list[str] = manifest["shapes"]
         names = sorted(name for name in manifest["files"] if name.startswith("geometry/"))
         self._paths = [bank.file(folder, name) for name in names if name.endswith(".bin")]
-        tables = [_index(path, len(self.shape_names)) for path in self._paths]
+        tables = [read_index(path, len(self.shape_names)) for path in self._paths]
         if sum(map(len, tables)) != manifest["count"] or not tables:
             raise ValueError(
                 f"{folder / 'geometry'} holds {sum(map(len, tables))} entries, and {bank.MANIFEST} "
@@ -254,8 +256,15 @@ class GeometryBank:
         return out
 
 
-def _index(path: Path, shapes: int) -> np.ndarray:
+def read_index(path: Path, shapes: int) -> np.ndarray:
     """Read the index of a shard, and check that its entries lie in the shard.
+
+    Args:
+        path: file of the shard; the index lies beside it.
+        shapes: number of the bank's shapes.
+
+    Returns:
+        Entries `(N,)` of type `INDEX`.
 
     Raises:
         FileNotFoundError: if the index is missing.
@@ -263,12 +272,7 @@ def _index(path: Path, shapes: int) -> np.ndarray:
     """
     beside = path.with_suffix(".npy")
     again = f"delete {path.with_suffix('.*')} and run the same `lime-render bank` again"
-    try:
-        table = np.load(beside, allow_pickle=False)
-    except FileNotFoundError as error:
-        raise FileNotFoundError(f"{beside} is missing: {again}") from error
-    except (EOFError, OSError, ValueError) as error:
-        raise ValueError(f"{beside} is broken ({error}): {again}") from error
+    table = np.array(bank.array(beside, again))
     if table.dtype != INDEX or table.ndim != 1:
         raise ValueError(f"{beside} is no index of a shard: {again}")
     ends = table["offset"] + table["length"]

@@ -53,10 +53,10 @@ class LightBank:
             self.strong_direction = strong.reshape(len(entries), 3)
         except (KeyError, TypeError, ValueError) as error:
             raise ValueError(f"{listed} is broken ({error!r}): {again}") from error
-        try:
-            self.radiance = np.load(path, mmap_mode="r", allow_pickle=False)
-        except (EOFError, OSError, ValueError) as error:
-            raise ValueError(f"{path} is cut off or broken ({error}): {again}") from error
+        self.radiance = bank.array(path, again)
+        unknown = sorted(set(self.kinds) - set(KINDS))
+        if unknown:
+            raise ValueError(f"{listed} names lights of kind {', '.join(unknown)}: {again}")
         expected = (len(entries), *SHAPE)
         if self.radiance.shape != expected or self.radiance.dtype != np.float16 or not entries:
             raise ValueError(
@@ -64,8 +64,8 @@ class LightBank:
                 f"{expected}: {again}"
             )
         for number, name in enumerate(self.names):
-            if problem := self._problem(number):
-                raise ValueError(f"{path}: map {number}, {name}, {problem}: {again}")
+            if wrong := self._fault(number):
+                raise ValueError(f"{path}: map {number}, {name}, {wrong}: {again}")
 
     def __len__(self) -> int:
         return len(self.names)
@@ -74,7 +74,7 @@ class LightBank:
         """Return a map of spherical mean 1, linear radiance `(256, 512)` float32."""
         return self.radiance[number].astype(np.float32) * self.scale[number]
 
-    def _problem(self, number: int) -> str | None:
+    def _fault(self, number: int) -> str | None:
         """Return what is wrong with a map, or None."""
         radiance = self.map(number)
         try:

@@ -98,7 +98,7 @@ def _render_lights(job: Job, renderers: Workers, tell: Tell) -> None:
 
 
 def _render_textures(job: Job, renderers: Workers, tell: Tell) -> None:
-    if (job.out / textures.NAME).is_file():
+    if (job.out / bank.TEXTURES).is_file():
         return
     missing = [n for n in range(textures.TASKS) if not job.texture_part(n).is_file()]
     done = TEXTURES - len(missing) * TEXTURES_A_TASK
@@ -130,7 +130,7 @@ def _manifest(job: Job, findings: inputs.Findings) -> dict[str, Any]:
         sidecar = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
         files |= {f"geometry/{name}": digest for name, digest in sidecar["sha256"].items()}
         sidecars.append(sidecar)
-    for name in (RADIANCE, LISTED, textures.NAME):
+    for name in (RADIANCE, LISTED, bank.TEXTURES):
         with (job.out / name).open("rb") as file:
             files[name] = hashlib.file_digest(file, "sha256").hexdigest()
     return {

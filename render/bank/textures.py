@@ -3,13 +3,13 @@
 import numpy as np
 
 from lime_keras.io import atomic
+from lime_keras.synthesis import bank
 
 from ..corpus.sources import generator
 from ..scene import backgrounds
 from .description import TEXTURE_SIZE, TEXTURES, TEXTURES_A_TASK, Job
 
 TASKS = TEXTURES // TEXTURES_A_TASK
-NAME = "textures.npy"
 
 
 def render(job: Job, number: int) -> None:
@@ -37,5 +37,5 @@ def render(job: Job, number: int) -> None:
 def join(job: Job) -> None:
     """Put the parts together: `(K, 192, 192, 3)` uint8, sRGB."""
     parts = [np.load(job.texture_part(number)) for number in range(TASKS)]
-    with atomic.replacing(job.out / NAME) as partial, partial.open("wb") as file:
+    with atomic.replacing(job.out / bank.TEXTURES) as partial, partial.open("wb") as file:
         np.save(file, np.concatenate(parts))

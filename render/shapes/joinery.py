@@ -58,7 +58,7 @@ def _table(rng: np.random.Generator) -> list[Part]:
     inner = 0.8 * np.array([x1 - x0, y1 - y0]) / 2
     if rng.random() < 0.2:  # one leg on a foot
         radius = rng.uniform(0.05, 0.15)
-        column = bar((0, 0, 0), (0, 0, height), radius, radius * rng.uniform(0.6, 1.4))
+        column = bar(np.zeros(3), np.array([0, 0, height]), radius, radius * rng.uniform(0.6, 1.4))
         foot = Manifold.cylinder(rng.uniform(0.04, 0.2), rng.uniform(0.4, 0.8), 0.3, 40)
         pieces = [column, foot]
     else:
@@ -123,7 +123,7 @@ def _rack(rng: np.random.Generator) -> list[Part]:
 def _cup(rng: np.random.Generator, low: float, high: float, height: float, wall: float) -> Manifold:
     """Return a cup of radii `low` at its floor and `high` at its rim; its wall may bulge."""
     t = np.linspace(0, 1, 16)
-    bulge = rng.choice([0.0, rng.uniform(-0.15, 0.3)]) * np.sin(np.pi * t)
+    bulge = rng.choice([0.0, rng.uniform(0.0, 0.3)]) * np.sin(np.pi * t)
     outer = np.stack([low + (high - low) * t + bulge, height * t], 1)
     inner = (outer - (wall, 0))[::-1]
     inner = inner[inner[:, 1] > wall]
@@ -154,54 +154,45 @@ def _vessel(rng: np.random.Generator) -> list[Part]:
     """Draw a mug, jug, pan, bucket or basket: a cup with a handle, an arch or a spout."""
     low, high = rng.uniform(0.35, 0.8), rng.uniform(0.45, 1.0)
     height, wall = rng.uniform(0.25, 1.8), rng.uniform(0.03, 0.1)
-    pieces = [parts.of_solid(_cup(rng, low, high, height, wall))]
-    middle, thick = (low + high) / 2, parts.log_uniform(rng, 0.03, 0.1)
+    thick = parts.log_uniform(rng, 0.03, 0.1)
+    cup = parts.of_solid(_cup(rng, low, high, height, wall))
     kind = rng.choice(4, p=(0.45, 0.25, 0.2, 0.1))
     if kind == 0:
-        out = rng.uniform(0.3, 0.7)
-        a, b = rng.uniform(0.1, 0.35), rng.uniform(0.65, 0.92)
-        at = [low + (high - low) * f - 0.3 * wall for f in (a, b)]
-        knots = [
-            (at[0], a), (at[0] + 0.8 * out, a - 0.02), (middle + out, (a + b) / 2),
-            (at[1] + 0.8 * out, b + 0.02), (at[1], b),
-        ]  # fmt: skip
-        curve = np.array([(x, 0, height * z) for x, z in knots])
-        sides = [np.pi * k for k in range(rng.integers(1, 3))]
-        for angle in sides:
-            turned = curve @ [
-                [np.cos(angle), np.sin(angle), 0],
-                [-np.sin(angle), np.cos(angle), 0],
-                [0, 0, 1],
-            ]
-            pieces.append(sweeps.tube(sweeps.smooth(turned, 40, False), thick, False))
-    elif kind == 1:
+        return [cup, *_ears(rng, low, high, height, thick)]
+    if kind == 1:  # a pan's handle
         length = rng.uniform(0.8, 2.0)
-        knots = [
-            (high - wall, 0, 0.85 * height),
-            (high + 0.3, 0, height),
-            (high + length, 0, 1.1 * height),
-        ]
-        pieces.append(sweeps.tube(sweeps.smooth(np.array(knots), 30, False), thick, False))
-    elif kind == 2:
-        angle = np.linspace(0, np.pi, 40)
-        rise = rng.uniform(0.5, 1.2)
-        arch = np.stack([high * np.cos(angle), 0 * angle, 0.95 * height + rise * np.sin(angle)], 1)
-        tilt = rng.uniform(-0.9, 0.9)
-        arch[:, 1] += (arch[:, 2] - 0.95 * height) * np.sin(tilt)
-        pieces.append(sweeps.tube(arch, 0.7 * thick, False))
-    else:
-        knots = [
-            (0.9 * low, 0, 0.2 * height),
-            (1.3 * high, 0, 0.4 * height),
-            (1.6 * high, 0, 1.05 * height),
-        ]
-        curve = sweeps.smooth(np.array(knots), 30, False)
-        pieces.append(sweeps.tube(curve, np.linspace(2 * thick, thick, 30), False))
-        squash = rng.uniform(0.2, 0.6)
-        lid = Manifold.sphere(high - 0.5 * wall, 48).scale((1, 1, squash))
-        knob = Manifold.sphere(0.15, 24).translate((0, 0, squash * high + 0.08))
-        pieces += [parts.of_solid(s.translate((0, 0, height))) for s in (lid, knob)]
-    return pieces
+        knots = [(high - wall, 0.85), (high + 0.3, 1.0), (high + length, 1.1)]
+        return [cup, sweeps.tube(_upright(knots, height, 30), thick, False)]
+    if kind == 2:  # an arch over the rim, which may lean
+        angle, lean = np.linspace(0, np.pi, 40), rng.uniform(-0.9, 0.9)
+        rise = rng.uniform(0.5, 1.2) * np.sin(angle)
+        arch = np.stack([high * np.cos(angle), np.sin(lean) * rise, 0.95 * height + rise], 1)
+        return [cup, sweeps.tube(arch, 0.7 * thick, False)]
+    knots = [(0.9 * low, 0.2), (1.3 * high, 0.4), (1.6 * high, 1.05)]
+    spout = sweeps.tube(_upright(knots, height, 30), np.linspace(2 * thick, thick, 30), False)
+    squash = rng.uniform(0.2, 0.6)
+    lid = Manifold.sphere(high - 0.5 * wall, 48).scale((1, 1, squash))
+    knob = Manifold.sphere(0.15, 24).translate((0, 0, squash * high + 0.08))
+    return [cup, spout, *(parts.of_solid(s.translate((0, 0, height))) for s in (lid, knob))]
+
+
+def _ears(
+    rng: np.random.Generator, low: float, high: float, height: float, thick: float
+) -> list[Part]:
+    """Draw one handle of a mug, or two that face each other."""
+    out = rng.uniform(0.3, 0.7)
+    a, b = rng.uniform(0.1, 0.35), rng.uniform(0.65, 0.92)
+    start, end = (low + (high - low) * f - 0.02 for f in (a, b))
+    middle = (low + high) / 2 + out
+    knots = [(start, a), (start + 0.8 * out, a), (middle, (a + b) / 2), (end + 0.8 * out, b)]
+    ear = sweeps.tube(_upright([*knots, (end, b)], height, 40), thick, False)
+    other = ear[0] * (-1, -1, 1), ear[1], ear[2] * (-1, -1, 1)
+    return [ear, other] if rng.random() < 0.5 else [ear]
+
+
+def _upright(knots: list[tuple[float, float]], height: float, count: int) -> np.ndarray:
+    """Return a smooth curve in the plane of x and z; the knots' second numbers are of `height`."""
+    return sweeps.smooth(np.array([(x, 0.0, height * z) for x, z in knots]), count, False)
 
 
 def _wheel(rng: np.random.Generator) -> list[Part]:
@@ -215,7 +206,8 @@ def _wheel(rng: np.random.Generator) -> list[Part]:
     for angle in 2 * np.pi * np.arange(spokes) / spokes:
         c, s = np.cos(angle), np.sin(angle)
         end = (1 - thick / 2) * np.array([c, s, 0])
-        pieces.append(bar((0, 0, dish * rng.choice([0, 1])), end, radius, radius, sides))
+        centre = np.array([0, 0, dish * rng.choice([0, 1])])
+        pieces.append(bar(centre, end, radius, radius, sides))
     return [parts.of_solid(union(pieces))]
 
 
