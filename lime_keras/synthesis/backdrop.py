@@ -5,7 +5,6 @@ of `drawing.draw`, each with a leading axis of B; so each background follows fro
 """
 
 import functools
-import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -13,6 +12,8 @@ import numpy as np
 from keras import ops
 
 from lime_keras.optics import colour
+
+from . import panorama
 
 _SHARP_ROWS, _BLURRED_ROWS = 256, 32
 """Rows of the map in which the surroundings are looked up, at the most and the least sharpness:
@@ -88,48 +89,12 @@ def _surroundings(radiance: Any, rotation: Any, camera: Any, size: int, sharpnes
     ray = (across[None, None, :] - cx) / fx, (cy - across[None, :, None]) / fy, -1.0
     # The rotation's transpose takes camera space to the map's frame.
     x, y, z = (sum(rotation[:, i, j, None, None] * ray[i] for i in range(3)) for j in range(3))
-    u = ops.arctan2(x, -z) / (2 * math.pi)
-    v = ops.arctan2(ops.sqrt(ops.square(x) + ops.square(z)), y) / math.pi
-    finer = _reduced(radiance, _SHARP_ROWS)
-    coarser = _reduced(finer, _BLURRED_ROWS)
-    sharp, blurred = _bilinear(finer, u, v), _bilinear(coarser, u, v)
+    at = panorama.place(x, y, z)
+    finer = panorama.reduced(radiance, _SHARP_ROWS)
+    coarser = panorama.reduced(finer, _BLURRED_ROWS)
+    sharp, blurred = panorama.looked_up(finer, *at), panorama.looked_up(coarser, *at)
     seen = blurred + ops.reshape(sharpness, (-1, 1, 1)) * (sharp - blurred)
     return _spread(seen, size)[..., None]
-
-
-def _reduced(radiance: Any, rows: int) -> Any:
-    """Return maps `(B, H, 2 H)` averaged to at most so many rows."""
-    batch, height, width = radiance.shape
-    factor = height // rows
-    if factor <= 1:
-        return radiance
-    height, columns = height // factor, width // factor
-    total = ops.mean(ops.reshape(radiance, (batch, height, factor, width)), axis=2)
-    return ops.mean(ops.reshape(total, (batch, height, columns, factor)), axis=3)
-
-
-def _bilinear(radiance: Any, u: Any, v: Any) -> Any:
-    """Return the bilinear values, `(B, ...)`, of maps `(B, H, W)` at shares u, v of their sides.
-
-    Longitude wraps; at the poles the row is clamped.
-    """
-    batch, height, width = radiance.shape
-    flat = ops.reshape(radiance, (-1,))
-    first = np.arange(batch, dtype=np.int32).reshape(-1, 1, 1) * height
-    column, row = u * width - 0.5, ops.clip(v * height - 0.5, 0.0, height - 1.0)
-    left, top = ops.floor(column), ops.floor(row)
-    across, down = column - left, row - top
-    left, top = ops.cast(left, "int32"), ops.cast(top, "int32")
-    right, bottom = ops.mod(left + 1, width), ops.minimum(top + 1, height - 1)
-    left = ops.mod(left, width)
-
-    def blend(row: Any) -> Any:
-        start = (first + row) * width
-        here = ops.take(flat, start + left)
-        return here + across * (ops.take(flat, start + right) - here)
-
-    upper = blend(top)
-    return upper + down * (blend(bottom) - upper)
 
 
 def _spread(lattice: Any, size: int) -> Any:

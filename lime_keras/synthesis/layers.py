@@ -117,8 +117,8 @@ def layers(
             `(B, 2, S, S)`, at least 0.
         share: share of the covered part of the pixel that shows its first surface, `(B, S, S)`.
         camera: fx, fy, cx, cy in pixels, `(B, 4)`.
-        radiance: E, linear radiance in the map's frame, `(B, H, 2 H)` with H = 128 or a power of two
-            above, at least 0.
+        radiance: E, linear radiance in the map's frame, `(B, H, 2 H)` with H = 128 or a greater
+            power of two, at least 0.
         rotation: rotations `(B, 3, 3)` from the map's frame to camera space.
         exponent: s, at least 0, `(B,)`.
         work: the surfaces, from `pieces`.

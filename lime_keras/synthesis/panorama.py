@@ -10,9 +10,12 @@ from keras import ops
 def reduced(radiance: Any, rows: int) -> Any:
     """Return maps `(B, H, W)` averaged to at most `rows` rows, W shrinking as H does."""
     batch, height, width = radiance.shape
-    factor = max(height // rows, 1)
-    shape = (batch, height // factor, factor, width // factor, factor)
-    return ops.mean(ops.reshape(radiance, shape), axis=(2, 4))
+    factor = height // rows
+    if factor <= 1:
+        return radiance
+    height, columns = height // factor, width // factor
+    total = ops.mean(ops.reshape(radiance, (batch, height, factor, width)), axis=2)
+    return ops.mean(ops.reshape(total, (batch, height, columns, factor)), axis=3)
 
 
 def place(x: Any, y: Any, z: Any) -> tuple[Any, Any]:

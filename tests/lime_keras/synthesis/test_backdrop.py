@@ -6,7 +6,7 @@ from scipy import ndimage
 
 from lime_keras.optics import colour, environment
 from lime_keras.optics.shading import view_directions
-from lime_keras.synthesis import backdrop, drawing
+from lime_keras.synthesis import backdrop, drawing, panorama
 
 SIZE = 32
 TEXTURES = np.random.default_rng(9).integers(0, 256, (5, 40, 40, 3), dtype=np.uint8)
@@ -127,7 +127,7 @@ def test_longitude_wraps_and_poles_end():
     x, y, z = np.moveaxis(direction, -1, 0)
     u = np.arctan2(x, -z) / (2 * np.pi)
     v = np.arctan2(np.hypot(x, z), y) / np.pi
-    found = backdrop._bilinear(light, u.astype(np.float32), v.astype(np.float32))
+    found = panorama.looked_up(light, u.astype(np.float32), v.astype(np.float32))
     for one, towards, seen in zip(light, direction, found, strict=True):
         np.testing.assert_allclose(seen, environment.lookup(one, towards), atol=1e-5)
 
