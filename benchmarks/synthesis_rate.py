@@ -9,6 +9,7 @@ records instead. Times are wall-clock, in one run.
 """
 
 import argparse
+import functools
 import os
 import time
 from collections.abc import Callable, Mapping
@@ -43,11 +44,16 @@ def main() -> None:
     _row(
         "drawn and read on the host", lambda: source.draw(0, np.arange(arguments.batch)), arguments
     )
-    _row("made on the device", lambda: _wait(source.make(draws[0])), arguments)
+    _row(
+        "made on the device",
+        functools.partial(_waited, functools.partial(source.make, draws[0])),
+        arguments,
+    )
     for title, name, replacement in PARTS:
         with mock.patch.object(scenes, name, replacement):
             without = _source(arguments)
-            _row(f"… without {title}", lambda one=without: _wait(one.make(draws[0])), arguments)
+            make = functools.partial(without.make, draws[0])
+            _row(f"… without {title}", functools.partial(_waited, make), arguments)
     if arguments.corpus:
         from lime_keras.data import pipeline
 
@@ -99,9 +105,9 @@ PARTS = (
 """Title of each part, the name of its function in `scenes`, and what takes its place."""
 
 
-def _wait(batch: Mapping[str, Any]) -> None:
-    """Wait until the device has made a batch."""
-    for value in batch.values():
+def _waited(make: Callable[[], Mapping[str, Any]]) -> None:
+    """Make a batch, and wait until the device has done it."""
+    for value in make().values():
         np.asarray(value)
 
 

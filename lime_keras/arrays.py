@@ -1,4 +1,4 @@
-"""Array helpers: the module to compute with, NumPy or Keras, and the type of a loaded model."""
+"""Array helpers: what to compute with, NumPy or Keras, and the type of a loaded model."""
 
 from collections.abc import Callable, Mapping
 from types import ModuleType
@@ -24,3 +24,19 @@ def namespace(*values: Any) -> ModuleType:
     from keras import ops
 
     return ops
+
+
+def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a function of Keras tensors, compiled by XLA under Keras' backend.
+
+    It is compiled anew for arguments of other shapes.
+    """
+    from keras.backend import backend
+
+    if backend() == "tensorflow":
+        import tensorflow as tf
+
+        return tf.function(function, jit_compile=True, autograph=False)
+    import jax
+
+    return jax.jit(function)

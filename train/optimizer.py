@@ -27,7 +27,7 @@ class _Watched:
     built: bool
 
     def __init__(self, learning_rate: Any, groups: Sequence[tuple[str, int]], **kwargs: Any):
-        super().__init__(learning_rate, **kwargs)
+        super().__init__(learning_rate, **kwargs)  # type: ignore[call-arg]
         self._groups = [(name, int(count)) for name, count in groups]
 
     def build(self, variables: list[keras.Variable]) -> None:

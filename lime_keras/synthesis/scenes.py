@@ -9,10 +9,10 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
-import keras
 import numpy as np
 from keras import ops
 
+from lime_keras.arrays import compiled
 from lime_keras.optics import environment, octahedral, shininess
 from lime_keras.optics.compositing import compose
 
@@ -73,7 +73,7 @@ class Scenes:
         self._textures = np.load(bank.file(folder, "textures.npy"), mmap_mode="r")
         self._size, self._camera, self._features = size, camera, frozenset(features)
         self._held_out = held_out
-        self._compiled = _compiled(self._made)
+        self._compiled = compiled(self._made)
         self._on_device: dict[str, Any] | None = None
 
     def draw(self, seed: int, positions: np.ndarray) -> dict[str, Any]:
@@ -192,14 +192,3 @@ def _in_camera_space(radiance: Any, rotation: Any) -> Any:
     weights = angles / angles.sum(axis=(1, 3), keepdims=True)
     blocks = ops.reshape(seen, (-1, *weights.shape)) * weights.astype(np.float32)
     return ops.sum(blocks, axis=(2, 4))[..., None]
-
-
-def _compiled(function: Any) -> Any:
-    """Return the function compiled by XLA, under TensorFlow or JAX."""
-    if keras.backend.backend() == "tensorflow":
-        import tensorflow as tf
-
-        return tf.function(function, jit_compile=True, autograph=False)
-    import jax
-
-    return jax.jit(function)
