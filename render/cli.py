@@ -73,6 +73,14 @@ def parser() -> argparse.ArgumentParser:
         help="folder of pictures to put behind the objects instead of random textures",
     )
     out.add_argument(
+        "--lights",
+        type=console.count,
+        default=1,
+        metavar="L",
+        help="store each scene under so many lights, which training mixes anew each time; images "
+        "show the first (default: 1)",
+    )
+    out.add_argument(
         "--unusable",
         choices=("refuse", "skip"),
         default="refuse",
@@ -294,6 +302,7 @@ def _render(options: argparse.Namespace) -> int:
         quality=options.quality,
         shading=options.shading,
         variant=choice.variant,
+        lights=options.lights,
         **folders,
     )
     with (

@@ -29,6 +29,7 @@ class Description:
         environments: folder of environment maps, or None for the built-in rooms.
         backgrounds: folder of pictures, or None for random textures.
         variant: variant of Mitsuba.
+        lights: number of lights under which each scene is stored.
     """
 
     split: str
@@ -42,6 +43,7 @@ class Description:
     environments: str | None
     backgrounds: str | None
     variant: str
+    lights: int = 1
 
     @property
     def shards(self) -> int:
@@ -76,9 +78,12 @@ class Job:
     def recorded(self) -> dict[str, Any]:
         """Return the description as it is stored in JSON.
 
-        Folders are stored by name alone: their place on this machine changes no byte.
+        Folders are stored by name alone: their place on this machine changes no byte. One light is
+        not recorded, as splits that know of no further lights have no such entry.
         """
         record = dataclasses.asdict(self.description)
+        if self.description.lights == 1:
+            del record["lights"]
         for name in inputs.KINDS:
             record[name] = Path(record[name]).name if record[name] else None
         return record

@@ -198,6 +198,7 @@ def _held(split: Split) -> dict[str, Any] | None:
 
 def _refuse_another(folder: Path, held: dict[str, Any], wanted: dict[str, Any]) -> None:
     """Raise ValueError if the folder holds a split of another description."""
+    held, wanted = ({"lights": 1} | record for record in (held, wanted))
     differing = sorted(key for key in wanted | held if wanted.get(key) != held.get(key))
     if differing:
         raise ValueError(
