@@ -159,6 +159,7 @@ def parse(serialized: Any, features: Collection[str] = FEATURES) -> dict[str, tf
     return example
 
 
+@tf.function(input_signature=[tf.TensorSpec((None,), tf.string)])
 def decode(pngs: tf.Tensor) -> tf.Tensor:
     """Decode images of further lights.
 
