@@ -1,10 +1,13 @@
 """The image of a scene that was lit or painted anew, recomposed by Eq. 4."""
 
+import numpy as np
 import tensorflow as tf
-import tensorflow.experimental.numpy as tnp
 
-from lime_keras.data.camera import objects_share
+from lime_keras.data.camera import look_up, objects_share
 from lime_keras.optics import colour
+
+_LEVELS = 2**16
+"""Length of the table from radiance to sRGB: a step is at most 0.05 of an 8-bit level."""
 
 
 def recompose(example: dict[str, tf.Tensor], stored: dict[str, tf.Tensor]) -> tf.Tensor:
@@ -21,14 +24,13 @@ def recompose(example: dict[str, tf.Tensor], stored: dict[str, tf.Tensor]) -> tf
     Returns:
         The image `(S, S, 3)`, sRGB in multiples of 1/255.
     """
-    linear = _as_float(colour.srgb_to_linear(stored["image"], tnp))
+    levels = tf.cast(stored["image"] * 255.0 + 0.5, tf.int32)
+    linear = look_up(colour.srgb_to_linear(np.arange(256) / 255).astype(np.float32), levels)
     background = tf.maximum(linear - objects_share(stored), 0.0)
     background = tf.where(stored["mask"] < 1.0, background, 0.0)
     composed = tf.clip_by_value(background + objects_share(example), 0.0, 1.0)
-    srgb = _as_float(colour.linear_to_srgb(composed, tnp))
-    return tf.round(srgb * 255.0) / 255.0
-
-
-def _as_float(values: tf.Tensor) -> tf.Tensor:
-    """Return values as float32; TensorFlow's NumPy functions widen them."""
-    return tf.cast(values, tf.float32)
+    # Powers of all pixels would take as long as decoding the image.
+    srgb = colour.linear_to_srgb((np.arange(_LEVELS) + 0.5) / _LEVELS)
+    table = np.round(srgb * 255).astype(np.uint8)
+    encoded = look_up(table, tf.cast(composed * (_LEVELS - 1), tf.int32))
+    return tf.cast(encoded, tf.float32) / 255.0
