@@ -65,6 +65,14 @@ def parser() -> argparse.ArgumentParser:
         "and test are used if there are such",
     )
     out.add_argument(
+        "--lights",
+        type=console.count,
+        default=1,
+        metavar="L",
+        help="store each scene under so many lights, which training mixes anew each time; images "
+        "show the first (default: 1)",
+    )
+    out.add_argument(
         "--quality",
         choices=tuple(QUALITIES),
         default="fast",
@@ -461,6 +469,7 @@ def _render(options: argparse.Namespace) -> int:
         quality=options.quality,
         shading=options.shading,
         variant=choice.variant,
+        lights=options.lights,
         **_folders(options),
     )
     with (

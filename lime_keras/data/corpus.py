@@ -111,6 +111,11 @@ class Split:
         return self._description.get("size")
 
     @property
+    def lights(self) -> int:
+        """The number of lights that each record holds its scene under."""
+        return self._checked(self._description.get("lights", 1), int)
+
+    @property
     def shading(self) -> str:
         """The normalisation of D and S: `furnace`, or `literal` as printed in Eqs. 2 and 3."""
         return self._description.get("shading", "furnace")

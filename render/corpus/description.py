@@ -29,6 +29,7 @@ class Description:
         environments: folder of environment maps, or None for the built-in rooms.
         backgrounds: folder of pictures, or None for random textures.
         variant: variant of Mitsuba.
+        lights: number of lights under which each scene is stored.
     """
 
     split: str
@@ -42,6 +43,7 @@ class Description:
     environments: str | None
     backgrounds: str | None
     variant: str
+    lights: int = 1
 
     @property
     def shards(self) -> int:
@@ -74,8 +76,14 @@ class Job:
     )
 
     def recorded(self) -> dict[str, Any]:
-        """Return the description as it is stored in JSON; see `recorded`."""
-        return recorded(self.description)
+        """Return the description as it is stored in JSON; see `recorded`.
+
+        One light is not recorded, as splits that know of no further lights have no such entry.
+        """
+        record = recorded(self.description)
+        if self.description.lights == 1:
+            del record["lights"]
+        return record
 
     def files(self) -> dict[str, list[Path]]:
         """Return the user's files for this split, by kind; see `files`."""

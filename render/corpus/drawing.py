@@ -80,7 +80,8 @@ class Example:
     """A rendered example.
 
     Attributes:
-        features: value of each of `lime_keras.data.records.FEATURES`, before quantisation.
+        features: value of each of `lime_keras.data.records.FEATURES`, before quantisation; of
+            several lights, also of each of `FURTHER`.
         record: these features, serialised as in a shard.
         failures: one entry for each earlier attempt that could not be used: index, attempt, shape,
             light and error.
@@ -100,8 +101,12 @@ def render_example(
     quality: Quality = FAST,
     literal: bool = False,
     shard_size: int = 512,
+    lights: int = 1,
 ) -> Example:
     """Draw shape, light, pose, material and background of an example, and render it.
+
+    Further lights are drawn after all else. So the scene under the first light, and its image, are
+    the same whatever the number of lights.
 
     A corpus of the same seed, sources and options has the same example at this index. Mitsuba must
     be active (`mitsuba_setup.variants.activate`) before TensorFlow is imported.
@@ -114,6 +119,7 @@ def render_example(
         quality: quality of the layers.
         literal: whether D and S are stored as Eqs. 2 and 3 are printed.
         shard_size: number of examples in a shard; these draw from the same 64 shapes and 64 lights.
+        lights: number of lights under which the scene is rendered, each drawn as the first one.
 
     Raises:
         ValueError: if an input file cannot be used.
@@ -122,22 +128,26 @@ def render_example(
     # `records` imports TensorFlow, which must come after Mitsuba.
     from lime_keras.data import records
 
-    shapes, lights = sources.of_shard(seed, index // shard_size)
+    shapes, light_names = sources.of_shard(seed, index // shard_size)
     failures: list[dict[str, Any]] = []
     for attempt in range(_TRIES):
         rng = generator(seed, sources.split, "example", index, attempt)
-        shape, light_name = shapes[rng.integers(len(shapes))], lights[rng.integers(len(lights))]
+        shape = shapes[rng.integers(len(shapes))]
+        light = sources.light(light_names[rng.integers(len(light_names))], quality)
         mesh, tracer = sources.mesh(shape, size, quality)
-        light = sources.light(light_name, quality)
         scene = (
             sample_pose(rng, mesh.vertices, size),
             sample_light_rotation(rng, light.strong_direction),
             sample_material(rng),
             sources.backgrounds.sample(rng, size),
         )
-        names = {"shape": shape, "light": light_name}
+        further = []
+        for _ in range(lights - 1):
+            other = sources.light(light_names[rng.integers(len(light_names))], quality)
+            further.append((other, sample_light_rotation(rng, other.strong_direction)))
+        names = {"shape": shape, "light": light.name}
         try:
-            rendered = example.render(tracer, light, *scene, literal=literal)
+            rendered = example.render(tracer, light, *scene, literal=literal, further=further)
             features = rendered | names | {"seed": seed, "index": index}
             return Example(features, records.encode(features), failures)
         except ValueError as error:  # the object is too small, or a value is not finite

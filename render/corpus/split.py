@@ -54,7 +54,10 @@ def render_split(
     job = Job(out.absolute(), description, choice)
     split = Split(out, description.split)
     held = claim.held(split.description_path)
-    claim.refuse_another(split.folder, "split", held, job.recorded())
+    one_light = {"lights": 1}  # not recorded
+    claim.refuse_another(
+        split.folder, "split", held and one_light | held, one_light | job.recorded()
+    )
     # Inputs are checked first, so that an unusable file fails before the split's folder is made.
     pool = Workers(workers)
 

@@ -44,6 +44,7 @@ class Worker:
             quality=QUALITIES[description.quality],
             literal=description.shading == "literal",
             shard_size=description.shard_size,
+            lights=description.lights,
         )
 
 

@@ -65,6 +65,7 @@ def verify(corpus: Path, split: str, on_example: Callable[[int, int], None]) -> 
         literal=files.is_literal,
         shapes=frozenset(manifest["shapes"]),
         lights=frozenset(manifest["lights"]),
+        light_count=files.lights,
     )
     with ThreadPoolExecutor(os.cpu_count()) as threads:
         for shard in range(manifest["shards"]):
@@ -234,7 +235,7 @@ def _check_record(
 
 @tf.function(input_signature=[tf.TensorSpec([], tf.string)])
 def _parse(serialized: tf.Tensor) -> dict[str, tf.Tensor]:
-    return records.parse(serialized)
+    return records.parse_whole(serialized)
 
 
 def _gather(checked: Future, path: Path, indices: range, record: int, faults: Faults) -> None:

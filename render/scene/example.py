@@ -1,5 +1,8 @@
 """Rendering of a scene to a training example, with the features of `lime_keras.data.records`."""
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 
 from lime_keras.material import BlinnPhong
@@ -25,7 +28,8 @@ def render(
     background_srgb: np.ndarray,
     *,
     literal: bool = False,
-) -> dict[str, np.ndarray | float]:
+    further: Sequence[tuple[Light, np.ndarray]] = (),
+) -> dict[str, Any]:
     """Render the images and numbers of a record, all features but shape, light, seed and index.
 
     Args:
@@ -37,9 +41,10 @@ def render(
         background_srgb: background, `(S, S, 3)` sRGB in [0, 1].
         literal: whether D and S are stored as Eqs. 2 and 3 are printed, without furnace
             normalisation. The environment is then 1/π as bright, so that D keeps its size.
+        further: further lights with their rotations, whose layers are rendered as well.
 
     Returns:
-        The features by name, as in `lime_keras.data.records`.
+        The features by name, as in `lime_keras.data.records`; of further lights, also their names.
 
     Raises:
         ValueError: if the object covers less than `LEAST_COVERAGE` of the image.
@@ -48,34 +53,50 @@ def render(
     coverage = gbuffer.coverage[..., None]
     if coverage.mean() < LEAST_COVERAGE:
         raise ValueError(f"the object covers {coverage.mean():.1%} of the image")
-    diffuse, specular, mirror = layers(gbuffer, light, light_rotation, material.exponent)
-    if literal:
-        diffuse_factor, specular_factor = literal_scale(material.exponent)
-        specular, mirror = specular * specular_factor / diffuse_factor, mirror / diffuse_factor
+    lit = _lit(gbuffer, light, light_rotation, material.exponent, literal)
     composed = compose(
         material.diffuse_albedo,
         np.float32(material.specular_albedo),
         np.float32(material.ambient),
-        diffuse[None],
-        specular[None],
+        lit["diffuse_shading"][None],
+        lit["specular_shading"][None],
     )[0]
     background = colour.srgb_to_linear(background_srgb)
     # The sensor clips the sum of object and background in each pixel.
     linear = np.clip(coverage * composed + (1 - coverage) * background, 0, 1)
-    stored_light = environment.rotate(light.coarse(), light_rotation, *environment.STORED_SHAPE)
-    return {
+    features = {
         "image": np.clip(colour.linear_to_srgb(linear), 0, 1),
         "mask": coverage,
-        "diffuse_shading": diffuse,
-        "specular_shading": specular,
-        "mirror": mirror,
+        **lit,
         "normal": gbuffer.image(gbuffer.normal[gbuffer.central]),
         "camera": pose.camera,
-        "environment": (stored_light / (np.pi if literal else 1))[..., None],
         "diffuse_albedo": material.diffuse_albedo,
         "specular_albedo": material.specular_albedo,
         "shininess": material.exponent,
         "ambient": material.ambient,
+    }
+    if further:
+        others = [_lit(gbuffer, *other, material.exponent, literal) for other in further]
+        features |= {f"further_{name}": np.stack([other[name] for other in others]) for name in lit}
+        features["further_light"] = [other.name for other, _ in further]
+    return features
+
+
+def _lit(
+    gbuffer: GBuffer, light: Light, light_rotation: np.ndarray, exponent: float, literal: bool
+) -> dict[str, np.ndarray]:
+    """Return the features of a record that depend on the light, by name."""
+    diffuse, specular, mirror = layers(gbuffer, light, light_rotation, exponent)
+    stored = environment.rotate(light.coarse(), light_rotation, *environment.STORED_SHAPE)
+    if literal:
+        diffuse_factor, specular_factor = literal_scale(exponent)
+        specular, mirror = specular * specular_factor / diffuse_factor, mirror / diffuse_factor
+        stored = stored / np.pi
+    return {
+        "diffuse_shading": diffuse,
+        "specular_shading": specular,
+        "mirror": mirror,
+        "environment": stored[..., None],
     }
 
 

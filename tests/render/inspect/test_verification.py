@@ -120,6 +120,101 @@ def without(name, value):
     )
 
 
+def changed_further(name, value, number=1):
+    """Change what is held of one further light."""
+
+    def change(example):
+        further = [*example[records.FURTHER[name]]]
+        further[number] = value(further[number])
+        return example | {records.FURTHER[name]: further}
+
+    return change
+
+
+FURTHER_DAMAGES = {
+    "a light turned by a quarter": (
+        changed_further("environment", lambda light: np.roll(light, 32, axis=1)),
+        ("shading", "light 3: diffuse_shading is off by"),
+    ),
+    "another light's D": (
+        lambda example: (
+            example | {"further_diffuse_shading": example["further_diffuse_shading"][::-1]}
+        ),
+        ("shading", "light 2: diffuse_shading is off by"),
+    ),
+    "twice as much S": (
+        changed_further("specular_shading", lambda layer: 2 * layer, 0),
+        ("shading", "light 2: specular_shading is off by"),
+    ),
+    "M outside": (
+        changed_further("mirror", lambda layer: layer + 1),
+        ("layer", "light 3: mirror is not 0 in"),
+    ),
+    "a light of the other split": (
+        changed_further("light", lambda _: "studio.hdr", 0),
+        ("name", "light 2: light is studio.hdr, which is none of the manifest's 1"),
+    ),
+    "a light too few": (
+        lambda example: sphere_corpus.under_lights(sphere_corpus.example(4), 2),
+        ("lights", "light is held for 2 lights, expected 3"),
+    ),
+    "one light": (
+        lambda example: sphere_corpus.example(4),
+        ("lights", "mirror is held for 1 lights, expected 3"),
+    ),
+}
+
+
+@pytest.fixture(scope="module")
+def three_lights(tmp_path_factory):
+    out = tmp_path_factory.mktemp("three")
+    return sphere_corpus.write_split(out, "train", SHARDS, lights=3)
+
+
+def test_a_sound_corpus_of_several_lights_has_no_fault(three_lights):
+    faults = verify(three_lights)
+    assert (faults.lines(), faults.count, faults.examples) == ([], 0, 5)
+
+
+@pytest.mark.parametrize("damage", FURTHER_DAMAGES)
+def test_a_wrong_further_light_is_told(three_lights, examples, tmp_path, damage):
+    shutil.copytree(three_lights, tmp_path / "corpus")
+    change, (kind, message) = FURTHER_DAMAGES[damage]
+    whole = [sphere_corpus.under_lights(example, 3) for example in examples[3:]]
+    rewrite(tmp_path / "corpus", [whole[0], change(whole[1])])
+    faults = verify(tmp_path / "corpus")
+    assert set(faults.kinds) == {kind}, faults.lines()
+    found = "\n".join(faults.lines())
+    assert re.search(rf"{kind}: .*00001.tfrecord, record 1: {message}", found), found
+
+
+def test_further_lights_of_another_size_or_not_finite_are_told(
+    three_lights, examples, tmp_path, monkeypatch
+):
+    """`records.encode` refuses them; another writer might not."""
+    monkeypatch.setattr(records, "_check", lambda example: None)
+    shutil.copytree(three_lights, tmp_path / "corpus")
+    whole = [sphere_corpus.under_lights(example, 3) for example in examples[3:]]
+    mirrors = whole[1]["further_mirror"].copy()
+    mirrors[1, 32, 32] = np.inf
+    small = [light[::2, ::2] for light in whole[0]["further_environment"]]
+    changed = [{"further_environment": small}, {"further_mirror": mirrors}]
+    rewrite(tmp_path / "corpus", [one | other for one, other in zip(whole, changed, strict=True)])
+    found = "\n".join(verify(tmp_path / "corpus").lines())
+    assert "record 0: light 2: environment is 64x32, expected 128x64" in found
+    # Brighter light than half precision holds is the brightest that it holds.
+    assert "record 1" not in found
+    mirrors[1, 32, 32] = np.nan
+    rewrite(tmp_path / "corpus", [whole[0], whole[1] | {"further_mirror": mirrors}])
+    [line] = verify(tmp_path / "corpus").lines()
+    assert re.search("record 1: light 3: mirror lies in .*expected finite radiance", line)
+
+
+def test_one_light_where_a_corpus_should_have_more_is_told(corpus, examples):
+    rewrite(corpus, [examples[3], sphere_corpus.under_lights(examples[4], 2)])
+    assert verify(corpus).kinds == {"lights": 5}
+
+
 DAMAGES = {
     "a changed m_s": (
         changed("specular_albedo", lambda m_s: (m_s + 0.3) % 1),
