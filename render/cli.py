@@ -326,8 +326,13 @@ def _is_bank(options: argparse.Namespace) -> bool:
     Raises:
         ValueError: if a split of it is asked for.
     """
+    from lime_keras.synthesis import bank
+
+    from .corpus import claim
+
     folder = options.corpus
-    found = any((folder / name).exists() for name in ("bank.json", "description.json"))
+    begun = claim.held(folder / "description.json") or {}
+    found = bank.is_bank(folder) or begun.get("format") == bank.FORMAT
     if found and options.split:
         raise ValueError(f"{folder} is a bank, which has one split: leave out --split")
     return found

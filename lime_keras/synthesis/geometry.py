@@ -198,10 +198,11 @@ class GeometryBank:
         names = sorted(name for name in manifest["files"] if name.startswith("geometry/"))
         self._paths = [bank.file(folder, name) for name in names if name.endswith(".bin")]
         tables = [read_index(path, len(self.shape_names)) for path in self._paths]
-        if sum(map(len, tables)) != manifest["count"] or not tables:
+        count = sum(map(len, tables))
+        if count != manifest["count"] or not count:
             raise ValueError(
-                f"{folder / 'geometry'} holds {sum(map(len, tables))} entries, and {bank.MANIFEST} "
-                f"tells of {manifest['count']}: render the bank anew"
+                f"{folder / 'geometry'} holds {count} entries, and {bank.MANIFEST} tells of "
+                f"{manifest['count']}: render the bank anew"
             )
         self._shards = [np.memmap(path, np.uint8, "r") for path in self._paths]
         self._first = np.cumsum([0, *map(len, tables)])
@@ -229,8 +230,9 @@ class GeometryBank:
             ValueError: if an entry is broken.
         """
         indices = np.asarray(indices)
-        if indices.size and not (indices.min() >= 0 and indices.max() < len(self)):
-            raise IndexError(f"the bank has {len(self)} entries, so no entry {indices.max()}")
+        outside = indices[(indices < 0) | (indices >= len(self))]
+        if len(outside):
+            raise IndexError(f"the bank has entries 0 to {len(self) - 1}, so none of {outside[0]}")
         count, size = len(indices), self.size
         out = {
             "coverage": np.empty((count, size, size), np.uint8),
@@ -275,11 +277,11 @@ def read_index(path: Path, shapes: int) -> np.ndarray:
     table = np.array(bank.array(beside, again))
     if table.dtype != INDEX or table.ndim != 1:
         raise ValueError(f"{beside} is no index of a shard: {again}")
-    ends = table["offset"] + table["length"]
-    if len(table) and ends.max() > path.stat().st_size:
+    # Compared apart, as their sum may be larger than 64 bits hold.
+    size = path.stat().st_size
+    if (table["offset"] > size).any() or (table["length"] > size - table["offset"]).any():
         raise ValueError(
-            f"{path} has {path.stat().st_size} bytes, and its index tells of {ends.max()}: it is "
-            f"cut off; {again}"
+            f"{path} has {size} bytes, and its index tells of more: it is cut off; {again}"
         )
     if len(table) and table["shape"].max() >= shapes:
         raise ValueError(

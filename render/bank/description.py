@@ -13,10 +13,6 @@ from ..mitsuba_setup import variants
 
 SKIES = {"train": 48, "test": 12}
 """Number of skies of each split."""
-TEXTURES = 256
-TEXTURES_A_TASK = 32
-TEXTURE_SIZE = 192
-"""Height and width of a texture in pixels: more than an image, so that crops vary."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -19,7 +19,7 @@ from ..corpus import claim, inputs
 from ..corpus.processes import Workers
 from ..mitsuba_setup import variants
 from . import entries, lights, textures, worker
-from .description import TEXTURES, TEXTURES_A_TASK, Description, Job
+from .description import Description, Job
 
 Tell = Callable[[int, int], None]
 """A function that is called with (done, total) as work goes on."""
@@ -100,9 +100,9 @@ def _render_lights(job: Job, renderers: Workers, tell: Tell) -> None:
 def _render_textures(job: Job, renderers: Workers, tell: Tell) -> None:
     if (job.out / bank.TEXTURES).is_file():
         return
-    missing = [n for n in range(textures.TASKS) if not job.texture_part(n).is_file()]
-    done = TEXTURES - len(missing) * TEXTURES_A_TASK
-    renderers.run(worker.render_textures, missing, done, TEXTURES, tell)
+    missing = [n for n in textures.tasks() if not job.texture_part(n).is_file()]
+    done = max(textures.COUNT - len(missing) * textures.A_TASK, 0)
+    renderers.run(worker.render_textures, missing, done, textures.COUNT, tell)
     textures.join(job)
 
 

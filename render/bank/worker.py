@@ -13,7 +13,7 @@ from ..corpus import claim, nodes
 from ..corpus.processes import Ticks
 from ..mitsuba_setup import variants
 from . import entries, lights, textures
-from .description import TEXTURES_A_TASK, Job
+from .description import Job
 
 PACKAGES = ("mitsuba", "drjit", "numpy", "OpenImageIO", "scikit-image", "trimesh")
 """Packages on whose versions the bytes of a bank may depend."""
@@ -48,8 +48,7 @@ def render_light(worker: Worker, number: int) -> None:
 
 def render_textures(worker: Worker, number: int) -> None:
     """Draw some textures into the bank's parts."""
-    textures.render(worker.job, number)
-    worker.ticks.put(TEXTURES_A_TASK)
+    worker.ticks.put(textures.render(worker.job, number))
 
 
 def render_shard(worker: Worker, shard: int) -> None:
