@@ -83,7 +83,7 @@ def _defocused(light: Any, strength: Any) -> Any:
         moved = ops.slice(padded, (0, row, column, 0), light.shape)
         return blurred + _each(disc[pixel]) * moved
 
-    return ops.fori_loop(0, len(corners), add, ops.zeros_like(light))
+    return ops.fori_loop(0, corners.shape[0], add, ops.zeros_like(light))
 
 
 def _sensed(light: Any, full_well: Any, grain: Any) -> Any:
@@ -105,9 +105,7 @@ def _sensed(light: Any, full_well: Any, grain: Any) -> Any:
     deviation = 0.5 / ops.sqrt(full_well)
     noise = ops.reshape(ops.take(camera_law.grain_table(), grain, axis=0), (batch, -1))
     noise = ops.reshape(noise[:, : math.prod(shape)], (batch, *shape))
-    # Everything brighter than white is white: squares of huge radiances stay finite.
-    brightest = ops.sqrt(1.0 + dark + deviation**2)
-    root = ops.clip(ops.sqrt(light + dark) + deviation * noise, 0.0, brightest)
+    root = ops.maximum(ops.sqrt(light + dark) + deviation * noise, 0.0)
     return _levels(ops.clip(ops.square(root) - dark - deviation**2, 0.0, 1.0))
 
 

@@ -9,13 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lime_keras.optics.shading import reflect
-
 from ..scene.gbuffer import GBuffer
 
 PARTED_ABOVE = 2.0**-8
 """Variance of a pixel's mirror directions above which it has two surfaces."""
 _ROUNDS = 3
+_LEAST_LENGTH = 1e-3  # of a mean normal; a shorter one has no direction
 
 
 class Surfaces(NamedTuple):
@@ -40,46 +39,45 @@ def parted(gbuffer: GBuffer) -> Surfaces:
     Pixels whose samples have all the same mirror direction, or a group without a mean normal, stay
     whole.
     """
-    rows = np.flatnonzero(gbuffer.spread > PARTED_ABOVE)
-    place = np.full(gbuffer.coverage.size, -1)
-    place[gbuffer.covered_pixels[rows]] = np.arange(len(rows))
-    owner = place[gbuffer.pixel]
-    inside = owner >= 0
-    owner, normal = owner[inside], gbuffer.normal[inside].astype(float)
-    mirrored = reflect(normal, gbuffer.view[inside].astype(float))
-    count = np.bincount(owner, minlength=len(rows))
+    # The samples of a covered pixel follow one another, in the order of the covered pixels.
+    counts = np.diff(np.flatnonzero(np.diff(gbuffer.pixel, prepend=-1)), append=len(gbuffer.pixel))
+    rough = gbuffer.spread > PARTED_ABOVE
+    rows, counts, inside = np.flatnonzero(rough), counts[rough], np.repeat(rough, counts)
+    if not len(rows):
+        return Surfaces(rows, np.zeros(0), np.zeros((2, 0, 3)), np.zeros((2, 0)))
+    begins = np.cumsum(counts) - counts
+    normal = gbuffer.normal[inside].T.astype(np.float64, order="C")
+    view = gbuffer.view[inside].T.astype(np.float64, order="C")
+    mirrored = 2 * (normal * view).sum(axis=0) * normal - view
 
     def means(vectors: np.ndarray, first: np.ndarray) -> np.ndarray:
-        """Return the mean vectors of both groups, `(2, K, 3)`; 0 for an empty group."""
-        sums = [
-            [np.bincount(owner, vectors[:, k] * group, len(rows)) for k in range(3)]
-            for group in (first, ~first)
-        ]
-        ones = np.bincount(owner, first, len(rows))
-        counts = np.stack([ones, count - ones])
-        return np.moveaxis(np.array(sums), 1, -1) / np.maximum(counts, 1)[..., None]
+        """Return the mean vectors of both groups, `(2, 3, K)`; 0 for an empty group."""
+        ones = np.add.reduceat(first, begins, dtype=np.int64)
+        sums = np.add.reduceat(vectors * first, begins, axis=1)
+        others = np.add.reduceat(vectors * ~first, begins, axis=1)
+        return np.stack([sums / np.maximum(ones, 1), others / np.maximum(counts - ones, 1)])
+
+    def farthest(middle: np.ndarray) -> np.ndarray:
+        """Return of each pixel the mirror direction farthest from its `middle`, `(3, K)`."""
+        distance = ((mirrored - np.repeat(middle, counts, axis=1)) ** 2).sum(axis=0)
+        most = np.maximum.reduceat(distance, begins)
+        reached = np.flatnonzero(distance == np.repeat(most, counts))
+        return mirrored[:, reached[np.searchsorted(reached, begins)]]
 
     # Each group begins with one sample: the farthest from the mean, and the farthest from that one.
-    whole = means(mirrored, np.ones(len(owner), bool))[0]
-    middles = np.empty((2, len(rows), 3))
-    middles[0] = mirrored[_farthest(owner, mirrored, whole)]
-    middles[1] = mirrored[_farthest(owner, mirrored, middles[0])]
-    first = np.ones(len(owner), bool)
+    one = farthest(np.add.reduceat(mirrored, begins, axis=1) / counts)
+    middles = np.stack([one, farthest(one)])
+    first = np.ones(len(mirrored[0]), bool)
     for _ in range(_ROUNDS):
-        distance = [((mirrored - middle[owner]) ** 2).sum(axis=1) for middle in middles]
-        first = distance[0] <= distance[1]
+        # Nearer to the first middle: beyond the plane halfway between the two.
+        apart = middles[0] - middles[1]
+        halfway = (apart * (middles[0] + middles[1])).sum(axis=0) / 2
+        first = (mirrored * np.repeat(apart, counts, axis=1)).sum(axis=0) >= np.repeat(
+            halfway, counts
+        )
         middles = means(mirrored, first)
     normals = means(normal, first)
-    share = np.bincount(owner, first, len(rows)) / np.maximum(count, 1)
-    kept = (share > 0) & (share < 1) & (np.linalg.norm(normals, axis=-1) > 1e-3).all(axis=0)
-    variance = np.clip(1 - (middles**2).sum(axis=-1), 0, 1)
-    return Surfaces(rows[kept], share[kept], normals[:, kept], variance[:, kept])
-
-
-def _farthest(owner: np.ndarray, vectors: np.ndarray, centres: np.ndarray) -> np.ndarray:
-    """Return for each of K centres the index of its owned vector that lies farthest from it."""
-    distance = ((vectors - centres[owner]) ** 2).sum(axis=1)
-    order = np.argsort(distance, kind="stable")
-    out = np.zeros(len(centres), int)
-    out[owner[order]] = order
-    return out
+    share = np.add.reduceat(first, begins, dtype=np.int64) / counts
+    kept = (share > 0) & (share < 1) & (np.linalg.norm(normals, axis=1) > _LEAST_LENGTH).all(axis=0)
+    variance = np.clip(1 - (middles**2).sum(axis=1), 0, 1)
+    return Surfaces(rows[kept], share[kept], normals[:, :, kept].swapaxes(1, 2), variance[:, kept])

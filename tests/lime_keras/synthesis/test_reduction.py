@@ -13,8 +13,12 @@ SIZE = 64
 
 @pytest.fixture(scope="module")
 def stored():
-    scenes = [records.parse(records.encode(example(index, size=SIZE))) for index in range(3)]
-    return [camera.photograph(scene, tf.constant([1, 2])) for scene in scenes]
+    rng, scenes = np.random.default_rng(0), []
+    for index in range(3):
+        mask = rng.uniform(0, 1, (SIZE, SIZE, 1)) * (rng.random((SIZE, SIZE, 1)) > 0.3)
+        scene = example(index, size=SIZE) | {"mask": mask, "mirror": 1 + mask}
+        scenes.append(camera.photograph(records.parse(records.encode(scene)), tf.constant([1, 2])))
+    return scenes
 
 
 @pytest.mark.parametrize("size", [64, 32, 16, 1])
