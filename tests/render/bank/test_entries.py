@@ -167,6 +167,27 @@ def test_every_normal_faces_the_viewer(mitsuba_choice, index):
         assert cosine.min() > 0.01
 
 
+def test_grazing_second_surfaces_face_the_viewer_after_decoding():
+    """Of a row of pixels, each with a surface in front and a grazing one, in all directions."""
+    size = 256
+    camera = np.array([5000.0, 5000, 0, 0])
+    view = view_directions(camera, size, size)[0].repeat(2, axis=0)
+    angle = np.linspace(0, 2 * np.pi, size)
+    grazing = np.stack([np.cos(angle), np.sin(angle), np.full(size, 1e-3)], axis=-1)
+    normal = np.stack([np.broadcast_to([0.0, 0, 1], (size, 3)), grazing], axis=1).reshape(-1, 3)
+    coverage = np.zeros((size, size), np.float32)
+    coverage[0] = 1
+    pixel, first = np.arange(size).repeat(2), np.arange(0, 2 * size, 2)
+    ones = np.ones(size, int)
+    held = gbuffer.GBuffer(coverage, normal, view, pixel, first, 0.5 * ones, first, ones)
+    encoded = geometry.encode(*entries.quantised(held, camera))
+    _, share, codes, _ = geometry.decode(encoded, size)
+    assert (share[0] < 255).all()
+    for surface in (0, 1):
+        cosine = np.sum(octahedral.decode(codes[surface][0]) * view[::2], axis=-1)
+        assert cosine.min() > 0.01
+
+
 def test_a_pixel_that_is_touched_is_covered():
     """However little: 0 would mean that nothing is there."""
     one = np.zeros((2, 2), np.float32)

@@ -80,6 +80,8 @@ def test_an_interrupted_bank_goes_on_to_the_same_bytes(
         found = {n: (out / n).stat().st_mtime_ns for n in contents(out) if n != "description.json"}
         assert all(found.get(n) == t for n, t in kept.items() if n in found and "inputs" not in n)
         kept = found
+    for folder in (".", "geometry", "parts", "parts/rooms"):
+        (out / folder / "partial-left").write_bytes(b"by a killed process")
     told = []
     again(out, mitsuba_choice, inputs, tell=lambda *t: told.append(t))
     assert told[0] == (16, 20) and contents(out) == expected
