@@ -29,11 +29,6 @@ def ball(tmp_path_factory, mitsuba_choice):
     return _mesh(tmp_path_factory, trimesh.creation.icosphere(subdivisions=4))
 
 
-@pytest.fixture(scope="module")
-def slab(tmp_path_factory, mitsuba_choice):
-    return _mesh(tmp_path_factory, trimesh.creation.box((2.0, 0.4, 2.0)))
-
-
 def _seen_from_above(distance=20.0, width=8.0):
     """The pose, and the x and z of the ground under each pixel: about `width` radii of ground."""
     focal = SIZE * (distance + 1) / width
@@ -75,10 +70,12 @@ def test_the_shadow_lies_away_from_the_lamp(ball):
     assert np.average(z, weights=found) == pytest.approx(-0.5, abs=0.12)
 
 
-def test_the_ground_under_a_flat_bottom_is_dark(slab):
+@pytest.mark.parametrize("height", [0.4, 0.0], ids=["slab", "sheet"])
+def test_the_ground_under_a_flat_bottom_is_dark(height, tmp_path_factory, mitsuba_choice):
+    mesh = _mesh(tmp_path_factory, trimesh.creation.box((2.0, height, 2.0)))
     pose, x, z = _seen_from_above()
-    half = np.abs(slab.vertices[:, 0]).max()
-    found = contact_shadow.shade(slab, lights.prepare("sky", np.ones(SHAPE)), pose, ABOVE, SIZE)
+    half = np.abs(mesh.vertices[:, 0]).max()
+    found = contact_shadow.shade(mesh, lights.prepare("sky", np.ones(SHAPE)), pose, ABOVE, SIZE)
     assert np.all(found[np.maximum(np.abs(x), np.abs(z)) < 0.95 * half] > 0.98)
 
 
