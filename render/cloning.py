@@ -130,7 +130,7 @@ def clone(
         return np.where(touched, new, photo_srgb).astype(np.float32)
     left = without_object(np.repeat(alpha, 3, axis=-1).astype(np.float32), mask)[..., :1]
     covered = np.clip(1 - (1 - over[..., 3:]) * (1 - shade) * (1 - left), 0, 1)
-    straight = np.clip(colour.linear_to_srgb(np.clip(_divided(linear, covered), 0, 1)), 0, 1)
+    straight = np.clip(colour.linear_to_srgb(_divided(linear, covered)), 0, 1)
     new = np.concatenate([straight * covered, covered], axis=-1)
     kept = np.concatenate([photo_srgb, alpha], axis=-1)
     return np.where(touched, new, kept).astype(np.float32)
@@ -181,8 +181,8 @@ def _cropped(pose: Pose, square: Square, size: int) -> Pose:
 
 
 def _divided(colours: np.ndarray, alpha: np.ndarray) -> np.ndarray:
-    """Return colours `(H, W, 3)` divided by alpha `(H, W, 1)`; 0 where alpha is 0."""
-    return np.where(alpha > 0, colours / np.maximum(alpha, np.finfo(np.float32).tiny), 0)
+    """Return colours `(H, W, 3)` divided by alpha `(H, W, 1)`, at most 1; 0 where alpha is 0."""
+    return np.where(alpha > 0, np.minimum(colours / np.maximum(alpha, 1e-30), 1), 0)
 
 
 def without_object(photo_linear: np.ndarray, mask: np.ndarray) -> np.ndarray:

@@ -156,6 +156,8 @@ def test_a_half_transparent_photo_keeps_its_alpha(ball):
     far[15:65, 25:75] = False
     assert np.array_equal(found[far, :3], 0.5 * photo[far]) and np.all(found[far, 3] == 0.5)
     assert found[40, 50, 3] == 1
+    tiny = cloning.clone(photo, mask, DULL, EVEN, ball, alpha=np.full_like(mask, 1e-38))
+    assert np.isfinite(tiny).all() and tiny.max() <= 1
     straight = cloning.clone(photo, mask, DULL, EVEN, ball)
     np.testing.assert_allclose(found[40, 50, :3], straight[40, 50], atol=1e-5)
 
