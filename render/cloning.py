@@ -2,7 +2,8 @@
 
 The photographed object is removed, and the hole is filled smoothly from its surroundings. The
 user's mesh is rendered in its place: under the estimated light, by Eq. 4, with the renderer of the
-corpora. The mesh casts no shadow, as the paper's image model has none.
+corpora. The mesh shades itself no more than the paper's image model does; if asked, it casts a
+shadow on the ground that it stands on. The old object's own shadow stays.
 """
 
 import math
@@ -14,11 +15,11 @@ from scipy import ndimage
 
 from lime_keras.estimate import framing
 from lime_keras.estimate.framing import Square
-from lime_keras.material import Material
+from lime_keras.material import BlinnPhong, Material
 from lime_keras.optics import colour, environment, shading
 from lime_keras.optics.compositing import compose
 
-from .scene import lights
+from .scene import contact_shadow, lights
 from .scene.example import layers
 from .scene.gbuffer import Tracer
 from .scene.lights import Light
@@ -33,12 +34,35 @@ A three-quarter view shows more of the shape than a front view.
 """
 _PITCH = math.radians(12)
 """Angle by which the camera looks down, in radians, as it does at things on a table."""
+_TILT = np.array(
+    [
+        [1, 0, 0],
+        [0, math.cos(_PITCH), -math.sin(_PITCH)],
+        [0, math.sin(_PITCH), math.cos(_PITCH)],
+    ]
+)
+"""Rotation from upright to camera space."""
+_GROUND = _TILT[:, 1]
+"""Unit normal of the ground in camera space."""
 _MOST_PIXELS = 1024
 """Largest side of the rendered square in pixels; a larger object is rendered so and enlarged."""
 _FINE = (256, 512)
 """Rows and columns to which the estimated light is resampled for rendering."""
 _RIM = 0.03
 """Width by which the mask is grown, as a share of the object's size, to hide the old edges."""
+UPRIGHT = {
+    "y": np.eye(3),
+    "z": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]),
+}
+"""Rotations that stand a mesh upright, by the axis that points up in its file."""
+_SHADOW_REACH = 3
+"""Side of the square that may be shadowed, in sides of the rendered square."""
+_SHADOW_PIXELS = 384
+"""Largest side of the shadow in pixels; it is soft, so a larger one is enlarged."""
+_SHADOW_FADE = 0.15
+"""Share of the shadow's square, at each edge, over which a long shadow fades out."""
+_VISIBLE = 1 / 512
+"""Least share of light taken that changes a pixel of 8 bits."""
 
 
 def clone(
@@ -49,11 +73,14 @@ def clone(
     mesh_path: str | Path,
     *,
     turn: float = TURN,
+    up: str = "y",
+    shadow: bool = False,
+    alpha: np.ndarray | None = None,
 ) -> np.ndarray:
     """Replace the object of a photo by a mesh of its material, under the estimated light.
 
-    The mesh stands upright (Y up) on the lower edge of the mask's box, in the middle of this edge,
-    as large as the box allows. The exposure is the photo's: the light is in units of the photo's
+    The mesh stands upright on the lower edge of the mask's box, in the middle of this edge, as
+    large as the box allows. The exposure is the photo's: the light is in units of the photo's
     linear radiance. Call `variants.activate` before TensorFlow is imported.
 
     Args:
@@ -63,16 +90,23 @@ def clone(
         radiance: environment map `(h, 2 h)` in camera space, linear (see `illumination.estimate`).
         mesh_path: mesh file, in one of the formats `meshes.EXTENSIONS`.
         turn: angle in radians by which the mesh is turned about its vertical.
+        up: axis that points up in the mesh file, one of `UPRIGHT`.
+        shadow: whether the mesh casts a shadow on the ground that it stands on, a plane.
+        alpha: the photo's own transparency, `(H, W, 1)` in [0, 1], as `photo.read` gives it with
+            the photo; None if nothing of the photo is transparent.
 
     Returns:
-        The new picture, `(H, W, 3)` float32 sRGB in [0, 1]; equal to the photo outside both
-        objects.
+        The new picture, float32 sRGB in [0, 1]; equal to the photo where neither object nor shadow
+        is. `(H, W, 3)`, or with `alpha` `(H, W, 4)`, whose colour is multiplied by its alpha, as
+        `photo.write` takes it: what was transparent behind the object stays so, and a shadow on it
+        is black of the shadow's opacity.
 
     Raises:
-        ValueError: if the shapes of photo and mask differ, the mask is empty, the material lacks a
-            number, the light is black or not finite, or the mesh cannot be read.
+        ValueError: if the shapes of photo, mask and alpha differ, the mask is empty, the material
+            lacks a number, the light is black or not finite, the mesh cannot be read, or `up` is no
+            known axis.
     """
-    _check(photo_srgb, mask)
+    _check(photo_srgb, mask, alpha, up)
     whole = material.whole()
     if whole is None:
         raise ValueError(
@@ -80,29 +114,75 @@ def clone(
         )
     light = _light(radiance)
     mesh = meshes.load(mesh_path)
+    pose = _standing(mesh, mask, turn, UPRIGHT[up])
+    over = _rendered(mesh, light, pose, mask, whole)
+    shade = _shadow(mesh, light, pose, mask) if shadow else np.zeros_like(mask)
+    shade = np.where(shade < _VISIBLE, 0, shade)
+    opaque = np.ones_like(mask) if alpha is None else alpha
+    # The photo's colours come multiplied by alpha. Linear light is made of the colours themselves.
+    old = opaque * colour.srgb_to_linear(_divided(np.asarray(photo_srgb, np.float32), opaque))
+    behind = (1 - shade) * without_object(old, mask)
+    # As in the corpus, the sensor clips the sum of object and background in each pixel.
+    linear = np.clip(over[..., :3] + (1 - over[..., 3:]) * behind, 0, 1)
+    touched = _widened(mask)[..., None] | (over[..., 3:] > 0) | (shade > 0)
+    if alpha is None:
+        new = np.clip(colour.linear_to_srgb(linear), 0, 1)
+        return np.where(touched, new, photo_srgb).astype(np.float32)
+    left = without_object(np.repeat(alpha, 3, axis=-1).astype(np.float32), mask)[..., :1]
+    covered = np.clip(1 - (1 - over[..., 3:]) * (1 - shade) * (1 - left), 0, 1)
+    straight = np.clip(colour.linear_to_srgb(_divided(linear, covered)), 0, 1)
+    new = np.concatenate([straight * covered, covered], axis=-1)
+    kept = np.concatenate([photo_srgb, alpha], axis=-1)
+    return np.where(touched, new, kept).astype(np.float32)
+
+
+def _rendered(
+    mesh: Mesh, light: Light, pose: Pose, mask: np.ndarray, material: BlinnPhong
+) -> np.ndarray:
+    """Return the mesh in the photo's pixels: linear RGB times coverage, and coverage, `(H, W, 4)`.
+
+    The mesh casts no light and no shadow on itself.
+    """
     square = _square(mask)
     size = min(square.side, _MOST_PIXELS)
-    pose = _standing(mesh, mask, turn)
-    crop = (pose.camera - np.array([0, 0, square.left, square.top])) * (size / square.side)
-    gbuffer = Tracer(mesh, size).trace(pose.rotation, pose.translation, crop)
-    diffuse, specular, _ = layers(gbuffer, light, np.eye(3), whole.exponent)
+    crop = _cropped(pose, square, size)
+    gbuffer = Tracer(mesh, size).trace(crop.rotation, crop.translation, crop.camera)
+    diffuse, specular, _ = layers(gbuffer, light, np.eye(3), material.exponent)
     composed = compose(
-        np.asarray(whole.diffuse_albedo),
-        np.asarray(whole.specular_albedo),
+        np.asarray(material.diffuse_albedo),
+        np.asarray(material.specular_albedo),
         np.zeros(1),
         diffuse[None],
         specular[None],
     )[0]
     coverage = gbuffer.coverage[..., None]
     rendered = np.concatenate([coverage * composed, coverage], axis=-1)
-    over = framing.paste(rendered, square, *mask.shape[:2])
-    old = colour.srgb_to_linear(np.asarray(photo_srgb, np.float32))
-    behind = without_object(old, mask)
-    # As in the corpus, the sensor clips the sum of object and background in each pixel.
-    linear = np.clip(over[..., :3] + (1 - over[..., 3:]) * behind, 0, 1)
-    touched = _widened(mask) | (over[..., 3] > 0)
-    new = np.clip(colour.linear_to_srgb(linear), 0, 1)
-    return np.where(touched[..., None], new, photo_srgb).astype(np.float32)
+    return framing.paste(rendered, square, *mask.shape[:2])
+
+
+def _shadow(mesh: Mesh, light: Light, pose: Pose, mask: np.ndarray) -> np.ndarray:
+    """Return the share of its light that the ground loses to the mesh, `(H, W, 1)` in [0, 1]."""
+    seen = _square(mask)
+    side = _SHADOW_REACH * seen.side
+    more = (side - seen.side) // 2
+    square = Square(seen.top - more, seen.left - more, side)
+    size = min(side, _SHADOW_PIXELS)
+    shade = contact_shadow.shade(mesh, light, _cropped(pose, square, size), _GROUND, size)
+    middle = (np.arange(size) + 0.5) / size
+    fade = np.clip(np.minimum(middle, 1 - middle) / _SHADOW_FADE, 0, 1)
+    fade = fade * fade * (3 - 2 * fade)
+    return framing.paste((shade * fade * fade[:, None])[..., None], square, *mask.shape[:2])
+
+
+def _cropped(pose: Pose, square: Square, size: int) -> Pose:
+    """Return a pose whose camera is in pixels of a square of the photo, resampled to `size`."""
+    camera = (pose.camera - np.array([0, 0, square.left, square.top])) * (size / square.side)
+    return Pose(pose.rotation, pose.translation, camera)
+
+
+def _divided(colours: np.ndarray, alpha: np.ndarray) -> np.ndarray:
+    """Return colours `(H, W, 3)` divided by alpha `(H, W, 1)`, at most 1; 0 where alpha is 0."""
+    return np.where(alpha > 0, np.minimum(colours / np.maximum(alpha, 1e-30), 1), 0)
 
 
 def without_object(photo_linear: np.ndarray, mask: np.ndarray) -> np.ndarray:
@@ -127,12 +207,18 @@ def without_object(photo_linear: np.ndarray, mask: np.ndarray) -> np.ndarray:
     return np.where(kept > 0, photo_linear, np.maximum(colours, 0))
 
 
-def _check(photo: np.ndarray, mask: np.ndarray) -> None:
-    """Raise ValueError if photo and mask do not fit each other, or if the mask is empty."""
+def _check(photo: np.ndarray, mask: np.ndarray, alpha: np.ndarray | None, up: str) -> None:
+    """Raise ValueError if the images do not fit each other, the mask is empty or `up` unknown."""
+    if up not in UPRIGHT:
+        raise ValueError(f"a mesh's up is {' or '.join(UPRIGHT)}, not {up!r}")
     if photo.ndim != 3 or photo.shape[-1] != 3 or mask.shape != (*photo.shape[:2], 1):
         raise ValueError(
             f"a photo (H, W, 3) and its mask (H, W, 1) are expected, got {photo.shape} and "
             f"{mask.shape}"
+        )
+    if alpha is not None and alpha.shape != mask.shape:
+        raise ValueError(
+            f"the photo's alpha is (H, W, 1) as its mask {mask.shape}, got {alpha.shape}"
         )
     if not np.any(mask >= 0.5):
         raise ValueError("the mask is empty: there is no object to replace; pass another mask")
@@ -158,14 +244,13 @@ def _square(mask: np.ndarray) -> Square:
     return Square((top + bottom - side) // 2, (left + right - side) // 2, side)
 
 
-def _standing(mesh: Mesh, mask: np.ndarray, turn: float) -> Pose:
+def _standing(mesh: Mesh, mask: np.ndarray, turn: float, upright: np.ndarray) -> Pose:
     """Return the pose of the mesh, upright in the object's box; its camera is in photo pixels."""
     top, bottom, left, right = _box(mask)
     focal, _, centre_x, centre_y = shading.assumed_camera(*mask.shape[:2])
     cosine, sine = math.cos(turn), math.sin(turn)
     turned = np.array([[cosine, 0, sine], [0, 1, 0], [-sine, 0, cosine]])
-    cosine, sine = math.cos(_PITCH), math.sin(_PITCH)
-    rotation = np.array([[1, 0, 0], [0, cosine, -sine], [0, sine, cosine]]) @ turned
+    rotation = _TILT @ turned @ upright
     points = mesh.vertices @ rotation.T
     box = np.array([right - left, bottom - top])
     distance = max(np.max(focal * np.ptp(points[:, :2], axis=0) / box), 1.5)

@@ -1,12 +1,20 @@
 """The material formats of other tools: Wavefront MTL, glTF 2.0 and a Mitsuba scene.
 
-Neither glTF nor Mitsuba has this Blinn–Phong lobe. Both get the nearest microfacet lobe, of
-roughness α = √(2 / (s + 2)): the Phong distribution of exponent s and Beckmann's distribution of
-this α have nearly the same shape (Walter et al. 2007, section 5.2). Both place a lobe of constant
-reflectance m_s on a diffuse base, which receives the rest of the light. The base's colour is
-therefore m_d / (1 − m_s), so that the result is m_d · D + m_s · S. A base colour above 1 is
-clipped, and the written material is then darker than the estimate. This happens if m_d + m_s > 1,
-which would reflect more light than arrives.
+Neither glTF nor Mitsuba has the lobe of Eq. 3, which has no cosine factor. Both get a microfacet
+lobe over a diffuse base that receives the rest of the light, so that together they come near
+m_d · D + m_s · S. Three things were chosen for the least ꟻLIP between spheres of both
+(benchmarks/interchange.py):
+
+- The roughness. Beckmann's distribution, of Mitsuba, takes α = √(2 / (s + 2)), of nearly the same
+  shape as the lobe (Walter et al. 2007, section 5.2). The GGX distribution, of glTF, has longer
+  tails and takes a narrower lobe.
+- The lobe's reflectance, 0.76 m_s. S falls with o·n, a microfacet lobe does not.
+- For s below about 5, a part of m_s that goes to the base instead: the lobe is then so wide that it
+  looks diffuse, and a rough microfacet surface shadows itself.
+
+An estimate may reflect more light than arrives, which no material of glTF or Mitsuba does. Their
+albedos are then smaller by one factor, `albedo_scale`. Hue and gloss stay. Under a light that is
+brighter by the same factor the whole look stays, for only the product of light and albedo is seen.
 """
 
 import base64
@@ -17,47 +25,109 @@ from typing import Any
 import numpy as np
 
 from lime_keras.material import Material
+from lime_keras.optics import studio_light
+from lime_keras.optics.shading import normaliser
 from lime_keras.version import __version__
 
 _SPHERE_ROWS, _SPHERE_COLUMNS = 32, 64
+SPHERE_DISTANCE = 3.5
+"""Distance of Mitsuba's camera from the middle of the unit sphere."""
+_FAR = 1000.0
+"""Distance of Mitsuba's lights, in radii of the sphere."""
 _FLOAT, _UNSIGNED_SHORT = 5126, 5123
 _VERTICES, _INDICES = 34962, 34963
 """Numbers of glTF for component types and buffer targets."""
 _MOST_BRIGHT = 25.0
 """Factor that makes 1 of glTF's F0 = 0.04 of a dielectric, so `specularFactor` alone sets F0."""
+_LOBE_SHARE = 0.76
+"""Reflectance of the microfacet lobe, as a share of m_s, for a narrow lobe."""
+_DIFFUSE_BELOW = 1.5
+"""Exponent at which half of m_s goes to the diffuse base."""
+_GGX_POWER, _GGX_ROUGHEST = 1.25, 0.6
+"""Power that makes GGX's α of Beckmann's, and the largest α of GGX."""
+_UNSEEN = 0.99
+"""Least factor of the albedos that is not worth a warning."""
 
 
-def roughness(exponent: float) -> float:
-    """Return the microfacet roughness α, in (0, 1], of a Blinn–Phong exponent s, at least 0."""
+def albedo_scale(material: Material) -> float:
+    """Return the factor in (0, 1] by which glTF and Mitsuba get smaller albedos than the estimate.
+
+    The least reduction is taken that leaves no more light reflected than arrives.
+
+    Raises:
+        ValueError: if the material has no albedos or no exponent.
+    """
+    diffuse, lobe = _layers(material)
+    return 1 / max(float(np.max(diffuse)) + lobe, 1.0)
+
+
+def warning(material: Material) -> str | None:
+    """Return what to tell of a material whose albedos are written smaller, by 1 % or more, or None.
+
+    Raises:
+        ValueError: if the material has no albedos or no exponent.
+    """
+    scale = albedo_scale(material)
+    if scale > _UNSEEN:
+        return None
+    return (
+        f"the material would reflect {1 / scale:.2f} times the light that it gets, so its albedos "
+        f"are {scale:.2f} times the estimate in the glTF and Mitsuba files, of the same hue and "
+        f"gloss; for the photo's brightness make the light there {1 / scale:.2f} times as bright"
+    )
+
+
+def beckmann_roughness(exponent: float) -> float:
+    """Return Beckmann's roughness α = √(2 / (s + 2)), in (0, 1], of an exponent s, at least 0."""
     return math.sqrt(2 / (exponent + 2))
+
+
+def ggx_roughness(exponent: float) -> float:
+    """Return GGX's α = min((2 / (s + 2))^(5/8), 0.6) of an exponent s, at least 0; glTF has √α."""
+    return min(beckmann_roughness(exponent) ** _GGX_POWER, _GGX_ROUGHEST)
+
+
+def lobe_reflectance(material: Material) -> float:
+    """Return the reflectance of the microfacet lobe, in [0, 0.76], the same at every angle.
+
+    Raises:
+        ValueError: if the material has no albedos or no exponent.
+    """
+    return albedo_scale(material) * _layers(material)[1]
 
 
 def base_colour(material: Material) -> np.ndarray:
     """Return the colour of the diffuse base below the lobe, linear RGB `(3,)` in [0, 1].
 
     Raises:
-        ValueError: if the material has no albedos.
+        ValueError: if the material has no albedos or no exponent.
     """
-    diffuse, specular = _albedos(material)
-    return np.clip(diffuse / max(1 - specular, 1e-6), 0, 1)
+    diffuse, lobe = _layers(material)
+    scale = albedo_scale(material)
+    return np.clip(scale * diffuse / (1 - scale * lobe), 0, 1)
 
 
 def wavefront(material: Material, name: str) -> str:
     """Return the text of an MTL file: Kd = m_d and Ks = m_s, both linear, and Ns = min(s, 1000).
 
-    The lobe of MTL is not normalised. Ks is the reflectance here. A viewer that takes Ks for the
-    height of a highlight shows shiny materials too dull, by the factor π c(s).
+    The format's formula adds both parts and clips nothing, so the albedos are those of the
+    estimate. Ks is the lobe's reflectance. Viewers that normalise the lobe, such as three.js, take
+    it so. The format's own formula does not: there Ks is the height of the highlight, which a
+    comment gives.
 
     Raises:
         ValueError: if the material has no albedos or no exponent.
     """
     diffuse, specular = _albedos(material)
+    exponent = min(_exponent(material), 1000.0)
     kd = " ".join(f"{value:.6f}" for value in diffuse)
     ks = " ".join([f"{specular:.6f}"] * 3)
+    peak = specular * math.pi * float(normaliser(exponent))
     return (
         f"# lime_keras {__version__}: Blinn-Phong, linear RGB; Ks is a reflectance, not a peak\n"
+        f"# For a viewer that does not normalise the lobe, Ks is {peak:.6g}\n"
         f"newmtl {_word(name)}\n"
-        f"Ka 0 0 0\nKd {kd}\nKs {ks}\nNs {min(_exponent(material), 1000.0):.4f}\n"
+        f"Ka 0 0 0\nKd {kd}\nKs {ks}\nNs {exponent:.4f}\n"
         "illum 2\n"
     )
 
@@ -66,12 +136,12 @@ def gltf(material: Material, name: str) -> str:
     """Return a glTF 2.0 file as JSON text with all its data: the material on a unit sphere.
 
     The roughness written is √α, because glTF squares it. KHR_materials_specular gives the lobe the
-    same reflectance m_s at every angle: F0 = min(0.04 · 25, 1) · m_s, F90 = m_s.
+    same reflectance f at every angle: F0 = min(0.04 · 25, 1) · f, F90 = f. The material's `extras`
+    hold `albedo_scale`.
 
     Raises:
         ValueError: if the material has no albedos or no exponent.
     """
-    _, specular = _albedos(material)
     positions, triangles = _sphere()
     vertices, indices = positions.astype("<f4").tobytes(), triangles.astype("<u2").tobytes()
     buffer = base64.b64encode(vertices + indices).decode()
@@ -96,14 +166,15 @@ def gltf(material: Material, name: str) -> str:
                 "pbrMetallicRoughness": {
                     "baseColorFactor": [*_numbers(base_colour(material)), 1.0],
                     "metallicFactor": 0.0,
-                    "roughnessFactor": _number(math.sqrt(roughness(_exponent(material)))),
+                    "roughnessFactor": _number(math.sqrt(ggx_roughness(_exponent(material)))),
                 },
                 "extensions": {
                     "KHR_materials_specular": {
-                        "specularFactor": _number(specular),
+                        "specularFactor": _number(lobe_reflectance(material)),
                         "specularColorFactor": [_MOST_BRIGHT] * 3,
                     }
                 },
+                "extras": {"albedo_scale": _number(albedo_scale(material))},
             }
         ],
         "accessors": [
@@ -142,31 +213,36 @@ def gltf(material: Material, name: str) -> str:
 
 
 def mitsuba_scene(material: Material) -> dict[str, Any]:
-    """Return a scene for `mitsuba.load_dict`: the material on a sphere under constant light.
+    """Return a scene for `mitsuba.load_dict`: the material on a sphere in a studio.
 
-    The material itself is `sphere.bsdf`, to be copied into other scenes. All values are plain
-    numbers and lists, so JSON can hold the scene.
+    The light is that of `studio_light`, brighter by 1 / `albedo_scale`, so that the picture is as
+    bright as the estimate. The material itself is `sphere.bsdf`, to be copied into other scenes.
+    All values are plain numbers and lists, so JSON can hold the scene.
 
     Raises:
         ValueError: if the material has no albedos or no exponent.
     """
-    _, specular = _albedos(material)
+    boxes = {
+        f"soft_box_{index}": _soft_box(*box, 1 / albedo_scale(material))
+        for index, box in enumerate(studio_light.SOFT_BOXES, 1)
+    }
     return {
         "type": "scene",
-        "integrator": {"type": "direct"},
+        "integrator": {"type": "direct", "emitter_samples": 2, "bsdf_samples": 2},
         "sensor": {
             "type": "perspective",
             "fov": 40.0,
             "film": {"type": "hdrfilm", "width": 256, "height": 256},
+            "sampler": {"type": "multijitter", "sample_count": 256},
         },
-        "emitter": {"type": "constant", "radiance": {"type": "rgb", "value": [1.0, 1.0, 1.0]}},
+        **boxes,
         "sphere": {
             "type": "sphere",
-            "center": [0.0, 0.0, 3.5],
+            "center": [0.0, 0.0, SPHERE_DISTANCE],
             "radius": 1.0,
             "bsdf": {
                 "type": "blendbsdf",
-                "weight": _number(specular),
+                "weight": _number(lobe_reflectance(material)),
                 "base": {
                     "type": "diffuse",
                     "reflectance": {"type": "rgb", "value": _numbers(base_colour(material))},
@@ -175,11 +251,35 @@ def mitsuba_scene(material: Material) -> dict[str, Any]:
                     "type": "roughconductor",
                     "material": "none",
                     "distribution": "beckmann",
-                    "alpha": _number(roughness(_exponent(material))),
+                    "alpha": _number(beckmann_roughness(_exponent(material))),
                 },
             },
         },
     }
+
+
+def _soft_box(
+    direction: tuple[float, float, float], radius: float, strength: float, factor: float
+) -> dict[str, Any]:
+    """Return a far sphere that looks as a soft box of this angular radius in degrees does."""
+    # Mitsuba's camera looks along z with x to the left; camera space has both the other way round.
+    x, y, z = _FAR * np.array(direction) / np.linalg.norm(direction)
+    return {
+        "type": "sphere",
+        "center": _numbers(np.array([-x, y, SPHERE_DISTANCE - z])),
+        "radius": _number(_FAR * math.sin(math.radians(radius))),
+        "emitter": {
+            "type": "area",
+            "radiance": {"type": "rgb", "value": [_number(strength * factor)] * 3},
+        },
+    }
+
+
+def _layers(material: Material) -> tuple[np.ndarray, float]:
+    """Return what base `(3,)` and lobe reflect, linear, before `albedo_scale`."""
+    diffuse, specular = _albedos(material)
+    wide = 1 / (1 + (_exponent(material) / _DIFFUSE_BELOW) ** 2)
+    return diffuse + wide * specular, (1 - wide) * _LOBE_SHARE * specular
 
 
 def _albedos(material: Material) -> tuple[np.ndarray, float]:

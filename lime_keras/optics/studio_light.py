@@ -7,12 +7,12 @@ import numpy as np
 
 from lime_keras.optics import environment
 
-_SOFT_BOXES = (
-    # Direction in camera space, angular radius in degrees, radiance.
+SOFT_BOXES = (
     ((-0.6, 0.6, 0.55), 22.0, 4.5),
     ((0.9, 0.1, 0.35), 16.0, 2.5),
     ((0.1, 0.9, -0.5), 18.0, 4.5),
 )
+"""Direction in camera space, not unit; angular radius in degrees; linear radiance."""
 
 
 @functools.cache
@@ -24,7 +24,7 @@ def light() -> np.ndarray:
     height, width = environment.STORED_SHAPE
     towards = environment.directions(height, width)
     radiance = np.zeros((height, width))
-    for direction, radius, strength in _SOFT_BOXES:
+    for direction, radius, strength in SOFT_BOXES:
         cosine = towards @ (np.array(direction) / np.linalg.norm(direction))
         radiance[cosine > math.cos(math.radians(radius))] = strength
     radiance.flags.writeable = False

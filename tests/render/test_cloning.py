@@ -74,6 +74,94 @@ def test_the_mesh_turns_about_its_vertical(slab):
     assert structural_similarity(front, side, channel_axis=-1, data_range=1.0) < 0.95
 
 
+def test_a_mesh_whose_up_is_z_stands_as_one_whose_up_is_y(slab, tmp_path):
+    """The same slab, written with z up."""
+    path = tmp_path / "slab.ply"
+    mesh = trimesh.load(slab)
+    x, y, z = mesh.vertices.T
+    mesh.vertices = np.stack([x, -z, y], axis=-1)
+    mesh.export(path)
+    photo, mask = _photo()
+    expected = cloning.clone(photo, mask, DULL, EVEN, slab)
+    found = cloning.clone(photo, mask, DULL, EVEN, path, up="z")
+    np.testing.assert_allclose(found, expected, atol=1e-3)
+    assert np.abs(cloning.clone(photo, mask, DULL, EVEN, path) - expected).max() > 0.1
+
+
+@pytest.mark.parametrize("up", cloning.UPRIGHT)
+def test_upright_is_a_rotation_that_lifts_the_axis(up):
+    rotation = cloning.UPRIGHT[up]
+    np.testing.assert_allclose(rotation @ rotation.T, np.eye(3))
+    assert np.linalg.det(rotation) == pytest.approx(1)
+    np.testing.assert_allclose(rotation @ np.eye(3)["xyz".index(up)], [0, 1, 0])
+
+
+def test_a_shadow_darkens_the_ground_beside_the_lamp_and_nothing_else(ball):
+    """Lamp from the upper left: a shadow at the right, of the ground's own hue."""
+    towards = np.array([-1.0, 1.0, 0.3]) / np.linalg.norm([1.0, 1.0, 0.3])
+    light = np.where(environment.directions(*SHAPE) @ towards > 0.95, 20.0, 0.0)
+    photo, mask = _photo(120, 200, (20, 60, 80, 120))
+    photo[..., 2] *= 0.5
+    without = cloning.clone(photo, mask, DULL, light, ball)
+    found = cloning.clone(photo, mask, DULL, light, ball, shadow=True)
+    darker = (found < without - 0.02).any(-1)
+    assert np.all(found <= without + 1e-6) and darker[:, 110:].sum() > 4 * darker[:, :90].sum()
+    assert np.array_equal(found[:30], without[:30])
+    assert np.array_equal(found[40, 100], without[40, 100])  # not on the object itself
+    share = colour.srgb_to_linear(found[darker]) / colour.srgb_to_linear(without[darker])
+    outside = np.ptp(share, axis=-1) < 0.02
+    assert outside.mean() > 0.8 and share.min() >= 0
+
+
+def test_a_shadow_of_light_from_below_changes_nothing(ball):
+    light = np.where(environment.directions(*SHAPE)[..., 1] < -0.5, 1.0, 0.0)
+    photo, mask = _photo()
+    with_shadow, without = (
+        cloning.clone(photo, mask, DULL, light, ball, shadow=shadow) for shadow in (True, False)
+    )
+    np.testing.assert_array_equal(with_shadow, without)
+
+
+@pytest.mark.parametrize("shadow", [False, True])
+def test_a_transparent_background_stays(ball, shadow):
+    """A cut-out: composed over any ground it is as the clone in a photo of that ground."""
+    _, mask = _photo()
+    cut = mask * np.array([1.0, 0, 0], np.float32)
+    found = cloning.clone(cut, mask, DULL, EVEN, ball, shadow=shadow, alpha=mask)
+    assert found.shape == (80, 120, 4) and found.dtype == np.float32
+    assert np.all(found[..., :3] <= found[..., 3:] + 1e-6) and found.min() >= 0
+    assert found[:16].max() == 0 and found[40, 50, 3] == 1
+    for level in (0.0, 0.7):
+        ground = np.full((80, 120, 3), level, np.float32)
+        seen = cloning.clone(np.where(mask > 0, cut, ground), mask, DULL, EVEN, ball, shadow=shadow)
+        alpha = found[..., 3:]
+        colours = colour.srgb_to_linear(found[..., :3] / np.maximum(alpha, 1e-9))
+        linear = alpha * colours + (1 - alpha) * colour.srgb_to_linear(ground)
+        np.testing.assert_allclose(colour.linear_to_srgb(linear), seen, atol=0.01)
+
+
+def test_alpha_of_one_changes_nothing(ball):
+    photo, mask = _photo()
+    plain = cloning.clone(photo, mask, DULL, EVEN, ball, shadow=True)
+    found = cloning.clone(photo, mask, DULL, EVEN, ball, shadow=True, alpha=np.ones_like(mask))
+    np.testing.assert_allclose(found[..., :3], plain, atol=1e-6)
+    assert np.all(found[..., 3] == 1)
+
+
+def test_a_half_transparent_photo_keeps_its_alpha(ball):
+    photo, mask = _photo()
+    half = np.full_like(mask, 0.5)
+    found = cloning.clone(0.5 * photo, mask, DULL, EVEN, ball, alpha=half)
+    far = np.ones(mask.shape[:2], bool)
+    far[15:65, 25:75] = False
+    assert np.array_equal(found[far, :3], 0.5 * photo[far]) and np.all(found[far, 3] == 0.5)
+    assert found[40, 50, 3] == 1
+    tiny = cloning.clone(photo, mask, DULL, EVEN, ball, alpha=np.full_like(mask, 1e-38))
+    assert np.isfinite(tiny).all() and tiny.max() <= 1
+    straight = cloning.clone(photo, mask, DULL, EVEN, ball)
+    np.testing.assert_allclose(found[40, 50, :3], straight[40, 50], atol=1e-5)
+
+
 def test_in_a_furnace_the_ball_has_its_albedos_colour(ball):
     """Linear radiance m_d · 0.5, in the photo's own unit, as sRGB."""
     photo, mask = _photo()
@@ -147,6 +235,10 @@ def test_what_cannot_be_cloned_is_told(ball, tmp_path):
         cloning.clone(photo, 0 * mask, DULL, EVEN, ball)
     with pytest.raises(ValueError, match=r"\(H, W, 1\)"):
         cloning.clone(photo, mask[..., 0], DULL, EVEN, ball)
+    with pytest.raises(ValueError, match="alpha"):
+        cloning.clone(photo, mask, DULL, EVEN, ball, alpha=mask[:-1])
+    with pytest.raises(ValueError, match="y or z, not 'x'"):
+        cloning.clone(photo, mask, DULL, EVEN, ball, up="x")
     with pytest.raises(ValueError, match="without `only`"):
         cloning.clone(photo, mask, dataclasses.replace(DULL, exponent=None), EVEN, ball)
     with pytest.raises(ValueError, match="must shine"):
