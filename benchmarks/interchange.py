@@ -37,9 +37,9 @@ from tqdm import tqdm
 from lime_keras.estimate import interchange
 from lime_keras.io import photo
 from lime_keras.material import BlinnPhong, Material
-from lime_keras.optics import colour, environment, shading, studio_light
+from lime_keras.optics import colour, environment, material_law, shading, studio_light
 from lime_keras.render.mitsuba_setup import variants
-from lime_keras.render.scene import environments, lights, sampling
+from lime_keras.render.scene import environments, lights
 
 _BOX_LIGHTS = 300
 """Number of lights that stand for each soft box."""
@@ -88,7 +88,7 @@ def main() -> None:
     arguments = options.parse_args()
     variants.activate(variants.choose(), 2)
     rng = np.random.default_rng(arguments.seed)
-    materials = {"random": [sampling.sample_material(rng) for _ in range(arguments.count)]}
+    materials = {"random": [material_law.sample_material(rng) for _ in range(arguments.count)]}
     if arguments.merl:
         materials["MERL"] = list(_merl(arguments.merl))
     lightings = {"studio": [_studio()]}
