@@ -5,7 +5,7 @@ import pytest
 import tensorflow as tf
 from sphere_corpus import example
 
-from lime_keras.data import records
+from lime_keras.data import camera, records
 from lime_keras.data.recomposition import recompose
 from lime_keras.optics import colour
 from lime_keras.optics.compositing import compose
@@ -58,3 +58,6 @@ def test_a_background_is_never_less_than_black():
     dark = stored | {"diffuse_shading": stored["diffuse_shading"] * 0}
     image = recompose(dark, stored).numpy()
     assert np.isfinite(image).all() and image.min() >= 0 and image.max() <= 1
+    share = camera.objects_share(dark).numpy()
+    least = colour.linear_to_srgb(np.clip(share, 0, 1)) - 0.53 / 255
+    assert (image >= least).all() and least.max() > 0.1
