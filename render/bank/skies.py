@@ -120,7 +120,7 @@ def _luminance(
 
 def _one(emitter: "mi.Emitter", direction: np.ndarray) -> np.ndarray:
     surface = mi.SurfaceInteraction3f()
-    surface.wi = direction
+    surface.wi = mi.Vector3f(*map(float, direction))
     return np.array(emitter.eval(surface))
 
 

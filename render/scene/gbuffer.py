@@ -213,11 +213,11 @@ def _intersect(
     valid, shading_normal, geometric = surface.is_valid(), surface.sh_frame.n, surface.n
     dr.eval(valid, shading_normal, geometric)
     there = np.flatnonzero(np.array(valid))
-    normals = [
+    at_hits = [
         np.stack([np.array(axis)[there] for axis in (found.x, found.y, found.z)], axis=-1)
         for found in (shading_normal, geometric)
     ]
-    return there, normals[0], normals[1]
+    return there, at_hits[0], at_hits[1]
 
 
 def mitsuba_mesh(mesh: Mesh):

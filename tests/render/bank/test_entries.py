@@ -183,9 +183,9 @@ def test_grazing_second_surfaces_face_the_viewer_after_decoding():
     encoded = geometry.encode(*entries.quantised(held, camera))
     _, share, codes, _ = geometry.decode(encoded, size)
     assert (share[0] < 255).all()
-    for surface in (0, 1):
+    for surface, least in enumerate((0.018, 0.03)):  # of 0.02 and 0.05, less what codes lose
         cosine = np.sum(octahedral.decode(codes[surface][0]) * view[::2], axis=-1)
-        assert cosine.min() > 0.01
+        assert cosine.min() > least
 
 
 def test_a_pixel_that_is_touched_is_covered():
