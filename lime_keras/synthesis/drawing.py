@@ -1,4 +1,4 @@
-"""What is drawn for each scene beside geometry and light: material, camera, background, distractor.
+"""Draws of each scene beside geometry and light: material, camera, background, distractor.
 
 NumPy on the host. The arrays are small and of fixed shapes; those of a batch are stacked
 (`batched`) and handed to `backdrop` and `photograph`, which do the work on the device.
