@@ -10,6 +10,9 @@ from .config import Config
 
 Batch = dict[str, Any]
 
+_ALWAYS = ("shininess",)
+"""Features that are always made, so that all stages' scenes are made by one compiled function."""
+
 
 class Banks:
     """Banks of geometry and lights, of which some shapes and lights are held out.
@@ -31,15 +34,16 @@ class Banks:
         The banks take turns.
         """
         config = self._config
-        return scenes.training(
+        batches = scenes.training(
             self._folders,
             size=config.architecture.size,
             batch_size=config.schedule.batch_size,
             seed=seed,
             first_step=first_step,
             camera=config.camera,
-            features=features,
+            features={*features, *_ALWAYS},
         )
+        return ({name: batch[name] for name in features} for batch in batches)
 
     def held_out(self, features: Collection[str], batches: int) -> Iterator[Batch]:
         """Yield so many batches of each bank, of shapes and lights that training does not see."""

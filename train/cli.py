@@ -1,7 +1,6 @@
 """`lime-train`: run the training stages."""
 
 import argparse
-import importlib.util
 import os
 import time
 from collections.abc import Sequence
@@ -218,15 +217,16 @@ def _import_tensorflow(paths: Sequence[Path]) -> None:
     corpora = [str(path) for path in paths if not bank.is_bank(path)]
     if backend != "tensorflow" and not corpora:
         return
-    if importlib.util.find_spec("tensorflow") is None:
+    try:
+        console.import_tensorflow()
+    except ModuleNotFoundError as error:
         mend = (
             f"{', '.join(corpora)} holds records, or is an incomplete bank: install TensorFlow to "
             "read records"
             if corpora
             else "set KERAS_BACKEND=jax to train from banks without it"
         )
-        raise ValueError(f"TensorFlow is not installed; {mend}")
-    console.import_tensorflow()
+        raise ValueError(f"TensorFlow is not installed; {mend}") from error
 
 
 def _config(options: argparse.Namespace) -> Any:

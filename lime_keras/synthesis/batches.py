@@ -1,5 +1,6 @@
 """Batches of scenes made from banks: for training without end, and held-out ones for validation."""
 
+import functools
 import itertools
 from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -53,7 +54,7 @@ def training(
             f"scenes stand in pairs, so batches of {batch_size} cannot be divided among {parts} "
             f"machine{'s' * (parts > 1)}: choose a multiple of {2 * parts}"
         )
-    sources = [Scenes(folder, size=size, camera=camera, features=features) for folder in folders]
+    sources = [_scenes(folder, size, camera, frozenset(features), False) for folder in folders]
     share = batch_size // parts
 
     def drawn(step: int) -> tuple[Scenes, dict[str, Any]]:
@@ -89,12 +90,20 @@ def held_out(
     """
     if batch_size % 2:
         raise ValueError(f"scenes stand in pairs: choose an even batch size, not {batch_size}")
-    source = Scenes(folder, size=size, camera=camera, features=features, held_out=True)
+    source = _scenes(folder, size, camera, frozenset(features), True)
 
     def drawn(step: int) -> tuple[Scenes, dict[str, Any]]:
         return source, source.draw(0, np.arange(step * batch_size, (step + 1) * batch_size))
 
     return _made(drawn, iter(range(count)))
+
+
+@functools.lru_cache(maxsize=8)
+def _scenes(
+    folder: Path, size: int, camera: bool, features: frozenset[str], held_out: bool
+) -> Scenes:
+    """Return the scenes of a bank; all stages of a run share them, so they are compiled once."""
+    return Scenes(folder, size=size, camera=camera, features=features, held_out=held_out)
 
 
 def _made(
