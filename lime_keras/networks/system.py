@@ -3,6 +3,7 @@
 The joined model contains only the subnetworks that its outputs need.
 """
 
+import random
 import zlib
 from collections.abc import Collection, Mapping
 
@@ -30,7 +31,9 @@ def build(architecture: Architecture, seed: int | None = None) -> dict[str, kera
     out = {}
     for name in names(architecture):
         if seed is not None:
-            keras.utils.set_random_seed(zlib.crc32(f"{seed} {name}".encode()))
+            # Keras draws the initialisers' seeds from Python's generator. Its `set_random_seed` would
+            # do the same, and import TensorFlow under any backend.
+            random.seed(zlib.crc32(f"{seed} {name}".encode()))
         out[name] = SUBNETWORKS[name].build(architecture)
     return out
 

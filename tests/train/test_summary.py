@@ -1,7 +1,10 @@
 """The table at the end of a run."""
 
+import json
+
+from lime_keras.train.evaluation import evaluation_path
 from lime_keras.train.state import Curve
-from lime_keras.train.summary import table
+from lime_keras.train.summary import evaluation, table
 
 
 def test_held_out_losses_before_and_after_each_stage(tmp_path):
@@ -48,4 +51,15 @@ def test_a_stage_begun_before_there_were_measures(tmp_path):
 
 
 def test_no_curves_no_table(tmp_path):
-    assert table(tmp_path) == ""
+    assert table(tmp_path) == "" and evaluation(tmp_path) == ""
+
+
+def test_measures_of_the_whole_system(tmp_path):
+    found = {"examples": 48, "measures": {"mask_iou_pooled": 0.75, "exponent_exact": None}}
+    evaluation_path(tmp_path).write_text(json.dumps(found), encoding="utf-8")
+    lines = [line.split("  ") for line in evaluation(tmp_path).splitlines()]
+    assert [[cell.strip() for cell in line if cell] for line in lines] == [
+        ["whole system", "of 48 held-out examples"],
+        ["mask_iou_pooled", "0.7500"],
+        ["exponent_exact", "not finite"],
+    ]

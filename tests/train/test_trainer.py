@@ -136,6 +136,27 @@ def _same_alone(run, of_stages, *expected):
             assert np.array_equal(values, left[f"arr_{index}"]), name
 
 
+def test_the_whole_system_is_evaluated(corpus, config, finished):
+    """By its own mask, on the examples that are held out, as `lime-eval` would."""
+    found = json.loads((finished / "evaluation.json").read_text(encoding="utf-8"))
+    shards = Split(corpus, "train").shard_paths()[1:]
+    dataset = pipeline.evaluation(shards, size=32, batch_size=2, camera=True)
+    batch = next(dataset.as_numpy_iterator())
+    system = networks.assemble(weights.load(finished)[1])
+    outputs = {name: np.asarray(one) for name, one in system(batch["image"]).items()}
+    measures = found["measures"]
+    assert found["examples"] == len(batch["mask"]) == 2
+    overlap = metrics.overlap(batch["mask"], outputs["mask"])
+    pooled = metrics.overlap_ratio(*(one.sum() for one in overlap))
+    assert measures["mask_iou_pooled"] == pytest.approx(float(pooled), abs=1e-6)
+    error = np.abs(batch["diffuse_albedo"] - outputs["diffuse_albedo"]).mean()
+    assert measures["diffuse_albedo_mae"] == pytest.approx(error, rel=1e-4)
+    logs = shininess.log_of_outputs(outputs)
+    error = metrics.log_exponent_error(batch["shininess"], logs).mean()
+    assert measures["log_exponent_mae"] == pytest.approx(error, rel=1e-4)
+    assert set(measures) == set(terms.metrics_of(names(TINY)))
+
+
 def test_encoders_are_kept_as_they_were_before_they_were_joined(finished):
     _same_alone(finished, finished, "albedo", "exponent")
     joined = _weights(finished)
@@ -677,6 +698,10 @@ def test_the_commands_ablations(corpus, tmp_path):
     assert config("--exponent", "regression").architecture.exponent == "regression"
     assert config("--baseline", "reflectance-map").architecture.system == "reflectance-map"
     assert config("--precision", "bfloat16").precision == "bfloat16"
+    assert full.minutes is None and config("--minutes", "22").minutes == 22
+    larger = dataclasses.replace(SCHEDULES["paper"], batch_size=256)
+    assert config("--batch-size", "256").schedule == larger
+    assert config("--batch-size", "256", "--scale-steps", "2").schedule == larger.scaled(2)
     with pytest.raises(ValueError, match="one ablation at a time"):
         config("--baseline", "reflectance-map", "--without", "mirror")
 
@@ -717,12 +742,38 @@ def test_a_size_that_cannot_be_is_refused(size, found, corpus, tmp_path, capsys)
         ["--preset", "smoke", "--scale-steps", "0"],
         ["--preset", "smoke", "--width", "0"],
         ["--preset", "smoke", "--size", "1.5"],
+        ["--preset", "smoke", "--minutes", "0"],
+        ["--preset", "smoke", "--minutes", "5", "--scale-steps", "2"],
+        ["--preset", "smoke", "--batch-size", "0"],
     ],
 )
 def test_wrong_usage(options, tmp_path):
     with pytest.raises(SystemExit) as stopped:
         cli.main([str(tmp_path), "--out", str(tmp_path / "run"), *options])
     assert stopped.value.code == 2
+
+
+def _bars(*told):
+    with cli._Bars(BRIEF.stages(TINY)) as bars:
+        for progress in told:
+            bars.tell(progress)
+
+
+def test_the_bars_of_a_run_within_minutes_show_the_time_left(capsys):
+    first, second = BRIEF.stages(TINY)[:2]
+    _bars(
+        stage_training.Progress(first, 0, {}, 0.0, 0.0, 600.0, compiled=(0, 8)),
+        stage_training.Progress(first, 0, {}, 0.0, 0.0, 590.0, compiled=(8, 8)),
+        stage_training.Progress(first, 0, {}, 0.0, 0.0, 580.0),
+        stage_training.Progress(first, 70, {"mask": 0.25}, 0.1, 0.999, 125.7),
+        stage_training.Progress(first, 71, {"mask": 0.25}, 0.1, 1.0, 124.0),
+        stage_training.Progress(second, 5, {}, 0.0, 0.5, -3.0),
+    )
+    shown = capsys.readouterr().err
+    assert "compiling and measuring: 100%" in shown and " 8/8 " in shown
+    assert "1/8 segmentation:  99%" in shown and "step=70, left=2:05" in shown
+    assert "1/8 segmentation: 100%" in shown and "step=71, left=2:04" in shown
+    assert "2/8 specular:  50%" in shown and "left=0:00" in shown
 
 
 def test_means():
