@@ -47,6 +47,8 @@ setup(
         "onnx>=1.17,<2",
         "onnxruntime>=1.20,<2",
         "trimesh>=4.5,<6",
+        # Solids with sharp edges: unions, differences, extrusions.
+        "manifold3d>=3.5,<4",
         # FFmpeg with it: reads and writes videos, and reads cameras.
         "av>=17,<19",
         "scikit-image>=0.24,<1",

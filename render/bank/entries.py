@@ -41,8 +41,12 @@ _FARTHEST_CUT = 0.25
 _LEAST_COSINE_OF_COARSE_CODES = 0.05
 _TRIES = 20
 _TRIES_OF_A_BODY = 4
-QUALITY = dataclasses.replace(FAST, rough_above=math.inf)
-"""The samples of `fast`: 3 × 3 of a pixel, and 6 × 6 at a silhouette, where coverage needs them."""
+QUALITY = dataclasses.replace(FAST, refined=5, rough_above=math.inf)
+"""The samples: 3 × 3 of a pixel, and 5 × 5 at a silhouette, where coverage needs them.
+
+The coverage of edge pixels is then 0.023 off (root mean square, against 15 × 15; 6 × 6: 0.018, in
+12 % more time), and 7 % of the pixels that the object just touches are missed.
+"""
 
 
 @dataclass(frozen=True)
@@ -67,6 +71,7 @@ class Bodies:
 
     def __init__(self, job: Job):
         self._seed, self._split = job.description.seed, job.description.split
+        self._size = job.description.size
         self._source = job.shapes
         self._files = self._source.names() if self._source else []
         rows = -(-job.description.count // ROW)
@@ -76,6 +81,7 @@ class Bodies:
         ]
         """Names of all bodies: the files, then the procedural bodies."""
         self.mesh = functools.lru_cache(2)(self._mesh)
+        self.tracer = functools.lru_cache(2)(self._tracer)
 
     @property
     def _kinds(self) -> int:
@@ -94,10 +100,17 @@ class Bodies:
         order = generator(self._seed, self._split, "order", turn).permutation(len(self._files))
         return int(order[place])
 
+    def _tracer(self, shape: int) -> Tracer:
+        return _tracer(self.mesh(shape), self._size)
+
     def _mesh(self, shape: int) -> Mesh:
         if shape < len(self._files) and self._source:
             return self._source.load(self._files[shape])
         return endless(generator(self._seed, self._split, "body", shape - len(self._files)))
+
+
+def _tracer(mesh: Mesh, size: int) -> Tracer:
+    return Tracer(mesh, size, QUALITY, packets=True)
 
 
 def render(bodies: Bodies, job: Job, index: int) -> Entry:
@@ -112,11 +125,12 @@ def render(bodies: Bodies, job: Job, index: int) -> Entry:
     for attempt in range(_TRIES):
         rng = generator(description.seed, description.split, "entry", index, attempt)
         shape = bodies.of_entry(index, attempt)
-        mesh = deformed(bodies.mesh(shape), rng)
+        body = bodies.mesh(shape)
+        mesh = deformed(body, rng)
         pose = framed(rng, mesh, description.size)
-        gbuffer = Tracer(mesh, description.size, QUALITY).trace(
-            pose.rotation, pose.translation, pose.camera
-        )
+        # A quarter of the bodies are not deformed.
+        tracer = bodies.tracer(shape) if mesh is body else _tracer(mesh, description.size)
+        gbuffer = tracer.trace(pose.rotation, pose.translation, pose.camera)
         coverage = gbuffer.coverage.mean()
         if coverage >= LEAST_COVERAGE:
             data = geometry.encode(*quantised(gbuffer, pose.camera))

@@ -113,13 +113,16 @@ class Tracer:
         mesh: surface in its own frame.
         size: height and width of the images in pixels.
         quality: number of samples of a pixel, and limits above which pixels are rough.
+        packets: whether rays are traced in packets. It takes a sixth less time; on the edge between
+            two triangles, rays may hit the other one.
     """
 
-    def __init__(self, mesh: Mesh, size: int, quality: Quality = FAST):
+    def __init__(self, mesh: Mesh, size: int, quality: Quality = FAST, *, packets: bool = False):
         import mitsuba as mi
 
         self._size = size
         self._quality = quality
+        self._packets = packets
         self._vertices = mesh.vertices
         self._scene = mi.load_dict({"type": "scene", "shape": mitsuba_mesh(mesh)})
 
@@ -172,21 +175,23 @@ class Tracer:
         rays = np.stack([x, y, np.full_like(x, -1.0)], axis=-1).astype(np.float32).reshape(-1, 3)
         rays /= _length(rays)
         turn = rotation.astype(np.float32)  # `rays @ turn`: from camera to object space
-        hit, shading_normal, geometric = _intersect(
-            self._scene, -rotation.T @ translation, rays @ turn
+        there, shading_normal, geometric = _intersect(
+            self._scene, -rotation.T @ translation, rays @ turn, self._packets
         )
-        view = -rays[hit]
+        view = -rays[there]
         normal = _facing(shading_normal @ turn.T, geometric @ turn.T, view)
-        return grid.gather(self._size, pixels, hit.reshape(-1, across**2), normal, view)
+        hit = np.zeros((len(pixels), across**2), bool)
+        hit.ravel()[there] = True
+        return grid.gather(self._size, pixels, hit, normal, view)
 
 
 def _intersect(
-    scene, origin: np.ndarray, directions: np.ndarray
+    scene, origin: np.ndarray, directions: np.ndarray, packets: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Find the first hits of rays from one point.
 
     Returns:
-        Whether each ray hits, `(R,)`; then the shading and the geometric normals at the N hits,
+        The indices `(N,)` of the rays that hit; then the shading and the geometric normals there,
         `(N, 3)` each, in the scene's frame.
     """
     import drjit as dr
@@ -195,24 +200,24 @@ def _intersect(
     start = mi.Point3f(origin)
     if "scalar" in str(mi.variant()):
         found = [scene.ray_intersect(mi.Ray3f(start, direction)) for direction in directions]
-        hit = np.array([surface.is_valid() for surface in found], bool)
+        there = np.flatnonzero([surface.is_valid() for surface in found])
         normals = [(surface.sh_frame.n, surface.n) for surface in found if surface.is_valid()]
         shading_normal, geometric = np.array(normals, np.float32).reshape(-1, 2, 3).swapaxes(0, 1)
-        return hit, shading_normal, geometric
+        return there, shading_normal, geometric
     if not len(directions):
-        return np.zeros(0, bool), np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32)
+        return np.zeros(0, int), np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32)
     towards = mi.Vector3f(*map(mi.Float, directions.T))
     dr.make_opaque(start)  # literals would compile a new kernel for every image
-    surface = scene.ray_intersect(mi.Ray3f(start, towards))
+    asked = mi.RayFlags.Minimal | mi.RayFlags.ShadingFrame
+    surface = scene.ray_intersect(mi.Ray3f(start, towards), int(asked), mi.Bool(packets))
     valid, shading_normal, geometric = surface.is_valid(), surface.sh_frame.n, surface.n
     dr.eval(valid, shading_normal, geometric)
-    hit = np.array(valid)
-    there = np.flatnonzero(hit)
+    there = np.flatnonzero(np.array(valid))
     normals = [
         np.stack([np.array(axis)[there] for axis in (found.x, found.y, found.z)], axis=-1)
         for found in (shading_normal, geometric)
     ]
-    return hit, normals[0], normals[1]
+    return there, normals[0], normals[1]
 
 
 def mitsuba_mesh(mesh: Mesh):
@@ -239,7 +244,8 @@ def _length(vectors: np.ndarray) -> np.ndarray:
 
 def _facing(normal: np.ndarray, geometric: np.ndarray, view: np.ndarray) -> np.ndarray:
     """Turn unit normals to the viewer's side (see `lifted`)."""
-    return lifted(np.where(_dot(geometric, view) < 0, -normal, normal), view)
+    side = np.where(_dot(geometric, view) < 0, np.float32(-1), np.float32(1))
+    return lifted(side * normal, view)
 
 
 def lifted(normal: np.ndarray, view: np.ndarray, least: float = _LEAST_COSINE) -> np.ndarray:
@@ -326,7 +332,11 @@ class _Grid:
         cell = owner * self._cells_a_pixel + self._cell[sample]
         first = np.flatnonzero(np.diff(cell, prepend=-1))
         mirrored = reflect(normal, view)
-        means = [_means(owner, mirrored[:, axis], None, len(hit))[covered] for axis in range(3)]
+        count = np.bincount(owner, minlength=len(hit))[covered]
+        means = [
+            (np.bincount(owner, axis, len(hit))[covered] / count).astype(np.float32)
+            for axis in mirrored.T
+        ]
         return GBuffer(
             coverage=coverage.reshape(size, size),
             normal=normal,

@@ -6,16 +6,21 @@ from manifold3d import Manifold
 from . import parts, profiles
 from .meshes import Mesh, normalised
 
+_LEAST_LEFT = 0.15
+"""Share of a solid's volume that a change must leave; else it is not made."""
+
 
 def sample(rng: np.random.Generator) -> Mesh:
     """Draw a solid of one to three pieces, and carve it one to five times."""
     solid = _piece(rng)
     for _ in range(rng.choice(3, p=(0.5, 0.3, 0.2))):
         solid += _placed_on(rng, solid, _piece(rng), rng.uniform(0.3, 0.8))
+    changes = [_carved] * rng.choice([0, 1, 2, 3, 4], p=(0.1, 0.3, 0.3, 0.2, 0.1))
     if rng.random() < 0.25:
-        solid = _intersected(rng, solid)
-    for _ in range(rng.choice([0, 1, 2, 3, 4], p=(0.1, 0.3, 0.3, 0.2, 0.1))):
-        solid = _carved(rng, solid)
+        changes.insert(0, _intersected)
+    for change in changes:
+        changed = change(rng, solid)
+        solid = changed if changed.volume() > _LEAST_LEFT * solid.volume() else solid
     return normalised(*parts.of_solid(parts.largest(solid)))
 
 

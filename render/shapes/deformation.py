@@ -13,28 +13,29 @@ from collections.abc import Callable
 import numpy as np
 
 from .meshes import Mesh, normalised
-from .subdivision import refined, rounded
+from .subdivision import refined, rounded, softened
 
 Map = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 """A map of space: from points `(N, 3)` to moved points `(N, 3)` and Jacobians `(N, 3, 3)`."""
 
 UNDEFORMED = 0.25
 """Share of the meshes that keep their shape."""
-_LONGEST = 0.16
+_LONGEST = 0.12
 """Longest edge of a mesh that is bent, in radii of its bounding sphere."""
 _COARSE = 4_000
 """Number of faces below which a mesh may be rounded: its facets would show."""
-_ROUNDED = 0.35
-"""Share of the coarse meshes that are rounded."""
-_CREASES = np.radians(45), np.radians(140)
-"""Range of the angle above which an edge of a rounded mesh stays sharp, in radians."""
+_ROUNDED, _SOFTENED = 0.25, 0.2
+"""Shares of the coarse meshes that are rounded, and whose edges are softened."""
+_CREASE, _SOFT_CREASE = np.radians(55), np.radians(110)
+"""Angles above which an edge of a rounded or softened mesh stays sharp, in radians."""
 
 
 def deformed(mesh: Mesh, rng: np.random.Generator) -> Mesh:
     """Bend, twist, taper, stretch, shear or warp a mesh at random; leave a quarter as they are.
 
-    Long edges are divided first, so that flat faces of few vertices can take on curvature; and of
-    the meshes of few faces, a third are rounded, as a smooth surface through their vertices.
+    Long edges are divided first, so that flat faces of few vertices can take on curvature. Of the
+    meshes of few faces, a quarter are rounded, as if their facets stood for a curved surface, and a
+    fifth get soft edges.
 
     Args:
         mesh: Any normalised mesh, closed or not.
@@ -47,8 +48,11 @@ def deformed(mesh: Mesh, rng: np.random.Generator) -> Mesh:
         return mesh
     maps = draw(rng)
     vertices, faces, normals = mesh.vertices.astype(float), mesh.faces, mesh.normals.astype(float)
-    if rng.random() < _ROUNDED and len(faces) < _COARSE:
-        vertices, faces, normals = rounded(vertices, faces, rng.uniform(*_CREASES), 0.8 * _LONGEST)
+    lot = rng.random() if len(faces) < _COARSE else 1.0
+    if lot < _ROUNDED:
+        vertices, faces, normals = rounded(vertices, faces, _CREASE, _LONGEST)
+    elif lot < _ROUNDED + _SOFTENED:
+        vertices, faces, normals = softened(vertices, faces, _SOFT_CREASE, 0.7 * _LONGEST)
     else:
         vertices, faces, normals = refined(vertices, faces, normals, _LONGEST)
     for step in maps:

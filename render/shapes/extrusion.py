@@ -36,7 +36,7 @@ def bevelled(rng: np.random.Generator, cells: int) -> Mesh:
     profile = profiles.draw(rng)
     height = parts.log_uniform(rng, 0.12, 1.2)
     bevel = rng.uniform(0.2, 0.9) * min(height, 0.25)
-    rounded, domed = rng.random() < 0.6, rng.choice([0.0, rng.uniform(0.1, 0.5)])
+    rounded, domed = rng.random() < 0.6, rng.choice([0.0, rng.uniform(0.1, 0.45) * height])
     flat = distance(profile)
 
     def field(p: np.ndarray) -> np.ndarray:

@@ -132,9 +132,9 @@ def carved(rng: np.random.Generator) -> tuple[Field, float]:
 
 def _carved(rng: np.random.Generator) -> Field:
     body = _primitive(rng, 0.8, np.zeros(3))
-    softness = float(np.exp(rng.uniform(np.log(0.01), np.log(0.2))))
+    softness = float(np.exp(rng.uniform(np.log(0.04), np.log(0.2))))
     wall = rng.choice([0.0, rng.uniform(0.06, 0.11)], p=(0.7, 0.3))
-    softness = max(softness, 0.8 * wall)  # thin edges of a shell would be ragged
+    softness = max(softness, wall)  # thin edges of a shell would be ragged
     cutters = []
     for _ in range(rng.integers(1, 5)):
         size = rng.uniform(0.25, 0.65)
@@ -145,7 +145,7 @@ def _carved(rng: np.random.Generator) -> Field:
     def field(p: np.ndarray) -> np.ndarray:
         d = body(p)
         if wall:
-            d = np.abs(d) - np.float32(wall)
+            d = np.abs(_scaled(body, d, p)) - np.float32(wall)
         if kept is not None:
             d = -_join(-d, -kept(p), softness)
         for cutter in cutters:
@@ -153,6 +153,13 @@ def _carved(rng: np.random.Generator) -> Field:
         return d if waves is None else d - waves(p)
 
     return field
+
+
+def _scaled(solid: Field, d: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """Return a field divided by its slope, so that a wall is equally thick all over."""
+    h = np.float32(0.02)
+    slopes = [solid(p + h * np.eye(3, dtype=np.float32)[:, k : k + 1]) - d for k in range(3)]
+    return d / np.maximum(np.sqrt(sum(s * s for s in slopes)) / h, np.float32(0.3))
 
 
 def dented(rng: np.random.Generator) -> tuple[Field, float]:
@@ -195,7 +202,7 @@ def _exit(solid: Field, along: np.ndarray, reach: float) -> np.ndarray:
 
 
 def _grooves(rng: np.random.Generator) -> Field:
-    """Draw parallel or ring-shaped grooves, or ribs; their depth is a fifth of their distance."""
+    """Draw parallel or ring-shaped grooves, or ribs; a tenth to a third as deep as far apart."""
     axis = _direction(rng).astype(np.float32) if rng.random() < 0.5 else np.eye(3, dtype="f4")[1]
     rate = np.float32(np.exp(rng.uniform(np.log(5), np.log(25))))
     depth = np.float32(rng.choice([-1, 1]) * rng.uniform(0.3, 1.0) / rate)

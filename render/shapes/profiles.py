@@ -12,7 +12,8 @@ def draw(rng: np.random.Generator) -> CrossSection:
     kinds = [_polygon, _radial, _gear, _flower, _rectangle, _strokes, _ring, _lens]
     outline = kinds[rng.choice(len(kinds), p=(0.14, 0.14, 0.12, 0.13, 0.13, 0.18, 0.08, 0.08))](rng)
     if rng.random() < 0.35:
-        outline = _pierced(rng, outline)
+        pierced = _pierced(rng, outline)
+        outline = pierced if pierced.area() > 0.4 * outline.area() else outline
     if rng.random() < 0.35:
         outline = _rounded(outline, rng.uniform(0.02, 0.12))
     return largest(outline)

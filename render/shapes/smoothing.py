@@ -28,7 +28,7 @@ def smoothed(
 
     Args:
         vertices: `(V, 3)`, within about [-1, 1].
-        faces: `(F, 3)`, without faces of zero area.
+        faces: `(F, 3)`; a face of zero area shares no normal with others.
         crease: angle in radians; faces that meet at a larger one keep separate normals.
 
     Returns:
@@ -93,7 +93,7 @@ def _against(corners: np.ndarray) -> np.ndarray:
 def _patches(corners: np.ndarray, normals: np.ndarray, crease: float) -> np.ndarray:
     """Number the corners, `(3 F,)`, so that corners that share a normal have the same number."""
     one, other, same = _edges(corners)
-    unit = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    unit = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
     smooth = ~same & ((unit[one // 3] * unit[other // 3]).sum(1) > np.cos(crease))
     one, other = one[smooth], other[smooth]
     ends = [h - h % 3 + (h + 1) % 3 for h in (one, other)]

@@ -40,11 +40,18 @@ def cages(rng: np.random.Generator) -> Mesh:
     points = points * rng.uniform(0.4, 1.0, 3)
     radius = parts.log_uniform(rng, 0.025, 0.08)
     sides = int(rng.choice([4, 6, 12], p=(0.25, 0.15, 0.6)))
-    bars = [parts.bar(points[a], points[b], radius, radius, sides) for a, b in edges]
+    rod = Manifold.cylinder(1.0, radius, radius, sides)
+    vertices, faces, normals = parts.of_solid(rod)
+    pieces = []
+    for a, b in edges:
+        length = float(np.linalg.norm(points[b] - points[a]))
+        turn = parts.frame_along((points[b] - points[a]) / length).T
+        pieces.append((vertices * (1, 1, length) @ turn + points[a], faces, normals @ turn))
     if rng.random() < 0.6:
         knob = Manifold.sphere(radius * rng.uniform(1.0, 2.2), 12)
-        bars += [knob.translate(tuple(point)) for point in points]
-    return normalised(*parts.of_solid(Manifold.compose(bars)))
+        vertices, faces, normals = parts.of_solid(knob)
+        pieces += [(vertices + point, faces, normals) for point in points]
+    return normalised(*parts.joined(pieces))
 
 
 def branches(rng: np.random.Generator) -> Mesh:

@@ -14,18 +14,23 @@ EVERY = range(SYMMETRIES)
 
 def gbuffers(count=1):
     rng = np.random.default_rng(0)
-    normal = rng.normal(size=(count, 2, SIZE, SIZE, 3))
-    normal[..., :2, 2] *= -1  # behind as well: the folded half of the codes
-    coverage = rng.integers(0, 256, (count, SIZE, SIZE)).astype(np.uint8)
+    shape = (count, SIZE, SIZE)
+    normal = rng.normal(size=(count, 2, SIZE, SIZE, 3))  # behind as well: the folded codes
+    normal[:, 0, 0] = (1, 0, 0)
+    normal[:, 0, 1] = (0, -1, 0)
+    normal[:, 0, 2] = (0, 0, 1)
+    coverage = rng.integers(0, 256, shape).astype(np.uint8)
     coverage[:, 2, :3] = 0
-    there = np.repeat((coverage > 0)[:, None], 2, axis=1)
-    there[:, 1, :, 4:] = False
-    codes = octahedral.encode(normal) * there[..., None].astype(np.uint16)
+    share = rng.integers(1, 256, shape).astype(np.uint8)
+    share[:, 4] = 255
+    codes = octahedral.encode(normal)
+    codes[:, 0][coverage == 0] = 0
+    codes[:, 1][(coverage == 0) | (share == 255)] = 0
     return {
         "coverage": coverage,
-        "share": rng.integers(1, 256, coverage.shape).astype(np.uint8),
+        "share": share,
         "normal": codes,
-        "spread": rng.integers(0, 16, there.shape).astype(np.uint8),
+        "spread": rng.integers(0, 16, (count, 2, SIZE, SIZE)).astype(np.uint8),
         "camera": rng.uniform(2, 9, (count, 4)).astype(np.float32),
     }
 
@@ -52,14 +57,14 @@ def test_pixels_normals_and_rays_turn_together(bits):
     found = turned(whole, np.array([bits]))
     for name in ("coverage", "share"):
         np.testing.assert_array_equal(found[name][0], turned_image(whole[name][0], bits))
-    for surface in (0, 1):
-        codes, before = found["normal"][0, surface], whole["normal"][0, surface]
-        there = turned_image(before.any(axis=-1), bits)
+    there = found["coverage"][0] > 0, (found["coverage"][0] > 0) & (found["share"][0] < 255)
+    for surface, seen in enumerate(there):
+        before, after = whole["normal"][0, surface], found["normal"][0, surface]
         expected = turned_image(octahedral.decode(before), bits) @ matrix(bits).T
-        np.testing.assert_allclose(octahedral.decode(codes)[there], expected[there], atol=2e-6)
-        assert not codes[~there].any()
-        spread = turned_image(whole["spread"][0, surface], bits)
-        np.testing.assert_array_equal(found["spread"][0, surface], spread)
+        np.testing.assert_allclose(octahedral.decode(after)[seen], expected[seen], atol=2e-6)
+        assert not after[~seen].any() and seen.any()
+        spread = whole["spread"][0, surface]
+        np.testing.assert_array_equal(found["spread"][0, surface], turned_image(spread, bits))
     view = view_directions(whole["camera"][0], SIZE, SIZE)
     np.testing.assert_allclose(
         view_directions(found["camera"][0], SIZE, SIZE),

@@ -1,0 +1,68 @@
+"""Parts: solids placed, united and turned into surfaces with normals."""
+
+import numpy as np
+import pytest
+from manifold3d import Manifold
+from mesh_checks import is_balanced, volume
+
+from lime_keras.render.shapes import carving, parts
+from lime_keras.render.shapes.meshes import Mesh
+
+
+def as_mesh(part):
+    return Mesh(*(np.asarray(array) for array in part))
+
+
+def test_a_box_has_flat_faces_and_a_ball_none():
+    _, _, normals = parts.of_solid(Manifold.cube((1, 2, 3)))
+    np.testing.assert_allclose(np.sort(np.abs(normals), axis=1), [[0, 0, 1]] * 24, atol=1e-6)
+    vertices, _, normals = parts.of_solid(Manifold.sphere(1.0, 64))
+    assert (vertices * normals).sum(1).min() > 0.999
+
+
+def test_an_empty_solid_is_refused():
+    with pytest.raises(ValueError, match="empty"):
+        parts.of_solid(Manifold())
+
+
+def test_joined_parts_keep_their_faces():
+    near, far = (parts.of_solid(Manifold.cube((1, 1, 1)).translate((x, 0, 0))) for x in (0.0, 5.0))
+    both = as_mesh(parts.joined([near, far]))
+    assert is_balanced(both)
+    assert volume(both) == pytest.approx(2)
+    np.testing.assert_allclose(both.vertices.max(0), [6, 1, 1])
+
+
+def test_a_union_counts_an_overlap_once():
+    cubes = [Manifold.cube((1, 1, 1)).translate((x, 0, 0)) for x in (0.0, 0.5)]
+    assert parts.union(cubes).volume() == pytest.approx(1.5)
+    pair = parts.union([cubes[0], Manifold.cube((0.1, 0.1, 0.1)).translate((4, 0, 0))])
+    assert parts.largest(pair).volume() == pytest.approx(1)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_frames_and_turns_are_rotations(seed):
+    rng = np.random.default_rng(seed)
+    axis = parts.direction(rng) if seed else np.array([0.0, 0.0, 1.0])
+    frame = parts.frame_along(axis)
+    np.testing.assert_allclose(frame[:, 2], axis)
+    for rotation in (frame, parts.turn(rng)):
+        np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-12)
+        assert np.linalg.det(rotation) == pytest.approx(1)
+
+
+@pytest.mark.parametrize("sides", [4, 20])
+def test_a_bar_reaches_from_end_to_end(sides):
+    start, end = np.array([1.0, 2, 3]), np.array([2.0, 0, 5])
+    vertices, _, _ = parts.of_solid(parts.bar(start, end, 0.1, 0.2, sides))
+    along = (vertices - start) @ (end - start) / 9
+    np.testing.assert_allclose([along.min(), along.max()], [0, 1], atol=1e-6)
+    away = np.linalg.norm(vertices - start - along[:, None] * (end - start), axis=1)
+    np.testing.assert_allclose(away, 0.1 + 0.1 * along, atol=1e-6)
+
+
+def test_carving_leaves_a_share_of_the_solid_in_one_piece(monkeypatch):
+    """Changes that would take nearly everything are not made."""
+    monkeypatch.setattr(carving, "_carved", lambda rng, solid: Manifold())
+    mesh = carving.sample(np.random.default_rng(0))
+    assert volume(mesh) > 0.05
