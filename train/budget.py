@@ -6,12 +6,12 @@ measured time of a batch. So what one stage saves or overruns is spread over the
 
 import functools
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from time import monotonic
 from typing import Any
 
-Batch = Mapping[str, Any]
+Batch = dict[str, Any]
 
 SAVING = 1.0
 """Seconds that are kept free to write a checkpoint or a model."""

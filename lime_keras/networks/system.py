@@ -31,8 +31,8 @@ def build(architecture: Architecture, seed: int | None = None) -> dict[str, kera
     out = {}
     for name in names(architecture):
         if seed is not None:
-            # Keras draws the initialisers' seeds from Python's generator. Its `set_random_seed` would
-            # do the same, and import TensorFlow under any backend.
+            # Keras draws the initialisers' seeds from Python's generator. Its function for seeds
+            # would import TensorFlow under any backend.
             random.seed(zlib.crc32(f"{seed} {name}".encode()))
         out[name] = SUBNETWORKS[name].build(architecture)
     return out
