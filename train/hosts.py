@@ -29,7 +29,8 @@ _SECONDS_OF_SILENCE = 30
 def joined(count: int, index: int, coordinator: str) -> Iterator[None]:
     """Join the processes that train together, for the block and until this process ends.
 
-    If the block fails, this process ends without waiting for the others, and they then end too.
+    If the block fails, this process ends without waiting for the others, and they then end too. If
+    the processes do not find each other within five minutes, JAX ends them.
 
     Args:
         count: number of processes, at least 1.
@@ -38,8 +39,8 @@ def joined(count: int, index: int, coordinator: str) -> Iterator[None]:
 
     Raises:
         ValueError: if Keras runs on another backend than JAX.
-        RuntimeError: if the processes do not find each other within five minutes, or the block
-            fails with an expected error; the message names the process.
+        RuntimeError: if the port is taken, or the block fails with an expected error; the message
+            names the process.
     """
     if keras.backend.backend() != "jax":
         raise ValueError(
@@ -48,6 +49,8 @@ def joined(count: int, index: int, coordinator: str) -> Iterator[None]:
         )
     import jax
 
+    here = f"process {index} of {count}"
+    print(f"{here} waits for the others at {coordinator}, five minutes at most", file=sys.stderr)
     # Else JAX takes SIGTERM for a wish to save at a common step, and no longer ends by it.
     jax.config.update("jax_enable_preemption_service", False)
     try:
@@ -55,14 +58,20 @@ def joined(count: int, index: int, coordinator: str) -> Iterator[None]:
         jax.distributed.initialize(
             coordinator, count, index, heartbeat_timeout_seconds=_SECONDS_OF_SILENCE
         )
+    except RuntimeError as error:
+        raise RuntimeError(
+            f"{here} cannot join at {coordinator}: {error}; pass the address of process 0 with a "
+            "port that is free there, the same to all"
+        ) from error
+    try:
         yield
     except BaseException as error:
         # At its exit, JAX waits for all processes, and these may wait for this one.
         atexit.register(_end, 130 if isinstance(error, KeyboardInterrupt) else 1)
         if isinstance(error, OSError | ValueError | RuntimeError):
             raise RuntimeError(
-                f"process {index} of {count}: {error} (if this is of a connection, another process "
-                "has ended before: its messages say why)"
+                f"{here}: {error} (if this is of a connection, another process has ended before: "
+                "its messages say why)"
             ) from error
         raise
 

@@ -25,7 +25,7 @@ import keras
 import numpy as np
 
 from lime_keras.io import atomic
-from lime_keras.networks import SUBNETWORKS, build, weights
+from lime_keras.networks import SUBNETWORKS, Architecture, build, weights
 from lime_keras.networks.precision import computing_in
 
 from . import hosts, initial_weights
@@ -277,7 +277,7 @@ def _write_model(
 ) -> None:
     """Write the trained subnetworks with a copy of the run's record, in place of earlier ones."""
     with atomic.replacing(run / "model") as partial:
-        before_joining = _changed_since(alone, subnetworks)
+        before_joining = _changed_since(alone, subnetworks, config.architecture)
         weights.save(partial, config.architecture, subnetworks, before_joining)
         atomic.write(partial / "training.json", config_path(run).read_bytes())
 
@@ -289,14 +289,17 @@ def _build(config: Config) -> dict[str, keras.Model]:
 
 
 def _changed_since(
-    earlier: Mapping[str, list[np.ndarray]], subnetworks: Mapping[str, keras.Model]
+    earlier: Mapping[str, list[np.ndarray]],
+    subnetworks: Mapping[str, keras.Model],
+    architecture: Architecture,
 ) -> dict[str, keras.Model]:
     """Return copies, with the earlier weights, of the subnetworks whose weights have changed."""
     out = {}
     for name, values in earlier.items():
         now = subnetworks[name].get_weights()
         if not all(np.array_equal(one, other) for one, other in zip(values, now, strict=True)):
-            out[name] = keras.models.clone_model(subnetworks[name])
+            # Keras' own function for copies imports TensorFlow under any backend.
+            out[name] = SUBNETWORKS[name].build(architecture)
             out[name].set_weights(values)
     return out
 
