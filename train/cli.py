@@ -79,13 +79,13 @@ def parser() -> argparse.ArgumentParser:
     length = out.add_mutually_exclusive_group()
     length.add_argument(
         "--scale-steps",
-        type=_positive,
+        type=console.positive,
         metavar="FACTOR",
         help="train each stage for so many times the preset's batches (default: 1)",
     )
     length.add_argument(
         "--minutes",
-        type=_positive,
+        type=console.positive,
         metavar="M",
         help="train within so many minutes of wall-clock time, start-up and evaluation included",
     )
@@ -223,7 +223,7 @@ def _check_hosts(options: argparse.Namespace) -> None:
 def _train_here(options: argparse.Namespace, began: float) -> int:
     from . import hosts, initial_weights, summary, trainer
 
-    config = _config(options)
+    config = config_of(options)
     leads = hosts.place()[0] == 0
     with _Bars(config.schedule.stages(config.architecture)) as bars:
         untrained = trainer.train(
@@ -278,7 +278,7 @@ def _import_tensorflow(paths: Sequence[Path]) -> None:
         raise ValueError(f"TensorFlow is not installed; {mend}") from error
 
 
-def _config(options: argparse.Namespace) -> Any:
+def config_of(options: argparse.Namespace) -> Any:
     """Return the config: from the options, else from the resumed run, else from the defaults."""
     import dataclasses
 
@@ -378,10 +378,3 @@ class _Bars:
             self.__exit__()
             self._title, self._bar = title, console.Bar(title, unit)
         return self._bar
-
-
-def _positive(text: str) -> float:
-    value = float(text)
-    if not value > 0:
-        raise argparse.ArgumentTypeError(f"{text} is not above 0")
-    return value
