@@ -33,6 +33,7 @@ setup(
     package_data={
         "lime_keras": ["py.typed", "pretrained/*.md", "pretrained/*/*/*"],
         "lime_keras.eval.report": ["templates/*.html"],
+        "lime_keras.train": ["run.sh"],
     },
     install_requires=[
         "tensorflow>=2.20,<2.22",

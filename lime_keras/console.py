@@ -52,6 +52,14 @@ def count(text: str) -> int:
     return value
 
 
+def positive(text: str) -> float:
+    """Parse the value of an option that is a number above 0."""
+    value = float(text)
+    if not value > 0:
+        raise argparse.ArgumentTypeError(f"{text} is not above 0")
+    return value
+
+
 def names(known: Sequence[str]) -> Callable[[str], tuple[str, ...]]:
     """Return a parser for an option that lists names out of `known`, separated by commas."""
 

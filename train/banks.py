@@ -23,10 +23,11 @@ class Banks:
     Args:
         folders: folders of complete banks.
         config: config of the run.
+        rows: (k, n): the training batches hold only the k-th of n equal parts of each batch.
     """
 
-    def __init__(self, folders: Sequence[Path], config: Config):
-        self._folders, self._config = list(folders), config
+    def __init__(self, folders: Sequence[Path], config: Config, rows: tuple[int, int]):
+        self._folders, self._config, self._rows = list(folders), config, rows
 
     def training(self, seed: int, features: Collection[str], first_step: int) -> Iterator[Batch]:
         """Yield batches without end, from a step on; the seed determines them.
@@ -42,6 +43,7 @@ class Banks:
             first_step=first_step,
             camera=config.camera,
             features={*features, *_ALWAYS},
+            rows=self._rows,
         )
         return ({name: batch[name] for name in features} for batch in batches)
 

@@ -20,6 +20,8 @@ examples:
   lime-train meshes procedural --out runs/both --preset live
   lime-train bank --out runs/bank --preset live --minutes 22 --batch-size 64
   KERAS_BACKEND=jax lime-train bank --out runs/jax --preset live
+  KERAS_BACKEND=jax lime-train bank --out shared/run --preset paper --hosts 2 --host 0 \
+    --coordinator node0:12345      (and on the other machine the same with --host 1)
   lime-train corpus --out runs/64 --preset live --size 64 --stages segmentation specular mirror
   lime-train corpus --out runs/live --preset live --start-from runs/64
   lime-train corpus --out runs/no-mirror --preset paper --without mirror --reuse runs/paper
@@ -28,6 +30,10 @@ examples:
 A bank (`lime-render bank`) makes every scene anew where the training runs. Under JAX, runs from
 banks alone need no TensorFlow. Named together, corpora and banks take turns batch by batch, in
 proportion to the number of paths of each.
+
+--hosts: under JAX, each process is started with the same command but its own --host, and trains on
+its part of each batch; --batch-size is that of all together. Process 0 alone writes to OUT, which
+all processes see. If one ends, all end, and the same commands go on from the last checkpoint.
 
 Stages: the five subnetworks alone on truth (segmentation, specular, mirror, albedo, exponent), then
 specular+mirror, specular+mirror+exponent and specular+mirror+exponent+albedo joined. An interrupted
@@ -73,13 +79,13 @@ def parser() -> argparse.ArgumentParser:
     length = out.add_mutually_exclusive_group()
     length.add_argument(
         "--scale-steps",
-        type=_positive,
+        type=console.positive,
         metavar="FACTOR",
         help="train each stage for so many times the preset's batches (default: 1)",
     )
     length.add_argument(
         "--minutes",
-        type=_positive,
+        type=console.positive,
         metavar="M",
         help="train within so many minutes of wall-clock time, start-up and evaluation included",
     )
@@ -151,7 +157,19 @@ def parser() -> argparse.ArgumentParser:
         type=int,
         default=1,
         metavar="N",
-        help="split each batch between so many GPUs (default: 1)",
+        help="split each batch between so many GPUs of each process (default: 1)",
+    )
+    out.add_argument(
+        "--hosts",
+        type=console.count,
+        metavar="N",
+        help="train by so many processes, such as one on each machine (default: 1)",
+    )
+    out.add_argument("--host", type=int, metavar="K", help="number of this process, from 0")
+    out.add_argument(
+        "--coordinator",
+        metavar="HOST:PORT",
+        help="address of process 0 with a free port there, the same for all processes",
     )
     out.add_argument(
         "--camera",
@@ -175,21 +193,52 @@ def main(argv: list[str] | None = None) -> int:
 
 def _train(options: argparse.Namespace, began: float) -> int:
     _import_tensorflow(options.paths)
-    from . import initial_weights, summary, trainer
+    if options.hosts is None and options.host is None and options.coordinator is None:
+        return _train_here(options, began)
+    _check_hosts(options)
+    from . import hosts
 
-    config = _config(options)
+    with hosts.joined(options.hosts, options.host, options.coordinator):
+        return _train_here(options, began)
+
+
+def _check_hosts(options: argparse.Namespace) -> None:
+    """Raise ValueError if the options that join processes are incomplete or do not fit."""
+    given = (options.hosts, options.host, options.coordinator)
+    if None in given:
+        raise ValueError("--hosts, --host and --coordinator belong together: pass all three")
+    if not 0 <= options.host < options.hosts:
+        raise ValueError(
+            f"--host {options.host} is no number of one of {options.hosts} processes: pass "
+            f"0 to {options.hosts - 1}"
+        )
+    name, _, port = options.coordinator.rpartition(":")
+    if not (name and port.isdecimal() and 0 < int(port) < 65536):
+        raise ValueError(
+            f"--coordinator {options.coordinator} is no HOST:PORT: pass the address of process 0, "
+            "such as 192.168.0.7:12345"
+        )
+
+
+def _train_here(options: argparse.Namespace, began: float) -> int:
+    from . import hosts, initial_weights, summary, trainer
+
+    config = config_of(options)
+    leads = hosts.place()[0] == 0
     with _Bars(config.schedule.stages(config.architecture)) as bars:
         untrained = trainer.train(
             options.paths,
             options.out,
             config,
-            bars.tell,
+            bars.tell if leads else lambda progress: None,
             only=options.stages,
             reuse=options.reuse,
             start_from=options.start_from,
             devices=options.devices,
             began=began,
         )
+    if not leads:
+        return 0
     print(summary.table(options.out))
     if evaluated := summary.evaluation(options.out):
         print(f"\n{evaluated}\n")
@@ -229,7 +278,7 @@ def _import_tensorflow(paths: Sequence[Path]) -> None:
         raise ValueError(f"TensorFlow is not installed; {mend}") from error
 
 
-def _config(options: argparse.Namespace) -> Any:
+def config_of(options: argparse.Namespace) -> Any:
     """Return the config: from the options, else from the resumed run, else from the defaults."""
     import dataclasses
 
@@ -329,10 +378,3 @@ class _Bars:
             self.__exit__()
             self._title, self._bar = title, console.Bar(title, unit)
         return self._bar
-
-
-def _positive(text: str) -> float:
-    value = float(text)
-    if not value > 0:
-        raise argparse.ArgumentTypeError(f"{text} is not above 0")
-    return value

@@ -20,16 +20,20 @@ class Corpora:
     Args:
         folders: folders with complete train splits.
         config: config of the run.
+        rows: (k, n): the training batches hold only the k-th of n equal parts of each batch. All
+            of it is read, though.
 
     Raises:
         FileNotFoundError: if a split is incomplete.
         ValueError: if a split is too small or damaged.
     """
 
-    def __init__(self, folders: Sequence[Path], config: Config):
+    def __init__(self, folders: Sequence[Path], config: Config, rows: tuple[int, int]):
         training, self._held_out = zip(*map(pipeline.training_shards, folders), strict=True)
         self._training = [path for shards in training for path in shards]
-        self._config = config
+        part, parts = rows
+        share = config.schedule.batch_size // parts
+        self._config, self._rows = config, slice(part * share, (part + 1) * share)
 
     def training(self, seed: int, features: Collection[str], first_step: int) -> Iterator[Batch]:
         """Yield batches without end, from a step on; the seed determines them."""
@@ -45,7 +49,8 @@ class Corpora:
             repaints=config.schedule.repaints,
             features=features,
         )
-        return map(_native, pipeline.naming_damage(dataset, self._training))
+        for batch in pipeline.naming_damage(dataset, self._training):
+            yield {name: value[self._rows] for name, value in _native(batch).items()}
 
     def held_out(self, features: Collection[str], batches: int) -> Iterator[Batch]:
         """Yield so many held-out batches of each corpus, or fewer where it has no more."""

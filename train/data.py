@@ -35,6 +35,7 @@ class Data:
     Args:
         paths: folders of corpora with complete train splits, and of complete banks.
         config: config of the run.
+        rows: (k, n): the training batches hold only the k-th of n equal parts of each batch.
 
     Raises:
         FileNotFoundError: if a split or a bank is incomplete.
@@ -42,7 +43,7 @@ class Data:
             path, or of an image size that does not fit.
     """
 
-    def __init__(self, paths: Sequence[Path], config: Config):
+    def __init__(self, paths: Sequence[Path], config: Config, rows: tuple[int, int] = (0, 1)):
         banks = [path for path in paths if is_bank(path)]
         corpora = [path for path in paths if path not in banks]
         self._paths, self._bank_count, self._config = paths, len(banks), config
@@ -51,11 +52,11 @@ class Data:
         if corpora:
             from .corpora import Corpora
 
-            self._corpora = Corpora(corpora, config)
+            self._corpora = Corpora(corpora, config, rows)
         if banks:
             from .banks import Banks
 
-            self._banks = Banks(banks, config)
+            self._banks = Banks(banks, config, rows)
         _check_sizes(paths, config.architecture.size)
         _check_units(paths)
         self._kept: list[Batch] = []

@@ -1,21 +1,31 @@
-"""Data-parallel training: one batch split between several devices, under TensorFlow or JAX."""
+"""Data-parallel training: one batch split between several devices, under TensorFlow or JAX.
+
+Under JAX the devices may belong to several processes (`train.hosts`).
+"""
 
 import contextlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import keras
 import numpy as np
 
+from . import hosts
+
 
 class Devices:
-    """The first `count` accelerators or, where there are none, processors.
+    """The first `count` accelerators of each process or, where there are none, processors.
 
     Under TensorFlow each device holds a copy of the weights (`tf.distribute.MirroredStrategy`).
     Under JAX, Keras distributes the batch (`keras.distribution.DataParallel`).
 
+    Attributes:
+        count: number of devices of each process.
+        process: number of this process, from 0.
+        processes: number of processes.
+
     Args:
-        count: number of devices; with 1, the backend chooses the device.
+        count: number of devices of each process; with 1, the backend chooses the device.
 
     Raises:
         ValueError: if there are fewer devices.
@@ -23,10 +33,12 @@ class Devices:
 
     def __init__(self, count: int):
         self.count = count
+        self.process, self.processes = hosts.place()
+        self._all = count * self.processes
         self._strategy: Any = None
         if keras.backend.backend() != "tensorflow":
             # Keras keeps a distribution for the whole process: an earlier one must not stay.
-            keras.distribution.set_distribution(_parallel(count) if count > 1 else None)
+            keras.distribution.set_distribution(_parallel(count) if self._all > 1 else None)
         elif count > 1:
             self._strategy = _mirrored(count)
 
@@ -39,10 +51,42 @@ class Devices:
         """Return the context in which weights and optimisers must be created."""
         return contextlib.nullcontext() if self._strategy is None else self._strategy.scope()
 
-    def split(self, batch: Mapping[str, Any]) -> Any:
-        """Return the batch in the form that Keras takes, split between the devices.
+    @property
+    def leads(self) -> bool:
+        """Whether this is the process that writes files."""
+        return self.process == 0
+
+    @contextlib.contextmanager
+    def alone(self) -> Iterator[None]:
+        """Return the context in which this process may create variables without the others."""
+        if keras.backend.backend() == "tensorflow":
+            yield
+            return
+        distribution = keras.distribution.distribution()
+        keras.distribution.set_distribution(None)
+        try:
+            yield
+        finally:
+            keras.distribution.set_distribution(distribution)
+
+    def part(self, batch: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return this process's examples of a batch that every process has.
 
         If its examples cannot be split evenly, each device gets the whole batch.
+        """
+        if self.processes == 1:
+            return batch
+        size = len(next(iter(batch.values())))
+        if size % self._all:
+            return {name: np.concatenate([value] * self.count) for name, value in batch.items()}
+        share = size // self.processes
+        rows = slice(share * self.process, share * (self.process + 1))
+        return {name: value[rows] for name, value in batch.items()}
+
+    def split(self, batch: Mapping[str, Any]) -> Any:
+        """Return this process's examples in the form that Keras takes, split between its devices.
+
+        If the examples cannot be split evenly, each device gets all of them.
         """
         size = len(next(iter(batch.values())))
         if self._strategy is None:
@@ -64,11 +108,15 @@ class Devices:
     def weights(self, batch: Mapping[str, Any]) -> Any:
         """Return the weight of each example in sums over all devices, split like the batch.
 
-        An example that every device gets has the weight 1 / `count`, so that it counts once.
+        Of n devices that all get an example, each weighs it with 1 / n, so that it counts once.
+
+        Args:
+            batch: batch that every process has.
         """
         size = len(next(iter(batch.values())))
-        counted = 1 / self.count if size % self.count else 1.0
-        return self.split({"weights": keras.ops.full((size,), counted)})["weights"]
+        counted = 1 / self._all if size % self._all else 1.0
+        weights = keras.ops.full((size,), counted)
+        return self.split(self.part({"weights": weights}))["weights"]
 
 
 def _mirrored(count: int) -> Any:
@@ -81,8 +129,14 @@ def _mirrored(count: int) -> Any:
 
 
 def _parallel(count: int) -> keras.distribution.DataParallel:
-    names = _first(keras.distribution.list_devices(), count)
-    return keras.distribution.DataParallel(devices=names)
+    import jax
+
+    by_process: dict[int, list[str]] = {}
+    for device in jax.devices():
+        by_process.setdefault(device.process_index, []).append(f"{device.platform}:{device.id}")
+    names = [name for process in sorted(by_process) for name in _first(by_process[process], count)]
+    # Each process makes its own part of a batch.
+    return keras.distribution.DataParallel(devices=names, auto_shard_dataset=False)
 
 
 def _first(names: list[str], count: int) -> list[str]:

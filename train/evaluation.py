@@ -99,12 +99,15 @@ class SystemEvaluation:
             examples += len(batch["mask"])
             self._evaluate(batch)
         measures = model.measured() if examples else {}
+        if not self._devices.leads:
+            return
         finite = {name: v if math.isfinite(v) else None for name, v in measures.items()}
         text = json.dumps({"examples": examples, "measures": finite}, indent=1)
         atomic.write(evaluation_path(run), text + "\n")
 
     def _evaluate(self, batch: Batch) -> None:
-        seen, weights = self._devices.split(batch), self._devices.weights(batch)
+        devices = self._devices
+        seen, weights = devices.split(devices.part(batch)), devices.weights(batch)
         self._model.test_on_batch(seen, sample_weight=weights)
 
 

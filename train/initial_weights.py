@@ -44,11 +44,16 @@ def keep(model: Path, run: Path) -> None:
 
 
 def load(
-    run: Path, subnetworks: Mapping[str, keras.Model]
+    run: Path, subnetworks: Mapping[str, keras.Model], *, record: bool = True
 ) -> tuple[list[str], dict[str, list[np.ndarray]]]:
     """Set the weights of those subnetworks that have the same layers in the copied model.
 
     A U-Net's layers are the same for any image size; an encoder's first dense layer depends on it.
+
+    Args:
+        run: folder of the run.
+        subnetworks: subnetworks of the run by name.
+        record: whether to write down in `taken.json` which of them were set.
 
     Returns:
         Names of the subnetworks that were set; and, by name, the weights of the encoders among them
@@ -69,8 +74,9 @@ def load(
         )
     for name in taken:
         subnetworks[name].set_weights(others[name].get_weights())
-    text = json.dumps({"taken": taken, "fresh": [n for n in subnetworks if n not in taken]})
-    atomic.write(run / _FOLDER / _TAKEN, text + "\n")
+    if record:
+        text = json.dumps({"taken": taken, "fresh": [n for n in subnetworks if n not in taken]})
+        atomic.write(run / _FOLDER / _TAKEN, text + "\n")
     return taken, {name: alone[name].get_weights() for name in taken if name in alone}
 
 

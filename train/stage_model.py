@@ -100,7 +100,10 @@ class StageModel(keras.Model):
     def reset_metrics(self) -> None:
         """Reset the losses, as Keras asks before each batch, and keep the measures."""
         for metric in self._of_a_batch():
-            metric.reset_state()
+            for variable in metric.variables:
+                # Zeros that lie where the variable does: other zeros would make all of several
+                # processes (`train.hosts`) compare them, in every step.
+                variable.assign(ops.zeros_like(variable.value))
 
     def reset_measures(self) -> None:
         """Reset the measures."""

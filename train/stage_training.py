@@ -126,7 +126,8 @@ class StageTraining:
         step = 0 if mark is None else mark.step
         if step:
             self._checkpoint.restore(self._model)
-        curve, board = Curve(self._files.curve, step), Board(self._files.board)
+        curve = Curve(self._files.curve, step)
+        board = Board(self._files.board if self._devices.leads else None)
         try:
             self._run(step, pace, keep, curve, board)
         finally:
@@ -170,7 +171,8 @@ class StageTraining:
                 board.scalars(step, {"gradient norm": norms.means(), "throughput": rates})
                 losses, norms, waited, began, first = Means(), Means(), 0.0, monotonic(), step
             if progress >= 1 or monotonic() - saved > _SECONDS_BETWEEN_CHECKPOINTS:
-                self._checkpoint.save(model, Mark(step, **pace.state(progress)))
+                if self._devices.leads:
+                    self._checkpoint.save(model, Mark(step, **pace.state(progress)))
                 saved = monotonic()
             if progress >= 1:
                 return
@@ -183,7 +185,8 @@ class StageTraining:
 
     def _evaluate(self, batch: Batch) -> dict[str, float]:
         """Update the measures with a held-out batch and return the batch's losses by name."""
-        seen, weights = self._devices.split(batch), self._devices.weights(batch)
+        devices = self._devices
+        seen, weights = devices.split(devices.part(batch)), devices.weights(batch)
         return self._model.test_on_batch(seen, sample_weight=weights, return_dict=True)
 
     def _look(self, step: int, training: dict[str, float], curve: Curve, board: Board) -> float:
@@ -198,10 +201,11 @@ class StageTraining:
             first = first or batch
             losses.add(self._evaluate(batch))
         measured = {} if first is None else model.measured()
-        curve.add(step, training, losses.means(), measured)
+        if self._devices.leads:
+            curve.add(step, training, losses.means(), measured)
         groups = {"training": training, "held out": losses.means(), "measure": measured}
         board.scalars(step, groups)
-        if first is not None:
+        if first is not None and self._devices.processes == 1:
             board.panel(step, model, first)
         return monotonic() - began
 
@@ -225,7 +229,7 @@ class StageTraining:
             if not _finite(alone) or not _finite(gradient_norms(self._model.optimizer)):
                 blamed.append(row)
         found = (
-            f"from {self._data.blamed(step - 1, batch, blamed)}"
+            f"from {self._data.blamed(step - 1, batch, blamed)}{self._shared()}"
             if blamed
             else "no example of the batch does it alone: try another --seed or --precision float32"
         )
@@ -233,6 +237,11 @@ class StageTraining:
             f"stage {self._stage.name}, step {step}: {', '.join(broken)} not finite; {found}. The "
             "run's last checkpoint is from before"
         )
+
+    def _shared(self) -> str:
+        """Return what to say of an example if other processes took a step with one of theirs."""
+        others = self._devices.processes - 1
+        return f", or from what the {others} other --hosts name" if others else ""
 
 
 def _finite(values: Mapping[str, float]) -> bool:

@@ -30,12 +30,12 @@ class Board:
     Without the package tensorboard nothing is written: a run's curves do not need it.
 
     Args:
-        folder: folder of the stage's event files; each `Board` adds one.
+        folder: folder of the stage's event files; each `Board` adds one. None to write nothing.
     """
 
-    def __init__(self, folder: Path):
+    def __init__(self, folder: Path | None):
         self._writer: Any = None
-        if not installed():
+        if folder is None or not installed():
             return
         from tensorboard.compat.proto import event_pb2
         from tensorboard.summary.writer.record_writer import RecordWriter

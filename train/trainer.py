@@ -25,10 +25,10 @@ import keras
 import numpy as np
 
 from lime_keras.io import atomic
-from lime_keras.networks import SUBNETWORKS, build, weights
+from lime_keras.networks import SUBNETWORKS, Architecture, build, weights
 from lime_keras.networks.precision import computing_in
 
-from . import initial_weights
+from . import hosts, initial_weights
 from .budget import SAVING, Budget, Plan
 from .config import Config, check, claim, config_path
 from .data import Data
@@ -62,6 +62,8 @@ def train(
     If the config has `minutes`, the stages are first compiled and measured. Then each gets a share
     of the time left (`train.budget`), and the model trained so far is written every two minutes.
 
+    Several processes that `train.hosts` has joined train one run; each calls this function.
+
     Args:
         paths: folders of corpora with complete train splits, and of banks; training mixes them
             (`train.data.Data`).
@@ -72,7 +74,7 @@ def train(
             loaded and unfinished ones skipped.
         reuse: folder of another run, whose finished stages are copied if they are the same stages.
         start_from: trained model whose hash is `config.begun_from`; not needed to resume a run.
-        devices: number of devices that each batch is split between.
+        devices: number of devices of each process that each batch is split between.
         began: `time.monotonic()` from which on the time of this command counts; by default now.
 
     Returns:
@@ -84,7 +86,8 @@ def train(
         FileNotFoundError: if a corpus or bank is incomplete, or there is no run to reuse.
         ValueError: if the folder holds a run of another config; if a corpus or bank is too small,
             damaged, in another unit than the first, or of an image size that does not fit; if a
-            stage's name is unknown; or if the minutes are too few for a batch of each stage.
+            stage's name is unknown; if the minutes are too few for a batch of each stage; or if
+            several processes are called differently, or with minutes.
         RuntimeError: if a loss or a gradient is not finite.
     """
     began = monotonic() if began is None else began
@@ -93,29 +96,35 @@ def train(
         raise ValueError(
             f"no stage {', '.join(unknown)}: this run has {', '.join(s.name for s in stages)}"
         )
-    if devices < 1 or config.schedule.batch_size % devices:
+    process, processes = hosts.place()
+    if devices < 1 or config.schedule.batch_size % (devices * processes):
         raise ValueError(
-            f"batches of {config.schedule.batch_size} cannot be split between {devices} devices"
+            f"batches of {config.schedule.batch_size} cannot be split between "
+            f"{devices * processes} devices"
         )
+    if processes > 1 and config.minutes is not None:
+        raise ValueError("--minutes is the time of one process: leave it out beside --hosts")
     if reuse is not None and config.minutes is not None:
         raise ValueError("--reuse takes over stages of a number of batches: leave out --minutes")
     if reuse is not None and not (reuse / "stages").is_dir():
         raise FileNotFoundError(f"{reuse} holds no stages of a run to take over: check --reuse")
-    data = Data(paths, config)
-    if config.minutes is None:
-        claim(run, paths, config)
-    else:
-        check(run, config)  # it is claimed when the minutes are known to be enough
+    data = Data(paths, config, (process, processes))
+    check(run, config)
+    hosts.agree({"options or data": dataclasses.asdict(config), "--devices": devices})
+    if config.minutes is None and process == 0:
+        claim(run, paths, config)  # with minutes, when they are known to be enough
     begun: list[str] = []
     alone: dict[str, list[np.ndarray]] = {}
     split = Devices(devices)
     with split.scope():
         subnetworks = _build(config)
-        if start_from is not None:
+        if start_from is not None and split.leads:
             initial_weights.keep(start_from, run)
+        hosts.agree({"--start-from": start_from is not None})
         if config.begun_from is not None:
-            begun, alone = initial_weights.load(run, subnetworks)
+            begun, alone = initial_weights.load(run, subnetworks, record=split.leads)
     parts = _parts(run, config, stages, subnetworks, split, only, reuse)
+    hosts.agree({"checkpoints or --stages": [[part.stage.name, *part.mark] for part in parts]})
     left = [part for part in parts if not part.finished]
     known = {*begun, *(name for part in parts for name in part.stage.subnetworks)}
     untrained = [name for name in subnetworks if name not in known]
@@ -137,7 +146,8 @@ def train(
     def write() -> None:
         nonlocal written
         trained = {name: one for name, one in subnetworks.items() if name in so_far}
-        _write_model(run, config, trained, alone)
+        with split.alone():
+            _write_model(run, config, trained, alone)
         written = monotonic()
 
     def keep() -> None:
@@ -159,7 +169,8 @@ def train(
         if name in SUBNETWORKS and SUBNETWORKS[name].encoder:
             alone[name] = subnetworks[name].get_weights()
     if parts:
-        write()
+        if split.leads:
+            write()
         if evaluation is not None and (left or not evaluation_path(run).is_file()):
             evaluation.write(run)
     return untrained
@@ -205,7 +216,9 @@ def _parts(
         files = Files(run, f"{number}-{stage.name}")
         checkpoint = Checkpoint(files.checkpoint, signature)
         if reuse is not None:
-            _take_over(reuse, stage, signature, files)
+            if split.leads:
+                _take_over(reuse, stage, signature, files)
+            hosts.agree({"--reuse": stage.name})
         part = _Part(stage, model, checkpoint, files, checkpoint.mark() or Mark(0))
         if part.finished or only is None or stage.name in only:
             parts.append(part)
@@ -264,7 +277,7 @@ def _write_model(
 ) -> None:
     """Write the trained subnetworks with a copy of the run's record, in place of earlier ones."""
     with atomic.replacing(run / "model") as partial:
-        before_joining = _changed_since(alone, subnetworks)
+        before_joining = _changed_since(alone, subnetworks, config.architecture)
         weights.save(partial, config.architecture, subnetworks, before_joining)
         atomic.write(partial / "training.json", config_path(run).read_bytes())
 
@@ -276,14 +289,17 @@ def _build(config: Config) -> dict[str, keras.Model]:
 
 
 def _changed_since(
-    earlier: Mapping[str, list[np.ndarray]], subnetworks: Mapping[str, keras.Model]
+    earlier: Mapping[str, list[np.ndarray]],
+    subnetworks: Mapping[str, keras.Model],
+    architecture: Architecture,
 ) -> dict[str, keras.Model]:
     """Return copies, with the earlier weights, of the subnetworks whose weights have changed."""
     out = {}
     for name, values in earlier.items():
         now = subnetworks[name].get_weights()
         if not all(np.array_equal(one, other) for one, other in zip(values, now, strict=True)):
-            out[name] = keras.models.clone_model(subnetworks[name])
+            # Keras' own function for copies imports TensorFlow under any backend.
+            out[name] = SUBNETWORKS[name].build(architecture)
             out[name].set_weights(values)
     return out
 

@@ -15,7 +15,7 @@ import keras
 import numpy as np
 
 from lime_keras.io import atomic
-from lime_keras.networks import Architecture, build
+from lime_keras.networks import SUBNETWORKS, Architecture, build
 
 _ALONE = "alone"
 SHIPPED = Path(__file__).parents[1] / "pretrained" / "live"
@@ -68,13 +68,8 @@ def load(model: Path, *, whole: bool = True) -> tuple[Architecture, dict[str, ke
         ValueError: if a file is broken or belongs to another version of this package.
     """
     model = folder(model)
-    description = model / "architecture.json"
-    _check_present(model, description)
-    try:
-        architecture = Architecture(**json.loads(description.read_text(encoding="utf-8")))
-        subnetworks = build(architecture)
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"{description} is not of this version: {error}; train again") from error
+    architecture = _architecture(model)
+    subnetworks = build(architecture)
     if not whole:
         subnetworks = {n: s for n, s in subnetworks.items() if _weights_path(model, n).is_file()}
     _check_present(model, *(_weights_path(model, name) for name in subnetworks))
@@ -97,11 +92,12 @@ def load_alone(model: Path, subnetworks: Mapping[str, keras.Model]) -> dict[str,
     Raises:
         ValueError: if a file is broken or does not fit its subnetwork.
     """
-    out = {}
-    for name, subnetwork in subnetworks.items():
-        path = _weights_path(folder(model) / _ALONE, name)
+    model = folder(model)
+    architecture, out = _architecture(model), {}
+    for name in subnetworks:
+        path = _weights_path(model / _ALONE, name)
         if path.is_file():
-            out[name] = keras.models.clone_model(subnetwork)
+            out[name] = SUBNETWORKS[name].build(architecture)
             _read(path, out[name])
     return out
 
@@ -124,6 +120,15 @@ def folder(model: Path) -> Path:
     """Return the folder of the model: `model/` of a run of `lime-train`, else the folder itself."""
     model = Path(model)
     return model / "model" if (model / "model").is_dir() else model
+
+
+def _architecture(model: Path) -> Architecture:
+    description = model / "architecture.json"
+    _check_present(model, description)
+    try:
+        return Architecture(**json.loads(description.read_text(encoding="utf-8")))
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{description} is not of this version: {error}; train again") from error
 
 
 def _write(target: Path, name: str, network: keras.Model, half: bool) -> None:

@@ -629,8 +629,8 @@ def test_damage_stops_the_run_by_name(corpus, config, tmp_path, shard, record):
 
 def test_the_camera_is_on_unless_refused(corpus, config, finished, tmp_path, monkeypatch):
     required = [str(corpus), "--out", str(tmp_path), "--preset", "smoke"]
-    assert cli._config(cli.parser().parse_args(required)).camera
-    assert not cli._config(cli.parser().parse_args([*required, "--no-camera"])).camera
+    assert cli.config_of(cli.parser().parse_args(required)).camera
+    assert not cli.config_of(cli.parser().parse_args([*required, "--no-camera"])).camera
     clean = dataclasses.replace(config, camera=False)
     with pytest.raises(ValueError, match="camera True there, False asked"):
         trainer.train([corpus], finished, clean, _ignore)
@@ -686,7 +686,7 @@ def test_the_command_trains_some_stages_and_resumes(corpus, tmp_path, brief_smok
 def test_the_commands_ablations(corpus, tmp_path):
     def config(*options):
         required = [str(corpus), "--out", str(tmp_path), "--preset", "paper"]
-        return cli._config(cli.parser().parse_args([*required, *options]))
+        return cli.config_of(cli.parser().parse_args([*required, *options]))
 
     full = config()
     assert full.architecture == networks.PRESETS["paper"] and full.compositing
@@ -715,7 +715,7 @@ def test_the_commands_sizes(corpus, tmp_path, brief_smoke, nudged, capsys):
     architecture = dataclasses.replace(TINY, unet_width=3, size=64)
     assert Config.read(tmp_path / "run").architecture == architecture
     assert _stage(tmp_path / "run", "specular")["arr_0"].shape == (3, 3, 3, 3)
-    held = cli._config(cli.parser().parse_args([*run, "--resume"]))
+    held = cli.config_of(cli.parser().parse_args([*run, "--resume"]))
     assert held == Config.read(tmp_path / "run")
     capsys.readouterr()
     assert cli.main([*run, "--resume", "--width", "4", *stage]) == 1

@@ -1,0 +1,118 @@
+"""Two processes train one run, as one process does, and end together."""
+
+import csv
+
+import host_runs
+import keras
+import noise_bank
+import numpy as np
+import pytest
+import stage_runs
+
+from lime_keras.networks import weights
+from lime_keras.train import cli, hosts, trainer
+from lime_keras.train.devices import Devices
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    pytest.importorskip("jax")
+    folder = tmp_path_factory.mktemp("hosts")
+    noise_bank.write(folder / host_runs.BANK)
+    return folder
+
+
+def _left(folder, name):
+    with np.load(folder / f"{name}.npz") as stored:
+        return [stored[name] for name in stored.files]
+
+
+def _curve(run):
+    with (run / "curves" / "5-exponent.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    return [{name: float(row[name] or 0) for name in row if name != "seconds"} for row in rows]
+
+
+def test_two_processes_train_as_one(folder):
+    """Process 0 alone saves, which must not wait for the other; and the other writes nothing."""
+    for what in ("together", "alone"):
+        for status, told in host_runs.start(folder, what):
+            assert status == 0, told[-4000:]
+    _, saved = weights.load(folder / "together", whole=False)
+    for one, other, held, alone in zip(
+        *(_left(folder, name) for name in ("together-0", "together-1")),
+        saved["exponent"].get_weights(),
+        _left(folder, "alone-0"),
+        strict=True,
+    ):
+        np.testing.assert_array_equal(one, other)
+        np.testing.assert_array_equal(one, held)
+        np.testing.assert_allclose(one, alone, rtol=1e-4, atol=1e-6)
+    together, alone = _curve(folder / "together"), _curve(folder / "alone")
+    for row, expected in zip(together, alone, strict=True):
+        assert row == pytest.approx(expected, rel=1e-4)
+
+
+@pytest.mark.slow
+def test_processes_that_differ_end_with_the_difference(folder):
+    for index, (status, told) in enumerate(host_runs.start(folder, "disagreeing")):
+        assert status == 1
+        assert f"error: process {index} of 2: the processes of --hosts differ in options" in told
+    assert not (folder / "disagreeing").exists()
+
+
+@pytest.mark.slow
+def test_an_error_in_one_process_ends_the_other(folder):
+    (status, told), (other_status, other_told) = host_runs.start(folder, "failing")
+    assert other_status == 1 and "error: process 1 of 2: the lamp went out" in other_told
+    assert status != 0
+    assert "another process has ended" in told or "another task died" in told
+
+
+@pytest.mark.parametrize("hosts_, rows, of_each, counted", [(2, 6, 3, 1), (2, 5, 5, 1 / 2)])
+def test_each_process_takes_its_part_of_a_batch(hosts_, rows, of_each, counted, monkeypatch):
+    """Of a batch that cannot be shared out, each takes all, and each example counts once."""
+    batch = {"mask": np.arange(rows)}
+    taken, weight = [], 0.0
+    for process in range(hosts_):
+        monkeypatch.setattr(hosts, "place", lambda process=process: (process, hosts_))
+        devices = Devices(1)
+        taken += list(devices.part(batch)["mask"])
+        weights_here = keras.ops.convert_to_numpy(devices.weights(batch))
+        assert weights_here.tolist() == [counted] * of_each
+        weight += weights_here.sum()
+        assert devices.leads == (process == 0)
+    assert weight == rows
+    assert set(taken) == set(range(rows)) and len(taken) == hosts_ * of_each
+
+
+@pytest.mark.parametrize(
+    "options, expected",
+    [
+        (["--hosts", "2"], "--hosts, --host and --coordinator belong together"),
+        (["--host", "1"], "--hosts, --host and --coordinator belong together"),
+        (["--hosts", "2", "--host", "2", "--coordinator", "a:1"], "pass 0 to 1"),
+        (["--hosts", "2", "--host", "-1", "--coordinator", "a:1"], "pass 0 to 1"),
+        (["--hosts", "2", "--host", "0", "--coordinator", "a"], "a is no HOST:PORT"),
+        (["--hosts", "2", "--host", "0", "--coordinator", ":70000"], "is no HOST:PORT"),
+        (["--hosts", "2", "--host", "0", "--coordinator", "a:1"], "set KERAS_BACKEND=jax"),
+    ],
+)
+def test_options_that_do_not_join_are_refused(options, expected, tmp_path, capsys):
+    bank = noise_bank.write(tmp_path / "bank")
+    command = [str(bank), "--out", str(tmp_path / "run"), "--preset", "smoke", *options]
+    assert cli.main(command) == 1
+    assert expected in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "changes, expected",
+    [({"minutes": 5.0}, "leave it out beside --hosts"), ({}, "cannot be split between 3 devices")],
+)
+def test_what_several_processes_cannot_do_is_refused(changes, expected, tmp_path, monkeypatch):
+    count = 2 if changes else 3
+    monkeypatch.setattr(hosts, "place", lambda: (0, count))
+    bank = noise_bank.write(tmp_path / "bank")
+    config = stage_runs.config(bank, **changes)
+    with pytest.raises(ValueError, match=expected):
+        trainer.train([bank], tmp_path / "run", config, stage_runs.ignore)
