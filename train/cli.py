@@ -144,6 +144,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _train(options: argparse.Namespace) -> int:
+    console.require("lime-train", "keras")
     console.import_tensorflow()
     from . import initial_weights, summary, trainer
 
