@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 EXTRAS = {
     "train": (
-        *("tensorflow", "keras", "h5py", "tensorboard", "onnx", "tf2onnx", "matplotlib"),
+        *("tensorflow", "keras", "tensorboard", "onnx", "tf2onnx", "matplotlib"),
         *("jinja2", "markdown_it", "mpmath", "threadpoolctl"),
     ),
     "render": ("mitsuba", "trimesh", "scipy", "skimage", "matplotlib"),
@@ -156,7 +156,7 @@ def import_tensorflow() -> None:
     Raises:
         MissingExtra: if TensorFlow is not installed.
     """
-    require("this", "tensorflow")
+    require("this command", "tensorflow")
     os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
     with _standard_error_closed():
         import tensorflow as tf

@@ -171,15 +171,16 @@ def _check(options: argparse.Namespace, photos: list[Path], videos: list[str]) -
         raise ValueError("--normals and --clone-onto take the whole estimate: leave out --only")
     if options.weights:
         model_folder.files(options.weights)
-    if options.normals or options.clone_onto:
-        console.require("--normals and --clone-onto", "scipy", "skimage")
+    if options.clone_onto:
+        console.require("--clone-onto", "mitsuba", "trimesh", "scipy", "skimage")
+    if options.normals:
+        console.require("--normals", "scipy", "skimage")
     if options.clone_onto and not options.clone_onto.is_file():
         raise ValueError(f"{options.clone_onto} is no file: pass a mesh to --clone-onto")
 
 
 def _clone_onto(mesh: Path) -> "Clone":
     """Return the function that renders a material on this mesh, and set Mitsuba up for it."""
-    console.require("--clone-onto", "mitsuba", "trimesh", "scipy", "skimage")
     from lime_keras.render.mitsuba_setup import variants
 
     variants.activate(variants.choose(), os.cpu_count() or 1)

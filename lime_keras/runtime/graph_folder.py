@@ -69,7 +69,14 @@ def read(folder: Path) -> Description | None:
             for name, row in held["graphs"].items()
         }
         return Description(held["weights"], held["size"], held["system"], graphs)
-    except (FileNotFoundError, NotADirectoryError, KeyError, TypeError, ValueError):
+    except (
+        FileNotFoundError,
+        NotADirectoryError,
+        AttributeError,
+        LookupError,
+        TypeError,
+        ValueError,
+    ):
         # Without a description that can be read, the graphs are exported anew.
         return None
 
