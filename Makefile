@@ -8,8 +8,9 @@ RUN := runs/quickstart
 CORPUS := $(RUN)/corpus
 TRAIN_COUNT := 960
 TEST_COUNT := 160
+SHIPPED := lime_keras/pretrained/live
 
-.PHONY: quickstart test test-slow lint llvm clean
+.PHONY: quickstart test test-slow graphs lint llvm clean
 .DELETE_ON_ERROR:
 
 quickstart: llvm
@@ -28,6 +29,11 @@ test: llvm lint
 test-slow: .venv/development
 	$(BIN)/python -m pytest -m slow
 
+# The graphs that lime-estimate runs, of the weights that come with the package; after every change
+# of these weights.
+graphs: .venv/installed
+	$(BIN)/lime-export $(SHIPPED) --format graphs --weights $(SHIPPED)
+
 lint: .venv/development .venv/typed
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -44,7 +50,7 @@ llvm: .venv/installed
 	  || { echo "error: $(PYTHON) cannot make environments: apt-get install python3-venv"; exit 1; }
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --upgrade pip
-	$(BIN)/python -m pip install --editable .
+	$(BIN)/python -m pip install --editable '.[all]'
 	@touch $@
 
 .venv/development: .venv/installed

@@ -15,6 +15,36 @@ PACKAGE_DIR = {
     "lime_keras.eval": "eval",
 }
 
+EXTRAS = {
+    # Training, evaluation and export.
+    "train": [
+        "tensorflow>=2.20,<2.22",
+        "keras>=3.13,<3.16",
+        # What tf.summary writes through.
+        "tensorboard>=2.19,<3",
+        # tf2onnx has no maintainer: only the release that the parity tests ran on is taken.
+        "tf2onnx>=1.17,<1.18",
+        "onnx>=1.17,<2",
+        "matplotlib>=3.9,<4",
+        "jinja2>=3.1,<4",
+        "markdown-it-py>=3,<5",
+        "mpmath>=1.3,<2",
+        "threadpoolctl>=3.5,<4",
+    ],
+    # Corpora, and clones in photos. TFRecords take `train` as well.
+    "render": [
+        # 3.10 renames the parameters of meshes.
+        "mitsuba>=3.8,<3.10",
+        "trimesh>=4.5,<6",
+        # Solids with sharp edges: unions, differences, extrusions.
+        "manifold3d>=3.5,<4",
+        "scikit-image>=0.24,<1",
+        "scipy>=1.13,<2",
+        "matplotlib>=3.9,<4",
+    ],
+    "cluster": ["ray>=2.60,<3"],
+}
+
 setup(
     name="lime-keras",
     version=ABOUT["__version__"],
@@ -35,41 +65,25 @@ setup(
         "lime_keras.eval.report": ["templates/*.html"],
         "lime_keras.train": ["run.sh"],
     },
+    # What estimates; what else a command takes is an extra (`lime_keras.console.EXTRAS`).
     install_requires=[
-        "tensorflow>=2.20,<2.22",
-        "keras>=3.13,<3.16",
         "numpy>=2.0,<3",
-        # 3.10 renames the parameters of meshes.
-        "mitsuba>=3.8,<3.10",
+        "onnxruntime>=1.20,<2",
         # 3.2.2 has FLIP_diff, which is still experimental there.
         "OpenImageIO>=3.2.2,<4",
-        # tf2onnx has no maintainer: only the release that the parity tests ran on is taken.
-        "tf2onnx>=1.17,<1.18",
-        "onnx>=1.17,<2",
-        "onnxruntime>=1.20,<2",
-        "trimesh>=4.5,<6",
-        # Solids with sharp edges: unions, differences, extrusions.
-        "manifold3d>=3.5,<4",
-        # FFmpeg with it: reads and writes videos, and reads cameras.
-        "av>=17,<19",
-        "scikit-image>=0.24,<1",
         "pillow>=10.1,<13",
         # OpenImageIO's wheels are built without HEIF.
         "pillow-heif>=0.18,<2",
-        "scipy>=1.13,<2",
-        "matplotlib>=3.9,<4",
-        "jinja2>=3.1,<4",
-        "markdown-it-py>=3,<5",
-        "mpmath>=1.3,<2",
-        "threadpoolctl>=3.5,<4",
+        # FFmpeg with it: reads and writes videos, and reads cameras.
+        "av>=17,<19",
+        # The objects in a mask: SciPy, which also labels them, is 140 MB.
+        "connected-components-3d>=4,<5",
         "tqdm>=4.66,<5",
-        # What tf.summary writes through.
-        "tensorboard>=2.19,<3",
     ],
-    extras_require={
-        "cluster": ["ray>=2.60,<3"],
+    extras_require=EXTRAS
+    | {
+        "all": [requirement for extra in EXTRAS.values() for requirement in extra],
         "dev": [
-            "ray>=2.60,<3",
             "jax>=0.7,<0.11",
             "pytest>=8,<10",
             "pytest-timeout>=2.3,<3",

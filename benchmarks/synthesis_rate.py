@@ -21,7 +21,7 @@ import keras
 import numpy as np
 
 from lime_keras.data.features import LEARNT_FROM
-from lime_keras.synthesis import scenes
+from lime_keras.synthesis import backdrop, scenes
 from lime_keras.synthesis.scenes import Scenes
 
 LEAST_SECONDS = 4.0
@@ -49,8 +49,8 @@ def main() -> None:
         functools.partial(_waited, functools.partial(source.make, draws[0])),
         arguments,
     )
-    for title, name, replacement in PARTS:
-        with mock.patch.object(scenes, name, replacement):
+    for title, module, name, replacement in PARTS:
+        with mock.patch.object(module, name, replacement):
             without = _source(arguments)
             make = functools.partial(without.make, draws[0])
             _row(f"… without {title}", functools.partial(_waited, make), arguments)
@@ -97,12 +97,12 @@ def _unphotographed(radiance: Any, scene: Mapping[str, Any], _: Any) -> dict[str
 
 
 PARTS = (
-    ("mixing the lights", "mixed", _dark),
-    ("D, S and M", "layers", _unlit),
-    ("backgrounds", "backdrop.background", _grey),
-    ("the camera", "photograph", _unphotographed),
+    ("mixing the lights", scenes, "mixed", _dark),
+    ("D, S and M", scenes, "layers", _unlit),
+    ("backgrounds", backdrop, "background", _grey),
+    ("the camera", scenes, "photograph", _unphotographed),
 )
-"""Title of each part, the name of its function in `scenes`, and what takes its place."""
+"""Title of each part, module and name of its function, and what takes its place."""
 
 
 def _waited(make: Callable[[], Mapping[str, Any]]) -> None:

@@ -122,8 +122,9 @@ def _evaluate(options: argparse.Namespace, command: str) -> int:
     """Compute the requested results, write the report, print the tables, return the status."""
     out = options.out or options.weights / "eval"
     _check_writable(out)
+    console.require("lime-eval", *console.EXTRAS["train"])
     console.import_tensorflow()
-    from lime_keras.networks.weights import SHIPPED
+    from lime_keras.io.model_folder import SHIPPED
 
     from . import sections
 

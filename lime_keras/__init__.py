@@ -1,9 +1,10 @@
 """LIME: Live Intrinsic Material Estimation (CVPR 2018), in TensorFlow and Keras.
 
-`import lime_keras` is cheap: TensorFlow is imported when `Estimator` is first accessed.
-
     from lime_keras import Estimator
-    material = Estimator().estimate(image_srgb)
+    material = Estimator().estimate("photo.jpg")
+
+`import lime_keras` is cheap: NumPy and ONNX Runtime are imported when `Estimator` is first used.
+TensorFlow and Keras are imported for `Estimator(engine="keras")` alone, and once to export a run.
 """
 
 from typing import Any
@@ -14,7 +15,7 @@ __all__ = ["Estimator", "Material", "__version__"]
 
 
 def __getattr__(name: str) -> Any:
-    """Import the two public classes on first use, so that `--help` does not wait for TensorFlow."""
+    """Import the two public classes on first use, so that `--help` does not wait for NumPy."""
     if name == "Estimator":
         from lime_keras.estimate.estimator import Estimator
 

@@ -5,6 +5,7 @@ Exit statuses: 0 done, 1 failed (standard error says why), 2 wrong usage, 130 in
 
 import argparse
 import contextlib
+import importlib.util
 import os
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -13,7 +14,24 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from tqdm import tqdm
 
-_EXPECTED = (OSError, ValueError, RuntimeError)
+EXTRAS = {
+    "train": (
+        *("tensorflow", "keras", "tensorboard", "onnx", "tf2onnx", "matplotlib"),
+        *("jinja2", "markdown_it", "mpmath", "threadpoolctl"),
+    ),
+    "render": ("mitsuba", "trimesh", "manifold3d", "scipy", "skimage", "matplotlib"),
+    "cluster": ("ray",),
+}
+"""Modules that the extras of the installation bring (`setup.py`), by the extra's name."""
+EXPORTING = ("tensorflow", "keras", "onnx", "tf2onnx")
+"""Modules that an export takes."""
+
+
+class MissingExtra(ImportError):
+    """A package that is not installed, with the command that installs it."""
+
+
+_EXPECTED = (OSError, ValueError, RuntimeError, MissingExtra)
 
 
 def run(command: Callable[[], int], interrupted: str) -> int:
@@ -111,8 +129,42 @@ class Bar:
             self._bar.close()
 
 
+def require(what: str, *modules: str) -> None:
+    """Check that modules are installed; none of them is imported.
+
+    Args:
+        what: name of what needs them, the subject of the message.
+        modules: names of modules out of `EXTRAS`.
+
+    Raises:
+        MissingExtra: if one is missing, with the command that installs it.
+    """
+    missing = [module for module in modules if not _installed(module)]
+    if missing:
+        extras = [name for name, held in EXTRAS.items() if not set(missing).isdisjoint(held)]
+        # Several extras bring some modules; the first that brings all that is missing is enough.
+        whole = [name for name in extras if set(missing) <= set(EXTRAS[name])]
+        named = ",".join(whole[:1] or extras)
+        raise MissingExtra(
+            f"{what} needs {', '.join(missing)}: pip install 'lime-keras[{named}]', or '.[{named}]'"
+            " in a checkout"
+        )
+
+
+def _installed(module: str) -> bool:
+    try:
+        return importlib.util.find_spec(module) is not None
+    except ImportError:
+        return False
+
+
 def import_tensorflow() -> None:
-    """Import TensorFlow and start its runtime without the log lines it prints on every machine."""
+    """Import TensorFlow and start its runtime without the log lines it prints on every machine.
+
+    Raises:
+        MissingExtra: if TensorFlow is not installed.
+    """
+    require("this command", "tensorflow")
     os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
     with _standard_error_closed():
         import tensorflow as tf

@@ -3,6 +3,7 @@
 This module imports no other of the package, so that a command's `--help` lists the names at once.
 """
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 
@@ -51,3 +52,18 @@ NEEDED = {
 In a system that regresses the exponent, `exponent` needs `log_exponent` instead of the
 probabilities. No system has every output, so none can give every estimate.
 """
+
+
+def available(outputs: Collection[str]) -> dict[str, tuple[str, ...]]:
+    """Return the estimates that a system can give, by name, with the outputs that each needs.
+
+    Args:
+        outputs: names of all outputs that the system has.
+
+    Returns:
+        The part of `NEEDED` that these outputs can give; `exponent` needs `log_exponent` if the
+        system regresses the exponent.
+    """
+    regression = {"exponent": ("mask", "log_exponent")} if "log_exponent" in outputs else {}
+    needed = NEEDED | regression
+    return {name: parts for name, parts in needed.items() if set(parts) <= set(outputs)}

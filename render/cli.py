@@ -387,6 +387,7 @@ def _layers(options: argparse.Namespace) -> int:
 
 
 def _views(options: argparse.Namespace) -> int:
+    console.require("lime-render views", *console.EXTRAS["render"])
     from . import room_views
 
     with console.Bar("views", "picture") as bar:
@@ -456,6 +457,7 @@ def _tell(manifest: Mapping[str, Any], unit: str) -> None:
 
 
 def _render(options: argparse.Namespace) -> int:
+    console.require("lime-render", *console.EXTRAS["render"], "tensorflow")
     from .corpus.description import Description
     from .corpus.split import held_variant, render_split
     from .mitsuba_setup import variants

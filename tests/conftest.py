@@ -78,12 +78,6 @@ def tiny():
 
 
 @pytest.fixture(scope="session")
-def tiny_model(tiny, tmp_path_factory):
-    """Return the folder of an untrained tiny model; all its outputs vary with the image."""
-    return _saved(tmp_path_factory.mktemp("tiny") / "model", tiny, seed=11)
-
-
-@pytest.fixture(scope="session")
 def shared(tmp_path_factory):
     """What takes long to make, made once for all processes of a run.
 
@@ -104,6 +98,12 @@ def shared(tmp_path_factory):
         return path
 
     return folder
+
+
+@pytest.fixture(scope="session")
+def tiny_model(tiny, shared):
+    """Return the folder of an untrained tiny model, exported; its outputs vary with the image."""
+    return shared("tiny", lambda folder: _saved(folder / "model", tiny, seed=11)) / "model"
 
 
 @pytest.fixture(scope="session")
@@ -137,15 +137,17 @@ def ablation(request, tiny):
 
 
 @pytest.fixture(scope="session")
-def ablation_model(ablation, tmp_path_factory):
+def ablation_model(ablation, shared):
     """Return the folder of an untrained tiny model of each ablation (see `tiny_model`)."""
-    return _saved(tmp_path_factory.mktemp("ablation") / "model", ablation, seed=3)
+    name = ablation.description.replace(" ", "-")
+    return shared(name, lambda folder: _saved(folder / "model", ablation, seed=3)) / "model"
 
 
 def _saved(folder, architecture, seed):
-    """Save a model with random weights of a seed, chosen so that all outputs vary."""
+    """Save a model with random weights of a seed, chosen so that all outputs vary; export it."""
     import keras
 
+    from lime_keras.export.exporter import GRAPHS, export
     from lime_keras.networks import build, weights
 
     keras.utils.set_random_seed(seed)
@@ -159,4 +161,4 @@ def _saved(folder, architecture, seed):
         elif name in ("albedo", "material"):
             network.get_layer("albedos").bias.assign([0.5] * 4)
     weights.save(folder, architecture, subnetworks)
-    return folder
+    export(folder.parent, GRAPHS, folder)

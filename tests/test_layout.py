@@ -1,15 +1,21 @@
 """The import direction, and what a wheel owns."""
 
 import ast
+import email
 import itertools
+import re
 import subprocess
 import sys
 import venv
 import zipfile
+from importlib import metadata
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 
+from lime_keras import console
 from lime_keras.render import cli as render_cli
 
 ROOT = Path(__file__).parent.parent
@@ -27,8 +33,9 @@ ROWS = {
         ("version", "arrays", "console", "material", "outputs"),
         ("optics",),
         ("io", "data", "losses", "metrics", "synthesis"),
-        ("networks", "lighting"),
-        ("estimate", "export", "photo"),
+        ("networks", "lighting", "runtime"),
+        ("export",),
+        ("estimate", "photo"),
         ("video", "__init__"),
         ("commands",),
     ),
@@ -162,11 +169,14 @@ def test_help_needs_neither_tensorflow_nor_mitsuba(module, arguments):
 
 def test_the_commands_offer_what_the_library_has():
     """They repeat names, because asking the library would import TensorFlow for `--help`."""
+    from lime_keras.commands import estimate as estimate_command
     from lime_keras.commands import export as export_command
+    from lime_keras.estimate import engines
     from lime_keras.export import exporter
     from lime_keras.networks import PRESETS, precision
     from lime_keras.train import cli
 
+    assert estimate_command._ENGINES == engines.ENGINES
     assert export_command._PRECISIONS == exporter.PRECISIONS[exporter.ONNX]
     assert cli._PRECISIONS == tuple(precision.POLICIES)
     preset = next(action for action in cli.parser()._actions if action.dest == "preset")
@@ -226,14 +236,73 @@ def test_the_wheel_holds_the_four_folders(wheel):
     mapped = {f"lime_keras/{name}" for name in _checked_out("render", "train", "eval")}
     assert names == mapped | set(_checked_out("lime_keras"))
     assert "lime_keras/pretrained/live/model/albedo.weights.h5" in names
+    assert "lime_keras/pretrained/live/onnx/albedo.onnx" in names
+
+
+def test_the_extras_bring_what_the_commands_ask_for(wheel):
+    """And no more: `console.EXTRAS` names their modules."""
+    with zipfile.ZipFile(wheel) as opened:
+        name = next(name for name in opened.namelist() if name.endswith(".dist-info/METADATA"))
+        about = email.message_from_bytes(opened.read(name))
+    brought = {}
+    for text in about.get_all("Requires-Dist"):
+        requirement, _, condition = text.partition(";")
+        extra = re.search(r'extra == "(\w+)"', condition)
+        package = re.match(r"[\w.-]+", requirement)[0].lower().replace("_", "-")
+        brought.setdefault(extra and extra[1], set()).add(package)
+    packages = metadata.packages_distributions()
+    for extra, modules in console.EXTRAS.items():
+        named = {packages[module][0].lower().replace("_", "-") for module in modules}
+        assert named == brought[extra], extra
+    assert brought["all"] == set().union(*(brought[extra] for extra in console.EXTRAS))
+    heavy = {"tensorflow", "keras", "mitsuba", "scipy", "scikit-image", "matplotlib"}
+    assert not heavy & brought[None]
+
+
+def _environment(home, requirement):
+    """A clean environment with what pip installs for a requirement; returns its programs."""
+    venv.create(home, with_pip=True)
+    subprocess.run([home / "bin/python", "-m", "pip", "install", "-q", requirement], check=True)
+    return home / "bin"
+
+
+@pytest.mark.slow
+def test_the_wheel_alone_estimates(wheel, tmp_path):
+    """Without extras it is small, and what takes more says what to install."""
+    programs = _environment(tmp_path / "venv", str(wheel))
+    installed = (path for path in programs.parent.rglob("*") if path.is_file())
+    assert sum(path.stat().st_size for path in installed) < 400e6
+    photo = np.random.default_rng(0).integers(0, 256, (90, 120, 3), np.uint8)
+    Image.fromarray(photo).save(tmp_path / "photo.png")
+
+    def run(*command):
+        program = [programs / command[0], *command[1:]]
+        return subprocess.run(program, cwd=tmp_path, capture_output=True, text=True)
+
+    answer = run("lime-estimate", "photo.png")
+    assert answer.returncode == 0, answer.stderr
+    assert (tmp_path / "materials" / "photo-preview.png").is_file()
+    code = "from lime_keras import Estimator; print(Estimator().estimate('photo.png').exponent)"
+    assert 1 <= float(run("python", "-c", code).stdout) <= 1000
+    lacking = {
+        ("lime-estimate", "photo.png", "--engine", "keras"): "train",
+        ("lime-estimate", "photo.png", "--clone-onto", "photo.png"): "render",
+        ("lime-render", "corpus", "--split", "test", "--count", "2"): "train,render",
+        ("lime-train", "corpus", "--out", "run", "--preset", "smoke"): "train",
+        ("lime-eval", "--stability", "--out", "eval"): "train",
+        ("lime-export", "exported", "--format", "onnx"): "train",
+    }
+    for command, extra in lacking.items():
+        answer = run(*command)
+        assert answer.returncode == 1, command
+        assert f"pip install 'lime-keras[{extra}]'" in answer.stderr, command
 
 
 @pytest.mark.slow
 def test_the_wheel_works_from_a_clean_environment(wheel, tmp_path):
-    """Installed with everything it asks for, run from another folder."""
+    """Installed with all extras, run from another folder."""
     home = tmp_path / "venv"
-    venv.create(home, with_pip=True)
-    subprocess.run([home / "bin/python", "-m", "pip", "install", "-q", str(wheel)], check=True)
+    _environment(home, f"{wheel}[all]")
     for command in COMMANDS:
         answer = subprocess.run(
             [home / "bin" / command, "--help"], cwd=tmp_path, capture_output=True, text=True

@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from lime_keras import console
-from lime_keras.io import atomic
+from lime_keras.io import atomic, model_folder
 from lime_keras.synthesis import bank
 
 from . import cli
@@ -49,7 +49,16 @@ _PLATFORMS = ("manylinux_2_28", "manylinux_2_27", "manylinux_2_17", "manylinux20
 _BUILT_FROM = ("lime_keras", "render", "train", "eval")
 _BUILT_BY = ("setup.py", "pyproject.toml", "README.md", "LICENSE")
 _PRESETS = ("smoke", "live")
-_OF_THE_BUNDLE = ("paths", "out", "preset", "minutes", "scale_steps", "start_from", "reuse", "hosts")
+_OF_THE_BUNDLE = (
+    "paths",
+    "out",
+    "preset",
+    "minutes",
+    "scale_steps",
+    "start_from",
+    "reuse",
+    "hosts",
+)
 """Options of lime-train that the bundle passes itself, or that do not fit it."""
 _SETTINGS = b"# SETTINGS\n"
 """Line of the script that the settings of a bundle replace."""
@@ -212,7 +221,6 @@ def _bundle(options: argparse.Namespace, training: Sequence[str]) -> int:
     checked = _training_options(options, training)
     files = _files_of_banks(options.bank)
     console.import_tensorflow()
-    from lime_keras.networks import weights
 
     from .banks import Banks
 
@@ -220,8 +228,8 @@ def _bundle(options: argparse.Namespace, training: Sequence[str]) -> int:
     # What lime-train would refuse there is refused here.
     Banks(options.bank, config, (0, 1)).training(config.seed, ("image",), 0)
     if options.start_from is not None:
-        model = weights.folder(options.start_from)
-        files |= {f"start-from/{p.relative_to(model)}": p for p in weights.files(model)}
+        model = model_folder.folder(options.start_from)
+        files |= {f"start-from/{p.relative_to(model)}": p for p in model_folder.files(model)}
     settings = {
         "PYTHON_VERSION": options.python,
         "MINUTES": f"{options.minutes:g}",

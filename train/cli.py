@@ -192,6 +192,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _train(options: argparse.Namespace, began: float) -> int:
+    console.require("lime-train", "keras")
     _import_tensorflow(options.paths)
     if options.hosts is None and options.host is None and options.coordinator is None:
         return _train_here(options, began)

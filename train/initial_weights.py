@@ -13,7 +13,7 @@ from pathlib import Path
 import keras
 import numpy as np
 
-from lime_keras.io import atomic
+from lime_keras.io import atomic, model_folder
 from lime_keras.networks import weights
 
 _FOLDER, _TAKEN = "begun-from", "taken.json"
@@ -26,7 +26,7 @@ def sha256(model: Path) -> str:
         FileNotFoundError: if the folder holds no model.
     """
     digest = hashlib.sha256()
-    for path in weights.files(model):
+    for path in model_folder.files(model):
         digest.update(path.read_bytes())
     return digest.hexdigest()
 
@@ -35,9 +35,9 @@ def keep(model: Path, run: Path) -> None:
     """Copy a trained model into the run that begins with it, unless the run holds a copy."""
     if (run / _FOLDER).is_dir():
         return
-    model = weights.folder(model)
+    model = model_folder.folder(model)
     with atomic.replacing(run / _FOLDER) as partial:
-        for path in weights.files(model):
+        for path in model_folder.files(model):
             target = partial / path.relative_to(model)
             target.parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(path, target)

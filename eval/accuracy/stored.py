@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from lime_keras.data.corpus import Split
-from lime_keras.networks import Architecture, weights
+from lime_keras.io import model_folder
+from lime_keras.networks import Architecture
 
 from ..store import Store, sha256
 from .evaluate import Evaluation, evaluate
@@ -30,7 +31,7 @@ def evaluation(store: Store, model_dir: Path, corpus: Path, *, camera: bool = Fa
     split = Split(corpus, "test")
     split.shard_paths()  # Raises if the split is incomplete.
     depends_on = {
-        "weights": sha256(*weights.files(model_dir)),
+        "weights": sha256(*model_folder.files(model_dir)),
         # The manifest holds the checksums of the shards.
         "manifest": sha256(split.manifest_path),
         "camera": camera,

@@ -12,10 +12,11 @@ import numpy as np
 import onnx.utils
 
 from lime_keras.arrays import Answer
-from lime_keras.estimate import estimator
 from lime_keras.export import formats, quantisation
+from lime_keras.io import model_folder
 from lime_keras.networks import answers, assemble, weights
 from lime_keras.networks.precision import POLICIES, computing_in
+from lime_keras.outputs import available
 
 from ..store import DependsOn, Store, sha256, size
 from . import runtimes
@@ -51,7 +52,7 @@ class Run:
     def __init__(self, name: str, folder: Path, samples: Samples, store: Store):
         self.name, self.folder, self.samples = name, folder, samples
         self._store = store
-        self._files = weights.files(folder)
+        self._files = model_folder.files(folder)
 
     @functools.cached_property
     def depends_on(self) -> DependsOn:
@@ -153,7 +154,7 @@ class Run:
 
     def _count_costs(self) -> dict[str, Any]:
         architecture, subnetworks = weights.load(self.folder)
-        parts = estimator.available(subnetworks) | {EVERYTHING: answers(subnetworks)}
+        parts = available(answers(subnetworks)) | {EVERYTHING: answers(subnetworks)}
         joined = {name: assemble(subnetworks, outputs) for name, outputs in parts.items()}
         return {
             "architecture": dataclasses.asdict(architecture),

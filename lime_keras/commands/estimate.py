@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lime_keras import console
+from lime_keras.io import model_folder
+from lime_keras.io.sources import SUFFIXES, is_camera, is_video
 from lime_keras.outputs import NEEDED
 from lime_keras.version import __version__
 
@@ -15,6 +17,7 @@ if TYPE_CHECKING:
     from lime_keras.estimate.estimator import Estimator
     from lime_keras.lighting.files import Clone
 
+_ENGINES = ("onnx", "keras")
 _OF_A_FRAME = ("mask", "albedo", "exponent")
 """Parts of an estimate that a video's table and overlay show."""
 
@@ -30,6 +33,8 @@ examples:
 Photos: JPEG, PNG, HEIC, TIFF, WebP, OpenEXR, Radiance and more, up to 50 million pixels.
 The object is looked for in the whole photo and, if it is small, once more from near. A photo with
 transparency brings its own mask. A file that cannot be read is told by name; the rest is done.
+The networks run in ONNX Runtime. A RUN is exported for it once, to RUN/onnx, which takes half a
+minute and TensorFlow; --engine keras runs it as it was trained.
 
 Each photo's numbers go to standard output and to OUT/NAME.json, and into OUT/NAME.mtl (Wavefront),
 NAME.gltf (glTF 2.0, on a sphere) and NAME-mitsuba.json (a scene for mitsuba.load_dict); its layers,
@@ -66,6 +71,13 @@ def parser() -> argparse.ArgumentParser:
         type=Path,
         metavar="RUN",
         help="run of lime-train (default: the model that comes with the package)",
+    )
+    out.add_argument(
+        "--engine",
+        choices=_ENGINES,
+        default=_ENGINES[0],
+        help="what runs the networks: ONNX Runtime, for which a RUN is exported once, or Keras "
+        "(default: onnx)",
     )
     out.add_argument(
         "--out", type=Path, default=Path("materials"), metavar="DIR", help="(default: materials)"
@@ -108,16 +120,20 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _estimate(options: argparse.Namespace) -> int:
-    photos, videos = _sorted(options.sources)
+    sources, missing = _present(options.sources)
+    for source in missing:
+        print(f"error: {source} does not exist: check its name", file=sys.stderr)
+    if not sources:
+        return 1
+    photos, videos = _sorted(sources)
     _check(options, photos, videos)
     # Mitsuba must be imported before TensorFlow, or the process crashes.
     clone = _clone_onto(options.clone_onto) if options.clone_onto else None
-    console.import_tensorflow()
     from lime_keras.estimate.batch import Batch
     from lime_keras.estimate.files import distinct_names
 
     names = distinct_names([*photos, *map(_path, videos)])
-    failed = 0
+    failed = len(missing)
     if photos:
         estimator = _estimator(options, options.only)
         options.out.mkdir(parents=True, exist_ok=True)
@@ -140,10 +156,12 @@ def _estimate(options: argparse.Namespace) -> int:
 
 
 def _check(options: argparse.Namespace, photos: list[Path], videos: list[str]) -> None:
-    """Raise ValueError if options exclude each other, before anything is loaded."""
+    """Raise an error if options cannot be carried out, before anything is loaded."""
     for option, given in (("--mask", options.mask), ("--normals", options.normals)):
         if given and videos:
             raise ValueError(f"{option} is for photos, and {videos[0]} is a video: leave one out")
+        if given and not given.exists():
+            raise ValueError(f"{given} does not exist: check what is passed to {option}")
         if given and not given.is_dir() and len(photos) > 1:
             raise ValueError(
                 f"{option} {given} is one file for {len(photos)} photos: pass a folder that holds "
@@ -151,6 +169,12 @@ def _check(options: argparse.Namespace, photos: list[Path], videos: list[str]) -
             )
     if options.only and (options.normals or options.clone_onto):
         raise ValueError("--normals and --clone-onto take the whole estimate: leave out --only")
+    if options.weights:
+        model_folder.files(options.weights)
+    if options.clone_onto:
+        console.require("--clone-onto", "mitsuba", "trimesh", "scipy", "skimage")
+    if options.normals:
+        console.require("--normals", "scipy", "skimage")
     if options.clone_onto and not options.clone_onto.is_file():
         raise ValueError(f"{options.clone_onto} is no file: pass a mesh to --clone-onto")
 
@@ -167,9 +191,8 @@ def _clone_onto(mesh: Path) -> "Clone":
 
 def _estimator(options: argparse.Namespace, only: tuple[str, ...] | None) -> "Estimator":
     from lime_keras.estimate.estimator import Estimator
-    from lime_keras.networks import weights
 
-    return Estimator(options.weights or weights.SHIPPED, only)
+    return Estimator(options.weights or model_folder.SHIPPED, only, options.engine)
 
 
 def _estimate_video(estimator: "Estimator", source: str, out: Path, name: str) -> bool:
@@ -196,11 +219,15 @@ def _estimate_video(estimator: "Estimator", source: str, out: Path, name: str) -
     return True
 
 
+def _present(given: list[str]) -> tuple[list[str], list[str]]:
+    """Return the sources that are there, cameras among them, and those that do not exist."""
+    there = [is_camera(source) or os.path.exists(source) for source in given]
+    pairs = list(zip(given, there, strict=True))
+    return [s for s, found in pairs if found], [s for s, found in pairs if not found]
+
+
 def _sorted(given: list[str]) -> tuple[list[Path], list[str]]:
     """Return the photos and the videos among the sources and in the folders among them."""
-    from lime_keras.io.photo import SUFFIXES
-    from lime_keras.io.video_reader import is_camera, is_video
-
     photos: list[Path] = []
     videos: list[str] = []
     for source in given:
@@ -219,6 +246,4 @@ def _sorted(given: list[str]) -> tuple[list[Path], list[str]]:
 
 def _path(video: str) -> Path:
     """Return the path after which a video's files are named; a camera's gets a valid file name."""
-    from lime_keras.io.video_reader import is_camera
-
     return Path(video.replace(":", "-").replace("/", "-")) if is_camera(video) else Path(video)

@@ -1,9 +1,10 @@
-"""`lime-export`: write a model as SavedModel, as ONNX, or as weights in half the space."""
+"""`lime-export`: write a model as SavedModel, ONNX, weights of half the size, or graphs."""
 
 import argparse
 from pathlib import Path
 
 from lime_keras import console
+from lime_keras.io import model_folder
 from lime_keras.outputs import OUTPUTS
 from lime_keras.version import __version__
 
@@ -24,6 +25,9 @@ What is written takes `image` (B, S, S, 3), sRGB in [0, 1], any B, and answers t
       each output has one of its own name, which computes no more than it needs.
   OUT/model/
       the weights in float16, half as large, for --weights OUT of every command.
+  OUT/onnx/
+      --format graphs: an ONNX file for each subnetwork. lime-estimate runs them where OUT is RUN,
+      and makes them itself where they are missing or of other weights.
 
 It is run on fresh images, extremes among them, and compared with Keras: what is printed is the
 largest difference of each output (above 1 relative) in float32, and the mean difference over the
@@ -42,13 +46,13 @@ def parser() -> argparse.ArgumentParser:
     """Return the parser of the command's options."""
     out = argparse.ArgumentParser(
         prog="lime-export",
-        description="Write a trained model as TensorFlow SavedModel, as ONNX or as weights of half "
-        "the size, and prove it equal.",
+        description="Write a trained model as TensorFlow SavedModel, as ONNX, as weights of half "
+        "the size, or as the graphs that lime-estimate runs, and prove it equal.",
         epilog=_EXAMPLE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     out.add_argument("out", type=Path, metavar="OUT", help="folder to write to")
-    out.add_argument("--format", choices=("savedmodel", "onnx", "weights"), required=True)
+    out.add_argument("--format", choices=("savedmodel", "onnx", "weights", "graphs"), required=True)
     out.add_argument(
         "--weights",
         type=Path,
@@ -90,15 +94,15 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _export(options: argparse.Namespace) -> int:
+    console.require("lime-export", *console.EXPORTING)
     console.import_tensorflow()
     from lime_keras.export.exporter import PRECISIONS, export, target
-    from lime_keras.networks import weights
 
     precision = options.precision or PRECISIONS[options.format][0]
     differences = export(
         options.out,
         options.format,
-        options.weights or weights.SHIPPED,
+        options.weights or model_folder.SHIPPED,
         options.only,
         precision=precision,
         corpus=options.corpus,

@@ -4,7 +4,7 @@ import sys
 import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from tqdm import tqdm
@@ -12,8 +12,10 @@ from tqdm import tqdm
 from lime_keras.estimate import files
 from lime_keras.estimate.estimator import Estimator
 from lime_keras.io import photo
-from lime_keras.lighting import files as lighting_files
 from lime_keras.material import Material
+
+if TYPE_CHECKING:
+    from lime_keras.lighting.files import Clone
 
 _BATCH, _BATCH_PIXELS = 8, 25_000_000
 """Largest number of photos, and of their pixels (about 1 GB), in one batch of the networks."""
@@ -27,7 +29,7 @@ class Batch:
         out: existing folder for the files (`files.write`).
         masks: mask of the only photo, or folder with a mask of the same name for each photo; None
             to use a photo's alpha channel or else SegmentationNet.
-        light: whether to write the light of each photo as well (`lighting_files.write`).
+        light: whether to write the light of each photo as well (`lime_keras.lighting.files.write`).
         normals: file with the normals of the only photo, or folder with a file of the same name for
             each photo; None to guess the normals.
         clone: renderer of another shape in the object's place; used only with `light`.
@@ -45,7 +47,7 @@ class Batch:
         masks: Path | None = None,
         light: bool = False,
         normals: Path | None = None,
-        clone: lighting_files.Clone | None = None,
+        clone: "Clone | None" = None,
     ):
         self._estimator, self._out, self._masks = estimator, out, masks
         self._light, self._normals, self._clone = light, normals, clone
@@ -131,6 +133,9 @@ class Batch:
         text = files.write(self._out, name, path, image, material)
         try:
             if self._light:
+                # SciPy and scikit-image are large, and only the light needs them.
+                from lime_keras.lighting import files as lighting_files
+
                 normals = self._normals and _belonging(path, self._normals)
                 lighting_files.write(
                     self._out, name, image, material, normals=normals, clone=self._clone

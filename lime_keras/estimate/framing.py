@@ -7,9 +7,9 @@ they see a square around it.
 
 from typing import NamedTuple
 
+import cc3d
 import numpy as np
 import OpenImageIO as oiio
-from scipy import ndimage
 
 from lime_keras.optics import colour
 
@@ -52,11 +52,13 @@ def around(mask: np.ndarray, square: Square) -> Square:
         `square` itself if the mask shows no object, or if the largest object fills at least half
         of its side. Else a square around that object, which fills `FILL` of its side.
     """
-    found, count = ndimage.label(mask[..., 0] >= THRESHOLD)
-    if not count:
+    found = cc3d.connected_components(mask[..., 0] >= THRESHOLD, connectivity=4)
+    objects = cc3d.statistics(found)
+    # The first is what belongs to no object.
+    pixels, boxes = objects["voxel_counts"][1:], objects["bounding_boxes"][1:]
+    if not boxes:
         return square
-    largest = np.argmax(np.bincount(found.ravel())[1:])
-    box = ndimage.find_objects(found)[largest]
+    box = boxes[np.argmax(pixels)]
     extent = max(edge.stop - edge.start for edge in box)
     if extent >= _SMALLEST_FILL * len(mask):
         return square
@@ -72,12 +74,14 @@ def around_given(mask: np.ndarray) -> Square:
     Args:
         mask: coverage `(H, W, 1)` in [0, 1] in the photo's own pixels.
     """
-    box = ndimage.find_objects((mask[..., 0] >= THRESHOLD).astype(np.uint8))
+    inside = mask[..., 0] >= THRESHOLD
     square = whole(*mask.shape[:2])
-    if not box:
+    if not inside.any():
         return square
-    extent = max(edge.stop - edge.start for edge in box[0])
-    return _centred(box[0], extent, Square(0, 0, square.side), 1.0)
+    lit = (np.flatnonzero(inside.any(axis)) for axis in (1, 0))
+    box = tuple(slice(int(edge[0]), int(edge[-1]) + 1) for edge in lit)
+    extent = max(edge.stop - edge.start for edge in box)
+    return _centred(box, extent, Square(0, 0, square.side), 1.0)
 
 
 def _centred(box: tuple[slice, ...], extent: int, square: Square, scale: float) -> Square:

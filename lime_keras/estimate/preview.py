@@ -31,7 +31,7 @@ _TITLES = {
 def sphere(material: Material, size: int) -> np.ndarray:
     """Render a sphere of the material in a dark studio with three soft boxes.
 
-    The sphere is shaded by Eqs. 2–4 at twice the size and averaged.
+    The sphere is shaded by Eqs. 2–4; its rim is averaged from twice the size.
 
     Args:
         material: estimate with albedos and exponent.
@@ -48,7 +48,7 @@ def sphere(material: Material, size: int) -> np.ndarray:
         raise ValueError("a sphere needs a whole material: estimate `albedo` and `exponent`")
     # Rounded for the cache, to a twentieth of a decade: the eye sees no difference.
     log_exponent = round(20 * math.log10(max(whole.exponent, 1e-3))) / 20
-    diffuse_shading, specular_shading = _shaded(log_exponent, 2 * size)
+    diffuse_shading, specular_shading = _shaded(log_exponent, size)
     radiance = compose(
         np.asarray(whole.diffuse_albedo, np.float32),
         np.float32(whole.specular_albedo),
@@ -56,8 +56,8 @@ def sphere(material: Material, size: int) -> np.ndarray:
         diffuse_shading,
         specular_shading,
     )[0]
-    linear = np.where(disc(2 * size) > 0, np.clip(radiance, 0, 1), _BACKGROUND)
-    linear = linear.reshape(size, 2, size, 2, 3).mean((1, 3))
+    covered = disc(2 * size).reshape(size, 2, size, 2, 1).mean((1, 3))
+    linear = _BACKGROUND + covered * (np.clip(radiance, 0, 1) - _BACKGROUND)
     return colour.linear_to_srgb(linear).astype(np.float32)
 
 
@@ -66,8 +66,7 @@ def _shaded(log_exponent: float, size: int) -> tuple[np.ndarray, np.ndarray]:
     """Return D and S of the sphere in the studio, each `(1, size, size, 1)`, linear radiance."""
     light = studio_light.light()[None, ..., None].astype(np.float32)
     exponent = np.array([10.0**log_exponent], np.float32)
-    diffuse_shading, specular_shading = sphere_shading(light, exponent, size)
-    return np.array(diffuse_shading), np.array(specular_shading)
+    return sphere_shading(light, exponent, size)
 
 
 def sheet(image_srgb: np.ndarray, material: Material) -> np.ndarray:

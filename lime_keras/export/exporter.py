@@ -1,4 +1,4 @@
-"""The export of a model as SavedModel, ONNX or float16 weights, each with a parity check."""
+"""The export of a model in one of several formats, each with a parity check against Keras."""
 
 import shutil
 import tempfile
@@ -11,16 +11,19 @@ import numpy as np
 from lime_keras.arrays import Answer
 from lime_keras.data import samples
 from lime_keras.data.corpus import Split
-from lime_keras.export import formats, model_card, parity, quantisation
+from lime_keras.export import formats, graphs, model_card, parity, quantisation
 from lime_keras.export.formats import SERVED
-from lime_keras.io import atomic
+from lime_keras.io import atomic, model_folder
 from lime_keras.networks import answers, assemble, weights
+from lime_keras.runtime import graph_folder
+from lime_keras.runtime.engine import OnnxEngine
 
-SAVED_MODEL, ONNX, WEIGHTS = "savedmodel", "onnx", "weights"
+SAVED_MODEL, ONNX, WEIGHTS, GRAPHS = "savedmodel", "onnx", "weights", "graphs"
 PRECISIONS = {
     SAVED_MODEL: ("float32",),
     ONNX: ("float32", "float16", "int8"),
     WEIGHTS: ("float16",),
+    GRAPHS: ("float32",),
 }
 """Precisions of each format, its default first. Float16 weights are computed with in float32."""
 
@@ -43,7 +46,8 @@ def export(
 
     Args:
         folder: folder to write to; `target` returns the path in it.
-        model_format: `savedmodel`, `onnx`, or `weights` (`lime_keras.networks.weights.save`).
+        model_format: `savedmodel`; `onnx`; `weights` (`lime_keras.networks.weights.save`); or
+            `graphs`, which the estimator runs (`lime_keras.runtime`).
         weights_folder: run of `lime-train`, or folder of `lime_keras.networks.weights.save`.
         only: names of outputs, out of `lime_keras.networks.answers`; by default all outputs of the
             model.
@@ -65,6 +69,7 @@ def export(
     """
     precision = PRECISIONS[model_format][0] if precision is None else precision
     _check(model_format, precision, corpus, only)
+    digest = model_folder.digest(weights_folder)
     architecture, subnetworks = weights.load(weights_folder)
     known = answers(subnetworks)
     if unknown := sorted(set(only or ()) - set(known)):
@@ -76,7 +81,8 @@ def export(
     card = model_card.card(architecture, network, precision)
     images = _images(architecture.size, corpus)
     path = target(folder, model_format, precision)
-    with atomic.replacing(path) as partial:
+    # Two estimators may export the same run at once.
+    with atomic.replacing(path, shared=model_format == GRAPHS) as partial:
         if model_format == SAVED_MODEL:
             formats.write_saved_model(network, partial)
             formats.describe_saved_model(partial, card)
@@ -84,10 +90,13 @@ def export(
         elif model_format == WEIGHTS:
             weights.save(partial, architecture, subnetworks, half=True)
             formats.describe_weights(partial, card)
-            record = weights.folder(weights_folder) / "training.json"
+            record = model_folder.folder(weights_folder) / "training.json"
             if record.is_file():
                 shutil.copyfile(record, partial / record.name)
             signatures = {SERVED: assemble(weights.load(partial)[1])}
+        elif model_format == GRAPHS:
+            graphs.write(partial, architecture, subnetworks, digest)
+            signatures = {SERVED: _joined(partial)}
         else:
             _write_onnx(network, partial, precision, corpus)
             formats.describe_onnx(partial, card)
@@ -99,13 +108,16 @@ def export(
 def target(folder: Path, model_format: str, precision: str = "float32") -> Path:
     """Return the path that `export` writes.
 
-    It is an ONNX file, a SavedModel's folder inside a folder of versions, or a folder of weights.
-    In the last case every command takes `folder` as its `--weights`.
+    It is an ONNX file, a SavedModel's folder inside a folder of versions, a folder of weights, or a
+    folder of graphs. With weights, every command takes `folder` as its `--weights`; graphs are used
+    where `folder` is the run that they were exported from.
     """
     if model_format == SAVED_MODEL:
         return folder / "saved_model" / _VERSION
     if model_format == WEIGHTS:
         return folder / "model"
+    if model_format == GRAPHS:
+        return folder / "onnx"
     return folder / ("lime.onnx" if precision == "float32" else f"lime-{precision}.onnx")
 
 
@@ -118,8 +130,17 @@ def _check(
         )
     if precision == "int8" and corpus is None:
         raise ValueError("int8 is calibrated on pictures: pass a corpus of `lime-render`")
-    if model_format == WEIGHTS and only is not None:
-        raise ValueError("weights are those of a whole model: leave out what is to be answered")
+    if model_format in (WEIGHTS, GRAPHS) and only is not None:
+        raise ValueError(f"{model_format} are of a whole model: leave out what is to be answered")
+
+
+def _joined(folder: Path) -> Answer:
+    """Return the answer of a folder of graphs."""
+    description = graph_folder.read(folder)
+    if description is None:
+        raise ValueError(f"{folder} holds no graphs: export them")
+    engine = OnnxEngine(folder, description)
+    return lambda images: engine.run(engine.outputs, {"image": images})
 
 
 def _images(size: int, corpus: Path | None) -> dict[str, np.ndarray]:

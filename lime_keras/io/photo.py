@@ -4,20 +4,20 @@ import contextlib
 import io
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import OpenImageIO as oiio
 
 from lime_keras.optics import colour
 
+if TYPE_CHECKING:
+    from PIL import Image
+
 LARGEST = 50_000_000
 """Largest number of pixels that a photo may have; such a photo takes 6 GB of memory."""
 SMALLEST = 16
 """Smallest number of pixels on a photo's shorter side; fewer show no object's shading."""
-SUFFIXES = tuple(
-    ".jpg .jpeg .png .heic .heif .exr .hdr .tif .tiff .webp .jp2 .jxl .bmp .gif .tga .ppm".split()
-)
-"""Suffixes of the files in a folder that count as photos; a named file may have any suffix."""
 _HEIF = (".heic", ".heif", ".hif")
 _LINEAR_FORMATS = ("openexr", "hdr")
 _LINEAR_SPACES = ("lin", "scene_linear")
@@ -49,6 +49,36 @@ def read(path: str | Path) -> tuple[np.ndarray, np.ndarray | None]:
     if alpha is not None:
         alpha = np.clip(alpha, 0, 1) if np.min(alpha) < 1 else None
     return np.clip(pixels, 0, 1).astype(np.float32), alpha
+
+
+def from_pil(image: "Image.Image") -> tuple[np.ndarray, np.ndarray | None]:
+    """Return the pixels of a PIL image as `read` returns those of a file.
+
+    EXIF rotation and a colour profile that the image brings are applied.
+
+    Args:
+        image: image of 8 bits a channel, of any mode.
+
+    Raises:
+        ValueError: if the image is empty, or has a mode of more bits, whose range is not known.
+    """
+    from PIL import ImageOps
+
+    if image.mode.startswith(("I", "F")):
+        raise ValueError(
+            f"a PIL image of mode {image.mode} has no known range: pass its path, or an array of "
+            "floats in [0, 1]"
+        )
+    if 0 in image.size:
+        raise ValueError("a PIL image without pixels shows nothing: check how it was made")
+    image = ImageOps.exif_transpose(image)
+    profile, transparent = image.info.get("icc_profile"), image.has_transparency_data
+    levels = np.asarray(image.convert("RGBA" if transparent else "RGB"), np.float32)
+    pixels, alpha = levels[..., :3] / np.float32(255), levels[..., 3:] / np.float32(255)
+    pixels = _from_profile(pixels, profile)
+    if not transparent or np.min(alpha) == 1:
+        return pixels, None
+    return pixels * alpha, alpha
 
 
 def read_srgb(path: str | Path) -> np.ndarray:

@@ -12,13 +12,7 @@ import av
 import numpy as np
 from av import device
 
-CAMERA = "camera:"
-"""Prefix of a camera's name: `camera:0`, `camera:/dev/video2`, `camera:FaceTime HD Camera`."""
-EXTENSIONS = (
-    *(".mp4", ".m4v", ".mov", ".3gp", ".mkv", ".webm", ".avi", ".wmv"),
-    *(".mpg", ".mpeg", ".ts", ".mts", ".m2ts", ".ogv"),
-)
-"""Suffixes of files that count as videos; FFmpeg itself looks only at a file's content."""
+from lime_keras.io.sources import CAMERA, is_camera
 
 _DEVICES = {"linux": "v4l2", "darwin": "avfoundation", "win32": "dshow"}
 """Name of FFmpeg's camera interface, by `sys.platform`."""
@@ -41,16 +35,6 @@ class Frame:
 
     image_srgb: np.ndarray
     time: float
-
-
-def is_video(source: str) -> bool:
-    """Return whether `source` names a camera or a video file."""
-    return is_camera(source) or Path(source).suffix.lower() in EXTENSIONS
-
-
-def is_camera(source: str) -> bool:
-    """Return whether `source` names a camera."""
-    return source.startswith((CAMERA, "/dev/video"))
 
 
 class Footage:

@@ -15,11 +15,10 @@ import keras
 import numpy as np
 
 from lime_keras.io import atomic
+from lime_keras.io.model_folder import ARCHITECTURE, WEIGHTS, check_present, folder
 from lime_keras.networks import SUBNETWORKS, Architecture, build
 
 _ALONE = "alone"
-SHIPPED = Path(__file__).parents[1] / "pretrained" / "live"
-"""Folder of the model that comes with the package, used where no other model is named."""
 
 
 def save(
@@ -41,15 +40,15 @@ def save(
         half: whether to write float16 weights, in half the space; `load` reads them like others.
     """
     alone = {} if alone is None else alone
-    for path in (model / _ALONE).glob("*.weights.h5"):
-        if path.name.removesuffix(".weights.h5") not in alone:
+    for path in (model / _ALONE).glob(f"*{WEIGHTS}"):
+        if path.name.removesuffix(WEIGHTS) not in alone:
             path.unlink()
     # The architecture comes last: only a folder that has one holds a model.
     for target, networks in ((model / _ALONE, alone), (model, subnetworks)):
         for name, network in networks.items():
             _write(target, name, network, half)
     text = json.dumps(dataclasses.asdict(architecture), indent=2)
-    atomic.write(model / "architecture.json", text + "\n")
+    atomic.write(model / ARCHITECTURE, text + "\n")
 
 
 def load(model: Path, *, whole: bool = True) -> tuple[Architecture, dict[str, keras.Model]]:
@@ -72,7 +71,7 @@ def load(model: Path, *, whole: bool = True) -> tuple[Architecture, dict[str, ke
     subnetworks = build(architecture)
     if not whole:
         subnetworks = {n: s for n, s in subnetworks.items() if _weights_path(model, n).is_file()}
-    _check_present(model, *(_weights_path(model, name) for name in subnetworks))
+    check_present(model, *(_weights_path(model, name) for name in subnetworks))
     for name, subnetwork in subnetworks.items():
         _read(_weights_path(model, name), subnetwork)
     return architecture, subnetworks
@@ -102,29 +101,9 @@ def load_alone(model: Path, subnetworks: Mapping[str, keras.Model]) -> dict[str,
     return out
 
 
-def files(model: Path) -> list[Path]:
-    """Return all files that `load` and `load_alone` read, in a fixed order.
-
-    Args:
-        model: folder of the trained model (see `load`).
-
-    Raises:
-        FileNotFoundError: if the folder holds no model.
-    """
-    model = folder(model)
-    _check_present(model, model / "architecture.json")
-    return [model / "architecture.json", *sorted(model.rglob("*.weights.h5"))]
-
-
-def folder(model: Path) -> Path:
-    """Return the folder of the model: `model/` of a run of `lime-train`, else the folder itself."""
-    model = Path(model)
-    return model / "model" if (model / "model").is_dir() else model
-
-
 def _architecture(model: Path) -> Architecture:
-    description = model / "architecture.json"
-    _check_present(model, description)
+    description = model / ARCHITECTURE
+    check_present(model, description)
     try:
         return Architecture(**json.loads(description.read_text(encoding="utf-8")))
     except (TypeError, ValueError) as error:
@@ -162,13 +141,4 @@ def _read(path: Path, network: keras.Model) -> None:
 
 
 def _weights_path(model: Path, name: str) -> Path:
-    return model / f"{name}.weights.h5"
-
-
-def _check_present(model: Path, *paths: Path) -> None:
-    missing = [path for path in paths if not path.is_file()]
-    if missing:
-        raise FileNotFoundError(
-            f"{missing[0]} is missing, so {model} holds no trained model: pass a folder that "
-            "`lime-train` wrote to the end"
-        )
+    return model / f"{name}{WEIGHTS}"

@@ -8,7 +8,8 @@ rings and each frequency. The energy of the stored light is spread over a polar 
 and multiplied with the lobe there. The result is the shading on the same grid of normals, which is
 read at the pixels. Spreading and reading use cubic interpolation.
 
-Everything is written in `keras.ops`, so a training step of any backend can compute its targets.
+Everything is written for NumPy arrays and for tensors in `keras.ops`, so a training step of any
+backend can compute its targets, and a preview needs no Keras.
 """
 
 import functools
@@ -17,8 +18,8 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from keras import ops
 
+from lime_keras.arrays import namespace
 from lime_keras.optics.compositing import compose
 from lime_keras.optics.environment import STORED_SHAPE, directions, solid_angles
 from lime_keras.optics.shading import normaliser
@@ -62,12 +63,12 @@ def reflectance_map(
         Linear RGB radiance `(B, size, size, 3)`, top row first, 0 outside `disc(size)`.
     """
     composed = compose(
-        ops.cast(diffuse_albedo, "float32"),
-        ops.cast(specular_albedo, "float32"),
-        ops.cast(ambient, "float32"),
+        _single(diffuse_albedo),
+        _single(specular_albedo),
+        _single(ambient),
         *sphere_shading(environment, shininess, size),
     )
-    return composed * ops.convert_to_tensor(disc(size))
+    return composed * disc(size)
 
 
 def true_reflectance_map(batch: Mapping[str, Any]) -> Any:
@@ -99,10 +100,24 @@ def sphere_shading(environment: Any, shininess: Any, size: int) -> tuple[Any, An
         D and S, each linear radiance `(B, size, size, 1)`; the values outside `disc(size)` have no
         meaning.
     """
-    exponent = ops.minimum(ops.cast(ops.reshape(shininess, (-1,)), "float32"), _LARGEST_EXPONENT)
-    shading = ops.map(lambda one: _shading(one[0], one[1], size), (_energy(environment), exponent))
-    lobe_scale = ops.reshape(normaliser(exponent), (-1, 1, 1, 1))
+    xp = namespace(environment, shininess)
+    exponent = xp.minimum(xp.reshape(_single(shininess), (-1,)), _LARGEST_EXPONENT)
+    energy = _energy(environment)
+    if xp is np:
+        shading = np.stack([_shading(*one, size) for one in zip(energy, exponent, strict=True)])
+    else:
+        shading = xp.map(lambda one: _shading(one[0], one[1], size), (energy, exponent))
+    lobe_scale = xp.reshape(normaliser(exponent), (-1, 1, 1, 1))
     return shading[..., :1], shading[..., 1:] * lobe_scale
+
+
+def _single(values: Any) -> Any:
+    """Return values in single precision, arrays and tensors alike."""
+    if namespace(values) is np:
+        return np.asarray(values, np.float32)
+    from keras import ops
+
+    return ops.cast(values, "float32")
 
 
 def disc(size: int) -> np.ndarray:
@@ -113,36 +128,42 @@ def disc(size: int) -> np.ndarray:
 
 def _energy(radiance: Any) -> Any:
     """Return the energies `(B, rings, angles)`, on half vectors, of maps `(B, 64, 128, 1)`."""
+    xp = namespace(radiance)
     node, weight = _spread()
-    texels = ops.reshape(ops.cast(radiance, "float32"), (-1, len(node)))
+    texels = xp.reshape(_single(radiance), (-1, len(node)))
     # A row for each corner and texel, a column for each example.
-    shares = ops.expand_dims(ops.transpose(texels), 1) * weight[..., None]
-    shares = ops.reshape(shares, (node.size, -1))
+    shares = xp.expand_dims(xp.transpose(texels), 1) * weight[..., None]
+    shares = xp.reshape(shares, (node.size, -1))
     rings = _RINGS + _MARGIN
-    spread = ops.segment_sum(shares, node.reshape(-1), num_segments=rings * _ANGLES)
-    return ops.reshape(ops.transpose(spread), (-1, rings, _ANGLES))
+    if xp is np:
+        spread = np.zeros((rings * _ANGLES, shares.shape[1]), np.float32)
+        np.add.at(spread, node.reshape(-1), shares)
+    else:
+        spread = xp.segment_sum(shares, node.reshape(-1), num_segments=rings * _ANGLES)
+    return xp.reshape(xp.transpose(spread), (-1, rings, _ANGLES))
 
 
 def _shading(energy: Any, exponent: Any, size: int) -> Any:
     """Return D and S / c(s), `(size, size, 2)`, of one example's energies `(rings, angles)`."""
+    xp = namespace(energy)
     rings, frequencies = _RINGS + _MARGIN, _ANGLES // 2 + 1
     log_lobe, diffuse = _kernels()
     analysis, synthesis, even = _fourier()
     # At s = 0 the lobe is still dark where i·n ≤ 0.
-    lobe = ops.exp(ops.maximum(exponent, 1e-6) * log_lobe)
-    specular = ops.reshape(ops.matmul(even, lobe), (frequencies, rings, rings))
-    waves = ops.reshape(ops.matmul(energy, analysis), (rings, 2, frequencies))
-    waves = ops.transpose(waves, (2, 0, 1))
-    shaded = ops.stack([ops.matmul(diffuse, waves), ops.matmul(specular, waves)])
-    shaded = ops.reshape(ops.transpose(shaded, (0, 2, 3, 1)), (2 * rings, 2 * frequencies))
-    polar = ops.reshape(ops.matmul(shaded, synthesis), (2, rings * _ANGLES))
+    lobe = xp.exp(xp.maximum(exponent, 1e-6) * log_lobe)
+    specular = xp.reshape(xp.matmul(even, lobe), (frequencies, rings, rings))
+    waves = xp.reshape(xp.matmul(energy, analysis), (rings, 2, frequencies))
+    waves = xp.transpose(waves, (2, 0, 1))
+    shaded = xp.stack([xp.matmul(diffuse, waves), xp.matmul(specular, waves)])
+    shaded = xp.reshape(xp.transpose(shaded, (0, 2, 3, 1)), (2 * rings, 2 * frequencies))
+    polar = xp.reshape(xp.matmul(shaded, synthesis), (2, rings * _ANGLES))
     node, weight = _pixels(size)
-    found = ops.take(ops.transpose(ops.maximum(polar, 0.0)), node, axis=0)
-    value = ops.sum(found * weight[..., None], axis=1)
+    found = xp.take(xp.transpose(xp.maximum(polar, 0.0)), node, axis=0)
+    value = xp.sum(found * weight[..., None], axis=1)
     # At the foot of a highlight the cubic falls below its nodes. The least of the four nodes around
     # the pixel is therefore the lower limit.
-    value = ops.maximum(value, ops.min(ops.take(found, [5, 6, 9, 10], axis=1), axis=1))
-    return ops.reshape(value, (size, size, 2))
+    value = xp.maximum(value, xp.min(xp.take(found, [5, 6, 9, 10], axis=1), axis=1))
+    return xp.reshape(value, (size, size, 2))
 
 
 @functools.cache

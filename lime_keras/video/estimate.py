@@ -22,7 +22,8 @@ from typing import Protocol
 import numpy as np
 from tqdm import tqdm
 
-from lime_keras.io.video_reader import Footage, Frame, is_camera
+from lime_keras.io.sources import is_camera
+from lime_keras.io.video_reader import Footage, Frame
 from lime_keras.io.video_writer import Movie
 from lime_keras.material import Material
 from lime_keras.video.overlay import draw
@@ -39,7 +40,7 @@ COLUMNS = (
 class Estimates(Protocol):
     """An estimator of single frames, such as `lime_keras.Estimator`."""
 
-    def estimate(self, image_srgb: np.ndarray) -> Material:
+    def estimate(self, photo: np.ndarray, /) -> Material:
         """Estimate the material of the object in a frame `(H, W, 3)`, float32 sRGB in [0, 1]."""
 
 

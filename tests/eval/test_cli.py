@@ -448,7 +448,7 @@ def test_a_file_in_the_place_of_out_is_refused_at_once(corpus, run, tmp_path, ca
 
 def test_a_corpus_alone_measures_the_packages_own_model(corpus, run, tmp_path, monkeypatch):
     measured = []
-    monkeypatch.setattr("lime_keras.networks.weights.SHIPPED", run)
+    monkeypatch.setattr("lime_keras.io.model_folder.SHIPPED", run)
     monkeypatch.setattr(
         sections, "evaluation", lambda out, model, *_, **__: measured.append(model) or ""
     )

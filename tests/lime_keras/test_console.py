@@ -1,7 +1,9 @@
 """Exit statuses, errors in one line, argument types, and a standard error that comes back."""
 
 import argparse
+import functools
 import os
+import sys
 
 import pytest
 
@@ -66,6 +68,57 @@ def test_a_bar_appears_with_the_first_news_and_ends_with_the_last(capsys):
         assert "rooms:  30%" in told
         assert "40/40" in told and "loss=0.3" in told and told.endswith("\n")
     assert capsys.readouterr() == ("", "")
+
+
+@pytest.fixture
+def without(monkeypatch):
+    """A function that keeps modules away."""
+
+    class Away:
+        def __init__(self, names):
+            self.names = names
+
+        def find_spec(self, name, path=None, target=None):
+            if name in self.names:
+                raise ModuleNotFoundError(f"No module named {name!r}")
+
+    def keep_away(*names):
+        monkeypatch.setattr(sys, "meta_path", [Away(names), *sys.meta_path])
+        for name in names:
+            monkeypatch.delitem(sys.modules, name, raising=False)
+
+    return keep_away
+
+
+@pytest.mark.parametrize(
+    ("missing", "told"),
+    [
+        (["keras"], "needs keras: pip install 'lime-keras[train]', or '.[train]' in a checkout"),
+        (["matplotlib"], "needs matplotlib: pip install 'lime-keras[train]', or"),
+        (["scipy", "matplotlib"], "needs matplotlib, scipy: pip install 'lime-keras[render]', or"),
+        (["keras", "scipy"], "needs keras, scipy: pip install 'lime-keras[train,render]', or"),
+    ],
+)
+def test_a_missing_extra_is_told_with_the_command_that_installs_it(missing, told, without, capsys):
+    console.require("lime-some", "keras", "matplotlib", "scipy")
+    without(*missing)
+    needs = functools.partial(console.require, "lime-some", "keras", "matplotlib", "scipy")
+    with pytest.raises(console.MissingExtra):
+        needs()
+    assert console.run(needs, "nothing lost") == 1
+    assert capsys.readouterr().err.startswith(f"error: lime-some {told}")
+
+
+def test_what_is_required_is_not_imported(tmp_path, monkeypatch):
+    (tmp_path / "never_imported.py").write_text("raise SystemExit")
+    monkeypatch.syspath_prepend(tmp_path)
+    console.require("lime-some", "never_imported")
+
+
+def test_tensorflow_that_is_missing_is_told(without):
+    without("tensorflow")
+    with pytest.raises(console.MissingExtra, match=r"needs tensorflow: pip .*\[train\]"):
+        console.import_tensorflow()
 
 
 def test_standard_error_is_closed_for_a_while(capfd):

@@ -83,7 +83,7 @@ class TrialSystem:
     @functools.cached_property
     def estimator(self) -> Estimator:
         """The estimator of the public interface with these weights."""
-        return Estimator(self.folder)
+        return Estimator(self.folder, engine="keras")
 
     def answers(self, precision: Precision, batch: np.ndarray) -> Answers:
         """Return the network's outputs for images `(B, S, S, 3)` in a precision."""

@@ -10,7 +10,7 @@ from keras import ops
 
 from lime_keras import losses, metrics
 from lime_keras.data import records
-from lime_keras.estimate import estimator
+from lime_keras.estimate import pictures
 from lime_keras.eval.stability import suite
 from lime_keras.eval.stability.trials.verdicts import Verdict
 from lime_keras.export import exporter, formats
@@ -295,7 +295,7 @@ BROKEN = {
     "photos unchecked": ("photo read: ", photo, "np", NumPy(isfinite=np.ones_like)),
     "estimates unchecked": (
         "fresh LIME: a NaN pixel",
-        estimator,
+        pictures,
         "np",
         NumPy(all=lambda values: True),
     ),

@@ -1,17 +1,20 @@
 """The command: files and folders in, files out, and what it says about those that fail."""
 
 import json
+import subprocess
+import sys
 
+import clips
 import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from lime_keras import Estimator
+from lime_keras import Estimator, console
 from lime_keras.commands import estimate as estimate_cli
-from lime_keras.estimate.estimator import available
+from lime_keras.io import model_folder
 from lime_keras.io.photo import read_srgb, write
-from lime_keras.networks import weights
-from lime_keras.outputs import NEEDED
+from lime_keras.networks import answers, weights
+from lime_keras.outputs import NEEDED, available
 
 
 def photo(shape, seed=0):
@@ -20,7 +23,7 @@ def photo(shape, seed=0):
 
 def lacking(model):
     """What a model cannot estimate."""
-    return set(NEEDED) - set(available(weights.load(model)[1]))
+    return set(NEEDED) - set(available(answers(weights.load(model)[1])))
 
 
 @pytest.fixture
@@ -72,7 +75,7 @@ def test_a_folder_without_pictures_is_told(tmp_path, tiny_model, capsys):
 def test_without_weights_the_packages_own_are_used(
     folder, tiny_model, tmp_path, monkeypatch, capsys
 ):
-    monkeypatch.setattr(weights, "SHIPPED", tiny_model)
+    monkeypatch.setattr(model_folder, "SHIPPED", tiny_model)
     arguments = [str(folder / "a.png"), "--only", "albedo", "--out", str(tmp_path / "out")]
     assert estimate_cli.main(arguments) == 0
     expected = Estimator(tiny_model, ["albedo"]).estimate(read_srgb(folder / "a.png"))
@@ -156,7 +159,90 @@ def test_the_command_writes_what_an_ablation_answers(ablation, ablation_model, t
 
 def test_the_command_says_what_an_ablation_cannot(ablation, ablation_model, tmp_path, capsys):
     name = min(lacking(ablation_model))
-    arguments = ["photo.png", "--weights", str(ablation_model), "--only", name]
+    write(tmp_path / "photo.png", photo((40, 90)))
+    arguments = [str(tmp_path / "photo.png"), "--weights", str(ablation_model), "--only", name]
     assert estimate_cli.main([*arguments, "--out", str(tmp_path / "out")]) == 1
     assert f"{ablation.description}; choose from mask" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+# What is loaded.
+
+ALONE = """
+import sys
+
+class Away:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in {away}:
+            raise ModuleNotFoundError("No module named " + repr(name))
+
+sys.meta_path.insert(0, Away())
+from lime_keras.commands.estimate import main
+status = main(sys.argv[1:])
+loaded = {light} & set(sys.modules)
+assert not loaded, loaded
+sys.exit(status)
+"""
+EXTRA = {module for modules in console.EXTRAS.values() for module in modules} | {"drjit", "h5py"}
+
+
+def alone(*arguments, light=()):
+    """Run the command in a process without what the extras bring; `light` must not be loaded."""
+    code = ALONE.format(away=EXTRA, light=set(light) or "set()")
+    command = [sys.executable, "-c", code, *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True)
+
+
+def test_photos_and_videos_take_nothing_of_the_extras(folder, tmp_path):
+    clip = clips.write(tmp_path / "clip.mkv", clips.noise(2, (32, 32)))
+    answer = alone(folder / "a.png", clip, "--out", tmp_path / "out")
+    assert answer.returncode == 0, answer.stderr
+    assert json.loads((tmp_path / "out" / "a.json").read_text())["specular_albedo"] >= 0
+    assert (tmp_path / "out" / "a-preview.png").is_file()
+    assert (tmp_path / "out" / "clip-overlay.mp4").is_file()
+
+
+def test_a_photo_takes_no_video_library(folder, tmp_path):
+    answer = alone(folder / "a.png", "--out", tmp_path / "out", light=["av", "pillow_heif"])
+    assert answer.returncode == 0, answer.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["none.png", "gone.mp4"], "none.png does not exist"),
+        (["HERE", "--mask", "none.png"], "none.png does not exist: check what is passed to --mask"),
+        (["HERE", "--weights", "none"], "none holds no trained model"),
+        (["HERE", "--clone-onto", "HERE"], "needs mitsuba, trimesh, scipy, skimage: pip install"),
+        (["HERE", "--normals", "HERE"], "needs scipy, skimage: pip install 'lime-keras[render]'"),
+    ],
+    ids=["photo", "mask", "weights", "clone", "normals"],
+)
+def test_what_cannot_be_done_is_told_before_anything_is_loaded(arguments, told, folder, tmp_path):
+    given = [str(folder / "a.png") if name == "HERE" else name for name in arguments]
+    light = ["numpy", "onnxruntime", "OpenImageIO", "PIL"]
+    answer = alone(*given, "--out", tmp_path / "out", light=light)
+    assert answer.returncode == 1
+    assert told in answer.stderr and "Traceback" not in answer.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_keras_engine_that_is_missing_is_told(folder, tmp_path):
+    answer = alone(folder / "a.png", "--engine", "keras", "--out", tmp_path / "out")
+    assert answer.returncode == 1
+    assert "the Keras engine needs keras: pip install 'lime-keras[train]'" in answer.stderr
+
+
+def test_the_engines_give_the_same_files(folder, tiny_model, tmp_path, capsys):
+    for engine in ("onnx", "keras"):
+        arguments = (folder / "a.png", "--engine", engine)
+        assert run(*arguments, weights_folder=tiny_model, out=tmp_path / engine) == 0
+    names = {path.name for path in (tmp_path / "onnx").iterdir()}
+    assert names == {path.name for path in (tmp_path / "keras").iterdir()}
+    one, other = (json.loads((tmp_path / e / "a.json").read_text()) for e in ("onnx", "keras"))
+    assert one.keys() == other.keys()
+    for name in set(one) - {"photo"}:
+        np.testing.assert_allclose(one[name], other[name], rtol=1e-4, atol=1e-5)
+    for name in filter(lambda name: name.endswith(".png"), names):
+        first, second = (read_srgb(tmp_path / e / name) for e in ("onnx", "keras"))
+        np.testing.assert_allclose(first, second, atol=1.01 / 255)

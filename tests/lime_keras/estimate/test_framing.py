@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy import ndimage
 
 from lime_keras.estimate import framing
 from lime_keras.estimate.framing import Square
@@ -59,6 +60,42 @@ def test_the_largest_object_counts():
     square = framing.around(mask, Square(0, 0, 128))
     assert square.top + square.side / 2 == pytest.approx(30, abs=1)
     assert square.left + square.side / 2 == pytest.approx(30, abs=1)
+
+
+def test_the_largest_object_is_the_one_that_scipy_finds():
+    """Of objects that touch at corners alone, too, and of the first of two of one size."""
+    rng, near = np.random.default_rng(0), 0
+    for _ in range(200):
+        mask = (rng.uniform(size=(24, 24, 1)) < rng.uniform(0, 0.6)).astype(np.float32)
+        labels, count = ndimage.label(mask[..., 0])
+        found = framing.around(mask, Square(0, 0, 240))
+        if not count:
+            assert found == (0, 0, 240)
+            continue
+        rows, columns = ndimage.find_objects(labels)[np.argmax(np.bincount(labels.flat)[1:])]
+        extent = max(rows.stop - rows.start, columns.stop - columns.start)
+        near += extent < 12
+        if extent >= 12:
+            assert found == (0, 0, 240)
+            continue
+        assert found.side == round(extent * 10 / framing.FILL)
+        assert found.top == round(5 * (rows.start + rows.stop) - found.side / 2)
+        assert found.left == round(5 * (columns.start + columns.stop) - found.side / 2)
+    assert 50 < near < 200
+
+
+def test_the_square_around_a_given_mask_holds_all_of_it():
+    rng = np.random.default_rng(1)
+    for _ in range(100):
+        mask = (rng.uniform(size=(30, 50, 1)) < rng.uniform(0.001, 0.02)).astype(np.float32)
+        if not mask.any():
+            continue
+        rows, columns = ndimage.find_objects(mask[..., 0].astype(int))[0]
+        extent = max(rows.stop - rows.start, columns.stop - columns.start)
+        square = framing.around_given(mask)
+        assert square.side == max(1, round(extent / framing.FILL))
+        assert square.top == round((rows.start + rows.stop) / 2 - square.side / 2)
+        assert square.left == round((columns.start + columns.stop) / 2 - square.side / 2)
 
 
 @pytest.mark.parametrize("value", [0.0, 0.49])

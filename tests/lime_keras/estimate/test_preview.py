@@ -8,6 +8,7 @@ from lime_keras.estimate import preview
 from lime_keras.material import Material
 from lime_keras.optics import colour, shading, studio_light
 from lime_keras.optics.compositing import compose
+from lime_keras.optics.reflectance_map import disc
 
 
 def material(diffuse, specular, exponent, **fields):
@@ -35,6 +36,17 @@ def test_the_sphere_is_eq_4_under_the_studio(exponent):
     expected = compose(*albedos, *(part[None, :, None, None] for part in lit))[0, :, 0]
     difference = np.abs(colour.srgb_to_linear(found[inside]) - np.clip(expected, 0, 1))
     assert difference.mean() < 0.02
+
+
+def test_the_rim_is_averaged_from_twice_the_size():
+    """Above, where all is lit, white only differs by the grey beside it."""
+    size = 24
+    white = preview.sphere(material([1e6, 1e6, 1e6], 0.0, 1.0), size)
+    found = colour.srgb_to_linear(white)[..., 0]
+    covered = disc(2 * size).reshape(size, 2, size, 2).mean((1, 3))
+    expected = covered + (1 - covered) * found[0, 0]
+    np.testing.assert_allclose(found[: size // 2], expected[: size // 2], atol=1e-4)
+    assert len(np.unique(covered)) > 3
 
 
 def test_the_sphere_lies_on_grey():

@@ -11,6 +11,7 @@ import sphere_corpus
 from lime_keras import __version__
 from lime_keras.commands import export as export_cli
 from lime_keras.export import exporter, formats, parity, quantisation
+from lime_keras.io import model_folder
 from lime_keras.networks import answers, assemble, weights
 from lime_keras.outputs import OUTPUTS
 
@@ -188,7 +189,7 @@ def test_weights_in_half_the_space_are_used_as_any(tiny_model, network, tmp_path
 
 
 def test_without_weights_the_packages_own_are_exported(tiny_model, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(weights, "SHIPPED", tiny_model)
+    monkeypatch.setattr(model_folder, "SHIPPED", tiny_model)
     assert export_cli.main([str(tmp_path), "--format", "weights"]) == 0
     found, _ = weights.load(tmp_path)
     assert found == weights.load(tiny_model)[0]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from lime_keras.io import video_reader
-from lime_keras.io.video_reader import Footage, is_camera, is_video, oriented
+from lime_keras.io.video_reader import Footage, oriented
 
 
 def read(source):
@@ -223,12 +223,3 @@ def test_every_system_has_its_own_names(system, name, expected, monkeypatch):
     with pytest.raises(ValueError, match="no such camera"):
         Footage(f"camera:{name}")
     assert asked == [expected]
-
-
-def test_names_tell_videos_and_cameras():
-    for name in ("a.mp4", "a/b.MOV", "x.webm"):
-        assert is_video(name) and not is_camera(name)
-    for name in ("camera:0", "/dev/video0", "camera:My.jpg"):
-        assert is_video(name) and is_camera(name)
-    for name in ("a.png", "mp4", "a.mp4.jpg", "", "photos"):
-        assert not is_video(name)

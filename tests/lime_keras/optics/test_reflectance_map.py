@@ -171,11 +171,13 @@ def test_exponents_above_the_range_count_as_its_end():
     np.testing.assert_array_equal(_specular(light, 1e4), _specular(light, 1e3))
 
 
-def test_eager_and_compiled_agree_for_a_single_example():
-    light = _room().astype(np.float32)
-    one = np.ones(1, np.float32)
-    red = np.array([[1, 0, 0]], np.float32)
-    eager = reflectance_map(light[None, ..., None], 20 * one, red, one, 0 * one, size=16)
-    compiled = _drawn([light], 20.0, (1.0, 0.0, 0.0), 1.0, size=16)
-    assert eager.shape == (1, 16, 16, 3)
-    np.testing.assert_allclose(eager, compiled, rtol=1e-5, atol=1e-6)
+def test_arrays_and_compiled_tensors_agree():
+    lights = np.stack([_room(), _lamp([0.5, 0.5, 0.7], 50, 1), 0 * _room()]).astype(np.float32)
+    exponents = np.array([20, 400, 1], np.float32)
+    m_d, ones = np.tile(np.array([1, 0.5, 0], np.float32), (3, 1)), np.ones(3, np.float32)
+    arrays = reflectance_map(lights[..., None], exponents, m_d, ones, 0 * ones, size=16)
+    assert isinstance(arrays, np.ndarray) and arrays.dtype == np.float32
+    compiled = _drawn(lights, exponents, m_d, ones, 0 * ones, size=16)
+    np.testing.assert_allclose(arrays, compiled, rtol=1e-5, atol=1e-6)
+    one = reflectance_map(lights[:1, ..., None], exponents[:1], m_d[:1], ones[:1], [0], size=16)
+    np.testing.assert_allclose(one, arrays[:1], rtol=1e-5, atol=1e-6)

@@ -1,0 +1,97 @@
+"""The forms in which a photo or a mask may be given: a path, a PIL image, or an array."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from lime_keras.io import photo
+
+Picture = str | Path | np.ndarray | Image.Image
+"""A photo or a mask in one of the forms that `photo_of` and `mask_of` take."""
+
+
+def photo_of(picture: Any) -> tuple[np.ndarray, np.ndarray | None]:
+    """Return a photo as an array, and its alpha channel if a part of it is transparent.
+
+    Args:
+        picture: path of a file (`photo.read`); PIL image (`photo.from_pil`); uint8 array
+            `(H, W, 3)`, sRGB; or array of floats `(H, W, 3)`, sRGB in [0, 1].
+
+    Returns:
+        image: `(H, W, 3)` float32, sRGB in [0, 1].
+        alpha: `(H, W, 1)` float32 in [0, 1]; None if nothing is transparent, and for an array.
+
+    Raises:
+        ValueError: if the file or the PIL image cannot be read, or the array has another shape, is
+            not finite, or leaves [0, 1].
+    """
+    read = _read(picture)
+    if read is not None:
+        return read
+    image = _floats(picture)
+    if image.ndim != 3 or image.shape[-1] != 3 or image.size == 0:
+        raise ValueError(f"a photo has shape (H, W, 3), got {image.shape}")
+    if not np.all((image >= 0) & (image <= 1)):
+        raise ValueError(
+            "a photo's values are finite and in [0, 1]: divide 8-bit ones by 255, or pass them as "
+            "uint8"
+        )
+    return image, None
+
+
+def mask_of(picture: Any, height: int, width: int) -> np.ndarray:
+    """Return a mask as an array.
+
+    Args:
+        picture: path of a file (`photo.read_mask`), PIL image, array of bools, uint8 array of 0 to
+            255, or array of floats in [0, 1]; an array is `(H, W)` or `(H, W, 1)`.
+        height: height of the mask's photo in pixels.
+        width: width of the mask's photo in pixels.
+
+    Returns:
+        Coverage `(height, width, 1)` float32 in [0, 1].
+
+    Raises:
+        ValueError: if the mask cannot be read, has another size than the photo, is not finite, or
+            leaves [0, 1].
+    """
+    if isinstance(picture, str | Path):
+        return photo.read_mask(picture, height, width)
+    read = _read(picture)
+    if read is None:
+        mask = _floats(picture)
+        if np.asarray(picture).dtype == np.uint8 and 0 < mask.max(initial=0) <= 1 / 255:
+            raise ValueError(
+                "a mask of uint8 is 255 where the object is, and this one is at most 1: pass it as "
+                "bool"
+            )
+    else:
+        image, alpha = read
+        mask = image.mean(-1) if alpha is None else alpha
+    if mask.shape not in ((height, width), (height, width, 1)):
+        raise ValueError(
+            f"a mask has its photo's shape, {(height, width)} or {(height, width, 1)}, got "
+            f"{mask.shape}"
+        )
+    if not np.all((mask >= 0) & (mask <= 1)):
+        raise ValueError(
+            "a mask's values are finite and in [0, 1]: divide 8-bit ones by 255, or pass them as "
+            "uint8"
+        )
+    return mask.reshape(height, width, 1)
+
+
+def _read(picture: Any) -> tuple[np.ndarray, np.ndarray | None] | None:
+    """Return colour and alpha of a file or PIL image; None for what is an array."""
+    if isinstance(picture, str | Path):
+        return photo.read(picture)
+    return photo.from_pil(picture) if isinstance(picture, Image.Image) else None
+
+
+def _floats(values: Any) -> np.ndarray:
+    array = np.asarray(values)
+    if array.dtype == np.uint8:
+        return array / np.float32(255)
+    return np.asarray(array, np.float32)

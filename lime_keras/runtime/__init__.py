@@ -1,0 +1,1 @@
+"""The networks without Keras: exported graphs, one for each subnetwork, run by ONNX Runtime."""

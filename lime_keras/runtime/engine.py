@@ -1,0 +1,89 @@
+"""The run of exported graphs in ONNX Runtime, each opened when it is first needed."""
+
+from collections.abc import Collection, Iterable, Mapping
+from pathlib import Path
+
+import numpy as np
+import onnxruntime
+
+from lime_keras.outputs import OUTPUTS
+from lime_keras.runtime import graph_folder
+from lime_keras.runtime.graph_folder import Description
+
+
+class OnnxEngine:
+    """The graphs of a model, which answer the outputs that are asked for.
+
+    Args:
+        folder: folder of the graphs (`graph_folder`).
+        description: description of the graphs in it (`graph_folder.read`).
+
+    Attributes:
+        size: height and width of the images in pixels.
+        system: name of the system in words.
+        outputs: names of the outputs that the model has, out of `outputs.OUTPUTS`.
+    """
+
+    def __init__(self, folder: Path, description: Description):
+        self._folder, self._graphs = folder, description.graphs
+        self._sessions: dict[str, onnxruntime.InferenceSession] = {}
+        self.size, self.system = description.size, description.system
+        answered = {output for graph in self._graphs.values() for output in graph.outputs}
+        self.outputs = tuple(filter(answered.__contains__, OUTPUTS))
+
+    def subnetworks(self, outputs: Iterable[str], given: Collection[str]) -> tuple[str, ...]:
+        """Return the names of the subnetworks that outputs need, each after those it reads.
+
+        Args:
+            outputs: names out of `self.outputs`.
+            given: names of the quantities that are given: `image`, or `image` and `mask`.
+        """
+        answering = {
+            output: name for name, graph in self._graphs.items() for output in graph.outputs
+        }
+        needed, open_names = set(), set(outputs) - set(given)
+        while open_names:
+            name = answering[open_names.pop()]
+            if name not in needed:
+                needed.add(name)
+                open_names |= set(self._graphs[name].inputs) - set(given)
+        return tuple(filter(needed.__contains__, self._graphs))
+
+    def run(
+        self, outputs: Collection[str], given: Mapping[str, np.ndarray]
+    ) -> dict[str, np.ndarray]:
+        """Return outputs by name for a batch; only the subnetworks that they need are run.
+
+        Args:
+            outputs: names out of `self.outputs`.
+            given: `image` `(B, S, S, 3)` float32, sRGB in [0, 1]; and `mask` `(B, S, S, 1)` float32
+                in [0, 1], unless the object is to be found.
+
+        Raises:
+            ValueError: if a graph's file is missing or damaged.
+        """
+        values = dict(given)
+        for name in self.subnetworks(outputs, given):
+            graph = self._graphs[name]
+            fed = {quantity: values[quantity] for quantity in graph.inputs}
+            found = self._session(name).run(graph.outputs, fed)
+            values |= zip(graph.outputs, found, strict=True)
+        return {output: values[output] for output in outputs}
+
+    def _session(self, name: str) -> onnxruntime.InferenceSession:
+        if name not in self._sessions:
+            content = graph_folder.checked(self._folder, name, self._graphs[name])
+            self._sessions[name] = onnxruntime.InferenceSession(
+                content, _options(), providers=["CPUExecutionProvider"]
+            )
+        return self._sessions[name]
+
+
+def _options() -> onnxruntime.SessionOptions:
+    options = onnxruntime.SessionOptions()
+    # Each graph has threads of its own. Threads that wait for work by spinning would take the
+    # processor from the next graph.
+    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+    # The arena keeps the largest batch's memory for the life of the process.
+    options.enable_cpu_mem_arena = False
+    return options

@@ -1,0 +1,105 @@
+"""The folder of a model's exported graphs: `SUBNETWORK.onnx` for each, and `graphs.json`.
+
+`graphs.json` names the weights that the graphs were exported from, so graphs of other weights are
+noticed, and what each graph reads and answers, so that only those are opened that are needed.
+"""
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from lime_keras.version import __version__
+
+_DESCRIPTION = "graphs.json"
+LAYOUT = 1
+"""Version of the graphs' names and meanings; it rises when graphs of before no longer fit."""
+
+
+@dataclass(frozen=True)
+class Graph:
+    """The description of one graph.
+
+    Attributes:
+        inputs: names of what it reads (see `lime_keras.networks.parts`).
+        outputs: names of what it answers.
+        sha256: checksum of its file.
+    """
+
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    sha256: str
+
+
+@dataclass(frozen=True)
+class Description:
+    """The content of `graphs.json`.
+
+    Attributes:
+        weights: digest of the weights that were exported (`io.model_folder.digest`).
+        size: height and width of the images in pixels.
+        system: name of the system in words, such as `LIME without MirrorNet`.
+        graphs: description of each subnetwork's graph by name; none comes before another whose
+            answers it reads.
+    """
+
+    weights: str
+    size: int
+    system: str
+    graphs: Mapping[str, Graph]
+
+
+def write(folder: Path, description: Description) -> None:
+    """Write `graphs.json` into a folder that holds the graphs."""
+    about = {"package": "lime-keras", "version": __version__, "layout": LAYOUT}
+    text = json.dumps(about | dataclasses.asdict(description), indent=1)
+    (folder / _DESCRIPTION).write_text(text + "\n", encoding="utf-8")
+
+
+def read(folder: Path) -> Description | None:
+    """Return the description of a folder's graphs; None if it holds none of this layout."""
+    try:
+        held = json.loads((folder / _DESCRIPTION).read_text(encoding="utf-8"))
+        if held["layout"] != LAYOUT:
+            return None
+        graphs = {
+            name: Graph(tuple(row["inputs"]), tuple(row["outputs"]), row["sha256"])
+            for name, row in held["graphs"].items()
+        }
+        return Description(held["weights"], held["size"], held["system"], graphs)
+    except (
+        FileNotFoundError,
+        NotADirectoryError,
+        AttributeError,
+        LookupError,
+        TypeError,
+        ValueError,
+    ):
+        # Without a description that can be read, the graphs are exported anew.
+        return None
+
+
+def path(folder: Path, name: str) -> Path:
+    """Return the path of a subnetwork's graph."""
+    return folder / f"{name}.onnx"
+
+
+def checked(folder: Path, name: str, graph: Graph) -> bytes:
+    """Return the content of a graph's file.
+
+    Raises:
+        ValueError: if the file is missing or is not the one described.
+    """
+    file = path(folder, name)
+    try:
+        content = file.read_bytes()
+    except FileNotFoundError:
+        content = b""
+    if hashlib.sha256(content).hexdigest() != graph.sha256:
+        raise ValueError(
+            f"{file} is missing or damaged: delete {folder}, which is then exported anew, or "
+            "install the package again if the folder came with it"
+        )
+    return content

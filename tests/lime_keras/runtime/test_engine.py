@@ -1,0 +1,111 @@
+"""The graphs answer what Keras answers, each opened when it is needed, and damage is told."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+from lime_keras.export import parity
+from lime_keras.io import model_folder
+from lime_keras.networks import assemble, weights
+from lime_keras.runtime import graph_folder
+from lime_keras.runtime.engine import OnnxEngine
+
+
+def opened(folder):
+    return OnnxEngine(folder, graph_folder.read(folder))
+
+
+@pytest.fixture(scope="module")
+def graphs(tiny_model):
+    return model_folder.graphs(tiny_model)
+
+
+@pytest.fixture
+def copy(graphs, tmp_path):
+    return shutil.copytree(graphs, tmp_path / "onnx")
+
+
+def test_the_graphs_answer_what_keras_answers(tiny_model, graphs):
+    images, engine = parity.images(32), opened(graphs)
+    joined = assemble(weights.load(tiny_model)[1])
+    assert set(engine.outputs) == set(joined.output) and engine.size == 32
+    expected = parity.answers(joined, images)
+    found = parity.answers(lambda batch: engine.run(engine.outputs, {"image": batch}), images)
+    parity.judge(expected, found, "float32")
+    assert all(np.ptp(value) > 0 for value in expected.values())
+
+
+def test_an_ablations_graphs_answer_what_keras_answers(ablation_model):
+    images, engine = parity.images(32), opened(model_folder.graphs(ablation_model))
+    joined = assemble(weights.load(ablation_model)[1])
+    expected = parity.answers(joined, images)
+    found = parity.answers(lambda batch: engine.run(engine.outputs, {"image": batch}), images)
+    parity.judge(expected, found, "float32")
+
+
+def test_a_given_mask_replaces_segmentation(tiny_model, graphs):
+    images, engine = parity.images(32), opened(graphs)
+    mask = np.random.default_rng(0).uniform(size=(8, 32, 32, 1)).astype(np.float32)
+    outputs = ["mirror", "diffuse_albedo"]
+    expected = assemble(weights.load(tiny_model)[1], outputs, given={"mask"})
+    expected = expected.predict_on_batch({"image": images, "mask": mask})
+    found = engine.run(outputs, {"image": images, "mask": mask})
+    parity.judge(expected, found, "float32")
+    assert list(engine._sessions) == ["specular", "mirror", "albedo"]
+
+
+NEEDED = {
+    "mask": ("segmentation",),
+    "specular_shading": ("segmentation", "specular"),
+    "mirror": ("segmentation", "specular", "mirror"),
+    "specular_albedo": ("segmentation", "specular", "albedo"),
+    "exponent_bin_probabilities": ("segmentation", "specular", "mirror", "exponent"),
+}
+
+
+@pytest.mark.parametrize("output", NEEDED)
+def test_only_the_graphs_that_an_output_needs_are_opened(output, graphs):
+    engine = opened(graphs)
+    assert not engine._sessions
+    assert engine.subnetworks([output], ["image"]) == NEEDED[output]
+    assert set(engine.run([output], {"image": parity.images(32)[:1]})) == {output}
+    assert tuple(engine._sessions) == NEEDED[output]
+    assert engine.subnetworks([output], ["image", "mask"]) == NEEDED[output][1:]
+
+
+def test_all_sizes_of_batch_are_answered(graphs):
+    engine, images = opened(graphs), parity.images(32)
+    whole = engine.run(["specular_albedo"], {"image": images})["specular_albedo"]
+    for count in (1, 3):
+        part = engine.run(["specular_albedo"], {"image": images[:count]})["specular_albedo"]
+        np.testing.assert_allclose(part, whole[:count], atol=1e-5)
+
+
+@pytest.mark.parametrize("content", [None, b"", b"not a graph", "cut off"])
+def test_a_damaged_graph_is_told_with_the_mend(content, copy):
+    path = graph_folder.path(copy, "specular")
+    if content is None:
+        path.unlink()
+    else:
+        path.write_bytes(path.read_bytes()[:-100] if content == "cut off" else content)
+    engine = opened(copy)
+    image = {"image": parity.images(32)[:1]}
+    assert np.ptp(engine.run(["mask"], image)["mask"]) > 0
+    with pytest.raises(ValueError, match=r"specular\.onnx is missing or damaged: delete"):
+        engine.run(["specular_shading"], image)
+
+
+@pytest.mark.parametrize(
+    "text", ["", "{", "[]", "{}", '{"layout": 1}', '{"layout": 1, "graphs": []}', "layout"]
+)
+def test_a_description_that_cannot_be_read_counts_as_none(text, copy):
+    path = copy / "graphs.json"
+    if text == "layout":
+        held = json.loads(path.read_text(encoding="utf-8"))
+        text = json.dumps(held | {"layout": graph_folder.LAYOUT + 1})
+    assert graph_folder.read(copy) is not None
+    path.write_text(text, encoding="utf-8")
+    assert graph_folder.read(copy) is None
+    assert graph_folder.read(copy / "none") is None
