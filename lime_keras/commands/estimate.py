@@ -109,6 +109,16 @@ def parser() -> argparse.ArgumentParser:
         metavar="MESH",
         help="OBJ, PLY, STL or GLB to render in the object's place",
     )
+    out.add_argument(
+        "--up",
+        choices=("y", "z"),
+        help="axis that points up in the mesh of --clone-onto (default: y)",
+    )
+    out.add_argument(
+        "--shadow",
+        action="store_true",
+        help="let the mesh of --clone-onto cast a shadow on the ground it stands on",
+    )
     out.add_argument("--version", action="version", version=__version__)
     return out
 
@@ -128,7 +138,7 @@ def _estimate(options: argparse.Namespace) -> int:
     photos, videos = _sorted(sources)
     _check(options, photos, videos)
     # Mitsuba must be imported before TensorFlow, or the process crashes.
-    clone = _clone_onto(options.clone_onto) if options.clone_onto else None
+    clone = _clone_onto(options) if options.clone_onto else None
     from lime_keras.estimate.batch import Batch
     from lime_keras.estimate.files import distinct_names
 
@@ -169,6 +179,8 @@ def _check(options: argparse.Namespace, photos: list[Path], videos: list[str]) -
             )
     if options.only and (options.normals or options.clone_onto):
         raise ValueError("--normals and --clone-onto take the whole estimate: leave out --only")
+    if not options.clone_onto and (options.up or options.shadow):
+        raise ValueError("--up and --shadow say how a mesh is shown: pass one to --clone-onto")
     if options.weights:
         model_folder.files(options.weights)
     if options.clone_onto:
@@ -179,14 +191,16 @@ def _check(options: argparse.Namespace, photos: list[Path], videos: list[str]) -
         raise ValueError(f"{options.clone_onto} is no file: pass a mesh to --clone-onto")
 
 
-def _clone_onto(mesh: Path) -> "Clone":
-    """Return the function that renders a material on this mesh, and set Mitsuba up for it."""
+def _clone_onto(options: argparse.Namespace) -> "Clone":
+    """Return the function that renders a material on the mesh, and set Mitsuba up for it."""
     from lime_keras.render.mitsuba_setup import variants
 
     variants.activate(variants.choose(), os.cpu_count() or 1)
     from lime_keras.render import cloning
 
-    return functools.partial(cloning.clone, mesh_path=mesh)
+    return functools.partial(
+        cloning.clone, mesh_path=options.clone_onto, up=options.up or "y", shadow=options.shadow
+    )
 
 
 def _estimator(options: argparse.Namespace, only: tuple[str, ...] | None) -> "Estimator":

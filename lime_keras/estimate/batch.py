@@ -121,16 +121,27 @@ class Batch:
         self._masks_looked_for += sum(mask is None for mask in masks)
         begun = time.perf_counter()
         materials = self._estimator.estimate_many(images, masks)
-        for path, name, image in zip(paths, names, images, strict=True):
+        for path, name, image, mask in zip(paths, names, images, masks, strict=True):
             material = next(materials)
             estimated = time.perf_counter()
-            self._write(path, name, image, material)
+            # Without files of masks, a mask is the photo's own transparency.
+            alpha = mask if self._masks is None else None
+            self._write(path, name, image, material, alpha)
             self._seconds["networks"] += estimated - begun
             begun = time.perf_counter()
             self._seconds["writing"] += begun - estimated
 
-    def _write(self, path: Path, name: str, image: np.ndarray, material: Material) -> None:
+    def _write(
+        self,
+        path: Path,
+        name: str,
+        image: np.ndarray,
+        material: Material,
+        alpha: np.ndarray | None,
+    ) -> None:
         text = files.write(self._out, name, path, image, material)
+        if remark := files.remark(material):
+            tqdm.write(f"warning: {path}: {remark}", file=sys.stderr)
         try:
             if self._light:
                 # SciPy and scikit-image are large, and only the light needs them.
@@ -138,7 +149,13 @@ class Batch:
 
                 normals = self._normals and _belonging(path, self._normals)
                 lighting_files.write(
-                    self._out, name, image, material, normals=normals, clone=self._clone
+                    self._out,
+                    name,
+                    image,
+                    material,
+                    normals=normals,
+                    clone=self._clone,
+                    alpha=alpha,
                 )
         except ValueError as error:
             self._tell_failure(path, error)

@@ -45,6 +45,12 @@ def write(folder: Path, name: str, source: Path, image_srgb: np.ndarray, materia
     return numbers
 
 
+def remark(material: Material) -> str | None:
+    """Return what to tell of the material's files beside it, or None."""
+    whole = material.whole() is not None and material.mask_coverage > 0
+    return interchange.warning(material) if whole else None
+
+
 def distinct_names(sources: Collection[Path]) -> list[str]:
     """Return a file stem for each source; sources of the same stem are numbered from 2."""
     names: list[str] = []

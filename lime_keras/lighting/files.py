@@ -10,11 +10,12 @@ from lime_keras.lighting import guessed_normals, illumination
 from lime_keras.material import Material
 from lime_keras.optics import colour
 
-Clone = Callable[[np.ndarray, np.ndarray, Material, np.ndarray], np.ndarray]
+Clone = Callable[..., np.ndarray]
 """A renderer of clones: puts another shape of the same material in the object's place.
 
-It takes the photo `(H, W, 3)`, sRGB in [0, 1], the mask `(H, W, 1)` in [0, 1], the material and the
-light `(h, 2 h)`, linear radiance. It returns the changed photo.
+It takes the photo `(H, W, 3)`, sRGB in [0, 1], the mask `(H, W, 1)` in [0, 1], the material, the
+light `(h, 2 h)`, linear radiance; by name `alpha`, the photo's transparency `(H, W, 1)`, or None.
+It returns the changed photo, `(H, W, 3)` or, with transparency, `(H, W, 4)`.
 """
 
 
@@ -26,6 +27,7 @@ def write(
     *,
     normals: Path | None,
     clone: Clone | None,
+    alpha: np.ndarray | None = None,
 ) -> None:
     """Estimate a photo's light and write `NAME-environment.exr` and `.png`.
 
@@ -39,6 +41,7 @@ def write(
         normals: file of the object's normals at the photo's size (`normal_map.read`); None to guess
             the normals from the mask (`guessed_normals.normals`).
         clone: renderer of clones; None to write no clone.
+        alpha: the photo's own transparency, `(H, W, 1)` in [0, 1]; None if it has none.
 
     Raises:
         OSError: if a file cannot be written.
@@ -54,7 +57,8 @@ def write(
     seen = colour.linear_to_srgb(light / (1 + light))
     photo.write(folder / f"{name}-environment.png", seen[..., None])
     if clone is not None:
-        photo.write(folder / f"{name}-clone.png", clone(image_srgb, mask, material, light))
+        shown = clone(image_srgb, mask, material, light, alpha=alpha)
+        photo.write(folder / f"{name}-clone.png", shown)
 
 
 def _read(path: Path, mask: np.ndarray) -> np.ndarray:

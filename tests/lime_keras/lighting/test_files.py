@@ -62,6 +62,18 @@ def onto(mesh):
     return functools.partial(cloning.clone, mesh_path=mesh)
 
 
+def test_a_transparent_photo_stays_transparent_around_its_clone(
+    picture, material, mesh, mitsuba_choice, tmp_path
+):
+    image, mask = picture
+    lighting_files.write(
+        tmp_path, "a", image * mask, material, normals=None, clone=onto(mesh), alpha=mask
+    )
+    _, alpha = photo.read(tmp_path / "a-clone.png")
+    assert alpha is not None
+    assert not alpha[:3].any() and alpha[mask > 0].mean() > 0.5
+
+
 def test_a_clone_takes_the_objects_place(picture, material, mesh, mitsuba_choice, tmp_path):
     image, mask = picture
     lighting_files.write(tmp_path, "a", image, material, normals=None, clone=onto(mesh))
