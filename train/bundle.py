@@ -1,4 +1,4 @@
-"""The bundle of a training run, for a machine without a network: `python -m lime_keras.train.bundle`.
+"""Bundles of training runs for machines without a network: `python -m lime_keras.train.bundle`.
 
 A bundle is a folder with `run.sh`, the pieces of one archive, and `index.txt`, which lists the
 pieces in order with checksums and sizes. The archive, assembled by `cat`, holds the banks, the
@@ -49,7 +49,7 @@ _PLATFORMS = ("manylinux_2_28", "manylinux_2_27", "manylinux_2_17", "manylinux20
 _BUILT_FROM = ("lime_keras", "render", "train", "eval")
 _BUILT_BY = ("setup.py", "pyproject.toml", "README.md", "LICENSE")
 _PRESETS = ("smoke", "live")
-_OF_THE_BUNDLE = (
+_NOT_PASSED_ON = (
     "paths",
     "out",
     "preset",
@@ -59,7 +59,7 @@ _OF_THE_BUNDLE = (
     "reuse",
     "hosts",
 )
-"""Options of lime-train that the bundle passes itself, or that do not fit it."""
+"""Options of lime-train that are the bundle's own, or do not fit it."""
 _SETTINGS = b"# SETTINGS\n"
 """Line of the script that the settings of a bundle replace."""
 _ROOM_KB = 300_000
@@ -256,7 +256,7 @@ def _training_options(options: argparse.Namespace, training: Sequence[str]) -> a
     parser = cli.parser()
     own = [*map(str, options.bank), "--out", "run", "--preset", options.preset]
     plain, asked = parser.parse_args(own), parser.parse_args([*own, *training])
-    for name in _OF_THE_BUNDLE:
+    for name in _NOT_PASSED_ON:
         if getattr(asked, name) != getattr(plain, name):
             raise ValueError(
                 f"--{name.replace('_', '-')} cannot be passed on to lime-train: the bundle decides "

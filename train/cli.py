@@ -269,7 +269,7 @@ def _import_tensorflow(paths: Sequence[Path]) -> None:
         return
     try:
         console.import_tensorflow()
-    except ModuleNotFoundError as error:
+    except ImportError as error:
         mend = (
             f"{', '.join(corpora)} holds records, or is an incomplete bank: install TensorFlow to "
             "read records"

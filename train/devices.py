@@ -53,7 +53,7 @@ class Devices:
 
     @property
     def leads(self) -> bool:
-        """Whether this is the process that writes files."""
+        """True in the process that writes files."""
         return self.process == 0
 
     @contextlib.contextmanager

@@ -50,7 +50,7 @@ check_python() {
             "PYTHON to such a Python, or pack the bundle with --python $version"
     "$python" -m pip --version >/dev/null 2>&1 ||
         fail "$python has no pip: install it, or set PYTHON to a Python that has it"
-    device=$("$python" -c 'import jax
+    device=$("$python" -P -c 'import jax
 print(jax.default_backend(), jax.__version__, jax.devices()[0].device_kind)' 2>"$work/jax.txt") ||
         fail "$python cannot use JAX ($(tail -n 1 "$work/jax.txt")): install it, or set PYTHON to" \
             "a Python that has it"
@@ -146,7 +146,7 @@ train() {
         set -- "$@" "$bank"
     done
     note "lime-train $*"
-    KERAS_BACKEND=jax TQDM_MININTERVAL=5 "$python" -c \
+    KERAS_BACKEND=jax TQDM_MININTERVAL=5 "$python" -P -c \
         'import sys; from lime_keras.train.cli import main; sys.exit(main())' \
         "$@" >>"$work/log.txt" 2>&1 &
     trainer=$!

@@ -8,9 +8,9 @@ from render_scenes import write_inputs
 
 
 @pytest.fixture(scope="session")
-def inputs(tmp_path_factory):
+def inputs(shared):
     """A folder with two meshes and two maps, one of each for each split."""
-    return write_inputs(tmp_path_factory.mktemp("inputs"))
+    return shared("bank-inputs", write_inputs)
 
 
 @pytest.fixture(scope="session")
