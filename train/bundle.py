@@ -24,7 +24,6 @@ from typing import BinaryIO
 
 from lime_keras import console
 from lime_keras.io import atomic, model_folder
-from lime_keras.synthesis import bank
 
 from . import cli
 
@@ -273,6 +272,8 @@ def _files_of_banks(folders: Sequence[Path]) -> dict[str, Path]:
         FileNotFoundError: if a bank is incomplete.
         ValueError: if a file has changed since the bank was rendered.
     """
+    from lime_keras.synthesis import bank  # imports NumPy, which --help does without
+
     out = {}
     for number, folder in enumerate(folders):
         out[f"banks/{number}/{bank.MANIFEST}"] = folder / bank.MANIFEST

@@ -10,7 +10,12 @@ from render_scenes import write_inputs
 @pytest.fixture(scope="session")
 def inputs(shared):
     """A folder with two meshes and two maps, one of each for each split."""
-    return shared("bank-inputs", write_inputs)
+
+    def make(folder):
+        folder.mkdir()
+        write_inputs(folder)
+
+    return shared("bank-inputs", make)
 
 
 @pytest.fixture(scope="session")
