@@ -150,7 +150,7 @@ def commands() -> argparse.ArgumentParser:
         _preview,
         "Draw CORPUS/SPLIT/preview.png, a contact sheet, and histograms.png, what was sampled "
         "beside what should have been; or BANK/preview.png, 100 G-buffers of a bank, its lights "
-        "and its textures.",
+        "and its textures, and preview-lights.png, what lights are drawn from it.",
         "  lime-render preview corpus\n  lime-render preview corpus --split test\n"
         "  lime-render preview bank --out sheet.png",
     )
@@ -351,10 +351,18 @@ def _verify_bank(folder: Path) -> int:
 
 
 def _preview_bank(folder: Path, out: Path) -> int:
-    from .bank import preview
+    from lime_keras.io import atomic
+    from lime_keras.synthesis.lights import LightBank
+
+    from .bank import light_histograms, preview
 
     preview.preview(folder, out)
     print(out)
+    histograms = out.with_name(f"{out.stem}-lights.png")
+    with console.Bar("lights", "light") as bar, atomic.replacing(histograms) as partial:
+        figure = light_histograms.light_histograms(LightBank(folder), bar.move)
+        figure.savefig(partial, format="png")
+    print(histograms)
     return 0
 
 

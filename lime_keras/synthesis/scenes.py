@@ -70,7 +70,7 @@ class Scenes:
         self.shapes = [self._geometry.shape_names[shape] for shape in shapes]
         self._entries = np.flatnonzero(np.isin(self._geometry.shape, shapes))
         self._maps = _chosen(self._lights.names, held_out, f"{folder}: light maps")
-        self._textures = np.load(bank.file(folder, "textures.npy"), mmap_mode="r")
+        self._textures = bank.textures(folder)
         self._size, self._camera, self._features = size, camera, frozenset(features)
         self._held_out = held_out
         self._compiled = compiled(self._made)

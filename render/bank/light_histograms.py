@@ -1,5 +1,7 @@
 """Histograms of the lights that the law draws from a bank, beside the bank's photographed maps."""
 
+from collections.abc import Callable, Iterator
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -27,7 +29,9 @@ _MEASURES = {
 }
 
 
-def light_histograms(bank: LightBank, seed: int = 0) -> Figure:
+def light_histograms(
+    bank: LightBank, tell: Callable[[int, int], None] | None = None, seed: int = 0
+) -> Figure:
     """Draw how contrast and direction spread, among photographed maps and among drawn lights.
 
     Both are posed before the camera: the photographed maps as a corpus poses them. All maps of a
@@ -36,9 +40,10 @@ def light_histograms(bank: LightBank, seed: int = 0) -> Figure:
 
     Args:
         bank: the lights to draw from.
+        tell: called with (done, total) as lights are drawn.
         seed: seed of the drawn lights.
     """
-    columns = _lights(bank, seed)
+    columns = _lights(bank, tell, seed)
     figure = Figure(figsize=(15, 7), dpi=100, layout="constrained")
     for axes, (measure, (title, ends)) in zip(
         figure.subplots(2, 3).flat, _MEASURES.items(), strict=True
@@ -51,7 +56,9 @@ def light_histograms(bank: LightBank, seed: int = 0) -> Figure:
     return figure
 
 
-def _lights(bank: LightBank, seed: int) -> list[tuple[str, list[dict[str, float]]]]:
+def _lights(
+    bank: LightBank, tell: Callable[[int, int], None] | None, seed: int
+) -> list[tuple[str, list[dict[str, float]]]]:
     """Return the name and the measures of the photographed maps, and of the drawn lights."""
     photographs = [k for k, kind in enumerate(bank.kinds) if kind == "photograph"]
     shown = photographs or list(range(len(bank.kinds)))
@@ -60,26 +67,27 @@ def _lights(bank: LightBank, seed: int) -> list[tuple[str, list[dict[str, float]
         measures(bank.map(k), sample_light_rotation(rng, bank.strong_direction[k]))
         for k, rng in zip(shown, rngs, strict=True)
     ]
-    drawn = [measures(*light) for light in zip(*drawn_lights(bank, _COUNT, seed), strict=True)]
+    drawn: list[dict[str, float]] = []
+    for batch in drawn_lights(bank, _COUNT, seed):
+        drawn += [measures(*light) for light in zip(*batch, strict=True)]
+        if tell is not None:
+            tell(len(drawn), _COUNT)
     name = "photographed maps" if photographs else "maps"
     return [(f"{len(shown)} {name}", posed), (f"{_COUNT} drawn lights", drawn)]
 
 
-def drawn_lights(bank: LightBank, count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Draw lights from all maps of a bank.
+def drawn_lights(bank: LightBank, count: int, seed: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Draw lights from all maps of a bank, and yield them in batches.
 
-    Returns:
-        Linear radiance in the maps' frame, `(count, H, W)` float32, and rotations to camera space,
-        `(count, 3, 3)`.
+    Yields:
+        Linear radiance in the maps' frame, `(B, H, W)` float32, and rotations to camera space,
+        `(B, 3, 3)`.
     """
-    maps, rotations = [], []
     for first in range(0, count, _BATCH):
         places = range(first, min(first + _BATCH, count))
         rngs = [np.random.default_rng([seed, place]) for place in places]
         light = light_law.draw(rngs, bank, np.arange(len(bank.strong_direction)))
-        maps.append(mixing.mixed(bank.radiance, light))
-        rotations.append(light.rotation)
-    return np.concatenate(maps), np.concatenate(rotations)
+        yield mixing.mixed(bank.radiance, light), light.rotation
 
 
 def measures(radiance: np.ndarray, rotation: np.ndarray) -> dict[str, float]:

@@ -48,7 +48,9 @@ def test_the_page_has_all_lights_in_every_panel(kinds, monkeypatch):
     monkeypatch.setattr(histograms, "_COUNT", 37)
     held = suns()
     held.kinds = kinds or held.kinds
-    figure = histograms.light_histograms(held)
+    told = []
+    figure = histograms.light_histograms(held, lambda *counts: told.append(counts))
+    assert told == [(16, 37), (32, 37), (37, 37)]
     assert len(figure.axes) == len(histograms._MEASURES) == 6
     labels = {text.get_text() for text in figure.legends[0].get_texts()}
     assert labels == {f"{4 if kinds else 9} photographed maps", "37 drawn lights"}
@@ -59,5 +61,5 @@ def test_the_page_has_all_lights_in_every_panel(kinds, monkeypatch):
 
 def test_a_bank_without_photographs_shows_its_maps():
     held = bank(np.ones((2, *SHAPE)), kinds=["room", "sky"])
-    (photographed, _), _ = histograms._lights(held, 0)
+    (photographed, _), _ = histograms._lights(held, None, 0)
     assert photographed == "2 maps"
