@@ -47,8 +47,9 @@ def write(folder: Path, name: str, source: Path, image_srgb: np.ndarray, materia
 
 def remark(material: Material) -> str | None:
     """Return what to tell of the material's files beside it, or None."""
-    whole = material.whole() is not None and material.mask_coverage > 0
-    return interchange.warning(material) if whole else None
+    if material.whole() is None or not material.mask_coverage:
+        return None
+    return interchange.warning(material)
 
 
 def distinct_names(sources: Collection[Path]) -> list[str]:
