@@ -25,6 +25,8 @@ from lime_keras.version import installed
 DependsOn = Mapping[str, Any]
 """The inputs of a result, as JSON; the result is reused while they are the same."""
 
+_COMPUTING = ("train", "render")
+"""Extras of the installation whose packages compute."""
 _PACKAGES = ("lime_keras", "lime_keras.render", "lime_keras.train", "lime_keras.eval")
 
 
@@ -117,8 +119,12 @@ def size(path: Path) -> int:
 
 @functools.cache
 def package_versions() -> dict[str, str | None]:
-    """Return the versions of the packages that this one requires, by name."""
-    asked = [one for one in metadata.requires("lime-keras") or () if "extra ==" not in one]
+    """Return the versions of the packages that compute, by name: required ones and some extras'."""
+    asked = [
+        one
+        for one in metadata.requires("lime-keras") or ()
+        if "extra ==" not in one or any(f'extra == "{extra}"' in one for extra in _COMPUTING)
+    ]
     names = [re.split(r"[^\w.-]", one, maxsplit=1)[0] for one in asked]
     return installed(names)
 
