@@ -67,6 +67,16 @@ def test_kinds_take_turns_in_proportion_to_their_paths(paths, names, expected):
     assert positions == [4 * index for index in range(sum(expected))]
 
 
+def test_rows_are_equal_parts_of_the_batches(paths):
+    found = [paths / "corpus", paths / "bank"]
+    config = stage_runs.config(*found)
+    whole, *parts = (_first(Data(found, config, rows), 1, 4) for rows in [(0, 1), (0, 2), (1, 2)])
+    for expected, one, other in zip(whole, *parts, strict=True):
+        for name, value in expected.items():
+            assert len(one[name]) == len(other[name]) == 2
+            np.testing.assert_array_equal(value, np.concatenate([one[name], other[name]]))
+
+
 @pytest.mark.parametrize("names", [["bank", "thin", "corpus"], ["bank", "corpus", "other"]])
 def test_batches_go_on_from_any_step(paths, names):
     whole = _first(_data(paths, *names), 0, 7)
