@@ -32,6 +32,7 @@ SIZE = 128
 PIXELS = 300
 COARSENESSES = (1.0, 2.0, 4.0, 8.0, 16.0)
 LAYERS = ("D", "S", "M")
+_SMOOTH_BELOW = 1e-4
 EXPONENTS = 10.0 ** np.asarray(shininess.LOG_MEANS, float)
 
 
@@ -76,7 +77,8 @@ def main() -> None:
     for coarseness in COARSENESSES:
         rows[coarseness, True] = _measured(scenes, coarseness, two=True)
     rows[COARSENESS, False] = _measured(scenes, COARSENESS, two=False)
-    text = "\n\n".join((_bins(scenes, rows[COARSENESS, True][2]), _trade(rows, COARSENESS)))
+    default = rows[COARSENESS, True][2]
+    text = "\n\n".join((_bins(scenes, default), _smooth(scenes, default), _trade(rows, COARSENESS)))
     (arguments.out / "synthesis_error.md").write_text(text + "\n", encoding="utf-8")
     _draw(rows, arguments.out / "synthesis_error.png")
     print(text)
@@ -194,6 +196,23 @@ def _bins(scenes: list[Scene], errors: dict) -> str:
             cells.append(_percentiles(fast))
         lines.append(f"| {k} | {EXPONENTS[k]:.3g} | {' | '.join(cells)} |")
     return "\n".join(lines)
+
+
+def _smooth(scenes: list[Scene], errors: dict) -> str:
+    """Return the error of M on the pixels that see one surface that hardly bends."""
+    from lime_keras.synthesis.geometry import ONE_SURFACE, variance_of
+
+    smooth, kept = [], []
+    for scene, found in zip(scenes, errors[0, "M"], strict=True):
+        _, share, _, spread = scene.stored
+        one = share.reshape(-1)[scene.pixels] == ONE_SURFACE
+        variance = variance_of(spread[0].reshape(-1)[scene.pixels])
+        smooth.append(one & (variance < _SMOOTH_BELOW))
+        kept.append(found[smooth[-1]])
+    return (
+        f"M on the {np.concatenate(smooth).mean():.0%} of the pixels that see one surface, of a "
+        f"variance below {_SMOOTH_BELOW:g}: {_percentiles(kept)}"
+    )
 
 
 def _trade(rows: dict, default: float) -> str:
