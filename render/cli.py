@@ -9,15 +9,17 @@ from typing import Any
 
 from lime_keras import console
 from lime_keras.data.corpus import SPLITS, Split
+from lime_keras.optics.material_law import LAWS, UNIFORM
 from lime_keras.version import __version__
 
 from .scene.quality import QUALITIES
 
-COMMANDS = ("verify", "preview", "layers", "views", "bank")
+COMMANDS = ("verify", "preview", "layers", "views", "bank", "scenes")
 """First arguments that name a command; any other first argument is the folder of a corpus."""
 _EXAMPLE = """
 other commands, each with a --help of its own:
   lime-render bank OUT              render a bank of geometry and light, to train from
+  lime-render scenes BANK OUT       make a corpus of a bank's scenes, to train on processors
   lime-render verify CORPUS|BANK    check files, checksums and every record or entry
   lime-render preview CORPUS|BANK   draw a contact sheet, and histograms of a corpus
   lime-render layers CORPUS INDEX   write one example as OpenEXR layers
@@ -71,6 +73,12 @@ def parser() -> argparse.ArgumentParser:
         metavar="L",
         help="store each scene under so many lights, which training mixes anew each time; images "
         "show the first (default: 1)",
+    )
+    out.add_argument(
+        "--materials",
+        choices=LAWS,
+        default=UNIFORM,
+        help="law of the materials: the paper's, or as common objects have them (default: uniform)",
     )
     out.add_argument(
         "--quality",
@@ -208,6 +216,34 @@ def commands() -> argparse.ArgumentParser:
             "same\nbytes whatever the number of workers.",
             "the same command goes on with what is missing",
         )
+    )
+    scenes = add(
+        "scenes",
+        _scenes,
+        "Make scenes of a bank once, as training makes them anew each time, and store them as the "
+        "train split of a corpus. On processors, training reads them ten times as fast as it makes "
+        "them.",
+        "  lime-render scenes bank corpus --count 20000\n"
+        "  lime-train corpus --out runs/live --preset live",
+        "the same command goes on with what is missing",
+    )
+    scenes.add_argument("bank", type=Path, metavar="BANK", help="folder of the bank")
+    scenes.add_argument("out", type=Path, metavar="OUT", help="folder of the corpus")
+    scenes.add_argument(
+        "--count", type=console.count, required=True, help="number of examples to make"
+    )
+    scenes.add_argument("--seed", type=_seed, default=0, help="of everything random (default: 0)")
+    scenes.add_argument(
+        "--materials",
+        choices=LAWS,
+        default=UNIFORM,
+        help="law of the materials; training may draw others (default: uniform)",
+    )
+    scenes.add_argument(
+        "--shard-size",
+        type=console.count,
+        metavar="N",
+        help="examples in a file, an even number (default: a twentieth of the count, at most 512)",
     )
     return out
 
@@ -445,6 +481,26 @@ def _bank(options: argparse.Namespace) -> int:
     return 0
 
 
+def _scenes(options: argparse.Namespace) -> int:
+    console.require("lime-render scenes", "keras", "tensorflow")
+    console.import_tensorflow()
+    from .corpus import from_bank
+
+    shard_size = options.shard_size or min(512, 2 * -(-options.count // 40))
+    with console.Bar("scenes", "example") as bar:
+        manifest = from_bank.make_split(
+            options.bank,
+            options.out,
+            count=options.count,
+            seed=options.seed,
+            shard_size=shard_size,
+            materials=options.materials,
+            tell=bar.move,
+        )
+    print(f"{manifest['examples']} examples in {options.out / 'train'}")
+    return 0
+
+
 def _folders(options: argparse.Namespace) -> dict[str, str | None]:
     """Return the user's folders by kind; None for a built-in kind."""
     return {
@@ -485,6 +541,7 @@ def _render(options: argparse.Namespace) -> int:
         shading=options.shading,
         variant=choice.variant,
         lights=options.lights,
+        materials=options.materials,
         **_folders(options),
     )
     with (

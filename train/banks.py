@@ -4,6 +4,7 @@ from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from lime_keras.optics.material_law import UNIFORM
 from lime_keras.synthesis import batches as scenes
 
 from .config import Config
@@ -43,6 +44,7 @@ class Banks:
             first_step=first_step,
             camera=config.camera,
             features={*features, *_ALWAYS},
+            materials=config.materials or (UNIFORM,),
             rows=self._rows,
         )
         return ({name: batch[name] for name in features} for batch in batches)
@@ -58,6 +60,7 @@ class Banks:
                 count=batches,
                 camera=config.camera,
                 features=features,
+                materials=config.materials or (UNIFORM,),
             )
 
     def blamed(self, step: int, origins: Sequence[tuple[int, int]]) -> str:

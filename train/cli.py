@@ -12,6 +12,7 @@ from lime_keras.version import __version__
 
 _PRESETS = ("smoke", "live", "paper")
 _PRECISIONS = ("float32", "bfloat16", "float16")
+_MATERIALS = ("uniform", "natural")
 _EXAMPLE = """
 examples:
   lime-train corpus --out runs/first --preset smoke
@@ -177,6 +178,14 @@ def parser() -> argparse.ArgumentParser:
         help="photograph each image anew every time it is seen: exposure, defocus, noise, clipping "
         "and JPEG of consumer cameras (default: on)",
     )
+    out.add_argument(
+        "--materials",
+        nargs="+",
+        choices=_MATERIALS,
+        metavar="LAW",
+        help="draw the albedos by the law `uniform`, the paper's, or `natural`, as common objects "
+        "have them, or both in turns (default: uniform; a corpus' held-out scenes keep their own)",
+    )
     out.add_argument("--seed", type=int, help="of weights, order and photos (default: 0)")
     out.add_argument("--version", action="version", version=__version__)
     return out
@@ -298,6 +307,7 @@ def config_of(options: argparse.Namespace) -> Any:
 
     preset = chosen(options.preset, lambda c: c.preset, None)
     sizes, schedule = PRESETS[preset], SCHEDULES[preset]
+    _check_materials(options, schedule.repaints)
     scale = chosen(options.scale_steps, lambda c: c.steps_scale, 1.0)
     without = options.without
     return Config(
@@ -336,7 +346,25 @@ def config_of(options: argparse.Namespace) -> Any:
             None,
         ),
         minutes=chosen(options.minutes, lambda c: c.minutes, None),
+        materials=chosen(
+            None if options.materials is None else tuple(options.materials),
+            lambda c: c.materials,
+            None,
+        ),
     )
+
+
+def _check_materials(options: argparse.Namespace, repaints: bool) -> None:
+    """Raise ValueError if materials are asked for that the data cannot show."""
+    from .config import is_bank
+
+    corpora = [str(path) for path in options.paths if not is_bank(path)]
+    if options.materials is not None and corpora and not repaints:
+        raise ValueError(
+            f"--materials: the preset {options.preset} shows the materials that "
+            f"{', '.join(corpora)} holds; render a corpus by `lime-render --materials`, train from "
+            "a bank, or pass --preset live"
+        )
 
 
 class _Bars:

@@ -39,6 +39,8 @@ class Config:
             (`initial_weights.sha256`); None for fresh weights.
         minutes: wall-clock time of the whole run (`train.budget`); None if each stage has as many
             batches as the schedule says.
+        materials: laws of the materials (`optics.material_law`), any of which each scene's follows;
+            None for those that a corpus was rendered by, and `uniform` wherever they are drawn.
     """
 
     preset: str
@@ -52,6 +54,7 @@ class Config:
     precision: str = "float32"
     begun_from: str | None = None
     minutes: float | None = None
+    materials: tuple[str, ...] | None = None
 
     @classmethod
     def read(cls, run: Path) -> "Config":
@@ -71,6 +74,8 @@ class Config:
             held = json.loads(path.read_text(encoding="utf-8"))["config"]
             architecture = Architecture(**held.pop("architecture"))
             schedule = Schedule(**held.pop("schedule"))
+            if held.get("materials") is not None:
+                held["materials"] = tuple(held["materials"])
             return cls(architecture=architecture, schedule=schedule, **held)
         except (KeyError, TypeError, ValueError) as error:
             raise ValueError(

@@ -8,6 +8,7 @@ from typing import Any
 import keras
 
 from lime_keras.data import pipeline
+from lime_keras.optics.material_law import UNIFORM
 
 from .config import Config
 
@@ -47,6 +48,7 @@ class Corpora:
             camera=config.camera,
             flips=config.schedule.flips,
             repaints=config.schedule.repaints,
+            materials=config.materials or (UNIFORM,),
             features=features,
         )
         for batch in pipeline.naming_damage(dataset, self._training):
@@ -61,6 +63,8 @@ class Corpora:
                 size=config.architecture.size,
                 batch_size=config.schedule.batch_size,
                 camera=config.camera,
+                repaints=config.materials is not None,
+                materials=config.materials or (UNIFORM,),
                 features=features,
             )
             found = pipeline.naming_damage(dataset, shards)

@@ -361,6 +361,8 @@ def _signature(config: Config, stage: Stage, model: StageModel, trained: Mapping
         follows_from["flips"] = True
     if config.schedule.repaints:
         follows_from["repaints"] = True
+    if config.materials is not None:
+        follows_from["materials"] = config.materials
     return hashlib.sha256(json.dumps(follows_from, sort_keys=True).encode()).hexdigest()
 
 

@@ -22,7 +22,7 @@ from lime_keras.data.flip import flip
 from lime_keras.data.recomposition import recompose
 from lime_keras.data.relight import has_several_lights, relight
 from lime_keras.data.repaint import repaint
-from lime_keras.optics import colour, shininess
+from lime_keras.optics import colour, material_law, shininess
 
 FEATURES = (*records.FEATURES, "clipped", "exponent_bin")
 """Features that a batch can hold."""
@@ -66,6 +66,7 @@ def training(
     camera: bool = True,
     flips: bool = False,
     repaints: bool = False,
+    materials: tuple[str, ...] = (material_law.UNIFORM,),
     features: Collection[str] = LEARNT_FROM,
 ) -> tf.data.Dataset:
     """Return an endless dataset of shuffled batches; a seed determines it, from any step on.
@@ -84,6 +85,7 @@ def training(
         camera: whether to take a new photo of a scene each time (`camera.photograph`).
         flips: whether to flip a scene with probability one half each time (`flip.flip`).
         repaints: whether to draw new albedos for a scene each time (`repaint.repaint`).
+        materials: laws that the new albedos follow, of `material_law.LAWS`.
         features: names of the features in a batch; others are decoded only if these need them.
 
     Raises:
@@ -98,7 +100,7 @@ def training(
     epochs = tf.data.Dataset.range(first // count, tf.int64.max)
     dataset = epochs.flat_map(lambda epoch: _epoch(paths, tf.stack([seed, epoch])))
     dataset = dataset.skip(first % count).enumerate(first).prefetch(_AHEAD)
-    prepare = _prepare(size, features, camera, flips, repaints, relights=True)
+    prepare = _prepare(size, features, camera, flips, repaints, materials, relights=True)
 
     def prepared(position: tf.Tensor, serialized: tf.Tensor) -> dict[str, tf.Tensor]:
         return prepare(serialized, tf.stack([tf.constant(seed, tf.int64), position]))
@@ -132,6 +134,8 @@ def evaluation(
     size: int,
     batch_size: int,
     camera: bool = False,
+    repaints: bool = False,
+    materials: tuple[str, ...] = (material_law.UNIFORM,),
     features: Collection[str] = FEATURES,
 ) -> tf.data.Dataset:
     """Return a dataset with every example once, in order; the last batch may be smaller.
@@ -144,6 +148,8 @@ def evaluation(
         batch_size: number of examples in a batch.
         camera: whether to take a photo of each scene (`camera.photograph`), drawn from the
             example's own seed and index.
+        repaints: whether to draw new albedos, from the example's own seed and index.
+        materials: laws that they follow, of `material_law.LAWS`.
         features: names of the features in a batch.
 
     Raises:
@@ -151,7 +157,7 @@ def evaluation(
     """
     _check_whole(shards)
     dataset = tf.data.TFRecordDataset([str(path) for path in shards])
-    prepare = _prepare(size, features, camera)
+    prepare = _prepare(size, features, camera, repaints=repaints, materials=materials)
     dataset = dataset.map(prepare, num_parallel_calls=tf.data.AUTOTUNE, deterministic=True)
     return dataset.batch(batch_size).prefetch(2)
 
@@ -310,18 +316,19 @@ def _prepare(
     camera: bool,
     flips: bool = False,
     repaints: bool = False,
+    materials: tuple[str, ...] = (material_law.UNIFORM,),
     relights: bool = False,
 ) -> Callable[..., dict[str, tf.Tensor]]:
     """Return the function from a serialised example and a seed to its features at `size`.
 
     The seed determines the photo, the flip, the paint and the light. Without a seed, the photo
-    depends on the example's own seed and index; flips, repaints and relights need a seed.
+    and the paint depend on the example's own seed and index; flips and relights need a seed.
     """
     if unknown := sorted(set(features) - set(FEATURES)):
         raise ValueError(f"a batch can hold no {', '.join(unknown)}, but {', '.join(FEATURES)}")
     edges = tf.constant(shininess.LOG_EDGES[1:-1], tf.float32)
     wanted = {"mask", *(_SOURCES.get(name, name) for name in features)}
-    if camera:
+    if camera or repaints:
         wanted |= {"seed", "index", *SCENE}
     recomposes = repaints or (relights and "image" in wanted)
     if recomposes:
@@ -336,11 +343,13 @@ def _prepare(
             example = relight(stored, tf.random.split(seed, 5)[4])
         example = _refuse_non_finite(example)
         if repaints:
-            example = repaint(example, tf.random.split(seed, 4)[3])
-        if recomposes:
+            own = tf.stack([example["seed"], example["index"]]) if seed is None else seed
+            example = repaint(example, tf.random.split(own, 4)[3], materials)
+            example["image"] = recompose(example, stored)
+        elif recomposes:
             changed = example
             example["image"] = tf.cond(
-                tf.logical_or(repaints, has_several_lights(stored)),
+                has_several_lights(stored),
                 lambda: recompose(changed, stored),
                 lambda: stored["image"],
             )

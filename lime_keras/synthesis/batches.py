@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from lime_keras.optics.material_law import UNIFORM
+
 from .scenes import Scenes
 
 _AHEAD = 4
@@ -26,6 +28,7 @@ def training(
     first_step: int = 0,
     camera: bool = True,
     features: Collection[str],
+    materials: tuple[str, ...] = (UNIFORM,),
     rows: tuple[int, int] = (0, 1),
 ) -> Iterator[Batch]:
     """Yield batches without end; the banks and a seed determine them, from any step on.
@@ -41,6 +44,7 @@ def training(
         first_step: number of batches to skip, to resume training.
         camera: whether cameras photograph the scenes.
         features: names of the features in a batch.
+        materials: laws of the materials, of `material_law.LAWS`.
         rows: (k, n): only the k-th of n equal parts of each batch, for one of n machines.
 
     Raises:
@@ -54,7 +58,9 @@ def training(
             f"scenes stand in pairs, so batches of {batch_size} cannot be divided among {parts} "
             f"machine{'s' * (parts > 1)}: choose a multiple of {2 * parts}"
         )
-    sources = [_scenes(folder, size, camera, frozenset(features), False) for folder in folders]
+    sources = [
+        _scenes(folder, size, camera, frozenset(features), False, materials) for folder in folders
+    ]
     share = batch_size // parts
 
     def drawn(step: int) -> tuple[Scenes, dict[str, Any]]:
@@ -73,6 +79,7 @@ def held_out(
     count: int,
     camera: bool,
     features: Collection[str],
+    materials: tuple[str, ...] = (UNIFORM,),
 ) -> Iterator[Batch]:
     """Yield the same batches every time, of shapes and maps that training does not see.
 
@@ -83,6 +90,7 @@ def held_out(
         count: number of batches.
         camera: whether cameras photograph the scenes.
         features: names of the features in a batch.
+        materials: laws of the materials, of `material_law.LAWS`.
 
     Raises:
         FileNotFoundError: if the bank is incomplete.
@@ -90,7 +98,7 @@ def held_out(
     """
     if batch_size % 2:
         raise ValueError(f"scenes stand in pairs: choose an even batch size, not {batch_size}")
-    source = _scenes(folder, size, camera, frozenset(features), True)
+    source = _scenes(folder, size, camera, frozenset(features), True, materials)
 
     def drawn(step: int) -> tuple[Scenes, dict[str, Any]]:
         return source, source.draw(0, np.arange(step * batch_size, (step + 1) * batch_size))
@@ -100,10 +108,22 @@ def held_out(
 
 @functools.lru_cache(maxsize=8)
 def _scenes(
-    folder: Path, size: int, camera: bool, features: frozenset[str], held_out: bool
+    folder: Path,
+    size: int,
+    camera: bool,
+    features: frozenset[str],
+    held_out: bool,
+    materials: tuple[str, ...],
 ) -> Scenes:
     """Return the scenes of a bank; all stages of a run share them, so they are compiled once."""
-    return Scenes(folder, size=size, camera=camera, features=features, held_out=held_out)
+    return Scenes(
+        folder,
+        size=size,
+        camera=camera,
+        features=features,
+        held_out=held_out,
+        materials=materials,
+    )
 
 
 def _made(

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from lime_keras.optics import camera_law
-from lime_keras.optics.material_law import sample_material
+from lime_keras.optics.material_law import UNIFORM, sample_material
 from lime_keras.synthesis.turning import SYMMETRIES
 
 BLENDED = 0.4
@@ -34,13 +34,19 @@ Draws = dict[str, np.ndarray | np.generic]
 """The draws of one scene, by name."""
 
 
-def draw(rng: np.random.Generator, size: int, textures: tuple[int, ...]) -> Draws:
+def draw(
+    rng: np.random.Generator,
+    size: int,
+    textures: tuple[int, ...],
+    materials: tuple[str, ...] = (UNIFORM,),
+) -> Draws:
     """Draw a scene's material, symmetry, background, distractor and camera.
 
     Args:
         rng: source of all randomness.
         size: height and width of the images in pixels.
         textures: shape `(K, T, T, 3)` of the bank's textures; K is at least 1, T at least `size`.
+        materials: keys of `material_law.LAWS`, one of which the material follows.
 
     Returns:
         By name, float32 unless said otherwise:
@@ -67,7 +73,8 @@ def draw(rng: np.random.Generator, size: int, textures: tuple[int, ...]) -> Draw
             f"backgrounds of {size}×{size} pixels cannot be cut from {count} textures of "
             f"{side}×{side}: render the bank with textures at least as large as its images"
         )
-    material = sample_material(rng)
+    law = materials[rng.integers(len(materials))] if len(materials) > 1 else materials[0]
+    material = sample_material(rng, law)
     uniform = rng.random(_UNIFORM)
     share = uniform.tolist()
     surrounded = share[0] < SURROUNDED

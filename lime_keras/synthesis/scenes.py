@@ -13,7 +13,7 @@ import numpy as np
 from keras import ops
 
 from lime_keras.arrays import compiled
-from lime_keras.optics import environment, octahedral, shininess
+from lime_keras.optics import environment, material_law, octahedral, shininess
 from lime_keras.optics.compositing import compose
 
 from . import backdrop, bank, drawing, light_law, panorama
@@ -29,6 +29,8 @@ _HELD_OUT = 10
 """One of so many shapes and maps is held out from training."""
 _COVERED = 255
 _LIGHTS, _TEXTURES = "lights", "textures"
+_DRAWN = ("seed", "index", "exponent_bin")
+"""Features that are drawn on the host and need not be made."""
 
 
 class Scenes:
@@ -36,14 +38,16 @@ class Scenes:
 
     Attributes:
         shapes: names of the shapes that the scenes show.
+        lights: names of the maps that light them.
 
     Args:
         folder: folder by `lime-render bank`.
         size: height and width of the images; a divisor of the bank's.
         camera: whether a camera photographs the scenes; else they are as in a corpus' records.
         features: names of the features in a batch, of `data.features` or `normal`, `camera`,
-            `environment`, `shininess`.
+            `environment`, `shininess`, `shape`, `light`.
         held_out: whether the scenes are of the shapes and maps that training does not see.
+        materials: keys of `material_law.LAWS`; each scene's is any of them with the same chance.
 
     Raises:
         FileNotFoundError: if the bank is incomplete.
@@ -59,6 +63,7 @@ class Scenes:
         camera: bool,
         features: Collection[str],
         held_out: bool = False,
+        materials: tuple[str, ...] = (material_law.UNIFORM,),
     ):
         self._geometry, self._lights = GeometryBank(folder), LightBank(folder)
         if self._geometry.size % size:
@@ -70,9 +75,10 @@ class Scenes:
         self.shapes = [self._geometry.shape_names[shape] for shape in shapes]
         self._entries = np.flatnonzero(np.isin(self._geometry.shape, shapes))
         self._maps = _chosen(self._lights.names, held_out, f"{folder}: light maps")
+        self.lights = [self._lights.names[number] for number in self._maps]
         self._textures = bank.textures(folder)
         self._size, self._camera, self._features = size, camera, frozenset(features)
-        self._held_out = held_out
+        self._held_out, self._materials = held_out, materials
         self._compiled = compiled(self._made)
         self._on_device: dict[str, Any] | None = None
 
@@ -96,7 +102,9 @@ class Scenes:
         entries = self._entries[[rng.integers(len(self._entries)) for rng in generators]]
         light = light_law.draw(generators, self._lights, self._maps)
         side = self._geometry.size
-        drawn = [drawing.draw(rng, side, self._textures.shape) for rng in generators]
+        drawn = [
+            drawing.draw(rng, side, self._textures.shape, self._materials) for rng in generators
+        ]
         draws: dict[str, Any] = drawing.batched(drawn)
         gbuffer = turned(self._geometry.read(entries), draws.pop("turn"))
         coverage, share = gbuffer["coverage"], gbuffer["share"]
@@ -109,6 +117,10 @@ class Scenes:
             "exponent_bin": shininess.bin_of(draws["shininess"]).astype(np.int32),
             "seed": np.full(len(positions), seed, np.int64),
             "index": np.asarray(positions, np.int64),
+            "names": {
+                "shape": np.array(self._geometry.shape_names)[self._geometry.shape[entries]],
+                "light": np.array(self._lights.names)[_strongest(light, self._lights.scale)],
+            },
         }
 
     def make(self, drawn: Mapping[str, Any]) -> dict[str, Any]:
@@ -116,7 +128,8 @@ class Scenes:
 
         Returns:
             The features of the batch by name, as `data.pipeline` names them, tensors of the
-            backend; `seed` and `index`, the position, are NumPy arrays if they are asked for.
+            backend. `seed`, `index`, the position, `shape` and `light`, the name of the map that
+            gives most of the light, are NumPy arrays if they are asked for.
         """
         if self._on_device is None:
             self._on_device = {
@@ -125,7 +138,7 @@ class Scenes:
             }
         given = {name: drawn[name] for name in ("draws", "light", "gbuffer", "work")}
         batch = self._compiled(self._on_device[_LIGHTS], self._on_device[_TEXTURES], given)
-        batch |= {name: drawn[name] for name in ("seed", "index", "exponent_bin")}
+        batch |= {name: drawn[name] for name in _DRAWN} | drawn["names"]
         return {name: value for name, value in batch.items() if name in self._features}
 
     def _made(self, maps: Any, textures: Any, given: Mapping[str, Any]) -> dict[str, Any]:
@@ -163,6 +176,12 @@ class Scenes:
         taken = photograph(image, scene, draws if self._camera else None)
         wanted = self._features | {"mask"}
         return reduced({name: value for name, value in taken.items() if name in wanted}, self._size)
+
+
+def _strongest(light: light_law.LightDraw, scale: np.ndarray) -> np.ndarray:
+    """Return the index of the map that gives most of each scene's light, `(B,)`."""
+    power = np.where(light.weights > 0, light.weights / scale[light.maps], 0.0)
+    return np.take_along_axis(light.maps, power.argmax(axis=1)[:, None], axis=1)[:, 0]
 
 
 def _chosen(names: list[str], held_out: bool, whose: str) -> np.ndarray:

@@ -6,11 +6,15 @@ from pathlib import Path
 from typing import Any
 
 from lime_keras.data.corpus import Split
+from lime_keras.optics.material_law import UNIFORM
 
 from ..mitsuba_setup import variants
 from ..scene import environments
 from ..shapes import procedural
 from . import inputs, sources
+
+UNRECORDED = {"lights": 1, "materials": UNIFORM}
+"""Values that a description does not record."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -30,6 +34,7 @@ class Description:
         backgrounds: folder of pictures, or None for random textures.
         variant: variant of Mitsuba.
         lights: number of lights under which each scene is stored.
+        materials: name of the law of the materials (see `material_law.LAWS`).
     """
 
     split: str
@@ -44,6 +49,7 @@ class Description:
     backgrounds: str | None
     variant: str
     lights: int = 1
+    materials: str = UNIFORM
 
     @property
     def shards(self) -> int:
@@ -78,12 +84,10 @@ class Job:
     def recorded(self) -> dict[str, Any]:
         """Return the description as it is stored in JSON; see `recorded`.
 
-        One light is not recorded, as splits that know of no further lights have no such entry.
+        The values of `UNRECORDED` are not, as splits of earlier versions have no such entries.
         """
         record = recorded(self.description)
-        if self.description.lights == 1:
-            del record["lights"]
-        return record
+        return {name: v for name, v in record.items() if UNRECORDED.get(name) != v}
 
     def files(self) -> dict[str, list[Path]]:
         """Return the user's files for this split, by kind; see `files`."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from lime_keras.optics.material_law import sample_material
+from lime_keras.optics.material_law import UNIFORM, sample_material
 
 from ..scene import example
 from ..scene.gbuffer import Tracer
@@ -102,6 +102,7 @@ def render_example(
     literal: bool = False,
     shard_size: int = 512,
     lights: int = 1,
+    materials: str = UNIFORM,
 ) -> Example:
     """Draw shape, light, pose, material and background of an example, and render it.
 
@@ -120,6 +121,7 @@ def render_example(
         literal: whether D and S are stored as Eqs. 2 and 3 are printed.
         shard_size: number of examples in a shard; these draw from the same 64 shapes and 64 lights.
         lights: number of lights under which the scene is rendered, each drawn as the first one.
+        materials: name of the law of the materials, one of `material_law.LAWS`.
 
     Raises:
         ValueError: if an input file cannot be used.
@@ -138,7 +140,7 @@ def render_example(
         scene = (
             sample_pose(rng, mesh.vertices, size),
             sample_light_rotation(rng, light.strong_direction),
-            sample_material(rng),
+            sample_material(rng, materials),
             sources.backgrounds.sample(rng, size),
         )
         further = []

@@ -14,7 +14,7 @@ from lime_keras.data.corpus import SPLITS, Split
 
 from ..mitsuba_setup import variants
 from . import claim, cluster, inputs, worker
-from .description import Description, Job
+from .description import UNRECORDED, Description, Job
 from .processes import Workers
 
 
@@ -54,9 +54,8 @@ def render_split(
     job = Job(out.absolute(), description, choice)
     split = Split(out, description.split)
     held = claim.held(split.description_path)
-    one_light = {"lights": 1}  # not recorded
     claim.refuse_another(
-        split.folder, "split", held and one_light | held, one_light | job.recorded()
+        split.folder, "split", held and UNRECORDED | held, UNRECORDED | job.recorded()
     )
     # Inputs are checked first, so that an unusable file fails before the split's folder is made.
     pool = Workers(workers)

@@ -45,6 +45,7 @@ class Worker:
             literal=description.shading == "literal",
             shard_size=description.shard_size,
             lights=description.lights,
+            materials=description.materials,
         )
 
 

@@ -56,6 +56,7 @@ class Expected:
     shapes: frozenset[str]
     lights: frozenset[str]
     light_count: int
+    brightest_background: float
 
 
 def faults(example: Mapping[str, np.ndarray], expected: Expected) -> list[tuple[str, str]]:
@@ -84,7 +85,7 @@ def faults(example: Mapping[str, np.ndarray], expected: Expected) -> list[tuple[
         return found
     normals = [*_normals(example)]
     found += normals
-    if (misfit := recomposition.misfit(example)) is not None:
+    if (misfit := recomposition.misfit(example, expected.brightest_background)) is not None:
         found.append(("recomposition", misfit))
     if not normals:
         found += _told_of_each(under_each, lambda lit: _shading_sums(lit, expected.literal))

@@ -7,6 +7,7 @@ goes on after a fault and reports all faults.
 import collections
 import hashlib
 import json
+import math
 import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -66,6 +67,7 @@ def verify(corpus: Path, split: str, on_example: Callable[[int, int], None]) -> 
         shapes=frozenset(manifest["shapes"]),
         lights=frozenset(manifest["lights"]),
         light_count=files.lights,
+        brightest_background=math.inf if "bank" in manifest["description"] else 1.0,
     )
     with ThreadPoolExecutor(os.cpu_count()) as threads:
         for shard in range(manifest["shards"]):

@@ -11,7 +11,7 @@ from lime_keras.data import camera, pipeline, records
 from lime_keras.data.corpus import Split
 from lime_keras.data.features import LEARNT_FROM
 from lime_keras.data.relight import draw_weights
-from lime_keras.optics import colour, shading, shininess
+from lime_keras.optics import colour, material_law, shading, shininess
 from lime_keras.optics.compositing import compose
 
 SIZE = 16
@@ -709,3 +709,16 @@ def test_one_shard_cannot_be_split(tmp_path):
 def test_an_incomplete_corpus_is_refused(tmp_path):
     with pytest.raises(FileNotFoundError, match="lime-render"):
         pipeline.training_shards(tmp_path)
+
+
+def test_held_out_scenes_are_painted_from_their_own_numbers(shards):
+    options = {"size": SIZE, "batch_size": COUNT, "features": pipeline.FEATURES}
+    natural = {"repaints": True, "materials": (material_law.NATURAL,)}
+    [plain] = pipeline.evaluation(shards, **options).take(1)
+    first, again = (next(iter(pipeline.evaluation(shards, **options, **natural))) for _ in range(2))
+    assert_same([first], [again])
+    np.testing.assert_array_equal(first["shininess"], plain["shininess"])
+    np.testing.assert_array_equal(first["mask"], plain["mask"])
+    assert not np.array_equal(first["specular_albedo"], plain["specular_albedo"])
+    total = tf.reduce_max(first["diffuse_albedo"], axis=1) + first["specular_albedo"]
+    assert np.max(total) <= 1.000001

@@ -8,7 +8,7 @@ from sphere_corpus import example
 from lime_keras.data import camera, records
 from lime_keras.data.recomposition import recompose
 from lime_keras.data.repaint import repaint
-from lime_keras.optics import colour
+from lime_keras.optics import colour, material_law
 from lime_keras.optics.compositing import compose
 
 SIZE = 48
@@ -130,3 +130,28 @@ def test_a_photo_of_it_shows_eq_4_too(sphere):
     old = colour.linear_to_srgb(np.clip(composed(taken | albedos), 0, 1))[inside]
     # Blur, noise and JPEG are a real camera's.
     assert np.abs(seen - new).mean() < 0.03 < 0.05 < np.abs(seen - old).mean()
+
+
+@pytest.mark.parametrize("log", [-1.0, 0.0, 1.5, 3.0, 4.0])
+def test_natural_paint_is_that_of_materials_of_the_scenes_exponent(sphere, log):
+    """Beyond the table's ends as at its ends."""
+    scene = dict(sphere) | {"shininess": tf.constant(10.0**log, tf.float32)}
+    found = [repaint(scene, tf.constant([seed, 0]), (material_law.NATURAL,)) for seed in range(200)]
+    drawn = np.array([[*new["diffuse_albedo"], new["specular_albedo"]] for new in found])
+    table = material_law.natural_table()
+    rows = {tuple(row[1:]): row[0] for row in table}
+    logs = np.array([rows[tuple(row)] for row in drawn])
+    assert np.abs(logs - np.clip(log, 0, 3)).max() < 0.025
+    # Half of 129 rows, or at an end of 65, are drawn at least once in 200 draws.
+    assert len(np.unique(logs)) > 30
+
+
+def test_several_laws_take_turns(sphere):
+    laws = (material_law.UNIFORM, material_law.NATURAL)
+    seeds = [tf.constant([seed, 0]) for seed in range(120)]
+    both = [float(repaint(sphere, seed, laws)["specular_albedo"]) for seed in seeds]
+    alone = [
+        {float(repaint(sphere, seed, (law,))["specular_albedo"]) for seed in seeds} for law in laws
+    ]
+    shares = [np.mean([value in known for value in both]) for known in alone]
+    assert min(shares) > 0.3 and sum(shares) == pytest.approx(1, abs=0.02)

@@ -56,3 +56,50 @@ def test_a_material_is_a_function_of_the_generator():
     )
     assert first.exponent == again.exponent != other.exponent
     np.testing.assert_array_equal(first.diffuse_albedo, again.diffuse_albedo)
+
+
+@pytest.fixture(scope="module")
+def natural():
+    rng = np.random.default_rng(1)
+    return [material_law.sample_material(rng, material_law.NATURAL) for _ in range(4000)]
+
+
+def test_natural_materials_reflect_no_more_than_they_receive(natural):
+    total = np.array([m.diffuse_albedo.max() + m.specular_albedo for m in natural])
+    assert total.max() <= 1
+    assert min(m.diffuse_albedo.min() for m in natural) >= 0
+    assert min(m.specular_albedo for m in natural) > 0
+
+
+def test_natural_exponents_are_those_of_the_paper(natural):
+    logs = np.log10([m.exponent for m in natural])
+    assert stats.kstest(logs, stats.uniform(0, 3).cdf).pvalue > PLAUSIBLE
+
+
+def test_most_natural_materials_reflect_as_dielectrics_whatever_their_gloss(natural):
+    specular = np.array([m.specular_albedo for m in natural])
+    logs = np.log10([m.exponent for m in natural])
+    for low in range(3):
+        here = specular[(logs >= low) & (logs < low + 1)]
+        # The reflectance of an index of 1.5 is 0.04 at normal incidence; half lie within a factor.
+        assert 0.04 < np.median(here) < 0.06
+        assert np.mean((here > 0.02) & (here < 0.1)) > 0.7
+
+
+def test_the_strongly_specular_are_dark_and_more_often_glossy(natural):
+    diffuse = np.array([m.diffuse_albedo.max() for m in natural])
+    specular = np.array([m.specular_albedo for m in natural])
+    glossy = np.array([m.exponent > 10**1.5 for m in natural])
+    assert diffuse[specular > 0.5].max() < 0.1
+    assert np.mean(specular[glossy] > 0.3) > 1.3 * np.mean(specular[~glossy] > 0.3) > 0
+
+
+def test_a_table_of_natural_materials_is_sorted_and_as_they_are_drawn(natural):
+    table = material_law.natural_table(4000)
+    assert table.dtype == np.float32 and table.shape == (4000, 5)
+    np.testing.assert_array_equal(table, material_law.natural_table(4000))
+    assert (np.diff(table[:, 0]) > 0).all() and table[0, 0] == 0 and table[-1, 0] == 3
+    specular = [m.specular_albedo for m in natural]
+    assert stats.ks_2samp(table[:, 4], specular).pvalue > PLAUSIBLE
+    bright = [m.diffuse_albedo.max() for m in natural]
+    assert stats.ks_2samp(table[:, 1:4].max(axis=1), bright).pvalue > PLAUSIBLE

@@ -94,3 +94,14 @@ def test_textures_that_are_missing_or_too_small_are_refused(textures):
 def test_textures_of_the_images_size_are_enough():
     draws = drawing.draw(np.random.default_rng(0), SIZE, (1, SIZE, SIZE, 3))
     assert not draws["texture"].any() and not draws["corner"].any()
+
+
+def test_materials_follow_any_of_the_laws_asked_for():
+    def specular(*laws):
+        rng = np.random.default_rng(2)
+        return [drawing.draw(rng, SIZE, TEXTURES, laws)["specular_albedo"] for _ in range(400)]
+
+    dull = np.mean(np.array(specular("natural")) < 0.15)
+    both = np.mean(np.array(specular("uniform", "natural")) < 0.15)
+    assert dull > 0.75
+    assert both == pytest.approx((dull + 0.15) / 2, abs=0.08)

@@ -136,3 +136,16 @@ def test_a_bank_of_one_light_is_refused(tmp_path):
     sphere_bank.write(tmp_path, size=SIZE, maps=1)
     with pytest.raises(ValueError, match="light maps: there is 1"):
         Scenes(tmp_path, size=SIZE, camera=False, features=FEATURES)
+
+
+def test_a_scene_names_its_shape_and_the_map_that_gives_most_light(bank):
+    scenes = Scenes(bank, size=SIZE, camera=False, features=(*FEATURES, "shape", "light"))
+    drawn = scenes.draw(3, np.arange(8))
+    batch = scenes.make(drawn)
+    assert set(batch["shape"]) <= set(scenes.shapes) and set(batch["light"]) <= set(scenes.lights)
+    held = lights.LightBank(bank)
+    for name, maps, weights in zip(
+        batch["light"], drawn["light"].maps, drawn["light"].weights, strict=True
+    ):
+        power = weights / held.scale[maps]
+        assert power[[held.names[number] for number in maps].index(name)] == power.max()
