@@ -15,6 +15,7 @@ examples:
   lime-eval corpus --table1 runs/full runs/no-mirror runs/no-perceptual --out results
   lime-eval corpus --tradeoff runs/smoke runs/live --out results
   lime-eval --stability --out results
+  lime-eval --photos photos/ --weights runs/before runs/after --out results
 
 All of one --out fill one report, which may be mailed: report.html. Besides it
   --weights    metrics.json    every number, with intervals; encoders on true layers, paper,
@@ -25,10 +26,21 @@ All of one --out fill one report, which may be mailed: report.html. Besides it
                examples/       the photos of the report's examples, to try lime-estimate on
   --table1     comparison.md, comparison.json, confusions.png
   --tradeoff   tradeoff.md, tradeoff.json, pareto.png
-  --stability  stability.md, stability.json
+  --photos     photos.json     every number of the tables, and the answers for every photo
+               photos.csv      the answers for every photo
+               photos-1.jpg …  the photos with their answers, sorted by gloss
 
-What was measured is kept in OUT, so a command that is run again, or was interrupted, goes on where
-it stopped. Tables also go to standard output, progress to standard error.
+Photos have no true material, but show whether it is glossy, and of which hue. Their folder may hold
+masks (cup_mask.png for cup.jpg; 1mask.png for 1input.png) and labels.csv, with the columns
+  photo        path below the folder, with its suffix
+  finish       glossy or matte, as one sees it; may be empty
+  dielectric   1 if the object is of no metal, so that its specular albedo is known: 0.04
+  pair         photos of the same name here are also compared with one another alone
+  note         any text
+Without labels there are the colours, the masks and the pictures.
+
+What was measured on a CORPUS is kept in OUT, so a command that is run again, or was interrupted,
+goes on where it stopped. Tables also go to standard output, progress to standard error.
 Exit status: 0 done, 1 something failed, 2 wrong usage, 130 interrupted.
 """
 
@@ -38,7 +50,7 @@ def parser() -> argparse.ArgumentParser:
     command = argparse.ArgumentParser(
         prog="lime-eval",
         description="Measure trained runs on the test split of a corpus: the paper's Table 1, "
-        "speed against accuracy, numerical stability, and a report of it all.",
+        "speed against accuracy, numerical stability; or on photos; and write a report of it all.",
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -47,14 +59,17 @@ def parser() -> argparse.ArgumentParser:
         type=Path,
         metavar="CORPUS",
         nargs="?",
-        help="folder of lime-render; --stability alone needs none",
+        help="folder of lime-render; --stability and --photos need none",
     )
     command.add_argument(
         "--weights",
         type=Path,
+        nargs="+",
+        action="extend",
         metavar="RUN",
-        help="run of lime-train, or a folder with its model, to be measured (default, with a "
-        "CORPUS and nothing else asked for: the model that comes with the package)",
+        help="run of lime-train, or a folder with its model, to be measured; --photos takes "
+        "several, side by side (default, for --photos and for a CORPUS with nothing else asked "
+        "for: the model that comes with the package)",
     )
     command.add_argument(
         "--table1",
@@ -75,6 +90,13 @@ def parser() -> argparse.ArgumentParser:
         "--stability",
         action="store_true",
         help="drive every numeric part to its extremes, the networks of --weights among them",
+    )
+    command.add_argument(
+        "--photos",
+        type=Path,
+        metavar="DIR",
+        help="tell how well photos in a folder, at any depth, are answered whose materials nobody "
+        "measured: order of gloss, specular albedo of dielectrics, colour, masks",
     )
     command.add_argument(
         "--out", type=Path, metavar="DIR", help="folder for the results (default: RUN/eval)"
@@ -104,32 +126,41 @@ def main(argv: list[str] | None = None) -> int:
 def _checked(command: argparse.ArgumentParser, arguments: list[str]) -> argparse.Namespace:
     """Return the parsed options; exit with a usage error if they do not go together."""
     options = command.parse_args(arguments)
-    on_corpus = options.weights or options.table1 or options.tradeoff
-    if not on_corpus and not options.stability and options.corpus is None:
-        command.error("nothing to do: pass a CORPUS, or --stability")
+    weights = options.weights or []
+    on_corpus = weights or options.table1 or options.tradeoff
+    alone = options.stability or options.photos
+    if not on_corpus and not alone and options.corpus is None:
+        command.error("nothing to do: pass a CORPUS, --stability, or --photos")
     if options.corpus is None and (options.table1 or options.tradeoff):
         command.error("--table1 and --tradeoff need a CORPUS to measure on")
-    if options.corpus is None and options.weights and not options.stability:
-        command.error("--weights needs a CORPUS to measure on")
-    if options.corpus is not None and not on_corpus and options.stability:
+    if options.corpus is None and weights and not alone:
+        command.error("--weights needs a CORPUS to measure on; it comes before the options")
+    if options.corpus is not None and not on_corpus and alone:
         command.error("a CORPUS takes --weights, --table1 or --tradeoff")
-    if options.out is None and options.weights is None:
-        command.error("pass --out: without --weights there is no run's folder to write to")
+    if len(weights) > 1 and (options.corpus is not None or not options.photos or options.stability):
+        command.error("several --weights are for --photos alone; on a CORPUS pass them to --table1")
+    if options.out is None and len(weights) != 1:
+        command.error("pass --out: without one --weights there is no run's folder to write to")
     return options
 
 
 def _evaluate(options: argparse.Namespace, command: str) -> int:
     """Compute the requested results, write the report, print the tables, return the status."""
-    out = options.out or options.weights / "eval"
+    weights = options.weights or []
+    out = options.out or weights[0] / "eval"
     _check_writable(out)
-    console.require("lime-eval", *console.EXTRAS["train"])
-    console.import_tensorflow()
     from lime_keras.io.model_folder import SHIPPED
 
+    if options.corpus or options.stability:
+        console.require("lime-eval", *console.EXTRAS["train"])
+        console.import_tensorflow()
+    else:
+        # Photos are estimated without TensorFlow; the report is made of these.
+        console.require("lime-eval --photos", "jinja2", "markdown_it")
     from . import sections
 
-    asked = options.weights or options.table1 or options.tradeoff or options.stability
-    model = options.weights if asked else SHIPPED
+    asked = weights or options.table1 or options.tradeoff or options.stability
+    model = weights[0] if weights else None if asked else SHIPPED
     corpus, how = options.corpus, {"command": command}
     seen = how | {"camera": options.camera}
     failed = False
@@ -139,8 +170,10 @@ def _evaluate(options: argparse.Namespace, command: str) -> int:
         print(sections.compare(out, options.table1, corpus, **seen), end="")
     if options.tradeoff:
         print(sections.trade(out, options.tradeoff, corpus, **seen), end="")
+    if options.photos:
+        print(sections.photographs(out, options.photos, weights or [SHIPPED], **how), end="")
     if options.stability:
-        text, as_expected = sections.drive_to_extremes(out, options.weights, **how)
+        text, as_expected = sections.drive_to_extremes(out, model, **how)
         print(text, end="")
         failed = not as_expected
     print(f"wrote {sections.write_report(out)}", file=sys.stderr)

@@ -17,14 +17,17 @@ import numpy as np
 from lime_keras.io import photo
 from lime_keras.io.atomic import write
 
-from .accuracy import comparison, measures, stored, table
-from .report import examples, figures, page
+from .photos import folder, summary
+from .photos.answers import answer
+from .report import contact_sheet, page
+from .report.themes import LIGHT
 from .store import Store
 
 _TITLES = {
     "evaluation": "Accuracy",
     "comparison": "Table 1",
     "tradeoff": "Speed against accuracy",
+    "photos": "Photographs",
     "stability": "Extremes",
 }
 """Titles of the sections by name, in the order of the report."""
@@ -32,12 +35,16 @@ _TITLES = {
 
 def evaluation(out: Path, run: Path, corpus: Path, *, camera: bool, command: str) -> str:
     """Measure one run, write its files and its section, and return its table in Markdown."""
+    from .accuracy import measures, stored, table
+    from .report import evaluation as report
+    from .report import examples, figures
+
     found = stored.evaluation(_store(out), run, corpus, camera=camera)
     summary = measures.summarise(found) | {"camera": camera}
     choices, worst = examples.choose(found.rows), examples.worst(found.rows)
     shown = examples.read(run, corpus, choices + worst, camera=camera)
     chosen, failed = shown[: len(choices)], shown[len(choices) :]
-    section = page.evaluation(
+    section = report.evaluation(
         found, summary, chosen, failed, command=command, corpus=corpus, run=run
     )
     text = table.markdown(summary, found.architecture)
@@ -56,6 +63,9 @@ def evaluation(out: Path, run: Path, corpus: Path, *, camera: bool, command: str
 
 def compare(out: Path, runs: Sequence[Path], corpus: Path, *, camera: bool, command: str) -> str:
     """Compare several runs, write the files and the section, and return Table 1 in Markdown."""
+    from .accuracy import comparison, stored
+    from .report import figures
+
     named, store = names(runs), _store(out)
     found = {
         name: stored.evaluation(store, run, corpus, camera=camera) for name, run in named.items()
@@ -89,7 +99,7 @@ def trade(out: Path, runs: Sequence[Path], corpus: Path, *, camera: bool, comman
     draw = partial(pareto, result)
     _write_json(out / "tradeoff.json", result)
     write(out / "tradeoff.md", text)
-    write(out / "pareto.png", draw(figures.LIGHT))
+    write(out / "pareto.png", draw(LIGHT))
     picture = page.Picture(
         draw,
         "errors against latency",
@@ -97,6 +107,28 @@ def trade(out: Path, runs: Sequence[Path], corpus: Path, *, camera: bool, comman
     )
     section = page.measured(_TITLES["tradeoff"], text, [picture], command=command)
     _keep(out, "tradeoff", section)
+    return text
+
+
+def photographs(out: Path, taken: Path, runs: Sequence[Path], *, command: str) -> str:
+    """Evaluate runs on a folder of photos, write the files, and return the tables in Markdown."""
+    photos = folder.read(taken, out)
+    answers = answer(photos, names(runs))
+    found = summary.summarise(photos, answers)
+    text = summary.markdown(photos, found)
+    _write_json(out / "photos.json", found)
+    rows = found["photos"]
+    write(
+        out / "photos.csv", _csv({name: np.array([row[name] for row in rows]) for name in rows[0]})
+    )
+    for stale in out.glob("photos-[0-9]*.jpg"):
+        stale.unlink()
+    pictures = []
+    for number, draw in enumerate(contact_sheet.sheets(photos, answers, found), 1):
+        write(out / f"photos-{number}.jpg", draw(LIGHT))
+        alt = "photos with the models' answers, sorted by gloss"
+        pictures.append(page.Picture(draw, alt, contact_sheet.CAPTION))
+    _keep(out, "photos", page.measured(_TITLES["photos"], text, pictures, command=command))
     return text
 
 
@@ -129,12 +161,19 @@ def write_report(out: Path) -> Path:
 
 
 def names(runs: Sequence[Path]) -> dict[str, Path]:
-    """Return the runs by the names of their folders.
+    """Return the runs by the names of their folders, those of one name with their parents' before.
 
     Raises:
-        ValueError: if two folders have the same name.
+        ValueError: if two runs still have the same name.
     """
-    named = {run.resolve().name: run for run in runs}
+    folders = [run.resolve() for run in runs]
+    of_name = [folder.name for folder in folders]
+    named = {
+        folder.name
+        if of_name.count(folder.name) == 1
+        else f"{folder.parent.name}-{folder.name}": run
+        for folder, run in zip(folders, runs, strict=True)
+    }
     if len(named) < len(runs):
         raise ValueError(
             f"runs are told by their folders' names, which must differ: {', '.join(map(str, runs))}"

@@ -48,7 +48,7 @@ ROWS = {
     ),
     "eval": (
         ("store", "markdown_table"),
-        ("accuracy", "stability"),
+        ("accuracy", "stability", "photos"),
         ("report",),
         ("tradeoff",),
         ("sections",),

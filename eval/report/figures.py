@@ -7,7 +7,6 @@ import csv
 import io
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -22,26 +21,13 @@ from lime_keras.optics import shininess
 
 from ..accuracy import calibration
 from ..accuracy.labels import bin_label
+from .themes import LIGHT, Theme
 
 DPI = 150
 """Resolution of the figures in pixels per inch."""
 _TRAIN, _VALIDATION = "train_", "validation_"
 TONES = ("#3b82c4", "#e07b39", "#4a9d5b", "#b455a0", "#8a6d3b", "#c2434a", "#3fa7a7", "#7a6fd0")
 """Colours of the series in a figure, distinguishable on white and on near-black."""
-
-
-@dataclass(frozen=True)
-class Theme:
-    """Colours of a page: background, text, faint lines, and the accent of data and full shares."""
-
-    paper: str
-    ink: str
-    faint: str
-    accent: str
-
-
-LIGHT = Theme(paper="#ffffff", ink="#1d2430", faint="#d5dae1", accent="#1f63b0")
-DARK = Theme(paper="#1b212b", ink="#e4e8ee", faint="#3a4454", accent="#74b0f4")
 
 
 def confusion(matrix: np.ndarray, theme: Theme = LIGHT) -> bytes:

@@ -1,40 +1,23 @@
 """The report as one self-contained HTML page: sections of numbers, figures and examples."""
 
 import base64
-import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 from typing import Any
 
 import jinja2
-import keras
-import numpy as np
-import tensorflow as tf
 from markdown_it import MarkdownIt
 from markupsafe import Markup
 
-from lime_keras.data.corpus import Split
-from lime_keras.optics import colour, shininess
-from lime_keras.version import __version__
+from lime_keras.version import __version__, installed
 
-from ..accuracy import labels, table
-from ..accuracy.evaluate import Evaluation
-from ..accuracy.measures import DECIBEL, MEASURES
-from ..accuracy.slices import SHOWN, Slice, slices
-from . import figures, pictures
-from .examples import Example
+from .themes import DARK, LIGHT, Theme
 
 _TEMPLATES = Path(__file__).parent / "templates"
-_HEADLINES = (
-    "mask_iou",
-    "exponent_exact",
-    "log_exponent_mae",
-    "diffuse_albedo_mae",
-    "specular_albedo_mae",
-    "relighting_psnr",
-)
+_VERSIONS = {"tensorflow": "TensorFlow", "keras": "Keras", "onnxruntime": "ONNX Runtime"}
+"""Packages whose versions a section tells, with their names in words."""
 
 
 @dataclass(frozen=True)
@@ -42,64 +25,14 @@ class Picture:
     """A figure of a section.
 
     Attributes:
-        draw: function from a theme to a PNG, or to None if there is nothing to draw.
+        draw: function from a theme to a PNG or JPEG, or to None if there is nothing to draw.
         alt: description of the figure for readers who cannot see it.
         caption: text below the figure.
     """
 
-    draw: Callable[[figures.Theme], bytes | None]
+    draw: Callable[[Theme], bytes | None]
     alt: str
     caption: str
-
-
-def evaluation(
-    found: Evaluation,
-    summary: Mapping[str, Any],
-    examples: list[Example],
-    worst: list[Example],
-    *,
-    command: str,
-    corpus: Path,
-    run: Path,
-) -> str:
-    """Return the section about one run as HTML.
-
-    Args:
-        found: evaluation of the run.
-        summary: result of `measures.summarise` for this evaluation.
-        examples: examples to show with their layers (see `examples.read`).
-        worst: examples to show small, with their relighting error.
-        command: command that made the report, as typed.
-        corpus: folder of the corpus with the test split.
-        run: folder of the weights; its `config.json` and `curves/` are shown where they exist.
-
-    Raises:
-        ValueError: if a file of loss curves is not a table of numbers.
-    """
-    parts = slices(found.rows)
-    return _rendered(
-        "evaluation.html",
-        command=command,
-        corpus=corpus.name or str(corpus),
-        run=run.name or str(run),
-        summary=summary,
-        exponent=labels.exponent(found.architecture),
-        tiles=[_tile(name, summary) for name in _HEADLINES],
-        header=table.header(summary),
-        rows=table.rows(summary),
-        constants=_constants(summary),
-        confusion=_both_themes(lambda theme: figures.confusion(found.confusion, theme)),
-        albedos=_both_themes(lambda theme: figures.albedos(found.rows, theme)),
-        reliability=_both_themes(lambda theme: figures.reliability(found.rows, theme)),
-        relighting=_both_themes(lambda theme: figures.relighting(found.rows, theme)),
-        slice_header=("Part", "images", *(MEASURES[name].short for name in _shown(parts))),
-        slices=[_slice_cells(part, _shown(parts)) for part in parts],
-        curves=_both_themes(lambda theme: figures.loss_curves(run / "curves", theme)),
-        examples=[_card(example) for example in examples],
-        worst=[_small_card(example, found) for example in worst],
-        config=_pretty_json(run / "config.json"),
-        manifest=_pretty_json(Split(corpus, "test").manifest_path),
-    )
 
 
 def measured(title: str, text: str, pictures_of_it: Sequence[Picture], *, command: str) -> str:
@@ -111,10 +44,10 @@ def measured(title: str, text: str, pictures_of_it: Sequence[Picture], *, comman
         pictures_of_it: figures of the section.
         command: command that made the section, as typed.
     """
-    drawn = [(_both_themes(p.draw), p.alt, p.caption) for p in pictures_of_it]
+    drawn = [(both_themes(p.draw), p.alt, p.caption) for p in pictures_of_it]
     html = MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
     html = html.replace("<table>", '<div class="wide"><table>')
-    return _rendered(
+    return rendered(
         "measured.html",
         title=title,
         command=command,
@@ -130,10 +63,18 @@ def whole(sections: Sequence[tuple[str, str, str]]) -> str:
         sections: name, title and HTML of each section, in order.
     """
     shown = [{"name": name, "title": title, "html": Markup(html)} for name, title, html in sections]
-    return _rendered("report.html", sections=shown)
+    return rendered("report.html", sections=shown)
 
 
-def _rendered(template: str, **values: Any) -> str:
+def rendered(template: str, **values: Any) -> str:
+    """Return a template of the report as HTML.
+
+    Args:
+        template: name of the file in `templates/`.
+        values: what the template shows, by name.
+    """
+    known = installed(_VERSIONS)
+    versions = [f"{name} {known[package]}" for package, name in _VERSIONS.items() if known[package]]
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(_TEMPLATES),
         autoescape=True,
@@ -143,133 +84,20 @@ def _rendered(template: str, **values: Any) -> str:
     )
     return environment.get_template(template).render(
         made=date.today().isoformat(),
-        versions=f"lime_keras {__version__}, TensorFlow {tf.__version__}, "
-        f"Keras {keras.__version__}",
+        versions=", ".join([f"lime_keras {__version__}", *versions]),
         **values,
     )
 
 
-def _shown(parts: Sequence[Slice]) -> list[str]:
-    """Return the names of the measures in `SHOWN` that at least one part has."""
-    return [name for name in SHOWN if any(name in part.value for part in parts)]
-
-
-def _slice_cells(part: Slice, names: Sequence[str]) -> list[str]:
-    cells = [f"{part.by}: {part.label}", str(part.count)]
-    return cells + [
-        MEASURES[name].unit.with_interval(part.value[name], part.interval[name]) for name in names
-    ]
-
-
-def _tile(name: str, summary: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a headline number and its place between chance (0 %) and perfection (100 %)."""
-    measure = MEASURES[name]
-    chance = summary["chance"].get(name, summary["constant"].get(name))
-
-    def place(value: float | None) -> float | None:
-        if value is None or chance == measure.perfect:
-            return None
-        way = (value - chance) / (measure.perfect - chance)
-        return round(100 * float(np.clip(way, 0, 1)), 1)
-
-    return {
-        "title": measure.title,
-        "value": measure.unit.number(summary[name]),
-        "paper": measure.unit.number(measure.paper),
-        "ours_at": place(summary[name]),
-        "paper_at": place(measure.paper),
-        "oracle_at": place(summary["oracle"].get(name)),
-    }
-
-
-def _constants(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return the measures of the best constant predictions on this split, as title and text."""
-    return [
-        (MEASURES[name].title, MEASURES[name].unit.number(value))
-        for name, value in summary["constant"].items()
-    ]
-
-
-def _small_card(example: Example, found: Evaluation) -> dict[str, Any]:
-    """Return the template's values for one of the worst relit examples."""
-    truth = example.truth
-    return _material(example) | {
-        "source": f"{truth['shape'].decode()} under {truth['light'].decode()}, "
-        f"index {truth['index']}",
-        "psnr": DECIBEL.number(found.rows["relit"][example.choice.position]),
-        "photo": _data_uri(pictures.png(truth["image"])),
-        "true": _data_uri(pictures.png(pictures.true_render(example))),
-        "estimated": _data_uri(pictures.png(pictures.estimated_render(example))),
-    }
-
-
-def _material(example: Example) -> dict[str, Any]:
-    """Return the true and the estimated m_d, m_s and s as the template prints them."""
-    truth, estimate = example.truth, example.estimate
-    return {
-        "diffuse": [_swatch(material["diffuse_albedo"]) for material in (truth, estimate)],
-        "specular": [f"{float(m['specular_albedo'].item()):.2f}" for m in (truth, estimate)],
-        "exponent": [f"{s:.1f}" for s in (float(truth["shininess"]), example.exponent)],
-    }
-
-
-def _card(example: Example) -> dict[str, Any]:
-    """Return the template's values for one of the examples shown with their layers."""
-    truth, estimate = example.truth, example.estimate
-    probabilities = estimate.get("exponent_bin_probabilities", ())
-    true_bin = int(shininess.bin_of(truth["shininess"]))
-    return _material(example) | {
-        "reason": example.choice.reason,
-        "source": f"{truth['shape'].decode()} under {truth['light'].decode()}, "
-        f"seed {truth['seed']}, index {truth['index']}",
-        "photo": _data_uri(pictures.png(truth["image"])),
-        "pairs": [
-            {
-                "title": pair.title,
-                "truth": _data_uri(pictures.png(pair.truth)),
-                "estimate": _data_uri(pictures.png(pair.estimate)),
-            }
-            for pair in pictures.pairs(example)
-        ],
-        "bars": [
-            {
-                "height": round(100 * float(p), 1),
-                "label": labels.bin_label(k),
-                "is_true": k == true_bin,
-            }
-            for k, p in enumerate(probabilities)
-        ],
-    }
-
-
-def _swatch(albedo_linear: np.ndarray) -> dict[str, str]:
-    """Return a linear albedo `(3,)` as a CSS colour and as text."""
-    srgb = np.clip(colour.linear_to_srgb(albedo_linear), 0, 1)
-    red, green, blue = np.round(255 * srgb).astype(int).tolist()
-    return {
-        "css": f"rgb({red}, {green}, {blue})",
-        "text": " ".join(f"{value:.2f}" for value in albedo_linear),
-    }
-
-
-def _both_themes(draw: Any) -> dict[str, str] | None:
+def both_themes(draw: Callable[[Theme], bytes | None]) -> dict[str, str] | None:
     """Return the figure for a light and a dark page as data URIs; None if there is no figure."""
-    drawn = {"light": draw(figures.LIGHT), "dark": draw(figures.DARK)}
-    if drawn["light"] is None:
+    light, dark = draw(LIGHT), draw(DARK)
+    if light is None or dark is None:
         return None
-    return {name: _data_uri(data) for name, data in drawn.items()}
+    return {"light": data_uri(light), "dark": data_uri(dark)}
 
 
-def _data_uri(data: bytes) -> str:
-    return f"data:image/png;base64,{base64.b64encode(data).decode()}"
-
-
-def _pretty_json(path: Path) -> str | None:
-    """Return the JSON of a file, indented; its raw text if it is not JSON; None without a file."""
-    if not path.is_file():
-        return None
-    text = path.read_text(encoding="utf-8", errors="replace")
-    try:
-        return json.dumps(json.loads(text), indent=2, ensure_ascii=False)
-    except json.JSONDecodeError:
-        return text
+def data_uri(data: bytes) -> str:
+    """Return a PNG or JPEG as a data URI."""
+    kind = "jpeg" if data.startswith(b"\xff\xd8") else "png"
+    return f"data:image/{kind};base64,{base64.b64encode(data).decode()}"

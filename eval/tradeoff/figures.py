@@ -10,7 +10,8 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from ..accuracy.measures import MEASURES
-from ..report.figures import DPI, LIGHT, TONES, Theme, dress, to_png
+from ..report.figures import DPI, TONES, dress, to_png
+from ..report.themes import LIGHT, Theme
 from .cases import is_crossed
 from .recommendation import FRAME_MS, front
 from .runtimes import KERAS, ONNX, SAVED_MODEL

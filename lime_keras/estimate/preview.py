@@ -79,20 +79,34 @@ def sheet(image_srgb: np.ndarray, material: Material) -> np.ndarray:
     Returns:
         Picture `(h, w, 3)` float32, sRGB in [0, 1].
     """
-    tiles = {_TITLES["photo"]: _with_outline(image_srgb, material)}
+    return _side_by_side(tiles(image_srgb, material), caption(material))
+
+
+def tiles(image_srgb: np.ndarray, material: Material) -> dict[str, np.ndarray]:
+    """Return the parts of an estimate as pictures, by title, in the order of the preview.
+
+    Args:
+        image_srgb: photo `(H, W, 3)`, sRGB in [0, 1].
+        material: estimate from the photo, with the layer `mask`.
+
+    Returns:
+        Pictures `(256, 256, 3)`, sRGB in [0, 1], of the square that the networks saw: the photo
+        with the mask's outline and the layers that there are; if the material is whole, a sphere.
+    """
+    shown = {_TITLES["photo"]: _with_outline(image_srgb, material)}
     for name, title in list(_TITLES.items())[1:]:
         if name in material.layers:
             tile = _seen(material.layers[name], material)
             # S and M are far brighter than white, so their bright parts are compressed.
-            shown = tile / (1 + tile) if tile.shape[-1] == 1 else np.clip(tile, 0, 1)
-            tiles[title] = np.broadcast_to(colour.linear_to_srgb(shown), (_TILE, _TILE, 3))
+            linear = tile / (1 + tile) if tile.shape[-1] == 1 else np.clip(tile, 0, 1)
+            shown[title] = np.broadcast_to(colour.linear_to_srgb(linear), (_TILE, _TILE, 3))
     if "reflectance_map" in material.layers:
-        tiles["reflectance map"] = _enlarged(
+        shown["reflectance map"] = _enlarged(
             colour.linear_to_srgb(np.clip(material.layers["reflectance_map"], 0, 1))
         )
     if material.whole() is not None:
-        tiles["in a studio"] = sphere(material, _TILE)
-    return _side_by_side(tiles, caption(material))
+        shown["in a studio"] = sphere(material, _TILE)
+    return shown
 
 
 def caption(material: Material) -> str:

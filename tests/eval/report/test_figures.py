@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matplotlib import image as png_reader
 
-from lime_keras.eval.report import figures
+from lime_keras.eval.report import figures, themes
 
 
 def _pixels(png):
@@ -43,7 +43,7 @@ def test_confusion_colours_shares_not_counts():
 
 def test_the_dark_theme_is_dark():
     matrix = np.eye(8, dtype=int)
-    light, dark = (_pixels(figures.confusion(matrix, t)) for t in (figures.LIGHT, figures.DARK))
+    light, dark = (_pixels(figures.confusion(matrix, t)) for t in (themes.LIGHT, themes.DARK))
     assert np.median(light) > 0.9
     assert np.median(dark) < 0.3
 

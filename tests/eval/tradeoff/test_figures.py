@@ -8,7 +8,7 @@ import trade
 from matplotlib import image as png_reader
 from matplotlib.colors import to_rgb
 
-from lime_keras.eval.report.figures import DARK, LIGHT
+from lime_keras.eval.report.themes import DARK, LIGHT
 from lime_keras.eval.tradeoff.figures import TONES
 from lime_keras.eval.tradeoff.figures import pareto as draw
 from lime_keras.eval.tradeoff.recommendation import scored
