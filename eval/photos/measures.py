@@ -26,8 +26,9 @@ def dielectric_specular_albedo(index: float = DIELECTRIC_INDEX) -> float:
     returns there by reflection: Fresnel's reflectance at normal incidence, 0.04 for n = 1.5, on a
     smooth surface as on a rough one. Towards the rim the model's lobe fades where Fresnel's
     reflectance grows: the m_s that fits a whole smooth sphere best, by least squares, is 0.084. The
-    plastics of MERL, fitted with this lobe, have 0.03 (geometric mean of 30). Both are about within
-    a factor of 2 of 0.04.
+    plastics of MERL, fitted with this lobe, have 0.03 (geometric mean of 30), which is too low for
+    the sharp ones, as such fits lose a part of a sharp lobe (its metals get 0.1). All this is about
+    within a factor of 2 of 0.04.
 
     Args:
         index: refractive index n, above 0.
@@ -79,7 +80,7 @@ def gloss_order_samples(
 
     Glossy and matte photos are drawn separately, so that every sample has both. Scores of the same
     photos get the same samples, so differences of two models are paired. A sample without a couple
-    is NaN.
+    is NaN; so are all samples if there is a single photo of a finish, which shows no spread.
 
     Args:
         score: as `gloss_order` takes it.
@@ -87,6 +88,8 @@ def gloss_order_samples(
         pair: as `gloss_order` takes it.
     """
     right, counted = _couples(score, glossy, pair)
+    if min(right.shape) < 2:
+        return np.full(_RESAMPLES, np.nan)
     rng = np.random.default_rng(_SEED)
     one, other = (_drawn(rng, count) for count in right.shape)
     total = np.sum((one @ counted) * other, axis=1)
@@ -230,12 +233,14 @@ def mean_samples(values: np.ndarray) -> np.ndarray:
     """Return `mean` of 1,000 bootstrap samples of the photos, `(1000,)`.
 
     As many values always get the same samples, so differences of two models are paired. A sample of
-    NaN alone is NaN.
+    NaN alone is NaN; so are all samples if there is a single value, which shows no spread.
 
     Args:
         values: a number for each photo `(N,)`, or NaN.
     """
     known = ~np.isnan(values)
+    if np.count_nonzero(known) < 2:
+        return np.full(_RESAMPLES, np.nan)
     drawn = _drawn(np.random.default_rng(_SEED), len(values))
     total, count = drawn @ np.where(known, values, 0), drawn @ known
     return np.divide(total, count, out=np.full(_RESAMPLES, np.nan), where=count > 0)
@@ -252,8 +257,6 @@ def interval(samples: np.ndarray) -> tuple[float, float] | None:
 
 def _drawn(rng: np.random.Generator, count: int) -> np.ndarray:
     """Return how often each of `count` photos is in each sample, `(1000, count)`."""
-    if not count:
-        return np.zeros((_RESAMPLES, 0))
     return rng.multinomial(count, np.full(count, 1 / count), size=_RESAMPLES).astype(float)
 
 

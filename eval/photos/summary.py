@@ -232,13 +232,13 @@ def _result(measure: Measure, own: Columns, reference: Columns | None) -> dict[s
     value = measure.value(counted)
     if np.isnan(value):
         return None
-    samples, count = measure.samples(counted), len(counted["found"])
+    samples = measure.samples(counted)
     result = {
         "value": value,
-        "interval": measures.interval(samples) if count > 1 else None,
-        "count": count,
+        "interval": measures.interval(samples),
+        "count": len(counted["found"]),
     }
-    if reference is not None and count > 1:
+    if reference is not None:
         result["difference"] = measures.interval(samples - measure.samples(measure.of(reference)))
     return result
 

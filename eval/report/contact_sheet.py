@@ -70,7 +70,11 @@ def sheets(
                 for model in models
             }
             cards.append(_card(rank, photo, panels, titles, theme))
-        return _jpeg(_page(cards, 2 if len(models) == 1 else 1, theme))
+        heading = (
+            f"Photos {start + 1} to {start + len(cards)} of {len(order)} by m_s · c(s) of "
+            f"{models[0]} with its own mask. Swatches: m_d, the object's mean pixel."
+        )
+        return _jpeg(_page(heading, cards, 2 if len(models) == 1 else 1, theme))
 
     return [functools.partial(draw, start) for start in range(0, len(order), PER_SHEET)]
 
@@ -102,7 +106,7 @@ def _card(
         begin = index * (panel_width + 3 * _GAP)
         for column, title in enumerate(titles):
             left = begin + column * (_TILE + _GAP)
-            named = f"{model}: {title}" if len(panels) > 1 and not column else title
+            named = model if len(panels) > 1 and not column else title
             pen.text((left, _LINE), _fitted(named, _TILE), fill=theme.ink, font=_font(13))
             if title in pictures:
                 tile = Image.fromarray(pictures[title]).resize((_TILE, _TILE), Image.Resampling.BOX)
@@ -134,7 +138,7 @@ def _numbers(
         red, green, blue = row["diffuse_albedo"]
         text = (
             f"m_d {red:.2f} {green:.2f} {blue:.2f}   m_s {row['specular_albedo']:.2f}"
-            f"   s {row['exponent']:.3g}   m_s·c(s) {row['lobe_peak']:.2g}"
+            f"   s {row['exponent']:.3g}   m_s·c(s) {row['lobe_peak']:.3g}"
         )
     if row["mask"] == OWN and row["iou"] is not None:
         text += f"   IoU {row['iou']:.0%}"
@@ -142,20 +146,22 @@ def _numbers(
     pen.text((left + 4, top), named + text, fill=theme.ink, font=_font(14))
 
 
-def _page(cards: Sequence[Image.Image], across: int, theme: Theme) -> Image.Image:
-    """Put cards into columns, in reading order."""
+def _page(heading: str, cards: Sequence[Image.Image], across: int, theme: Theme) -> Image.Image:
+    """Put cards into columns, in reading order, below a heading."""
     margin, apart = 2 * _GAP, 4 * _GAP
     across = min(across, len(cards))
     lines = [cards[start : start + across] for start in range(0, len(cards), across)]
     heights = [max(card.height for card in line) for line in lines]
     width = max(sum(card.width + apart for card in line) - apart for line in lines)
-    height = sum(heights) + (len(lines) - 1) * 2 * _GAP
+    height = sum(heights) + len(lines) * margin + _LINE
     page = Image.new("RGB", (width + 2 * margin, height + 2 * margin), theme.paper)
-    top = margin
+    pen = ImageDraw.Draw(page)
+    pen.text((margin, margin), _fitted(heading, width), fill=theme.ink, font=_font())
+    top = 2 * margin + _LINE
     for line, tall in zip(lines, heights, strict=True):
         for column, card in enumerate(line):
             page.paste(card, (margin + column * (card.width + apart), top))
-        top += tall + 2 * _GAP
+        top += tall + margin
     return page
 
 
