@@ -39,10 +39,10 @@ def dielectric_specular_albedo(index: float = DIELECTRIC_INDEX) -> float:
 def lobe_peak(specular_albedo: np.ndarray, exponent: np.ndarray) -> np.ndarray:
     """Return m_s · c(s), the height of the specular lobe per steradian, of the same shape.
 
-    The height is the radiance that a small light of unit irradiance leaves in its mirror image, and
-    what a gloss meter reads: its aperture of 2° to 4° lies inside the lobe for every s up to 1000
-    (5° wide there). It joins the two numbers that gloss is made of. A sharp lobe of no strength is
-    no gloss, which s alone cannot say, and a strong lobe that is blunt is none either.
+    The height is the radiance of a small light's mirror image for each unit of its irradiance, and
+    what a gloss meter (ISO 2813) reads: its receptor, 1.8° to 4.4° wide, lies inside the lobe for
+    every s up to 1000, where the lobe is 8.5° wide at half its height. It joins the two numbers
+    that gloss is made of: s alone calls a sharp lobe of no strength glossy, m_s alone a blunt one.
 
     Args:
         specular_albedo: m_s, at least 0, or NaN.

@@ -1,5 +1,6 @@
 """Contact sheets of photos with a model's answers, sorted by gloss, as JPEG."""
 
+import bisect
 import functools
 import io
 from collections.abc import Callable, Mapping, Sequence
@@ -169,9 +170,10 @@ def _fitted(text: str, width: int) -> str:
     """Return the text, shortened at its end to a width in pixels."""
     if _font().getlength(text) <= width:
         return text
-    while text and _font().getlength(f"{text}…") > width:
-        text = text[:-1]
-    return f"{text}…"
+    too_long = bisect.bisect(
+        range(len(text)), width, key=lambda kept: _font().getlength(f"{text[:kept]}…")
+    )
+    return f"{text[: max(too_long - 1, 0)]}…"
 
 
 def _jpeg(page: Image.Image) -> bytes:
