@@ -74,8 +74,3 @@ def test_the_trade_leaves_its_table_and_its_picture(corpus, runs, tmp_path, monk
     assert json.loads((tmp_path / "tradeoff.json").read_text())["scored"] == list(shared)
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert 'id="tradeoff"' in page and "errors against latency" in page
-
-
-def test_runs_of_one_name_are_refused(runs, tmp_path):
-    with pytest.raises(ValueError, match="must differ"):
-        sections.names([runs / "whole", tmp_path / "whole"])
