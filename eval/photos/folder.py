@@ -9,6 +9,7 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from lime_keras.io.sources import SUFFIXES
 
@@ -133,9 +134,9 @@ def _begin(path: Path, ends: tuple[str, ...]) -> str:
     return stem.rstrip(_SEPARATORS)
 
 
-def _labels(path: Path) -> dict[str, tuple[int, dict[str, str | bool | None]]]:
+def _labels(path: Path) -> dict[str, tuple[int, dict[str, Any]]]:
     """Return line and fields of `Photo` of each photo that a file of labels names."""
-    labels: dict[str, tuple[int, dict[str, str | bool | None]]] = {}
+    labels: dict[str, tuple[int, dict[str, Any]]] = {}
     with path.open(newline="", encoding="utf-8-sig") as file:
         reader = csv.DictReader(file, skipinitialspace=True)
         header = reader.fieldnames or []
@@ -156,7 +157,7 @@ def _labels(path: Path) -> dict[str, tuple[int, dict[str, str | bool | None]]]:
     return labels
 
 
-def _label(row: dict[str, str]) -> tuple[str, dict[str, str | bool | None]]:
+def _label(row: dict[str, str]) -> tuple[str, dict[str, Any]]:
     if None in row:
         raise ValueError("there are more fields than columns: quote a text that holds a comma")
     given = {name: (value or "").strip() for name, value in row.items()}

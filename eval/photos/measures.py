@@ -36,7 +36,7 @@ def dielectric_specular_albedo(index: float = DIELECTRIC_INDEX) -> float:
     return float(((index - 1) / (index + 1)) ** 2)
 
 
-def lobe_peak(specular_albedo: np.ndarray, exponent: np.ndarray) -> np.ndarray:
+def lobe_peak(specular_albedo: np.ndarray | float, exponent: np.ndarray | float) -> np.ndarray:
     """Return m_s · c(s), the height of the specular lobe per steradian, of the same shape.
 
     The height is the radiance of a small light's mirror image for each unit of its irradiance, and
@@ -54,7 +54,7 @@ def lobe_peak(specular_albedo: np.ndarray, exponent: np.ndarray) -> np.ndarray:
 
 
 def gloss_order(
-    score: np.ndarray, glossy: np.ndarray, pair: Sequence[str | None] | None = None
+    score: np.ndarray, glossy: np.ndarray, pair: np.ndarray | Sequence[str | None] | None = None
 ) -> float:
     """Return the share of (glossy, matte) couples in which the glossy photo has the higher score.
 
@@ -74,7 +74,7 @@ def gloss_order(
 
 
 def gloss_order_samples(
-    score: np.ndarray, glossy: np.ndarray, pair: Sequence[str | None] | None = None
+    score: np.ndarray, glossy: np.ndarray, pair: np.ndarray | Sequence[str | None] | None = None
 ) -> np.ndarray:
     """Return `gloss_order` of 1,000 bootstrap samples of the photos, `(1000,)`.
 
@@ -98,7 +98,7 @@ def gloss_order_samples(
 
 
 def _couples(
-    score: np.ndarray, glossy: np.ndarray, pair: Sequence[str | None] | None
+    score: np.ndarray, glossy: np.ndarray, pair: np.ndarray | Sequence[str | None] | None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return how right each couple is (0, ½, 1) and whether it counts, `(glossy, matte)` each."""
     score, glossy = np.asarray(score, np.float64), np.asarray(glossy, bool)

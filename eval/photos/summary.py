@@ -300,8 +300,8 @@ def _listed(photos: Sequence[Photo], summary: Mapping[str, Any], models: Sequenc
     lines: dict[str, list[str]] = {}
     for row in summary["photos"]:
         if row["mask"] == OWN:
-            begin = [row["photo"], *([row["finish"] or ABSENT] if with_finish else [])]
-            lines.setdefault(row["photo"], begin).extend(
+            cells = [row["photo"], *([row["finish"] or ABSENT] if with_finish else [])]
+            lines.setdefault(row["photo"], cells).extend(
                 ABSENT if row[name] is None else f"{row[name]:{form}}"
                 for name, form in _SHOWN.items()
             )

@@ -3,6 +3,7 @@
 import bisect
 import functools
 import io
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -96,7 +97,7 @@ def _card(
     pen = ImageDraw.Draw(card)
     left = 0
     if photo.finish:
-        left = round(_font().getlength(photo.finish)) + 12
+        left = _width(photo.finish) + 12
         pen.rounded_rectangle((0, 1, left, _LINE - 1), 5, fill=_CHIPS[photo.finish])
         pen.text((6, 1), photo.finish, fill="#ffffff", font=_font())
         left += _GAP
@@ -168,12 +169,14 @@ def _page(heading: str, cards: Sequence[Image.Image], across: int, theme: Theme)
 
 def _fitted(text: str, width: int) -> str:
     """Return the text, shortened at its end to a width in pixels."""
-    if _font().getlength(text) <= width:
+    if _width(text) <= width:
         return text
-    too_long = bisect.bisect(
-        range(len(text)), width, key=lambda kept: _font().getlength(f"{text[:kept]}…")
-    )
+    too_long = bisect.bisect(range(len(text)), width, key=lambda end: _width(f"{text[:end]}…"))
     return f"{text[: max(too_long - 1, 0)]}…"
+
+
+def _width(text: str) -> int:
+    return math.ceil(_font().getlength(text))
 
 
 def _jpeg(page: Image.Image) -> bytes:

@@ -8,7 +8,7 @@ import pytest
 import sphere_corpus
 import trade
 
-from lime_keras.eval import cli, sections
+from lime_keras.eval import cli
 from lime_keras.eval.tradeoff import measure, recommendation, table
 
 
