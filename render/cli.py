@@ -9,13 +9,13 @@ from typing import Any
 
 from lime_keras import console
 from lime_keras.data.corpus import SPLITS, Split
-from lime_keras.optics.material_law import LAWS, UNIFORM
 from lime_keras.version import __version__
 
 from .scene.quality import QUALITIES
 
 COMMANDS = ("verify", "preview", "layers", "views", "bank", "scenes")
 """First arguments that name a command; any other first argument is the folder of a corpus."""
+_MATERIALS = ("uniform", "natural")  # `material_law.LAWS`, without NumPy
 _EXAMPLE = """
 other commands, each with a --help of its own:
   lime-render bank OUT              render a bank of geometry and light, to train from
@@ -76,8 +76,8 @@ def parser() -> argparse.ArgumentParser:
     )
     out.add_argument(
         "--materials",
-        choices=LAWS,
-        default=UNIFORM,
+        choices=_MATERIALS,
+        default=_MATERIALS[0],
         help="law of the materials: the paper's, or as common objects have them (default: uniform)",
     )
     out.add_argument(
@@ -235,8 +235,8 @@ def commands() -> argparse.ArgumentParser:
     scenes.add_argument("--seed", type=_seed, default=0, help="of everything random (default: 0)")
     scenes.add_argument(
         "--materials",
-        choices=LAWS,
-        default=UNIFORM,
+        choices=_MATERIALS,
+        default=_MATERIALS[0],
         help="law of the materials; training may draw others (default: uniform)",
     )
     scenes.add_argument(

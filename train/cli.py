@@ -12,7 +12,7 @@ from lime_keras.version import __version__
 
 _PRESETS = ("smoke", "live", "paper")
 _PRECISIONS = ("float32", "bfloat16", "float16")
-_MATERIALS = ("uniform", "natural")
+_MATERIALS = ("uniform", "natural")  # `material_law.LAWS`, without NumPy
 _EXAMPLE = """
 examples:
   lime-train corpus --out runs/first --preset smoke
