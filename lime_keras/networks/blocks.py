@@ -1,8 +1,11 @@
 """The building blocks of the subnetworks: U-Net, encoder, and the baseline's decoder."""
 
-from keras import KerasTensor, layers
+from typing import Any
+
+from keras import KerasTensor, layers, ops
 
 from lime_keras.networks.architecture import ENCODER_BLOCKS
+from lime_keras.optics.hue import with_hue_of_pixels
 
 
 def convolutions(x: KerasTensor, width: int, name: str) -> KerasTensor:
@@ -76,6 +79,19 @@ def encoder(x: KerasTensor, *, width: int, dense_width: int) -> KerasTensor:
             dense_width, activation="relu", kernel_initializer="he_normal", name=f"dense{index}"
         )(x)
     return x
+
+
+class HueOfPixels(layers.Layer):
+    """A layer that turns m_d, the first three of `(B, 4)` albedos, to the hue of a masked image.
+
+    Its inputs are the albedos and the image `(B, H, W, 3)`, sRGB (`optics.hue`).
+    """
+
+    def call(self, inputs: list[Any]) -> Any:
+        """Return the albedos `(B, 4)`, m_d turned."""
+        albedos, masked_image = inputs
+        diffuse = with_hue_of_pixels(albedos[:, :3], masked_image)
+        return ops.concatenate([diffuse, albedos[:, 3:]], axis=-1)
 
 
 def decoder(features: KerasTensor, *, size: int, width: int, channels: int) -> KerasTensor:

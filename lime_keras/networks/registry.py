@@ -32,7 +32,6 @@ from lime_keras.networks.subnetworks import (
     specular_net,
 )
 from lime_keras.optics.dynamic_range import compress, expand
-from lime_keras.optics.hue import with_hue_of_pixels
 from lime_keras.optics.reflectance_map import disc
 from lime_keras.optics.shininess import LOG_HIGH, LOG_LOW
 
@@ -69,13 +68,6 @@ read (`Wiring.seen`)."""
 
 def _as_it_is(value: Any, seen: Seen) -> Any:
     return value
-
-
-def _albedos(answer: Any, seen: Seen) -> Any:
-    """Return m_d, in the hue of the object's pixels, and m_s, `(B, 4)` in [0, 1]."""
-    albedos = ops.clip(answer, 0.0, 1.0)
-    diffuse = with_hue_of_pixels(albedos[:, :3], seen("image"), seen("mask"))
-    return ops.concatenate([diffuse, albedos[:, 3:]], axis=-1)
 
 
 @dataclass(frozen=True)
@@ -158,7 +150,7 @@ QUANTITIES = {
         lambda truth, _: compress(truth),
         channels=3,
     ),
-    "albedos": Quantity(_albedos),
+    "albedos": Quantity(lambda answer, _: ops.clip(answer, 0.0, 1.0)),
     "exponent_bin_probabilities": Quantity(),
     "log_exponent": Quantity(lambda answer, _: ops.clip(answer, LOG_LOW, LOG_HIGH)),
 }

@@ -4,7 +4,7 @@ import keras
 from keras import layers
 
 from lime_keras.networks.architecture import Architecture
-from lime_keras.networks.blocks import encoder, unet
+from lime_keras.networks.blocks import HueOfPixels, encoder, unet
 from lime_keras.optics.shininess import BIN_COUNT, LOG_HIGH, LOG_LOW
 
 
@@ -62,8 +62,8 @@ def exponent_net(architecture: Architecture) -> keras.Model:
 def albedo_net(architecture: Architecture) -> keras.Model:
     """Build AlbedoNet: `masked_image` `(B, S, S, 3)` and compressed S `(B, S, S, 1)` → m_d, m_s.
 
-    The output is `(B, 4)`: linear RGB diffuse albedo, then specular albedo, not yet clipped to
-    [0, 1].
+    The output is `(B, 4)`: linear RGB diffuse albedo, in the hue of the object's pixels, then
+    specular albedo, not yet clipped to [0, 1].
     """
     size = architecture.size
     masked_image = keras.Input((size, size, 3), name="masked_image")
@@ -73,6 +73,7 @@ def albedo_net(architecture: Architecture) -> keras.Model:
         four_channels, width=architecture.encoder_width, dense_width=architecture.dense_width
     )
     albedos = layers.Dense(4, dtype="float32", name="albedos")(features)
+    albedos = HueOfPixels(dtype="float32", name="hue")([albedos, masked_image])
     return keras.Model([masked_image, shading], albedos, name="albedo_net")
 
 

@@ -14,35 +14,35 @@ from lime_keras.optics import colour
 
 _LEAST_CHROMA = 1e-3
 """Least chroma, linear radiance, over which a mean has a direction: a quarter of an 8-bit level."""
+_LEAST_SQUARE = 1e-20
 
-_LEAST_SQUARE = 1e-14
 
-
-def with_hue_of_pixels(diffuse_albedo: Any, image_srgb: Any, mask: Any) -> Any:
+def with_hue_of_pixels(diffuse_albedo: Any, masked_image: Any) -> Any:
     """Return albedos turned to the hue of the object's pixels; grey part and saturation stay.
 
     An albedo stays as it is if the pixels are grey, if there are none, or if all are clipped. The
     arguments are NumPy arrays or Keras tensors.
 
     Args:
-        diffuse_albedo: estimated m_d, linear RGB `(B, 3)` in [0, 1].
-        image_srgb: photos `(B, H, W, 3)`, sRGB in [0, 1]; a pixel with a clipped channel, whose
-            hue is false, does not count.
-        mask: coverage of the object `(B, H, W, 1)` in [0, 1], the weight of each pixel.
+        diffuse_albedo: estimated m_d, linear RGB `(B, 3)`, finite.
+        masked_image: photos times the object's coverage `(B, H, W, 3)`, sRGB in [0, 1]; a pixel
+            with a clipped channel, whose hue is false, does not count.
 
     Returns:
-        m_d, linear RGB `(B, 3)` in [0, 1]: cut off where the turned chroma leaves the cube.
+        m_d, linear RGB `(B, 3)`. The turned chroma may leave the range of the albedo.
     """
-    xp = namespace(diffuse_albedo, image_srgb, mask)
-    unclipped = xp.max(image_srgb, axis=-1, keepdims=True) < colour.CLIPPED
-    weight = xp.where(unclipped, mask, np.float32(0))
-    chroma = _chroma(colour.srgb_to_linear(image_srgb, xp), xp)
-    total = xp.sum(weight, axis=(1, 2))
-    mean = xp.sum(weight * chroma, axis=(1, 2)) / xp.maximum(total, np.float32(1))
+    xp = namespace(diffuse_albedo, masked_image)
+    brightest = xp.max(masked_image, axis=-1, keepdims=True)
+    usable = xp.logical_and(brightest > 0, brightest < colour.CLIPPED)
+    linear = colour.srgb_to_linear(masked_image, xp)
+    chroma = xp.where(usable, _chroma(linear, xp), np.float32(0))
+    # float32 counts the pixels of 4096 × 4096 exactly.
+    count = xp.sum(xp.where(usable, np.float32(1), np.float32(0)), axis=(1, 2))
+    mean = xp.sum(chroma, axis=(1, 2)) / xp.maximum(count, np.float32(1))
     length = _length(mean, xp)
     own = _chroma(diffuse_albedo, xp)
     turned = diffuse_albedo - own + _length(own, xp) * mean / xp.maximum(length, _LEAST_CHROMA)
-    return xp.where(length > _LEAST_CHROMA, xp.clip(turned, 0.0, 1.0), diffuse_albedo)
+    return xp.where(length > _LEAST_CHROMA, turned, diffuse_albedo)
 
 
 def _chroma(rgb: Any, xp: Any) -> Any:

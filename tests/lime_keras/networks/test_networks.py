@@ -15,7 +15,6 @@ from lime_keras.networks import (
     build,
     names,
 )
-from lime_keras.optics.hue import with_hue_of_pixels
 from lime_keras.optics.reflectance_map import disc
 
 NEEDED = {
@@ -226,7 +225,7 @@ def test_the_joined_model_is_figure_2(subnetworks, tiny):
         "mask": mask,
         "specular_shading": np.expm1(np.clip(specular, 0, 11)),
         "mirror": np.expm1(np.clip(mirror, 0, 11)),
-        "diffuse_albedo": with_hue_of_pixels(albedos[:, :3], image, mask),
+        "diffuse_albedo": albedos[:, :3],
         "specular_albedo": albedos[:, 3:],
         "exponent_bin_probabilities": run("exponent", specular, mirror),
     }
