@@ -182,7 +182,8 @@ def _evaluate(options: argparse.Namespace, command: str) -> int:
     if options.tradeoff:
         print(sections.trade(out, options.tradeoff, corpus, **seen), end="")
     if options.photos:
-        print(sections.photographs(out, options.photos, weights or [SHIPPED], **how), end="")
+        shown = weights or [model_folder.SHIPPED]
+        print(sections.photographs(out, options.photos, shown, **how), end="")
     if options.stability:
         text, as_expected = sections.drive_to_extremes(out, model, **how)
         print(text, end="")
