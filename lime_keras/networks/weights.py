@@ -111,7 +111,9 @@ def copy(model: Path, target: Path) -> None:
     model = folder(model)
     if in_graphs(model):
         architecture, subnetworks = load(model, whole=False)
-        save(target, architecture, subnetworks, load_alone(model, subnetworks))
+        alone = load_alone(model, subnetworks)
+        half = all(map(_is_half, [*subnetworks.values(), *alone.values()]))
+        save(target, architecture, subnetworks, alone, half=half)
         return
     for path in files(model):
         copied = target / path.relative_to(model)
@@ -150,6 +152,12 @@ def _architecture(model: Path) -> Architecture:
         return Architecture(**json.loads(description.read_text(encoding="utf-8")))
     except (TypeError, ValueError) as error:
         raise ValueError(f"{description} is not of this version: {error}; train again") from error
+
+
+def _is_half(network: keras.Model) -> bool:
+    """Return whether float16 holds all weights of a network exactly."""
+    with np.errstate(over="ignore"):
+        return all(np.array_equal(np.float16(one), one) for one in network.get_weights())
 
 
 def _write(target: Path, name: str, network: keras.Model, half: bool) -> None:

@@ -7,8 +7,9 @@ import onnx
 import pytest
 from onnx import numpy_helper
 
+from lime_keras.export import graphs
 from lime_keras.io import model_folder
-from lime_keras.networks import graph_weights, weights
+from lime_keras.networks import Architecture, build, graph_weights, weights
 from lime_keras.networks.graph_weights import describe, read
 
 
@@ -117,6 +118,24 @@ def test_a_copy_has_files_of_its_own(bare, tiny_model, tmp_path):
     for name, network in expected.items():
         pairs = zip(found[name].get_weights(), network.get_weights(), strict=True)
         assert all(np.array_equal(one, other) for one, other in pairs), name
+
+
+def test_a_copy_of_weights_in_half_the_space_takes_half_the_space(tmp_path):
+    wide = Architecture(size=32, unet_width=8, unet_depth=3, encoder_width=8, dense_width=32)
+    for half in (True, False):
+        run, copy = tmp_path / f"run {half}", tmp_path / f"copy {half}"
+        weights.save(run / "model", wide, {"albedo": build(wide, seed=1)["albedo"]}, half=half)
+        expected = weights.load(run, whole=False)[1]
+        graphs.write(run / "onnx", wide, expected, "digest")
+        (run / "model" / "albedo.weights.h5").unlink()
+        weights.copy(run, copy)
+        found = weights.load(copy, whole=False)[1]["albedo"].get_weights()
+        for one, other in zip(found, expected["albedo"].get_weights(), strict=True):
+            assert np.array_equal(one, other)
+    sizes = [
+        (tmp_path / f"copy {half}" / "albedo.weights.h5").stat().st_size for half in (True, False)
+    ]
+    assert sizes[0] < 0.7 * sizes[1]
 
 
 def test_a_part_of_it_is_loaded_or_told(bare):
