@@ -35,7 +35,7 @@ def describe(graph: onnx.ModelProto, weights: Mapping[str, np.ndarray]) -> None:
         (array.shape, array.tobytes()): (constant.name, order)
         for constant in reversed(graph.graph.initializer)
         for order in reversed(_orders(len(constant.dims)))
-        for array in [np.float32(numpy_helper.to_array(constant)).transpose(order)]
+        for array in [_values(constant, order)]
     }
     places = {}
     for path, values in weights.items():
@@ -63,11 +63,9 @@ def read(path: Path) -> dict[str, np.ndarray]:
         [text] = [prop.value for prop in graph.metadata_props if prop.key == _PROPERTY]
         constants = {constant.name: constant for constant in graph.graph.initializer}
         return {
-            name: np.float32(place["values"])
+            name: np.asarray(place["values"], np.float32)
             if "values" in place
-            else np.float32(
-                numpy_helper.to_array(constants[place["constant"]]).transpose(place["axes"])
-            )
+            else _values(constants[place["constant"]], place["axes"])
             for name, place in json.loads(text).items()
         }
     # What is damaged, protobuf tells with an error of its own.
@@ -80,3 +78,7 @@ def read(path: Path) -> dict[str, np.ndarray]:
 
 def _orders(axes: int) -> Sequence[tuple[int, ...]]:
     return _ORDERS.get(axes, (tuple(range(axes)),))
+
+
+def _values(constant: onnx.TensorProto, order: Sequence[int]) -> np.ndarray:
+    return numpy_helper.to_array(constant).astype(np.float32).transpose(order)
