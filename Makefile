@@ -8,7 +8,11 @@ RUN := runs/quickstart
 CORPUS := $(RUN)/corpus
 TRAIN_COUNT := 960
 TEST_COUNT := 160
-SHIPPED := lime_keras/pretrained/live
+PRETRAINED := lime_keras/pretrained
+
+# `make ship WEIGHTS=runs/mine NAME=mine`: a trained run among the weights that come with the package.
+WEIGHTS :=
+NAME :=
 
 # `make bundle BANK="bank ..."`: a training run for a machine with JAX and a GPU, but no network.
 BANK :=
@@ -16,7 +20,7 @@ BUNDLE := runs/bundle
 MINUTES := 22
 PRESET := live
 
-.PHONY: quickstart bundle test test-slow graphs lint llvm clean
+.PHONY: quickstart bundle test test-slow graphs ship lint llvm clean
 .DELETE_ON_ERROR:
 
 quickstart: llvm
@@ -40,10 +44,19 @@ test: llvm lint
 test-slow: .venv/development
 	$(BIN)/python -m pytest -m slow
 
-# The graphs that lime-estimate runs, of the weights that come with the package; after every change
-# of these weights.
+# The graphs of the weights that come with the package, which hold these weights, anew; after every
+# change of what connects the subnetworks. Where nothing has changed, not a byte of them does.
 graphs: .venv/installed
-	$(BIN)/lime-export $(SHIPPED) --format graphs --weights $(SHIPPED)
+	for set in $(wildcard $(PRETRAINED)/*/); do \
+	  $(BIN)/lime-export $$set --format graphs --weights $$set || exit 1; done
+
+# Written in float16, then as graphs, which hold the same weights, so that those alone stay.
+ship: .venv/installed
+	@test -n "$(WEIGHTS)" -a -n "$(NAME)" \
+	  || { echo 'error: which, and how called? make ship WEIGHTS=runs/mine NAME=mine'; exit 1; }
+	$(BIN)/lime-export $(PRETRAINED)/$(NAME) --format weights --weights $(WEIGHTS)
+	$(BIN)/lime-export $(PRETRAINED)/$(NAME) --format graphs --weights $(PRETRAINED)/$(NAME)
+	rm $(PRETRAINED)/$(NAME)/model/*.weights.h5
 
 lint: .venv/development .venv/typed
 	$(BIN)/ruff check .

@@ -7,13 +7,16 @@ import sys
 from pathlib import Path
 
 from lime_keras import console
+from lime_keras.io import model_folder
 from lime_keras.version import __version__
 
 _EPILOG = """\
 examples:
   lime-eval corpus --weights runs/full
   lime-eval corpus --table1 runs/full runs/no-mirror runs/no-perceptual --out results
-  lime-eval corpus --tradeoff runs/smoke runs/live --out results
+  lime-eval corpus --weights nano --out results
+  lime-eval corpus --tradeoff --out results
+  lime-eval corpus --tradeoff runs/smoke live --out results
   lime-eval --stability --out results
   lime-eval --photos photos/ --weights runs/before runs/after --out results
 
@@ -63,28 +66,30 @@ def parser() -> argparse.ArgumentParser:
     )
     command.add_argument(
         "--weights",
-        type=Path,
+        type=model_folder.find,
         nargs="+",
         action="extend",
         metavar="RUN",
-        help="run of lime-train, or a folder with its model, to be measured; --photos takes "
-        "several, side by side (default, for --photos and for a CORPUS with nothing else asked "
-        "for: the model that comes with the package)",
+        help="run of lime-train, a folder with its model, or name of a set that comes with the "
+        f"package ({', '.join(model_folder.shipped())}), to be measured; --photos takes several, "
+        "side by side (default, for --photos and for a CORPUS with nothing else asked for: "
+        f"{model_folder.DEFAULT})",
     )
     command.add_argument(
         "--table1",
-        type=Path,
+        type=model_folder.find,
         nargs="+",
         metavar="RUN",
         help="put several runs side by side: the full approach, its ablations, the baseline",
     )
     command.add_argument(
         "--tradeoff",
-        type=Path,
-        nargs="+",
+        type=model_folder.find,
+        nargs="*",
         metavar="RUN",
         help="measure latency, throughput, memory and size against every error, for each run, "
-        "runtime, precision, batch, number of threads and sub-graph",
+        "runtime, precision, batch, number of threads and sub-graph (without a RUN: for all sets "
+        "that come with the package)",
     )
     command.add_argument(
         "--stability",
@@ -99,7 +104,11 @@ def parser() -> argparse.ArgumentParser:
         "measured: order of gloss, specular albedo of dielectrics, colour, masks",
     )
     command.add_argument(
-        "--out", type=Path, metavar="DIR", help="folder for the results (default: RUN/eval)"
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="folder for the results (default: RUN/eval, of a RUN that did not come with the "
+        "package)",
     )
     command.add_argument(
         "--camera",
@@ -126,6 +135,8 @@ def main(argv: list[str] | None = None) -> int:
 def _checked(command: argparse.ArgumentParser, arguments: list[str]) -> argparse.Namespace:
     """Return the parsed options; exit with a usage error if they do not go together."""
     options = command.parse_args(arguments)
+    if options.tradeoff == []:
+        options.tradeoff = list(model_folder.shipped().values())
     weights = options.weights or []
     on_corpus = weights or options.table1 or options.tradeoff
     alone = options.stability or options.photos
@@ -141,6 +152,8 @@ def _checked(command: argparse.ArgumentParser, arguments: list[str]) -> argparse
         command.error("several --weights are for --photos alone; on a CORPUS pass them to --table1")
     if options.out is None and len(weights) != 1:
         command.error("pass --out: without one --weights there is no run's folder to write to")
+    if options.out is None and weights[0] in model_folder.shipped().values():
+        command.error(f"pass --out: {weights[0].name} came with the package, which is kept")
     return options
 
 
@@ -149,8 +162,6 @@ def _evaluate(options: argparse.Namespace, command: str) -> int:
     weights = options.weights or []
     out = options.out or weights[0] / "eval"
     _check_writable(out)
-    from lime_keras.io.model_folder import SHIPPED
-
     if options.corpus or options.stability:
         console.require("lime-eval", *console.EXTRAS["train"])
         console.import_tensorflow()
@@ -160,7 +171,7 @@ def _evaluate(options: argparse.Namespace, command: str) -> int:
     from . import sections
 
     asked = weights or options.table1 or options.tradeoff or options.stability
-    model = weights[0] if weights else None if asked else SHIPPED
+    model = weights[0] if weights else None if asked else model_folder.SHIPPED
     corpus, how = options.corpus, {"command": command}
     seen = how | {"camera": options.camera}
     failed = False
@@ -171,7 +182,8 @@ def _evaluate(options: argparse.Namespace, command: str) -> int:
     if options.tradeoff:
         print(sections.trade(out, options.tradeoff, corpus, **seen), end="")
     if options.photos:
-        print(sections.photographs(out, options.photos, weights or [SHIPPED], **how), end="")
+        shown = weights or [model_folder.SHIPPED]
+        print(sections.photographs(out, options.photos, shown, **how), end="")
     if options.stability:
         text, as_expected = sections.drive_to_extremes(out, model, **how)
         print(text, end="")

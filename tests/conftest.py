@@ -5,6 +5,7 @@ import fcntl
 import functools
 import json
 import os
+import shutil
 
 import pytest
 
@@ -104,6 +105,28 @@ def shared(tmp_path_factory):
 def tiny_model(tiny, shared):
     """Return the folder of an untrained tiny model, exported; its outputs vary with the image."""
     return shared("tiny", lambda folder: _saved(folder / "model", tiny, seed=11)) / "model"
+
+
+@pytest.fixture
+def sets(tiny_model, tmp_path, monkeypatch):
+    """`sets(*names)`: lets tiny models of these names come with the package; returns their folder.
+
+    As in the package, their weights lie in their graphs alone.
+    """
+    from lime_keras.io import model_folder
+
+    def come_with_the_package(*names):
+        folder = tmp_path / "pretrained"
+        for name in names:
+            model = folder / name / "model"
+            model.mkdir(parents=True)
+            shutil.copyfile(tiny_model / "architecture.json", model / "architecture.json")
+            shutil.copytree(tiny_model.parent / "onnx", folder / name / "onnx")
+        monkeypatch.setattr(model_folder, "PRETRAINED", folder)
+        monkeypatch.setattr(model_folder, "SHIPPED", folder / model_folder.DEFAULT)
+        return folder
+
+    return come_with_the_package
 
 
 @pytest.fixture(scope="session")

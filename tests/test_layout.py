@@ -236,7 +236,7 @@ def test_the_wheel_holds_the_four_folders(wheel):
     names = {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name}
     mapped = {f"lime_keras/{name}" for name in _checked_out("render", "train", "eval")}
     assert names == mapped | set(_checked_out("lime_keras"))
-    assert "lime_keras/pretrained/live/model/albedo.weights.h5" in names
+    assert "lime_keras/pretrained/live/model/architecture.json" in names
     assert "lime_keras/pretrained/live/onnx/albedo.onnx" in names
 
 

@@ -47,7 +47,7 @@ _PLATFORMS = ("manylinux_2_28", "manylinux_2_27", "manylinux_2_17", "manylinux20
 """What wheels may be built for; Linux of 2019 or later runs them all."""
 _BUILT_FROM = ("lime_keras", "render", "train", "eval")
 _BUILT_BY = ("setup.py", "pyproject.toml", "README.md", "LICENSE")
-_PRESETS = ("smoke", "live")
+_PRESETS = ("smoke", "nano", "live")
 _NOT_PASSED_ON = (
     "paths",
     "out",
@@ -114,7 +114,10 @@ def parser() -> argparse.ArgumentParser:
         "of a result",
     )
     out.add_argument(
-        "--start-from", type=Path, metavar="RUN", help="begin with the weights of another run"
+        "--start-from",
+        type=model_folder.find,
+        metavar="RUN",
+        help="begin with the weights of another run, or of a set that comes with the package",
     )
     out.add_argument(
         "--piece-mb",
@@ -221,22 +224,28 @@ def _bundle(options: argparse.Namespace, training: Sequence[str]) -> int:
     files = _files_of_banks(options.bank)
     console.import_tensorflow()
 
+    from lime_keras.networks import weights
+
     from .banks import Banks
 
     config = cli.config_of(checked)
     # What lime-train would refuse there is refused here.
     Banks(options.bank, config, (0, 1)).training(config.seed, ("image",), 0)
-    if options.start_from is not None:
-        model = model_folder.folder(options.start_from)
-        files |= {f"start-from/{p.relative_to(model)}": p for p in model_folder.files(model)}
     settings = {
         "PYTHON_VERSION": options.python,
         "MINUTES": f"{options.minutes:g}",
         "OPTIONS": shlex.join(["--preset", options.preset, *training]),
     }
-    with tempfile.TemporaryDirectory() as fetched, console.Bar("packing", "byte") as bar:
-        wheels(Path(fetched), options.python)
-        files |= {f"wheels/{path.name}": path for path in Path(fetched).iterdir()}
+    with tempfile.TemporaryDirectory() as scratch, console.Bar("packing", "byte") as bar:
+        fetched, begun = Path(scratch, "wheels"), Path(scratch, "start-from")
+        fetched.mkdir()
+        if options.start_from is not None:
+            weights.copy(options.start_from, begun)
+            files |= {
+                f"start-from/{p.relative_to(begun)}": p for p in begun.rglob("*") if p.is_file()
+            }
+        wheels(fetched, options.python)
+        files |= {f"wheels/{path.name}": path for path in fetched.iterdir()}
         pieces = pack(options.out, files, settings, options.piece_mb * 1_000_000, bar.move)
     size = sum(piece.stat().st_size for piece in pieces)
     print(

@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from lime_keras import console
+from lime_keras.io import model_folder
 from lime_keras.version import __version__
 
-_PRESETS = ("smoke", "live", "paper")
+_PRESETS = ("smoke", "nano", "live", "paper")
 _PRECISIONS = ("float32", "bfloat16", "float16")
 _MATERIALS = ("uniform", "natural")  # `material_law.LAWS`, without NumPy
 _EXAMPLE = """
@@ -68,8 +69,8 @@ def parser() -> argparse.ArgumentParser:
     begun.add_argument(
         "--preset",
         choices=_PRESETS,
-        help="smoke: small networks, minutes on two cores; live: for video, hours; paper: section "
-        "5's sizes and schedule, days on a GPU",
+        help="smoke: small networks, minutes on two cores; nano: 64 pixels, for fast video; live: "
+        "128 pixels, for video, hours; paper: section 5's sizes and schedule, days on a GPU",
     )
     begun.add_argument(
         "--resume",
@@ -141,11 +142,11 @@ def parser() -> argparse.ArgumentParser:
     )
     out.add_argument(
         "--start-from",
-        type=Path,
+        type=model_folder.find,
         metavar="RUN",
-        help="begin with the weights of another run, of those subnetworks that it has trained and "
-        "that have the same layers: to train on, or to begin at a smaller --size, where U-Nets "
-        "learn the coarse things in half the time",
+        help="begin with the weights of another run, or of a set that comes with the package, of "
+        "those subnetworks that it has trained and that have the same layers: to train on, or to "
+        "begin at a smaller --size, where U-Nets learn the coarse things in half the time",
     )
     out.add_argument(
         "--precision",

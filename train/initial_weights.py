@@ -6,7 +6,6 @@ original. `taken.json` there names the subnetworks whose weights were taken.
 
 import hashlib
 import json
-import shutil
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -35,12 +34,8 @@ def keep(model: Path, run: Path) -> None:
     """Copy a trained model into the run that begins with it, unless the run holds a copy."""
     if (run / _FOLDER).is_dir():
         return
-    model = model_folder.folder(model)
     with atomic.replacing(run / _FOLDER) as partial:
-        for path in model_folder.files(model):
-            target = partial / path.relative_to(model)
-            target.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(path, target)
+        weights.copy(model, partial)
 
 
 def load(

@@ -57,15 +57,15 @@ class Evaluation:
             `evaluate` was given an `answer` other than the Keras model.
         confusion: number of examples `(8, 8)` by true bin (row) and `predicted_bin` (column).
         architecture: architecture of the system.
-        stage_one: whether the oracle's encoders have their weights from before joint training,
-            which the run kept; otherwise they have the weights of the system.
+        stage_one: names of those of the oracle's encoders that have their weights from before joint
+            training, which the run kept; the others have the weights of the system.
     """
 
     rows: dict[str, np.ndarray]
     oracle: dict[str, np.ndarray]
     confusion: np.ndarray
     architecture: Architecture
-    stage_one: bool = False
+    stage_one: tuple[str, ...] = ()
 
     @property
     def count(self) -> int:
@@ -137,7 +137,7 @@ def evaluate(
             progress.update(number)
     joined = _joined(rows)
     of_oracle = _joined(oracle) if oracle else {}
-    evaluation = Evaluation(joined, of_oracle, _confusion(joined), architecture, bool(alone))
+    evaluation = Evaluation(joined, of_oracle, _confusion(joined), architecture, tuple(alone))
     _check_finite(evaluation, model_dir)
     return evaluation
 

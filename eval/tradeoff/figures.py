@@ -20,12 +20,14 @@ _MARKERS = {"float32": "o", "bfloat16": "s", "float16": "D", "int8": "v", "int8,
 _FILLS: dict[str, Any] = {ONNX: "full", SAVED_MODEL: "left", KERAS: "none"}
 """Fill style of a marker by runtime."""
 _ACROSS = 3
+_LEAST_HEIGHT = 1e-6
+"""Least top of an axis of errors, for errors that are all 0."""
 
 
 def pareto(result: Mapping[str, Any], theme: Theme = LIGHT) -> bytes:
     """Draw the score and each scored error over the latency of one image, as PNG.
 
-    A line joins the variants on the Pareto front.
+    A line joins the variants on the Pareto front. Errors start at 0; latency is logarithmic.
 
     Args:
         result: result of `measure.measure`; only its full cross is drawn (see `is_crossed`).
@@ -88,8 +90,10 @@ def _panel(
     axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.xaxis.set_major_formatter("{x:g}")
     axes.xaxis.set_minor_formatter(NullFormatter())
-    axes.set_xlabel("ms for one image, median", fontsize=8)
+    axes.set_xlabel("ms for one image, median (logarithmic)", fontsize=8)
     axes.margins(0.08)
+    # From 0, or a small difference would look like a large one.
+    axes.set_ylim(0, max(axes.get_ylim()[1], _LEAST_HEIGHT))
     dress(axes, theme)
 
 

@@ -22,6 +22,7 @@ from . import machine, recommendation, timing
 from .cases import Bench, Case, is_crossed, is_whole
 from .fidelity import Fidelity
 from .run_formats import INT8, PRECISIONS, Run
+from .runtimes import ONNX
 from .samples import Samples
 
 ROUNDS = 3
@@ -48,11 +49,12 @@ def measure(
     Returns:
         As JSON: `machine`, `date`, `load` (average number of running processes at the start),
         `corpus`, `camera`, `count` of test images, `rounds`, `runs` (`costs`, `int8_harm`,
-        `best_ranges` and `best_int8` of each run), `scored` (the measures in the score), `rows` and
-        `recommendations`. A row holds the attributes of a `Case`, the times of `timing.pooled`,
-        `model_mib`, `parameters` and `gflop`. The row of a whole system also holds its `errors`
-        with their `interval` and `count`, the runtime that they were `measured_on`, the
-        `difference` from Keras, the `score` and, in the full cross, whether it is on the `front`.
+        `best_ranges` and `best_int8` of each run), `scored` (the measures in the score), `rows`,
+        `purposes` (what each run is for) and `recommendations`. A row holds the attributes of a
+        `Case`, the times of `timing.pooled`, `model_mib`, `parameters` and `gflop`. The row of a
+        whole system also holds its `errors` with their `interval` and `count`, the runtime that
+        they were `measured_on`, the `difference` from Keras, the `score` and, in the full cross,
+        whether it is on the `front`.
 
     Raises:
         FileNotFoundError: if a run holds no trained model, or the corpus lacks a split.
@@ -90,8 +92,15 @@ def measure(
         },
         "scored": scored,
         "rows": rows,
+        "purposes": recommendation.for_purposes(_plain(alone)),
         "recommendations": recommendation.for_devices(alone, machine.cores(), best_int8),
     }
+
+
+def _plain(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return the rows in float32 under ONNX Runtime on all threads."""
+    plain = (ONNX, "float32", machine.cores())
+    return [row for row in rows if (row["runtime"], row["precision"], row["threads"]) == plain]
 
 
 def _judge(rows: list[dict[str, Any]], answered: Mapping, scored: list[str]) -> None:

@@ -98,6 +98,37 @@ def best(rows: Sequence[Row], cost: Callable[[Row], float], budget: float) -> di
     return {"row": dict(chosen), "cost": cost(chosen), "within": True}
 
 
+def for_purposes(rows: Sequence[Row]) -> list[dict[str, Any]]:
+    """Return the models that are worth taking, the slowest first, with what each is for.
+
+    A model is worth it if no other is both faster and as good. Models are compared as whole systems
+    with one image at a time, in float32 under ONNX Runtime on all threads.
+
+    Args:
+        rows: the row of each model, with `model`, `latency_ms` and `score`.
+
+    Returns:
+        For each model that is worth it: `model`, `latency_ms` and `score`; and, under `beaten`, the
+        names of those that it makes superfluous.
+    """
+    on = front([(row["latency_ms"], row["score"]) for row in rows])
+    worth = [
+        {name: row[name] for name in ("model", "latency_ms", "score")} | {"beaten": []}
+        for row, kept in zip(rows, on, strict=True)
+        if kept
+    ]
+    worth.sort(key=lambda one: one["latency_ms"], reverse=True)
+    for row, kept in zip(rows, on, strict=True):
+        if not kept:
+            beats = (
+                one
+                for one in worth
+                if one["latency_ms"] <= row["latency_ms"] and one["score"] <= row["score"]
+            )
+            next(beats)["beaten"].append(row["model"])
+    return worth
+
+
 def for_devices(rows: Sequence[Row], cores: int, best_int8: Mapping[str, str]) -> list[dict]:
     """Return the recommendations for a phone-class processor, for this machine and for a GPU.
 

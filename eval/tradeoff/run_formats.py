@@ -98,8 +98,8 @@ class Run:
         """Return the number of bytes in the files that a runtime needs."""
         if runtime == KERAS:
             # The folder may also hold the subnetworks from before joint training, for the oracle.
-            shipped = [path for path in self._files if path.parent == self._files[0].parent]
-            return sum(map(size, shipped))
+            used = [path for path in self._files if path.parent.name != model_folder.ALONE]
+            return sum(map(size, used))
         return size(self.path(runtime, precision))
 
     def part(self, name: str) -> Path:

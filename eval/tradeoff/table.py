@@ -118,7 +118,27 @@ def _recommendations(result: Mapping[str, Any]) -> str:
         "The least score within the budget, and of those within 1 % of it the cheapest. Of the "
         "eight-bit precisions only the one that held-out training images chose takes part."
     )
-    return "\n".join([rule, "", *map(_recommendation, result["recommendations"])])
+    worth = result["purposes"]
+    purposes = map(_purpose, worth, [None, *worth])
+    devices = map(_recommendation, result["recommendations"])
+    which = "Which weights, in float32 under ONNX Runtime on all threads:"
+    return "\n".join([which, "", *purposes, "", rule, "", *devices])
+
+
+def _purpose(one: Mapping[str, Any], slower: Mapping[str, Any] | None) -> str:
+    """Return the line that says what a run is for, beside the next slower one."""
+    rate = f"{_ms(one['latency_ms'])} ms, {1e3 / one['latency_ms']:.0f} images/s"
+    about = f"({rate}, score {one['score']:.3f})"
+    if slower is None:
+        said = f"Take **{one['model']}** where errors count: it errs least {about}"
+    else:
+        times = slower["latency_ms"] / one["latency_ms"]
+        said = (
+            f"Take **{one['model']}** where time counts: {times:.1f} times as fast as "
+            f"{slower['model']}, and worse by {one['score'] - slower['score']:.3f} {about}"
+        )
+    beaten = [f"{name} is neither faster nor better" for name in one["beaten"]]
+    return f"- {'; '.join([said, *beaten])}."
 
 
 def _recommendation(one: Mapping[str, Any]) -> str:

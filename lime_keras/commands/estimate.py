@@ -68,9 +68,10 @@ def parser() -> argparse.ArgumentParser:
     )
     out.add_argument(
         "--weights",
-        type=Path,
+        type=model_folder.find,
         metavar="RUN",
-        help="run of lime-train (default: the model that comes with the package)",
+        help="run of lime-train, or name of a set that comes with the package "
+        f"({', '.join(model_folder.shipped())}; default: {model_folder.DEFAULT})",
     )
     out.add_argument(
         "--engine",

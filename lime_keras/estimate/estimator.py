@@ -16,6 +16,7 @@ import numpy as np
 from lime_keras.estimate import engines, framing
 from lime_keras.estimate.framing import Square
 from lime_keras.estimate.pictures import Picture, mask_of, photo_of
+from lime_keras.io import model_folder
 from lime_keras.io.model_folder import SHIPPED
 from lime_keras.material import Material
 from lime_keras.optics import colour, compositing, shininess
@@ -26,9 +27,9 @@ class Estimator:
     """A trained model, loaded once and applied to many photos.
 
     Args:
-        weights_folder: folder of the trained model, from `lime-train` or
-            `lime_keras.networks.weights.save`; by default the model that comes with the package
-            (`lime_keras.io.model_folder.SHIPPED`).
+        weights: folder of the trained model, from `lime-train` or
+            `lime_keras.networks.weights.save`; or name of a set that comes with the package, such
+            as `live`; by default `lime_keras.io.model_folder.DEFAULT`.
         only: names of the estimates to make, out of `outputs.NEEDED`; only the subnetworks that
             these need are loaded and run. By default all estimates that this model can make.
         engine: `onnx` for ONNX Runtime or `keras` (`engines.load`).
@@ -46,17 +47,17 @@ class Estimator:
 
     def __init__(
         self,
-        weights_folder: str | Path = SHIPPED,
+        weights: str | Path = SHIPPED,
         only: Collection[str] | None = None,
         engine: str = engines.ENGINES[0],
     ):
-        self._engine = engines.load(Path(weights_folder), engine)
+        self._engine = engines.load(model_folder.find(weights), engine)
         needed = available(self._engine.outputs)
         self._only = set(needed if only is None else only)
         unknown = sorted(self._only - set(needed))
         if unknown or not self._only:
             raise ValueError(
-                f"cannot estimate {unknown}: {weights_folder} holds "
+                f"cannot estimate {unknown}: {weights} holds "
                 f"{self._engine.system}; choose from {', '.join(needed)}"
             )
         self._read = sorted({output for name in self._only for output in needed[name]} - {"mask"})

@@ -1,8 +1,13 @@
-"""The graphs that the estimator runs: an ONNX file for each subnetwork (`lime_keras.runtime`)."""
+"""The graphs that the estimator runs: an ONNX file for each subnetwork (`lime_keras.runtime`).
+
+The same weights always give the same bytes. The converter, left alone, numbers its names through
+the process and walks through sets, so that each file would be another.
+"""
 
 import hashlib
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import keras
 import numpy as np
@@ -10,6 +15,7 @@ import onnx
 from onnx import numpy_helper
 
 from lime_keras.export import formats
+from lime_keras.networks import graph_weights
 from lime_keras.networks.architecture import Architecture
 from lime_keras.networks.parts import part
 from lime_keras.runtime import graph_folder
@@ -25,7 +31,7 @@ def write(
     """Write a graph for each subnetwork, and their description, into a new folder.
 
     Weights that float16 holds exactly, such as those that were stored in float16, are stored in
-    float16 and computed with in float32.
+    float16 and computed with in float32. `networks.graph_weights` reads them back for Keras.
 
     Args:
         folder: path of the folder.
@@ -38,7 +44,12 @@ def write(
     for name, network in subnetworks.items():
         alone, path = part(name, network), graph_folder.path(folder, name)
         formats.write_onnx(alone, path)
-        _narrow(path)
+        graph = onnx.load(path)
+        _narrow(graph)
+        _settle(graph)
+        values = {weight.path: keras.ops.convert_to_numpy(weight) for weight in network.weights}
+        graph_weights.describe(graph, values)
+        path.write_bytes(graph.SerializeToString(deterministic=True))
         graphs[name] = Graph(
             inputs=tuple(tensor.name for tensor in alone.inputs),
             outputs=tuple(alone.output),
@@ -49,9 +60,8 @@ def write(
     )
 
 
-def _narrow(path: Path) -> None:
-    """Store those constants of an ONNX file in float16 that lose nothing by it."""
-    model = onnx.load(path)
+def _narrow(model: onnx.ModelProto) -> None:
+    """Store those constants of a graph in float16 that lose nothing by it."""
     casts = []
     for constant in model.graph.initializer:
         values = numpy_helper.to_array(constant)
@@ -67,4 +77,47 @@ def _narrow(path: Path) -> None:
     nodes = [*casts, *model.graph.node]
     del model.graph.node[:]
     model.graph.node.extend(nodes)
-    onnx.save(model, path)
+
+
+def _settle(model: onnx.ModelProto) -> None:
+    """Order and name the nodes and constants of a graph by their use alone.
+
+    A node comes after those that it reads, in the order in which the outputs ask for them; names
+    count in this order. Of equal constants one is kept, and of what nothing reads none.
+    """
+    graph = model.graph
+    made_by = {output: node for node in graph.node for output in node.output}
+    constants = {constant.name: constant for constant in graph.initializer}
+    names = {"": ""} | {tensor.name: tensor.name for tensor in (*graph.input, *graph.output)}
+    nodes: dict[str, onnx.NodeProto] = {}
+    kept: dict[tuple[Any, ...], onnx.TensorProto] = {}
+
+    def visit(name: str) -> None:
+        node, constant = made_by.get(name), constants.get(name)
+        if node is not None and node.output[0] not in nodes:
+            for read in node.input:
+                visit(read)
+            nodes[node.output[0]] = node
+            for index, output in enumerate(node.output):
+                names.setdefault(output, f"{node.op_type}{len(nodes)}.{index}")
+        elif constant is not None and name not in names:
+            values = numpy_helper.to_array(constant)
+            first = kept.setdefault((values.dtype.str, values.shape, values.tobytes()), constant)
+            names[name] = f"constant{len(kept)}" if first is constant else names[first.name]
+
+    for output in sorted(tensor.name for tensor in graph.output):
+        visit(output)
+    settled = onnx.GraphProto(
+        name=graph.name, node=nodes.values(), input=graph.input, output=graph.output
+    )
+    for constant in kept.values():
+        settled.initializer.add().CopyFrom(constant)
+        settled.initializer[-1].name = names[constant.name]
+    for tensor in (*settled.input, *settled.output):
+        tensor.type.tensor_type.shape.dim[0].dim_param = "batch"
+    for node in settled.node:
+        node.input[:] = [names[name] for name in node.input]
+        node.output[:] = [names[name] for name in node.output]
+        node.name = node.output[0]
+        node.attribute.sort(key=lambda attribute: attribute.name)
+    graph.CopyFrom(settled)

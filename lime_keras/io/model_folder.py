@@ -1,18 +1,47 @@
 """The folder of a trained model: where its files lie, and the digest that identifies its weights.
 
+A model's weights lie in files of Keras, one for each subnetwork; or, as in the sets that come with
+the package, in its exported graphs alone, which Keras reads, too, so that nothing lies there twice.
+
 `lime_keras.networks.weights` writes and reads the files. This module imports neither Keras nor
 NumPy, so that the estimator, which runs the exported graphs, finds its model without them.
 """
 
 import hashlib
+import json
 from pathlib import Path
 
-SHIPPED = Path(__file__).parents[1] / "pretrained" / "live"
-"""Folder of the model that comes with the package, used where no other model is named."""
+PRETRAINED = Path(__file__).parents[1] / "pretrained"
+"""Folder of the sets of weights that come with the package, a folder each."""
+DEFAULT = "live"
+"""Name of the set that is used where no model is named."""
+SHIPPED = PRETRAINED / DEFAULT
+"""Folder of that set."""
 ARCHITECTURE = "architecture.json"
 """File of the architecture; only a folder that has one holds a model."""
 WEIGHTS = ".weights.h5"
 """End of the name of each subnetwork's file."""
+ALONE = "alone"
+"""Folder, in that of the model, of the weights from before joined training."""
+DESCRIPTION = "graphs.json"
+"""File that describes the exported graphs, beside them (`lime_keras.runtime.graph_folder`)."""
+
+
+def shipped() -> dict[str, Path]:
+    """Return the folders of the sets of weights that come with the package, by name."""
+    return {path.name: path for path in sorted(PRETRAINED.iterdir()) if _holds_model(path)}
+
+
+def find(model: str | Path) -> Path:
+    """Return the folder of the model that a user names.
+
+    Args:
+        model: folder of a trained model (see `folder`), or name of a set that comes with the
+            package. A folder of that name counts only if it holds a model. Whether the folder that
+            is returned holds one is not checked.
+    """
+    named = shipped().get(str(model))
+    return Path(model) if named is None or _holds_model(Path(model)) else named
 
 
 def folder(run: Path) -> Path:
@@ -30,6 +59,16 @@ def graphs(run: Path) -> Path:
     return (model.parent if model.name == "model" else model) / "onnx"
 
 
+def in_graphs(run: Path) -> bool:
+    """Return whether a model's weights lie in its exported graphs alone.
+
+    Args:
+        run: folder of the trained model (see `folder`).
+    """
+    held = any(folder(run).glob(f"*{WEIGHTS}"))
+    return not held and (graphs(run) / DESCRIPTION).is_file()
+
+
 def files(run: Path) -> list[Path]:
     """Return all files of a model, weights from before joined training included, in a fixed order.
 
@@ -41,22 +80,28 @@ def files(run: Path) -> list[Path]:
     """
     model = folder(run)
     check_present(model, model / ARCHITECTURE)
-    return [model / ARCHITECTURE, *sorted(model.rglob(f"*{WEIGHTS}"))]
+    held = sorted(graphs(run).glob("*.onnx")) if in_graphs(run) else []
+    return [model / ARCHITECTURE, *sorted(model.rglob(f"*{WEIGHTS}")), *held]
 
 
 def digest(run: Path) -> str:
     """Return the SHA-256 of the model that the estimator runs: its architecture and weights.
 
-    Weights from before joined training do not count.
+    Weights from before joined training do not count. If the weights lie in the exported graphs
+    alone, it is that of the files from which these were exported.
 
     Args:
         run: folder of the trained model (see `folder`).
 
     Raises:
         FileNotFoundError: if the folder holds no model.
+        ValueError: if the description of the graphs, which hold the weights, is damaged.
     """
     model, total = folder(run), hashlib.sha256()
-    for path in files(run):
+    held = files(run)
+    if in_graphs(run):
+        return _described_digest(graphs(run) / DESCRIPTION)
+    for path in held:
         if path.parent == model:
             total.update(f"{path.name} {path.stat().st_size}\n".encode())
             total.update(path.read_bytes())
@@ -69,5 +114,20 @@ def check_present(model: Path, *paths: Path) -> None:
     if missing:
         raise FileNotFoundError(
             f"{missing[0]} is missing, so {model} holds no trained model: pass a folder that "
-            "`lime-train` wrote to the end"
+            "`lime-train` wrote to the end, or the name of a set that comes with the package: "
+            f"{', '.join(shipped())}"
         )
+
+
+def _holds_model(run: Path) -> bool:
+    return (folder(run) / ARCHITECTURE).is_file()
+
+
+def _described_digest(description: Path) -> str:
+    try:
+        return str(json.loads(description.read_text(encoding="utf-8"))["weights"])
+    except (ValueError, LookupError, TypeError) as error:
+        raise ValueError(
+            f"{description} is damaged, and the graphs beside it hold the only weights: take this "
+            "folder from where it came from again"
+        ) from error

@@ -1,5 +1,8 @@
 """The files of a trained model: `MODEL/architecture.json` and `MODEL/{subnetwork}.weights.h5`.
 
+If the exported graphs lie beside them (`lime_keras.export`), the latter may be left out: the
+weights are then read from the graphs.
+
 Joined training adapts a subnetwork to the estimates of the others, so that its predictions from
 true layers get worse. `MODEL/alone/{subnetwork}.weights.h5` may hold the weights that such a
 subnetwork had before joined training.
@@ -7,6 +10,7 @@ subnetwork had before joined training.
 
 import dataclasses
 import json
+import shutil
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -15,10 +19,20 @@ import keras
 import numpy as np
 
 from lime_keras.io import atomic
-from lime_keras.io.model_folder import ARCHITECTURE, WEIGHTS, check_present, folder
-from lime_keras.networks import SUBNETWORKS, Architecture, build
+from lime_keras.io.model_folder import (
+    ALONE,
+    ARCHITECTURE,
+    WEIGHTS,
+    check_present,
+    files,
+    folder,
+    graphs,
+    in_graphs,
+)
+from lime_keras.networks import SUBNETWORKS, Architecture, build, names
 
-_ALONE = "alone"
+_LEAST_COMPRESSED = 256
+"""Number of values from which on it is worth to compress an array."""
 
 
 def save(
@@ -40,11 +54,11 @@ def save(
         half: whether to write float16 weights, in half the space; `load` reads them like others.
     """
     alone = {} if alone is None else alone
-    for path in (model / _ALONE).glob(f"*{WEIGHTS}"):
+    for path in (model / ALONE).glob(f"*{WEIGHTS}"):
         if path.name.removesuffix(WEIGHTS) not in alone:
             path.unlink()
     # The architecture comes last: only a folder that has one holds a model.
-    for target, networks in ((model / _ALONE, alone), (model, subnetworks)):
+    for target, networks in ((model / ALONE, alone), (model, subnetworks)):
         for name, network in networks.items():
             _write(target, name, network, half)
     text = json.dumps(dataclasses.asdict(architecture), indent=2)
@@ -68,13 +82,43 @@ def load(model: Path, *, whole: bool = True) -> tuple[Architecture, dict[str, ke
     """
     model = folder(model)
     architecture = _architecture(model)
-    subnetworks = build(architecture)
+    exported = in_graphs(model)
+    paths = {
+        name: graphs(model) / f"{name}.onnx" if exported else _weights_path(model, name)
+        for name in names(architecture)
+    }
     if not whole:
-        subnetworks = {n: s for n, s in subnetworks.items() if _weights_path(model, n).is_file()}
-    check_present(model, *(_weights_path(model, name) for name in subnetworks))
-    for name, subnetwork in subnetworks.items():
-        _read(_weights_path(model, name), subnetwork)
+        paths = {name: path for name, path in paths.items() if path.is_file()}
+    check_present(model, *paths.values())
+    built = build(architecture)
+    subnetworks = {name: built[name] for name in paths}
+    for name, path in paths.items():
+        (_read_graph if exported else _read)(path, subnetworks[name])
     return architecture, subnetworks
+
+
+def copy(model: Path, target: Path) -> None:
+    """Copy a trained model; weights that lie in its graphs become files of their own in the copy.
+
+    Args:
+        model: folder of the trained model (see `load`).
+        target: folder to write to.
+
+    Raises:
+        FileNotFoundError: if the folder holds no model.
+        ValueError: if a file is broken.
+    """
+    model = folder(model)
+    if in_graphs(model):
+        architecture, subnetworks = load(model, whole=False)
+        alone = load_alone(model, subnetworks)
+        half = all(map(_is_half, [*subnetworks.values(), *alone.values()]))
+        save(target, architecture, subnetworks, alone, half=half)
+        return
+    for path in files(model):
+        copied = target / path.relative_to(model)
+        copied.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(path, copied)
 
 
 def load_alone(model: Path, subnetworks: Mapping[str, keras.Model]) -> dict[str, keras.Model]:
@@ -94,7 +138,7 @@ def load_alone(model: Path, subnetworks: Mapping[str, keras.Model]) -> dict[str,
     model = folder(model)
     architecture, out = _architecture(model), {}
     for name in subnetworks:
-        path = _weights_path(model / _ALONE, name)
+        path = _weights_path(model / ALONE, name)
         if path.is_file():
             out[name] = SUBNETWORKS[name].build(architecture)
             _read(path, out[name])
@@ -110,6 +154,12 @@ def _architecture(model: Path) -> Architecture:
         raise ValueError(f"{description} is not of this version: {error}; train again") from error
 
 
+def _is_half(network: keras.Model) -> bool:
+    """Return whether float16 holds all weights of a network exactly."""
+    with np.errstate(over="ignore"):
+        return all(np.array_equal(np.float16(one), one) for one in network.get_weights())
+
+
 def _write(target: Path, name: str, network: keras.Model, half: bool) -> None:
     path = _weights_path(target, name)
     with atomic.replacing(path) as partial:
@@ -122,14 +172,17 @@ def _write(target: Path, name: str, network: keras.Model, half: bool) -> None:
 
 
 def _copy_half(source: h5py.Group, target: h5py.Group) -> None:
-    """Copy the tree of a weights file with float16 arrays; Keras casts them back when it loads."""
+    """Copy the tree of a weights file with compressed float16 arrays, which Keras reads as well."""
     target.attrs.update(source.attrs)
     for name, item in source.items():
         if isinstance(item, h5py.Group):
             _copy_half(item, target.create_group(name))
         else:
-            copy = target.create_dataset(name, data=item[...].astype(np.float16))
-            copy.attrs.update(item.attrs)
+            values = item[...].astype(np.float16)
+            large = values.size >= _LEAST_COMPRESSED
+            packing = {"compression": "gzip", "shuffle": True} if large else {}
+            narrow = target.create_dataset(name, data=values, **packing)
+            narrow.attrs.update(item.attrs)
 
 
 def _read(path: Path, network: keras.Model) -> None:
@@ -138,6 +191,17 @@ def _read(path: Path, network: keras.Model) -> None:
     except (OSError, ValueError) as error:
         reason = str(error).partition("\n")[0]
         raise ValueError(f"{path} cannot be read: {reason}; train again") from error
+
+
+def _read_graph(path: Path, network: keras.Model) -> None:
+    # Only models whose weights lie in graphs take the package `onnx`.
+    from lime_keras.networks import graph_weights
+
+    held = graph_weights.read(path)
+    try:
+        network.set_weights([held[weight.path] for weight in network.weights])
+    except (LookupError, ValueError) as error:
+        raise ValueError(f"{path} has other layers than {network.name}: {error}") from error
 
 
 def _weights_path(model: Path, name: str) -> Path:

@@ -11,9 +11,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from lime_keras.io.model_folder import DESCRIPTION
 from lime_keras.version import __version__
 
-_DESCRIPTION = "graphs.json"
 LAYOUT = 1
 """Version of the graphs' names and meanings; it rises when graphs of before no longer fit."""
 
@@ -55,13 +55,13 @@ def write(folder: Path, description: Description) -> None:
     """Write `graphs.json` into a folder that holds the graphs."""
     about = {"package": "lime-keras", "version": __version__, "layout": LAYOUT}
     text = json.dumps(about | dataclasses.asdict(description), indent=1)
-    (folder / _DESCRIPTION).write_text(text + "\n", encoding="utf-8")
+    (folder / DESCRIPTION).write_text(text + "\n", encoding="utf-8")
 
 
 def read(folder: Path) -> Description | None:
     """Return the description of a folder's graphs; None if it holds none of this layout."""
     try:
-        held = json.loads((folder / _DESCRIPTION).read_text(encoding="utf-8"))
+        held = json.loads((folder / DESCRIPTION).read_text(encoding="utf-8"))
         if held["layout"] != LAYOUT:
             return None
         graphs = {

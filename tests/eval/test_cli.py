@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import keras
 import numpy as np
@@ -454,6 +455,34 @@ def test_a_corpus_alone_measures_the_packages_own_model(corpus, run, tmp_path, m
     )
     assert cli.main([str(corpus), "--out", str(tmp_path)]) == 0
     assert measured == [run]
+
+
+def test_the_trade_without_runs_is_of_all_sets(corpus, sets, tmp_path, monkeypatch):
+    package, measured = sets("live", "nano"), []
+    monkeypatch.setattr(sections, "trade", lambda out, runs, *_, **__: measured.append(runs) or "")
+    out = ["--out", str(tmp_path / "out")]
+    assert cli.main([str(corpus), *out, "--tradeoff"]) == 0
+    assert cli.main([str(corpus), *out, "--tradeoff", "nano", "runs/mine"]) == 0
+    assert measured == [
+        [package / "live", package / "nano"],
+        [package / "nano", Path("runs/mine")],
+    ]
+    assert set(sections.names(measured[0])) == {"live", "nano"}
+
+
+def test_a_set_is_measured_by_its_name_and_nothing_is_written_into_it(
+    corpus, sets, tmp_path, monkeypatch, capsys
+):
+    package, measured = sets("live", "nano"), []
+    monkeypatch.setattr(
+        sections, "evaluation", lambda _, run, *__, **___: measured.append(run) or ""
+    )
+    assert cli.main([str(corpus), "--weights", "nano", "--out", str(tmp_path / "out")]) == 0
+    assert measured == [package / "nano"]
+    with pytest.raises(SystemExit) as stopped:
+        cli.main([str(corpus), "--weights", "nano"])
+    assert stopped.value.code == 2
+    assert "pass --out: nano came with the package" in capsys.readouterr().err
 
 
 def test_an_interrupt_leaves_a_short_line_and_status_130(corpus, run, monkeypatch, capsys):

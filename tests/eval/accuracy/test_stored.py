@@ -67,10 +67,10 @@ def test_encoders_that_their_own_stages_left_are_told_apart(corpus, tiny_model, 
     architecture, subnetworks = weights.load(tiny_model)
     alone = {"exponent": subnetworks["exponent"]}
     weights.save(tmp_path / "with", architecture, subnetworks, alone)
-    for model, stage_one in ((tiny_model, False), (tmp_path / "with", True)):
+    for model, stage_one in ((tiny_model, ()), (tmp_path / "with", ("exponent",))):
         for _ in range(2):
             found = stored.evaluation(Store(tmp_path / "kept"), model, corpus)
-            assert found.stage_one is stage_one
+            assert found.stage_one == stage_one
 
 
 def test_runs_do_not_push_each_other_out(corpus, tiny_model, tmp_path, counted):

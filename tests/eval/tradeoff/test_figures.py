@@ -9,6 +9,7 @@ from matplotlib import image as png_reader
 from matplotlib.colors import to_rgb
 
 from lime_keras.eval.report.themes import DARK, LIGHT
+from lime_keras.eval.tradeoff import figures
 from lime_keras.eval.tradeoff.figures import TONES
 from lime_keras.eval.tradeoff.figures import pareto as draw
 from lime_keras.eval.tradeoff.recommendation import scored
@@ -59,3 +60,21 @@ def test_the_dark_theme_is_dark():
     light, dark = (_pixels(pareto(trade.ROWS, theme)) for theme in (LIGHT, DARK))
     assert np.median(light) > 0.9
     assert np.median(dark) < 0.3
+
+
+@pytest.mark.parametrize("scores", [(0.50, 0.51), (0.0, 0.0), (1e9, 2e9)])
+def test_axes_of_errors_start_at_0_and_hold_every_point(scores, monkeypatch):
+    """A hundredth of difference stays a hundredth of the height."""
+    seen, draw_panel = [], figures._panel
+
+    def panel(axes, rows, errors, *rest):
+        draw_panel(axes, rows, errors, *rest)
+        seen.append((axes.get_ylim(), max(errors), axes.get_xscale(), axes.get_xlabel()))
+
+    monkeypatch.setattr(figures, "_panel", panel)
+    pareto([trade.row("full", 20 + index, score) for index, score in enumerate(scores)])
+    assert len(seen) == 6
+    for (low, high), most, scale, label in seen:
+        assert low == 0 and most <= high and high > 0
+        assert most == 0 or high < 1.5 * most
+        assert scale == "log" and "logarithmic" in label

@@ -247,3 +247,15 @@ def test_a_budget_that_is_not_met_is_said_in_words(first):
     unmet = result["recommendations"][0] | {"within": False, "cost": 99.0}
     text = markdown(result | {"recommendations": [unmet]})
     assert "**nothing measured meets the budget**; nearest is" in text and "99.0 ms" in text
+
+
+def test_it_is_said_which_weights_to_take_for_what(first):
+    result, _ = first
+    assert result["purposes"] and f"**{result['purposes'][0]['model']}**" in markdown(result)
+    slow = {"model": "slow", "latency_ms": 24.0, "score": 0.5, "beaten": ["other"]}
+    fast = {"model": "fast", "latency_ms": 6.0, "score": 0.6, "beaten": []}
+    text = markdown(result | {"purposes": [slow, fast]})
+    told = "Take **slow** where errors count: it errs least (24.0 ms, 42 images/s, score 0.500)"
+    assert f"- {told}; other is neither faster nor better.\n" in text
+    told = "Take **fast** where time counts: 4.0 times as fast as slow, and worse by 0.100"
+    assert told in text

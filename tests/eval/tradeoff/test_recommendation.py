@@ -5,7 +5,14 @@ import math
 import pytest
 
 from lime_keras.eval.tradeoff import recommendation
-from lime_keras.eval.tradeoff.recommendation import best, for_devices, front, score, scored
+from lime_keras.eval.tradeoff.recommendation import (
+    best,
+    for_devices,
+    for_purposes,
+    front,
+    score,
+    scored,
+)
 
 ERRORS = {
     "log_exponent_mae": 0.375,
@@ -132,3 +139,28 @@ def test_nothing_within_a_devices_budget_is_said():
     chosen = _chosen([_row(100, 0.5, gflop=500.0), _row(150, 0.5, threads=1)])
     assert [one["within"] for one in chosen.values()] == [False] * 3
     assert chosen["a phone-class CPU"]["cost"] == pytest.approx(750)
+
+
+def _model(name, latency, score):
+    return _row(latency, score, model=name)
+
+
+def test_of_models_those_are_told_that_no_other_makes_superfluous():
+    rows = [
+        _model("quick", 5, 0.7),
+        _model("dull", 30, 0.6),
+        _model("sharp", 25, 0.5),
+        _model("slow quick", 6, 0.7),
+    ]
+    worth = for_purposes(rows)
+    assert [(one["model"], one["beaten"]) for one in worth] == [
+        ("sharp", ["dull"]),
+        ("quick", ["slow quick"]),
+    ]
+    assert for_purposes(rows[::-1])[0]["model"] == "sharp"
+
+
+def test_a_single_model_and_equal_ones_are_worth_it():
+    assert [one["beaten"] for one in for_purposes([_model("live", 20, 0.0)])] == [[]]
+    twins = for_purposes([_model("one", 20, 0.5), _model("other", 20, 0.5)])
+    assert sorted(one["model"] for one in twins) == ["one", "other"]

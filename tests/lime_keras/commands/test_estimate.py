@@ -84,6 +84,38 @@ def test_without_weights_the_packages_own_are_used(
     )
 
 
+@pytest.mark.parametrize(
+    ("there", "arguments"),
+    [("live", []), ("live", ["--weights", "live"]), ("nano", ["--weights", "nano"])],
+)
+def test_a_set_is_used_by_its_name(there, arguments, folder, tiny_model, sets, tmp_path, capsys):
+    sets(there)
+    arguments = [*arguments, "--only", "albedo", "--out", str(tmp_path / "out")]
+    assert estimate_cli.main([str(folder / "a.png"), *arguments]) == 0
+    expected = Estimator(tiny_model, ["albedo"]).estimate(read_srgb(folder / "a.png"))
+    told = capsys.readouterr()
+    found = json.loads(told.out)["specular_albedo"]
+    assert found == pytest.approx(expected.specular_albedo, rel=1e-4)
+    assert "exported" not in told.err
+    named = Estimator(there, ["albedo"]).estimate(read_srgb(folder / "a.png"))
+    assert named.specular_albedo == pytest.approx(expected.specular_albedo)
+
+
+def test_a_name_that_there_is_not_is_told_with_those_that_there_are(folder, sets, capsys):
+    sets("live", "nano")
+    assert estimate_cli.main([str(folder / "a.png"), "--weights", "micro"]) == 1
+    assert capsys.readouterr().err.endswith("with the package: live, nano\n")
+    with pytest.raises(FileNotFoundError, match="live, nano"):
+        Estimator("micro")
+
+
+def test_help_names_the_sets_and_the_default(sets, capsys):
+    sets("live", "nano")
+    with pytest.raises(SystemExit):
+        estimate_cli.main(["--help"])
+    assert "(live, nano; default: live)" in " ".join(capsys.readouterr().out.split())
+
+
 def test_photos_of_one_name_are_numbered(folder, tiny_model, tmp_path):
     write(tmp_path / "a.png", photo((20, 20)))
     given = (folder / "a.png", tmp_path / "a.png")

@@ -12,7 +12,7 @@ from lime_keras import __version__
 from lime_keras.commands import export as export_cli
 from lime_keras.export import exporter, formats, parity, quantisation
 from lime_keras.io import model_folder
-from lime_keras.networks import answers, assemble, weights
+from lime_keras.networks import answers, assemble, build, weights
 from lime_keras.outputs import OUTPUTS
 
 FORMATS = ("savedmodel", "onnx")
@@ -193,6 +193,39 @@ def test_without_weights_the_packages_own_are_exported(tiny_model, tmp_path, mon
     assert export_cli.main([str(tmp_path), "--format", "weights"]) == 0
     found, _ = weights.load(tmp_path)
     assert found == weights.load(tiny_model)[0]
+
+
+def test_encoders_of_before_joined_training_are_exported_with_the_weights(tiny_model, tmp_path):
+    architecture, subnetworks = weights.load(tiny_model)
+    alone = {"albedo": build(architecture, seed=9)["albedo"]}
+    weights.save(tmp_path / "run", architecture, subnetworks, alone)
+    exporter.export(tmp_path / "out", "weights", tmp_path / "run")
+    found = weights.load_alone(tmp_path / "out", subnetworks)
+    assert set(found) == {"albedo"}
+    pairs = zip(found["albedo"].get_weights(), alone["albedo"].get_weights(), strict=True)
+    assert all(np.array_equal(one, other.astype(np.float16)) for one, other in pairs)
+
+
+def test_a_set_is_put_into_the_package(sets, tiny_model, tmp_path, capsys):
+    """As `make ship` and, again and again, `make graphs` do; the graphs stay the same bytes."""
+    package, run = sets("live"), tmp_path / "run"
+    weights.save(run / "model", *weights.load(tiny_model), half=True)
+    made = package / "nano"
+    assert export_cli.main([str(made), "--format", "weights", "--weights", str(run)]) == 0
+    graphs = ["--format", "graphs", "--weights"]
+    assert export_cli.main([str(made), *graphs, str(made)]) == 0
+    for path in (made / "model").glob("*.weights.h5"):
+        path.unlink()
+    expected = weights.load(run)[1]
+    held = {path.name: path.read_bytes() for path in (made / "onnx").iterdir()}
+    for _ in range(2):
+        found = weights.load(model_folder.find("nano"))[1]
+        for name, network in expected.items():
+            pairs = zip(found[name].get_weights(), network.get_weights(), strict=True)
+            assert all(np.array_equal(one, other) for one, other in pairs), name
+        assert export_cli.main([str(made), *graphs, "nano"]) == 0
+        assert held == {path.name: path.read_bytes() for path in (made / "onnx").iterdir()}
+        assert model_folder.in_graphs(made)
 
 
 def test_a_precision_that_cannot_be_had_is_refused(tiny_model, tmp_path, capsys):

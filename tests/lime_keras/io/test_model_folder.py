@@ -1,5 +1,7 @@
 """Where a model's files lie, and what identifies its weights."""
 
+from pathlib import Path
+
 import pytest
 
 from lime_keras.io import model_folder
@@ -47,3 +49,76 @@ def test_a_folder_without_a_model_is_told(tmp_path):
     for ask in (model_folder.files, model_folder.digest):
         with pytest.raises(FileNotFoundError, match=r"architecture\.json is missing.*lime-train"):
             ask(tmp_path / "none")
+
+
+# Sets that come with the package.
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    """A package with the sets `live` and `nano`, and other things beside them."""
+    folder = tmp_path / "package"
+    for name in ("nano", "live"):
+        (folder / name / "model").mkdir(parents=True)
+        (folder / name / "model" / "architecture.json").write_text("{}")
+    (folder / "not one").mkdir()
+    (folder / "README.md").write_text("")
+    monkeypatch.setattr(model_folder, "PRETRAINED", folder)
+    return folder
+
+
+def test_sets_are_what_lies_there(package):
+    assert model_folder.shipped() == {name: package / name for name in ("live", "nano")}
+
+
+def test_a_set_is_found_by_its_name_and_anything_else_is_a_folder(package, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert model_folder.find("nano") == package / "nano"
+    for other in ("runs/nano", "./nano", "not one", "README.md", "", "none", package / "nano"):
+        assert model_folder.find(other) == Path(other)
+    (tmp_path / "nano").mkdir()
+    assert model_folder.find("nano") == package / "nano"
+    (tmp_path / "nano" / "architecture.json").write_text("{}")
+    assert model_folder.find("nano") == Path("nano")
+
+
+def test_a_name_that_there_is_not_is_told_with_those_that_there_are(package):
+    with pytest.raises(FileNotFoundError, match=r"with the package: live, nano$"):
+        model_folder.files(model_folder.find("micro"))
+
+
+def test_the_default_is_a_set_that_is_there():
+    assert model_folder.SHIPPED == model_folder.shipped()[model_folder.DEFAULT]
+
+
+# Weights that lie in the graphs alone.
+
+
+@pytest.fixture
+def exported(run):
+    """A run whose weights lie in its graphs alone."""
+    (run / "onnx").mkdir()
+    (run / "onnx" / "graphs.json").write_text('{"weights": "of before"}')
+    (run / "onnx" / "albedo.onnx").write_text("graph")
+    assert not model_folder.in_graphs(run)
+    for path in (run / "model").glob("*.h5"):
+        path.unlink()
+    return run
+
+
+def test_weights_in_graphs_are_the_models_files_and_keep_its_digest(exported):
+    model = exported / "model"
+    for path in (exported, model):
+        assert model_folder.in_graphs(path) and model_folder.digest(path) == "of before"
+        assert model_folder.files(path) == [
+            model / "architecture.json",
+            model / "alone" / "a.weights.h5",
+            exported / "onnx" / "albedo.onnx",
+        ]
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '"text"', "7", "[[" * 4])
+def test_graphs_without_a_description_of_theirs_are_told(exported, text):
+    (exported / "onnx" / "graphs.json").write_text(text)
+    with pytest.raises(ValueError, match=r"graphs\.json is damaged"):
+        model_folder.digest(exported)

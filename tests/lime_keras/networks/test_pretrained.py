@@ -1,6 +1,7 @@
-"""The model that comes with the package."""
+"""The sets of weights that come with the package."""
 
 import numpy as np
+import pytest
 
 from lime_keras import Estimator
 from lime_keras.export import parity
@@ -10,33 +11,42 @@ from lime_keras.networks import assemble, weights
 from lime_keras.runtime import graph_folder
 from lime_keras.runtime.engine import OnnxEngine
 
+SETS = model_folder.shipped()
 
-def test_it_is_whole_small_and_described():
-    files = [path for path in SHIPPED.rglob("*") if path.is_file()]
-    assert sum(path.stat().st_size for path in files) < 20 * 2**20
-    assert {"lime.json", "training.json"} <= {path.name for path in files}
-    assert (SHIPPED.parent / "README.md").is_file()
-    architecture, subnetworks = weights.load(SHIPPED)
+
+def size(*folders):
+    """Bytes of all files in folders."""
+    files = (path for folder in folders for path in folder.rglob("*") if path.is_file())
+    return sum(path.stat().st_size for path in files)
+
+
+def test_all_sets_together_are_small():
+    assert model_folder.DEFAULT in SETS
+    assert size(*SETS.values()) < 20e6
+    assert all(size(path / "model" / model_folder.ALONE) < 2e6 for path in SETS.values())
+
+
+@pytest.mark.parametrize("name", SETS)
+def test_a_set_is_whole_described_and_there_once(name):
+    held = {path.name for path in SETS[name].rglob("*") if path.is_file()}
+    assert {"lime.json", "training.json"} <= held
+    assert f"## `{name}`" in (SHIPPED.parent / "README.md").read_text(encoding="utf-8")
+    assert model_folder.in_graphs(SETS[name])
+    architecture, subnetworks = weights.load(SETS[name])
     assert architecture.description == "LIME" and len(subnetworks) == 5
 
 
-def test_its_graphs_are_of_its_weights_and_answer_what_keras_answers():
-    """After a change of the weights: `make graphs`."""
-    folder = model_folder.graphs(SHIPPED)
+@pytest.mark.parametrize("name", SETS)
+def test_its_graphs_answer_what_keras_answers(name):
+    """After a change of what connects the subnetworks: `make graphs`."""
+    folder = model_folder.graphs(SETS[name])
     description = graph_folder.read(folder)
-    assert description is not None and description.weights == model_folder.digest(SHIPPED)
-    engine, images = OnnxEngine(folder, description), parity.images(128)
-    joined = assemble(weights.load(SHIPPED)[1])
+    assert description is not None and description.weights == model_folder.digest(SETS[name])
+    engine, images = OnnxEngine(folder, description), parity.images(description.size)
+    joined = assemble(weights.load(SETS[name])[1])
     expected = parity.answers(joined, images)
     found = parity.answers(lambda batch: engine.run(engine.outputs, {"image": batch}), images)
     parity.judge(expected, found, "float32")
-
-
-def test_its_graphs_are_no_larger_than_its_weights():
-    graphs = model_folder.graphs(SHIPPED).iterdir()
-    model = model_folder.folder(SHIPPED).iterdir()
-    size, limit = (sum(path.stat().st_size for path in files) for files in (graphs, model))
-    assert size < limit
 
 
 def test_it_finds_a_lit_ball_and_its_colour():

@@ -1,0 +1,156 @@
+"""Keras reads out of the graphs exactly what went into them."""
+
+import shutil
+
+import numpy as np
+import onnx
+import pytest
+from onnx import numpy_helper
+
+from lime_keras.export import graphs
+from lime_keras.io import model_folder
+from lime_keras.networks import Architecture, build, graph_weights, weights
+from lime_keras.networks.graph_weights import describe, read
+
+
+def held(**constants):
+    """A graph of these constants that computes nothing."""
+    arrays = [numpy_helper.from_array(values, name) for name, values in constants.items()]
+    return onnx.helper.make_model(onnx.helper.make_graph([], "none", [], [], arrays))
+
+
+def written(graph, path):
+    onnx.save(graph, path)
+    return read(path)
+
+
+def random(*shape):
+    return np.random.default_rng(len(shape)).normal(size=shape).astype(np.float32)
+
+
+def test_the_graphs_of_a_model_hold_its_weights(tiny_model):
+    for name, network in weights.load(tiny_model)[1].items():
+        found = read(model_folder.graphs(tiny_model) / f"{name}.onnx")
+        assert set(found) == {weight.path for weight in network.weights}
+        for weight in network.weights:
+            assert np.array_equal(found[weight.path], weight.numpy()), (name, weight.path)
+
+
+def test_those_of_an_ablation_hold_them_too(ablation_model):
+    for name, network in weights.load(ablation_model)[1].items():
+        found = read(model_folder.graphs(ablation_model) / f"{name}.onnx")
+        for weight in network.weights:
+            assert np.array_equal(found[weight.path], weight.numpy()), (name, weight.path)
+
+
+def test_axes_are_moved_back(tmp_path):
+    kernel, dense = random(3, 3, 4, 4), random(16, 16)
+    graph = held(k=kernel.transpose(3, 2, 0, 1).copy(), d=dense.T.copy())
+    expected = {"conv/kernel": kernel, "dense/kernel": dense}
+    describe(graph, expected)
+    found = written(graph, tmp_path / "graph.onnx")
+    assert all(np.array_equal(found[name], values) for name, values in expected.items())
+
+
+@pytest.mark.parametrize("value", [0.0, -0.0, 1e-45, 3.4e38, np.inf, np.nan, 1 / 3])
+def test_a_weight_that_no_constant_holds_is_told_bit_by_bit(value, tmp_path):
+    graph, bias = held(other=random(4)), np.full(3, value, np.float32)
+    describe(graph, {"bias": bias})
+    found = written(graph, tmp_path / "graph.onnx")["bias"]
+    assert found.dtype == np.float32 and found.tobytes() == bias.tobytes()
+
+
+def test_half_precision_and_equal_constants_are_read(tmp_path):
+    values = random(32, 32).astype(np.float16)
+    graph = held(one=values, zero=np.zeros(4, np.float32))
+    zeros = np.zeros(4, np.float32)
+    describe(graph, {"kernel": np.float32(values), "a/bias": zeros, "b/bias": zeros})
+    found = written(graph, tmp_path / "graph.onnx")
+    assert np.array_equal(found["kernel"], np.float32(values))
+    assert found["kernel"].dtype == np.float32
+    assert np.array_equal(found["a/bias"], zeros) and np.array_equal(found["b/bias"], zeros)
+
+
+def test_a_graph_that_lacks_a_large_weight_holds_none(tmp_path):
+    graph, small = held(one=random(4)), graph_weights._MOST_REPEATED
+    describe(graph, {"bias": random(4), "kernel": random(small + 1)})
+    with pytest.raises(ValueError, match=r"graph\.onnx holds no weights.*the run"):
+        written(graph, tmp_path / "graph.onnx")
+
+
+@pytest.mark.parametrize("content", [b"", b"no graph", None])
+def test_what_is_no_graph_is_told(content, tmp_path):
+    path = tmp_path / "graph.onnx"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(ValueError, match=r"graph\.onnx holds no weights"):
+        read(path)
+
+
+@pytest.fixture
+def bare(tiny_model, tmp_path):
+    """A model whose weights lie in its graphs alone."""
+    run = shutil.copytree(tiny_model.parent, tmp_path / "bare")
+    for path in (run / "model").glob("*.h5"):
+        path.unlink()
+    return run
+
+
+def test_a_model_is_loaded_from_its_graphs(bare, tiny_model):
+    expected = weights.load(tiny_model)
+    for folder in (bare, bare / "model"):
+        architecture, found = weights.load(folder)
+        assert architecture == expected[0] and list(found) == list(expected[1])
+        for name, network in expected[1].items():
+            pairs = zip(found[name].get_weights(), network.get_weights(), strict=True)
+            assert all(np.array_equal(one, other) for one, other in pairs), name
+
+
+def test_it_is_the_same_model(bare, tiny_model):
+    assert model_folder.digest(bare) == model_folder.digest(tiny_model)
+    assert [path.suffix for path in model_folder.files(bare)] == [".json"] + [".onnx"] * 5
+
+
+def test_a_copy_has_files_of_its_own(bare, tiny_model, tmp_path):
+    weights.copy(bare, tmp_path / "copy")
+    assert not model_folder.in_graphs(tmp_path / "copy")
+    found, expected = (weights.load(path)[1] for path in (tmp_path / "copy", tiny_model))
+    for name, network in expected.items():
+        pairs = zip(found[name].get_weights(), network.get_weights(), strict=True)
+        assert all(np.array_equal(one, other) for one, other in pairs), name
+
+
+def test_a_copy_of_weights_in_half_the_space_takes_half_the_space(tmp_path):
+    wide = Architecture(size=32, unet_width=8, unet_depth=3, encoder_width=8, dense_width=32)
+    for half in (True, False):
+        run, copy = tmp_path / f"run {half}", tmp_path / f"copy {half}"
+        weights.save(run / "model", wide, {"albedo": build(wide, seed=1)["albedo"]}, half=half)
+        expected = weights.load(run, whole=False)[1]
+        graphs.write(run / "onnx", wide, expected, "digest")
+        (run / "model" / "albedo.weights.h5").unlink()
+        weights.copy(run, copy)
+        found = weights.load(copy, whole=False)[1]["albedo"].get_weights()
+        for one, other in zip(found, expected["albedo"].get_weights(), strict=True):
+            assert np.array_equal(one, other)
+    sizes = [
+        (tmp_path / f"copy {half}" / "albedo.weights.h5").stat().st_size for half in (True, False)
+    ]
+    assert sizes[0] < 0.7 * sizes[1]
+
+
+def test_a_part_of_it_is_loaded_or_told(bare):
+    (bare / "onnx" / "mirror.onnx").unlink()
+    assert list(weights.load(bare, whole=False)[1]) == [
+        "segmentation",
+        "specular",
+        "exponent",
+        "albedo",
+    ]
+    with pytest.raises(FileNotFoundError, match=r"mirror\.onnx is missing.*lime-train"):
+        weights.load(bare)
+
+
+def test_a_graph_of_other_layers_is_told(bare):
+    shutil.copyfile(bare / "onnx" / "albedo.onnx", bare / "onnx" / "mirror.onnx")
+    with pytest.raises(ValueError, match=r"mirror\.onnx has other layers than mirror_net"):
+        weights.load(bare)
