@@ -7,7 +7,9 @@ Example:
     print(material.diffuse_albedo, material.specular_albedo, material.exponent)
 """
 
+import dataclasses
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +23,23 @@ from lime_keras.io.model_folder import SHIPPED
 from lime_keras.material import Material
 from lime_keras.optics import colour, compositing, shininess
 from lime_keras.outputs import NEEDED, OUTPUTS, available
+
+
+@dataclass(frozen=True)
+class View:
+    """The square of a photo that the networks see, with the object found in it.
+
+    Attributes:
+        square: square of the photo; it may reach beyond the photo.
+        image: its content `(S, S, 3)` float32, sRGB in [0, 1].
+        mask: coverage `(S, S, 1)` in [0, 1], as the networks see it, beyond the photo too.
+        coverage: share of the photo that the object covers, in [0, 1].
+    """
+
+    square: Square
+    image: np.ndarray
+    mask: np.ndarray
+    coverage: float
 
 
 class Estimator:
@@ -124,6 +143,41 @@ class Estimator:
             if mask is None:
                 mask = framing.paste(masks_seen[index], square, *image.shape[:2])
             yield self._material(image, mask, square, own)
+
+    def view(self, photo: Picture, mask: Picture | None = None) -> View:
+        """Find the object in a photo, and return the square that the networks see.
+
+        `view` and `read` are the two halves of `estimate` for who shows the layers in the square
+        alone: nothing is brought to the photo's size.
+
+        Args:
+            photo: photo, as `estimate` takes it.
+            mask: coverage of the object, as `estimate` takes it, or None.
+
+        Raises:
+            ValueError: if the photo or the mask is refused (see `estimate`).
+        """
+        image, alpha = photo_of(photo)
+        height, width = image.shape[:2]
+        given = alpha if mask is None else mask_of(mask, height, width)
+        squares, seen, masks = self._find([image], [given])
+        square, found = squares[0], masks[0] >= framing.THRESHOLD
+        pixels = np.sum(found & framing.inside(square, height, width, len(found)))
+        share = float(pixels) * (square.side / len(found)) ** 2 / (height * width)
+        return View(square, seen[0], masks[0], min(share, 1.0))
+
+    def read(self, view: View) -> Material:
+        """Estimate the material of the object in a view.
+
+        Returns:
+            The material, with the photo's square and coverage, and with its layers in the pixels of
+            the view.
+        """
+        given = {"image": view.image[None], "mask": view.mask[None]}
+        answer = self._engine.run(self._read, given) if self._read else {}
+        own = {name: value[0] for name, value in answer.items()}
+        material = self._material(view.image, view.mask, Square(0, 0, len(view.image)), own)
+        return dataclasses.replace(material, square=view.square, mask_coverage=view.coverage)
 
     def _find(
         self, images: list[np.ndarray], given: list[np.ndarray | None]

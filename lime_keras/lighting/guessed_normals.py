@@ -10,6 +10,8 @@ import numpy as np
 
 _GRID = 96
 """Longer side of the grid for the dome, in pixels: enough for a smooth dome; it takes 0.02 s."""
+_HALF = 0.5 - 1e-9
+"""Least covered share of an inner cell of the grid: one half, whatever the sums were rounded to."""
 _RESIDUAL = 1e-5
 """Length of the residual, over that of the right-hand side, at which the film counts as solved."""
 
@@ -39,37 +41,37 @@ def _dome(inside: np.ndarray) -> np.ndarray:
     """Return the dome's normals `(h, w, 3)` over the mask's bounding box `(h, w)`."""
     step = max(1.0, max(inside.shape) / _GRID)
     shape = [max(1, round(side / step)) for side in inside.shape]
-    rows, columns = (_areas(*sides) for sides in zip(inside.shape, shape, strict=True))
-    coarse = rows @ inside.astype(np.float64) @ columns.T >= 0.5
+    coarse = _averaged(_averaged(inside.astype(np.float64), shape[0]).T, shape[1]).T >= _HALF
     height = np.pad(_film(coarse), 1)
     down, right = np.gradient(height)
     # The slope of z = √h is ∇h / 2√h. The vectors are the normals times 2√h: finite at the rim too.
-    rows, columns = (_tents(*sides) for sides in zip(shape, inside.shape, strict=True))
-    vectors = np.stack(
-        [
-            rows @ part[1:-1, 1:-1] @ columns.T
-            for part in (-right, down, 2 * np.sqrt(np.maximum(height, 0)))
-        ],
-        axis=-1,
-    )
+    vectors = np.stack([-right, down, 2 * np.sqrt(np.maximum(height, 0))], axis=-1)[1:-1, 1:-1]
+    vectors = _between(vectors, inside.shape[0]).swapaxes(0, 1)
+    vectors = _between(vectors, inside.shape[1]).swapaxes(0, 1)
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
     # Parts too thin for the grid get a normal that faces the viewer.
     return np.where(length > 1e-9, vectors / np.maximum(length, 1e-9), (0.0, 0.0, 1.0))
 
 
-def _areas(count: int, fewer: int) -> np.ndarray:
-    """Return the weights `(fewer, count)` that average samples over equal parts of their side."""
-    edges = np.arange(fewer + 1)[:, None] * (count / fewer)
-    sample = np.arange(count)
-    overlap = np.minimum(edges[1:], sample + 1) - np.maximum(edges[:-1], sample)
-    return np.maximum(overlap, 0) * (fewer / count)
+def _averaged(values: np.ndarray, count: int) -> np.ndarray:
+    """Return means `(count, ...)` over equal parts of the first axis of values `(N, ...)`."""
+    sums = np.concatenate([np.zeros_like(values[:1]), np.cumsum(values, axis=0)])
+    edges = np.arange(count + 1) * (len(values) / count)
+    return np.diff(_at(sums, edges), axis=0) * (count / len(values))
 
 
-def _tents(count: int, more: int) -> np.ndarray:
-    """Return the weights `(more, count)` that interpolate linearly between samples of a side."""
-    position = (np.arange(more)[:, None] + 0.5) * count / more - 0.5
-    tent = np.maximum(1 - np.abs(np.arange(count) - position), 0)
-    return tent / tent.sum(axis=1, keepdims=True)
+def _between(values: np.ndarray, count: int) -> np.ndarray:
+    """Return values `(N, ...)` interpolated linearly to `(count, ...)`, repeated at the ends."""
+    position = (np.arange(count) + 0.5) * (len(values) / count) - 0.5
+    return _at(values, np.clip(position, 0, len(values) - 1))
+
+
+def _at(values: np.ndarray, position: np.ndarray) -> np.ndarray:
+    """Return values `(N, ...)` at positions `(M,)` from 0 to N − 1, interpolated linearly."""
+    low = np.minimum(position.astype(np.int64), len(values) - 1)
+    high = np.minimum(low + 1, len(values) - 1)
+    share = (position - low).reshape(-1, *[1] * (values.ndim - 1))
+    return values[low] * (1 - share) + values[high] * share
 
 
 def _film(inside: np.ndarray) -> np.ndarray:
