@@ -61,7 +61,10 @@ setup(
         for inside in ["", *find_packages(folder)]
     ],
     package_data={
-        "lime_keras": ["py.typed", "pretrained/*.md", "pretrained/*/*/*", "pretrained/*/*/alone/*"],
+        "lime_keras": [
+            *("py.typed", "pretrained/*.md", "pretrained/*/*/*", "pretrained/*/*/alone/*"),
+            "live/page/**/*",
+        ],
         "lime_keras.eval.report": ["templates/*.html"],
         "lime_keras.train": ["run.sh"],
     },
@@ -91,6 +94,8 @@ setup(
             # What measures are held against.
             "scikit-learn>=1.5,<2",
             "hypothesis>=6.100,<7",
+            # The live page in a browser, where there is one.
+            "playwright>=1.50,<2",
             "ruff==0.17.6",
             "mypy>=1.13,<3",
             "scipy-stubs>=1.17,<2",
@@ -104,6 +109,7 @@ setup(
             "lime-eval = lime_keras.eval.cli:main",
             "lime-estimate = lime_keras.commands.estimate:main",
             "lime-export = lime_keras.commands.export:main",
+            "lime-live = lime_keras.commands.live:main",
         ]
     },
 )

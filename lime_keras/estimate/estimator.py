@@ -54,6 +54,8 @@ class Estimator:
         engine: `onnx` for ONNX Runtime or `keras` (`engines.load`).
 
     Attributes:
+        size: height and width in pixels of the square that the networks see.
+        system: name of the system in words.
         subnetworks: names of the subnetworks that are run, in order; `segmentation` is always
             among them, but is loaded and run only for photos without a mask.
 
@@ -71,6 +73,7 @@ class Estimator:
         engine: str = engines.ENGINES[0],
     ):
         self._engine = engines.load(model_folder.find(weights), engine)
+        self.size, self.system = self._engine.size, self._engine.system
         needed = available(self._engine.outputs)
         self._only = set(needed if only is None else only)
         unknown = sorted(self._only - set(needed))
