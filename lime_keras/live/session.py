@@ -84,7 +84,7 @@ class Session:
             watch.lap("material")
         step = self._tracker.step(image_srgb, material)
         fused = material_of(step.fused)
-        if np.isnan(step.fused).all():
+        if step.cut or np.isnan(step.fused).all():
             self._light.restart()
         warnings = _warnings(material)
         arrays = {"mask": np.rint(255 * view.mask[..., 0]).astype(np.uint8)}
