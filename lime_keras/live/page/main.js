@@ -146,7 +146,7 @@ async function follow(own) {
       if (light) lightAt = now;
       count += 1;
       const done = performance.now();
-      times = [...times.filter((time) => done - time < 2000), done];
+      times = [...times.filter((time) => done - time < 4000), done];
       // A frame with the material tells what each would cost.
       if (material && !light) cost += 0.3 * (done - now - cost);
     }
@@ -348,9 +348,9 @@ function timing(ms, round, drawing, wanted) {
     shown = told.map(([name, value]) => `${name} ${value.toFixed(0)}`).join(" · ") + " ms";
     $("timing").textContent = shown;
   }
-  const live = source.live && !frozen;
+  const live = source.live && !frozen && times.length > 1;
   $("speed").hidden = !live;
-  if (live && times.length > 2) {
+  if (live) {
     const rate = (1000 * (times.length - 1)) / (times.at(-1) - times[0]);
     const some = cost > PATIENT ? ` · material every ${SOME}rd` : "";
     $("speed").textContent = `${rate.toFixed(rate < 10 ? 1 : 0)} frames/s${some}`;

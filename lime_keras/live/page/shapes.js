@@ -4,7 +4,8 @@
 /** The unit sphere. */
 export function sphere() {
   const turns = Array.from({ length: 65 }, (_, step) => (Math.PI * step) / 64);
-  return lathe(turns.map((angle) => [Math.sin(angle), -Math.cos(angle)]));
+  const ball = lathe(turns.map((angle) => [Math.sin(angle), -Math.cos(angle)]));
+  return { ...ball, normals: ball.positions };
 }
 
 /** A pot with a lid, a spout and a handle, in the manner of the famous one. */

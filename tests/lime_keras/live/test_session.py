@@ -78,9 +78,7 @@ def test_material_and_light_are_fused_until_a_cut(estimator):
     fused = session.answer(other, None, Wanted())
     alone = Session(estimator).answer(other, None, Wanted())
     assert not fused.numbers["cut"]
-    low, high = sorted(
-        answer.numbers["material"]["diffuse_albedo"][2] for answer in (first, alone)
-    )
+    low, high = sorted(answer.numbers["material"]["diffuse_albedo"][2] for answer in (first, alone))
     assert low < fused.numbers["fused"]["diffuse_albedo"][2] < high
     assert not np.array_equal(fused.arrays["light"], alone.arrays["light"])
     scene = 255 - FRAME
