@@ -50,14 +50,8 @@ def unpack(body: bytes) -> Request:
         ValueError: if the body is not as described above.
     """
     header, pixels = _split(body)
-    number, width, height = (header.get(name) for name in ("number", "width", "height"))
-    for name, value, most in (
-        ("number", number, 2**53),
-        ("width", width, LONGEST),
-        ("height", height, LONGEST),
-    ):
-        if type(value) is not int or not (name == "number" or value) or not 0 <= value <= most:
-            raise ValueError(f"a frame's {name} is a whole number up to {most}, got {value!r}")
+    number = _whole(header, "number", 0, 2**53)
+    width, height = (_whole(header, name, 1, LONGEST) for name in ("width", "height"))
     options, masked = header.get("options", {}), header.get("mask", False)
     if not isinstance(options, dict) or not set(options) <= set(_OPTIONS):
         raise ValueError(f"a frame's options are some of {', '.join(_OPTIONS)}, got {options!r}")
@@ -88,6 +82,13 @@ def pack(answer: Answer, **more: Any) -> bytes:
         first += len(content)
     header = json.dumps(answer.numbers | more | {"arrays": told}, allow_nan=False).encode()
     return b"".join([_LENGTH.pack(len(header)), header, *parts])
+
+
+def _whole(header: dict[str, Any], name: str, least: int, most: int) -> int:
+    value = header.get(name)
+    if type(value) is not int or not least <= value <= most:
+        raise ValueError(f"a frame's {name} is a whole number up to {most}, got {value!r}")
+    return value
 
 
 def _split(body: bytes) -> tuple[dict[str, Any], memoryview]:

@@ -147,8 +147,6 @@ async function follow(own) {
       count += 1;
       const done = performance.now();
       times = [...times.filter((time) => done - time < 4000), done];
-      // A frame with the material tells what each would cost.
-      if (material && !light) cost += 0.3 * (done - now - cost);
     }
   }
 }
@@ -335,6 +333,8 @@ function numbersText() {
 let shown = "";
 
 function timing(ms, round, drawing, wanted) {
+  // A frame with the material tells what each would cost; the light comes now and then.
+  if (wanted.material) cost += (cost ? 0.2 : 1) * (round + drawing - (ms.light ?? 0) - cost);
   const parts = {
     mask: ms.framing_and_mask,
     material: ms.material,
