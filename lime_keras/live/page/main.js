@@ -69,7 +69,7 @@ async function estimate(image, mask, wanted) {
   const begun = performance.now();
   let answer;
   try {
-    answer = await engine.estimate({ number: ++number, image, mask, options: { ...wanted, fusion } });
+    answer = await engine.estimate({ number: ++number, image, mask, options: wanted });
   } catch (error) {
     if (error.kind === "busy") {
       await wait(50);
@@ -123,7 +123,6 @@ async function follow(own) {
   let count = 0;
   let lightAt = -Infinity;
   let stuck = 0;
-  engine.restart();
   while (own === run) {
     if (frozen || view.painted) {
       await wait(100);
@@ -142,7 +141,7 @@ async function follow(own) {
     const material = count % every === 0;
     const now = performance.now();
     const light = material && now - lightAt > LIGHT_EVERY;
-    if ((await estimate(image, null, { material, light })) === "done") {
+    if ((await estimate(image, null, { material, light, fusion })) === "done") {
       if (light) lightAt = now;
       count += 1;
       const done = performance.now();
@@ -158,7 +157,7 @@ async function once(own = run) {
   view.preview(image);
   let result = "again";
   while (own === run && result === "again") {
-    result = await estimate(image, mask, { material: true, light: true });
+    result = await estimate(image, mask, { material: true, light: true, fusion: false });
   }
 }
 
@@ -196,11 +195,14 @@ async function begin(open, told) {
   $("brush").disabled = false;
   complain("");
   say(source.name);
-  if (source.live) await follow(own);
-  else {
-    engine.restart();
-    await once(own);
-  }
+  engine.restart();
+  if (source.deviceId) listCameras();
+  if (source.live) {
+    follow(own).catch((error) => {
+      console.error(error);
+      complain(`The page failed (${error.message}): load it again.`);
+    });
+  } else await once(own);
 }
 
 async function startCamera(deviceId) {
@@ -563,7 +565,8 @@ const isPressed = (id) => $(id).getAttribute("aria-pressed") === "true";
 
 function wire() {
   const file = $("file");
-  $("camera").onclick = () => startCamera().then(listCameras);
+  $("camera").onclick = () => startCamera();
+  navigator.mediaDevices?.addEventListener?.("devicechange", () => source?.deviceId && listCameras());
   $("cameras").onchange = () => startCamera($("cameras").value);
   file.onchange = () => file.files[0] && startFile(file.files[0]).finally(() => (file.value = ""));
   $("sample").onclick = () => startUrl("sample.jpg", "sample.jpg");
@@ -719,7 +722,7 @@ async function main() {
   say("Ready");
   document.body.dataset.ready = "yes";
   const { start } = config;
-  if (start?.kind === "camera") await startCamera().then(listCameras);
+  if (start?.kind === "camera") await startCamera();
   else if (start) await startUrl("source", start.name);
 }
 

@@ -119,24 +119,35 @@ class Moving {
   mask = null;
   #canvas = document.createElement("canvas");
   #context = this.#canvas.getContext("2d", { willReadFrequently: true });
-  #waiting = null;
+  #fresh = true; // a frame has come since the last one was taken
+  #wake = () => {};
+  #stopped = false;
 
   constructor(name, video) {
     Object.assign(this, { name, video });
+    const watch = () => {
+      this.#fresh = true;
+      this.#wake();
+      if (this.#stopped) return;
+      if (video.requestVideoFrameCallback) video.requestVideoFrameCallback(watch);
+      else requestAnimationFrame(watch);
+    };
+    watch();
   }
 
-  /** The next frame, once it is there; null if none came for a second. */
+  /** The newest frame that was not taken yet, once it is there; null if none comes for a second. */
   async next() {
-    const { video } = this;
-    await new Promise((resolve) => {
-      const timer = setTimeout(resolve, 1000);
-      this.#waiting = () => {
-        clearTimeout(timer);
-        resolve();
-      };
-      if (video.requestVideoFrameCallback) video.requestVideoFrameCallback(this.#waiting);
-      else requestAnimationFrame(this.#waiting);
-    });
+    if (!this.#fresh) {
+      await new Promise((resolve) => {
+        const timer = setTimeout(resolve, 1000);
+        this.#wake = () => {
+          clearTimeout(timer);
+          resolve();
+        };
+      });
+    }
+    if (!this.#fresh) return null;
+    this.#fresh = false;
     return this.frame();
   }
 
@@ -153,7 +164,8 @@ class Moving {
   }
 
   stop() {
-    this.#waiting?.();
+    this.#stopped = true;
+    this.#wake();
     this.video.pause();
     for (const track of this.video.srcObject?.getTracks() ?? []) track.stop();
     this.video.srcObject = null;
