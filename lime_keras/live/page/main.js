@@ -130,6 +130,12 @@ async function follow(own) {
     }
     const image = await source.next();
     if (own !== run) return;
+    if (source.gone) {
+      complain("The camera is gone: plug it in and press Camera again, or drop a photo here.");
+      $("freeze").disabled = true;
+      $("speed").hidden = true;
+      return;
+    }
     if (!image) {
       stuck += 1;
       if (stuck === 3) complain("No picture arrives: is the camera covered, asleep or unplugged?");
@@ -206,10 +212,7 @@ async function begin(open, told) {
 }
 
 async function startCamera(deviceId) {
-  await begin(
-    () => openCamera(deviceId, () => complain("The camera is gone: plug it in and press Camera again.")),
-    "Asking for the camera…",
-  );
+  await begin(() => openCamera(deviceId), "Asking for the camera…");
 }
 
 async function listCameras() {

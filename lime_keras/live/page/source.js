@@ -117,6 +117,7 @@ function composed(bitmap) {
 class Moving {
   live = true;
   mask = null;
+  gone = false;
   #canvas = document.createElement("canvas");
   #context = this.#canvas.getContext("2d", { willReadFrequently: true });
   #fresh = true; // a frame has come since the last one was taken
@@ -135,9 +136,16 @@ class Moving {
     watch();
   }
 
+  /** End, because the camera is gone. */
+  lose() {
+    this.gone = true;
+    this.#fresh = false;
+    this.#wake();
+  }
+
   /** The newest frame that was not taken yet, once it is there; null if none comes for a second. */
   async next() {
-    if (!this.#fresh) {
+    if (!this.#fresh && !this.gone) {
       await new Promise((resolve) => {
         const timer = setTimeout(resolve, 1000);
         this.#wake = () => {
@@ -146,7 +154,7 @@ class Moving {
         };
       });
     }
-    if (!this.#fresh) return null;
+    if (!this.#fresh || this.gone) return null;
     this.#fresh = false;
     return this.frame();
   }
@@ -174,8 +182,8 @@ class Moving {
   }
 }
 
-/** The camera of this name (`deviceId`), or the rear one, or any; `lost` is told when it is gone. */
-export async function openCamera(deviceId, lost) {
+/** The camera of this name (`deviceId`), or the rear one, or any. */
+export async function openCamera(deviceId) {
   if (!navigator.mediaDevices?.getUserMedia) {
     throw new EngineError(
       "Browsers give the camera only to pages over HTTPS or from this computer: open the page as " +
@@ -193,9 +201,9 @@ export async function openCamera(deviceId, lost) {
     throw new EngineError(refusal(error));
   }
   const [track] = stream.getVideoTracks();
-  track.addEventListener("ended", lost);
   const source = new Moving(track.label || "camera", await playing((video) => (video.srcObject = stream)));
   source.deviceId = track.getSettings().deviceId;
+  track.addEventListener("ended", () => source.lose());
   return source;
 }
 
