@@ -8,11 +8,13 @@ The server is asked over HTTP, as the page asks it, for frames of 640 × 480 of 
 mask alone, the mask and the material, the page's rhythm on a slow machine (the material with every
 third frame), and the light as well. The page captures and draws besides; `--browser` runs it in
 Chromium on a clip of the same frames, and reads its own count. `--gradio` names the Python of an
-environment with gradio and this package, which serves the same model as Gradio does for a webcam:
-each frame as a file, each answer as a picture; it is asked over HTTP, too.
+environment with gradio and this package, which serves the same model as Gradio does for pictures of
+a webcam: each frame as a file, each answer as a picture; it is asked over HTTP, too, by Gradio's
+own client, which does not know the stream of its page.
 
-Each row is the median of the frames' times after a second of warming up. The load of the machine
-before and after is printed, for nothing here means much on a busy one.
+Each row has, after a second of warming up, the median of the frames' times, the frames a second in
+the mean, and for the server the processors' time of a frame, which other programs change less. The
+load of the machine before and after is printed, for nothing here means much on a busy one.
 """
 
 import argparse
@@ -52,8 +54,8 @@ def estimate(image):
     edge = material.layers["mask"][..., 0] >= 0.5
     return np.where(edge[..., None], image, image // 2), material.to_json()
 page = gradio.Interface(
-    estimate, gradio.Image(sources=["webcam"], streaming=True), [gradio.Image(), gradio.JSON()],
-    live=True, api_name="estimate",
+    estimate, gradio.Image(sources=["webcam"]), [gradio.Image(), gradio.JSON()],
+    api_name="estimate",
 )
 page.launch(server_port=int(sys.argv[1]), quiet=True)
 """
@@ -73,7 +75,7 @@ def main() -> None:
     """Print the table."""
     arguments = _arguments()
     print(f"load before: {_load()}; {os.cpu_count()} processors\n")
-    print("| | ms a frame | frames a second |\n|---|---:|---:|")
+    print("| | ms a frame | frames a second | processors' ms |\n|---|---:|---:|---:|")
     frames = [_ball(0.25 * np.cos(t), 0.1 * np.sin(t)) for t in np.linspace(0, 6.28, 20)]
     with _serving() as server:
         ask = _asker(server, frames)
@@ -84,7 +86,8 @@ def main() -> None:
             "mask, material, light": lambda _: ask(material=True, light=True),
         }
         for name, one in rows.items():
-            _tell(f"server, {name}", _times(one, arguments.seconds))
+            times, used = _times(one, arguments.seconds)
+            _tell(f"server, {name}", times, f"{1000 * used:.0f}")
     if arguments.browser:
         _tell("page in Chromium", _in_browser(frames, arguments.seconds))
     if arguments.gradio:
@@ -106,23 +109,27 @@ def _load() -> str:
     return " ".join(f"{value:.1f}" for value in os.getloadavg())
 
 
-def _tell(name: str, times: list[float]) -> None:
+def _tell(name: str, times: list[float], used: str = "–") -> None:
     """Print a row of times in seconds; every third frame may cost more, so the rate is a mean."""
     median, rate = statistics.median(times), len(times) / sum(times)
-    print(f"| {name} | {1000 * median:.0f} | {rate:.1f} |", flush=True)
+    print(f"| {name} | {1000 * median:.0f} | {rate:.1f} | {used} |", flush=True)
 
 
-def _times(one: Callable[[int], Any], seconds: float) -> list[float]:
-    """Return the seconds of each call with its number, without the first second of them."""
+def _times(one: Callable[[int], Any], seconds: float) -> tuple[list[float], float]:
+    """Return the seconds of each call with its number, and the mean of the processors' seconds.
+
+    The calls of the first second do not count.
+    """
     times: list[float] = []
-    first = time.perf_counter()
-    number = 0
+    first, number, used = time.perf_counter(), 0, 0.0
     while (begun := time.perf_counter()) < first + _WARMING + seconds or len(times) < 6:
+        before = time.process_time()
         one(number)
         number += 1
         if begun > first + _WARMING:
             times.append(time.perf_counter() - begun)
-    return times
+            used += time.process_time() - before
+    return times, used / len(times)
 
 
 @contextlib.contextmanager
