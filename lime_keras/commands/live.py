@@ -50,7 +50,8 @@ def parser() -> argparse.ArgumentParser:
         "--weights",
         type=Path,
         metavar="RUN",
-        help="run of lime-train (default: the model that comes with the package)",
+        help="run of lime-train, or name of a model that comes with the package (default: "
+        f"{model_folder.DEFAULT})",
     )
     out.add_argument("--version", action="version", version=__version__)
     return out
@@ -67,7 +68,7 @@ def _serve(options: argparse.Namespace) -> int:
         if path is not None and not path.is_file():
             raise ValueError(f"{path} is no file: check what is passed to {option}")
     if options.weights:
-        model_folder.files(options.weights)
+        model_folder.files(model_folder.find(options.weights))
     from lime_keras.estimate.estimator import Estimator
     from lime_keras.live.server import LiveServer, Start
 
@@ -76,7 +77,7 @@ def _serve(options: argparse.Namespace) -> int:
         start = Start("camera")
     elif options.photo or options.video:
         start = Start("photo" if options.photo else "video", options.photo or options.video)
-    estimator = Estimator(options.weights or model_folder.SHIPPED)
+    estimator = Estimator(options.weights or model_folder.DEFAULT)
     try:
         server = LiveServer(estimator, options.port, start)
     except OSError as error:
