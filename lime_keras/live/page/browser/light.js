@@ -135,9 +135,8 @@ function blurred(radiance, scale) {
     for (let from = 0; from < COLUMNS; from++) {
       const value = radiance[start + from] * SOLID_ANGLES[start + from];
       if (value === 0) continue;
-      for (let to = 0; to < COLUMNS; to++) {
-        energy[start + to] += value * weights[(to - from + COLUMNS) % COLUMNS];
-      }
+      const shift = COLUMNS - from;
+      for (let to = 0; to < COLUMNS; to++) energy[start + to] += value * weights[shift + to];
     }
   }
   return alongMeridians(energy, meridian).map((value, at) => Math.max(value / area[at], 0));
@@ -146,27 +145,28 @@ function blurred(radiance, scale) {
 /** Behind the pole a meridian continues as the opposite meridian. */
 function alongMeridians(energy, weights) {
   const out = new Float64Array(ROWS * COLUMNS);
+  const half = COLUMNS / 2;
   for (let from = 0; from < 2 * ROWS; from++) {
-    const behind = from >= ROWS;
-    const row = behind ? 2 * ROWS - 1 - from : from;
-    const shift = behind ? COLUMNS / 2 : 0;
+    const start = COLUMNS * (from < ROWS ? from : 2 * ROWS - 1 - from);
+    const [left, right] = from < ROWS ? [start, start + half] : [start + half, start];
     for (let to = 0; to < ROWS; to++) {
-      const weight = weights[(to - from + 2 * ROWS) % (2 * ROWS)];
-      for (let column = 0; column < COLUMNS; column++) {
-        out[to * COLUMNS + column] +=
-          weight * energy[row * COLUMNS + ((column + shift) % COLUMNS)];
+      const weight = weights[2 * ROWS - from + to];
+      const line = to * COLUMNS;
+      for (let column = 0; column < half; column++) {
+        out[line + column] += weight * energy[left + column];
+        out[line + half + column] += weight * energy[right + column];
       }
     }
   }
   return out;
 }
 
-/** The weights of `count` periodic samples of a Gaussian of deviation `share` × the period. */
+/** The weights of `count` samples, twice in a row, of a Gaussian of deviation `share` × `count`. */
 function kernel(count, share) {
   const response = Array.from({ length: count / 2 + 1 }, (_, frequency) =>
     Math.exp(-2 * (Math.PI * frequency * share) ** 2),
   );
-  return Float64Array.from({ length: count }, (_, at) => {
+  return Float64Array.from({ length: 2 * count }, (_, at) => {
     let sum = response[0] + response[count / 2] * (at % 2 ? -1 : 1);
     for (let frequency = 1; frequency < count / 2; frequency++) {
       sum += 2 * response[frequency] * Math.cos((2 * Math.PI * frequency * at) / count);
@@ -263,15 +263,23 @@ function shadingOf(light, shaded) {
     const row = Math.floor(at / COLUMNS) >> 1;
     energy[row * NORMAL_COLUMNS + ((at % COLUMNS) >> 1)] += value * SOLID_ANGLES[at];
   });
-  return shaded.map((direction) => {
-    const [x, y, z] = NORMALS.subarray(3 * direction, 3 * direction + 3);
-    let [lit, furnace] = [0, 0];
-    for (let at = 0; at < energy.length; at++) {
-      const cosine = x * NORMALS[3 * at] + y * NORMALS[3 * at + 1] + z * NORMALS[3 * at + 2];
-      if (cosine <= 0) continue;
-      lit += cosine * energy[at];
-      furnace += cosine * NORMAL_ANGLES[at];
-    }
-    return lit / furnace;
-  });
+  return shaded.map((direction) => cosineSum(direction, energy) / FURNACE[direction]);
 }
+
+/** The sum of values on the map of normals, weighted by their cosine to one of its directions. */
+function cosineSum(direction, values) {
+  const x = NORMALS[3 * direction];
+  const y = NORMALS[3 * direction + 1];
+  const z = NORMALS[3 * direction + 2];
+  let sum = 0;
+  for (let at = 0; at < values.length; at++) {
+    const cosine = x * NORMALS[3 * at] + y * NORMALS[3 * at + 1] + z * NORMALS[3 * at + 2];
+    if (cosine > 0) sum += cosine * values[at];
+  }
+  return sum;
+}
+
+// D of a light of 1, by direction of the normal, as sums over the texels give it.
+const FURNACE = Float64Array.from({ length: NORMAL_ANGLES.length }, (_, direction) =>
+  cosineSum(direction, NORMAL_ANGLES),
+);
