@@ -52,7 +52,9 @@ def _dome(rng: np.random.Generator, size: int) -> tuple[np.ndarray, np.ndarray]:
     along = (y * math.cos(turn) - x * math.sin(turn)) / high
     inside = across**2 + along**2 < 1
     # Normals of the ellipsoid, bent by waves.
-    normal = np.stack([across / wide, along / high, np.sqrt(np.maximum(1 - across**2 - along**2, 0))])
+    normal = np.stack(
+        [across / wide, along / high, np.sqrt(np.maximum(1 - across**2 - along**2, 0))]
+    )
     waves = rng.uniform(0, 12, (2, 2, 1, 1))
     strength = rng.uniform(0, 0.5)
     normal[:2] += strength * np.sin(waves[:, 0] * across + waves[:, 1] * along)
@@ -66,7 +68,7 @@ def _dome(rng: np.random.Generator, size: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _room(rng: np.random.Generator) -> np.ndarray:
-    """Return the light of a dim room with some lamps, linear radiance `_ROOM`, of usual exposure."""
+    """Return the light of a dim room with some lamps, linear radiance, of usual exposure."""
     towards = environment.directions(*_ROOM)
     room = rng.uniform(0.02, 1) * (1 + 0.5 * towards @ rng.uniform(-1, 1, 3))
     for _ in range(_LAMPS):

@@ -19,13 +19,14 @@ from lime_keras.runtime import graph_folder
 from lime_keras.runtime.engine import OnnxEngine
 from lime_keras.runtime.graph_folder import Description
 
+NAMES = ("mask", "material")
 PRECISIONS = ("float32", "int8")
 _WEIGHTED = ("Conv", "MatMul", "Gemm")
 _INTEGER = (*_WEIGHTED, "Relu", "MaxPool", "Concat", "Unsqueeze", "Tile", "Transpose", "Reshape")
 """Operators that compute in eight bits, as in `lime_keras.export.quantisation`."""
 
 
-def write(folder: Path, graphs: Path, precision: str) -> dict[str, list[str]]:
+def write(folder: Path, graphs: Path, precision: str) -> None:
     """Write `mask-PRECISION.onnx` and `material-PRECISION.onnx`.
 
     Args:
@@ -34,9 +35,6 @@ def write(folder: Path, graphs: Path, precision: str) -> dict[str, list[str]]:
         precision: one of `PRECISIONS`. `int8` is calibrated on `calibration.pictures`; the last
             layers of the subnetworks stay float32.
 
-    Returns:
-        Names of the outputs of each graph, by the graph's name.
-
     Raises:
         ValueError: if the folder holds no graphs, or a graph is damaged.
     """
@@ -44,21 +42,17 @@ def write(folder: Path, graphs: Path, precision: str) -> dict[str, list[str]]:
     if description is None:
         raise ValueError(f"{graphs} holds no graphs: run lime-estimate with this model once")
     narrow = _narrow(graphs, description) if precision == "int8" else _single
-    of = {
-        "mask": [name for name, graph in description.graphs.items() if "mask" in graph.outputs],
-        "material": [
-            name for name, graph in description.graphs.items() if "mask" not in graph.outputs
-        ],
-    }
-    outputs = {}
-    for name, parts in of.items():
+    for name in NAMES:
+        parts = [
+            part
+            for part, graph in description.graphs.items()
+            if ("mask" in graph.outputs) == (name == "mask")
+        ]
         models = {part: narrow(part, _opened(graphs, description, part)) for part in parts}
         answered = {output for part in parts for output in description.graphs[part].outputs}
-        outputs[name] = [output for output in OUTPUTS if output in answered]
-        joined = _joined(name, models, outputs[name])
+        joined = _joined(name, models, filter(answered.__contains__, OUTPUTS))
         onnx.checker.check_model(joined)
         onnx.save(joined, folder / f"{name}-{precision}.onnx")
-    return outputs
 
 
 def _opened(graphs: Path, description: Description, part: str) -> onnx.ModelProto:
@@ -141,9 +135,7 @@ def _joined(
 ) -> onnx.ModelProto:
     """Return one graph of several that read one another's answers by name."""
     parts = [
-        onnx.compose.add_prefix(
-            model, f"{part}/", rename_inputs=False, rename_outputs=False
-        )
+        onnx.compose.add_prefix(model, f"{part}/", rename_inputs=False, rename_outputs=False)
         for part, model in models.items()
     ]
     answered = {tensor.name: tensor for part in parts for tensor in part.graph.output}

@@ -124,7 +124,7 @@ export function cut(photo, square, size) {
   const columns = taps(square.side, size);
   const rows = taps(square.side, size);
   const sources = columns.map(({ first, weights }) =>
-    weights.map((_, tap) => 4 * clamped(square.left + inside(first + tap, square.side), width)),
+    weights.map((_, tap) => 4 * clamped(square.left + clamped(first + tap, square.side), width)),
   );
   const [lowest, highest] = extremes(photo, square);
   const lines = new Map(); // Rows of the photo, resampled to `size` columns.
@@ -153,7 +153,7 @@ export function cut(photo, square, size) {
     sum.fill(0);
     const { first, weights } = rows[row];
     for (let tap = 0; tap < weights.length; tap++) {
-      const line = resampled(clamped(square.top + inside(first + tap, square.side), height));
+      const line = resampled(clamped(square.top + clamped(first + tap, square.side), height));
       const weight = weights[tap];
       for (let at = 0; at < sum.length; at++) sum[at] += weight * line[at];
     }
@@ -185,9 +185,9 @@ export function cutLayer(layer, height, width, square, size) {
         sum = value(row, column);
       } else {
         along[row].weights.forEach((down, i) => {
-          const line = inside(along[row].first + i, square.side);
+          const line = clamped(along[row].first + i, square.side);
           along[column].weights.forEach((across, j) => {
-            sum += down * across * value(line, inside(along[column].first + j, square.side));
+            sum += down * across * value(line, clamped(along[column].first + j, square.side));
           });
         });
       }
@@ -197,62 +197,22 @@ export function cutLayer(layer, height, width, square, size) {
   return out;
 }
 
-/**
- * Resample a layer of a square, of `size` × `size` pixels and one channel, to the pixels of its
- * photo: interpolated inside the square, 0 outside.
- */
-export function paste(layer, size, square, height, width) {
-  const out = new Float32Array(height * width);
-  const across = tents(square.left, square.side, size, width);
-  const down = tents(square.top, square.side, size, height);
-  const lines = new Map();
-  const resampled = (line) => {
-    if (!lines.has(line)) {
-      const result = new Float32Array(across.weights.length);
-      across.weights.forEach(({ first, weights }, at) => {
-        let sum = 0;
-        for (let tap = 0; tap < weights.length; tap++) {
-          sum += weights[tap] * layer[line * size + first + tap];
-        }
-        result[at] = sum;
-      });
-      lines.set(line, result);
-    }
-    return lines.get(line);
+/** Which of `size` × `size` samples of a square have their middle inside the photo. */
+export function insidePhoto(square, height, width, size) {
+  const within = (origin, index, extent) => {
+    const middle = origin + ((index + 0.5) * square.side) / size;
+    return middle >= 0 && middle <= extent;
   };
-  down.weights.forEach(({ first, weights }, index) => {
-    const start = (down.start + index) * width + across.start;
-    for (let tap = 0; tap < weights.length; tap++) {
-      const line = resampled(first + tap);
-      for (let at = 0; at < line.length; at++) out[start + at] += weights[tap] * line[at];
-    }
-  });
-  return out;
-}
-
-/** The samples, and their weights, of each pixel of a photo that lies in a square. */
-function tents(origin, side, size, extent) {
-  const start = Math.max(0, origin);
-  const stop = Math.max(start, Math.min(origin + side, extent));
-  const reach = Math.max(1, size / side);
-  const weights = [];
-  for (let pixel = start; pixel < stop; pixel++) {
-    const position = ((pixel - origin + 0.5) * size) / side - 0.5;
-    const first = Math.max(0, Math.ceil(position - reach));
-    const last = Math.min(size - 1, Math.floor(position + reach));
-    const row = [];
-    for (let at = first; at <= last; at++) row.push(Math.max(1 - Math.abs(at - position) / reach, 0));
-    const total = row.reduce((sum, weight) => sum + weight, 0);
-    weights.push({ first, weights: row.map((weight) => weight / total) });
-  }
-  return { start, weights };
+  return Array.from(
+    { length: size * size },
+    (_, at) =>
+      within(square.top, Math.floor(at / size), height) && within(square.left, at % size, width),
+  );
 }
 
 function clamped(at, count) {
   return Math.min(Math.max(at, 0), count - 1);
 }
-
-const inside = clamped;
 
 /** The lowest and the highest level, in [0, 1], of the part of a photo that a square shows. */
 function extremes({ data, width, height }, square) {

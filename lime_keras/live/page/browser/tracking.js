@@ -94,20 +94,21 @@ function distance(one, other) {
 /** A tracker of one object's material, [r, g, b, m_s, log10 s], through the frames of a video. */
 export class Tracker {
   constructor() {
+    this.cuts = new CutDetector();
     this.fusion = new Fusion();
     this.lost = 0;
   }
 
   /**
-   * Add a frame's estimate, all NaN if no object was found. The fusion restarts after a cut, and
-   * after more than 30 frames in a row without an object.
+   * Add the next frame, an ImageData, and its estimate, NaN where nothing was estimated. The fusion
+   * restarts after a cut, and after more than 30 frames in a row without an object.
    *
-   * @returns {fused, restarted}: `fused` is NaN where nothing has been seen.
+   * @returns {cut, fused}: `fused` is NaN where nothing has been seen.
    */
-  step(cut, found, estimate) {
+  step(image, found, estimate) {
+    const cut = this.cuts.isCut(image);
     this.lost = found ? 0 : this.lost + 1;
-    const restarted = cut || this.lost > LOST_AFTER;
-    if (restarted) this.fusion.restart();
-    return { fused: this.fusion.update(estimate), restarted };
+    if (cut || this.lost > LOST_AFTER) this.fusion.restart();
+    return { cut, fused: this.fusion.update(estimate) };
   }
 }
