@@ -5,7 +5,7 @@ const RESIDUAL = 1e-5;
 
 /** Unit normals, three numbers a pixel in camera space, of a dome over a mask; 0 outside. */
 export function normals(mask, height, width) {
-  const out = new Float64Array(3 * height * width);
+  const out = new Float32Array(3 * height * width);
   const box = { top: height, left: width, bottom: 0, right: 0 };
   for (let row = 0; row < height; row++) {
     for (let column = 0; column < width; column++) {
