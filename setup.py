@@ -16,6 +16,8 @@ PACKAGE_DIR = {
 }
 
 EXTRAS = {
+    # The live page without Python.
+    "web": ["onnx>=1.17,<2"],
     # Training, evaluation and export.
     "train": [
         "tensorflow>=2.20,<2.22",

@@ -17,12 +17,17 @@ examples:
   lime-live --photo vase.jpg
   lime-live --video turntable.mp4 --weights runs/mine
   lime-live --port 9000 --no-browser
+  lime-live --static site
 
 The page opens in the browser, at http://127.0.0.1:{_PORT}/: on one side the camera's picture, a
 photo (chosen, dropped or pasted) or a video, with the object's outline, specular shading, mirror
 image and numbers; on the other a virtual object in the same material, under the light that was
 found. The browser asks before it uses the camera. Nothing leaves this computer: the networks run
 here, as for lime-estimate, and no other computer can reach the page. Ctrl-C ends it.
+
+--static OUT writes the same page as files for any web host: the networks then run in the visitor's
+browser, and no Python is needed. It takes the extra `web` and, once, 33 MB from the npm registry.
+To try it: python3 -m http.server -d OUT, then http://localhost:8000/ in the browser.
 """
 
 
@@ -39,6 +44,9 @@ def parser() -> argparse.ArgumentParser:
     start.add_argument("--camera", action="store_true", help="begin with the camera")
     start.add_argument("--photo", type=Path, metavar="FILE", help="begin with this photo")
     start.add_argument("--video", type=Path, metavar="FILE", help="begin with this video")
+    start.add_argument(
+        "--static", type=Path, metavar="OUT", help="write the page for a web host, and end"
+    )
     out.add_argument(
         "--port",
         type=_port,
@@ -58,9 +66,31 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Serve the page until Ctrl-C and return the exit status."""
+    """Serve the page until Ctrl-C, or write its files, and return the exit status."""
     options = parser().parse_args(argv)
+    if options.static:
+        return console.run(lambda: _write(options), "nothing was written")
     return console.run(lambda: _serve(options), "nothing was loaded yet")
+
+
+def _write(options: argparse.Namespace) -> int:
+    console.require("lime-live --static", "onnx")
+    run = options.weights or model_folder.SHIPPED
+    model_folder.files(run)
+    from lime_keras.estimate import engines
+    from lime_keras.live import static
+
+    static.check(options.static)
+    engines.load(run, "onnx")
+    print(f"onnxruntime-web {static.RUNTIME_VERSION} is fetched …", file=sys.stderr)
+    with static.fetched_runtime() as runtime:
+        print("the networks are written, and calibrated for eight bits …", file=sys.stderr)
+        static.write(options.static, run, runtime)
+    print(
+        f"{options.static} holds the page, for any web host; to try it here: "
+        f"python3 -m http.server -d {options.static}, then http://localhost:8000/ in the browser"
+    )
+    return 0
 
 
 def _serve(options: argparse.Namespace) -> int:

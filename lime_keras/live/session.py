@@ -117,7 +117,7 @@ class Session:
         height, width = shape[:2]
         size, (top, left, side) = len(view.mask), view.square
         # What lies beyond the photo was not seen.
-        mask = view.mask * framing.inside(view.square, height, width, size)
+        mask = np.minimum(view.mask, 1) * framing.inside(view.square, height, width, size)
         seen = dataclasses.replace(material, layers=material.layers | {"mask": mask})
         focal, _, x, y = shading.assumed_camera(height, width)
         camera = np.array([focal, focal, x - left, y - top]) * (size / side)

@@ -4,7 +4,7 @@
 // A photo is an ImageData. A square is {top, left, side} in pixels of the photo, and may reach
 // beyond it. Masks and layers are Float32Arrays, row by row.
 
-import { LINEAR_OF_LEVEL, linearToSrgb } from "./colour.js";
+import { LINEAR, toSrgb } from "../colour.js";
 
 const FILL = 0.73;
 const SMALLEST_FILL = 0.5;
@@ -138,9 +138,9 @@ export function cut(photo, square, size) {
         for (let tap = 0; tap < weights.length; tap++) {
           const from = start + sources[column][tap];
           const weight = weights[tap];
-          red += weight * LINEAR_OF_LEVEL[data[from]];
-          green += weight * LINEAR_OF_LEVEL[data[from + 1]];
-          blue += weight * LINEAR_OF_LEVEL[data[from + 2]];
+          red += weight * LINEAR[data[from]];
+          green += weight * LINEAR[data[from + 1]];
+          blue += weight * LINEAR[data[from + 2]];
         }
         result.set([red, green, blue], 3 * column);
       }
@@ -158,7 +158,7 @@ export function cut(photo, square, size) {
       for (let at = 0; at < sum.length; at++) sum[at] += weight * line[at];
     }
     for (let at = 0; at < sum.length; at++) {
-      const level = linearToSrgb(sum[at]);
+      const level = toSrgb(sum[at]);
       out[row * size * 3 + at] = Math.min(Math.max(level, lowest), highest);
     }
   }

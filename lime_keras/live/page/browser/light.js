@@ -1,6 +1,8 @@
 // The light of a scene from M and D of an object: lime_keras/lighting/illumination.py and the maps
 // of lime_keras/optics/environment.py. Maps are Float64Arrays of rows × columns, row by row.
 
+import { direction, solidAngle } from "../panorama.js";
+
 export const [ROWS, COLUMNS] = [64, 128];
 const [NORMAL_ROWS, NORMAL_COLUMNS] = [32, 64];
 const SCALES = [8, 4, 2, 1, 0];
@@ -179,24 +181,16 @@ function kernel(count, share) {
 
 function directions(rows, columns) {
   const out = new Float64Array(3 * rows * columns);
-  for (let row = 0, at = 0; row < rows; row++) {
-    const theta = (Math.PI * (row + 0.5)) / rows;
-    for (let column = 0; column < columns; column++, at += 3) {
-      const phi = (2 * Math.PI * (column + 0.5)) / columns;
-      out[at] = Math.sin(theta) * Math.sin(phi);
-      out[at + 1] = Math.cos(theta);
-      out[at + 2] = -Math.sin(theta) * Math.cos(phi);
-    }
+  for (let at = 0; at < rows * columns; at++) {
+    out.set(direction(Math.floor(at / columns), at % columns, columns, rows), 3 * at);
   }
   return out;
 }
 
 function solidAngles(rows, columns) {
-  const edge = (row) => Math.cos((Math.PI * row) / rows);
-  return Float64Array.from({ length: rows * columns }, (_, at) => {
-    const row = Math.floor(at / columns);
-    return ((edge(row) - edge(row + 1)) * 2 * Math.PI) / columns;
-  });
+  return Float64Array.from({ length: rows * columns }, (_, at) =>
+    solidAngle(Math.floor(at / columns), columns, rows),
+  );
 }
 
 const SOLID_ANGLES = solidAngles(ROWS, COLUMNS);

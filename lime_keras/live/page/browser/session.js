@@ -1,7 +1,7 @@
 // A stream of frames and what is known of its object: lime_keras/live/session.py, with the graphs
 // run by a function instead of the estimator.
 
-import { srgbToLinear } from "./colour.js";
+import { toLinear } from "../colour.js";
 import * as framing from "./framing.js";
 import * as lighting from "./light.js";
 import { normals } from "./normals.js";
@@ -60,7 +60,7 @@ export class Session {
     }
     const material = layers && materialOf(layers);
     const { cut, fused } = this.tracker.step(image, found, parameters(material));
-    if (fused.every(Number.isNaN)) this.light.restart();
+    if (cut || fused.every(Number.isNaN)) this.light.restart();
     const warnings = found ? [] : [NOTHING];
     let light = null;
     if (options.light && material) {
@@ -155,7 +155,7 @@ function diffuseShading({ seen, mask }, layers) {
     const specular = layers.specular_albedo[0] * shading;
     let sum = 0;
     for (let channel = 0; channel < 3; channel++) {
-      const diffuse = Math.max(srgbToLinear(seen[3 * at + channel]) - specular, 0) * mask[at];
+      const diffuse = Math.max(toLinear(seen[3 * at + channel]) - specular, 0) * mask[at];
       sum += diffuse * albedo[channel];
     }
     return sum / square;
