@@ -17,6 +17,8 @@ _ROOM = (8, 16)
 _LAMPS = 4
 _EXPONENTS = (0.0, 3.0)
 """Range of log10 s."""
+_EXPOSURES = (-0.7, 0.3)
+"""Range of log10 of the camera's exposure over the usual one."""
 
 
 def pictures(size: int) -> np.ndarray:
@@ -39,7 +41,8 @@ def _picture(rng: np.random.Generator, size: int) -> np.ndarray:
     specular = shading.specular(normal, view, exponent, light, energy)
     picture = _backdrop(rng, size)
     picture[inside] = rng.uniform(size=3) * diffuse[:, None] + rng.uniform() * specular[:, None]
-    return colour.linear_to_srgb(np.clip(picture, 0, 1))
+    exposed = picture * 10.0 ** rng.uniform(*_EXPOSURES)
+    return colour.linear_to_srgb(np.clip(exposed, 0, 1))
 
 
 def _dome(rng: np.random.Generator, size: int) -> tuple[np.ndarray, np.ndarray]:

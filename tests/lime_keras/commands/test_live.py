@@ -1,5 +1,6 @@
 """`lime-live` from its command line to its page."""
 
+import contextlib
 import http.client
 import json
 import os
@@ -10,7 +11,9 @@ import sys
 
 import pytest
 
+from lime_keras import console
 from lime_keras.commands import live
+from lime_keras.live import calibration, static
 
 
 def _run(*arguments):
@@ -65,3 +68,30 @@ def test_wrong_usage(arguments):
     with pytest.raises(SystemExit) as stop:
         live.main(arguments)
     assert stop.value.code == 2
+
+
+def test_the_static_page_is_written(tmp_path, monkeypatch, capsys):
+    """With stand-ins for the files of onnxruntime-web, which no test fetches."""
+    runtime = tmp_path / "runtime"
+    runtime.mkdir()
+    for row in static._RUNTIME.values():
+        for name in row.values():
+            (runtime / name).touch()
+    monkeypatch.setattr(static, "fetched_runtime", lambda: contextlib.nullcontext(runtime))
+    monkeypatch.setattr(calibration, "COUNT", 2)
+    assert live.main(["--static", str(tmp_path / "site")]) == 0
+    told = capsys.readouterr()
+    assert f"http.server -d {tmp_path / 'site'}" in told.out
+    assert (tmp_path / "site" / "engine.json").is_file()
+
+
+def test_a_folder_with_other_files_is_refused_before_anything_is_fetched(tmp_path, capsys):
+    (tmp_path / "thesis.tex").touch()
+    assert live.main(["--static", str(tmp_path)]) == 1
+    assert "would be lost" in capsys.readouterr().err
+
+
+def test_the_static_page_takes_its_extra(monkeypatch, capsys):
+    monkeypatch.setattr(console, "_installed", lambda module: module != "onnx")
+    assert live.main(["--static", "site"]) == 1
+    assert "pip install 'lime-keras[web]'" in capsys.readouterr().err
