@@ -92,7 +92,7 @@ def _narrow(
                 _Reader({name: row[name] for name in names} for row in fed),
                 quant_format=quantization.QuantFormat.QDQ,
                 op_types_to_quantize=list(_INTEGER),
-                nodes_to_exclude=_last(onnx.load(prepared)),
+                nodes_to_exclude=_exact(onnx.load(prepared)),
                 per_channel=True,
                 activation_type=quantization.QuantType.QUInt8,
                 weight_type=quantization.QuantType.QInt8,
@@ -114,20 +114,22 @@ class _Reader(quantization.CalibrationDataReader):
         return next(self._fed, None)
 
 
-def _last(model: onnx.ModelProto) -> list[str]:
-    """Return the names of the last nodes with weights: no other is between them and an output."""
+def _exact(model: onnx.ModelProto) -> list[str]:
+    """Return the names of the nodes that stay float32: the last ones with weights, and all after.
+
+    Between the last nodes with weights and the outputs, images are masked and expanded, and numbers
+    clipped.
+    """
     maker = {output: node for node in model.graph.node for output in node.output}
-    last, waiting, met = [], [output.name for output in model.graph.output], set()
+    waiting, met = [output.name for output in model.graph.output], set()
     while waiting:
         node = maker.get(waiting.pop())
         if node is None or node.name in met:
             continue
         met.add(node.name)
-        if node.op_type in _WEIGHTED:
-            last.append(node.name)
-        else:
+        if node.op_type not in _WEIGHTED:
             waiting.extend(node.input)
-    return last
+    return sorted(met)
 
 
 def _joined(

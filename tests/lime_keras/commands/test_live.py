@@ -10,6 +10,7 @@ import subprocess
 import sys
 
 import pytest
+import static_page
 
 from lime_keras import console
 from lime_keras.commands import live
@@ -71,12 +72,7 @@ def test_wrong_usage(arguments):
 
 
 def test_the_static_page_is_written(tmp_path, monkeypatch, capsys):
-    """With stand-ins for the files of onnxruntime-web, which no test fetches."""
-    runtime = tmp_path / "runtime"
-    runtime.mkdir()
-    for row in static._RUNTIME.values():
-        for name in row.values():
-            (runtime / name).touch()
+    runtime = static_page.stand_ins(tmp_path / "runtime")
     monkeypatch.setattr(static, "fetched_runtime", lambda: contextlib.nullcontext(runtime))
     monkeypatch.setattr(calibration, "COUNT", 2)
     assert live.main(["--static", str(tmp_path / "site")]) == 0

@@ -31,7 +31,7 @@ def pictures():
 def written(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp(request.param)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(calibration, "COUNT", 6)
+        patch.setattr(calibration, "COUNT", 16)
         graphs.write(folder, SHIPPED, request.param)
     return request.param, folder
 
@@ -92,6 +92,8 @@ def test_eight_bits_leave_the_last_layers(written):
         weighted = [node for node in model.node if node.op_type in graphs._WEIGHTED]
         narrow = [makers.get(node.input[1]) == "DequantizeLinear" for node in weighted]
         assert narrow.count(False) == (lasts if precision == "int8" else len(narrow))
+        outputs = {output.name for output in model.output}
+        assert not {makers[name] for name in outputs} & {"DequantizeLinear", "Concat"}
 
 
 def test_no_graphs_are_told(tmp_path):

@@ -15,10 +15,14 @@ export async function createEngine(config) {
   const precision = new URLSearchParams(location.search).get("precision") ?? "int8";
   if (!(precision in config.graphs)) {
     const known = Object.keys(config.graphs).join(" or ");
-    throw new EngineError(`The address asks for precision=${precision}: ask for ${known}.`, "gone");
+    throw new EngineError(`The address asks for precision=${precision}: ask for ${known}.`);
   }
   const engine = new BrowserEngine(config, precision);
-  await engine.start();
+  try {
+    await engine.start();
+  } catch (error) {
+    throw new EngineError(`The networks cannot be started: ${error.message}.`);
+  }
   return engine;
 }
 
@@ -28,6 +32,7 @@ class BrowserEngine {
     this.config = config;
     this.precision = precision;
     this.worker = null;
+    this.next = null; // The worker to go over to with the next frame.
   }
 
   get about() {
@@ -43,53 +48,47 @@ class BrowserEngine {
       await worker.ready;
     } catch (error) {
       worker.end();
-      throw new EngineError(`The networks cannot be started: ${error.message}.`, "gone");
+      throw error;
     }
     this.worker = worker;
-    this.faster = this.compared(worker);
+    this.compared = this.compare(worker);
   }
 
-  /** A worker in WebGPU that is faster than `worker`, or null. */
-  async compared(worker) {
-    if (!(await hasGraphicsProcessor())) return null;
+  /** Prepare a worker in WebGPU if it is faster than `worker`. */
+  async compare(worker) {
+    if (!(await hasGraphicsProcessor())) return;
     const other = new NetworkWorker("webgpu", "float32", 1, this.config);
     try {
       await within(PATIENCE, other.ready);
       const its = await within(PATIENCE, other.ask({ time: RUNS }));
       const own = await within(PATIENCE, worker.ask({ time: RUNS }));
-      if (its < own) return other;
+      if (its < own && this.worker === worker) {
+        this.next = other;
+        return;
+      }
     } catch (error) {
       console.info(`WebGPU is not used: ${error.message}`);
     }
     other.end();
-    return null;
   }
 
   async estimate(frame) {
-    if (this.worker === null) await this.start();
     const { number, mask, options } = frame;
     const { width, height, data } = frame.image;
     const image = { width, height, data };
     try {
+      if (this.worker === null) await this.start();
+      if (this.next !== null) {
+        this.worker.end();
+        [this.worker, this.next] = [this.next, null];
+      }
       return await this.worker.ask({ estimate: { number, image, mask, options } });
     } catch (error) {
-      if (!this.worker.lost) throw new EngineError(error.message, "frame");
+      if (this.worker?.lost === false) throw new EngineError(error.message);
+      this.worker?.end();
       this.worker = null;
       throw new EngineError(`The networks stopped: ${error.message}. They are started again.`, "gone");
-    } finally {
-      this.change();
     }
-  }
-
-  /** Go over to the faster worker once it is known, between two frames. */
-  change() {
-    const { worker } = this;
-    this.faster?.then((other) => {
-      if (other === null || this.worker !== worker) return;
-      this.worker = other;
-      this.faster = null;
-      worker?.end();
-    });
   }
 
   restart() {

@@ -127,7 +127,11 @@ function solved(inside, rows, columns) {
   const [height, residual, applied] = [0, 1, 2].map(() => new Float64Array(wide * (rows + 2)));
   for (const at of cells) residual[at] = 4;
   const direction = residual.slice();
-  const product = (one, other) => cells.reduce((sum, at) => sum + one[at] * other[at], 0);
+  const product = (one, other) => {
+    let sum = 0;
+    for (const at of cells) sum += one[at] * other[at];
+    return sum;
+  };
   let square = product(residual, residual);
   const enough = RESIDUAL ** 2 * square;
   while (square > enough) {
