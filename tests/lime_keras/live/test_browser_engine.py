@@ -233,7 +233,7 @@ async () => {
 """
 
 
-def test_a_lost_worker_is_alland_started_again(written, page):
+def test_a_lost_worker_is_told_and_started_again(written, page):
     with chromium.serving(written, HEADERS) as port:
         page.goto(f"http://127.0.0.1:{port}/browser/")
         kind, message, number = page.evaluate(LOST)
@@ -291,7 +291,7 @@ def test_a_browser_without_simd_is_told(written, page):
         assert "SIMD" in page.text_content(".preflight")
 
 
-def test_a_browser_that_can_all_is_allnothing(written, page):
+def test_a_browser_that_can_all_is_told_nothing(written, page):
     with chromium.serving(written, HEADERS) as port:
         page.goto(f"http://127.0.0.1:{port}/")
         assert page.query_selector(".preflight") is None

@@ -20,7 +20,7 @@
     if (typeof WebAssembly !== "object" || !WebAssembly.validate(new Uint8Array(SIMD))) {
       return (
         "This browser cannot run the networks: it lacks WebAssembly SIMD. Use Chrome or Edge 91, " +
-        "Firefox 89, Safari 16.4, or newer."
+        "Firefox 114, Safari 16.4, or newer."
       );
     }
     if (!window.isSecureContext) {
