@@ -75,7 +75,7 @@ def main(argv: list[str] | None = None) -> int:
 
 def _write(options: argparse.Namespace) -> int:
     console.require("lime-live --static", "onnx")
-    run = options.weights or model_folder.SHIPPED
+    run = model_folder.find(options.weights or model_folder.DEFAULT)
     model_folder.files(run)
     from lime_keras.estimate import engines
     from lime_keras.live import static
