@@ -113,8 +113,8 @@ class _Handler(BaseHTTPRequestHandler):
     protocol_version = "HTTP/1.1"
     server_version, sys_version = f"lime-live/{__version__}", ""
     timeout = _PATIENCE
-    # Headers and body go out together: the small packet would else wait for an acknowledgement.
-    wbufsize = -1
+    # What is left of an answer goes out at once, not after the browser's delayed acknowledgement.
+    disable_nagle_algorithm = True
 
     def do_GET(self) -> None:
         if not self._is_own(origin_needed=False):
