@@ -202,6 +202,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _train(options: argparse.Namespace, began: float) -> int:
+    console.check_folder(options.out, "--out")
     console.require("lime-train", "keras")
     _import_tensorflow(options.paths)
     if options.hosts is None and options.host is None and options.coordinator is None:

@@ -168,6 +168,7 @@ def _estimate(options: argparse.Namespace) -> int:
 
 def _check(options: argparse.Namespace, photos: list[Path], videos: list[str]) -> None:
     """Raise an error if options cannot be carried out, before anything is loaded."""
+    console.check_folder(options.out, "--out")
     for option, given in (("--mask", options.mask), ("--normals", options.normals)):
         if given and videos:
             raise ValueError(f"{option} is for photos, and {videos[0]} is a video: leave one out")
