@@ -175,9 +175,11 @@ def test_the_commands_offer_what_the_library_has():
     from lime_keras.estimate import engines
     from lime_keras.export import exporter
     from lime_keras.networks import PRESETS, precision
+    from lime_keras.runtime import masker
     from lime_keras.train import cli
 
     assert estimate_command._ENGINES == engines.ENGINES
+    assert estimate_command._FAMILIES == tuple(masker.FAMILIES)
     assert export_command._PRECISIONS == exporter.PRECISIONS[exporter.ONNX]
     assert cli._PRECISIONS == tuple(precision.POLICIES)
     preset = next(action for action in cli.parser()._actions if action.dest == "preset")

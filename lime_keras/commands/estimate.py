@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from lime_keras import console
 from lime_keras.io import model_folder
-from lime_keras.io.sources import SUFFIXES, is_camera, is_video
+from lime_keras.io.sources import SUFFIXES, is_camera, is_video, photo_of_mask
 from lime_keras.outputs import NEEDED
 from lime_keras.version import __version__
 
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from lime_keras.lighting.files import Clone
 
 _ENGINES = ("onnx", "keras")
+_FAMILIES = ("u2net", "birefnet", "isnet")
 _OF_A_FRAME = ("mask", "albedo", "exponent")
 """Parts of an estimate that a video's table and overlay show."""
 
@@ -32,9 +33,18 @@ examples:
 
 Photos: JPEG, PNG, HEIC, TIFF, WebP, OpenEXR, Radiance and more, up to 50 million pixels.
 The object is looked for in the whole photo and, if it is small, once more from near. A photo with
-transparency brings its own mask. A file that cannot be read is told by name; the rest is done.
+transparency brings its own mask, and NAME_mask.png beside a photo NAME.* is its mask, white where
+the object is (--mask comes first). A file that cannot be read is told by name; the rest is done.
 The networks run in ONNX Runtime. A RUN is exported for it once, to RUN/onnx, which takes half a
 minute and TensorFlow; --engine keras runs it as it was trained.
+
+Of a photo without an object there is no material, and the status is 1. What makes an estimate
+doubtful (a mask that is uncertain, small, in parts or cut off by the frame; an object of few
+pixels, dark or burnt out) is told, and stands under `warnings` in the JSON and in the preview.
+
+--masker runs a mask network of your own, such as u2net.onnx, u2netp.onnx, silueta.onnx, or with its
+family before a colon birefnet:BiRefNet.onnx, isnet:isnet-general-use.onnx. It takes one picture
+(1, 3, h, w), normalised as its family's are, and answers the coverage, or its logits, first.
 
 Each photo's numbers go to standard output and to OUT/NAME.json, and into OUT/NAME.mtl (Wavefront),
 NAME.gltf (glTF 2.0, on a sphere) and NAME-mitsuba.json (a scene for mitsuba.load_dict); its layers,
@@ -98,6 +108,12 @@ def parser() -> argparse.ArgumentParser:
         "for several photos, a folder with one of the same name for each",
     )
     out.add_argument(
+        "--masker",
+        metavar="[FAMILY:]FILE",
+        help=f"ONNX file of a network that finds the object in place of SegmentationNet, and what "
+        f"family it is of: {', '.join(_FAMILIES)} (default: {_FAMILIES[0]}); nothing is downloaded",
+    )
+    out.add_argument(
         "--normals",
         type=Path,
         metavar="FILE",
@@ -137,6 +153,8 @@ def _estimate(options: argparse.Namespace) -> int:
     if not sources:
         return 1
     photos, videos = _sorted(sources)
+    if not photos and not videos:
+        return 1
     _check(options, photos, videos)
     # Mitsuba must be imported before TensorFlow, or the process crashes.
     clone = _clone_onto(options) if options.clone_onto else None
@@ -158,7 +176,7 @@ def _estimate(options: argparse.Namespace) -> int:
         )
         batch.run(dict(zip(names, photos, strict=False)))
         print(batch.summary(), file=sys.stderr)
-        failed += batch.failed
+        failed += batch.failed + batch.empty
     if videos:
         estimator = _estimator(options, options.only or _OF_A_FRAME)
         for source, name in zip(videos, names[len(photos) :], strict=True):
@@ -179,6 +197,13 @@ def _check(options: argparse.Namespace, photos: list[Path], videos: list[str]) -
                 f"{option} {given} is one file for {len(photos)} photos: pass a folder that holds "
                 "one of the same name for each"
             )
+    if options.mask and options.masker:
+        raise ValueError("--mask and --masker both say where the object is: leave one out")
+    if options.masker and not _masker(options.masker)[1].is_file():
+        raise ValueError(
+            f"{_masker(options.masker)[1]} is no file: pass an ONNX file to --masker; none is "
+            "downloaded"
+        )
     if options.only and (options.normals or options.clone_onto):
         raise ValueError("--normals and --clone-onto take the whole estimate: leave out --only")
     if not options.clone_onto and (options.up or options.shadow):
@@ -208,11 +233,23 @@ def _clone_onto(options: argparse.Namespace) -> "Clone":
 def _estimator(options: argparse.Namespace, only: tuple[str, ...] | None) -> "Estimator":
     from lime_keras.estimate.estimator import Estimator
 
-    return Estimator(options.weights or model_folder.SHIPPED, only, options.engine)
+    masker = None
+    if options.masker:
+        from lime_keras.runtime.masker import Masker
+
+        family, file = _masker(options.masker)
+        masker = Masker(file, family)
+    return Estimator(options.weights or model_folder.SHIPPED, only, options.engine, masker)
+
+
+def _masker(text: str) -> tuple[str, Path]:
+    """Return the family and the path in `FAMILY:FILE`, or in `FILE` alone."""
+    family, _, file = text.partition(":")
+    return (family, Path(file)) if family in _FAMILIES and file else (_FAMILIES[0], Path(text))
 
 
 def _estimate_video(estimator: "Estimator", source: str, out: Path, name: str) -> bool:
-    """Estimate a video, print its material, and return whether this succeeded."""
+    """Estimate a video, print its material, and return whether an object was found."""
     import json
 
     from lime_keras.video.estimate import estimate_video
@@ -225,14 +262,14 @@ def _estimate_video(estimator: "Estimator", source: str, out: Path, name: str) -
     print(json.dumps({"video": source} | summary.material.to_json(), indent=1))
     for remark in summary.remarks:
         print(f"warning: {remark}", file=sys.stderr)
-    if not summary.found:
-        print(f"warning: {source}: no object was found in any frame", file=sys.stderr)
+    for caution in summary.material.warnings:
+        print(f"warning: {source}: {caution.message}", file=sys.stderr)
     print(
         f"{source}: {summary.frames} frames, an object in {summary.found} of them, "
         f"{summary.cuts} scene cuts; {summary.table}, {summary.overlay}",
         file=sys.stderr,
     )
-    return True
+    return summary.found > 0
 
 
 def _present(given: list[str]) -> tuple[list[str], list[str]]:
@@ -249,9 +286,13 @@ def _sorted(given: list[str]) -> tuple[list[Path], list[str]]:
     for source in given:
         path = Path(source)
         if is_camera(source) or not path.is_dir():
+            masked = photo_of_mask(path)
+            if masked:
+                print(f"{path} is the mask of {masked}, not a photo", file=sys.stderr)
+                continue
             videos.append(source) if is_video(source) else photos.append(path)
             continue
-        files = sorted(path.iterdir())
+        files = sorted(file for file in path.iterdir() if not photo_of_mask(file))
         held = [file for file in files if file.suffix.lower() in SUFFIXES]
         moving = [str(file) for file in files if is_video(str(file))]
         if not held and not moving:

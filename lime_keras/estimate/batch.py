@@ -12,6 +12,7 @@ from tqdm import tqdm
 from lime_keras.estimate import files
 from lime_keras.estimate.estimator import Estimator
 from lime_keras.io import photo
+from lime_keras.io.sources import mask_beside
 from lime_keras.material import Material
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ class Batch:
         estimator: model for all photos.
         out: existing folder for the files (`files.write`).
         masks: mask of the only photo, or folder with a mask of the same name for each photo; None
-            to use a photo's alpha channel or else SegmentationNet.
+            to use `NAME_mask.png` beside a photo, its alpha channel, or else SegmentationNet.
         light: whether to write the light of each photo as well (`lime_keras.lighting.files.write`).
         normals: file with the normals of the only photo, or folder with a file of the same name for
             each photo; None to guess the normals.
@@ -37,6 +38,7 @@ class Batch:
     Attributes:
         failed: number of photos that failed: they could not be read, or their light could not be
             estimated.
+        empty: number of photos without an object, which have no material.
     """
 
     def __init__(
@@ -52,8 +54,8 @@ class Batch:
         self._estimator, self._out, self._masks = estimator, out, masks
         self._light, self._normals, self._clone = light, normals, clone
         self._seconds = {"reading": 0.0, "networks": 0.0, "writing": 0.0}
-        self._masks_looked_for = self._done = self._empty = 0
-        self.failed = 0
+        self._masks_looked_for = self._done = 0
+        self.failed = self.empty = 0
 
     def run(self, photos: Mapping[str, Path]) -> None:
         """Estimate photos and write their files.
@@ -80,19 +82,19 @@ class Batch:
             name: f"{1000 * s / max(self._done, 1):.0f} ms" for name, s in self._seconds.items()
         }
         return (
-            f"{self._done} done, {self.failed} failed, {self._empty} without an object, in "
+            f"{self._done} done, {self.failed} failed, {self.empty} without an object, in "
             f"{self._out}; a photo took {each['networks']} in the networks "
             f"({', '.join(ran) or 'none'}), {each['reading']} to read, {each['writing']} to write"
         )
 
     def _batches(self, photos: Mapping[str, Path]) -> Iterator[list[tuple[Any, ...]]]:
-        """Yield batches of path, name, photo and mask; report photos that cannot be read."""
+        """Yield batches of path, name, photo, mask and transparency; report unreadable photos."""
         batch: list[tuple[Any, ...]] = []
         pixels = 0
         for name, path in photos.items():
             begun = time.perf_counter()
             try:
-                image, mask = self._read(path)
+                image, mask, alpha = self._read(path)
             except (ValueError, OSError) as error:
                 self._tell_failure(path, error)
                 continue
@@ -101,7 +103,7 @@ class Batch:
             if batch and pixels + image[..., 0].size > _BATCH_PIXELS:
                 yield batch
                 batch, pixels = [], 0
-            batch.append((path, name, image, mask))
+            batch.append((path, name, image, mask, alpha))
             pixels += image[..., 0].size
             if len(batch) == _BATCH:
                 yield batch
@@ -109,23 +111,26 @@ class Batch:
         if batch:
             yield batch
 
-    def _read(self, path: Path) -> tuple[np.ndarray, np.ndarray | None]:
-        """Read a photo and its mask, or None if it has no mask."""
+    def _read(self, path: Path) -> tuple[np.ndarray, np.ndarray | None, np.ndarray | None]:
+        """Read a photo, its mask and its transparency, each None if it has none."""
         image, alpha = photo.read(path)
+        own = mask_beside(path) if self._masks is None else _belonging(path, self._masks)
+        if own is None:
+            return image, alpha, alpha
+        mask = photo.read_mask(own, *image.shape[:2])
         if self._masks is None:
-            return image, alpha
-        return image, photo.read_mask(_belonging(path, self._masks), *image.shape[:2])
+            tqdm.write(f"{own} is taken as the mask of {path}", file=sys.stderr)
+        # Without files of masks, a mask is the photo's own transparency.
+        return image, mask, None
 
     def _estimate(self, batch: list[tuple[Any, ...]]) -> None:
-        paths, names, images, masks = zip(*batch, strict=True)
+        paths, names, images, masks, alphas = zip(*batch, strict=True)
         self._masks_looked_for += sum(mask is None for mask in masks)
         begun = time.perf_counter()
         materials = self._estimator.estimate_many(images, masks)
-        for path, name, image, mask in zip(paths, names, images, masks, strict=True):
+        for path, name, image, alpha in zip(paths, names, images, alphas, strict=True):
             material = next(materials)
             estimated = time.perf_counter()
-            # Without files of masks, a mask is the photo's own transparency.
-            alpha = mask if self._masks is None else None
             self._write(path, name, image, material, alpha)
             self._seconds["networks"] += estimated - begun
             begun = time.perf_counter()
@@ -143,7 +148,7 @@ class Batch:
         if remark := files.remark(material):
             tqdm.write(f"warning: {path}: {remark}", file=sys.stderr)
         try:
-            if self._light:
+            if self._light and material.mask_coverage:
                 # SciPy and scikit-image are large, and only the light needs them.
                 from lime_keras.lighting import files as lighting_files
 
@@ -165,13 +170,9 @@ class Batch:
     def _tell(self, path: Path, material: Material, text: str) -> None:
         tqdm.write(text)
         self._done += 1
-        if material.mask_coverage == 0:
-            self._empty += 1
-            tqdm.write(
-                f"warning: {path}: no object was found, so its numbers mean nothing: pass --mask, "
-                "or a photo that shows it larger",
-                file=sys.stderr,
-            )
+        self.empty += not material.mask_coverage
+        for caution in material.warnings:
+            tqdm.write(f"warning: {path}: {caution.message}", file=sys.stderr)
 
     def _tell_failure(self, path: Path, error: Exception) -> None:
         self.failed += 1

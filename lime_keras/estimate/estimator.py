@@ -7,13 +7,14 @@ Example:
     print(material.diffuse_albedo, material.specular_albedo, material.exponent)
 """
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from lime_keras.estimate import engines, framing
+from lime_keras.estimate import cautions, engines, framing
 from lime_keras.estimate.framing import Square
 from lime_keras.estimate.pictures import Picture, mask_of, photo_of
 from lime_keras.io import model_folder
@@ -33,10 +34,13 @@ class Estimator:
         only: names of the estimates to make, out of `outputs.NEEDED`; only the subnetworks that
             these need are loaded and run. By default all estimates that this model can make.
         engine: `onnx` for ONNX Runtime or `keras` (`engines.load`).
+        masker: function that finds the object in place of SegmentationNet, such as
+            `lime_keras.runtime.masker.Masker("u2net.onnx")`: it takes a photo `(H, W, 3)`, float32
+            sRGB in [0, 1], and returns coverage `(H, W)` or `(H, W, 1)` in [0, 1].
 
     Attributes:
         subnetworks: names of the subnetworks that are run, in order; `segmentation` is always
-            among them, but is loaded and run only for photos without a mask.
+            among them, but is loaded and run only for photos without a mask; with a masker, never.
 
     Raises:
         FileNotFoundError: if the folder holds no trained model.
@@ -50,7 +54,9 @@ class Estimator:
         weights: str | Path = SHIPPED,
         only: Collection[str] | None = None,
         engine: str = engines.ENGINES[0],
+        masker: Callable[[np.ndarray], np.ndarray] | None = None,
     ):
+        self._masker = masker
         self._engine = engines.load(model_folder.find(weights), engine)
         needed = available(self._engine.outputs)
         self._only = set(needed if only is None else only)
@@ -62,7 +68,7 @@ class Estimator:
             )
         self._read = sorted({output for name in self._only for output in needed[name]} - {"mask"})
         self.subnetworks = (
-            *self._engine.subnetworks(["mask"], ["image"]),
+            *(() if masker else self._engine.subnetworks(["mask"], ["image"])),
             *self._engine.subnetworks(self._read, ["image", "mask"]),
         )
 
@@ -78,7 +84,9 @@ class Estimator:
                 the object with SegmentationNet.
 
         Returns:
-            The material, with its layers at the photo's size; albedos and layers are linear.
+            The material, with its layers at the photo's size; albedos and layers are linear. Its
+            `warnings` say why it may be wrong. Where no object was found it holds nothing but the
+            mask.
 
         Raises:
             ValueError: if the photo or the mask cannot be read, has another shape, is not finite,
@@ -108,11 +116,15 @@ class Estimator:
         masks = [None] * len(photos) if masks is None else masks
         if len(masks) != len(photos):
             raise ValueError(f"{len(photos)} photos with {len(masks)} masks: pass one for each")
-        images, given = [], []
+        images, given, confidences = [], [], []
         for picture, mask in zip(photos, masks, strict=True):
             image, alpha = photo_of(picture)
             images.append(image)
             given.append(alpha if mask is None else mask_of(mask, *image.shape[:2]))
+            confidences.append(None)
+            if given[-1] is None and self._masker is not None:
+                given[-1] = mask_of(self._masker(image), *image.shape[:2])
+                confidences[-1] = cautions.confidence(given[-1])
         if not images:
             return
         squares, seen, masks_seen = self._find(images, given)
@@ -122,8 +134,16 @@ class Estimator:
         for index, (image, mask, square) in enumerate(zip(images, given, squares, strict=True)):
             own = {name: value[index] for name, value in answer.items()}
             if mask is None:
+                confidences[index] = cautions.confidence(masks_seen[index])
                 mask = framing.paste(masks_seen[index], square, *image.shape[:2])
-            yield self._material(image, mask, square, own)
+            told = cautions.of(image, mask, confidences[index])
+            if cautions.NO_OBJECT in told:
+                yield Material(
+                    mask_coverage=0.0, square=square, layers={"mask": mask}, warnings=told
+                )
+                continue
+            material = self._material(image, mask, square, own)
+            yield replace(material, mask_confidence=confidences[index], warnings=told)
 
     def _find(
         self, images: list[np.ndarray], given: list[np.ndarray | None]

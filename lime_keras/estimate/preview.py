@@ -18,6 +18,9 @@ _MARGIN, _TITLE = 12, 24
 _PAPER, _INK = (250, 250, 251), (29, 36, 48)
 _BACKGROUND = 0.16
 """Linear radiance of the grey behind the sphere."""
+_CAUTION = (168, 72, 0)
+_LINE = 20
+"""Height of a line of warnings in pixels."""
 _OUTLINE = np.array([1.0, 0.25, 0.1], np.float32)
 _TITLES = {
     "photo": "photo and mask",
@@ -70,7 +73,7 @@ def _shaded(log_exponent: float, size: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def sheet(image_srgb: np.ndarray, material: Material) -> np.ndarray:
-    """Draw all parts of an estimate side by side, with its numbers below.
+    """Draw all parts of an estimate side by side, with its numbers and warnings below.
 
     Args:
         image_srgb: photo `(H, W, 3)`, sRGB in [0, 1].
@@ -79,7 +82,8 @@ def sheet(image_srgb: np.ndarray, material: Material) -> np.ndarray:
     Returns:
         Picture `(h, w, 3)` float32, sRGB in [0, 1].
     """
-    return _side_by_side(tiles(image_srgb, material), caption(material))
+    told = [caution.message for caution in material.warnings]
+    return _side_by_side(tiles(image_srgb, material), caption(material), told)
 
 
 def tiles(image_srgb: np.ndarray, material: Material) -> dict[str, np.ndarray]:
@@ -119,7 +123,10 @@ def caption(material: Material) -> str:
         parts.append(f"s {material.exponent:.3g}")
     if material.exponent_entropy is not None:
         parts.append(f"entropy {material.exponent_entropy:.1f} of 3 bits")
-    return "    ".join([*parts, f"covers {material.mask_coverage or 0:.0%}"])
+    parts.append(f"covers {material.mask_coverage or 0:.0%}")
+    if material.mask_confidence is not None:
+        parts.append(f"mask confidence {material.mask_confidence:.2f}")
+    return "    ".join(parts)
 
 
 def _with_outline(image_srgb: np.ndarray, material: Material) -> np.ndarray:
@@ -145,9 +152,15 @@ def _enlarged(tile: np.ndarray) -> np.ndarray:
     return framing.cut(tile.astype(np.float32), framing.whole(*tile.shape[:2]), _TILE)
 
 
-def _side_by_side(tiles: dict[str, np.ndarray], numbers: str) -> np.ndarray:
+def _side_by_side(tiles: dict[str, np.ndarray], numbers: str, told: list[str]) -> np.ndarray:
     width = _MARGIN + len(tiles) * (_TILE + _MARGIN)
-    page = Image.new("RGB", (width, _TITLE + _TILE + 2 * _TITLE), _PAPER)
+    lines = [
+        ("! " if first else "  ") + line
+        for message in told
+        for first, line in _lines(message, width - 2 * _MARGIN)
+    ]
+    height = _TITLE + _TILE + 2 * _TITLE + len(lines) * _LINE
+    page = Image.new("RGB", (width, height), _PAPER)
     pen = ImageDraw.Draw(page)
     for index, (title, tile) in enumerate(tiles.items()):
         left = _MARGIN + index * (_TILE + _MARGIN)
@@ -155,7 +168,22 @@ def _side_by_side(tiles: dict[str, np.ndarray], numbers: str) -> np.ndarray:
         levels = np.round(np.clip(tile, 0, 1) * 255).astype(np.uint8)
         page.paste(Image.fromarray(levels), (left, _TITLE))
     pen.text((_MARGIN, _TITLE + _TILE + 8), numbers, fill=_INK, font=_font())
+    for index, line in enumerate(lines):
+        top = 2 * _TITLE + _TILE + 8 + index * _LINE
+        pen.text((_MARGIN, top), line, fill=_CAUTION, font=_font())
     return np.asarray(page, np.float32) / 255
+
+
+def _lines(text: str, width: int) -> list[tuple[bool, str]]:
+    """Return the lines of a text on a page, each with whether it is the first."""
+    lines: list[str] = []
+    for word in text.split():
+        longer = f"{lines[-1]} {word}" if lines else word
+        if lines and _font().getlength(f"! {longer}") <= width:
+            lines[-1] = longer
+        else:
+            lines.append(word)
+    return [(index == 0, line) for index, line in enumerate(lines)]
 
 
 @functools.cache

@@ -17,6 +17,23 @@ EXTENSIONS = (
 """Suffixes of files that count as videos; FFmpeg itself looks only at a file's content."""
 CAMERA = "camera:"
 """Prefix of a camera's name: `camera:0`, `camera:/dev/video2`, `camera:FaceTime HD Camera`."""
+_MASK = "_mask"
+"""End of the stem of a PNG that is the mask of the photo beside it."""
+
+
+def mask_beside(photo: Path) -> Path | None:
+    """Return `NAME_mask.png` beside the photo `NAME.*`, or None if there is none."""
+    mask = photo.with_name(f"{photo.stem}{_MASK}.png")
+    return mask if mask.is_file() else None
+
+
+def photo_of_mask(path: Path) -> Path | None:
+    """Return the photo whose mask (see `mask_beside`) a file is, or None if it is none's."""
+    if path.suffix != ".png" or not path.stem.endswith(_MASK) or not path.is_file():
+        return None
+    name = path.stem.removesuffix(_MASK)
+    beside = (path.with_name(f"{name}{s}") for ending in SUFFIXES for s in (ending, ending.upper()))
+    return next((photo for photo in beside if photo.is_file()), None)
 
 
 def is_video(source: str) -> bool:

@@ -15,7 +15,7 @@ import itertools
 import math
 import sys
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
 
@@ -25,7 +25,8 @@ from tqdm import tqdm
 from lime_keras.io.sources import is_camera
 from lime_keras.io.video_reader import Footage, Frame
 from lime_keras.io.video_writer import Movie
-from lime_keras.material import Material
+from lime_keras.material import Caution, Material
+from lime_keras.video.cautions import SceneCautions
 from lime_keras.video.overlay import draw
 from lime_keras.video.tracking import PARAMETERS, Step, Tracker, material_of
 
@@ -33,8 +34,9 @@ COLUMNS = (
     *("frame", "time", "found", "cut", "coverage"),
     *PARAMETERS,
     *(f"fused_{name}" for name in PARAMETERS),
+    *("mask_confidence", "warnings"),
 )
-"""Columns of the table that `estimate_video` writes."""
+"""Columns of the table that `estimate_video` writes; warnings are codes with a space between."""
 
 
 class Estimates(Protocol):
@@ -53,8 +55,8 @@ class Summary:
         found: number of frames with an object.
         cuts: number of scene cuts.
         seconds: time from the first frame to the last, in seconds.
-        material: fused material at the end of the last scene with an object, without layers; every
-            number is None if no frame had an object.
+        material: fused material at the end of the last scene with an object, without layers, with
+            the scene's warnings (`video.cautions`); every number is None if no frame had an object.
         remarks: messages for the user about the source (see `video_reader.Footage`).
         table: path of the CSV file.
         overlay: path of the video with outline and panel.
@@ -123,6 +125,8 @@ class _Run:
         self._frames = self._found = self._cuts = 0
         self._seconds = 0.0
         self._last = np.full(len(PARAMETERS), np.nan)
+        self._cautions = SceneCautions()
+        self._of_last: tuple[float | None, tuple[Caution, ...]] = None, self._cautions.warnings
 
     def follow(self, pictures: Iterable[Frame], estimator: Estimates) -> None:
         """Estimate and fuse each frame, and write its row and picture."""
@@ -139,24 +143,31 @@ class _Run:
                 seen = material if step.found else Material(layers=material.layers)
                 picture = draw(frame.image_srgb, frame.time, status, seen, material_of(step.fused))
                 video.write(picture, frame.time)
-                self._count(frame, step)
+                self._count(frame, step, material)
 
-    def _count(self, frame: Frame, step: Step) -> None:
+    def _count(self, frame: Frame, step: Step, material: Material) -> None:
         self._frames += 1
         self._found += step.found
         self._cuts += step.cut
         self._seconds = frame.time
+        if step.cut:
+            self._cautions.restart()
+        self._cautions.add(material)
         if np.isfinite(step.fused).any():
             self._last = step.fused
+            self._of_last = self._cautions.mask_confidence, self._cautions.warnings
 
     def summary(self, remarks: list[str]) -> Summary:
         """Return the result so far."""
+        confidence, warnings = self._of_last
         return Summary(
             frames=self._frames,
             found=self._found,
             cuts=self._cuts,
             seconds=self._seconds,
-            material=material_of(self._last),
+            material=replace(
+                material_of(self._last), mask_confidence=confidence, warnings=warnings
+            ),
             remarks=tuple(remarks),
             table=self._paths[0],
             overlay=self._paths[1],
@@ -170,3 +181,5 @@ def _row(number: int, seconds: float, material: Material, step: Step) -> Iterato
     for values in (step.estimate, step.fused):
         linear = [*values[:4], 10.0 ** values[4]]
         yield from ("" if math.isnan(value) else f"{value:.6g}" for value in linear)
+    yield "" if material.mask_confidence is None else f"{material.mask_confidence:.6g}"
+    yield " ".join(caution.code for caution in material.warnings)
