@@ -26,8 +26,8 @@ from lime_keras.io.sources import is_camera
 from lime_keras.io.video_reader import Footage, Frame
 from lime_keras.io.video_writer import Movie
 from lime_keras.material import Caution, Material
-from lime_keras.video.cautions import SceneCautions
 from lime_keras.video.overlay import draw
+from lime_keras.video.scene_cautions import SceneCautions
 from lime_keras.video.tracking import PARAMETERS, Step, Tracker, material_of
 
 COLUMNS = (
@@ -56,7 +56,8 @@ class Summary:
         cuts: number of scene cuts.
         seconds: time from the first frame to the last, in seconds.
         material: fused material at the end of the last scene with an object, without layers, with
-            the scene's warnings (`video.cautions`); every number is None if no frame had an object.
+            the warnings of that scene (`video.scene_cautions`); every number is None if no frame
+            had an object.
         remarks: messages for the user about the source (see `video_reader.Footage`).
         table: path of the CSV file.
         overlay: path of the video with outline and panel.

@@ -4,7 +4,7 @@ import pytest
 
 from lime_keras.estimate.cautions import NO_OBJECT
 from lime_keras.material import Caution, Material
-from lime_keras.video.cautions import SceneCautions
+from lime_keras.video.scene_cautions import SceneCautions
 
 
 def frame(*codes, coverage=0.3, confidence=0.9, words="say"):
