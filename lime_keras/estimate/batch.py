@@ -116,11 +116,11 @@ class Batch:
         image, alpha = photo.read(path)
         own = mask_beside(path) if self._masks is None else _belonging(path, self._masks)
         if own is None:
+            # Without a file of its own, the mask is the photo's transparency.
             return image, alpha, alpha
         mask = photo.read_mask(own, *image.shape[:2])
         if self._masks is None:
             tqdm.write(f"{own} is taken as the mask of {path}", file=sys.stderr)
-        # Without files of masks, a mask is the photo's own transparency.
         return image, mask, None
 
     def _estimate(self, batch: list[tuple[Any, ...]]) -> None:

@@ -116,15 +116,20 @@ class Estimator:
         masks = [None] * len(photos) if masks is None else masks
         if len(masks) != len(photos):
             raise ValueError(f"{len(photos)} photos with {len(masks)} masks: pass one for each")
-        images, given, confidences = [], [], []
+        images: list[np.ndarray] = []
+        given: list[np.ndarray | None] = []
+        confidences: list[float | None] = []
         for picture, mask in zip(photos, masks, strict=True):
             image, alpha = photo_of(picture)
+            known, confidence = alpha, None
+            if mask is not None:
+                known = mask_of(mask, *image.shape[:2])
+            elif known is None and self._masker is not None:
+                known = mask_of(self._masker(image), *image.shape[:2])
+                confidence = cautions.confidence(known)
             images.append(image)
-            given.append(alpha if mask is None else mask_of(mask, *image.shape[:2]))
-            confidences.append(None)
-            if given[-1] is None and self._masker is not None:
-                given[-1] = mask_of(self._masker(image), *image.shape[:2])
-                confidences[-1] = cautions.confidence(given[-1])
+            given.append(known)
+            confidences.append(confidence)
         if not images:
             return
         squares, seen, masks_seen = self._find(images, given)

@@ -99,7 +99,7 @@ class Masker:
         seen = np.asarray(small, np.float32) / 255
         if self._family.by_maximum:
             seen = seen / max(float(seen.max()), 1e-6)
-        seen = (seen - np.float32(self._family.mean)) / np.float32(self._family.deviation)
+        seen = (seen - np.array(self._family.mean)) / np.array(self._family.deviation)
         mask = self._mask(seen.transpose(2, 0, 1)[None].astype(self._dtype))
         shown = Image.fromarray(mask).resize((width, height), Image.Resampling.BILINEAR)
         return np.clip(np.asarray(shown, np.float32), 0, 1)[..., None]
