@@ -136,6 +136,12 @@ def parser() -> argparse.ArgumentParser:
         action="store_true",
         help="let the mesh of --clone-onto cast a shadow on the ground it stands on",
     )
+    out.add_argument(
+        "--full-size",
+        action="store_true",
+        help="let the edges of mask and layers follow those of the photo; by default what the "
+        "networks see, 128 pixels, is interpolated",
+    )
     out.add_argument("--version", action="version", version=__version__)
     return out
 
@@ -239,7 +245,8 @@ def _estimator(options: argparse.Namespace, only: tuple[str, ...] | None) -> "Es
 
         family, file = _masker(options.masker)
         masker = Masker(file, family)
-    return Estimator(options.weights or model_folder.SHIPPED, only, options.engine, masker)
+    weights = options.weights or model_folder.SHIPPED
+    return Estimator(weights, only, options.engine, masker, full_size=options.full_size)
 
 
 def _masker(text: str) -> tuple[str, Path]:

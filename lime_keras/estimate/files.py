@@ -10,7 +10,10 @@ from lime_keras.estimate import interchange, preview
 from lime_keras.io import atomic, photo
 from lime_keras.material import Material
 from lime_keras.optics import colour
-from lime_keras.outputs import OUTPUTS
+from lime_keras.outputs import OUTPUTS, Output
+
+_ROWS = 64
+"""Number of rows of a layer that are encoded at once."""
 
 
 def write(folder: Path, name: str, source: Path, image_srgb: np.ndarray, material: Material) -> str:
@@ -68,12 +71,24 @@ def _write_layers(folder: Path, name: str, material: Material) -> None:
     for layer, image in material.layers.items():
         path = folder / f"{name}-{layer}.png"
         output = OUTPUTS.get(layer)
+        if output is not None and output.levels is None:
+            photo.write(path.with_suffix(".exr"), image)
+        photo.write(path, _viewed(image, output))
+
+
+def _viewed(image: np.ndarray, output: Output | None) -> np.ndarray:
+    """Return a layer `(H, W, C)` for viewing, uint8; `output` is None for a layer of a photo."""
+    out = np.empty(image.shape, np.uint8)
+    # Row by row: what lies between would take several times the memory of a large photo.
+    for start in range(0, len(image), _ROWS):
+        part = image[start : start + _ROWS]
         if output is not None and output.levels is not None:
             low, high = output.levels
-            photo.write(path, (image - low) / (high - low))
-            continue
-        if output is not None:
-            photo.write(path.with_suffix(".exr"), image)
-            # The copy for viewing: bright parts are compressed, then encoded for a screen.
-            image = image / (1 + image)
-        photo.write(path, colour.linear_to_srgb(np.clip(image, 0, 1)))
+            part = (part - low) / (high - low)
+        elif output is not None:
+            # Bright parts are compressed, then encoded for a screen.
+            part = colour.linear_to_srgb(np.clip(part / (1 + part), 0, 1))
+        else:
+            part = colour.linear_to_srgb(np.clip(part, 0, 1))
+        out[start : start + _ROWS] = np.rint(255 * np.clip(part, 0, 1))
+    return out
