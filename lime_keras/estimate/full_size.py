@@ -18,7 +18,7 @@ from lime_keras.estimate import framing
 from lime_keras.estimate.framing import Square
 from lime_keras.optics.dynamic_range import compress, expand
 
-_NOISE_OF_MASK, _NOISE_OF_RADIANCE = 0.03, 0.1
+_NOISE_OF_MASK, _NOISE_OF_RADIANCE = 0.03, 0.2
 """Contrast of a window's colours, sRGB, below which they do not shape a mask, or S and M.
 
 A mask is either 0 or 1, so that nearly all contrast at its edge is its own. S and M have soft edges
@@ -136,7 +136,8 @@ def _interpolated(planes: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> 
 def _slopes(seen: np.ndarray, layer: np.ndarray, weights: np.ndarray, noise: float) -> np.ndarray:
     """Return the gradient `(S, S, 3)` of the layer by the photo's colours, by least squares.
 
-    Each fit is over 3 × 3 pixels; a pixel gets the mean of the fits that it belongs to.
+    Each fit is over the 3 × 3 pixels around. The guided filter takes the mean of neighbouring fits,
+    for a smooth result; here it made the mask's error half as large again.
     """
     colours, values = seen.astype(np.float64), layer.astype(np.float64)
     total = _box_sum(weights.astype(np.float64), 1)
@@ -148,8 +149,7 @@ def _slopes(seen: np.ndarray, layer: np.ndarray, weights: np.ndarray, noise: flo
     products = mean((colours[..., :, None] * colours[..., None, :]).reshape(*seen.shape[:2], 9))
     spread = products.reshape(*seen.shape[:2], 3, 3) - middle[..., :, None] * middle[..., None, :]
     together = mean(colours * values) - middle * mean(values)
-    fits = np.linalg.solve(spread + noise**2 * np.eye(3), together[..., None])[..., 0]
-    return mean(fits)
+    return np.linalg.solve(spread + noise**2 * np.eye(3), together[..., None])[..., 0]
 
 
 def _range(layer: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -37,8 +37,8 @@ def test_the_mask_of_one_colour_before_another_is_the_photos(disc):
     mask, photo = disc
     found = upsampled(photo, reduced(mask))
     interpolated = framing.paste(reduced(mask), WHOLE, SIDE, SIDE)
-    assert np.abs(found - mask).max() < 0.1
-    assert np.abs(found - mask).mean() < np.abs(interpolated - mask).mean() / 10
+    assert np.abs(found - mask).max() < 0.02
+    assert np.abs(found - mask).mean() < np.abs(interpolated - mask).mean() / 50
 
 
 def test_a_photo_without_detail_leaves_the_layer_interpolated(disc):
@@ -119,13 +119,11 @@ def test_parts_make_the_whole_wherever_the_square_lies(square, monkeypatch):
 
 def test_the_slopes_are_those_of_least_squares():
     seen, layer = noise(4, (SIZE, SIZE, 3)), noise(5, (SIZE, SIZE, 1))
-    fits = np.zeros((SIZE, SIZE, 3))
-    for row, column in np.ndindex(SIZE, SIZE):
+    found = full_size._slopes(seen, layer, np.ones_like(layer), 0.1)
+    for row, column in ((7, 9), (0, 0), (15, 3)):
         window = slice(max(row - 1, 0), row + 2), slice(max(column - 1, 0), column + 2)
         colours, values = seen[window].reshape(-1, 3), layer[window].reshape(-1)
         centred = colours - colours.mean(0)
         ridge = np.vstack([centred, np.sqrt(len(values)) * 0.1 * np.eye(3)])
-        fits[row, column] = np.linalg.lstsq(ridge, [*values - values.mean(), 0, 0, 0])[0]
-    found = full_size._slopes(seen, layer, np.ones_like(layer), 0.1)
-    np.testing.assert_allclose(found[7, 9], fits[6:9, 8:11].mean((0, 1)), rtol=1e-4)
-    np.testing.assert_allclose(found[0, 0], fits[:2, :2].mean((0, 1)), rtol=1e-4)
+        expected = np.linalg.lstsq(ridge, [*values - values.mean(), 0, 0, 0])[0]
+        np.testing.assert_allclose(found[row, column], expected, rtol=1e-4)
