@@ -113,6 +113,12 @@ def tiles(image_srgb: np.ndarray, material: Material) -> dict[str, np.ndarray]:
     return shown
 
 
+def pictures_of(page: Image.Image) -> list[Image.Image]:
+    """Return the pictures on a page of `sheet`, from left to right, of 256 × 256 pixels each."""
+    lefts = range(_MARGIN, page.width - _TILE, _TILE + _MARGIN)
+    return [page.crop((left, _TITLE, left + _TILE, _TITLE + _TILE)) for left in lefts]
+
+
 def caption(material: Material) -> str:
     """Return the estimated numbers in one line of text."""
     parts = []
