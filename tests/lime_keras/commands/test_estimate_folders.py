@@ -103,7 +103,8 @@ def test_a_page_of_someone_else_is_refused(folder, tmp_path, capsys):
 def test_what_was_done_before_an_interruption_is_in_the_gallery(folder, tmp_path, monkeypatch):
     from lime_keras.estimate import files
 
-    done, write_files = [], files.write
+    write_files = files.write
+    done: list[tuple] = []
 
     def interrupted(*arguments):
         if done:
