@@ -385,6 +385,8 @@ def _signature(config: Config, stage: Stage, model: StageModel, trained: Mapping
         follows_from["flips"] = True
     if config.schedule.repaints:
         follows_from["repaints"] = True
+    if config.schedule.clutter and stage.subnetworks == ("segmentation",):
+        follows_from["clutter"] = True
     if config.materials is not None:
         follows_from["materials"] = config.materials
     if config.frozen is not None:
