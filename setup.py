@@ -64,8 +64,12 @@ setup(
     ],
     package_data={
         "lime_keras": [
-            *("py.typed", "pretrained/*.md", "pretrained/*/*/*", "pretrained/*/*/alone/*"),
+            "py.typed",
+            "estimate/*.html",
             "live/page/**/*",
+            "pretrained/*.md",
+            "pretrained/*/*/*",
+            "pretrained/*/*/alone/*",
         ],
         "lime_keras.eval.report": ["templates/*.html"],
         "lime_keras.train": ["run.sh"],

@@ -1,7 +1,6 @@
 """The command `lime-eval`: measure trained runs and write the report."""
 
 import argparse
-import os
 import shlex
 import sys
 from pathlib import Path
@@ -161,7 +160,7 @@ def _evaluate(options: argparse.Namespace, command: str) -> int:
     """Compute the requested results, write the report, print the tables, return the status."""
     weights = options.weights or []
     out = options.out or weights[0] / "eval"
-    _check_writable(out)
+    console.check_folder(out, "--out")
     if options.corpus or options.stability:
         console.require("lime-eval", *console.EXTRAS["train"])
         console.import_tensorflow()
@@ -190,13 +189,6 @@ def _evaluate(options: argparse.Namespace, command: str) -> int:
         failed = not as_expected
     print(f"wrote {sections.write_report(out)}", file=sys.stderr)
     return 1 if failed else 0
-
-
-def _check_writable(out: Path) -> None:
-    """Raise OSError if the folder cannot be written, before minutes are spent on measuring."""
-    nearest = next(path for path in (out, *out.absolute().parents) if path.exists())
-    if not nearest.is_dir() or not os.access(nearest, os.W_OK):
-        raise OSError(f"{nearest} is no folder that can be written to: pass another --out")
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ import importlib.util
 import os
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -26,6 +27,13 @@ EXTRAS = {
 """Modules that the extras of the installation bring (`setup.py`), by the extra's name."""
 EXPORTING = ("tensorflow", "keras", "onnx", "tf2onnx")
 """Modules that an export takes."""
+
+_SUFFIXES_OF_FILES = frozenset(
+    ".json .csv .html .htm .md .txt .log .pdf .zip .tar .gz .npz .npy .h5 .keras .onnx .tflite .pb "
+    ".tfrecord .mtl .obj .ply .stl .glb .gltf .jpg .jpeg .png .heic .exr .hdr .tif .tiff .webp "
+    ".bmp .gif .mp4 .mov .mkv .webm .avi".split()
+)
+"""Suffixes that no folder is given by intention; a version such as `v1.2` may be one's name."""
 
 
 class MissingExtra(ImportError):
@@ -92,6 +100,30 @@ def names(known: Sequence[str]) -> Callable[[str], tuple[str, ...]]:
         return named
 
     return parse
+
+
+def check_folder(path: Path, option: str) -> None:
+    """Check, before work is spent on it, that a folder can be made, if need be, and written to.
+
+    Args:
+        path: the folder; it need not exist.
+        option: the option or argument that it was passed to, such as `--out`.
+
+    Raises:
+        ValueError: if the path, or one above it, is a file; if it does not exist and has a file's
+            suffix; or if it cannot be written to.
+    """
+    nearest = next(part for part in (path, *path.absolute().parents) if os.path.lexists(part))
+    if not nearest.is_dir():
+        # A link whose target is away cannot become a folder either.
+        raise ValueError(f"{nearest} is a file, and {option} is a folder: pass another name")
+    if nearest != path and path.suffix.lower() in _SUFFIXES_OF_FILES:
+        raise ValueError(
+            f"{path} is named like a file, and {option} is a folder: pass {path.with_suffix('')}, "
+            "say; the files in it are named by the command"
+        )
+    if not os.access(nearest, os.W_OK | os.X_OK):
+        raise ValueError(f"{nearest} cannot be written to: pass another folder to {option}")
 
 
 class Bar:

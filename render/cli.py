@@ -431,6 +431,7 @@ def _layers(options: argparse.Namespace) -> int:
 
 
 def _views(options: argparse.Namespace) -> int:
+    console.check_folder(options.out, "OUT")
     console.require("lime-render views", *console.EXTRAS["render"])
     from . import room_views
 
@@ -440,6 +441,7 @@ def _views(options: argparse.Namespace) -> int:
 
 
 def _bank(options: argparse.Namespace) -> int:
+    console.check_folder(options.out, "OUT")
     from .bank import rendering
     from .bank.description import Description
     from .corpus import claim
@@ -521,6 +523,7 @@ def _tell(manifest: Mapping[str, Any], unit: str) -> None:
 
 
 def _render(options: argparse.Namespace) -> int:
+    console.check_folder(options.out, "OUT")
     console.require("lime-render", *console.EXTRAS["render"], "tensorflow")
     from .corpus.description import Description
     from .corpus.split import held_variant, render_split

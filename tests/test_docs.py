@@ -25,7 +25,8 @@ def desk(tmp_path, monkeypatch, tiny_model):
     """A folder with the files that the examples name, and weights that load fast."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(
-        "lime_keras.estimate.estimator.Estimator.__init__.__defaults__", (tiny_model, None, "onnx")
+        "lime_keras.estimate.estimator.Estimator.__init__.__defaults__",
+        (tiny_model, None, "onnx", None),
     )
     rng = np.random.default_rng(0)
     for name, shape in (("photo.jpg", (40, 60, 3)), ("other.png", (30, 30, 3))):

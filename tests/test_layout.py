@@ -177,9 +177,11 @@ def test_the_commands_offer_what_the_library_has():
     from lime_keras.estimate import engines
     from lime_keras.export import exporter
     from lime_keras.networks import PRESETS, precision
+    from lime_keras.runtime import masker
     from lime_keras.train import cli
 
     assert estimate_command._ENGINES == engines.ENGINES
+    assert estimate_command._FAMILIES == tuple(masker.FAMILIES)
     assert export_command._PRECISIONS == exporter.PRECISIONS[exporter.ONNX]
     assert cli._PRECISIONS == tuple(precision.POLICIES)
     preset = next(action for action in cli.parser()._actions if action.dest == "preset")
@@ -279,6 +281,8 @@ def test_the_wheel_alone_estimates(wheel, tmp_path):
     assert sum(path.stat().st_size for path in installed) < 400e6
     photo = np.random.default_rng(0).integers(0, 256, (90, 120, 3), np.uint8)
     Image.fromarray(photo).save(tmp_path / "photo.png")
+    # Noise shows no object.
+    Image.fromarray(np.full((90, 120), 255, np.uint8)).save(tmp_path / "photo_mask.png")
 
     def run(*command):
         program = [programs / command[0], *command[1:]]
@@ -287,7 +291,8 @@ def test_the_wheel_alone_estimates(wheel, tmp_path):
     answer = run("lime-estimate", "photo.png")
     assert answer.returncode == 0, answer.stderr
     assert (tmp_path / "materials" / "photo-preview.png").is_file()
-    code = "from lime_keras import Estimator; print(Estimator().estimate('photo.png').exponent)"
+    estimated = "Estimator().estimate('photo.png', 'photo_mask.png')"
+    code = f"from lime_keras import Estimator; print({estimated}.exponent)"
     assert 1 <= float(run("python", "-c", code).stdout) <= 1000
     lacking = {
         ("lime-estimate", "photo.png", "--engine", "keras"): "train",

@@ -28,6 +28,8 @@ What is written takes `image` (B, S, S, 3), sRGB in [0, 1], any B, and answers t
   OUT/onnx/
       --format graphs: an ONNX file for each subnetwork. lime-estimate runs them where OUT is RUN,
       and makes them itself where they are missing or of other weights.
+With --only, the outputs are in the name: OUT/lime-mask.onnx, OUT/saved_model-mask/1/. So it takes
+the place of no fuller model.
 
 It is run on fresh images, extremes among them, and compared with Keras: what is printed is the
 largest difference of each output (above 1 relative) in float32, and the mean difference over the
@@ -95,6 +97,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _export(options: argparse.Namespace) -> int:
+    console.check_folder(options.out, "OUT")
     console.require("lime-export", *console.EXPORTING)
     console.import_tensorflow()
     from lime_keras.export.exporter import PRECISIONS, export, target
@@ -108,7 +111,7 @@ def _export(options: argparse.Namespace) -> int:
         precision=precision,
         corpus=options.corpus,
     )
-    path = target(options.out, options.format, precision)
+    path = target(options.out, options.format, precision, options.only)
     size = sum(file.stat().st_size for file in [path, *path.rglob("*")] if file.is_file())
     means = "largest difference" if precision == "float32" else "mean difference over magnitude"
     print(f"{path}, {precision}, {size / 2**20:.1f} MiB; {means} from Keras:")

@@ -7,15 +7,14 @@ Example:
     print(material.diffuse_albedo, material.specular_albedo, material.exponent)
 """
 
-import dataclasses
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from lime_keras.estimate import engines, framing
+from lime_keras.estimate import cautions, engines, framing, full_size
 from lime_keras.estimate.framing import Square
 from lime_keras.estimate.pictures import Picture, mask_of, photo_of
 from lime_keras.io import model_folder
@@ -23,6 +22,9 @@ from lime_keras.io.model_folder import SHIPPED
 from lime_keras.material import Material
 from lime_keras.optics import colour, compositing, shininess
 from lime_keras.outputs import NEEDED, OUTPUTS, available
+
+_PIXELS_AT_ONCE = 1 << 18
+"""Number of pixels of a photo, about, whose layers are recomposed at once."""
 
 
 @dataclass(frozen=True)
@@ -34,12 +36,19 @@ class View:
         image: its content `(S, S, 3)` float32, sRGB in [0, 1].
         mask: coverage `(S, S, 1)` in [0, 1], as the networks see it, beyond the photo too.
         coverage: share of the photo that the object covers, in [0, 1].
+        confidence: `Material.mask_confidence`.
+        photo: the photo `(H, W, 3)`, sRGB in [0, 1].
+        given: coverage `(H, W, 1)` in [0, 1] of a mask that was not found by SegmentationNet, or
+            None.
     """
 
     square: Square
     image: np.ndarray
     mask: np.ndarray
     coverage: float
+    confidence: float | None
+    photo: np.ndarray
+    given: np.ndarray | None
 
 
 class Estimator:
@@ -52,12 +61,17 @@ class Estimator:
         only: names of the estimates to make, out of `outputs.NEEDED`; only the subnetworks that
             these need are loaded and run. By default all estimates that this model can make.
         engine: `onnx` for ONNX Runtime or `keras` (`engines.load`).
+        masker: function that finds the object in place of SegmentationNet, such as
+            `lime_keras.runtime.masker.Masker("u2net.onnx")`: it takes a photo `(H, W, 3)`, float32
+            sRGB in [0, 1], and returns coverage `(H, W)` or `(H, W, 1)` in [0, 1].
+        full_size: whether the edges of the layers follow those of the photo (`full_size`); else
+            the layers are interpolated from the networks' size. The mask's coverage follows.
 
     Attributes:
         size: height and width in pixels of the square that the networks see.
         system: name of the system in words.
         subnetworks: names of the subnetworks that are run, in order; `segmentation` is always
-            among them, but is loaded and run only for photos without a mask.
+            among them, but is loaded and run only for photos without a mask; with a masker, never.
 
     Raises:
         FileNotFoundError: if the folder holds no trained model.
@@ -71,10 +85,14 @@ class Estimator:
         weights: str | Path = SHIPPED,
         only: Collection[str] | None = None,
         engine: str = engines.ENGINES[0],
+        masker: Callable[[np.ndarray], np.ndarray] | None = None,
+        full_size: bool = False,
     ):
+        self._masker = masker
         self._engine = engines.load(model_folder.find(weights), engine)
         self.size, self.system = self._engine.size, self._engine.system
         needed = available(self._engine.outputs)
+        self._full_size = full_size
         self._only = set(needed if only is None else only)
         unknown = sorted(self._only - set(needed))
         if unknown or not self._only:
@@ -84,7 +102,7 @@ class Estimator:
             )
         self._read = sorted({output for name in self._only for output in needed[name]} - {"mask"})
         self.subnetworks = (
-            *self._engine.subnetworks(["mask"], ["image"]),
+            *(() if masker else self._engine.subnetworks(["mask"], ["image"])),
             *self._engine.subnetworks(self._read, ["image", "mask"]),
         )
 
@@ -100,7 +118,9 @@ class Estimator:
                 the object with SegmentationNet.
 
         Returns:
-            The material, with its layers at the photo's size; albedos and layers are linear.
+            The material, with its layers at the photo's size; albedos and layers are linear. Its
+            `warnings` say why it may be wrong. Where no object was found it holds nothing but the
+            mask.
 
         Raises:
             ValueError: if the photo or the mask cannot be read, has another shape, is not finite,
@@ -130,11 +150,14 @@ class Estimator:
         masks = [None] * len(photos) if masks is None else masks
         if len(masks) != len(photos):
             raise ValueError(f"{len(photos)} photos with {len(masks)} masks: pass one for each")
-        images, given = [], []
+        images: list[np.ndarray] = []
+        given: list[np.ndarray | None] = []
+        confidences: list[float | None] = []
         for picture, mask in zip(photos, masks, strict=True):
-            image, alpha = photo_of(picture)
+            image, known, confidence = self._taken(picture, mask)
             images.append(image)
-            given.append(alpha if mask is None else mask_of(mask, *image.shape[:2]))
+            given.append(known)
+            confidences.append(confidence)
         if not images:
             return
         squares, seen, masks_seen = self._find(images, given)
@@ -144,8 +167,16 @@ class Estimator:
         for index, (image, mask, square) in enumerate(zip(images, given, squares, strict=True)):
             own = {name: value[index] for name, value in answer.items()}
             if mask is None:
-                mask = framing.paste(masks_seen[index], square, *image.shape[:2])
-            yield self._material(image, mask, square, own)
+                confidences[index] = cautions.confidence(masks_seen[index])
+                mask = self._full_mask(image, square, seen[index], masks_seen[index])
+            told = cautions.of(image, mask, confidences[index])
+            if cautions.NO_OBJECT in told:
+                yield Material(
+                    mask_coverage=0.0, square=square, layers={"mask": mask}, warnings=told
+                )
+                continue
+            material = self._material(image, mask, square, seen[index], masks_seen[index], own)
+            yield replace(material, mask_confidence=confidences[index], warnings=told)
 
     def view(self, photo: Picture, mask: Picture | None = None) -> View:
         """Find the object in a photo, and return the square that the networks see.
@@ -160,27 +191,54 @@ class Estimator:
         Raises:
             ValueError: if the photo or the mask is refused (see `estimate`).
         """
-        image, alpha = photo_of(photo)
+        image, given, confidence = self._taken(photo, mask)
         height, width = image.shape[:2]
-        given = alpha if mask is None else mask_of(mask, height, width)
         squares, seen, masks = self._find([image], [given])
         square, found = squares[0], masks[0] >= framing.THRESHOLD
         pixels = np.sum(found & framing.inside(square, height, width, len(found)))
         share = float(pixels) * (square.side / len(found)) ** 2 / (height * width)
-        return View(square, seen[0], masks[0], min(share, 1.0))
+        if given is None:
+            confidence = cautions.confidence(masks[0])
+        return View(square, seen[0], masks[0], min(share, 1.0), confidence, image, given)
 
     def read(self, view: View) -> Material:
         """Estimate the material of the object in a view.
 
         Returns:
-            The material, with the photo's square and coverage, and with its layers in the pixels of
-            the view.
+            The material, with the photo's square, coverage and warnings, and with its layers in the
+            pixels of the view.
         """
         given = {"image": view.image[None], "mask": view.mask[None]}
         answer = self._engine.run(self._read, given) if self._read else {}
         own = {name: value[0] for name, value in answer.items()}
-        material = self._material(view.image, view.mask, Square(0, 0, len(view.image)), own)
-        return dataclasses.replace(material, square=view.square, mask_coverage=view.coverage)
+        whole = Square(0, 0, len(view.image))
+        material = self._material(view.image, view.mask, whole, view.image, view.mask, own)
+        mask = view.given
+        if mask is None:
+            mask = self._full_mask(view.photo, view.square, view.image, view.mask)
+        return replace(
+            material,
+            square=view.square,
+            mask_coverage=view.coverage,
+            mask_confidence=view.confidence,
+            warnings=cautions.of(view.photo, mask, view.confidence),
+        )
+
+    def _taken(
+        self, photo: Picture, mask: Picture | None
+    ) -> tuple[np.ndarray, np.ndarray | None, float | None]:
+        """Return a photo, its mask if SegmentationNet is not to find it, and a masker's confidence.
+
+        Raises:
+            ValueError: if the photo or the mask is refused (see `estimate`).
+        """
+        image, alpha = photo_of(photo)
+        if mask is not None:
+            return image, mask_of(mask, *image.shape[:2]), None
+        if alpha is not None or self._masker is None:
+            return image, alpha, None
+        known = mask_of(self._masker(image), *image.shape[:2])
+        return image, known, cautions.confidence(known)
 
     def _find(
         self, images: list[np.ndarray], given: list[np.ndarray | None]
@@ -213,18 +271,39 @@ class Estimator:
             return np.empty((0, self._engine.size, self._engine.size, 1), np.float32)
         return self._engine.run(["mask"], {"image": seen})["mask"]
 
+    def _full_mask(
+        self, image: np.ndarray, square: Square, seen: np.ndarray, seen_mask: np.ndarray
+    ) -> np.ndarray:
+        """Return the mask of a square at the photo's size."""
+        if self._full_size:
+            return full_size.mask(image, square, seen, seen_mask)
+        return framing.paste(seen_mask, square, *image.shape[:2])
+
     def _material(
-        self, image: np.ndarray, mask: np.ndarray, square: Square, answer: dict[str, np.ndarray]
+        self,
+        image: np.ndarray,
+        mask: np.ndarray,
+        square: Square,
+        seen: np.ndarray,
+        seen_mask: np.ndarray,
+        answer: dict[str, np.ndarray],
     ) -> Material:
         """Return the material of one photo with the estimates that were asked for."""
         only = self._only
         fields: dict[str, Any] = {}
+
+        def placed(name: str) -> np.ndarray:
+            """Return a layer of the answer at the photo's size."""
+            if not self._full_size:
+                return framing.paste(answer[name], square, *image.shape[:2])
+            return full_size.radiance(image, square, seen, seen_mask, answer[name], mask)
+
         layers = {"mask": mask}
         for asked in filter(only.__contains__, NEEDED):
             if asked == "diffuse":
                 shading = layers.get("specular_shading")
                 if shading is None:
-                    shading = framing.paste(answer["specular_shading"], square, *image.shape[:2])
+                    shading = placed("specular_shading")
                 layers |= _recomposed(image, mask, shading, answer)
                 continue
             for name in NEEDED[asked]:
@@ -232,7 +311,7 @@ class Estimator:
                     # The sphere is not a part of the photo, so it keeps its own size.
                     layers[name] = answer[name]
                 elif OUTPUTS[name].layer == "photo" and name != "mask":
-                    layers[name] = framing.paste(answer[name], square, *image.shape[:2])
+                    layers[name] = placed(name)
         if "albedo" in only:
             fields["diffuse_albedo"] = answer["diffuse_albedo"]
             fields["specular_albedo"] = float(answer["specular_albedo"][0])
@@ -251,8 +330,16 @@ def _recomposed(
 ) -> dict[str, np.ndarray]:
     """Return the layers `diffuse`, the photo's diffuse part, and `recomposed`, Eq. 4 of the fit."""
     diffuse_albedo = answer["diffuse_albedo"]
-    specular = answer["specular_albedo"] * shading
-    diffuse = np.maximum(colour.srgb_to_linear(image_srgb) - specular, 0) * mask
-    # The D of a black material is NaN. It does not matter: m_d · D is 0 for every D.
-    shade = np.nan_to_num(compositing.diffuse_shading(diffuse, diffuse_albedo))
-    return {"diffuse": diffuse, "recomposed": shade * diffuse_albedo + specular * mask}
+    layers = {name: np.empty(image_srgb.shape, np.float32) for name in ("diffuse", "recomposed")}
+    # Row by row: a large photo's intermediate images would take more memory than its layers.
+    height = max(1, _PIXELS_AT_ONCE // mask.shape[1])
+    for top in range(0, len(mask), height):
+        part = slice(top, top + height)
+        specular = answer["specular_albedo"] * shading[part]
+        linear = colour.srgb_to_linear(image_srgb[part])
+        diffuse = np.maximum(linear - specular, 0) * mask[part]
+        # The D of a black material is NaN. It does not matter: m_d · D is 0 for every D.
+        shade = np.nan_to_num(compositing.diffuse_shading(diffuse, diffuse_albedo))
+        layers["diffuse"][part] = diffuse
+        layers["recomposed"][part] = shade * diffuse_albedo + specular * mask[part]
+    return layers

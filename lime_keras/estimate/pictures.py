@@ -8,6 +8,11 @@ from PIL import Image
 
 from lime_keras.io import photo
 
+_RANGE = (
+    "values are finite and in [0, 1]: divide 8-bit ones by 255 and 16-bit ones by 65535, or pass "
+    "8-bit ones as uint8"
+)
+
 Picture = str | Path | np.ndarray | Image.Image
 """A photo or a mask in one of the forms that `photo_of` and `mask_of` take."""
 
@@ -32,12 +37,11 @@ def photo_of(picture: Any) -> tuple[np.ndarray, np.ndarray | None]:
         return read
     image = _floats(picture)
     if image.ndim != 3 or image.shape[-1] != 3 or image.size == 0:
-        raise ValueError(f"a photo has shape (H, W, 3), got {image.shape}")
-    if not np.all((image >= 0) & (image <= 1)):
         raise ValueError(
-            "a photo's values are finite and in [0, 1]: divide 8-bit ones by 255, or pass them as "
-            "uint8"
+            f"a photo has shape (H, W, 3), got {image.shape}: repeat a grey channel three times; "
+            "of RGBA pass a PIL image, or the alpha channel as the mask"
         )
+    _check_range(image, "photo")
     return image, None
 
 
@@ -75,11 +79,7 @@ def mask_of(picture: Any, height: int, width: int) -> np.ndarray:
             f"a mask has its photo's shape, {(height, width)} or {(height, width, 1)}, got "
             f"{mask.shape}"
         )
-    if not np.all((mask >= 0) & (mask <= 1)):
-        raise ValueError(
-            "a mask's values are finite and in [0, 1]: divide 8-bit ones by 255, or pass them as "
-            "uint8"
-        )
+    _check_range(mask, "mask")
     return mask.reshape(height, width, 1)
 
 
@@ -91,7 +91,22 @@ def _read(picture: Any) -> tuple[np.ndarray, np.ndarray | None] | None:
 
 
 def _floats(values: Any) -> np.ndarray:
-    array = np.asarray(values)
+    try:
+        array = np.asarray(values)
+    except ValueError:  # rows of different lengths
+        array = np.asarray(None)
+    if array.dtype.kind not in "biuf":
+        raise ValueError(
+            f"a photo or a mask is a path, a PIL image or an array of numbers, got {type(values)}"
+        )
     if array.dtype == np.uint8:
         return array / np.float32(255)
+    if array.dtype == np.uint16:
+        # Whether 8, 10, 12 or 16 bits of it are used cannot be seen.
+        raise ValueError(f"values of uint16 have no known range; {_RANGE}")
     return np.asarray(array, np.float32)
+
+
+def _check_range(values: np.ndarray, what: str) -> None:
+    if not np.all((values >= 0) & (values <= 1)):
+        raise ValueError(f"a {what}'s {_RANGE}")

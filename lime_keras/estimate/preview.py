@@ -18,6 +18,9 @@ _MARGIN, _TITLE = 12, 24
 _PAPER, _INK = (250, 250, 251), (29, 36, 48)
 _BACKGROUND = 0.16
 """Linear radiance of the grey behind the sphere."""
+_CAUTION = (168, 72, 0)
+_LINE = 20
+"""Height of a line of warnings in pixels."""
 _OUTLINE = np.array([1.0, 0.25, 0.1], np.float32)
 _TITLES = {
     "photo": "photo and mask",
@@ -70,7 +73,7 @@ def _shaded(log_exponent: float, size: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def sheet(image_srgb: np.ndarray, material: Material) -> np.ndarray:
-    """Draw all parts of an estimate side by side, with its numbers below.
+    """Draw all parts of an estimate side by side, with its numbers and warnings below.
 
     Args:
         image_srgb: photo `(H, W, 3)`, sRGB in [0, 1].
@@ -79,7 +82,8 @@ def sheet(image_srgb: np.ndarray, material: Material) -> np.ndarray:
     Returns:
         Picture `(h, w, 3)` float32, sRGB in [0, 1].
     """
-    return _side_by_side(tiles(image_srgb, material), caption(material))
+    told = [caution.message for caution in material.warnings]
+    return _side_by_side(tiles(image_srgb, material), caption(material), told)
 
 
 def tiles(image_srgb: np.ndarray, material: Material) -> dict[str, np.ndarray]:
@@ -109,6 +113,12 @@ def tiles(image_srgb: np.ndarray, material: Material) -> dict[str, np.ndarray]:
     return shown
 
 
+def pictures_of(page: Image.Image) -> list[Image.Image]:
+    """Return the pictures on a page of `sheet`, from left to right, of 256 × 256 pixels each."""
+    lefts = range(_MARGIN, page.width - _TILE, _TILE + _MARGIN)
+    return [page.crop((left, _TITLE, left + _TILE, _TITLE + _TILE)) for left in lefts]
+
+
 def caption(material: Material) -> str:
     """Return the estimated numbers in one line of text."""
     parts = []
@@ -119,7 +129,10 @@ def caption(material: Material) -> str:
         parts.append(f"s {material.exponent:.3g}")
     if material.exponent_entropy is not None:
         parts.append(f"entropy {material.exponent_entropy:.1f} of 3 bits")
-    return "    ".join([*parts, f"covers {material.mask_coverage or 0:.0%}"])
+    parts.append(f"covers {material.mask_coverage or 0:.0%}")
+    if material.mask_confidence is not None:
+        parts.append(f"mask confidence {material.mask_confidence:.2f}")
+    return "    ".join(parts)
 
 
 def _with_outline(image_srgb: np.ndarray, material: Material) -> np.ndarray:
@@ -128,13 +141,19 @@ def _with_outline(image_srgb: np.ndarray, material: Material) -> np.ndarray:
     padded = np.pad(inside, 1, mode="edge")
     neighbours = [padded[1:-1, :-2], padded[1:-1, 2:], padded[:-2, 1:-1], padded[2:, 1:-1]]
     edge = inside & ~np.logical_and.reduce(neighbours)
-    photo = framing.cut(image_srgb, _square(material, image_srgb), _TILE)
+    photo = framing.cut(*_thinned(image_srgb, _square(material, image_srgb)), _TILE)
     return np.where(edge[..., None], _OUTLINE, photo)
 
 
 def _seen(layer: np.ndarray, material: Material) -> np.ndarray:
     """Return the square of a linear layer `(H, W, C)` that the networks saw, as a tile."""
-    return framing.cut_layer(layer, _square(material, layer), _TILE)
+    return framing.cut_layer(*_thinned(layer, _square(material, layer)), _TILE)
+
+
+def _thinned(image: np.ndarray, square: Square) -> tuple[np.ndarray, Square]:
+    """Return every n-th pixel of a large image, and its square; at least two are left per pixel."""
+    step = max(1, square.side // (2 * _TILE))
+    return image[::step, ::step], Square(*(edge // step for edge in square))
 
 
 def _square(material: Material, image: np.ndarray) -> Square:
@@ -145,9 +164,15 @@ def _enlarged(tile: np.ndarray) -> np.ndarray:
     return framing.cut(tile.astype(np.float32), framing.whole(*tile.shape[:2]), _TILE)
 
 
-def _side_by_side(tiles: dict[str, np.ndarray], numbers: str) -> np.ndarray:
+def _side_by_side(tiles: dict[str, np.ndarray], numbers: str, told: list[str]) -> np.ndarray:
     width = _MARGIN + len(tiles) * (_TILE + _MARGIN)
-    page = Image.new("RGB", (width, _TITLE + _TILE + 2 * _TITLE), _PAPER)
+    lines = [
+        ("! " if first else "  ") + line
+        for message in told
+        for first, line in _lines(message, width - 2 * _MARGIN)
+    ]
+    height = _TITLE + _TILE + 2 * _TITLE + len(lines) * _LINE
+    page = Image.new("RGB", (width, height), _PAPER)
     pen = ImageDraw.Draw(page)
     for index, (title, tile) in enumerate(tiles.items()):
         left = _MARGIN + index * (_TILE + _MARGIN)
@@ -155,7 +180,22 @@ def _side_by_side(tiles: dict[str, np.ndarray], numbers: str) -> np.ndarray:
         levels = np.round(np.clip(tile, 0, 1) * 255).astype(np.uint8)
         page.paste(Image.fromarray(levels), (left, _TITLE))
     pen.text((_MARGIN, _TITLE + _TILE + 8), numbers, fill=_INK, font=_font())
+    for index, line in enumerate(lines):
+        top = 2 * _TITLE + _TILE + 8 + index * _LINE
+        pen.text((_MARGIN, top), line, fill=_CAUTION, font=_font())
     return np.asarray(page, np.float32) / 255
+
+
+def _lines(text: str, width: int) -> list[tuple[bool, str]]:
+    """Return the lines of a text on a page, each with whether it is the first."""
+    lines: list[str] = []
+    for word in text.split():
+        longer = f"{lines[-1]} {word}" if lines else word
+        if lines and _font().getlength(f"! {longer}") <= width:
+            lines[-1] = longer
+        else:
+            lines.append(word)
+    return [(index == 0, line) for index, line in enumerate(lines)]
 
 
 @functools.cache

@@ -15,6 +15,7 @@ from lime_keras.export import formats, graphs, model_card, parity, quantisation
 from lime_keras.export.formats import SERVED
 from lime_keras.io import atomic, model_folder
 from lime_keras.networks import answers, assemble, weights
+from lime_keras.outputs import OUTPUTS
 from lime_keras.runtime import graph_folder
 from lime_keras.runtime.engine import OnnxEngine
 
@@ -80,7 +81,7 @@ def export(
     network = assemble(subnetworks, only)
     card = model_card.card(architecture, network, precision)
     images = _images(architecture.size, corpus)
-    path = target(folder, model_format, precision)
+    path = target(folder, model_format, precision, only)
     # Two estimators may export the same run at once.
     with atomic.replacing(path, shared=model_format == GRAPHS) as partial:
         if model_format == SAVED_MODEL:
@@ -106,20 +107,29 @@ def export(
     return differences
 
 
-def target(folder: Path, model_format: str, precision: str = "float32") -> Path:
+def target(
+    folder: Path,
+    model_format: str,
+    precision: str = "float32",
+    only: Collection[str] | None = None,
+) -> Path:
     """Return the path that `export` writes.
 
     It is an ONNX file, a SavedModel's folder inside a folder of versions, a folder of weights, or a
     folder of graphs. With weights, every command takes `folder` as its `--weights`; graphs are used
     where `folder` is the run that they were exported from.
+
+    What answers `only` some outputs is named after them, so it takes no other model's place.
     """
+    part = "" if only is None else "-" + "+".join(filter(set(only).__contains__, OUTPUTS))
     if model_format == SAVED_MODEL:
-        return folder / "saved_model" / _VERSION
+        return folder / f"saved_model{part}" / _VERSION
     if model_format == WEIGHTS:
         return folder / "model"
     if model_format == GRAPHS:
         return folder / "onnx"
-    return folder / ("lime.onnx" if precision == "float32" else f"lime-{precision}.onnx")
+    bits = "" if precision == "float32" else f"-{precision}"
+    return folder / f"lime{part}{bits}.onnx"
 
 
 def _check(

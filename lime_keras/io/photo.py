@@ -48,7 +48,7 @@ def read(path: str | Path) -> tuple[np.ndarray, np.ndarray | None]:
         pixels = colour.linear_to_srgb(np.clip(pixels, 0, 1))
     if alpha is not None:
         alpha = np.clip(alpha, 0, 1) if np.min(alpha) < 1 else None
-    return np.clip(pixels, 0, 1).astype(np.float32), alpha
+    return np.clip(pixels, 0, 1).astype(np.float32, copy=False), alpha
 
 
 def from_pil(image: "Image.Image") -> tuple[np.ndarray, np.ndarray | None]:
@@ -214,11 +214,12 @@ def _check_size(path: Path, width: int, height: int) -> None:
 
 
 def write(path: str | Path, image: np.ndarray) -> None:
-    """Write an image `(H, W, C)` of floats.
+    """Write an image `(H, W, C)` of floats, or of uint8.
 
     Args:
         path: path of the file. A `.exr` holds half floats; any other format holds 8 bits of [0, 1].
-        image: values to write as they are, without a change of colour space.
+        image: values to write as they are, without a change of colour space; uint8 stands for 0
+            to 1 in steps of 1/255.
 
     Raises:
         OSError: if the file cannot be written.
@@ -230,6 +231,7 @@ def write(path: str | Path, image: np.ndarray) -> None:
     # Level 4 takes half the time of the default level, for a tenth more bytes.
     spec.attribute("png:compressionLevel", 4)
     buffer = oiio.ImageBuf(spec)
-    buffer.set_pixels(oiio.ROI(), np.ascontiguousarray(image, np.float32))
+    dtype = np.uint8 if image.dtype == np.uint8 else np.float32
+    buffer.set_pixels(oiio.ROI(), np.ascontiguousarray(image, dtype))
     if not buffer.write(str(path)):
         raise OSError(f"{path} cannot be written: {buffer.geterror()}")

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from lime_keras.estimate import framing
+from lime_keras.estimate.cautions import NO_OBJECT
 from lime_keras.estimate.estimator import Estimator, View
 from lime_keras.lighting import guessed_normals, illumination
 from lime_keras.material import Material
@@ -86,7 +87,8 @@ class Session:
         fused = material_of(step.fused)
         if step.cut or np.isnan(step.fused).all():
             self._light.restart()
-        warnings = _warnings(material)
+        told = material.warnings if is_found(material) else (NO_OBJECT,)
+        warnings = [dataclasses.asdict(caution) for caution in told]
         arrays = {"mask": np.rint(255 * view.mask[..., 0]).astype(np.uint8)}
         for name in ("specular_shading", "mirror"):
             if name in material.layers:
@@ -95,7 +97,7 @@ class Session:
             try:
                 arrays["light"] = self._lit(view, material, image_srgb.shape, wanted.fusion)
             except ValueError as error:
-                warnings.append(f"The light could not be estimated: {error}.")
+                warnings.append({"code": "no-light", "message": f"no light was found: {error}"})
             watch.lap("light")
         numbers = {
             "found": step.found,
@@ -103,6 +105,7 @@ class Session:
             "size": len(view.mask),
             "square": view.square,
             "mask_coverage": view.coverage,
+            "mask_confidence": view.confidence,
             "material": _numbers(material, _NUMBERS) if material.layers else None,
             "fused": (_numbers(fused, _SHOWN) or None) if wanted.fusion else None,
             "ms": watch.laps(),
@@ -141,12 +144,6 @@ class _Watch:
     def laps(self) -> dict[str, float]:
         """Return the times by part, and their `total`."""
         return self._laps | {"total": round(1000 * (time.perf_counter() - self._begun), 1)}
-
-
-def _warnings(material: Material) -> list[str]:
-    if not is_found(material):
-        return ["No object was found: hold it nearer and before a calm background, or paint it."]
-    return []
 
 
 def _numbers(material: Material, names: tuple[str, ...]) -> dict[str, Any]:

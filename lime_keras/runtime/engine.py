@@ -74,12 +74,13 @@ class OnnxEngine:
         if name not in self._sessions:
             content = graph_folder.checked(self._folder, name, self._graphs[name])
             self._sessions[name] = onnxruntime.InferenceSession(
-                content, _options(), providers=["CPUExecutionProvider"]
+                content, session_options(), providers=["CPUExecutionProvider"]
             )
         return self._sessions[name]
 
 
-def _options() -> onnxruntime.SessionOptions:
+def session_options() -> onnxruntime.SessionOptions:
+    """Return the options of a session that runs beside others and gives its memory back."""
     options = onnxruntime.SessionOptions()
     # Each graph has threads of its own. Threads that wait for work by spinning would take the
     # processor from the next graph.

@@ -15,26 +15,30 @@ import itertools
 import math
 import sys
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 from tqdm import tqdm
 
+from lime_keras.estimate.cautions import NO_OBJECT
 from lime_keras.io.sources import is_camera
 from lime_keras.io.video_reader import Footage, Frame
 from lime_keras.io.video_writer import Movie
 from lime_keras.material import Material
+from lime_keras.video import scenes
 from lime_keras.video.overlay import draw
+from lime_keras.video.scenes import Scene
 from lime_keras.video.tracking import PARAMETERS, Step, Tracker, material_of
 
 COLUMNS = (
     *("frame", "time", "found", "cut", "coverage"),
     *PARAMETERS,
     *(f"fused_{name}" for name in PARAMETERS),
+    *("mask_confidence", "warnings"),
 )
-"""Columns of the table that `estimate_video` writes."""
+"""Columns of the table that `estimate_video` writes; warnings are codes with a space between."""
 
 
 class Estimates(Protocol):
@@ -53,11 +57,14 @@ class Summary:
         found: number of frames with an object.
         cuts: number of scene cuts.
         seconds: time from the first frame to the last, in seconds.
-        material: fused material at the end of the last scene with an object, without layers; every
-            number is None if no frame had an object.
+        material: fused material at the end of the last scene with an object, without layers, with
+            the warnings of that scene (`video.scene_cautions`); every number is None if no frame
+            had an object.
         remarks: messages for the user about the source (see `video_reader.Footage`).
         table: path of the CSV file.
         overlay: path of the video with outline and panel.
+        scenes: the scenes that have an object.
+        files: names of all files that were written.
     """
 
     frames: int
@@ -68,6 +75,14 @@ class Summary:
     remarks: tuple[str, ...]
     table: Path
     overlay: Path
+    scenes: tuple[Scene, ...]
+    files: tuple[str, ...]
+
+    def to_json(self) -> dict[str, object]:
+        """Return counts, the last fused material and all scenes, ready for `json.dumps`."""
+        counts = {"frames": self.frames, "found": self.found, "seconds": round(self.seconds, 6)}
+        listed = {"scenes": [scene.to_json() for scene in self.scenes]}
+        return counts | self.material.to_json() | listed
 
 
 def estimate_video(
@@ -75,13 +90,15 @@ def estimate_video(
 ) -> Summary:
     """Estimate every frame of a video, and write its table and overlay frame by frame.
 
+    At the end the fused material of each scene is written, too (`scenes.write`).
+
     Progress goes to standard error. Ctrl-C leaves both files valid. With a camera, Ctrl-C ends the
     video in the usual way; with a file, KeyboardInterrupt is raised again.
 
     Args:
         source: path of a video file, or name of a camera (see `video_reader.Footage`).
         estimator: estimator of single frames.
-        folder: folder for `NAME.csv` and `NAME-overlay.mp4`; made if it is missing.
+        folder: folder for `NAME.csv`, `NAME-overlay.mp4` and the materials; made if it is missing.
         name: NAME of the files.
         frames: largest number of frames to read; by default the video ends by itself or by Ctrl-C.
 
@@ -112,7 +129,7 @@ def estimate_video(
         except KeyboardInterrupt:
             if not is_camera(source):
                 raise
-        return run.summary(footage.remarks)
+        return run.summary(footage.remarks, scenes.write(folder, name, run.scenes.with_objects()))
 
 
 class _Run:
@@ -123,6 +140,7 @@ class _Run:
         self._frames = self._found = self._cuts = 0
         self._seconds = 0.0
         self._last = np.full(len(PARAMETERS), np.nan)
+        self.scenes = scenes.Scenes()
 
     def follow(self, pictures: Iterable[Frame], estimator: Estimates) -> None:
         """Estimate and fuse each frame, and write its row and picture."""
@@ -139,6 +157,7 @@ class _Run:
                 seen = material if step.found else Material(layers=material.layers)
                 picture = draw(frame.image_srgb, frame.time, status, seen, material_of(step.fused))
                 video.write(picture, frame.time)
+                self.scenes.add(frame, material, step)
                 self._count(frame, step)
 
     def _count(self, frame: Frame, step: Step) -> None:
@@ -149,17 +168,25 @@ class _Run:
         if np.isfinite(step.fused).any():
             self._last = step.fused
 
-    def summary(self, remarks: list[str]) -> Summary:
-        """Return the result so far."""
+    def summary(self, remarks: list[str], materials: list[str]) -> Summary:
+        """Return the result so far; `materials` are the names of the scenes' files."""
+        found = self.scenes.with_objects()
+        last = found[-1].material if found else Material(warnings=(NO_OBJECT,))
         return Summary(
             frames=self._frames,
             found=self._found,
             cuts=self._cuts,
             seconds=self._seconds,
-            material=material_of(self._last),
+            material=replace(
+                material_of(self._last),
+                mask_confidence=last.mask_confidence,
+                warnings=last.warnings,
+            ),
             remarks=tuple(remarks),
             table=self._paths[0],
             overlay=self._paths[1],
+            scenes=tuple(found),
+            files=(*(path.name for path in self._paths), *materials),
         )
 
 
@@ -170,3 +197,5 @@ def _row(number: int, seconds: float, material: Material, step: Step) -> Iterato
     for values in (step.estimate, step.fused):
         linear = [*values[:4], 10.0 ** values[4]]
         yield from ("" if math.isnan(value) else f"{value:.6g}" for value in linear)
+    yield "" if material.mask_confidence is None else f"{material.mask_confidence:.6g}"
+    yield " ".join(caution.code for caution in material.warnings)

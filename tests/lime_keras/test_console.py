@@ -2,6 +2,7 @@
 
 import argparse
 import functools
+import importlib
 import os
 import sys
 
@@ -55,6 +56,64 @@ def test_names_are_known():
     expected = "unknown: colour, masks; choose from mask, albedo, exponent"
     with pytest.raises(argparse.ArgumentTypeError, match=expected):
         parse("colour,mask,masks")
+
+
+def test_a_folder_to_write_to_need_not_exist(tmp_path):
+    for name in ("", "new", "new/deep", "v1.2", "run.2026"):
+        console.check_folder(tmp_path / name, "--out")
+    (tmp_path / "kept.json").mkdir()
+    console.check_folder(tmp_path / "kept.json", "--out")
+    assert [path.name for path in tmp_path.iterdir()] == ["kept.json"]
+
+
+@pytest.mark.parametrize("name", ["file", "file/in", "file/in/it", "link"])
+def test_a_file_is_no_folder_to_write_to(name, tmp_path):
+    (tmp_path / "file").write_text("kept")
+    (tmp_path / "link").symlink_to(tmp_path / "away")
+    named = tmp_path / name.partition("/")[0]
+    with pytest.raises(ValueError, match=f"{named} is a file, and --out is a folder: pass"):
+        console.check_folder(tmp_path / name, "--out")
+    assert (tmp_path / "file").read_text() == "kept"
+
+
+@pytest.mark.parametrize("name", ["result.json", "sheet.PNG", "new/lime.onnx"])
+def test_a_files_name_is_no_folders(name, tmp_path):
+    said = f"{tmp_path / name} is named like a file, and OUT is a folder: pass {tmp_path}"
+    with pytest.raises(ValueError, match=said):
+        console.check_folder(tmp_path / name, "OUT")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_that_cannot_be_written_to_is_told(tmp_path, monkeypatch):
+    # The user who runs the tests may write everywhere.
+    monkeypatch.setattr(os, "access", lambda path, mode: path != tmp_path)
+    with pytest.raises(ValueError, match=f"{tmp_path} cannot be written to: pass another"):
+        console.check_folder(tmp_path / "new", "--out")
+
+
+COMMANDS = {
+    "lime_keras.commands.estimate": ["{photo}", "--out", "{out}"],
+    "lime_keras.commands.export": ["{out}", "--format", "onnx"],
+    "lime_keras.train.cli": ["{photo}", "--out", "{out}", "--preset", "smoke"],
+    "lime_keras.eval.cli": ["--stability", "--out", "{out}"],
+    "lime_keras.render.cli": ["{out}", "--split", "test", "--count", "1"],
+}
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("out", ["photo.png", "result.json"])
+def test_every_command_refuses_a_file_for_its_folder(name, out, tmp_path, capsys, monkeypatch):
+    """Before it imports, reads or writes anything."""
+    (tmp_path / "photo.png").write_text("no photo")
+    places = {"photo": tmp_path / "photo.png", "out": tmp_path / out}
+    monkeypatch.setattr(console, "require", None)
+    monkeypatch.setattr(console, "import_tensorflow", None)
+    arguments = [argument.format(**places) for argument in COMMANDS[name]]
+    assert importlib.import_module(name).main(arguments) == 1
+    told = capsys.readouterr()
+    assert told.out == "" and told.err.startswith(f"error: {tmp_path / out} is ")
+    assert "is a folder: pass" in told.err and told.err.count("\n") == 1
+    assert (tmp_path / "photo.png").read_text() == "no photo"
 
 
 def test_a_bar_appears_with_the_first_news_and_ends_with_the_last(capsys):

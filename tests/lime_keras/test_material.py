@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from lime_keras import Material
+from lime_keras.material import Caution
 
 
 @pytest.fixture
@@ -31,12 +32,15 @@ def test_json_holds_every_number_and_no_layer(material):
         "exponent_bin_probabilities": [0.125] * 8,
         "mask_coverage": 0.0,
         "exponent_entropy": 3.0,
+        "warnings": [],
     }
+    told = dataclasses.replace(material, warnings=(Caution("too-dark", "light it"),))
+    assert told.to_json() == numbers | {"warnings": [{"code": "too-dark", "message": "light it"}]}
 
 
 def test_what_was_not_asked_for_is_left_out_and_zero_is_not(material):
-    assert Material().to_json() == {}
-    assert Material(mask_coverage=0.0).to_json() == {"mask_coverage": 0.0}
+    assert Material().to_json() == {"warnings": []}
+    assert Material(mask_coverage=0.0).to_json() == {"mask_coverage": 0.0, "warnings": []}
     partial = dataclasses.replace(material, exponent=None, diffuse_albedo=None)
     assert not {"exponent", "diffuse_albedo"} & set(partial.to_json())
 
@@ -45,7 +49,7 @@ def test_a_regressed_exponent_has_no_probabilities_in_json(material):
     regressed = dataclasses.replace(
         material, exponent_bin_probabilities=None, exponent_entropy=None
     )
-    numbers = {"diffuse_albedo", "specular_albedo", "exponent", "mask_coverage"}
+    numbers = {"diffuse_albedo", "specular_albedo", "exponent", "mask_coverage", "warnings"}
     assert set(regressed.to_json()) == numbers
 
 

@@ -10,6 +10,7 @@ import { Renderer, TABLE } from "./renderer.js";
 import { knot, sphere, teapot } from "./shapes.js";
 import { cameras, openCamera, openPhoto, openVideo } from "./source.js";
 import { drawLayer, View } from "./view.js";
+import { words } from "./warnings.js";
 
 const SHAPES = { sphere, teapot, knot };
 const PATIENT = 45; // ms that a whole frame may take before materials follow every third
@@ -109,8 +110,11 @@ function show(image, answer, round, wanted) {
     relight();
   }
   $("coverage").textContent = answer.found ? percent(answer.mask_coverage) : "no object";
-  $("warnings").replaceChildren(...answer.warnings.map((text) => element("li", text)));
-  $("warnings").hidden = !answer.warnings.length;
+  // A frame of the mask alone is judged by that alone.
+  if (seen || !answer.found) {
+    $("warnings").replaceChildren(...answer.warnings.map((warning) => element("li", words(warning))));
+    $("warnings").hidden = !answer.warnings.length;
+  }
   const drawing = performance.now() - begun;
   timing(answer.ms, round, drawing, wanted);
 }

@@ -16,6 +16,8 @@ from lime_keras.io.photo import read_srgb, write
 from lime_keras.networks import answers, weights
 from lime_keras.outputs import NEEDED, available
 
+GALLERY = {"index.html", "materials.csv"}
+
 
 def photo(shape, seed=0):
     return np.random.default_rng(seed).uniform(size=(*shape, 3)).astype(np.float32)
@@ -127,7 +129,7 @@ def test_only_what_is_asked_for_is_run_and_written(folder, tiny_model, tmp_path,
     arguments = (folder / "a.png", "--only", "mask")
     assert run(*arguments, weights_folder=tiny_model, out=tmp_path / "out") == 0
     written = {path.name for path in (tmp_path / "out").iterdir()}
-    assert written == {"a.json", "a-mask.png", "a-preview.png"}
+    assert written == {"a.json", "a-mask.png", "a-preview.png"} | GALLERY
     assert "(segmentation)" in capsys.readouterr().err
 
 
@@ -157,6 +159,121 @@ def test_a_folder_of_masks_has_one_for_each_photo(folder, tiny_model, tmp_path, 
     assert "is one file for 2 photos" in capsys.readouterr().err
 
 
+def masked(shape, left, right):
+    mask = np.zeros((*shape, 1))
+    mask[:, left:right] = 1
+    return mask
+
+
+def test_a_mask_beside_a_photo_is_its_mask(folder, tiny_model, tmp_path, capsys):
+    """Of photos in folders and of photos by name; it is no photo itself, and --mask comes first."""
+    write(folder / "a_mask.png", masked((40, 90), 10, 40))
+    for given in ([folder], [folder / "a.png", folder / "a_mask.png", folder / "b.png"]):
+        out = tmp_path / f"out{len(given)}"
+        assert run(*given, "--only", "mask", weights_folder=tiny_model, out=out) == 0
+        told = capsys.readouterr()
+        assert f"{folder / 'a_mask.png'} is taken as the mask of {folder / 'a.png'}" in told.err
+        assert {path.name for path in out.glob("*.json")} == {"a.json", "b.json"}
+        about = json.loads((out / "a.json").read_text())
+        assert about["mask_coverage"] == pytest.approx(1 / 3, rel=1e-5)
+        assert "mask_confidence" not in about
+        assert "mask_confidence" in json.loads((out / "b.json").read_text())
+    write(tmp_path / "mask.png", masked((40, 90), 0, 90))
+    arguments = (folder / "a.png", "--mask", tmp_path / "mask.png", "--only", "mask")
+    assert run(*arguments, weights_folder=tiny_model, out=tmp_path / "out") == 0
+    told = capsys.readouterr()
+    assert json.loads(told.out)["mask_coverage"] == 1 and "is taken as" not in told.err
+    assert run(folder / "a_mask.png", weights_folder=tiny_model, out=tmp_path / "none") == 1
+    told = capsys.readouterr().err
+    assert f"{folder / 'a_mask.png'} is the mask of {folder / 'a.png'}, not a photo" in told
+    assert not (tmp_path / "none").exists()
+
+
+@pytest.mark.parametrize(
+    ("mask", "told"),
+    [
+        (masked((40, 91), 0, 40), "91×40 pixels and its photo 90×40"),
+        (masked((40, 90), 0, 0), "is black, so it masks no object"),
+    ],
+)
+def test_a_mask_beside_a_photo_that_does_not_fit_is_told(mask, told, folder, tiny_model, capsys):
+    write(folder / "a_mask.png", mask)
+    out = folder / "out"
+    assert run(folder / "a.png", weights_folder=tiny_model, out=out) == 1
+    error = capsys.readouterr().err
+    assert f"error: {folder / 'a.png'}: {folder / 'a_mask.png'} " in error and told in error
+    assert not list(out.iterdir())
+
+
+def test_a_masker_finds_the_object(folder, tiny_model, tmp_path, capsys):
+    """It is taken where no mask is given; its family stands before a colon."""
+    from onnx import TensorProto, helper, save
+
+    weights_file = tmp_path / "left.onnx"
+    half = np.broadcast_to(np.arange(8) < 4, (1, 1, 8, 8)).astype(np.float32) * 0.9
+    made = helper.make_tensor("half", TensorProto.FLOAT, half.shape, half.ravel())
+    ends = [
+        [helper.make_tensor_value_info(name, TensorProto.FLOAT, [1, channels, 8, 8])]
+        for name, channels in (("image", 3), ("mask", 1))
+    ]
+    nodes = [helper.make_node("Constant", [], ["mask"], value=made)]
+    graph = helper.make_graph(nodes, "masker", *ends)
+    opset = [helper.make_opsetid("", 17)]
+    save(helper.make_model(graph, opset_imports=opset, ir_version=8), weights_file)
+    write(folder / "b_mask.png", masked((33, 20), 0, 20))
+    for text in (weights_file, f"isnet:{weights_file}"):
+        arguments = (folder, "--masker", text, "--only", "albedo")
+        assert run(*arguments, weights_folder=tiny_model, out=tmp_path / "out") == 0
+        assert "(specular, albedo)" in capsys.readouterr().err
+        first, second = (json.loads((tmp_path / "out" / f"{n}.json").read_text()) for n in "ab")
+        assert first["mask_coverage"] == pytest.approx(0.5, abs=0.05)
+        assert 0.8 < first["mask_confidence"] < 0.95
+        assert second["mask_coverage"] == 1 and "mask_confidence" not in second
+    for options, told in (
+        (["--masker", "none.onnx"], "none.onnx is no file: pass an ONNX file to --masker"),
+        (["--masker", weights_file, "--mask", folder / "a.png"], "both say where the object is"),
+    ):
+        arguments = (folder / "a.png", *options)
+        assert run(*arguments, weights_folder=tiny_model, out=tmp_path / "no") == 1
+        assert told in capsys.readouterr().err and not (tmp_path / "no").exists()
+
+
+@pytest.fixture
+def blind(monkeypatch):
+    """SegmentationNet finds nothing."""
+    monkeypatch.setattr(Estimator, "_masks", lambda self, seen: np.zeros((len(seen), 32, 32, 1)))
+
+
+def test_without_an_object_there_is_no_material(blind, folder, tiny_model, tmp_path, capsys):
+    write(folder / "b_mask.png", masked((33, 20), 0, 10))
+    out = tmp_path / "out"
+    assert run(folder, weights_folder=tiny_model, out=out) == 1
+    told = capsys.readouterr()
+    assert f"warning: {folder / 'a.png'}: no object was found" in told.err
+    assert "2 done, 0 failed, 1 without an object" in told.err
+    assert {path.name for path in out.glob("a*")} == {"a.json", "a-mask.png", "a-preview.png"}
+    assert (out / "b.gltf").is_file()
+    about = json.loads((out / "a.json").read_text())
+    assert set(about) == {"photo", "mask_coverage", "square", "warnings"}
+    assert [caution["code"] for caution in about["warnings"]] == ["no-object"]
+    # Nor is there a light, and this is not told as another failure.
+    arguments = (folder / "a.png", "--normals", folder / "b.png")
+    assert run(*arguments, weights_folder=tiny_model, out=out) == 1
+    assert "1 done, 0 failed, 1 without an object" in capsys.readouterr().err
+    assert not (out / "a-environment.exr").exists()
+
+
+def test_warnings_are_told_by_the_photo(folder, tiny_model, tmp_path, capsys):
+    write(folder / "a_mask.png", masked((40, 90), 0, 40))
+    arguments = (folder / "a.png", "--only", "mask")
+    assert run(*arguments, weights_folder=tiny_model, out=tmp_path / "out") == 0
+    told = capsys.readouterr()
+    about = json.loads(told.out)["warnings"]
+    assert [caution["code"] for caution in about] == ["few-pixels", "touches-frame"]
+    for caution in about:
+        assert f"warning: {folder / 'a.png'}: {caution['message']}" in told.err
+
+
 def test_a_cut_outs_transparency_is_its_mask(tiny_model, tmp_path, capsys):
     from PIL import Image
 
@@ -176,14 +293,15 @@ def test_the_command_writes_what_an_ablation_answers(ablation, ablation_model, t
     assert estimate_cli.main([*arguments, "--out", str(out)]) == 0
     material = Estimator(ablation_model).estimate(read_srgb(tmp_path / "ball.png"))
     written = json.loads((out / "ball.json").read_text(encoding="utf-8"))
-    assert written == {"photo": str(tmp_path / "ball.png")} | material.to_json()
     assert json.loads(capsys.readouterr().out) == written
+    del written["made"], written["files"]
+    assert written == {"photo": str(tmp_path / "ball.png")} | material.to_json()
     pictures = {f"ball-{name}.png" for name in [*material.layers, "preview"]}
     linear = [n for n in material.layers if n not in ("mask", "diffuse", "recomposed")]
     engines = {"ball.mtl", "ball.gltf", "ball-mitsuba.json"}
     assert {path.name for path in out.iterdir()} == pictures | engines | {"ball.json"} | {
         f"ball-{name}.exr" for name in linear
-    }
+    } | GALLERY
     for name in linear:
         image = oiio.ImageBuf(str(out / f"ball-{name}.exr")).get_pixels(oiio.FLOAT)
         np.testing.assert_allclose(image, material.layers[name], rtol=1e-3, atol=1e-3)
@@ -226,7 +344,8 @@ def alone(*arguments, light=()):
 
 
 def test_photos_and_videos_take_nothing_of_the_extras(folder, tmp_path):
-    clip = clips.write(tmp_path / "clip.mkv", clips.noise(2, (32, 32)))
+    write(folder / "a_mask.png", np.ones((40, 90, 1)))
+    clip = clips.write(tmp_path / "clip.mkv", np.stack([ball(64)] * 2))
     answer = alone(folder / "a.png", clip, "--out", tmp_path / "out")
     assert answer.returncode == 0, answer.stderr
     assert json.loads((tmp_path / "out" / "a.json").read_text())["specular_albedo"] >= 0
@@ -234,7 +353,17 @@ def test_photos_and_videos_take_nothing_of_the_extras(folder, tmp_path):
     assert (tmp_path / "out" / "clip-overlay.mp4").is_file()
 
 
+def ball(size):
+    """A lit ball before grey, uint8, which the model that comes with the package finds."""
+    rows, columns = (np.mgrid[:size, :size] + 0.5) / size * 2 - 1
+    depth = 1 - (rows**2 + columns**2) / 0.5
+    shade = 0.2 + 0.6 * np.sqrt(np.maximum(depth, 0)) * np.clip(0.8 - columns, 0, 1)
+    image = np.where(depth[..., None] > 0, shade[..., None] * [1.0, 0.6, 0.3], 0.45)
+    return (image * 255).astype(np.uint8)
+
+
 def test_a_photo_takes_no_video_library(folder, tmp_path):
+    write(folder / "a_mask.png", np.ones((40, 90, 1)))
     answer = alone(folder / "a.png", "--out", tmp_path / "out", light=["av", "pillow_heif"])
     assert answer.returncode == 0, answer.stderr
 
@@ -275,7 +404,8 @@ def test_the_engines_give_the_same_files(folder, tiny_model, tmp_path, capsys):
     assert names == {path.name for path in (tmp_path / "keras").iterdir()}
     one, other = (json.loads((tmp_path / e / "a.json").read_text()) for e in ("onnx", "keras"))
     assert one.keys() == other.keys()
-    for name in set(one) - {"photo"}:
+    assert [c["code"] for c in one["warnings"]] == [c["code"] for c in other["warnings"]]
+    for name in set(one) - {"photo", "warnings", "made", "files"}:
         np.testing.assert_allclose(one[name], other[name], rtol=1e-4, atol=1e-5)
     for name in filter(lambda name: name.endswith(".png"), names):
         first, second = (read_srgb(tmp_path / e / name) for e in ("onnx", "keras"))

@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from lime_keras import Estimator, Material
-from lime_keras.estimate import engines, framing
+from lime_keras.estimate import cautions, engines, framing
 from lime_keras.networks import assemble, build, weights
 from lime_keras.optics import colour, shininess
 from lime_keras.outputs import NEEDED
@@ -55,6 +55,7 @@ def check(material, shape):
     assert 0 <= material.exponent_entropy <= 3.0001
     numbers = json.loads(json.dumps(material.to_json(), allow_nan=False))
     assert set(numbers) == set(Material.__dataclass_fields__) - {"layers"}
+    assert 0.5 <= material.mask_confidence <= 1
 
 
 @pytest.mark.parametrize("shape", PHOTOS.values(), ids=PHOTOS)
@@ -200,9 +201,15 @@ def test_a_given_mask_is_not_looked_for(estimator, finder, tiny_model):
 
 
 def test_an_empty_mask_is_an_answer(estimator):
-    material = estimator.estimate(photo((20, 30)), np.zeros((20, 30)))
-    check(material, (20, 30))
-    assert material.mask_coverage == 0
+    check_nothing(estimator.estimate(photo((20, 30)), np.zeros((20, 30))), (20, 30))
+
+
+def check_nothing(material, shape):
+    """Nothing is estimated where no object was found, and the reason is told."""
+    assert material.mask_coverage == 0 and material.whole() is None
+    assert set(material.to_json()) == {"mask_coverage", "square", "warnings"}
+    assert {name: layer.shape for name, layer in material.layers.items()} == {"mask": (*shape, 1)}
+    assert material.warnings == (cautions.NO_OBJECT,)
 
 
 @pytest.mark.parametrize("shape", [(), (20,), (30, 20), (20, 30, 3), (1, 20, 30)])
@@ -229,6 +236,8 @@ def test_its_two_halves_give_the_same_numbers_with_layers_in_the_square(shape, m
     assert found.diffuse_albedo == pytest.approx(expected.diffuse_albedo, abs=1e-6)
     assert found.exponent == pytest.approx(expected.exponent)
     assert found.mask_coverage == pytest.approx(expected.mask_coverage, abs=0.03)
+    assert found.mask_confidence == pytest.approx(expected.mask_confidence)
+    assert found.warnings == expected.warnings != ()
     for name, layer in found.layers.items():
         assert layer.shape == (32, 32, LAYERS[name])
     pasted = framing.paste(found.layers["specular_shading"], view.square, *shape)
@@ -258,6 +267,7 @@ def test_several_photos_are_answered_as_one_by_one(estimator):
         next(estimator.estimate_many(images, [None]))
 
 
+ALWAYS = {"mask_coverage", "mask_confidence", "square", "warnings"}
 FIELDS = {
     "mask": (set(), {"mask"}),
     "specular": (set(), {"mask", "specular_shading"}),
@@ -278,7 +288,7 @@ def test_only_what_is_asked_for_is_run_and_answered(alone, estimator):
     name, alone = alone
     numbers, layers = FIELDS[name]
     material, whole = alone.estimate(photo((32, 32))), estimator.estimate(photo((32, 32)))
-    assert set(material.to_json()) == numbers | {"mask_coverage", "square"}
+    assert set(material.to_json()) == numbers | ALWAYS
     assert set(material.layers) == layers
     for layer in layers:
         np.testing.assert_allclose(material.layers[layer], whole.layers[layer], atol=1e-5)
@@ -316,9 +326,34 @@ def test_an_object_that_is_not_found_is_an_answer(tiny, tmp_path):
     subnetworks["segmentation"].get_layer("head").bias.assign([-100.0])
     weights.save(tmp_path, tiny, subnetworks)
     material = Estimator(tmp_path, engine="keras").estimate(photo((32, 32)))
-    check(material, (32, 32))
-    assert material.mask_coverage == 0
-    assert all((layer == 0).all() for layer in material.layers.values())
+    check_nothing(material, (32, 32))
+    assert (material.layers["mask"] == 0).all()
+
+
+def test_a_masker_takes_the_place_of_segmentation(tiny_model):
+    """Its mask is the given one, but may be doubted."""
+    mask = np.zeros((60, 80), np.float32)
+    mask[10:40, 30:60] = 0.9
+    seen = []
+
+    def masker(image):
+        seen.append(image)
+        return mask
+
+    alone = Estimator(tiny_model, masker=masker)
+    image, square = photo((60, 80)), np.ones((60, 80))
+    found, told = alone.estimate_many([image, image], [None, square])
+    assert len(seen) == 1 and seen[0].dtype == np.float32
+    np.testing.assert_array_equal(found.layers["mask"][..., 0], mask)
+    assert found.mask_confidence == pytest.approx(0.9) and told.mask_confidence is None
+    expected = Estimator(tiny_model).estimate(image, mask)
+    np.testing.assert_allclose(found.diffuse_albedo, expected.diffuse_albedo, rtol=1e-4)
+    assert found.square == expected.square and expected.mask_confidence is None
+    assert "segmentation" not in {*alone.subnetworks, *alone._engine._sessions}
+    with pytest.raises(ValueError, match="a mask has its photo's shape"):
+        Estimator(tiny_model, masker=lambda image: mask[:5]).estimate(image)
+    nothing = Estimator(tiny_model, masker=lambda image: 0.49 * np.ones((60, 80)))
+    check_nothing(nothing.estimate(image), (60, 80))
 
 
 # Refusals.
@@ -410,5 +445,5 @@ def test_an_ablations_exponent_alone(ablation, ablation_model):
     assert estimator._read == [output]
     numbers = {"exponent"} if regresses else FIELDS["exponent"][0]
     material = estimator.estimate(photo((32, 32)))
-    assert set(material.to_json()) == numbers | {"mask_coverage", "square"}
+    assert set(material.to_json()) == numbers | ALWAYS
     assert set(material.layers) == {"mask"}

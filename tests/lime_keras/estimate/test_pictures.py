@@ -107,9 +107,42 @@ def test_a_mask_of_another_size_is_refused(form):
         mask_of(form, 20, 30)
 
 
-@pytest.mark.parametrize("values", [np.full((8, 8, 3), 300, np.uint16), np.full((8, 8, 3), 1.5)])
+EIGHT = LEVELS[..., :3]
+
+
+@pytest.mark.parametrize(
+    "values",
+    [EIGHT.astype(np.float32), EIGHT.astype(int), EIGHT.tolist(), EIGHT * 257.0, EIGHT - 1.0],
+    ids=["floats", "integers", "lists", "16 bits", "negative"],
+)
 def test_other_ranges_are_refused_with_the_remedy(values):
-    with pytest.raises(ValueError, match=r"\[0, 1\].*255.*uint8"):
+    with pytest.raises(ValueError, match=r"\[0, 1\].*255.*65535.*uint8"):
         photo_of(values)
-    with pytest.raises(ValueError, match=r"\[0, 1\].*255.*uint8"):
-        mask_of(values[..., 0], 8, 8)
+    with pytest.raises(ValueError, match=r"\[0, 1\].*255.*65535.*uint8"):
+        mask_of(np.asarray(values)[..., 0], 20, 30)
+
+
+@pytest.mark.parametrize("level", [0, 1, 300, 65535])
+def test_sixteen_bits_are_never_guessed(level):
+    values = np.full((20, 30, 3), level, np.uint16)
+    for read in (lambda: photo_of(values), lambda: mask_of(values[..., 0], 20, 30)):
+        with pytest.raises(ValueError, match=r"uint16 have no known range.* 16-bit ones by 65535"):
+            read()
+    np.testing.assert_allclose(photo_of(values / 65535)[0], level / 65535, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "values", [EIGHT[..., 0], EIGHT[..., :1], LEVELS, EIGHT.transpose(2, 0, 1)]
+)
+def test_other_channels_are_refused_with_the_remedy(values):
+    with pytest.raises(ValueError, match=r"\(H, W, 3\), got .* grey channel .* as the mask"):
+        photo_of(values)
+
+
+@pytest.mark.parametrize(
+    "values", [None, object(), b"photo.png", EIGHT * 1j, [["a"]], [[1, 2], [3]], {"photo": 1}]
+)
+def test_what_is_no_picture_is_refused(values):
+    for read in (photo_of, lambda given: mask_of(given, 20, 30)):
+        with pytest.raises(ValueError, match="a path, a PIL image or an array of numbers, got <"):
+            read(values)

@@ -1,11 +1,13 @@
 """Pictures of estimates."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from lime_keras import Estimator
 from lime_keras.estimate import preview
-from lime_keras.material import Material
+from lime_keras.material import Caution, Material
 from lime_keras.optics import colour, shading, studio_light
 from lime_keras.optics.compositing import compose
 from lime_keras.optics.reflectance_map import disc
@@ -65,7 +67,30 @@ def test_all_layers_are_shown(tiny_model):
     found = preview.sheet(photo, Estimator(tiny_model).estimate(photo))
     assert found.shape[1] == 6 * 256 + 7 * 12
     only = preview.sheet(photo, Estimator(tiny_model, ["mask"]).estimate(photo))
-    assert only.shape[1] == 256 + 2 * 12 and only.shape[0] == found.shape[0]
+    assert only.shape[1] == 256 + 2 * 12
+
+
+def test_warnings_stand_below_the_numbers():
+    mask = np.zeros((64, 64, 1), np.float32)
+    mask[16:48, 16:48] = 1
+    photo, plain = np.zeros((64, 64, 3), np.float32), Material(layers={"mask": mask})
+    long = "a sentence that is too long for one line of so narrow a page, with its mend"
+    told = dataclasses.replace(plain, warnings=(Caution("a", "short"), Caution("b", long)))
+    before, after = preview.sheet(photo, plain), preview.sheet(photo, told)
+    numbers = 2 * 24 + 256
+    np.testing.assert_array_equal(after[:numbers], before[:numbers])
+    lines = (len(after) - len(before)) // 20
+    assert lines >= 3 and len(after) == len(before) + 20 * lines
+    reddish = after[numbers:, :, 0] - after[numbers:, :, 2] > 0.3
+    for line in range(lines):
+        assert reddish[8 + 20 * line : 28 + 20 * line].any()
+    assert not reddish[:, -12:].any() and not reddish[:, :12].any()
+
+
+def test_a_warning_longer_than_the_page_keeps_its_words():
+    for text in ("", "word", "many words " * 30, "w" * 300):
+        lines = [line for _, line in preview._lines(text, 200)]
+        assert " ".join(lines) == text.strip()
 
 
 def test_the_mask_is_outlined():
@@ -85,3 +110,5 @@ def test_the_caption_leaves_out_what_is_not_known():
     whole = material([0.1, 0.2, 0.3], 0.5, 123.4, exponent_entropy=1.0, mask_coverage=0.5)
     expected = "m_d 0.10 0.20 0.30    m_s 0.50    s 123    entropy 1.0 of 3 bits    covers 50%"
     assert preview.caption(whole) == expected
+    found = dataclasses.replace(whole, mask_confidence=0.914)
+    assert preview.caption(found) == f"{expected}    mask confidence 0.91"

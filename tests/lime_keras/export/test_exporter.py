@@ -22,9 +22,9 @@ ONE_IS_SLOW = (pytest.param("savedmodel", marks=pytest.mark.slow), "onnx")
 OF_LIME = set(OUTPUTS) - {"log_exponent", "reflectance_map"}
 
 
-def opened(folder, model_format, precision="float32"):
+def opened(folder, model_format, only=None):
     """What answers everything in an exported model."""
-    path = exporter.target(folder, model_format, precision)
+    path = exporter.target(folder, model_format, only=only)
     if model_format == "onnx":
         return formats.open_onnx(path)
     return formats.open_saved_model(path)[formats.SERVED]
@@ -92,7 +92,7 @@ def test_only_what_is_asked_for_is_exported(model_format, tiny_model, tmp_path, 
     only = ["mask", "specular_albedo"]
     differences = exporter.export(tmp_path, model_format, tiny_model, only)
     assert set(differences["extremes"]) == set(only)
-    found = opened(tmp_path, model_format)(fresh(2))
+    found = opened(tmp_path, model_format, only)(fresh(2))
     assert set(found) == set(only)
     for output, expected in network(fresh(2)).items():
         if output in only:
@@ -328,11 +328,9 @@ def stand_in(monkeypatch):
 
 
 def left_in(folder):
-    """What the one model in a folder, standing in, answers."""
-    [base] = folder.iterdir()
-    [path] = base.iterdir()
-    assert (base.name, path.name) == ("saved_model", "1")
-    return (path / "outputs").read_text(encoding="utf-8")
+    """What the models in a folder, standing in, answer, by the names of their folders."""
+    assert {path.name for base in folder.iterdir() for path in base.iterdir()} == {"1"}
+    return {base.name: (base / "1" / "outputs").read_text() for base in folder.iterdir()}
 
 
 def one_pixel(answer):
@@ -381,6 +379,8 @@ def test_a_refused_or_failing_export_leaves_the_last_good_one(
     stand_in(WRONG["a value"])
     with pytest.raises(parity.ParityError):
         exporter.export(tmp_path, "savedmodel", tiny_model, ["specular_albedo"])
+    with pytest.raises(parity.ParityError):
+        exporter.export(tmp_path, "savedmodel", tiny_model)
 
     def fails(network, path):
         path.write_text("half a model", encoding="utf-8")
@@ -388,16 +388,37 @@ def test_a_refused_or_failing_export_leaves_the_last_good_one(
 
     monkeypatch.setattr(formats, "write_saved_model", fails)
     with pytest.raises(RuntimeError, match="no space"):
-        exporter.export(tmp_path, "savedmodel", tiny_model)
-    assert left_in(tmp_path) == "mask"
+        exporter.export(tmp_path, "savedmodel", tiny_model, ["mask"])
+    assert left_in(tmp_path) == {"saved_model-mask": "mask"}
 
 
 def test_exporting_again_replaces_the_model(tiny_model, tmp_path, stand_in):
     stand_in(lambda answer: answer)
     (tmp_path / "saved_model" / "1").mkdir(parents=True)
     (tmp_path / "saved_model" / "partial-1").mkdir()
-    for only in ("mask", "specular_albedo"):
-        assert exporter.export(tmp_path, "savedmodel", tiny_model, [only]) == {
-            "extremes": {only: 0}
-        }
-        assert left_in(tmp_path) == only
+    everything = " ".join(answers(weights.load(tiny_model)[1]))
+    for _ in range(2):
+        exporter.export(tmp_path, "savedmodel", tiny_model)
+        assert left_in(tmp_path) == {"saved_model": everything}
+        (tmp_path / "saved_model" / "1" / "outputs").write_text("of before")
+
+
+def test_a_part_of_a_model_takes_the_place_of_no_other(tiny_model, tmp_path, stand_in):
+    stand_in(lambda answer: answer)
+    for only in (None, ["mask"], ["specular_albedo", "mask"]):
+        exporter.export(tmp_path, "savedmodel", tiny_model, only)
+    assert left_in(tmp_path) == {
+        "saved_model": " ".join(answers(weights.load(tiny_model)[1])),
+        "saved_model-mask": "mask",
+        "saved_model-mask+specular_albedo": "specular_albedo mask",
+    }
+    names = [
+        exporter.target(tmp_path, "onnx", precision, only).name
+        for precision in ("float32", "int8")
+        for only in (None, ["exponent_bin_probabilities", "mask"], ("mask", "mask"))
+    ]
+    assert names == [
+        *("lime.onnx", "lime-mask+exponent_bin_probabilities.onnx", "lime-mask.onnx"),
+        "lime-int8.onnx",
+        *("lime-mask+exponent_bin_probabilities-int8.onnx", "lime-mask-int8.onnx"),
+    ]

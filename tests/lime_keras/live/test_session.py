@@ -32,6 +32,7 @@ def test_one_frame_is_the_estimate_of_a_photo(estimator):
     assert numbers["material"]["exponent"] == pytest.approx(told["exponent"], rel=1e-4)
     assert tuple(numbers["square"]) == expected.square
     assert numbers["mask_coverage"] == pytest.approx(expected.mask_coverage, abs=0.01)
+    assert numbers["mask_confidence"] == pytest.approx(told["mask_confidence"], abs=1e-4)
     assert {name: array.shape for name, array in answer.arrays.items()} == {
         "mask": (128, 128),
         "specular_shading": (128, 128),
@@ -53,6 +54,16 @@ def test_the_light_is_that_of_the_photo_in_the_squares_own_pixels(estimator):
     assert np.mean(np.abs(found - expected)) < 0.1 * np.mean(expected)
 
 
+def test_the_warnings_are_those_of_the_photo(estimator):
+    corner = np.zeros(FRAME.shape[:2], np.uint8)
+    corner[:50, :60] = 255
+    answer = Session(estimator).answer(FRAME // 8, corner, Wanted(light=False))
+    expected = estimator.estimate(FRAME // 8, corner).to_json()["warnings"]
+    assert answer.numbers["warnings"] == expected
+    assert {warning["code"] for warning in expected} >= {"few-pixels", "touches-frame", "too-dark"}
+    assert answer.numbers["mask_confidence"] is None
+
+
 def test_only_what_is_wanted_is_estimated(estimator):
     answer = Session(estimator).answer(FRAME, None, Wanted(material=False, light=True))
     assert list(answer.arrays) == ["mask"] and answer.numbers["material"] is None
@@ -69,7 +80,7 @@ def test_a_painted_mask_is_taken(estimator):
     assert answer.numbers["mask_coverage"] == pytest.approx(share, rel=0.05)
     empty = Session(estimator).answer(FRAME, np.zeros_like(mask), Wanted())
     assert not empty.numbers["found"] and empty.numbers["material"] is None
-    assert "No object" in empty.numbers["warnings"][0]
+    assert [warning["code"] for warning in empty.numbers["warnings"]] == ["no-object"]
 
 
 def test_material_and_light_are_fused_until_a_cut(estimator):

@@ -1,14 +1,17 @@
 """From clips to tables and overlays: fusion, cuts, lost objects, interruptions."""
 
 import csv
+import dataclasses
 
 import clips
 import numpy as np
 import pytest
 
 from lime_keras import Estimator, Material
+from lime_keras.estimate.cautions import NO_OBJECT
 from lime_keras.io import video_reader
 from lime_keras.io.video_reader import Footage
+from lime_keras.material import Caution
 from lime_keras.video.estimate import estimate_video
 from lime_keras.video.fusion import Fusion
 from lime_keras.video.tracking import LOST_AFTER, PARAMETERS, parameters
@@ -116,9 +119,31 @@ def test_the_last_object_outlives_its_loss(tmp_path):
 
 def test_a_video_without_any_object(tmp_path):
     summary = run(tmp_path, scene(3, 0), [NOTHING] * 3)
-    assert (summary.frames, summary.found, summary.material.to_json()) == (3, 0, {})
+    assert (summary.frames, summary.found) == (3, 0)
+    assert summary.material == Material(warnings=(NO_OBJECT,))
     for row in rows(summary.table):
         assert np.isnan([*numbers(row), *numbers(row, "fused_")]).all()
+
+
+def test_a_frames_warnings_stand_in_its_line_and_a_scenes_in_the_summary(tmp_path):
+    """The scene's are those of most frames since the last cut."""
+    dark, parts = Caution("too-dark", "dark"), Caution("many-parts", "parts")
+    told = [(parts,), (parts,), (dark, parts), (dark,), ()]
+    made = [
+        dataclasses.replace(material(index), warnings=warnings, mask_confidence=0.5 + index / 10)
+        for index, warnings in enumerate(told)
+    ]
+    clip = np.concatenate([scene(2, 0), scene(3, 1)])
+    summary = run(tmp_path, clip, made)
+    written = rows(summary.table)
+    assert summary.cuts == 1
+    assert [row["warnings"] for row in written] == [
+        *("many-parts", "many-parts", "too-dark many-parts", "too-dark", "")
+    ]
+    confidences = [float(row["mask_confidence"]) for row in written]
+    np.testing.assert_allclose(confidences, 0.5 + np.arange(5) / 10)
+    assert [caution.code for caution in summary.material.warnings] == ["too-dark"]
+    assert summary.material.mask_confidence == pytest.approx(0.8)
 
 
 def test_one_frame(tmp_path):

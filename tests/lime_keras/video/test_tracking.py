@@ -34,7 +34,7 @@ def test_what_was_not_found_or_not_asked_for_is_nan():
     np.testing.assert_array_equal(parameters(only_albedo), [1, 1, 1, 0.5, np.nan])
     assert material_of(parameters(only_albedo)).exponent is None
     nothing = material_of(np.full(5, np.nan))
-    assert nothing.to_json() == {}
+    assert nothing.to_json() == {"warnings": []}
 
 
 def test_estimates_are_fused_and_held_while_the_object_is_lost():

@@ -10,8 +10,7 @@ import { Fusion, Tracker } from "./tracking.js";
 const BIN_WIDTH = 0.375; // Decades of s.
 const BLACK = 1e-4; // Squared length of m_d up to which its diffuse layer is only noise.
 const FOCAL = 1.2; // Focal length over the photo's longer side: `shading.ASSUMED_FOCAL`.
-const NOTHING =
-  "No object was found: hold it nearer and before a calm background, or paint it.";
+const NOTHING = { code: "no-object", message: "no object was found" };
 
 export class Session {
   /**
@@ -65,7 +64,7 @@ export class Session {
     let light = null;
     if (options.light && material) {
       const told = this.lit(view, inside, layers, image);
-      if (typeof told === "string") warnings.push(`The light could not be estimated: ${told}.`);
+      if (typeof told === "string") warnings.push({ code: "no-light", message: `no light was found: ${told}` });
       else light = options.fusion ? this.light.update(told) : told;
       lap("light");
     }

@@ -1,0 +1,203 @@
+"""The reasons to distrust an estimate, told from its photo and its mask, and the mask's confidence.
+
+The limits below were chosen by looking at 20 photographs, and at 64 rendered scenes of the training
+split as the camera model of training photographs them.
+"""
+
+import cc3d
+import numpy as np
+
+from lime_keras.estimate import framing
+from lime_keras.material import Caution
+from lime_keras.optics import colour
+
+CONFIDENT = 0.85
+"""Confidence from which a mask is trusted.
+
+Two of the rendered scenes stay below; their masks' true IoU is 0.21 and 0.48, where the median of
+all is 0.94. So do five of the photographs, four of which have parts of the object left out.
+"""
+SMALLEST_SHARE = 0.04
+"""Share of a photo from which a mask that was found is trusted.
+
+Of scenes shown ever smaller in a larger frame, one mask in six that covers less is wrong (IoU below
+0.7), and one in twenty that covers more. Often it is a part of the object.
+"""
+FEWEST_PIXELS = 64
+"""Length of an object in pixels from which it is trusted.
+
+A scene whose object is made shorter has a diffuse albedo off by 0.13 and more, and a shininess by
+0.12 decades and more, in the median: more than the networks' own errors on smooth objects.
+"""
+LARGEST_PART = 0.9
+"""Share of a mask from which its largest part counts as the whole.
+
+The rendered scene and the three photographs that stay below have parts of the object missing.
+"""
+ON_FRAME, NEAR_FRAME = 0.01, 1 / 128
+"""Share of the photo's outline that a mask may reach, and what counts as the outline, of its side.
+
+The networks see 128 pixels, and their masks keep clear of the last one. Half of the scenes of which
+a tenth is cut off reach more of the frame, and one in thirty of the whole ones.
+"""
+DARKEST = 0.05
+"""Linear luminance that a tenth of the object exceeds in a photo that shows its shading.
+
+The darkest rendered scene has 0.12. Three stops and more below that, the shininess is off by more
+than half a decade, and an 8-bit photo is left with a few dozen levels.
+"""
+CLIPPED = 0.15
+"""Share of the object that may be burnt out to white.
+
+It is 0.12 at most in the rendered scenes, and 0.06 in the photographs. Two stops above, where it is
+0.23 in the median, the specular albedo is off by 0.3.
+"""
+_WHITE = 254 / 255
+"""sRGB level of white; JPEG often leaves it one level below the highest."""
+_JUDGED = 100_000
+"""Number of pixels of the object, about, whose brightness is looked at."""
+
+NO_OBJECT = Caution(
+    "no-object",
+    "no object was found, so no material is estimated: pass a mask, or a photo that shows the "
+    "object larger",
+)
+
+
+def confidence(mask: np.ndarray) -> float | None:
+    """Return the IoU that a mask, cut at one half, is expected to have with the true mask.
+
+    With p the coverage, as the probability that a pixel is the object's, and T the pixels with p of
+    at least one half: Σ_T p / (|T| + Σ_{not T} p), the expected intersection over the expected
+    union. It is 1 where every p is 0 or 1. On the rendered scenes its rank correlation with the
+    true IoU is 0.86, that of the mean of |2 p − 1| over the uncertain pixels 0.26; it is 0.08 too
+    high in the mean.
+
+    Args:
+        mask: coverage `(H, W, 1)` in [0, 1].
+
+    Returns:
+        Confidence in [0, 1]; None if no pixel reaches one half.
+    """
+    inside = mask >= framing.THRESHOLD
+    count = int(np.count_nonzero(inside))
+    if not count:
+        return None
+    shared = float(np.sum(mask, where=inside, dtype=np.float64))
+    outside = float(np.sum(mask, where=~inside, dtype=np.float64))
+    return shared / (count + outside)
+
+
+def of(
+    image_srgb: np.ndarray, mask: np.ndarray, mask_confidence: float | None
+) -> tuple[Caution, ...]:
+    """Return the reasons to distrust an estimate.
+
+    Args:
+        image_srgb: photo `(H, W, 3)`, sRGB in [0, 1].
+        mask: coverage `(H, W, 1)` in [0, 1].
+        mask_confidence: confidence of a mask that was found; None if the mask was given, which is
+            then not doubted for being small.
+
+    Returns:
+        `NO_OBJECT` alone if the mask shows none; else, in this order, what is true of
+        `uncertain-mask`, `small-object`, `few-pixels`, `touches-frame`, `many-parts`, `too-dark`
+        and `clipped`.
+    """
+    inside = mask[..., 0] >= framing.THRESHOLD
+    if not inside.any():
+        return (NO_OBJECT,)
+    found = [*_of_a_shape(inside), *_of_brightness(image_srgb[inside])]
+    if mask_confidence is not None:
+        found = [*_of_a_search(float(inside.mean()), mask_confidence), *found]
+    return tuple(Caution(code, message) for code, message in found)
+
+
+def _of_a_search(share: float, mask_confidence: float) -> list[tuple[str, str]]:
+    found = []
+    if mask_confidence < CONFIDENT:
+        found.append(
+            (
+                "uncertain-mask",
+                f"the mask is uncertain (confidence {mask_confidence:.2f}), and so is what is read "
+                "inside it: look at its outline in the preview, and pass a mask if it is wrong",
+            )
+        )
+    if share < SMALLEST_SHARE:
+        found.append(
+            (
+                "small-object",
+                f"the mask covers {share:.1%} of the photo, and often so little is a part of the "
+                "object: take the photo from nearer, cut it around the object, or pass a mask",
+            )
+        )
+    return found
+
+
+def _of_a_shape(inside: np.ndarray) -> list[tuple[str, str]]:
+    found = []
+    extent = max(
+        int(lit[-1] - lit[0]) + 1
+        for lit in (np.flatnonzero(inside.any(axis=1)), np.flatnonzero(inside.any(axis=0)))
+    )
+    if extent < FEWEST_PIXELS:
+        found.append(
+            (
+                "few-pixels",
+                f"the object is {extent} pixels long, too few to show its gloss: pass a photo of "
+                "more pixels, or one from nearer",
+            )
+        )
+    # An object that fills the frame reaches it whatever the frame's size.
+    if _on_frame(inside) > ON_FRAME:
+        found.append(
+            (
+                "touches-frame",
+                "the mask reaches the frame of the photo, so a part of the object may be cut off: "
+                "take a photo with room around it",
+            )
+        )
+    parts = np.bincount(cc3d.connected_components(inside, connectivity=4).ravel())[1:]
+    largest = float(parts.max() / parts.sum())
+    if largest < LARGEST_PART:
+        found.append(
+            (
+                "many-parts",
+                f"the mask falls into parts, the largest {largest:.0%} of it, and all are taken "
+                "for one object of one material: pass a mask of that object",
+            )
+        )
+    return found
+
+
+def _on_frame(inside: np.ndarray) -> float:
+    """Return the share of the photo's outline that a mask `(H, W)` reaches."""
+    near = 1 + round(NEAR_FRAME * max(inside.shape))
+    edges = (inside[:near].any(0), inside[-near:].any(0))
+    sides = (inside[:, :near].any(1), inside[:, -near:].any(1))
+    return float(np.concatenate([*edges, *sides]).mean())
+
+
+def _of_brightness(pixels_srgb: np.ndarray) -> list[tuple[str, str]]:
+    """Return what is wrong with the brightness of an object's pixels `(N, 3)`."""
+    pixels = pixels_srgb[:: max(1, len(pixels_srgb) // _JUDGED)]
+    found = []
+    bright = float(np.quantile(colour.luminance(colour.srgb_to_linear(pixels)), 0.9))
+    if bright < DARKEST:
+        found.append(
+            (
+                "too-dark",
+                f"the object is nearly black: nine tenths of it are below {bright:.1%} of white; "
+                "expose the photo longer, or light the object",
+            )
+        )
+    white = float(np.mean(pixels.min(axis=-1) >= _WHITE))
+    if white > CLIPPED:
+        found.append(
+            (
+                "clipped",
+                f"{white:.0%} of the object is burnt out to white, where nothing of its colour and "
+                "gloss is left: expose the photo shorter",
+            )
+        )
+    return found

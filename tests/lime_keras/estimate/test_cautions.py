@@ -1,0 +1,160 @@
+"""The mask's confidence, and what is told of photos that are hard to estimate."""
+
+import numpy as np
+import pytest
+
+from lime_keras.estimate import cautions
+from lime_keras.optics import colour
+
+SIZE = 200
+
+
+def box(top, left, bottom, right, coverage=1.0, shape=(SIZE, SIZE)):
+    mask = np.zeros((*shape, 1), np.float32)
+    mask[top:bottom, left:right] = coverage
+    return mask
+
+
+GOOD = box(50, 40, 150, 160)
+GREY = np.full((SIZE, SIZE, 3), 0.5, np.float32)
+
+
+def codes(mask=GOOD, image=GREY, confidence=1.0):
+    return [caution.code for caution in cautions.of(image, mask, confidence)]
+
+
+def test_a_mask_of_zeros_and_ones_is_certain():
+    assert cautions.confidence(GOOD) == 1
+    assert cautions.confidence(np.ones((1, 1, 1), np.float32)) == 1
+    assert cautions.confidence(np.full((8, 8, 1), 0.5, np.float32)) == 0.5
+
+
+@pytest.mark.parametrize("coverage", [0.0, 1e-30, np.nextafter(np.float32(0.5), np.float32(0))])
+def test_a_mask_without_an_object_has_no_confidence(coverage):
+    assert cautions.confidence(np.full((8, 8, 1), coverage, np.float32)) is None
+
+
+@pytest.mark.parametrize("doubt", [0.02, 0.2, 0.45])
+def test_the_confidence_is_the_iou_that_is_expected(doubt):
+    """Against masks drawn from the coverage as probabilities; large, so that the means meet."""
+    draw = np.random.default_rng(0)
+    mask = np.clip(np.abs(GOOD - doubt * draw.uniform(size=GOOD.shape)), 0, 1).astype(np.float32)
+    cut = mask >= 0.5
+    ious = []
+    for _ in range(20):
+        true = draw.uniform(size=mask.shape) < mask
+        ious.append(np.sum(cut & true) / np.sum(cut | true))
+    assert cautions.confidence(mask) == pytest.approx(np.mean(ious), abs=0.004)
+
+
+def test_the_confidence_of_many_pixels_is_summed_in_full():
+    mask = np.full((3000, 2000, 1), 0.9, np.float32)
+    assert cautions.confidence(mask) == pytest.approx(0.9, rel=1e-6)
+
+
+def test_a_good_photo_is_not_doubted():
+    assert codes() == []
+    assert codes(confidence=None) == []
+
+
+def test_no_object_is_all_that_is_told():
+    black = np.zeros_like(GREY)
+    assert cautions.of(black, 0.49 * GOOD, None) == (cautions.NO_OBJECT,)
+    assert cautions.of(black, 0 * GOOD, 0.1) == (cautions.NO_OBJECT,)
+
+
+DOUBTED = {
+    "uncertain-mask": {"confidence": 0.849},
+    "small-object": {"mask": box(80, 80, 102, 150)},
+    "few-pixels": {"mask": box(80, 80, 143, 143)},
+    "touches-frame": {"mask": box(50, 40, 200, 160)},
+    "many-parts": {"mask": GOOD + box(0, 30, 40, 100)},
+    "too-dark": {"image": np.full_like(GREY, 0.2)},
+    "clipped": {"image": np.where(np.arange(SIZE)[:, None, None] < 70, 1, GREY)},
+}
+
+
+@pytest.mark.parametrize("code", DOUBTED)
+def test_each_doubt_is_told_with_its_mend(code):
+    assert code in codes(**DOUBTED[code])
+    given = {"image": GREY, "mask": GOOD, "confidence": 1.0} | DOUBTED[code]
+    told = cautions.of(given["image"], given["mask"], given["confidence"])
+    message = {caution.code: caution.message for caution in told}[code]
+    assert any(mend in message for mend in ("pass a", "take a photo", "expose the photo"))
+    assert not message[0].isupper() and not message.endswith(".")
+
+
+BARELY = {
+    "uncertain-mask": {"confidence": 0.85},
+    "small-object": {"mask": box(80, 60, 101, 140)},
+    "few-pixels": {"mask": box(80, 80, 144, 144)},
+    "touches-frame": {"mask": box(50, 40, 197, 160)},
+    "many-parts": {"mask": GOOD + box(20, 30, 40, 90)},
+    "too-dark": {"image": np.full_like(GREY, 0.26)},
+    "clipped": {"image": np.where(np.arange(SIZE)[:, None, None] < 64, 1, GREY)},
+}
+
+
+@pytest.mark.parametrize("code", BARELY)
+def test_up_to_the_limit_nothing_is_told(code):
+    assert codes(**BARELY[code]) == []
+
+
+def test_a_given_mask_is_not_doubted_for_being_small():
+    assert codes(box(80, 80, 102, 150), confidence=None) == []
+
+
+def test_a_tip_may_reach_the_frame():
+    assert codes(GOOD + box(0, 100, 60, 107)) == []
+    assert codes(GOOD + box(0, 100, 60, 110)) == ["touches-frame"]
+
+
+@pytest.mark.parametrize("side", range(4))
+def test_every_side_is_looked_at(side):
+    mask = np.rot90(box(20, 0, 100, 100), side)
+    assert codes(mask) == ["touches-frame"]
+
+
+@pytest.mark.parametrize(("size", "near"), [(200, 3), (800, 7)])
+def test_the_frame_is_as_thick_as_a_pixel_that_the_networks_see(size, near):
+    image, half = np.full((size, size, 3), 0.5, np.float32), size // 2
+    for top, told in ((near - 1, ["touches-frame"]), (near, [])):
+        mask = box(top, size // 4, half, half, shape=(size, size))
+        assert codes(mask, image) == told
+
+
+def test_only_the_object_is_judged_by_its_brightness():
+    for outside in (0.0, 1.0):
+        assert codes(image=np.where(GOOD > 0, GREY, np.float32(outside))) == []
+
+
+def test_a_colour_that_is_clipped_in_one_channel_is_no_white():
+    assert codes(image=np.where(np.arange(3) == 0, np.float32(1), GREY)) == []
+    levels = np.round(GREY * 0 + 254) / np.float32(255)
+    assert codes(image=levels) == ["clipped"]
+
+
+def test_many_pixels_are_judged_as_few():
+    """By every so many of them: the share of white stays."""
+    image = np.full((900, 900, 3), 0.5, np.float32)
+    image[300:420, 300:600] = 1
+    mask = box(200, 200, 700, 700, shape=(900, 900))
+    clipped = 120 * 300 / 500**2
+    assert clipped < cautions.CLIPPED and codes(mask, image) == []
+    image[300:450, 300:600] = 1
+    assert codes(mask, image) == ["clipped"]
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 500), (500, 1), (16, 16)])
+def test_photos_of_every_shape_are_judged(shape):
+    told = codes(np.ones((*shape, 1), np.float32), np.full((*shape, 3), 0.5, np.float32))
+    assert "touches-frame" in told and "no-object" not in told
+
+
+def test_the_darkest_is_a_luminance():
+    """Ten shares of the object, nine of which are black."""
+    limit = colour.linear_to_srgb(cautions.DARKEST)
+    for factor, told in ((0.9, ["too-dark"]), (1.1, [])):
+        columns = np.arange(SIZE)[:, None] % 2 > 0
+        image = np.where(columns, np.float32(limit * factor), np.float32(0))
+        assert codes(image=np.broadcast_to(image[..., None], GREY.shape)) == told
