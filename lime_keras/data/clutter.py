@@ -13,6 +13,8 @@ _ACCOMPANIED = 0.4
 """Share of the scenes that show another object behind theirs."""
 _LARGEST = 0.5
 """Largest visible part of another object, in areas of the scene's own object."""
+_BRIGHTEST = 3.0
+"""Largest factor from the object's shading to a print's, sRGB."""
 _CELLS = (2, 24)
 """Smallest and largest number of cells of the noise along an image that prints are cut from."""
 _SHARPNESS = 12.0
@@ -24,8 +26,8 @@ def add(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Put clutter into a batch of images.
 
-    A print multiplies the object's pixels by a tint, so it darkens them and never clips. The object
-    of the next example in the batch, shifted, is pasted behind the scene's own.
+    A print has a colour of its own and the object's shading, brighter or darker. The object of the
+    next example in the batch, shifted, is pasted behind the scene's own.
 
     Args:
         images: `(B, S, S, 3)` sRGB in [0, 1].
@@ -57,11 +59,14 @@ def add(
 
 def _printed(image: np.ndarray, mask: np.ndarray, generator: np.random.Generator) -> np.ndarray:
     """Return an image `(S, S, 3)` whose object bears one to three prints."""
-    factor = np.ones_like(image)
+    shade = image.max(axis=-1, keepdims=True)
+    out = image
     for _ in range(generator.integers(1, 4)):
-        tint = generator.uniform(0.1, 1.0, 3).astype(np.float32)
-        factor *= 1 - _pattern(len(image), generator) * (1 - tint)
-    return image * (1 - mask * (1 - factor))
+        gain = np.exp(generator.uniform(0, np.log(_BRIGHTEST)))
+        colour = generator.uniform(0, 1, 3).astype(np.float32)
+        painted = np.minimum(shade * np.float32(gain), 1) * colour
+        out = out + mask * _pattern(len(image), generator) * (painted - out)
+    return out
 
 
 def _pattern(size: int, generator: np.random.Generator) -> np.ndarray:
