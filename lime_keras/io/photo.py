@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import OpenImageIO as oiio
 
+from lime_keras.io import atomic
 from lime_keras.optics import colour
 
 if TYPE_CHECKING:
@@ -21,6 +22,8 @@ SMALLEST = 16
 _HEIF = (".heic", ".heif", ".hif")
 _LINEAR_FORMATS = ("openexr", "hdr")
 _LINEAR_SPACES = ("lin", "scene_linear")
+_BAND = 256
+"""Rows of a picture that are converted at a time."""
 
 
 def read(path: str | Path) -> tuple[np.ndarray, np.ndarray | None]:
@@ -213,23 +216,72 @@ def _check_size(path: Path, width: int, height: int) -> None:
         )
 
 
-def write(path: str | Path, image: np.ndarray) -> None:
-    """Write an image `(H, W, C)` of floats.
+def write(path: str | Path, image: np.ndarray, *, shared: bool = False) -> None:
+    """Write an image `(H, W, C)` of floats, completely or not at all.
+
+    The same image always gives the same bytes.
 
     Args:
         path: path of the file. A `.exr` holds half floats; any other format holds 8 bits of [0, 1].
-        image: values to write as they are, without a change of colour space.
+        image: values to write as they are, without a change of colour space; NaN becomes 0 in a
+            format of 8 bits.
+        shared: whether several processes may write `path` at once (see `atomic.replacing`).
 
     Raises:
         OSError: if the file cannot be written.
+        ValueError: if the suffix is of no format that can be written.
     """
     path = Path(path)
-    height, width, channels = image.shape
-    kind = oiio.HALF if path.suffix == ".exr" else oiio.UINT8
-    spec = oiio.ImageSpec(width, height, channels, kind)
+    if path.suffix.lower() == ".exr":
+        _write_exr(path, image, shared)
+    else:
+        atomic.write(path, _encoded(path, image), shared=shared)
+
+
+def check_written(path: Path, written: Path) -> None:
+    """Raise OSError if a picture that OpenImageIO has written cannot be read to its end.
+
+    The library does not see that the last bytes of a file found no room.
+
+    Args:
+        path: path of the picture, for the message.
+        written: path where it was written.
+    """
+    picture = oiio.ImageBuf(str(written))
+    if not picture.read(force=True):
+        picture.geterror()  # fetched, as it would be printed otherwise
+        raise OSError(
+            f"{path} cannot be written: it ends too early; make room, or pass another folder"
+        )
+
+
+def _encoded(path: Path, image: np.ndarray) -> bytes:
+    """Return the content of a file of 8 bits, in the format of the path's suffix."""
+    from PIL import Image
+
+    kind = Image.registered_extensions().get(path.suffix.lower())
+    if kind is None:
+        raise ValueError(f"{path} has no suffix of a picture: call it .png")
+    # Rounded in bands: floats of the whole picture would take four times its memory.
+    levels = np.empty(image.shape, np.uint8)
+    for top in range(0, len(image), _BAND):
+        band = np.nan_to_num(np.asarray(image[top : top + _BAND], np.float32), nan=0)
+        levels[top : top + _BAND] = np.clip(band, 0, 1) * np.float32(255) + np.float32(0.5)
+    out = io.BytesIO()
     # Level 4 takes half the time of the default level, for a tenth more bytes.
-    spec.attribute("png:compressionLevel", 4)
+    options = {"compress_level": 4} if kind == "PNG" else {}
+    Image.fromarray(levels[..., 0] if levels.shape[-1] == 1 else levels).save(out, kind, **options)
+    return out.getvalue()
+
+
+def _write_exr(path: Path, image: np.ndarray, shared: bool) -> None:
+    height, width, channels = image.shape
+    spec = oiio.ImageSpec(width, height, channels, oiio.HALF)
+    spec.attribute("DateTime", "")  # else the time of writing is put in
     buffer = oiio.ImageBuf(spec)
     buffer.set_pixels(oiio.ROI(), np.ascontiguousarray(image, np.float32))
-    if not buffer.write(str(path)):
-        raise OSError(f"{path} cannot be written: {buffer.geterror()}")
+    with atomic.replacing(path, shared=shared) as partial:
+        if not buffer.write(str(partial)):
+            reason = buffer.geterror().replace(str(partial), str(path))
+            raise OSError(f"{path} cannot be written: {reason}; make room, or pass another folder")
+        check_written(path, partial)

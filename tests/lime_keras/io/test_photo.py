@@ -1,7 +1,9 @@
 """Pictures of every format in and out, and files that are none."""
 
 import struct
+import time
 
+import full_disk
 import numpy as np
 import OpenImageIO as oiio
 import pillow_heif
@@ -334,6 +336,49 @@ def test_png_clips_and_exr_keeps_radiance(tmp_path):
 
 @pytest.mark.parametrize("suffix", ["png", "exr"])
 def test_where_nothing_can_be_written_is_named(tmp_path, suffix):
+    (tmp_path / "none").touch()
     path = tmp_path / "none" / f"out.{suffix}"
     with pytest.raises(OSError, match=rf"out\.{suffix} cannot be written"):
         photo.write(path, noise())
+
+
+@pytest.mark.parametrize("suffix", ["png", "exr", "tif"])
+def test_a_picture_is_whole_or_not_there_wherever_the_disk_ends(tmp_path, suffix):
+    path, image = tmp_path / f"out.{suffix}", noise()
+    photo.write(path, image)
+    whole = path.read_bytes()
+    for count in (0, 1, 100, len(whole) // 2, len(whole) - 100, len(whole) - 1):
+        path.unlink()
+        with (
+            pytest.raises(OSError, match=rf"out\.{suffix} cannot be written: .*; "),
+            full_disk.files_end_after(count),
+        ):
+            photo.write(path, image)
+        assert not list(tmp_path.iterdir())
+        path.write_bytes(b"earlier")
+        with pytest.raises(OSError), full_disk.files_end_after(count):
+            photo.write(path, image)
+        assert path.read_bytes() == b"earlier" and len(list(tmp_path.iterdir())) == 1
+    with full_disk.files_end_after(len(whole)):
+        photo.write(path, image)
+    assert path.read_bytes() == whole
+
+
+@pytest.mark.parametrize("suffix", ["png", "exr"])
+def test_one_image_has_one_file_whenever_it_is_written(tmp_path, suffix):
+    path = tmp_path / f"out.{suffix}"
+    photo.write(path, noise())
+    earlier = path.read_bytes()
+    time.sleep(1.1)  # what tells the second of its writing would differ
+    photo.write(path, noise())
+    assert path.read_bytes() == earlier
+
+
+def test_a_format_that_cannot_be_written_is_named(tmp_path):
+    with pytest.raises(ValueError, match=r"out\.txt has no suffix of a picture: call it \.png"):
+        photo.write(tmp_path / "out.txt", noise())
+
+
+def test_nan_is_written_as_black(tmp_path):
+    photo.write(tmp_path / "out.png", np.full((16, 16, 1), np.nan))
+    assert photo.read_srgb(tmp_path / "out.png").max() == 0
