@@ -40,7 +40,7 @@ def write(folder: Path, name: str, source: Path, image_srgb: np.ndarray, materia
         atomic.write(folder / f"{name}.mtl", interchange.wavefront(material, name))
         atomic.write(folder / f"{name}.gltf", interchange.gltf(material, name))
         atomic.write(folder / f"{name}-mitsuba.json", scene + "\n")
-    numbers = json.dumps({"photo": str(source)} | material.to_json(), indent=1)
+    numbers = json.dumps({"photo": str(source)} | material.to_json(), indent=1, allow_nan=False)
     atomic.write(folder / f"{name}.json", numbers + "\n")
     return numbers
 
