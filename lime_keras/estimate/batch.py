@@ -2,6 +2,7 @@
 
 import sys
 import time
+import warnings
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -95,7 +96,7 @@ class Batch:
             begun = time.perf_counter()
             try:
                 image, mask, alpha = self._read(path)
-            except (ValueError, OSError) as error:
+            except (ValueError, OSError, MemoryError) as error:
                 self._tell_failure(path, error)
                 continue
             finally:
@@ -112,8 +113,15 @@ class Batch:
             yield batch
 
     def _read(self, path: Path) -> tuple[np.ndarray, np.ndarray | None, np.ndarray | None]:
-        """Read a photo, its mask and its transparency, each None if it has none."""
-        image, alpha = photo.read(path)
+        """Read a photo, its mask and its transparency, each None if it has none.
+
+        What the photo's reader warns of is told.
+        """
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always", UserWarning)
+            image, alpha = photo.read(path)
+        for warning in told:
+            tqdm.write(f"warning: {warning.message}", file=sys.stderr)
         own = mask_beside(path) if self._masks is None else _belonging(path, self._masks)
         if own is None:
             # Without a file of its own, the mask is the photo's transparency.
