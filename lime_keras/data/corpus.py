@@ -1,10 +1,11 @@
 """A corpus on disk: `CORPUS/SPLIT/{00000.tfrecord, …, manifest.json}`, read through a `Split`."""
 
 import functools
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+from lime_keras.io import incoming
 
 SPLITS = ("train", "test")
 
@@ -63,7 +64,7 @@ class Split:
                 "renders the split, or completes it where it was interrupted"
             )
         try:
-            return json.loads(path.read_text(encoding="utf-8"))
+            return incoming.read_json(path)
         except ValueError as error:
             raise ValueError(
                 f"{path} is broken ({error}): delete it and run the same `lime-render` command "

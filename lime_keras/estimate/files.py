@@ -1,6 +1,7 @@
 """The files of the estimate of one photo."""
 
 import json
+import os
 from collections.abc import Collection
 from pathlib import Path
 
@@ -11,6 +12,9 @@ from lime_keras.io import atomic, photo
 from lime_keras.material import Material
 from lime_keras.optics import colour
 from lime_keras.outputs import OUTPUTS
+
+_LONGEST = 200
+"""Largest number of bytes of a stem: a file's name has at most 255."""
 
 
 def write(folder: Path, name: str, source: Path, image_srgb: np.ndarray, material: Material) -> str:
@@ -53,12 +57,18 @@ def remark(material: Material) -> str | None:
 
 
 def distinct_names(sources: Collection[Path]) -> list[str]:
-    """Return a file stem for each source; sources of the same stem are numbered from 2."""
+    """Return a file stem for each source; sources of the same stem are numbered from 2.
+
+    Stems so long that a layer's file could not be named after them are cut.
+    """
     names: list[str] = []
     for path in sources:
-        name, number = path.stem, 2
+        stem = path.stem
+        while len(os.fsencode(stem)) > _LONGEST:
+            stem = stem[:-1]
+        name, number = stem, 2
         while name in names:
-            name, number = f"{path.stem}-{number}", number + 1
+            name, number = f"{stem}-{number}", number + 1
         names.append(name)
     return names
 

@@ -80,8 +80,9 @@ def files(run: Path) -> list[Path]:
     """
     model = folder(run)
     check_present(model, model / ARCHITECTURE)
+    weights = [path for path in sorted(model.rglob(f"*{WEIGHTS}")) if path.is_file()]
     held = sorted(graphs(run).glob("*.onnx")) if in_graphs(run) else []
-    return [model / ARCHITECTURE, *sorted(model.rglob(f"*{WEIGHTS}")), *held]
+    return [model / ARCHITECTURE, *weights, *(path for path in held if path.is_file())]
 
 
 def digest(run: Path) -> str:

@@ -18,7 +18,7 @@ import h5py
 import keras
 import numpy as np
 
-from lime_keras.io import atomic
+from lime_keras.io import atomic, incoming
 from lime_keras.io.model_folder import (
     ALONE,
     ARCHITECTURE,
@@ -152,7 +152,7 @@ def _architecture(model: Path) -> Architecture:
     description = model / ARCHITECTURE
     check_present(model, description)
     try:
-        return Architecture(**json.loads(description.read_text(encoding="utf-8")))
+        return Architecture(**incoming.read_json(description))
     except (TypeError, ValueError) as error:
         raise ValueError(f"{description} is not of this version: {error}; train again") from error
 

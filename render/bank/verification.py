@@ -5,13 +5,13 @@ all faults.
 """
 
 import hashlib
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from lime_keras.io import incoming
 from lime_keras.optics import octahedral
 from lime_keras.optics.shading import view_directions
 from lime_keras.synthesis import bank, geometry
@@ -177,6 +177,6 @@ def _faults(
 def _read_json(path: Path) -> Any:
     """Return the content of a JSON file; None if the file is missing or broken."""
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except (FileNotFoundError, ValueError):
+        return incoming.read_json(path)
+    except ValueError:
         return None

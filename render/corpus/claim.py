@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from lime_keras.io import atomic
+from lime_keras.io import atomic, incoming
 
 
 @contextlib.contextmanager
@@ -44,8 +44,8 @@ def held(path: Path) -> dict[str, Any] | None:
     if not path.is_file():
         return None
     try:
-        return dict(json.loads(path.read_text(encoding="utf-8")))
-    except (TypeError, ValueError) as error:
+        return incoming.read_json(path)
+    except ValueError as error:
         raise ValueError(
             f"{path} is broken ({error}): remove {path.parent} to render anew"
         ) from error

@@ -6,7 +6,6 @@ goes on after a fault and reports all faults.
 
 import collections
 import hashlib
-import json
 import math
 import os
 from collections.abc import Callable, Iterator
@@ -18,6 +17,7 @@ import tensorflow as tf
 
 from lime_keras.data import records
 from lime_keras.data.corpus import SPLITS, Split
+from lime_keras.io import incoming
 
 from . import record_checks
 from .faults import Faults
@@ -256,6 +256,6 @@ def _gather(checked: Future, path: Path, indices: range, record: int, faults: Fa
 def _read_json(path: Path) -> Any:
     """Return the content of a JSON file; None if the file is missing or broken."""
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except (FileNotFoundError, ValueError):
+        return incoming.read_json(path)
+    except ValueError:
         return None

@@ -72,7 +72,8 @@ def test_a_missing_shard_is_named(tmp_path):
     ("content", "message"),
     [
         ("{", "is broken .*delete it"),
-        ("[]", "is no manifest"),
+        ("[]", "is broken .*delete it"),
+        ("[" * 100_000, "is broken .*nested too deeply.*delete it"),
         ("{}", "is no manifest"),
         ('{"shards": "two"}', "is no manifest"),
         ('{"shards": 1, "description": []}', "is no manifest"),
