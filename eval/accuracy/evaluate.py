@@ -99,7 +99,7 @@ def evaluate(
     """
     architecture, subnetworks = weights.load(model_dir)
     split = Split(corpus, "test")
-    shards = split.shard_paths()
+    shards = pipeline.whole_shards(split)
     count = _count(shards, architecture.size)
     system = answer or assemble(subnetworks).predict_on_batch
     # Joint training adapts the encoders to estimated layers; on true layers the weights from before

@@ -19,7 +19,7 @@ from lime_keras.data import records
 from lime_keras.data.corpus import SPLITS, Split
 from lime_keras.io import incoming
 
-from . import record_checks
+from . import input_checks, record_checks
 from .faults import Faults
 
 _AHEAD = 8
@@ -57,6 +57,9 @@ def verify(corpus: Path, split: str, on_example: Callable[[int, int], None]) -> 
         return faults
     manifest = files.manifest
     _check_manifest(files, faults)
+    if manifest["shards"] > len(manifest["sha256"]):
+        return faults  # it may tell of a billion shards
+    input_checks.check(files.inputs_path, manifest, faults)
     _check_other_split(files, faults)
     _check_strays(files, faults)
     count, shard_size = manifest["description"]["count"], files.shard_size

@@ -12,6 +12,7 @@ import keras
 import numpy as np
 import pytest
 import tensorflow as tf
+from sphere_corpus import vouch
 
 from lime_keras.data import records
 from lime_keras.eval import cli, sections
@@ -72,6 +73,7 @@ def _write_split(folder, shards):
             for index in indices:
                 writer.write(records.encode(_example(index)))
     (folder / "manifest.json").write_text(json.dumps({"shards": len(shards)}), encoding="utf-8")
+    vouch(folder)
 
 
 @pytest.fixture(scope="module")
@@ -398,6 +400,7 @@ def test_a_broken_picture_is_named(corpus, run, tmp_path, capsys):
     with tf.io.TFRecordWriter(str(shard)) as writer:
         for serialized in (stored[0], message.SerializeToString(), stored[2]):
             writer.write(serialized)
+    vouch(shard.parent)
     line = _fails(capsys, tmp_path / "corpus", "--weights", run, "--out", tmp_path)
     assert f"{shard} is broken: record 1" in line and "lime-render" in line
 

@@ -10,7 +10,7 @@ import shutil
 import numpy as np
 import pytest
 import tensorflow as tf
-from sphere_corpus import write_split
+from sphere_corpus import vouch, write_split
 
 from lime_keras import metrics, networks
 from lime_keras.data import pipeline
@@ -577,6 +577,7 @@ def _altered(corpus, folder, row, feature, value):
     with tf.io.TFRecordWriter(str(path)) as writer:
         for example in examples:
             writer.write(example.SerializeToString())
+    vouch(folder / "train")
     return folder
 
 
