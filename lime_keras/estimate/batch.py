@@ -1,5 +1,6 @@
 """A run over many photos with one model, which reads, estimates and writes batch by batch."""
 
+import os
 import sys
 import time
 import warnings
@@ -185,7 +186,9 @@ class Batch:
     def _tell_failure(self, path: Path, error: Exception) -> None:
         self.failed += 1
         told = str(error)
-        tqdm.write(f"error: {told if str(path) in told else f'{path}: {told}'}", file=sys.stderr)
+        told = told if str(path) in told else f"{path}: {told}"
+        # A name may be no UTF-8, which not every stream takes.
+        tqdm.write(f"error: {os.fsencode(told).decode(errors='replace')}", file=sys.stderr)
 
 
 def _belonging(path: Path, given: Path) -> Path:

@@ -27,10 +27,10 @@ def check(path: Path, manifest: dict[str, Any], faults: Faults) -> None:
         return
     if held != listed:
         faults.add("inputs", path, "differs from the inputs in the manifest: render again")
-    # Names of built-in shapes and lights are in no record.
-    names = sorted(held.get("shapes", {}))
-    if names and sorted(manifest.get("shapes", [])) != names:
-        faults.add("inputs", path, "holds other shapes than the manifest names: render again")
-    names = sorted(held.get("environments", {}))
-    if names and "lights" in manifest and sorted(manifest["lights"]) != names:
-        faults.add("inputs", path, "holds other lights than the manifest names: render again")
+    for kind, key in (("shapes", "shapes"), ("environments", "lights")):
+        used, named = set(held.get(kind, {})), set(manifest.get(key, []))
+        # A bank has built-in shapes beside the user's, and names its lights elsewhere.
+        others = named - used if "lights" in manifest else set()
+        if used and key in manifest and (used - named or others):
+            told = ", ".join(sorted(map(str, (used - named) | others))[:5])
+            faults.add("inputs", path, f"has other {kind} than the manifest: {told}; render again")
