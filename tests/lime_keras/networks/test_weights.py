@@ -228,6 +228,10 @@ def test_another_architectures_weights_are_named(tiny, model):
         json.dumps(dict.fromkeys([*NAMES, "another"], 32)),
         json.dumps(dict.fromkeys(NAMES, 4) | {"size": "32"}),
         json.dumps(dict.fromkeys(NAMES, 4) | {"size": 30}),
+        json.dumps(dict.fromkeys(NAMES, 4) | {"size": 32, "unet_depth": 10**9}),
+        json.dumps(dict.fromkeys(NAMES, 4) | {"size": 32, "unet_width": 10**9}),
+        json.dumps(dict.fromkeys(NAMES, 4) | {"size": 2.0**5}),
+        "[" * 100_000,
     ],
 )
 def test_an_architecture_of_another_version_is_named(text, model):
