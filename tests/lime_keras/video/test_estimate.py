@@ -219,7 +219,7 @@ def test_of_a_video_without_a_frame_nothing_is_written(share, tmp_path):
 
 
 def test_a_missing_video_is_refused_before_anything_is_written(tmp_path):
-    with pytest.raises(ValueError, match="no such file"):
+    with pytest.raises(ValueError, match="No such file"):
         estimate_video(str(tmp_path / "a.mp4"), Scripted([]), tmp_path / "out", "none")
     assert not (tmp_path / "out").exists()
 
