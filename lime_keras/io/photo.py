@@ -394,7 +394,7 @@ def _encoded(path: Path, image: np.ndarray) -> bytes:
     if kind is None:
         raise ValueError(f"{path} has no suffix of a picture: call it .png")
     # Rounded in bands: floats of the whole picture would take four times its memory.
-    levels = np.empty(image.shape, np.uint8)
+    levels: np.ndarray = np.empty(image.shape, np.uint8)
     for top in range(0, len(image), _BAND):
         band = np.nan_to_num(np.asarray(image[top : top + _BAND], np.float32), nan=0)
         levels[top : top + _BAND] = np.clip(band, 0, 1) * np.float32(255) + np.float32(0.5)

@@ -4,6 +4,7 @@ This module imports no library, so that a command can sort what it is given, and
 there, before any is loaded.
 """
 
+import os
 from pathlib import Path
 
 SUFFIXES = tuple(
@@ -24,7 +25,8 @@ _MASK = "_mask"
 def mask_beside(photo: Path) -> Path | None:
     """Return `NAME_mask.png` beside the photo `NAME.*`, or None if there is none."""
     mask = photo.with_name(f"{photo.stem}{_MASK}.png")
-    return mask if mask.is_file() else None
+    # Unlike `Path.is_file`, this raises no error if the name is too long for a file.
+    return mask if os.path.isfile(mask) else None
 
 
 def photo_of_mask(path: Path) -> Path | None:

@@ -89,7 +89,7 @@ def test_whatever_one_photo_does_the_others_are_done(
     for words in ("pipe.jpg cannot be", "not UTF-8: rename", "c.heic cannot be", "d.heic does not"):
         assert sum(words in line for line in told.splitlines() if "error: " in line) == 1, words
     assert f"warning: {folder / 'a.png'} has 90×40 pixels, more than" in told
-    assert "3 done, 4 failed" in told
+    assert "3 done, 4 failed" in told, told
     names = {path.stem for path in (tmp_path / "out").glob("*.gltf")}
     assert names == {"a", "b", "n" * 200}
 
