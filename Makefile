@@ -30,7 +30,7 @@ quickstart: llvm
 	$(BIN)/lime-eval $(CORPUS) --weights $(RUN) --out $(RUN)
 	$(BIN)/lime-export $(RUN)/exported --format savedmodel --weights $(RUN)
 	$(BIN)/lime-export $(RUN)/exported --format onnx --weights $(RUN)
-	$(BIN)/lime-estimate $(RUN)/examples/*.png --weights $(RUN) --out $(RUN)/materials
+	$(BIN)/lime-estimate $(RUN)/examples/*.png --weights $(RUN) --out $(RUN)/materials --overwrite
 	@echo "Open $(RUN)/report.html in a browser. For the commands: source .venv/bin/activate"
 
 bundle: .venv/installed

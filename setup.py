@@ -61,7 +61,13 @@ setup(
         for inside in ["", *find_packages(folder)]
     ],
     package_data={
-        "lime_keras": ["py.typed", "pretrained/*.md", "pretrained/*/*/*", "pretrained/*/*/alone/*"],
+        "lime_keras": [
+            "py.typed",
+            "estimate/*.html",
+            "pretrained/*.md",
+            "pretrained/*/*/*",
+            "pretrained/*/*/alone/*",
+        ],
         "lime_keras.eval.report": ["templates/*.html"],
         "lime_keras.train": ["run.sh"],
     },

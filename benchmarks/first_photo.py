@@ -51,7 +51,7 @@ def main() -> None:
     costs: dict[str, list[Cost]] = {name: [] for name in (*_ENGINES, _MISSING)}
     with tempfile.TemporaryDirectory() as scratch:
         photo = arguments.photo or _drawn(Path(scratch) / "ball.png")
-        out = ["--out", str(Path(scratch) / "materials")]
+        out = ["--overwrite", "--out", str(Path(scratch) / "materials")]
         for _ in range(1 + arguments.rounds):
             for engine in _ENGINES:
                 costs[engine].append(_cost([str(photo), "--engine", engine, *out], 0))

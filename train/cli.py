@@ -22,10 +22,12 @@ examples:
   lime-train meshes procedural --out runs/both --preset live
   lime-train bank --out runs/bank --preset live --minutes 22 --batch-size 64
   KERAS_BACKEND=jax lime-train bank --out runs/jax --preset live
-  KERAS_BACKEND=jax lime-train bank --out shared/run --preset paper --hosts 2 --host 0 \
+  KERAS_BACKEND=jax lime-train bank --out shared/run --preset paper --hosts 2 --host 0 \\
     --coordinator node0:12345      (and on the other machine the same with --host 1)
   lime-train corpus --out runs/64 --preset live --size 64 --stages segmentation specular mirror
   lime-train corpus --out runs/live --preset live --start-from runs/64
+  lime-train bank --out runs/natural --preset live --start-from live --materials natural \\
+    --stages specular+mirror+exponent+albedo --freeze specular mirror
   lime-train corpus --out runs/no-mirror --preset paper --without mirror --reuse runs/paper
   tensorboard --logdir runs
 
@@ -187,6 +189,13 @@ def parser() -> argparse.ArgumentParser:
         help="draw the albedos by the law `uniform`, the paper's, or `natural`, as common objects "
         "have them, or both in turns (default: uniform; a corpus' held-out scenes keep their own)",
     )
+    out.add_argument(
+        "--freeze",
+        nargs="+",
+        metavar="NAME",
+        help="subnetworks that keep the weights of --start-from, while joined stages train the "
+        "others: several sets can then share U-Nets",
+    )
     out.add_argument("--seed", type=int, help="of weights, order and photos (default: 0)")
     out.add_argument("--version", action="version", version=__version__)
     return out
@@ -237,7 +246,7 @@ def _train_here(options: argparse.Namespace, began: float) -> int:
 
     config = config_of(options)
     leads = hosts.place()[0] == 0
-    with _Bars(config.schedule.stages(config.architecture)) as bars:
+    with _Bars(trainer.stages_of(config)) as bars:
         untrained = trainer.train(
             options.paths,
             options.out,
@@ -351,6 +360,11 @@ def config_of(options: argparse.Namespace) -> Any:
         materials=chosen(
             None if options.materials is None else tuple(options.materials),
             lambda c: c.materials,
+            None,
+        ),
+        frozen=chosen(
+            None if options.freeze is None else tuple(options.freeze),
+            lambda c: c.frozen,
             None,
         ),
     )

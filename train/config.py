@@ -41,6 +41,7 @@ class Config:
             batches as the schedule says.
         materials: laws of the materials (`optics.material_law`), any of which each scene's follows;
             None for those that a corpus was rendered by, and `uniform` wherever they are drawn.
+        frozen: subnetworks that keep the weights that the run begins with; None if all are trained.
     """
 
     preset: str
@@ -55,6 +56,7 @@ class Config:
     begun_from: str | None = None
     minutes: float | None = None
     materials: tuple[str, ...] | None = None
+    frozen: tuple[str, ...] | None = None
 
     @classmethod
     def read(cls, run: Path) -> "Config":
@@ -74,8 +76,9 @@ class Config:
             held = incoming.read_json(path)["config"]
             architecture = Architecture(**held.pop("architecture"))
             schedule = Schedule(**held.pop("schedule"))
-            if held.get("materials") is not None:
-                held["materials"] = tuple(held["materials"])
+            for name in ("materials", "frozen"):
+                if held.get(name) is not None:
+                    held[name] = tuple(held[name])
             return cls(architecture=architecture, schedule=schedule, **held)
         except (AttributeError, KeyError, TypeError, ValueError) as error:
             raise ValueError(

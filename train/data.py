@@ -11,6 +11,9 @@ from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from lime_keras.data import clutter
 from lime_keras.data.corpus import Split
 from lime_keras.synthesis import bank
 
@@ -74,8 +77,14 @@ class Data:
             batches["banks"] = self._banks.training(seed, wanted, of_banks)
         if self._corpora is not None:
             batches["corpora"] = self._corpora.training(seed, wanted, first_step - of_banks)
+        is_cluttered = self._config.schedule.clutter and stage.subnetworks == ("segmentation",)
         for step in itertools.count(first_step):
-            yield next(batches["banks" if self._is_of_banks(step) else "corpora"])
+            batch = next(batches["banks" if self._is_of_banks(step) else "corpora"])
+            if is_cluttered:
+                generator = np.random.default_rng((seed, step))
+                images, _ = clutter.add(batch["image"], batch["mask"], generator)
+                batch = batch | {"image": images}
+            yield batch
 
     def held_out(self, features: Collection[str]) -> Iterator[Batch]:
         """Yield the held-out batches: equally many of each path, where it has enough.

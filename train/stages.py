@@ -61,6 +61,8 @@ class Schedule:
             of one half.
         repaints: whether training draws new albedos for each scene of a corpus every time it is
             read. A bank's scenes are drawn anew in every way, so neither concerns them.
+        clutter: whether SegmentationNet, alone, learns from images with prints on the objects and
+            other objects behind them (`lime_keras.data.clutter`).
         optimizer: a key of `optimizer.OPTIMIZERS`.
     """
 
@@ -74,6 +76,7 @@ class Schedule:
     cosine: bool = False
     flips: bool = False
     repaints: bool = False
+    clutter: bool = False
     optimizer: str = "adam"
 
     def scaled(self, factor: float) -> "Schedule":
@@ -120,6 +123,7 @@ _LIVE = Schedule(
     cosine=True,
     flips=True,
     repaints=True,
+    clutter=True,
     optimizer="muon",
 )
 

@@ -102,12 +102,13 @@ def train(
         FileNotFoundError: if a corpus or bank is incomplete, or there is no run to reuse.
         ValueError: if the folder holds a run of another config; if a corpus or bank is too small,
             damaged, in another unit than the first, or of an image size that does not fit; if a
-            stage's name is unknown; if the minutes are too few for a batch of each stage; or if
-            several processes are called differently, or with minutes.
+            stage's name is unknown; if a subnetwork is to be frozen that the run does not begin
+            with; if the minutes are too few for a batch of each stage; or if several processes are
+            called differently, or with minutes.
         RuntimeError: if a loss or a gradient is not finite, or another process is training the run.
     """
     began = monotonic() if began is None else began
-    stages = config.schedule.stages(config.architecture)
+    stages = stages_of(config)
     if unknown := sorted(set(only or ()) - {stage.name for stage in stages}):
         raise ValueError(
             f"no stage {', '.join(unknown)}: this run has {', '.join(s.name for s in stages)}"
@@ -139,6 +140,7 @@ def train(
         hosts.agree({"--start-from": start_from is not None})
         if config.begun_from is not None:
             begun, alone = initial_weights.load(run, subnetworks, record=split.leads)
+        _freeze(config, subnetworks, begun)
     parts = _parts(run, config, stages, subnetworks, split, only, reuse)
     hosts.agree({"checkpoints or --stages": [[part.stage.name, *part.mark] for part in parts]})
     left = [part for part in parts if not part.finished]
@@ -207,6 +209,28 @@ class _Part:
         if self.mark.progress is None:
             return self.mark.step == self.stage.steps
         return self.mark.progress >= 1
+
+
+def stages_of(config: Config) -> list[Stage]:
+    """Return the stages of a run that train a subnetwork that is not frozen."""
+    frozen = set(config.frozen or ())
+    stages = config.schedule.stages(config.architecture)
+    return [stage for stage in stages if not frozen.issuperset(stage.subnetworks)]
+
+
+def _freeze(config: Config, subnetworks: Mapping[str, keras.Model], begun: Collection[str]) -> None:
+    """Make the frozen subnetworks keep their weights.
+
+    Raises:
+        ValueError: if there is no such subnetwork, or the run did not begin with weights for it.
+    """
+    for name in config.frozen or ():
+        if name not in begun:
+            why = "did not begin with its weights" if name in subnetworks else "has no such part"
+            raise ValueError(
+                f"--freeze {name}: this run {why}; pass --start-from with a model that has it"
+            )
+        subnetworks[name].trainable = False
 
 
 def _parts(
@@ -377,8 +401,12 @@ def _signature(config: Config, stage: Stage, model: StageModel, trained: Mapping
         follows_from["flips"] = True
     if config.schedule.repaints:
         follows_from["repaints"] = True
+    if config.schedule.clutter and stage.subnetworks == ("segmentation",):
+        follows_from["clutter"] = True
     if config.materials is not None:
         follows_from["materials"] = config.materials
+    if config.frozen is not None:
+        follows_from["frozen"] = config.frozen
     return hashlib.sha256(json.dumps(follows_from, sort_keys=True).encode()).hexdigest()
 
 

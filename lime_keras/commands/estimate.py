@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING
 
 from lime_keras import console
 from lime_keras.io import model_folder
-from lime_keras.io.sources import SUFFIXES, is_camera, is_video, photo_of_mask
+from lime_keras.io.sources import SUFFIXES, inside, is_camera, is_video, photo_of_mask
 from lime_keras.outputs import NEEDED
 from lime_keras.version import __version__
 
 if TYPE_CHECKING:
     from lime_keras.estimate.estimator import Estimator
+    from lime_keras.estimate.results import Results
     from lime_keras.lighting.files import Clone
 
 _ENGINES = ("onnx", "keras")
@@ -46,7 +47,14 @@ pixels, dark or burnt out) is told, and stands under `warnings` in the JSON and 
 family before a colon birefnet:BiRefNet.onnx, isnet:isnet-general-use.onnx. It takes one picture
 (1, 3, h, w), normalised as its family's are, and answers the coverage, or its logits, first.
 
-Each photo's numbers go to standard output and to OUT/NAME.json, and into OUT/NAME.mtl (Wavefront),
+Folders are searched with all folders below them, which are kept in OUT; files that this command
+wrote are no photos. OUT/index.html shows all results in OUT, OUT/materials.csv lists them. A result
+that is there and would come out the same (of the same photo, weights and options) is kept, so an
+interrupted run goes on where it was; one that would come out otherwise is refused before anything
+is done, unless --overwrite is given. Then it is replaced with all its files.
+
+Each photo's numbers go to standard output, one line of JSON for each, and to OUT/NAME.json, which
+also says what it was made of and with. They go into OUT/NAME.mtl (Wavefront),
 NAME.gltf (glTF 2.0, on a sphere) and NAME-mitsuba.json (a scene for mitsuba.load_dict); its layers,
 of the photo's size, to NAME-LAYER.png and, of linear radiance (specular shading, mirror image; of
 the baseline, its reflectance map), NAME-LAYER.exr; all in one picture is NAME-preview.png.
@@ -57,7 +65,8 @@ object's place: OUT/NAME-clone.png; without --normals they are guessed, roughly,
 
 Videos (MP4, MOV, MKV, WebM, AVI and more) and cameras (`camera:0`, until Ctrl-C) are estimated
 frame by frame and fused by a median over five frames and a decaying average, which scene cuts and
-lost objects restart: OUT/NAME.csv has a row for each frame; OUT/NAME-overlay.mp4 shows them.
+lost objects restart: OUT/NAME.csv has a row for each frame; OUT/NAME-overlay.mp4 shows them. The
+fused material of each scene is left as that of a photo, named NAME-scene-2 if there are several.
 """
 
 
@@ -136,6 +145,23 @@ def parser() -> argparse.ArgumentParser:
         action="store_true",
         help="let the mesh of --clone-onto cast a shadow on the ground it stands on",
     )
+    out.add_argument(
+        "--full-size",
+        action="store_true",
+        help="let the edges of mask and layers follow those of the photo; by default what the "
+        "networks see, 128 pixels, is interpolated",
+    )
+    out.add_argument(
+        "--folders",
+        action="store_true",
+        help="give each photo's files a folder of their own, OUT/NAME/",
+    )
+    out.add_argument(
+        "--overwrite",
+        action="store_true",
+        help="replace results of other photos, weights or options, and make all of them again; by "
+        "default results that are there and would be the same are kept, and others refused",
+    )
     out.add_argument("--version", action="version", version=__version__)
     return out
 
@@ -152,36 +178,70 @@ def _estimate(options: argparse.Namespace) -> int:
         print(f"error: {source} does not exist: check its name", file=sys.stderr)
     if not sources:
         return 1
-    photos, videos = _sorted(sources)
+    photos, videos, places = _sorted(sources)
     if not photos and not videos:
         return 1
     _check(options, photos, videos)
     # Mitsuba must be imported before TensorFlow, or the process crashes.
     clone = _clone_onto(options) if options.clone_onto else None
+    from lime_keras.estimate import gallery
     from lime_keras.estimate.batch import Batch
     from lime_keras.estimate.files import distinct_names
 
-    names = distinct_names([*photos, *map(_path, videos)])
+    gallery.check(options.out)
+    names = distinct_names(places)
+    if options.folders:
+        names = [f"{name}/{Path(name).name}" for name in names]
+    results = _results(options)
+    for source, name in zip(videos, names[len(photos) :], strict=True):
+        if results.json(name).exists():
+            results.standing(name, _made(results, source))
+    finished: list[str] = []
     failed = len(missing)
-    if photos:
-        estimator = _estimator(options, options.only)
-        options.out.mkdir(parents=True, exist_ok=True)
-        batch = Batch(
-            estimator,
-            options.out,
-            masks=options.mask,
-            light=bool(options.normals or options.clone_onto),
-            normals=options.normals,
-            clone=clone,
-        )
-        batch.run(dict(zip(names, photos, strict=False)))
-        print(batch.summary(), file=sys.stderr)
-        failed += batch.failed + batch.empty
-    if videos:
-        estimator = _estimator(options, options.only or _OF_A_FRAME)
-        for source, name in zip(videos, names[len(photos) :], strict=True):
-            failed += not _estimate_video(estimator, source, options.out, name)
+    try:
+        if photos:
+            estimator = _estimator(options, options.only)
+            options.out.mkdir(parents=True, exist_ok=True)
+            batch = Batch(
+                estimator,
+                results,
+                masks=options.mask,
+                light=bool(options.normals or options.clone_onto),
+                normals=options.normals,
+                clone=clone,
+            )
+            finished = batch.finished
+            batch.run(dict(zip(names, photos, strict=False)))
+            print(batch.summary(), file=sys.stderr)
+            failed += batch.failed + batch.empty
+        if videos:
+            estimator = _estimator(options, options.only or _OF_A_FRAME)
+            for source, name in zip(videos, names[len(photos) :], strict=True):
+                done = _estimate_video(estimator, source, results, name)
+                finished += [name] if done else []
+                failed += not done
+    finally:
+        if finished:
+            gallery.update(options.out, finished)
     return 1 if failed else 0
+
+
+def _results(options: argparse.Namespace) -> "Results":
+    """Return the results in the output folder, with what this run makes them with."""
+    from lime_keras.estimate.results import Results, digest
+
+    masker = _masker(options.masker) if options.masker else None
+    changing = {
+        "only": options.only and sorted(options.only),
+        "full-size": options.full_size,
+        "masker": masker and f"{masker[0]}:{digest(masker[1])}",
+        "engine": options.engine if options.engine != _ENGINES[0] else None,
+        "clone-onto": options.clone_onto and digest(options.clone_onto),
+        "up": options.up,
+        "shadow": options.shadow,
+    }
+    weights = model_folder.digest(model_folder.find(options.weights or model_folder.SHIPPED))
+    return Results(options.out, weights, changing, overwrite=options.overwrite)
 
 
 def _check(options: argparse.Namespace, photos: list[Path], videos: list[str]) -> None:
@@ -203,6 +263,16 @@ def _check(options: argparse.Namespace, photos: list[Path], videos: list[str]) -
         raise ValueError(
             f"{_masker(options.masker)[1]} is no file: pass an ONNX file to --masker; none is "
             "downloaded"
+        )
+    if options.only and videos and not set(options.only) & set(_OF_A_FRAME):
+        raise ValueError(
+            f"a video leaves no layers, so --only {','.join(options.only)} leaves nothing of "
+            f"{videos[0]}: choose from {', '.join(_OF_A_FRAME)}"
+        )
+    if options.clone_onto and videos:
+        raise ValueError(
+            f"--clone-onto is for photos, and {videos[0]} is a video, whose light and outline "
+            "would flicker from frame to frame: pass a frame of it as a photo"
         )
     if options.only and (options.normals or options.clone_onto):
         raise ValueError("--normals and --clone-onto take the whole estimate: leave out --only")
@@ -239,7 +309,8 @@ def _estimator(options: argparse.Namespace, only: tuple[str, ...] | None) -> "Es
 
         family, file = _masker(options.masker)
         masker = Masker(file, family)
-    return Estimator(options.weights or model_folder.SHIPPED, only, options.engine, masker)
+    weights = options.weights or model_folder.SHIPPED
+    return Estimator(weights, only, options.engine, masker, full_size=options.full_size)
 
 
 def _masker(text: str) -> tuple[str, Path]:
@@ -248,28 +319,55 @@ def _masker(text: str) -> tuple[str, Path]:
     return (family, Path(file)) if family in _FAMILIES and file else (_FAMILIES[0], Path(text))
 
 
-def _estimate_video(estimator: "Estimator", source: str, out: Path, name: str) -> bool:
+def _estimate_video(estimator: "Estimator", source: str, results: "Results", name: str) -> bool:
     """Estimate a video, print its material, and return whether an object was found."""
     import json
 
+    from lime_keras.estimate import files
+    from lime_keras.io import result_json
     from lime_keras.video.estimate import estimate_video
 
+    target = results.json(name)
     try:
-        summary = estimate_video(source, estimator, out, name)
+        made = _made(results, source)
+        if found := results.standing(name, made):
+            print(json.dumps(found))
+            print(f"{source}: there already, {target}", file=sys.stderr)
+            return bool(found["found"])
+        ends = (".csv", "-overlay.mp4", ".json", ".mtl", ".gltf", "-mitsuba.json", "-preview.png")
+        results.begin(name, made, [target.stem + end for end in ends])
     except ValueError as error:
         print(f"error: {error}", file=sys.stderr)
         return False
-    print(json.dumps({"video": source} | summary.material.to_json(), indent=1))
+    try:
+        summary = estimate_video(source, estimator, target.parent, target.stem)
+    except ValueError as error:
+        results.clear(name, [])
+        print(f"error: {error}", file=sys.stderr)
+        return False
+    numbers = {"video": source} | summary.to_json()
+    print(json.dumps(result_json.write(target, numbers, made, [*summary.files, target.name])))
     for remark in summary.remarks:
         print(f"warning: {remark}", file=sys.stderr)
-    for caution in summary.material.warnings:
-        print(f"warning: {source}: {caution.message}", file=sys.stderr)
+    for scene in summary.scenes:
+        bright = files.remark(scene.material)
+        told = [caution.message for caution in scene.material.warnings] + [bright] * bool(bright)
+        for message in told:
+            print(f"warning: {source}, scene {scene.number}: {message}", file=sys.stderr)
+    if not summary.scenes:
+        for caution in summary.material.warnings:
+            print(f"warning: {source}: {caution.message}", file=sys.stderr)
     print(
         f"{source}: {summary.frames} frames, an object in {summary.found} of them, "
         f"{summary.cuts} scene cuts; {summary.table}, {summary.overlay}",
         file=sys.stderr,
     )
     return summary.found > 0
+
+
+def _made(results: "Results", video: str) -> dict[str, object]:
+    """Return what the result of a video or camera is made of and with."""
+    return results.made(None if is_camera(video) else Path(video), {})
 
 
 def _present(given: list[str]) -> tuple[list[str], list[str]]:
@@ -279,26 +377,34 @@ def _present(given: list[str]) -> tuple[list[str], list[str]]:
     return [s for s, found in pairs if found], [s for s, found in pairs if not found]
 
 
-def _sorted(given: list[str]) -> tuple[list[Path], list[str]]:
-    """Return the photos and the videos among the sources and in the folders among them."""
-    photos: list[Path] = []
-    videos: list[str] = []
+def _sorted(given: list[str]) -> tuple[list[Path], list[str], list[Path]]:
+    """Return the photos and the videos among the sources and in the folders among them.
+
+    The last list holds a path for each photo, then for each video, after which its files are named:
+    relative to the folder it was found in.
+    """
+    photos: dict[Path, Path] = {}
+    videos: dict[str, Path] = {}
     for source in given:
         path = Path(source)
         if is_camera(source) or not path.is_dir():
             masked = photo_of_mask(path)
             if masked:
                 print(f"{path} is the mask of {masked}, not a photo", file=sys.stderr)
-                continue
-            videos.append(source) if is_video(source) else photos.append(path)
+            elif is_video(source):
+                videos[source] = Path(_path(source).name)
+            else:
+                photos[path] = Path(path.name)
             continue
-        files = sorted(file for file in path.iterdir() if not photo_of_mask(file))
-        held = [file for file in files if file.suffix.lower() in SUFFIXES]
-        moving = [str(file) for file in files if is_video(str(file))]
-        if not held and not moving:
+        held = list(inside(path))
+        if not held:
             raise ValueError(f"{path} holds no pictures: {', '.join(SUFFIXES)} are looked for")
-        photos, videos = photos + held, videos + moving
-    return photos, videos
+        for file in held:
+            if is_video(str(file)):
+                videos[str(file)] = file.relative_to(path)
+            else:
+                photos[file] = file.relative_to(path)
+    return list(photos), list(videos), [*photos.values(), *videos.values()]
 
 
 def _path(video: str) -> Path:

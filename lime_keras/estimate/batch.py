@@ -1,5 +1,6 @@
 """A run over many photos with one model, which reads, estimates and writes batch by batch."""
 
+import json
 import os
 import sys
 import time
@@ -13,7 +14,8 @@ from tqdm import tqdm
 
 from lime_keras.estimate import files
 from lime_keras.estimate.estimator import Estimator
-from lime_keras.io import photo
+from lime_keras.estimate.results import Results
+from lime_keras.io import photo, result_json
 from lime_keras.io.sources import mask_beside
 from lime_keras.material import Material
 
@@ -29,7 +31,7 @@ class Batch:
 
     Args:
         estimator: model for all photos.
-        out: existing folder for the files (`files.write`).
+        results: results in the folder for the files (`files.write`), which are not made again.
         masks: mask of the only photo, or folder with a mask of the same name for each photo; None
             to use `NAME_mask.png` beside a photo, its alpha channel, or else SegmentationNet.
         light: whether to write the light of each photo as well (`lime_keras.lighting.files.write`).
@@ -38,6 +40,7 @@ class Batch:
         clone: renderer of another shape in the object's place; used only with `light`.
 
     Attributes:
+        finished: names of the photos that have a result, from this run or an earlier one.
         failed: number of photos that failed: they could not be read, or their light could not be
             estimated.
         empty: number of photos without an object, which have no material.
@@ -46,32 +49,78 @@ class Batch:
     def __init__(
         self,
         estimator: Estimator,
-        out: Path,
+        results: Results,
         *,
         masks: Path | None = None,
         light: bool = False,
         normals: Path | None = None,
         clone: "Clone | None" = None,
     ):
-        self._estimator, self._out, self._masks = estimator, out, masks
+        self._estimator, self._results, self._masks = estimator, results, masks
         self._light, self._normals, self._clone = light, normals, clone
         self._seconds = {"reading": 0.0, "networks": 0.0, "writing": 0.0}
-        self._masks_looked_for = self._done = 0
+        self._masks_looked_for = self._done = self._there = 0
+        self.finished: list[str] = []
         self.failed = self.empty = 0
 
     def run(self, photos: Mapping[str, Path]) -> None:
-        """Estimate photos and write their files.
+        """Estimate photos and write their files, unless they are there already.
 
-        The numbers go to standard output, the progress and the errors to standard error.
+        The numbers go to standard output, one line of JSON a photo, the progress and the errors to
+        standard error.
 
         Args:
-            photos: path of each photo, by the name for its files.
+            photos: path of each photo, by the name for its files, which may begin with folders.
+
+        Raises:
+            ValueError: before any photo is estimated, if a result would replace something else and
+                may not (`Results.standing`).
         """
-        with tqdm(total=len(photos), unit="photo", delay=2) as bar:
-            for batch in self._batches(photos):
+        left = dict(photos)
+        for name, found in self._standing(photos).items():
+            del left[name]
+            self.finished.append(name)
+            self.empty += not found.get("mask_coverage")
+            print(json.dumps(found))
+        self._there = len(self.finished)
+        with tqdm(total=len(left), unit="photo", delay=2) as bar:
+            for batch in self._batches(left):
                 self._estimate(batch)
                 bar.update(self._done + self.failed - bar.n)
             bar.update(self._done + self.failed - bar.n)
+
+    def _standing(self, photos: Mapping[str, Path]) -> dict[str, dict[str, Any]]:
+        """Return the results that need not be made again; raise ValueError for those in the way."""
+        found, conflicts = {}, []
+        for name, path in photos.items():
+            if not self._results.json(name).exists():
+                continue
+            try:
+                made = self._made(path)
+            except (ValueError, OSError):
+                continue  # what cannot be read is told when its turn comes
+            try:
+                result = self._results.standing(name, made)
+            except ValueError as error:
+                conflicts.append(str(error))
+                continue
+            if result is not None:
+                found[name] = result
+        if conflicts:
+            more = f" (so it is with {len(conflicts)} results)" if len(conflicts) > 1 else ""
+            raise ValueError(f"{conflicts[0]}{more}")
+        return found
+
+    def _made(self, path: Path) -> dict[str, Any]:
+        """Return what the result of a photo is made of and with (`Results.made`)."""
+        given = {"mask": self._mask_file(path)}
+        if self._normals is not None:
+            given["normals"] = _belonging(path, self._normals)
+        return self._results.made(path, {name: file for name, file in given.items() if file})
+
+    def _mask_file(self, path: Path) -> Path | None:
+        """Return the file of a photo's mask; None if it has none."""
+        return mask_beside(path) if self._masks is None else _belonging(path, self._masks)
 
     def summary(self) -> str:
         """Return counts and times of the run in one line."""
@@ -83,9 +132,10 @@ class Batch:
         each = {
             name: f"{1000 * s / max(self._done, 1):.0f} ms" for name, s in self._seconds.items()
         }
+        there = f"{self._there} there already, " if self._there else ""
         return (
-            f"{self._done} done, {self.failed} failed, {self.empty} without an object, in "
-            f"{self._out}; a photo took {each['networks']} in the networks "
+            f"{self._done} done, {there}{self.failed} failed, {self.empty} without an object, in "
+            f"{self._results.out}; a photo took {each['networks']} in the networks "
             f"({', '.join(ran) or 'none'}), {each['reading']} to read, {each['writing']} to write"
         )
 
@@ -123,7 +173,7 @@ class Batch:
             image, alpha = photo.read(path)
         for warning in told:
             tqdm.write(f"warning: {warning.message}", file=sys.stderr)
-        own = mask_beside(path) if self._masks is None else _belonging(path, self._masks)
+        own = self._mask_file(path)
         if own is None:
             # Without a file of its own, the mask is the photo's transparency.
             return image, alpha, alpha
@@ -153,32 +203,32 @@ class Batch:
         material: Material,
         alpha: np.ndarray | None,
     ) -> None:
-        text = files.write(self._out, name, path, image, material)
-        if remark := files.remark(material):
-            tqdm.write(f"warning: {path}: {remark}", file=sys.stderr)
         try:
-            if self._light and material.mask_coverage:
-                # SciPy and scikit-image are large, and only the light needs them.
-                from lime_keras.lighting import files as lighting_files
+            with self._results.writing(name, self._made(path)) as folder:
+                stem = Path(name).name
+                files.write(folder, stem, path, image, material)
+                if self._light and material.mask_coverage:
+                    # SciPy and scikit-image are large, and only the light needs them.
+                    from lime_keras.lighting import files as lighting_files
 
-                normals = self._normals and _belonging(path, self._normals)
-                lighting_files.write(
-                    self._out,
-                    name,
-                    image,
-                    material,
-                    normals=normals,
-                    clone=self._clone,
-                    alpha=alpha,
-                )
+                    normals = self._normals and _belonging(path, self._normals)
+                    lighting_files.write(
+                        folder,
+                        stem,
+                        image,
+                        material,
+                        normals=normals,
+                        clone=self._clone,
+                        alpha=alpha,
+                    )
         except ValueError as error:
             self._tell_failure(path, error)
             return
-        self._tell(path, material, text)
-
-    def _tell(self, path: Path, material: Material, text: str) -> None:
-        tqdm.write(text)
+        self.finished.append(name)
+        tqdm.write(json.dumps(result_json.read(self._results.json(name))))
         self._done += 1
+        if remark := files.remark(material):
+            tqdm.write(f"warning: {path}: {remark}", file=sys.stderr)
         self.empty += not material.mask_coverage
         for caution in material.warnings:
             tqdm.write(f"warning: {path}: {caution.message}", file=sys.stderr)

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from lime_keras.estimate import cautions, engines, framing
+from lime_keras.estimate import cautions, engines, framing, full_size
 from lime_keras.estimate.framing import Square
 from lime_keras.estimate.pictures import Picture, mask_of, photo_of
 from lime_keras.io import model_folder
@@ -22,6 +22,9 @@ from lime_keras.io.model_folder import SHIPPED
 from lime_keras.material import Material
 from lime_keras.optics import colour, compositing, shininess
 from lime_keras.outputs import NEEDED, OUTPUTS, available
+
+_PIXELS_AT_ONCE = 1 << 18
+"""Number of pixels of a photo, about, whose layers are recomposed at once."""
 
 
 class Estimator:
@@ -37,6 +40,8 @@ class Estimator:
         masker: function that finds the object in place of SegmentationNet, such as
             `lime_keras.runtime.masker.Masker("u2net.onnx")`: it takes a photo `(H, W, 3)`, float32
             sRGB in [0, 1], and returns coverage `(H, W)` or `(H, W, 1)` in [0, 1].
+        full_size: whether the edges of the layers follow those of the photo (`full_size`); else
+            the layers are interpolated from the networks' size. The mask's coverage follows.
 
     Attributes:
         subnetworks: names of the subnetworks that are run, in order; `segmentation` is always
@@ -55,11 +60,13 @@ class Estimator:
         only: Collection[str] | None = None,
         engine: str = engines.ENGINES[0],
         masker: Callable[[np.ndarray], np.ndarray] | None = None,
+        full_size: bool = False,
     ):
         self._masker = masker
         self._model = weights
         self._engine = engines.load(model_folder.find(weights), engine)
         needed = available(self._engine.outputs)
+        self._full_size = full_size
         self._only = set(needed if only is None else only)
         unknown = sorted(self._only - set(needed))
         if unknown or not self._only:
@@ -142,14 +149,14 @@ class Estimator:
             own = {name: value[index] for name, value in answer.items()}
             if mask is None:
                 confidences[index] = cautions.confidence(masks_seen[index])
-                mask = framing.paste(masks_seen[index], square, *image.shape[:2])
+                mask = self._full_mask(image, square, seen[index], masks_seen[index])
             told = cautions.of(image, mask, confidences[index])
             if cautions.NO_OBJECT in told:
                 yield Material(
                     mask_coverage=0.0, square=square, layers={"mask": mask}, warnings=told
                 )
                 continue
-            material = self._material(image, mask, square, own)
+            material = self._material(image, mask, square, seen[index], masks_seen[index], own)
             yield replace(material, mask_confidence=confidences[index], warnings=told)
 
     def _find(
@@ -196,18 +203,39 @@ class Estimator:
                 )
         return answers
 
+    def _full_mask(
+        self, image: np.ndarray, square: Square, seen: np.ndarray, seen_mask: np.ndarray
+    ) -> np.ndarray:
+        """Return the mask of a square at the photo's size."""
+        if self._full_size:
+            return full_size.mask(image, square, seen, seen_mask)
+        return framing.paste(seen_mask, square, *image.shape[:2])
+
     def _material(
-        self, image: np.ndarray, mask: np.ndarray, square: Square, answer: dict[str, np.ndarray]
+        self,
+        image: np.ndarray,
+        mask: np.ndarray,
+        square: Square,
+        seen: np.ndarray,
+        seen_mask: np.ndarray,
+        answer: dict[str, np.ndarray],
     ) -> Material:
         """Return the material of one photo with the estimates that were asked for."""
         only = self._only
         fields: dict[str, Any] = {}
+
+        def placed(name: str) -> np.ndarray:
+            """Return a layer of the answer at the photo's size."""
+            if not self._full_size:
+                return framing.paste(answer[name], square, *image.shape[:2])
+            return full_size.radiance(image, square, seen, seen_mask, answer[name], mask)
+
         layers = {"mask": mask}
         for asked in filter(only.__contains__, NEEDED):
             if asked == "diffuse":
                 shading = layers.get("specular_shading")
                 if shading is None:
-                    shading = framing.paste(answer["specular_shading"], square, *image.shape[:2])
+                    shading = placed("specular_shading")
                 layers |= _recomposed(image, mask, shading, answer)
                 continue
             for name in NEEDED[asked]:
@@ -215,7 +243,7 @@ class Estimator:
                     # The sphere is not a part of the photo, so it keeps its own size.
                     layers[name] = answer[name]
                 elif OUTPUTS[name].layer == "photo" and name != "mask":
-                    layers[name] = framing.paste(answer[name], square, *image.shape[:2])
+                    layers[name] = placed(name)
         if "albedo" in only:
             fields["diffuse_albedo"] = answer["diffuse_albedo"]
             fields["specular_albedo"] = float(answer["specular_albedo"][0])
@@ -234,8 +262,16 @@ def _recomposed(
 ) -> dict[str, np.ndarray]:
     """Return the layers `diffuse`, the photo's diffuse part, and `recomposed`, Eq. 4 of the fit."""
     diffuse_albedo = answer["diffuse_albedo"]
-    specular = answer["specular_albedo"] * shading
-    diffuse = np.maximum(colour.srgb_to_linear(image_srgb) - specular, 0) * mask
-    # The D of a black material is NaN. It does not matter: m_d · D is 0 for every D.
-    shade = np.nan_to_num(compositing.diffuse_shading(diffuse, diffuse_albedo))
-    return {"diffuse": diffuse, "recomposed": shade * diffuse_albedo + specular * mask}
+    layers = {name: np.empty(image_srgb.shape, np.float32) for name in ("diffuse", "recomposed")}
+    # Row by row: a large photo's intermediate images would take more memory than its layers.
+    height = max(1, _PIXELS_AT_ONCE // mask.shape[1])
+    for top in range(0, len(mask), height):
+        part = slice(top, top + height)
+        specular = answer["specular_albedo"] * shading[part]
+        linear = colour.srgb_to_linear(image_srgb[part])
+        diffuse = np.maximum(linear - specular, 0) * mask[part]
+        # The D of a black material is NaN. It does not matter: m_d · D is 0 for every D.
+        shade = np.nan_to_num(compositing.diffuse_shading(diffuse, diffuse_albedo))
+        layers["diffuse"][part] = diffuse
+        layers["recomposed"][part] = shade * diffuse_albedo + specular * mask[part]
+    return layers

@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Collection
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +11,10 @@ from lime_keras.estimate import interchange, preview
 from lime_keras.io import atomic, photo
 from lime_keras.material import Material
 from lime_keras.optics import colour
-from lime_keras.outputs import OUTPUTS
+from lime_keras.outputs import OUTPUTS, Output
+
+_ROWS = 64
+"""Number of rows of a layer that are encoded at once."""
 
 _LONGEST = 200
 """Largest number of bytes of a stem: a file's name has at most 255."""
@@ -39,14 +42,32 @@ def write(folder: Path, name: str, source: Path, image_srgb: np.ndarray, materia
     """
     _write_layers(folder, name, material)
     photo.write(folder / f"{name}-preview.png", preview.sheet(image_srgb, material))
-    if material.whole() is not None:
-        scene = json.dumps(interchange.mitsuba_scene(material), indent=1)
-        atomic.write(folder / f"{name}.mtl", interchange.wavefront(material, name))
-        atomic.write(folder / f"{name}.gltf", interchange.gltf(material, name))
-        atomic.write(folder / f"{name}-mitsuba.json", scene + "\n")
+    write_formats(folder, name, material)
     numbers = json.dumps({"photo": str(source)} | material.to_json(), indent=1, allow_nan=False)
     atomic.write(folder / f"{name}.json", numbers + "\n")
     return numbers
+
+
+def write_formats(folder: Path, name: str, material: Material) -> list[str]:
+    """Write a complete material as `NAME.mtl`, `NAME.gltf` and `NAME-mitsuba.json`.
+
+    Returns:
+        The names of the files; none if a number of the material is missing.
+
+    Raises:
+        OSError: if a file cannot be written.
+    """
+    if material.whole() is None:
+        return []
+    scene = json.dumps(interchange.mitsuba_scene(material), indent=1)
+    texts = {
+        f"{name}.mtl": interchange.wavefront(material, name),
+        f"{name}.gltf": interchange.gltf(material, name),
+        f"{name}-mitsuba.json": scene + "\n",
+    }
+    for file, text in texts.items():
+        atomic.write(folder / file, text)
+    return list(texts)
 
 
 def remark(material: Material) -> str | None:
@@ -56,21 +77,36 @@ def remark(material: Material) -> str | None:
     return interchange.warning(material)
 
 
-def distinct_names(sources: Collection[Path]) -> list[str]:
-    """Return a file stem for each source; sources of the same stem are numbered from 2.
+def distinct_names(sources: Iterable[Path]) -> list[str]:
+    """Return a name for the files of each source: its path without the suffix.
 
-    Stems so long that a layer's file could not be named after them are cut.
+    Sources whose files would have the same names are numbered from 2. Names that differ in case
+    alone count as the same, as they are on some systems. Names so long that a layer's file could
+    not be named after them are cut.
+
+    Args:
+        sources: paths of photos and videos, relative to where they were looked for.
     """
-    names: list[str] = []
+    # A table of all results has this name, too (`gallery`).
+    taken = {"materials"}
+    names = []
     for path in sources:
-        stem = path.stem
-        while len(os.fsencode(stem)) > _LONGEST:
-            stem = stem[:-1]
-        name, number = stem, 2
-        while name in names:
+        end = path.stem
+        while len(os.fsencode(end)) > _LONGEST:
+            end = end[:-1]
+        stem = name = (path.parent / end).as_posix()
+        number = 2
+        # The scene for Mitsuba of `a` has the name of the numbers of `a-mitsuba`.
+        while not taken.isdisjoint(_taking(name)):
             name, number = f"{stem}-{number}", number + 1
+        taken.update(_taking(name))
         names.append(name)
     return names
+
+
+def _taking(name: str) -> set[str]:
+    """Return the names that other results must not have."""
+    return {name.casefold(), f"{name}-mitsuba".casefold()}
 
 
 def _write_layers(folder: Path, name: str, material: Material) -> None:
@@ -78,12 +114,24 @@ def _write_layers(folder: Path, name: str, material: Material) -> None:
     for layer, image in material.layers.items():
         path = folder / f"{name}-{layer}.png"
         output = OUTPUTS.get(layer)
+        if output is not None and output.levels is None:
+            photo.write(path.with_suffix(".exr"), image)
+        photo.write(path, _viewed(image, output))
+
+
+def _viewed(image: np.ndarray, output: Output | None) -> np.ndarray:
+    """Return a layer `(H, W, C)` for viewing, uint8; `output` is None for a layer of a photo."""
+    out = np.empty(image.shape, np.uint8)
+    # Row by row: what lies between would take several times the memory of a large photo.
+    for start in range(0, len(image), _ROWS):
+        part = image[start : start + _ROWS]
         if output is not None and output.levels is not None:
             low, high = output.levels
-            photo.write(path, (image - low) / (high - low))
-            continue
-        if output is not None:
-            photo.write(path.with_suffix(".exr"), image)
-            # The copy for viewing: bright parts are compressed, then encoded for a screen.
-            image = image / (1 + image)
-        photo.write(path, colour.linear_to_srgb(np.clip(image, 0, 1)))
+            part = (part - low) / (high - low)
+        elif output is not None:
+            # Bright parts are compressed, then encoded for a screen.
+            part = colour.linear_to_srgb(np.clip(part / (1 + part), 0, 1))
+        else:
+            part = colour.linear_to_srgb(np.clip(part, 0, 1))
+        out[start : start + _ROWS] = np.rint(255 * np.clip(part, 0, 1))
+    return out

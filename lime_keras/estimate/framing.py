@@ -126,7 +126,7 @@ def cut_layer(layer: np.ndarray, square: Square, size: int) -> np.ndarray:
         size: height and width of the result in pixels.
     """
     seen = np.zeros((square.side, square.side, layer.shape[-1]), np.float32)
-    inside, outside = _overlap(square, *layer.shape[:2])
+    inside, outside = overlap(square, *layer.shape[:2])
     seen[inside] = layer[outside]
     return _resampled(seen, size, size)
 
@@ -143,18 +143,19 @@ def paste(layer: np.ndarray, square: Square, height: int, width: int) -> np.ndar
         width: width of the photo in pixels.
     """
     out = np.zeros((height, width, layer.shape[-1]), np.float32)
-    inside, outside = _overlap(square, height, width)
-    rows, columns = (_shares(part, square.side, len(layer)) for part in inside)
+    inside, outside = overlap(square, height, width)
+    rows, columns = (shares(part, square.side, len(layer)) for part in inside)
     covered = out[outside]
     for channel in range(layer.shape[-1]):
         covered[..., channel] = rows @ layer[..., channel] @ columns.T
     return out
 
 
-def _shares(pixels: slice, side: int, size: int) -> np.ndarray:
+def shares(pixels: slice, side: int, size: int) -> np.ndarray:
     """Return the weights `(P, size)` of the samples along a square's side for P of its pixels.
 
-    The kernel is a tent with a base of two samples, or of two pixels if the samples are finer.
+    They interpolate linearly, and each row sums to 1. The kernel is a tent with a base of two
+    samples, or of two pixels if the samples are finer.
     """
     position = (np.arange(pixels.start, pixels.stop)[:, None] + 0.5) * size / side - 0.5
     distance = np.abs(np.arange(size) - position)
@@ -162,9 +163,7 @@ def _shares(pixels: slice, side: int, size: int) -> np.ndarray:
     return (tent / tent.sum(axis=1, keepdims=True)).astype(np.float32)
 
 
-def _overlap(
-    square: Square, height: int, width: int
-) -> tuple[tuple[slice, ...], tuple[slice, ...]]:
+def overlap(square: Square, height: int, width: int) -> tuple[tuple[slice, ...], tuple[slice, ...]]:
     """Return the overlap of a square and a photo as slices of the square and of the photo."""
     first = [max(0, -square.top), max(0, -square.left)]
     last = [min(square.side, height - square.top), min(square.side, width - square.left)]

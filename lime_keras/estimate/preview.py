@@ -113,6 +113,12 @@ def tiles(image_srgb: np.ndarray, material: Material) -> dict[str, np.ndarray]:
     return shown
 
 
+def pictures_of(page: Image.Image) -> list[Image.Image]:
+    """Return the pictures on a page of `sheet`, from left to right, of 256 × 256 pixels each."""
+    lefts = range(_MARGIN, page.width - _TILE, _TILE + _MARGIN)
+    return [page.crop((left, _TITLE, left + _TILE, _TITLE + _TILE)) for left in lefts]
+
+
 def caption(material: Material) -> str:
     """Return the estimated numbers in one line of text."""
     parts = []
@@ -135,13 +141,19 @@ def _with_outline(image_srgb: np.ndarray, material: Material) -> np.ndarray:
     padded = np.pad(inside, 1, mode="edge")
     neighbours = [padded[1:-1, :-2], padded[1:-1, 2:], padded[:-2, 1:-1], padded[2:, 1:-1]]
     edge = inside & ~np.logical_and.reduce(neighbours)
-    photo = framing.cut(image_srgb, _square(material, image_srgb), _TILE)
+    photo = framing.cut(*_thinned(image_srgb, _square(material, image_srgb)), _TILE)
     return np.where(edge[..., None], _OUTLINE, photo)
 
 
 def _seen(layer: np.ndarray, material: Material) -> np.ndarray:
     """Return the square of a linear layer `(H, W, C)` that the networks saw, as a tile."""
-    return framing.cut_layer(layer, _square(material, layer), _TILE)
+    return framing.cut_layer(*_thinned(layer, _square(material, layer)), _TILE)
+
+
+def _thinned(image: np.ndarray, square: Square) -> tuple[np.ndarray, Square]:
+    """Return every n-th pixel of a large image, and its square; at least two are left per pixel."""
+    step = max(1, square.side // (2 * _TILE))
+    return image[::step, ::step], Square(*(edge // step for edge in square))
 
 
 def _square(material: Material, image: np.ndarray) -> Square:

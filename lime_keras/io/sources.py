@@ -1,11 +1,14 @@
 """The kinds of sources, told by their names: photos, videos and cameras.
 
-This module imports no library, so that a command can sort what it is given, and refuse what is not
-there, before any is loaded.
+This module imports no library but Python's own, so that a command can sort what it is given, and
+refuse what is not there, before any is loaded.
 """
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
+
+from lime_keras.io import result_json
 
 SUFFIXES = tuple(
     ".jpg .jpeg .png .heic .heif .exr .hdr .tif .tiff .webp .jp2 .jxl .bmp .gif .tga .ppm".split()
@@ -46,3 +49,24 @@ def is_video(source: str) -> bool:
 def is_camera(source: str) -> bool:
     """Return whether `source` names a camera."""
     return source.startswith((CAMERA, "/dev/video"))
+
+
+def inside(folder: Path) -> Iterator[Path]:
+    """Yield the photos and videos in a folder and in all folders below it, in a fixed order.
+
+    Hidden folders, unfinished results and the masks of photos (`photo_of_mask`) are left out, and
+    so are files that `lime-estimate` wrote: the layers of a photo are no photos. Links to folders
+    are not followed.
+
+    Args:
+        folder: an existing folder.
+    """
+    for path, below, names in os.walk(folder):
+        below[:] = sorted(name for name in below if not name.startswith((".", "partial-")))
+        results = [result_json.read(Path(path, name)) for name in names if name.endswith(".json")]
+        written = {file for result in results if result for file in result["files"]}
+        for name in sorted(set(names) - written):
+            file = Path(path, name)
+            is_source = file.suffix.lower() in SUFFIXES or is_video(str(file))
+            if is_source and not photo_of_mask(file):
+                yield file

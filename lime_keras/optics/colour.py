@@ -3,6 +3,7 @@
 The functions do not check their arguments: they raise only errors of NumPy or of the backend.
 """
 
+from collections.abc import Callable
 from types import ModuleType
 from typing import Any
 
@@ -33,6 +34,10 @@ YUV_HIGH = np.array([1.0, 0.886 * 0.492, 0.701 * 0.877])
 """Corners of the smallest box in YUV that holds the RGB cube [0, 1]³."""
 
 
+_PART = 1 << 18
+"""Number of an array's values that are converted at once; what lies between fits the cache."""
+
+
 def srgb_to_linear(srgb: Any, xp: ModuleType | None = None) -> Any:
     """Decode sRGB to linear radiance (IEC 61966-2-1); [0, 1] becomes [0, 1].
 
@@ -48,8 +53,12 @@ def srgb_to_linear(srgb: Any, xp: ModuleType | None = None) -> Any:
         Linear radiance of the same shape.
     """
     xp = xp or namespace(srgb)
-    high = ((xp.maximum(srgb, _KNEE_SRGB) + 0.055) / 1.055) ** 2.4
-    return xp.where(srgb <= _KNEE_SRGB, srgb / 12.92, high)
+
+    def decode(values: Any) -> Any:
+        high = ((xp.maximum(values, _KNEE_SRGB) + 0.055) / 1.055) ** 2.4
+        return xp.where(values <= _KNEE_SRGB, values / 12.92, high)
+
+    return _in_parts(decode, srgb)
 
 
 def linear_to_srgb(linear: Any, xp: ModuleType | None = None) -> Any:
@@ -65,8 +74,28 @@ def linear_to_srgb(linear: Any, xp: ModuleType | None = None) -> Any:
         sRGB values of the same shape.
     """
     xp = xp or namespace(linear)
-    high = 1.055 * xp.maximum(linear, _KNEE_LINEAR) ** (1.0 / 2.4) - 0.055
-    return xp.where(linear <= _KNEE_LINEAR, linear * 12.92, high)
+
+    def encode(values: Any) -> Any:
+        high = 1.055 * xp.maximum(values, _KNEE_LINEAR) ** (1.0 / 2.4) - 0.055
+        return xp.where(values <= _KNEE_LINEAR, values * 12.92, high)
+
+    return _in_parts(encode, linear)
+
+
+def _in_parts(curve: Callable[[Any], Any], values: Any) -> Any:
+    """Return a curve of each value; a large float array is converted part by part."""
+    if (
+        not isinstance(values, np.ndarray)
+        or values.size <= _PART
+        or not np.issubdtype(values.dtype, np.floating)
+    ):
+        return curve(values)
+    flat = values.reshape(-1)
+    out = np.empty_like(flat)
+    for start in range(0, flat.size, _PART):
+        part = slice(start, start + _PART)
+        out[part] = curve(flat[part])
+    return out.reshape(values.shape)
 
 
 def luminance(rgb_linear: np.ndarray) -> np.ndarray:

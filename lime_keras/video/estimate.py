@@ -22,13 +22,15 @@ from typing import Protocol, Self
 import numpy as np
 from tqdm import tqdm
 
+from lime_keras.estimate.cautions import NO_OBJECT
 from lime_keras.io import atomic
 from lime_keras.io.sources import is_camera
 from lime_keras.io.video_reader import Footage, Frame
 from lime_keras.io.video_writer import Movie
-from lime_keras.material import Caution, Material
+from lime_keras.material import Material
+from lime_keras.video import scenes
 from lime_keras.video.overlay import draw
-from lime_keras.video.scene_cautions import SceneCautions
+from lime_keras.video.scenes import Scene
 from lime_keras.video.tracking import PARAMETERS, Step, Tracker, material_of
 
 COLUMNS = (
@@ -62,6 +64,8 @@ class Summary:
         remarks: messages for the user about the source (see `video_reader.Footage`).
         table: path of the CSV file.
         overlay: path of the video with outline and panel.
+        scenes: the scenes that have an object.
+        files: names of all files that were written.
     """
 
     frames: int
@@ -72,6 +76,14 @@ class Summary:
     remarks: tuple[str, ...]
     table: Path
     overlay: Path
+    scenes: tuple[Scene, ...]
+    files: tuple[str, ...]
+
+    def to_json(self) -> dict[str, object]:
+        """Return counts, the last fused material and all scenes, ready for `json.dumps`."""
+        counts = {"frames": self.frames, "found": self.found, "seconds": round(self.seconds, 6)}
+        listed = {"scenes": [scene.to_json() for scene in self.scenes]}
+        return counts | self.material.to_json() | listed
 
 
 def estimate_video(
@@ -79,13 +91,15 @@ def estimate_video(
 ) -> Summary:
     """Estimate every frame of a video, and write its table and overlay frame by frame.
 
+    At the end the fused material of each scene is written, too (`scenes.write`).
+
     Progress goes to standard error. Ctrl-C leaves both files valid. With a camera, Ctrl-C ends the
     video in the usual way; with a file, KeyboardInterrupt is raised again.
 
     Args:
         source: path of a video file, or name of a camera (see `video_reader.Footage`).
         estimator: estimator of single frames.
-        folder: folder for `NAME.csv` and `NAME-overlay.mp4`; made if it is missing.
+        folder: folder for `NAME.csv`, `NAME-overlay.mp4` and the materials; made if it is missing.
         name: NAME of the files.
         frames: largest number of frames to read; by default the video ends by itself or by Ctrl-C.
 
@@ -116,7 +130,7 @@ def estimate_video(
         except KeyboardInterrupt:
             if not is_camera(source):
                 raise
-        return run.summary(footage.remarks)
+        return run.summary(footage.remarks, scenes.write(folder, name, run.scenes.with_objects()))
 
 
 class _Run:
@@ -127,8 +141,7 @@ class _Run:
         self._frames = self._found = self._cuts = 0
         self._seconds = 0.0
         self._last = np.full(len(PARAMETERS), np.nan)
-        self._cautions = SceneCautions()
-        self._of_last: tuple[float | None, tuple[Caution, ...]] = None, self._cautions.warnings
+        self.scenes = scenes.Scenes()
 
     def follow(self, pictures: Iterable[Frame], estimator: Estimates) -> None:
         """Estimate and fuse each frame, and write its row and picture."""
@@ -143,34 +156,36 @@ class _Run:
                 seen = material if step.found else Material(layers=material.layers)
                 picture = draw(frame.image_srgb, frame.time, status, seen, material_of(step.fused))
                 video.write(picture, frame.time)
-                self._count(frame, step, material)
+                self.scenes.add(frame, material, step)
+                self._count(frame, step)
 
-    def _count(self, frame: Frame, step: Step, material: Material) -> None:
+    def _count(self, frame: Frame, step: Step) -> None:
         self._frames += 1
         self._found += step.found
         self._cuts += step.cut
         self._seconds = frame.time
-        if step.cut:
-            self._cautions.restart()
-        self._cautions.add(material)
         if np.isfinite(step.fused).any():
             self._last = step.fused
-            self._of_last = self._cautions.mask_confidence, self._cautions.warnings
 
-    def summary(self, remarks: list[str]) -> Summary:
-        """Return the result so far."""
-        confidence, warnings = self._of_last
+    def summary(self, remarks: list[str], materials: list[str]) -> Summary:
+        """Return the result so far; `materials` are the names of the scenes' files."""
+        found = self.scenes.with_objects()
+        last = found[-1].material if found else Material(warnings=(NO_OBJECT,))
         return Summary(
             frames=self._frames,
             found=self._found,
             cuts=self._cuts,
             seconds=self._seconds,
             material=replace(
-                material_of(self._last), mask_confidence=confidence, warnings=warnings
+                material_of(self._last),
+                mask_confidence=last.mask_confidence,
+                warnings=last.warnings,
             ),
             remarks=tuple(remarks),
             table=self._paths[0],
             overlay=self._paths[1],
+            scenes=tuple(found),
+            files=(*(path.name for path in self._paths), *materials),
         )
 
 

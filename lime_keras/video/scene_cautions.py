@@ -14,10 +14,6 @@ class SceneCautions:
     """A tally of the frames of one scene."""
 
     def __init__(self) -> None:
-        self.restart()
-
-    def restart(self) -> None:
-        """Forget all frames: another scene begins."""
         self._found = 0
         self._confidences: list[float] = []
         self._seen: dict[str, list[str]] = {}

@@ -1,5 +1,6 @@
 """Batches of corpora and of banks take turns, and go on where they were."""
 
+import dataclasses
 import itertools
 import json
 
@@ -148,3 +149,23 @@ def test_the_data_are_identified_by_their_files(paths):
     names = ("corpus", "bank", "thin")
     digests = {corpus_sha256([paths / name]) for name in names}
     assert len(digests | {corpus_sha256([paths / name for name in names])}) == 4
+
+
+@pytest.mark.parametrize("name", ["corpus", "bank"])
+def test_only_segmentation_alone_learns_from_clutter(paths, name):
+    plain = stage_runs.config(paths / name)
+    schedule = dataclasses.replace(plain.schedule, clutter=True)
+    both = [
+        Data([paths / name], config)
+        for config in (plain, dataclasses.replace(plain, schedule=schedule))
+    ]
+    wanted = ["image", "mask"]
+    for stage, differs in (("segmentation", True), ("specular", False)):
+        here = Stage((stage,), 4, 1e-3)
+        seen = [
+            [np.asarray(batch["image"]) for batch in itertools.islice(batches, 4)]
+            for batches in (data.training(here, wanted, 0) for data in both)
+        ]
+        assert any(not np.array_equal(*pair) for pair in zip(*seen, strict=True)) == differs
+        later = next(both[1].training(here, wanted, 3))
+        assert np.array_equal(np.asarray(later["image"]), seen[1][3])

@@ -800,3 +800,32 @@ def test_means():
     for value in (1.0, 2.0, 6.0):
         means.add({"mask": value})
     assert means.means() == {"mask": 3.0}
+
+
+def test_frozen_subnetworks_keep_their_weights(corpus, config, finished, tmp_path):
+    held = dataclasses.replace(
+        config, begun_from=initial_weights.sha256(finished), frozen=("specular", "mirror")
+    )
+    joined = "specular+mirror+exponent"
+    assert [stage.name for stage in trainer.stages_of(held)] == [
+        *("segmentation", "albedo", "exponent", joined, f"{joined}+albedo")
+    ]
+    only = [joined, f"{joined}+albedo"]
+    assert not trainer.train(
+        [corpus], tmp_path / "run", held, _ignore, only=only, start_from=finished
+    )
+    before, after = _weights(finished), _weights(tmp_path / "run")
+    for name in before:
+        pairs = zip(before[name], after[name], strict=True)
+        same = all(np.array_equal(one, other) for one, other in pairs)
+        assert same == (name not in ("albedo", "exponent")), name
+    assert Config.read(tmp_path / "run") == held
+
+
+@pytest.mark.parametrize(
+    "name, words", [("mirror", "did not begin with its"), ("lens", "no such part")]
+)
+def test_only_what_a_run_begins_with_is_frozen(corpus, config, tmp_path, name, words):
+    held = dataclasses.replace(config, frozen=(name,))
+    with pytest.raises(ValueError, match=f"--freeze {name}: .*{words}"):
+        trainer.train([corpus], tmp_path / "run", held, _ignore)

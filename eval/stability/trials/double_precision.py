@@ -13,9 +13,11 @@ import numpy as np
 import tensorflow as tf
 from keras import layers
 
+from lime_keras.networks.blocks import HueOfPixels
 from lime_keras.networks.registry import MASK_CONTRAST
 from lime_keras.optics import reflectance_map
 from lime_keras.optics.dynamic_range import HIGHEST_COMPRESSED
+from lime_keras.optics.hue import with_hue_of_pixels
 from lime_keras.optics.shininess import LOG_HIGH, LOG_LOW
 
 
@@ -131,6 +133,13 @@ def _softmax(layer: layers.Softmax, x: np.ndarray, rounding: Rounding) -> np.nda
     return powers / powers.sum(-1, keepdims=True)
 
 
+def _turned(
+    layer: HueOfPixels, albedos: np.ndarray, image: np.ndarray, rounding: Rounding
+) -> np.ndarray:
+    diffuse = with_hue_of_pixels(albedos[:, :3], image)
+    return np.concatenate([diffuse, albedos[:, 3:]], axis=-1)
+
+
 def _pooled(layer: layers.MaxPooling2D, x: np.ndarray, rounding: Rounding) -> np.ndarray:
     count, height, width, channels = x.shape
     return x.reshape(count, height // 2, 2, width // 2, 2, channels).max((2, 4))
@@ -140,6 +149,7 @@ _LAYERS: dict[type, Callable[..., np.ndarray]] = {
     layers.Conv2D: _convolution,
     layers.Dense: _dense,
     layers.Softmax: _softmax,
+    HueOfPixels: _turned,
     layers.MaxPooling2D: _pooled,
     layers.UpSampling2D: lambda layer, x, rounding: x.repeat(2, 1).repeat(2, 2),
     layers.Concatenate: lambda layer, *xs: np.concatenate(xs[:-1], axis=-1),

@@ -32,10 +32,3 @@ def test_what_half_of_the_frames_say_is_the_scenes():
     scene = gathered(*often, nothing, frame(confidence=0.5), frame(confidence=0.7), nothing)
     assert scene.warnings == (Caution("clipped", "in 50% of the frames, at last clipped"),)
     assert scene.mask_confidence == pytest.approx((0.9 + 0.9 + 0.5 + 0.7) / 4)
-
-
-def test_another_scene_knows_nothing_of_the_last():
-    scene = gathered(frame("clipped"))
-    scene.restart()
-    scene.add(frame(confidence=None))
-    assert scene.warnings == () and scene.mask_confidence is None

@@ -1,0 +1,220 @@
+"""The gallery of a folder of results: a page to look at them, and a table of their numbers.
+
+The page, `index.html`, holds its pictures and needs no network: it can be opened from a disk, sent
+by mail and put on a server. Both show all results in the folder, of whatever run.
+"""
+
+import base64
+import colorsys
+import csv
+import html
+import io
+import os
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from string import Template
+from typing import Any
+from urllib.parse import quote
+
+import numpy as np
+from PIL import Image
+
+from lime_keras.estimate import preview
+from lime_keras.io import atomic, incoming, result_json
+from lime_keras.optics import colour
+
+PAGE, TABLE = "index.html", "materials.csv"
+COLUMNS = (
+    *("json", "source", "scene", "diffuse_r", "diffuse_g", "diffuse_b", "colour"),
+    *("specular_albedo", "exponent", "exponent_entropy"),
+    *("mask_coverage", "mask_confidence", "warnings"),
+)
+"""Columns of the table. Albedos are linear; `colour` is the diffuse one, sRGB, as #rrggbb."""
+_MARK = '<meta name="generator" content="lime-estimate">'
+_TEMPLATE = Path(__file__).with_name("gallery.html")
+_THUMBNAIL = 160
+"""Height and width of a thumbnail in pixels."""
+_MOST_ENTROPY = 3.0
+"""Entropy in bits of eight classes that are equally likely."""
+_VIEWED = {
+    "-preview.png": "preview",
+    ".gltf": "glTF",
+    ".mtl": "MTL",
+    "-mitsuba.json": "Mitsuba",
+    "-overlay.mp4": "overlay",
+    "-clone.png": "clone",
+}
+"""Files that the page links to, by the end of the name."""
+
+
+def check(out: Path) -> None:
+    """Check that page and table of a folder may be written: others are never replaced.
+
+    Raises:
+        ValueError: if a file of that name, or a folder, is there that is no gallery.
+    """
+    page, table = out / PAGE, out / TABLE
+    for path in filter(os.path.lexists, (page, table)):
+        incoming.check(path, "a gallery")
+    is_page = not page.exists() or _MARK in page.read_text(encoding="utf-8", errors="replace")
+    is_table = not table.exists() or table.read_text(encoding="utf-8", errors="replace").startswith(
+        COLUMNS[0] + ","
+    )
+    for path, is_own in ((page, is_page), (table, is_table)):
+        if not is_own:
+            raise ValueError(
+                f"{path} is there, and not of lime-estimate: pass another folder to --out"
+            )
+
+
+def update(out: Path, names: Iterable[str]) -> None:
+    """Write page and table of a folder, of the results that they have and of new ones.
+
+    Results that are no longer there are left out.
+
+    Args:
+        out: folder of the results.
+        names: names of new results; `NAME.json` holds the numbers of each.
+
+    Raises:
+        ValueError: if the table, or a result that it lists, holds what no such file holds.
+        OSError: if a file cannot be written.
+    """
+    rows, cards = [], []
+    for path in sorted({*_listed(out / TABLE), *(f"{name}.json" for name in names)}):
+        content = result_json.read(out / path)
+        if content is None:
+            continue
+        with incoming.naming(out / path, "a result"):
+            own = list(_rows(path, content))
+            cards += [_card(out, row, content) for row in own]
+            rows += own
+    text = io.StringIO()
+    table = csv.DictWriter(text, COLUMNS, lineterminator="\n")
+    table.writeheader()
+    table.writerows(rows)
+    atomic.write(out / TABLE, text.getvalue())
+    page = Template(_TEMPLATE.read_text(encoding="utf-8"))
+    filled = page.substitute(mark=_MARK, count=len(rows), cards="\n".join(cards), table=TABLE)
+    atomic.write(out / PAGE, filled)
+
+
+def _listed(table: Path) -> list[str]:
+    """Return the results that a table lists, as paths relative to its folder."""
+    if not table.exists():
+        return []
+    incoming.check(table, "a table")
+    with incoming.naming(table, "a table"), table.open(encoding="utf-8", newline="") as file:
+        return [row["json"] for row in csv.DictReader(file) if row.get("json")]
+
+
+def _rows(path: str, content: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    """Yield the rows of a result: one of a photo, one of each scene of a video."""
+    source = content.get("photo", content.get("video"))
+    for scene in content.get("scenes", [content]):
+        diffuse = scene.get("diffuse_albedo")
+        row = {name: scene.get(name) for name in COLUMNS}
+        row |= {"json": path, "source": source, "colour": None}
+        row["warnings"] = " ".join(warning["code"] for warning in scene.get("warnings", ()))
+        if diffuse is not None:
+            row |= dict(zip(("diffuse_r", "diffuse_g", "diffuse_b"), diffuse, strict=True))
+            row["colour"] = "#" + "".join(f"{level:02x}" for level in _levels(diffuse))
+        yield row
+
+
+def _levels(linear: list[float]) -> list[int]:
+    srgb = colour.linear_to_srgb(np.clip(linear, 0, 1))
+    return [round(255 * float(value)) for value in srgb]
+
+
+def _card(out: Path, row: dict[str, Any], content: dict[str, Any]) -> str:
+    """Return the HTML of one result, with the keys to sort it by."""
+    folder, stem = Path(row["json"]).parent, Path(row["json"]).stem
+    title = (folder / stem).as_posix() if folder.name != stem else folder.as_posix()
+    files = content["files"]
+    if len(content.get("scenes", ())) > 1:
+        title += f", scene {row['scene']}"
+        start = f"{stem}-scene-{row['scene']}"
+        files = [f for f in files if f.startswith((f"{start}.", f"{start}-"))]
+    shown = {said: file for end, said in _VIEWED.items() for file in files if file.endswith(end)}
+    keys = {"name": title.casefold()} | _keys(row)
+    data = " ".join(f'data-{name}="{html.escape(str(key))}"' for name, key in keys.items())
+    links = [
+        f'<a href="{_link(folder / file)}">{said}</a>'
+        for said, file in ({"numbers": Path(row["json"]).name} | shown).items()
+    ]
+    picture = ""
+    if "preview" in shown:
+        address = _link(folder / shown["preview"])
+        pictures = "".join(
+            f'<img src="{data_url}" width="{_THUMBNAIL}" height="{_THUMBNAIL}" alt="{said}">'
+            for said, data_url in _thumbnails(out / folder / shown["preview"], row).items()
+        )
+        picture = f'<a class="pictures" href="{address}">{pictures}</a>'
+    told = "".join(f"<li>{html.escape(line)}</li>" for line in _told(row))
+    swatch = f'<i style="background:{row["colour"]}"></i>' if row["colour"] else ""
+    return (
+        f"<article {data}>{picture}<h2>{swatch}{html.escape(title)}</h2>"
+        f"<ul>{told}</ul><p>{' · '.join(links)}</p></article>"
+    )
+
+
+def _keys(row: dict[str, Any]) -> dict[str, float | str]:
+    """Return the values to sort by; what is not known is empty, and comes last."""
+    keys: dict[str, float | str] = dict.fromkeys(("gloss", "colour", "confidence", "mask"), "")
+    if row["exponent"] is not None:
+        keys["gloss"] = row["exponent"]
+    if row["diffuse_r"] is not None:
+        hue, saturation, value = colorsys.rgb_to_hsv(
+            *(level / 255 for level in _levels([row[f"diffuse_{c}"] for c in "rgb"]))
+        )
+        # Greys, whose hue means nothing, come first, from dark to light.
+        keys["colour"] = round(value - 1 if saturation < 0.1 else hue, 4)
+    if row["exponent_entropy"] is not None:
+        keys["confidence"] = round(1 - row["exponent_entropy"] / _MOST_ENTROPY, 4)
+    if row["mask_confidence"] is not None:
+        keys["mask"] = row["mask_confidence"]
+    return keys
+
+
+def _told(row: dict[str, Any]) -> Iterator[str]:
+    """Yield the lines of a card."""
+    if row["diffuse_r"] is not None:
+        red, green, blue = (row[f"diffuse_{channel}"] for channel in "rgb")
+        yield f"m_d {red:.2f} {green:.2f} {blue:.2f}  m_s {row['specular_albedo']:.2f}"
+    if row["exponent"] is not None:
+        entropy = row["exponent_entropy"]
+        doubt = "" if entropy is None else f"  entropy {entropy:.1f} of {_MOST_ENTROPY:.0f} bits"
+        yield f"s {row['exponent']:.3g}{doubt}"
+    if row["mask_coverage"] is not None:
+        sure = row["mask_confidence"]
+        mask = f"mask {sure:.0%} sure, " if sure is not None else ""
+        yield mask + (f"covers {row['mask_coverage']:.0%}" if row["mask_coverage"] else "no object")
+    if row["warnings"]:
+        yield f"⚠ {row['warnings'].replace(' ', ', ')}"
+
+
+def _thumbnails(path: Path, row: dict[str, Any]) -> dict[str, str]:
+    """Return the photo with its mask and, of a whole material, the sphere, as data URLs."""
+    try:
+        incoming.check(path, "a preview")
+        with incoming.naming(path, "a preview"), Image.open(path) as page:
+            tiles = preview.pictures_of(page.convert("RGB"))
+    except ValueError:
+        return {}
+    pictures = {"photo and mask": tiles[0]}
+    if row["diffuse_r"] is not None and row["exponent"] is not None:
+        pictures["sphere of the material"] = tiles[-1]
+    urls = {}
+    for said, tile in pictures.items():
+        encoded = io.BytesIO()
+        tile.resize((_THUMBNAIL, _THUMBNAIL), Image.Resampling.BOX).save(
+            encoded, "JPEG", quality=85
+        )
+        urls[said] = f"data:image/jpeg;base64,{base64.b64encode(encoded.getvalue()).decode()}"
+    return urls
+
+
+def _link(path: Path) -> str:
+    """Return the address of a file relative to the page."""
+    return html.escape(quote(path.as_posix()))

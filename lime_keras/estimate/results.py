@@ -1,0 +1,193 @@
+"""The results in an output folder: recognised by what made them, and never overwritten unasked.
+
+A run leaves alone what is there and would come out the same, and refuses what would replace
+something else; the JSON of a result tells (`lime_keras.io.result_json`). The files of a result are
+moved to their places together, the JSON last: a result is there completely, or not at all.
+"""
+
+import contextlib
+import hashlib
+import json
+import os
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from lime_keras.io import atomic, incoming, result_json
+from lime_keras.version import __version__
+
+_MEND = "pass --overwrite to replace it, or another folder to --out"
+_DIGITS = 16
+"""Number of hexadecimal digits that are kept of a digest: enough to tell all files apart."""
+
+
+class Results:
+    """The results of one run and of earlier ones in one folder.
+
+    Args:
+        out: folder of the results.
+        weights: digest of the model (`model_folder.digest`).
+        options: options of the run that change its results, by name; None stands for the default.
+        overwrite: whether other results, and other files, may be replaced.
+    """
+
+    def __init__(
+        self, out: Path, weights: str, options: Mapping[str, object], *, overwrite: bool = False
+    ):
+        self.out, self._overwrite = out, overwrite
+        self._made = {
+            "version": __version__,
+            "weights": weights[:_DIGITS],
+            "options": {name: value for name, value in options.items() if value},
+        }
+
+    def json(self, name: str) -> Path:
+        """Return the path of the numbers of a result, whose name may begin with folders."""
+        return self.out / f"{name}.json"
+
+    def made(self, source: Path | None, beside: Mapping[str, Path]) -> dict[str, Any]:
+        """Return what a result is made of and with, ready for JSON.
+
+        Args:
+            source: photo or video; None for a camera, which never shows the same again.
+            beside: further files that the result depends on, such as a mask, by what they are.
+
+        Raises:
+            ValueError: if a file is missing, or is none but a pipe or a folder, say.
+            OSError: if a file cannot be read.
+        """
+        given = {name: digest(path) for name, path in beside.items()}
+        return (
+            self._made
+            | {"source": source and digest(source)}
+            | ({"beside": given} if given else {})
+        )
+
+    def standing(self, name: str, made: Mapping[str, Any]) -> dict[str, Any] | None:
+        """Return the finished result of this name if it was made alike; else None.
+
+        Raises:
+            ValueError: if a result of this name was made of or with something else, or a file has
+                its name, and nothing may be overwritten.
+        """
+        path = self.json(name)
+        if self._overwrite or not os.path.lexists(path):
+            return None
+        found = result_json.read(path)
+        if found is None:
+            raise ValueError(f"{path} is no result of lime-estimate: {_MEND}")
+        if differences := _differences(found["made"], made):
+            raise ValueError(f"{path} is {' and '.join(differences)}: {_MEND}")
+        if made["source"] is None:
+            raise ValueError(f"{path} is of an earlier recording: {_MEND}")
+        is_whole = all((path.parent / file).is_file() for file in found["files"])
+        return found if is_whole and not found["made"].get("unfinished") else None
+
+    @contextlib.contextmanager
+    def writing(self, name: str, made: Mapping[str, Any]) -> Iterator[Path]:
+        """Yield an empty folder, and at the end move the result that was written there into place.
+
+        The block writes all files of the result, `NAME.json` among them. If it fails, nothing is
+        left. Of an earlier result of this name, all files are removed.
+
+        Raises:
+            ValueError: if another file has the name of one of the result's, and nothing may be
+                overwritten.
+            OSError: if a file cannot be written.
+        """
+        target = self.json(name)
+        partial = target.with_name(f"partial-{target.stem}")
+        with atomic.naming(target):
+            atomic.remove(partial)
+            partial.mkdir(parents=True)
+        try:
+            yield partial
+            files = sorted(path.name for path in partial.iterdir())
+            self.clear(name, files)
+            numbers = json.loads((partial / target.name).read_text(encoding="utf-8"))
+            result_json.write(partial / target.name, numbers, made, files)
+            # The numbers come last: with them, the result counts as complete.
+            with atomic.naming(target):
+                for file in sorted(files, key=target.name.__eq__):
+                    os.replace(partial / file, target.with_name(file))
+        finally:
+            atomic.remove(partial)
+
+    def begin(self, name: str, made: Mapping[str, Any], files: list[str]) -> None:
+        """Prepare a result whose files grow in place, and mark it as unfinished.
+
+        Args:
+            name: name of the result.
+            made: what it is made of and with.
+            files: names of the files that it may have.
+
+        Raises:
+            ValueError: if another file has one of these names, and nothing may be overwritten.
+        """
+        self.clear(name, files)
+        target = self.json(name)
+        result_json.write(target, {}, dict(made) | {"unfinished": True}, files)
+
+    def clear(self, name: str, files: list[str]) -> None:
+        """Remove an earlier result.
+
+        Args:
+            name: name of the result.
+            files: names of the files that the next one has.
+
+        Raises:
+            ValueError: if a file that is none of a result has one of these names, and nothing may
+                be overwritten.
+        """
+        target = self.json(name)
+        earlier = result_json.read(target)
+        own = set(earlier["files"]) if earlier else set()
+        for file in files:
+            path = target.with_name(file)
+            if not self._overwrite and file not in own and os.path.lexists(path):
+                raise ValueError(f"{path} is there, and no part of an earlier result: {_MEND}")
+        # The numbers go first: without them, what is left does not count as a result.
+        for file in sorted(own, key=target.name.__ne__):
+            target.with_name(file).unlink(missing_ok=True)
+
+
+def digest(path: Path) -> str:
+    """Return the beginning of the SHA-256 of a file's content.
+
+    Raises:
+        ValueError: if the file is missing, or is none but a pipe or a folder, say.
+        OSError: if the file cannot be read.
+    """
+    incoming.check(path, "a source of a result")
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()[:_DIGITS]
+
+
+def _differences(found: Mapping[str, Any], made: Mapping[str, Any]) -> list[str]:
+    """Return in words what a result was made of or with, where that is not `made`."""
+    words = []
+    if found.get("source") != made["source"]:
+        words.append("of another photo or video")
+    if found.get("weights") != made["weights"]:
+        words.append("of other weights")
+    if found.get("beside") != made.get("beside"):
+        words.append("of another mask or other normals")
+    if found.get("version") != made["version"]:
+        words.append(f"by version {found.get('version')}")
+    then, now = (each.get("options") or {} for each in (found, made))
+    for name in sorted({*then, *now}):
+        if then.get(name) != now.get(name):
+            words.append(
+                f"with {_option(name, then.get(name))} and not {_option(name, now.get(name))}"
+            )
+    return words
+
+
+def _option(name: str, value: object) -> str:
+    """Return an option as it is written on the command line."""
+    if value is None:
+        return f"no --{name}"
+    if value is True:
+        return f"--{name}"
+    text = ",".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
+    return f"--{name} {text}"

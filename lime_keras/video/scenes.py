@@ -1,0 +1,135 @@
+"""The scenes of a video, each with one fused material, and their files.
+
+A scene ends at a cut, and where an object was lost for so long that the fusion restarts.
+"""
+
+import dataclasses
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+
+from lime_keras.estimate import files, preview
+from lime_keras.io import photo
+from lime_keras.io.video_reader import Frame
+from lime_keras.material import Material
+from lime_keras.video.scene_cautions import SceneCautions
+from lime_keras.video.tracking import Step, material_of
+
+
+@dataclasses.dataclass
+class Scene:
+    """A scene with an object.
+
+    Attributes:
+        number: number of the scene in the video, from 1; scenes without an object count.
+        start: time of the first frame in seconds since the video's first.
+        end: time of the last frame in seconds.
+        frames: number of frames.
+        found: number of frames with an object.
+        material: fused material, with the mask of the frame that shows the object largest.
+        image_srgb: that frame, `(H, W, 3)` uint8 sRGB.
+    """
+
+    number: int
+    start: float
+    end: float
+    frames: int
+    found: int
+    material: Material
+    image_srgb: np.ndarray
+
+    def to_json(self) -> dict[str, object]:
+        """Return times, counts and the fused material's numbers, ready for `json.dumps`."""
+        counts = {"scene": self.number, "start": round(self.start, 6), "end": round(self.end, 6)}
+        counts |= {"frames": self.frames, "found": self.found}
+        return counts | self.material.to_json()
+
+
+class _Running:
+    """The scene that is being told: its counts, and the frame with the largest object."""
+
+    def __init__(self, number: int):
+        self.number, self.frames, self.found = number, 0, 0
+        self.start = self.end = 0.0
+        self.cautions = SceneCautions()
+        self.fused: np.ndarray | None = None
+        self.largest: tuple[np.ndarray, Material] | None = None
+
+    def add(self, frame: Frame, material: Material, step: Step) -> None:
+        self.start = self.start if self.frames else frame.time
+        self.end = frame.time
+        self.frames, self.found = self.frames + 1, self.found + step.found
+        self.cautions.add(material)
+        if np.isfinite(step.fused).any():
+            self.fused = step.fused
+        before = self.largest[1].mask_coverage if self.largest else 0
+        if (material.mask_coverage or 0) > (before or 0):
+            self.largest = frame.image_srgb, material
+
+    def result(self) -> Scene | None:
+        """Return the scene up to now, or None if it has no object."""
+        if self.fused is None or self.largest is None:
+            return None
+        image, seen = self.largest
+        material = dataclasses.replace(
+            material_of(self.fused),
+            mask_coverage=seen.mask_coverage,
+            mask_confidence=self.cautions.mask_confidence,
+            warnings=self.cautions.warnings,
+            square=seen.square,
+            layers={name: layer for name, layer in seen.layers.items() if name == "mask"},
+        )
+        counts = self.number, self.start, self.end, self.frames, self.found
+        return Scene(*counts, material, image)
+
+
+class Scenes:
+    """The scenes of a video, told frame by frame."""
+
+    def __init__(self) -> None:
+        self._running = _Running(1)
+        self._finished: list[Scene] = []
+
+    def add(self, frame: Frame, material: Material, step: Step) -> None:
+        """Add the next frame, its estimate and the state of the tracking after it."""
+        is_lost = self._running.fused is not None and not np.isfinite(step.fused).any()
+        if step.cut or is_lost:
+            self._finished = self.with_objects()
+            self._running = _Running(self._running.number + 1)
+        self._running.add(frame, material, step)
+
+    def with_objects(self) -> list[Scene]:
+        """Return the scenes so far that have an object, the last one among them."""
+        last = self._running.result()
+        return [*self._finished, *([last] if last else [])]
+
+
+def names(name: str, scenes: Iterable[Scene]) -> list[str]:
+    """Return the beginning of the names of each scene's files: NAME, or of several NAME-scene-2."""
+    numbers = [scene.number for scene in scenes]
+    return [name] if len(numbers) == 1 else [f"{name}-scene-{number}" for number in numbers]
+
+
+def write(folder: Path, name: str, scenes: list[Scene]) -> list[str]:
+    """Write the material of each scene as of a photo (`files.write_formats`), and its preview.
+
+    Args:
+        folder: existing folder for the files.
+        name: name of the video's files.
+        scenes: scenes with an object.
+
+    Returns:
+        The names of the files.
+
+    Raises:
+        OSError: if a file cannot be written.
+    """
+    written = []
+    for scene, own in zip(scenes, names(name, scenes), strict=True):
+        written += files.write_formats(folder, own, scene.material)
+        if "mask" in scene.material.layers:
+            sheet = preview.sheet(scene.image_srgb / np.float32(255), scene.material)
+            photo.write(folder / f"{own}-preview.png", sheet)
+            written.append(f"{own}-preview.png")
+    return written

@@ -1,0 +1,147 @@
+"""Results: whole or not there, kept if they would be the same, and never lost unasked."""
+
+import json
+
+import pytest
+
+from lime_keras.estimate.results import Results
+from lime_keras.io import result_json
+
+
+@pytest.fixture
+def photo(tmp_path):
+    (tmp_path / "photo.png").write_bytes(b"a photo")
+    return tmp_path / "photo.png"
+
+
+def results(tmp_path, weights="w" * 64, overwrite=False, **options):
+    return Results(tmp_path / "out", weights, options, overwrite=overwrite)
+
+
+def write(found, photo, name="sub/a", files=("a-mask.png", "a.mtl"), beside=()):
+    with found.writing(name, found.made(photo, dict(beside))) as folder:
+        for file in files:
+            (folder / file).write_text(name)
+        (folder / f"{name.split('/')[-1]}.json").write_text(json.dumps({"exponent": 3.0}))
+
+
+def test_what_would_be_the_same_is_kept(tmp_path, photo):
+    found = results(tmp_path, only=["mask"])
+    assert found.standing("sub/a", found.made(photo, {})) is None
+    write(found, photo)
+    again = results(tmp_path, only=["mask"], shadow=False)
+    kept = again.standing("sub/a", again.made(photo, {}))
+    assert kept["exponent"] == 3 and kept["files"] == ["a-mask.png", "a.json", "a.mtl"]
+    assert {path.name for path in (tmp_path / "out" / "sub").iterdir()} == set(kept["files"])
+    # A photo that was moved is the same photo.
+    moved = photo.rename(tmp_path / "other.png")
+    assert again.standing("sub/a", again.made(moved, {})) == kept
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"weights": "v" * 64}, "of other weights"),
+        ({"only": ["mask"]}, "with no --only and not --only mask"),
+        ({"shadow": True}, "with no --shadow and not --shadow"),
+    ],
+    ids=["weights", "only", "shadow"],
+)
+def test_what_was_made_otherwise_is_refused(change, told, tmp_path, photo):
+    write(results(tmp_path), photo)
+    other = results(tmp_path, **change)
+    with pytest.raises(ValueError, match=rf"sub/a\.json is {told}: pass --overwrite"):
+        other.standing("sub/a", other.made(photo, {}))
+    other = results(tmp_path, overwrite=True, **change)
+    assert other.standing("sub/a", other.made(photo, {})) is None
+
+
+def test_another_photo_and_another_mask_are_refused(tmp_path, photo):
+    found = results(tmp_path)
+    write(found, photo, beside={"mask": photo})
+    with pytest.raises(ValueError, match="of another mask or other normals"):
+        found.standing("sub/a", found.made(photo, {}))
+    photo.write_bytes(b"another photo")
+    with pytest.raises(ValueError, match=r"of another photo or video and of another mask"):
+        found.standing("sub/a", found.made(photo, {}))
+    made = found.made(None, {})
+    write(found, None, name="camera-0")
+    with pytest.raises(ValueError, match="is of an earlier recording"):
+        found.standing("camera-0", made)
+
+
+@pytest.mark.parametrize("content", ["", "{}", "[1]", '{"made": 1, "files": []}', '{"made": {}}'])
+def test_another_file_of_that_name_is_refused(content, tmp_path, photo):
+    found = results(tmp_path)
+    path = tmp_path / "out" / "a.json"
+    path.parent.mkdir()
+    path.write_text(content)
+    with pytest.raises(ValueError, match=r"a\.json is no result of lime-estimate"):
+        found.standing("a", found.made(photo, {}))
+    with pytest.raises(ValueError, match=r"a\.json is there, and no part of an earlier result"):
+        write(found, photo, name="a")
+    assert path.read_text() == content and len(list(path.parent.iterdir())) == 1
+    write(results(tmp_path, overwrite=True), photo, name="a")
+    assert result_json.read(path)["exponent"] == 3
+
+
+def test_a_layers_file_that_is_none_is_not_replaced(tmp_path, photo):
+    found = results(tmp_path)
+    mine = tmp_path / "out" / "a-mask.png"
+    mine.parent.mkdir()
+    mine.write_text("mine")
+    with pytest.raises(ValueError, match=r"a-mask\.png is there"):
+        write(found, photo, name="a")
+    assert mine.read_text() == "mine" and len(list(mine.parent.iterdir())) == 1
+
+
+def test_a_result_that_lacks_a_file_is_made_again(tmp_path, photo):
+    found = results(tmp_path)
+    write(found, photo)
+    (tmp_path / "out" / "sub" / "a.mtl").unlink()
+    assert found.standing("sub/a", found.made(photo, {})) is None
+    write(found, photo)
+    assert found.standing("sub/a", found.made(photo, {})) is not None
+
+
+def test_of_a_result_that_is_replaced_nothing_is_left(tmp_path, photo):
+    write(results(tmp_path), photo, files=("a-mask.png", "a.mtl", "a.gltf"))
+    (tmp_path / "out" / "sub" / "a-notes.txt").write_text("mine")
+    write(results(tmp_path, only=["mask"], overwrite=True), photo, files=("a-mask.png",))
+    names = {path.name for path in (tmp_path / "out" / "sub").iterdir()}
+    assert names == {"a.json", "a-mask.png", "a-notes.txt"}
+
+
+def test_what_fails_leaves_nothing_and_keeps_what_was(tmp_path, photo):
+    found = results(tmp_path)
+    write(found, photo)
+    before = {path.name: path.read_text() for path in (tmp_path / "out" / "sub").iterdir()}
+    with (
+        pytest.raises(KeyboardInterrupt),
+        found.writing("sub/a", found.made(photo, {})) as folder,
+    ):
+        (folder / "a-mask.png").write_text("half")
+        raise KeyboardInterrupt
+    after = {path.name: path.read_text() for path in (tmp_path / "out" / "sub").iterdir()}
+    assert after == before
+
+
+def test_an_unfinished_recording_is_made_again(tmp_path, photo):
+    found = results(tmp_path)
+    made = found.made(photo, {})
+    found.begin("clip", made, ["clip.csv"])
+    (tmp_path / "out" / "clip.csv").write_text("frame\n0\n")
+    assert found.standing("clip", made) is None
+    found.begin("clip", made, ["clip.csv"])
+    assert not (tmp_path / "out" / "clip.csv").exists()
+
+
+def test_files_elsewhere_are_never_taken_for_parts_of_a_result(tmp_path, photo):
+    found = results(tmp_path, overwrite=True)
+    write(found, photo, name="a")
+    path = tmp_path / "out" / "a.json"
+    content = json.loads(path.read_text()) | {"files": ["../photo.png", "/etc/x", "..", ".", 3]}
+    path.write_text(json.dumps(content))
+    assert result_json.read(path)["files"] == []
+    write(found, photo, name="a")
+    assert photo.read_bytes() == b"a photo"
