@@ -259,7 +259,7 @@ def test_a_masker_finds_the_object(folder, tiny_model, tmp_path, capsys):
     save(helper.make_model(graph, opset_imports=opset, ir_version=8), weights_file)
     write(folder / "b_mask.png", masked((33, 20), 0, 20))
     for text in (weights_file, f"isnet:{weights_file}"):
-        arguments = (folder, "--masker", text, "--only", "albedo")
+        arguments = (folder, "--masker", text, "--only", "albedo", "--overwrite")
         assert run(*arguments, weights_folder=tiny_model, out=tmp_path / "out") == 0
         assert "(specular, albedo)" in capsys.readouterr().err
         first, second = (json.loads((tmp_path / "out" / f"{n}.json").read_text()) for n in "ab")
