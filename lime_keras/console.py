@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from tqdm import tqdm
 
 EXTRAS = {
+    "web": ("onnx",),
     "train": (
         *("tensorflow", "keras", "tensorboard", "onnx", "tf2onnx", "matplotlib"),
         *("jinja2", "markdown_it", "mpmath", "threadpoolctl"),

@@ -25,6 +25,7 @@ COMMANDS = {
     "lime-eval": "eval.cli",
     "lime-estimate": "commands.estimate",
     "lime-export": "commands.export",
+    "lime-live": "commands.live",
 }
 # Each row may import from the rows above it and, in it, from its own room. The rooms of one row do
 # not know each other.
@@ -38,6 +39,7 @@ ROWS = {
         ("export",),
         ("estimate", "photo"),
         ("video", "__init__"),
+        ("live",),
         ("commands",),
     ),
     "render": (
