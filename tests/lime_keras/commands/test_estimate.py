@@ -291,10 +291,10 @@ def test_without_an_object_there_is_no_material(blind, folder, tiny_model, tmp_p
     assert {path.name for path in out.glob("a*")} == {"a.json", "a-mask.png", "a-preview.png"}
     assert (out / "b.gltf").is_file()
     about = json.loads((out / "a.json").read_text())
-    assert set(about) == {"photo", "mask_coverage", "square", "warnings"}
+    assert set(about) == {"photo", "mask_coverage", "square", "warnings", "files", "made"}
     assert [caution["code"] for caution in about["warnings"]] == ["no-object"]
     # Nor is there a light, and this is not told as another failure.
-    arguments = (folder / "a.png", "--normals", folder / "b.png")
+    arguments = (folder / "a.png", "--normals", folder / "b.png", "--overwrite")
     assert run(*arguments, weights_folder=tiny_model, out=out) == 1
     assert "1 done, 0 failed, 1 without an object" in capsys.readouterr().err
     assert not (out / "a-environment.exr").exists()
