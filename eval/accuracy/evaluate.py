@@ -129,7 +129,7 @@ def evaluate(
             of_true_layers = _material_errors(example, answers["oracle"]) if answer is None else {}
             # Of what is not finite, no picture can be made.
             for columns in (measured, of_true_layers):
-                _check_finite(columns, model_dir, progress.n)
+                _check_finite(columns, model_dir, int(progress.n))
             relit = _relit(example, answers, split.is_literal, pool)
             rows.append(
                 measured

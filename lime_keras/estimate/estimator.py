@@ -209,9 +209,12 @@ class Estimator:
         Returns:
             The material, with the photo's square, coverage and warnings, and with its layers in the
             pixels of the view.
+
+        Raises:
+            ValueError: if the model's answers are not finite, as its weights are damaged.
         """
         given = {"image": view.image[None], "mask": view.mask[None]}
-        answer = self._engine.run(self._read, given) if self._read else {}
+        answer = self._answers(self._read, given) if self._read else {}
         own = {name: value[0] for name, value in answer.items()}
         whole = Square(0, 0, len(view.image))
         material = self._material(view.image, view.mask, whole, view.image, view.mask, own)
