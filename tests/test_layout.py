@@ -33,7 +33,8 @@ ROWS = {
     "lime_keras": (
         ("version", "arrays", "console", "material", "outputs"),
         ("optics",),
-        ("io", "data", "losses", "metrics", "synthesis"),
+        ("io",),
+        ("data", "losses", "metrics", "synthesis"),
         ("networks", "lighting", "runtime"),
         ("export",),
         ("estimate", "photo"),
