@@ -48,12 +48,12 @@ def add(
     out, pasted = printed.copy(), np.zeros(len(images), bool)
     for index in np.flatnonzero(generator.random(len(images)) < _ACCOMPANIED):
         size = images.shape[1]
-        shift = tuple(int(offset) for offset in generator.integers(-size // 2, size // 2 + 1, 2))
+        down, right = (int(n) for n in generator.integers(-size // 2, size // 2 + 1, 2))
         other = (index + 1) % len(images)
-        share = _shifted(masks[other], shift) * (1 - masks[index])
+        share = _shifted(masks[other], down, right) * (1 - masks[index])
         if 0 < share.sum() <= _LARGEST * masks[index].sum():
             pasted[index] = True
-            out[index] += share * (_shifted(printed[other], shift) - printed[index])
+            out[index] += share * (_shifted(printed[other], down, right) - printed[index])
     return out, pasted
 
 
@@ -71,7 +71,8 @@ def _printed(image: np.ndarray, mask: np.ndarray, generator: np.random.Generator
 
 def _pattern(size: int, generator: np.random.Generator) -> np.ndarray:
     """Return where a print is, `(size, size, 1)` in [0, 1]: noise, cut at a random level."""
-    rows, columns = np.exp(generator.uniform(*np.log(_CELLS), 2)).astype(int)
+    low, high = np.log(_CELLS)
+    rows, columns = np.exp(generator.uniform(low, high, 2)).astype(int)
     noise = generator.standard_normal((rows + 1, columns + 1)).astype(np.float32)
     smooth = _between(size, rows) @ noise @ _between(size, columns).T
     level = generator.uniform(-0.5, 1.0)
@@ -84,12 +85,15 @@ def _between(size: int, cells: int) -> np.ndarray:
     return np.maximum(0, 1 - np.abs(places[:, None] - np.arange(cells + 1, dtype=np.float32)))
 
 
-def _shifted(image: np.ndarray, shift: tuple[int, int]) -> np.ndarray:
+def _shifted(image: np.ndarray, down: int, right: int) -> np.ndarray:
     """Return an image `(S, S, C)` moved by whole pixels, 0 where nothing comes in."""
     out = np.zeros_like(image)
-    size = len(image)
-    (top, left), (height, width) = shift, (size - abs(shift[0]), size - abs(shift[1]))
-    target = slice(max(top, 0), max(top, 0) + height), slice(max(left, 0), max(left, 0) + width)
-    source = slice(max(-top, 0), max(-top, 0) + height), slice(max(-left, 0), max(-left, 0) + width)
-    out[target] = image[source]
+    rows, columns = _moved(len(image), down), _moved(len(image), right)
+    out[rows[1], columns[1]] = image[rows[0], columns[0]]
     return out
+
+
+def _moved(size: int, by: int) -> tuple[slice, slice]:
+    """Return which part of `size` pixels stays visible when they move, and where it comes to."""
+    source = slice(max(-by, 0), size - max(by, 0))
+    return source, slice(source.start + by, source.stop + by)
