@@ -49,6 +49,7 @@ test-slow: .venv/development
 graphs: .venv/installed
 	for set in $(wildcard $(PRETRAINED)/*/); do \
 	  $(BIN)/lime-export $$set --format graphs --weights $$set || exit 1; done
+	$(BIN)/python -m lime_keras.export.sharing
 
 # Written in float16, then as graphs, which hold the same weights, so that those alone stay.
 ship: .venv/installed
@@ -57,6 +58,7 @@ ship: .venv/installed
 	$(BIN)/lime-export $(PRETRAINED)/$(NAME) --format weights --weights $(WEIGHTS)
 	$(BIN)/lime-export $(PRETRAINED)/$(NAME) --format graphs --weights $(PRETRAINED)/$(NAME)
 	rm $(PRETRAINED)/$(NAME)/model/*.weights.h5
+	$(BIN)/python -m lime_keras.export.sharing
 
 lint: .venv/development .venv/typed
 	$(BIN)/ruff check .

@@ -60,6 +60,23 @@ def graphs(run: Path) -> Path:
     return (model.parent if model.name == "model" else model) / "onnx"
 
 
+def graph(graphs: Path, name: str) -> Path:
+    """Return the path of a subnetwork's exported graph, which need not be there.
+
+    Of sets that come with the package and have a graph in common, one holds it, and the description
+    of the others names that set (`lime_keras.export.sharing`).
+
+    Args:
+        graphs: folder of the graphs (see `graphs`).
+        name: name of the subnetwork.
+    """
+    own = graphs / f"{name}.onnx"
+    if own.is_file():
+        return own
+    holder = shipped().get(_described(graphs).get(name, ""))
+    return own if holder is None else holder / "onnx" / own.name
+
+
 def in_graphs(run: Path) -> bool:
     """Return whether a model's weights lie in its exported graphs alone.
 
@@ -82,7 +99,8 @@ def files(run: Path) -> list[Path]:
     model = folder(run)
     check_present(model, model / ARCHITECTURE)
     weights = [path for path in sorted(model.rglob(f"*{WEIGHTS}")) if path.is_file()]
-    held = sorted(graphs(run).glob("*.onnx")) if in_graphs(run) else []
+    there = graphs(run)
+    held = [graph(there, name) for name in sorted(_described(there))] if in_graphs(run) else []
     return [model / ARCHITECTURE, *weights, *(path for path in held if path.is_file())]
 
 
@@ -123,6 +141,18 @@ def check_present(model: Path, *paths: Path) -> None:
 
 def _holds_model(run: Path) -> bool:
     return (folder(run) / ARCHITECTURE).is_file()
+
+
+def _described(graphs: Path) -> dict[str, str]:
+    """Return the names of the described graphs, each with the set that holds it, "" for this one.
+
+    There is none if the folder has no description of graphs, or a damaged one.
+    """
+    try:
+        described = incoming.read_json(graphs / DESCRIPTION)["graphs"]
+        return {name: str(row.get("held_by") or "") for name, row in described.items()}
+    except (OSError, ValueError, LookupError, TypeError, AttributeError):
+        return {}
 
 
 def _described_digest(description: Path) -> str:

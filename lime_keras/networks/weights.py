@@ -26,6 +26,7 @@ from lime_keras.io.model_folder import (
     check_present,
     files,
     folder,
+    graph,
     graphs,
     in_graphs,
 )
@@ -87,7 +88,7 @@ def load(model: Path, *, whole: bool = True) -> tuple[Architecture, dict[str, ke
     architecture = _architecture(model)
     exported = in_graphs(model)
     paths = {
-        name: graphs(model) / f"{name}.onnx" if exported else _weights_path(model, name)
+        name: graph(graphs(model), name) if exported else _weights_path(model, name)
         for name in names(architecture)
     }
     if not whole:

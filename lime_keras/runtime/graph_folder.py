@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from lime_keras.io import incoming
+from lime_keras.io import incoming, model_folder
 from lime_keras.io.model_folder import DESCRIPTION
 from lime_keras.version import __version__
 
@@ -27,11 +27,14 @@ class Graph:
         inputs: names of what it reads (see `lime_keras.networks.parts`).
         outputs: names of what it answers.
         sha256: checksum of its file.
+        held_by: name of the set, of those that come with the package, that holds the file for this
+            one as well (`io.model_folder.graph`); None if it lies in this folder.
     """
 
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     sha256: str
+    held_by: str | None = None
 
 
 @dataclass(frozen=True)
@@ -66,7 +69,9 @@ def read(folder: Path) -> Description | None:
         if held["layout"] != LAYOUT:
             return None
         graphs = {
-            name: Graph(tuple(row["inputs"]), tuple(row["outputs"]), row["sha256"])
+            name: Graph(
+                tuple(row["inputs"]), tuple(row["outputs"]), row["sha256"], row.get("held_by")
+            )
             for name, row in held["graphs"].items()
         }
         return Description(held["weights"], held["size"], held["system"], graphs)
@@ -80,18 +85,13 @@ def read(folder: Path) -> Description | None:
         return None
 
 
-def path(folder: Path, name: str) -> Path:
-    """Return the path of a subnetwork's graph."""
-    return folder / f"{name}.onnx"
-
-
 def checked(folder: Path, name: str, graph: Graph) -> bytes:
     """Return the content of a graph's file.
 
     Raises:
         ValueError: if the file is missing or is not the one described.
     """
-    file = path(folder, name)
+    file = model_folder.graph(folder, name)
     content = file.read_bytes() if file.is_file() else b""
     if hashlib.sha256(content).hexdigest() != graph.sha256:
         raise ValueError(
