@@ -45,6 +45,14 @@ EXTRAS = {
     "cluster": ["ray>=2.60,<3"],
 }
 
+# The site of the documentation.
+DOCS = [
+    "sphinx>=8.1,<10",
+    "furo>=2025.9,<2027",
+    "myst-parser>=4,<6",
+    "sphinx-copybutton>=0.5.2,<1",
+]
+
 setup(
     name="lime-keras",
     version=ABOUT["__version__"],
@@ -89,7 +97,9 @@ setup(
     extras_require=EXTRAS
     | {
         "all": [requirement for extra in EXTRAS.values() for requirement in extra],
+        "docs": DOCS,
         "dev": [
+            *DOCS,
             "jax>=0.7,<0.11",
             "pytest>=8,<10",
             "pytest-timeout>=2.3,<3",

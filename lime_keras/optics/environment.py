@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 MEAN_RADIANCE = 0.4
-"""Spherical mean to which every light is scaled: the exposure (docs/decisions.md)."""
+"""Spherical mean to which every light is scaled: the exposure (docs/explanation/decisions.md)."""
 CAMERA_PITCH = (math.radians(-10), math.radians(30))
 """Range in radians of the angle by which the camera looks down, and so of the light's tilt."""
 STORED_SHAPE = (64, 128)

@@ -1,7 +1,7 @@
 """The eight classes (bins) of ExponentNet: from the exponent to its class and back.
 
 The paper's figure with the ranges is lost. Equal widths of 0.375 decades of s, from 1 to 1000,
-reproduce four rows of its Table 1 (docs/decisions.md).
+reproduce four rows of its Table 1 (docs/explanation/decisions.md).
 """
 
 from collections.abc import Mapping
