@@ -16,6 +16,8 @@ PACKAGE_DIR = {
 }
 
 EXTRAS = {
+    # The live page without Python.
+    "web": ["onnx>=1.17,<2"],
     # Training, evaluation and export.
     "train": [
         "tensorflow>=2.20,<2.22",
@@ -72,6 +74,7 @@ setup(
         "lime_keras": [
             "py.typed",
             "estimate/*.html",
+            "live/page/**/*",
             "pretrained/*.md",
             "pretrained/*/*/*",
             "pretrained/*/*/alone/*",
@@ -107,6 +110,8 @@ setup(
             # What measures are held against.
             "scikit-learn>=1.5,<2",
             "hypothesis>=6.100,<7",
+            # The live page in a browser, where there is one.
+            "playwright>=1.50,<2",
             "ruff==0.17.6",
             "mypy>=1.13,<3",
             "scipy-stubs>=1.17,<2",
@@ -120,6 +125,7 @@ setup(
             "lime-eval = lime_keras.eval.cli:main",
             "lime-estimate = lime_keras.commands.estimate:main",
             "lime-export = lime_keras.commands.export:main",
+            "lime-live = lime_keras.commands.live:main",
         ]
     },
 )

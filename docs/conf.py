@@ -37,7 +37,6 @@ myst_enable_extensions = ["dollarmath", "colon_fence", "deflist"]
 myst_heading_anchors = 4
 
 autosummary_generate = True
-autosummary_ignore_module_all = False
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 # What only an extra brings: pages of these modules are made without it.
@@ -63,6 +62,8 @@ napoleon_numpy_docstring = False
 napoleon_use_rtype = False
 # Else attributes of dataclasses are described twice.
 napoleon_use_ivar = True
+# Napoleon takes the words before a colon in a constant's docstring for its type.
+suppress_warnings = ["ref.python"]
 # A name between backticks is code, in docstrings as in Markdown.
 default_role = "code"
 

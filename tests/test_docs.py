@@ -24,6 +24,7 @@ TEXTS = [*PAGES, ROOT / "README.md", ROOT / "CONTRIBUTING.md", CARD]
 COMMANDS = {
     "lime-estimate": "lime_keras.commands.estimate",
     "lime-export": "lime_keras.commands.export",
+    "lime-live": "lime_keras.commands.live",
     "lime-render": "lime_keras.render.cli",
     "lime-train": "lime_keras.train.cli",
     "lime-eval": "lime_keras.eval.cli",

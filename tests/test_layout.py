@@ -25,6 +25,7 @@ COMMANDS = {
     "lime-eval": "eval.cli",
     "lime-estimate": "commands.estimate",
     "lime-export": "commands.export",
+    "lime-live": "commands.live",
 }
 # Each row may import from the rows above it and, in it, from its own room. The rooms of one row do
 # not know each other.
@@ -32,11 +33,13 @@ ROWS = {
     "lime_keras": (
         ("version", "arrays", "console", "material", "outputs"),
         ("optics",),
-        ("io", "data", "losses", "metrics", "synthesis"),
+        ("io",),
+        ("data", "losses", "metrics", "synthesis"),
         ("networks", "lighting", "runtime"),
         ("export",),
         ("estimate", "photo"),
         ("video", "__init__"),
+        ("live",),
         ("commands",),
     ),
     "render": (

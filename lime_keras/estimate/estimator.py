@@ -8,7 +8,7 @@ Example:
 """
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,30 @@ from lime_keras.outputs import NEEDED, OUTPUTS, available
 
 _PIXELS_AT_ONCE = 1 << 18
 """Number of pixels of a photo, about, whose layers are recomposed at once."""
+
+
+@dataclass(frozen=True)
+class View:
+    """The square of a photo that the networks see, with the object found in it.
+
+    Attributes:
+        square: square of the photo; it may reach beyond the photo.
+        image: its content `(S, S, 3)` float32, sRGB in [0, 1].
+        mask: coverage `(S, S, 1)` in [0, 1], as the networks see it, beyond the photo too.
+        coverage: share of the photo that the object covers, in [0, 1].
+        confidence: `Material.mask_confidence`.
+        photo: the photo `(H, W, 3)`, sRGB in [0, 1].
+        given: coverage `(H, W, 1)` in [0, 1] of a mask that was not found by SegmentationNet, or
+            None.
+    """
+
+    square: Square
+    image: np.ndarray
+    mask: np.ndarray
+    coverage: float
+    confidence: float | None
+    photo: np.ndarray
+    given: np.ndarray | None
 
 
 class Estimator:
@@ -44,6 +68,8 @@ class Estimator:
             the layers are interpolated from the networks' size. The mask's coverage follows.
 
     Attributes:
+        size: height and width in pixels of the square that the networks see.
+        system: name of the system in words.
         subnetworks: names of the subnetworks that are run, in order; `segmentation` is always
             among them, but is loaded and run only for photos without a mask; with a masker, never.
 
@@ -63,7 +89,9 @@ class Estimator:
         full_size: bool = False,
     ):
         self._masker = masker
+        self._model = weights
         self._engine = engines.load(model_folder.find(weights), engine)
+        self.size, self.system = self._engine.size, self._engine.system
         needed = available(self._engine.outputs)
         self._full_size = full_size
         self._only = set(needed if only is None else only)
@@ -118,7 +146,8 @@ class Estimator:
 
         Raises:
             ValueError: if a photo or a mask is refused (see `estimate`), or the numbers of photos
-                and masks differ; raised at the first material.
+                and masks differ; raised at the first material. Also if the model's answers are
+                not finite, as its weights are damaged.
         """
         masks = [None] * len(photos) if masks is None else masks
         if len(masks) != len(photos):
@@ -127,13 +156,7 @@ class Estimator:
         given: list[np.ndarray | None] = []
         confidences: list[float | None] = []
         for picture, mask in zip(photos, masks, strict=True):
-            image, alpha = photo_of(picture)
-            known, confidence = alpha, None
-            if mask is not None:
-                known = mask_of(mask, *image.shape[:2])
-            elif known is None and self._masker is not None:
-                known = mask_of(self._masker(image), *image.shape[:2])
-                confidence = cautions.confidence(known)
+            image, known, confidence = self._taken(picture, mask)
             images.append(image)
             given.append(known)
             confidences.append(confidence)
@@ -142,7 +165,7 @@ class Estimator:
         squares, seen, masks_seen = self._find(images, given)
         answer: Mapping[str, np.ndarray] = {}
         if self._read:
-            answer = self._engine.run(self._read, {"image": seen, "mask": masks_seen})
+            answer = self._answers(self._read, {"image": seen, "mask": masks_seen})
         for index, (image, mask, square) in enumerate(zip(images, given, squares, strict=True)):
             own = {name: value[index] for name, value in answer.items()}
             if mask is None:
@@ -156,6 +179,71 @@ class Estimator:
                 continue
             material = self._material(image, mask, square, seen[index], masks_seen[index], own)
             yield replace(material, mask_confidence=confidences[index], warnings=told)
+
+    def view(self, photo: Picture, mask: Picture | None = None) -> View:
+        """Find the object in a photo, and return the square that the networks see.
+
+        `view` and `read` are the two halves of `estimate` for who shows the layers in the square
+        alone: nothing is brought to the photo's size.
+
+        Args:
+            photo: photo, as `estimate` takes it.
+            mask: coverage of the object, as `estimate` takes it, or None.
+
+        Raises:
+            ValueError: if the photo or the mask is refused (see `estimate`).
+        """
+        image, given, confidence = self._taken(photo, mask)
+        height, width = image.shape[:2]
+        squares, seen, masks = self._find([image], [given])
+        square, found = squares[0], masks[0] >= framing.THRESHOLD
+        pixels = np.sum(found & framing.inside(square, height, width, len(found)))
+        share = float(pixels) * (square.side / len(found)) ** 2 / (height * width)
+        if given is None:
+            confidence = cautions.confidence(masks[0])
+        return View(square, seen[0], masks[0], min(share, 1.0), confidence, image, given)
+
+    def read(self, view: View) -> Material:
+        """Estimate the material of the object in a view.
+
+        Returns:
+            The material, with the photo's square, coverage and warnings, and with its layers in the
+            pixels of the view.
+
+        Raises:
+            ValueError: if the model's answers are not finite, as its weights are damaged.
+        """
+        given = {"image": view.image[None], "mask": view.mask[None]}
+        answer = self._answers(self._read, given) if self._read else {}
+        own = {name: value[0] for name, value in answer.items()}
+        whole = Square(0, 0, len(view.image))
+        material = self._material(view.image, view.mask, whole, view.image, view.mask, own)
+        mask = view.given
+        if mask is None:
+            mask = self._full_mask(view.photo, view.square, view.image, view.mask)
+        return replace(
+            material,
+            square=view.square,
+            mask_coverage=view.coverage,
+            mask_confidence=view.confidence,
+            warnings=cautions.of(view.photo, mask, view.confidence),
+        )
+
+    def _taken(
+        self, photo: Picture, mask: Picture | None
+    ) -> tuple[np.ndarray, np.ndarray | None, float | None]:
+        """Return a photo, its mask if SegmentationNet is not to find it, and a masker's confidence.
+
+        Raises:
+            ValueError: if the photo or the mask is refused (see `estimate`).
+        """
+        image, alpha = photo_of(photo)
+        if mask is not None:
+            return image, mask_of(mask, *image.shape[:2]), None
+        if alpha is not None or self._masker is None:
+            return image, alpha, None
+        known = mask_of(self._masker(image), *image.shape[:2])
+        return image, known, cautions.confidence(known)
 
     def _find(
         self, images: list[np.ndarray], given: list[np.ndarray | None]
@@ -186,7 +274,20 @@ class Estimator:
         """Return SegmentationNet's masks `(N, S, S, 1)` of images `(N, S, S, 3)`; N may be 0."""
         if not len(seen):
             return np.empty((0, self._engine.size, self._engine.size, 1), np.float32)
-        return self._engine.run(["mask"], {"image": seen})["mask"]
+        return self._answers(["mask"], {"image": seen})["mask"]
+
+    def _answers(
+        self, outputs: Collection[str], given: Mapping[str, np.ndarray]
+    ) -> Mapping[str, np.ndarray]:
+        """Return the model's outputs by name; raise ValueError if one is not finite."""
+        answers = self._engine.run(outputs, given)
+        for name, answer in answers.items():
+            if not np.isfinite(answer).all():
+                raise ValueError(
+                    f"{self._model} answers {name} with NaN or infinity: its weights are damaged, "
+                    "so train again or pass other --weights"
+                )
+        return answers
 
     def _full_mask(
         self, image: np.ndarray, square: Square, seen: np.ndarray, seen_mask: np.ndarray

@@ -151,6 +151,21 @@ def paste(layer: np.ndarray, square: Square, height: int, width: int) -> np.ndar
     return out
 
 
+def inside(square: Square, height: int, width: int, size: int) -> np.ndarray:
+    """Return which of `(size, size, 1)` samples of a square have their middle inside the photo.
+
+    Args:
+        square: square of the photo.
+        height: height of the photo in pixels.
+        width: width of the photo in pixels.
+        size: number of samples along a side of the square.
+    """
+    middle = (np.arange(size) + 0.5) * square.side / size
+    rows, columns = square.top + middle, square.left + middle
+    across = (columns >= 0) & (columns <= width)
+    return (((rows >= 0) & (rows <= height))[:, None] & across)[..., None]
+
+
 def shares(pixels: slice, side: int, size: int) -> np.ndarray:
     """Return the weights `(P, size)` of the samples along a square's side for P of its pixels.
 

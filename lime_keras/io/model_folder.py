@@ -8,8 +8,9 @@ NumPy, so that the estimator, which runs the exported graphs, finds its model wi
 """
 
 import hashlib
-import json
 from pathlib import Path
+
+from lime_keras.io import incoming
 
 PRETRAINED = Path(__file__).parents[1] / "pretrained"
 """Folder of the sets of weights that come with the package, a folder each."""
@@ -80,8 +81,9 @@ def files(run: Path) -> list[Path]:
     """
     model = folder(run)
     check_present(model, model / ARCHITECTURE)
+    weights = [path for path in sorted(model.rglob(f"*{WEIGHTS}")) if path.is_file()]
     held = sorted(graphs(run).glob("*.onnx")) if in_graphs(run) else []
-    return [model / ARCHITECTURE, *sorted(model.rglob(f"*{WEIGHTS}")), *held]
+    return [model / ARCHITECTURE, *weights, *(path for path in held if path.is_file())]
 
 
 def digest(run: Path) -> str:
@@ -125,7 +127,7 @@ def _holds_model(run: Path) -> bool:
 
 def _described_digest(description: Path) -> str:
     try:
-        return str(json.loads(description.read_text(encoding="utf-8"))["weights"])
+        return str(incoming.read_json(description)["weights"])
     except (ValueError, LookupError, TypeError) as error:
         raise ValueError(
             f"{description} is damaged, and the graphs beside it hold the only weights: take this "

@@ -97,8 +97,13 @@ def normaliser(exponent: Any) -> Any:
 
     Returns:
         c(s), of the shape of s, at least 1/(2π).
+
+    Raises:
+        ValueError: if an exponent of an array is negative or NaN; tensors are not looked at.
     """
     xp = namespace(exponent)
+    if xp is np and not np.all(np.asarray(exponent) >= 0):
+        raise ValueError(f"exponents are at least 0, got {np.min(exponent)}: check the material")
     # expm1 keeps the digits of 1 − 2^(−a); here a is at least 1, so the result is never zero.
     spread = -xp.expm1(-(exponent + 2.0) * (0.5 * math.log(2.0)))
     return (exponent + 2.0) / (8.0 * math.pi * spread)

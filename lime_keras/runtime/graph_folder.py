@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from lime_keras.io import incoming
 from lime_keras.io.model_folder import DESCRIPTION
 from lime_keras.version import __version__
 
@@ -61,7 +62,7 @@ def write(folder: Path, description: Description) -> None:
 def read(folder: Path) -> Description | None:
     """Return the description of a folder's graphs; None if it holds none of this layout."""
     try:
-        held = json.loads((folder / DESCRIPTION).read_text(encoding="utf-8"))
+        held = incoming.read_json(folder / DESCRIPTION)
         if held["layout"] != LAYOUT:
             return None
         graphs = {
@@ -70,8 +71,6 @@ def read(folder: Path) -> Description | None:
         }
         return Description(held["weights"], held["size"], held["system"], graphs)
     except (
-        FileNotFoundError,
-        NotADirectoryError,
         AttributeError,
         LookupError,
         TypeError,
@@ -93,10 +92,7 @@ def checked(folder: Path, name: str, graph: Graph) -> bytes:
         ValueError: if the file is missing or is not the one described.
     """
     file = path(folder, name)
-    try:
-        content = file.read_bytes()
-    except FileNotFoundError:
-        content = b""
+    content = file.read_bytes() if file.is_file() else b""
     if hashlib.sha256(content).hexdigest() != graph.sha256:
         raise ValueError(
             f"{file} is missing or damaged: delete {folder}, which is then exported anew, or "

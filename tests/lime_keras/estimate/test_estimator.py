@@ -224,6 +224,34 @@ def test_a_mask_out_of_range_is_refused(value, estimator):
         estimator.estimate(photo((20, 30)), np.full((20, 30), value))
 
 
+@pytest.mark.parametrize("shape", [(40, 90), (90, 33), (32, 32)])
+@pytest.mark.parametrize("masked", [False, True])
+def test_its_two_halves_give_the_same_numbers_with_layers_in_the_square(shape, masked, estimator):
+    image, mask = photo(shape), np.zeros((*shape, 1), np.float32)
+    mask[8:24, 5:30] = 1
+    given = mask if masked else None
+    expected, view = estimator.estimate(image, given), estimator.view(image, given)
+    found = estimator.read(view)
+    assert found.square == expected.square == view.square
+    assert found.diffuse_albedo == pytest.approx(expected.diffuse_albedo, abs=1e-6)
+    assert found.exponent == pytest.approx(expected.exponent)
+    assert found.mask_coverage == pytest.approx(expected.mask_coverage, abs=0.03)
+    assert found.mask_confidence == pytest.approx(expected.mask_confidence)
+    assert found.warnings == expected.warnings != ()
+    for name, layer in found.layers.items():
+        assert layer.shape == (32, 32, LAYERS[name])
+    pasted = framing.paste(found.layers["specular_shading"], view.square, *shape)
+    assert pasted == pytest.approx(expected.layers["specular_shading"], abs=1e-5)
+
+
+def test_a_views_coverage_is_a_share_of_the_photo(estimator):
+    mask = np.zeros((40, 90, 1), np.float32)
+    mask[10:30, :20] = 1
+    assert estimator.view(photo((40, 90)), mask).coverage == pytest.approx(400 / 3600, rel=0.1)
+    assert estimator.view(photo((40, 90)), np.ones((40, 90))).coverage == pytest.approx(1, abs=0.05)
+    assert estimator.view(photo((40, 90)), np.zeros((40, 90))).coverage == 0
+
+
 def test_several_photos_are_answered_as_one_by_one(estimator):
     images = [photo((40, 90)), photo((33, 20), seed=1), photo((32, 32), seed=2)]
     masks = [None, np.ones((33, 20)), None]
@@ -345,6 +373,19 @@ def test_a_value_out_of_range_is_refused(value, estimator):
     image[3, 4, 1] = value
     with pytest.raises(ValueError, match=r"\[0, 1\].*255"):
         estimator.estimate(image)
+
+
+def test_answers_that_are_not_finite_are_refused(tiny_model, monkeypatch):
+    estimator = Estimator(tiny_model)
+    answer = estimator._engine.run
+
+    def broken(outputs, given):
+        found = answer(outputs, given)
+        return found | {name: np.full_like(found[name], np.nan) for name in found if name != "mask"}
+
+    monkeypatch.setattr(estimator._engine, "run", broken)
+    with pytest.raises(ValueError, match="with NaN or infinity: its weights are damaged"):
+        estimator.estimate(photo((40, 40)))
 
 
 @pytest.mark.parametrize("only", [[], ["normals"], ["mask", "masks"], "mask"])

@@ -218,3 +218,10 @@ def test_photos_are_made_smaller_as_training_images_are(factor):
     size = record["image"].shape[0] // factor
     expected = pipeline.resize(record, size)["image"]
     np.testing.assert_allclose(fitted(record["image"].numpy(), size), expected, atol=2e-5)
+
+
+def test_samples_inside_the_photo_are_those_whose_middle_is():
+    found = framing.inside(framing.Square(-4, 2, 8), 10, 7, 4)
+    assert found.shape == (4, 4, 1)
+    # Rows' middles at −3, −1, 1, 3; columns' at 3, 5, 7, 9.
+    assert found[..., 0].tolist() == [[False] * 4] * 2 + [[True, True, True, False]] * 2

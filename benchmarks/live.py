@@ -1,0 +1,250 @@
+"""Frames a second of the live page with the native engine, beside Gradio's webcam route.
+
+    python benchmarks/live.py
+    python benchmarks/live.py --browser
+    python benchmarks/live.py --gradio /elsewhere/bin/python
+
+The server is asked over HTTP, as the page asks it, for frames of 640 × 480 of a moving ball: the
+mask alone, the mask and the material, the page's rhythm on a slow machine (the material with every
+third frame), and the light as well. The page captures and draws besides; `--browser` runs it in
+Chromium on a clip of the same frames, and reads its own count. `--gradio` names the Python of an
+environment with gradio and this package, which serves the same model as Gradio does for pictures of
+a webcam: each frame as a file, each answer as a picture; it is asked over HTTP, too, by Gradio's
+own client, which does not know the stream of its page.
+
+Each row has, after a second of warming up, the median of the frames' times, the frames a second in
+the mean, and for the server the processors' time of a frame, which other programs change less. The
+load of the machine before and after is printed, for nothing here means much on a busy one.
+"""
+
+import argparse
+import contextlib
+import http.client
+import io
+import json
+import os
+import shutil
+import statistics
+import struct
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+from playwright.sync_api import Request, sync_playwright
+
+from lime_keras import Estimator
+from lime_keras.live.server import LiveServer, Start
+
+_SHAPE = 480, 640
+_WARMING = 1.0
+_GRADIO = """
+import sys, gradio
+import numpy as np
+from lime_keras import Estimator
+estimator = Estimator(only=["mask", "specular", "mirror", "albedo", "exponent"])
+def estimate(image):
+    material = estimator.estimate(image)
+    edge = material.layers["mask"][..., 0] >= 0.5
+    return np.where(edge[..., None], image, image // 2), material.to_json()
+page = gradio.Interface(
+    estimate, gradio.Image(sources=["webcam"]), [gradio.Image(), gradio.JSON()],
+    api_name="estimate",
+)
+page.launch(server_port=int(sys.argv[1]), quiet=True)
+"""
+_CLIENT = """
+import sys, time
+from gradio_client import Client, handle_file
+client = Client(f"http://127.0.0.1:{sys.argv[1]}/", verbose=False)
+end = time.perf_counter() + float(sys.argv[2])
+while time.perf_counter() < end:
+    begun = time.perf_counter()
+    client.predict(handle_file(sys.argv[3]), api_name="/estimate")
+    print(time.perf_counter() - begun, flush=True)
+"""
+
+
+def main() -> None:
+    """Print the table."""
+    arguments = _arguments()
+    print(f"load before: {_load()}; {os.cpu_count()} processors\n")
+    print("| | ms a frame | frames a second | processors' ms |\n|---|---:|---:|---:|")
+    frames = [_ball(0.25 * np.cos(t), 0.1 * np.sin(t)) for t in np.linspace(0, 6.28, 20)]
+    with _serving() as server:
+        ask = _asker(server, frames)
+        rows = {
+            "mask alone": lambda _: ask(material=False, light=False),
+            "mask, material": lambda _: ask(material=True, light=False),
+            "material with every third": lambda n: ask(material=n % 3 == 0, light=False),
+            "mask, material, light": lambda _: ask(material=True, light=True),
+        }
+        for name, one in rows.items():
+            times, used = _times(one, arguments.seconds)
+            _tell(f"server, {name}", times, f"{1000 * used:.0f}")
+    if arguments.browser:
+        _tell("page in Chromium", _in_browser(frames, arguments.seconds))
+    if arguments.gradio:
+        _tell("Gradio", _by_gradio(arguments.gradio, frames[0], arguments.seconds))
+    print(f"\nload after: {_load()}")
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--seconds", type=float, default=8.0, help="of each row (default: 8)")
+    parser.add_argument("--browser", action="store_true", help="run the page in Chromium, too")
+    parser.add_argument("--gradio", type=Path, metavar="PYTHON", help="Python that has gradio")
+    return parser.parse_args()
+
+
+def _load() -> str:
+    return " ".join(f"{value:.1f}" for value in os.getloadavg())
+
+
+def _tell(name: str, times: list[float], used: str = "–") -> None:
+    """Print a row of times in seconds; every third frame may cost more, so the rate is a mean."""
+    median, rate = statistics.median(times), len(times) / sum(times)
+    print(f"| {name} | {1000 * median:.0f} | {rate:.1f} | {used} |", flush=True)
+
+
+def _times(one: Callable[[int], Any], seconds: float) -> tuple[list[float], float]:
+    """Return the seconds of each call with its number, and the mean of the processors' seconds.
+
+    The calls of the first second do not count.
+    """
+    times: list[float] = []
+    first, number, used = time.perf_counter(), 0, 0.0
+    while (begun := time.perf_counter()) < first + _WARMING + seconds or len(times) < 6:
+        before = time.process_time()
+        one(number)
+        number += 1
+        if begun > first + _WARMING:
+            times.append(time.perf_counter() - begun)
+            used += time.process_time() - before
+    return times, used / len(times)
+
+
+@contextlib.contextmanager
+def _serving(start: Start | None = None) -> Iterator[LiveServer]:
+    with LiveServer(Estimator(), 0, start) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        yield server
+        server.shutdown()
+        thread.join()
+
+
+def _asker(server: LiveServer, frames: list[np.ndarray]) -> Callable[..., None]:
+    """Return a function that asks for the next frame, with the options of the page."""
+    host = server.url.removeprefix("http://").rstrip("/")
+    connection = http.client.HTTPConnection(host)
+    count = 0
+
+    def ask(**options: bool) -> None:
+        nonlocal count
+        count += 1
+        frame = frames[count % len(frames)]
+        pixels = np.dstack([frame, np.full(frame.shape[:2], 255, np.uint8)])
+        header = {"number": count, "width": frame.shape[1], "height": frame.shape[0]}
+        text = json.dumps(header | {"options": options}).encode()
+        body = struct.pack("<I", len(text)) + text + pixels.tobytes()
+        connection.request("POST", "/estimate", body, {"Origin": f"http://{host}"})
+        answer = connection.getresponse()
+        content = answer.read()
+        if answer.status != 200:
+            raise SystemExit(content.decode())
+
+    return ask
+
+
+def _in_browser(frames: list[np.ndarray], seconds: float) -> list[float]:
+    """Return the seconds between the page's answers, from the frames that its engine was asked."""
+    program = shutil.which("chromium") or shutil.which("google-chrome")
+    if program is None:
+        raise SystemExit("--browser needs Chromium: apt-get install chromium")
+    with tempfile.TemporaryDirectory() as scratch, _serving(Start("camera")) as server:
+        # MJPEG shifts colours a little, which changes no speed.
+        clip, seen = Path(scratch) / "clip.mjpeg", list[float]()
+
+        def count(asked: Request) -> None:
+            if asked.url.endswith("/estimate"):
+                seen.append(time.perf_counter())
+
+        clip.write_bytes(b"".join(_encoded(frame, "JPEG") for frame in frames))
+        arguments = [
+            *("--no-sandbox", "--use-fake-ui-for-media-stream"),
+            *("--use-fake-device-for-media-stream", f"--use-file-for-fake-video-capture={clip}"),
+        ]
+        with sync_playwright() as started:
+            browser = started.chromium.launch(executable_path=program, args=arguments)
+            page = browser.new_page()
+            page.on("requestfinished", count)
+            page.goto(server.url)
+            page.wait_for_selector("#speed:visible", timeout=120_000)
+            page.wait_for_timeout(1000 * (_WARMING + seconds))
+            print(f"the page says: {page.inner_text('#speed')}", file=sys.stderr)
+            browser.close()
+    kept = [moment for moment in seen if moment > seen[0] + _WARMING]
+    return list(np.diff(kept))
+
+
+def _by_gradio(python: Path, frame: np.ndarray, seconds: float) -> list[float]:
+    with tempfile.TemporaryDirectory() as scratch:
+        path = Path(scratch) / "frame.png"
+        path.write_bytes(_encoded(frame, "PNG"))
+        port = "8338"
+        served = subprocess.Popen([python, "-c", _GRADIO, port], stdout=subprocess.DEVNULL)
+        try:
+            _await(int(port), served)
+            command = [str(python), "-c", _CLIENT, port, str(_WARMING + seconds), str(path)]
+            told = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+        finally:
+            served.terminate()
+            served.wait()
+    return [float(line) for line in told.splitlines()][1:]
+
+
+def _await(port: int, process: "subprocess.Popen[bytes]") -> None:
+    """Wait until a process answers on a port."""
+    for _ in range(600):
+        if process.poll() is not None:
+            raise SystemExit("Gradio ended at once: see above")
+        with contextlib.suppress(OSError):
+            connection = http.client.HTTPConnection("127.0.0.1", port, timeout=1)
+            connection.request("GET", "/config")
+            if connection.getresponse().status == 200:
+                return
+        time.sleep(0.2)
+    raise SystemExit("Gradio does not answer")
+
+
+def _encoded(frame: np.ndarray, kind: str) -> bytes:
+    file = io.BytesIO()
+    Image.fromarray(frame).save(file, kind, quality=95)
+    return file.getvalue()
+
+
+def _ball(right: float, up: float) -> np.ndarray:
+    """Return a frame, uint8 sRGB, of a lit ball before a plain wall."""
+    height, width = _SHAPE
+    y, x = np.mgrid[:height, :width] + 0.5
+    x, y = (2 * x - width) / height - right, 1 - 2 * y / height - up
+    square = (x**2 + y**2) / 0.6**2
+    z = np.sqrt(np.maximum(1 - square, 0))
+    lit = np.maximum((-0.5 * x + 0.6 * y) / 0.6 + 0.62 * z, 0)[..., None]
+    shine = np.maximum((-0.28 * x + 0.33 * y) / 0.6 + 0.9 * z, 0)[..., None] ** 60
+    ball = np.array([0.5, 0.2, 0.08]) * (lit + 0.2) + 0.6 * shine
+    linear = np.where((square < 1)[..., None], ball, 0.3 + 0.1 * y[..., None])
+    return np.rint(255 * np.clip(linear, 0, 1) ** (1 / 2.2)).astype(np.uint8)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,140 @@
+"""`lime-live`: a page that shows the material of what is held before the camera."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from lime_keras import console
+from lime_keras.io import model_folder
+from lime_keras.version import __version__
+
+_PORT = 8337
+
+_EXAMPLE = f"""
+examples:
+  lime-live
+  lime-live --camera
+  lime-live --photo vase.jpg
+  lime-live --video turntable.mp4 --weights runs/mine
+  lime-live --port 9000 --no-browser
+  lime-live --static site
+
+The page opens in the browser, at http://127.0.0.1:{_PORT}/: on one side the camera's picture, a
+photo (chosen, dropped or pasted) or a video, with the object's outline, specular shading, mirror
+image and numbers; on the other a virtual object in the same material, under the light that was
+found. The browser asks before it uses the camera. Nothing leaves this computer: the networks run
+here, as for lime-estimate, and no other computer can reach the page. Ctrl-C ends it.
+
+--static OUT writes the same page as files for any web host: the networks then run in the visitor's
+browser, and no Python is needed. It takes the extra `web` and, once, 33 MB from the npm registry.
+To try it: python3 -m http.server -d OUT, then http://localhost:8000/ in the browser.
+"""
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the parser of the command's options."""
+    out = argparse.ArgumentParser(
+        prog="lime-live",
+        description="Show, live in the browser, the material of the object before the camera, on a "
+        "virtual object under the same light.",
+        epilog=_EXAMPLE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    start = out.add_mutually_exclusive_group()
+    start.add_argument("--camera", action="store_true", help="begin with the camera")
+    start.add_argument("--photo", type=Path, metavar="FILE", help="begin with this photo")
+    start.add_argument("--video", type=Path, metavar="FILE", help="begin with this video")
+    start.add_argument(
+        "--static", type=Path, metavar="OUT", help="write the page for a web host, and end"
+    )
+    out.add_argument(
+        "--port",
+        type=_port,
+        default=_PORT,
+        help=f"port on this computer; 0 for any free one (default: {_PORT})",
+    )
+    out.add_argument("--no-browser", action="store_true", help="open no browser; say the address")
+    out.add_argument(
+        "--weights",
+        type=Path,
+        metavar="RUN",
+        help="run of lime-train, or name of a model that comes with the package (default: "
+        f"{model_folder.DEFAULT})",
+    )
+    out.add_argument("--version", action="version", version=__version__)
+    return out
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Serve the page until Ctrl-C, or write its files, and return the exit status."""
+    options = parser().parse_args(argv)
+    if options.static:
+        return console.run(lambda: _write(options), "nothing was written")
+    return console.run(lambda: _serve(options), "nothing was loaded yet")
+
+
+def _write(options: argparse.Namespace) -> int:
+    console.require("lime-live --static", "onnx")
+    run = model_folder.find(options.weights or model_folder.DEFAULT)
+    model_folder.files(run)
+    from lime_keras.estimate import engines
+    from lime_keras.live import static
+
+    static.check(options.static)
+    engines.load(run, "onnx")
+    print(f"onnxruntime-web {static.RUNTIME_VERSION} is fetched …", file=sys.stderr)
+    with static.fetched_runtime() as runtime:
+        print("the networks are written, and calibrated for eight bits …", file=sys.stderr)
+        static.write(options.static, run, runtime)
+    print(
+        f"{options.static} holds the page, for any web host; to try it here: "
+        f"python3 -m http.server -d {options.static}, then http://localhost:8000/ in the browser"
+    )
+    return 0
+
+
+def _serve(options: argparse.Namespace) -> int:
+    for option, path in (("--photo", options.photo), ("--video", options.video)):
+        if path is not None and not path.is_file():
+            raise ValueError(f"{path} is no file: check what is passed to {option}")
+    if options.weights:
+        model_folder.files(model_folder.find(options.weights))
+    from lime_keras.estimate.estimator import Estimator
+    from lime_keras.live.server import LiveServer, Start
+
+    start = None
+    if options.camera:
+        start = Start("camera")
+    elif options.photo or options.video:
+        start = Start("photo" if options.photo else "video", options.photo or options.video)
+    estimator = Estimator(options.weights or model_folder.DEFAULT)
+    try:
+        server = LiveServer(estimator, options.port, start)
+    except OSError as error:
+        raise OSError(
+            f"port {options.port} cannot be used ({error.strerror}): another lime-live may run "
+            "there; end it, or pass --port 0 for any free port"
+        ) from error
+    with server:
+        print(f"{server.url} shows the page; Ctrl-C ends it", flush=True)
+        if not options.no_browser:
+            _open(server.url)
+        try:
+            server.serve_forever()
+        except KeyboardInterrupt:
+            print("\nended", file=sys.stderr)
+    return 0
+
+
+def _open(url: str) -> None:
+    import webbrowser
+
+    if not webbrowser.open(url):
+        print(f"no browser could be opened: open {url} in one", file=sys.stderr)
+
+
+def _port(text: str) -> int:
+    value = int(text)
+    if not 0 <= value < 2**16:
+        raise argparse.ArgumentTypeError(f"{text} is not in 0 to {2**16 - 1}")
+    return value

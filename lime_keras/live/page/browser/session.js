@@ -1,0 +1,201 @@
+// A stream of frames and what is known of its object: lime_keras/live/session.py, with the graphs
+// run by a function instead of the estimator.
+
+import { toLinear } from "../colour.js";
+import * as framing from "./framing.js";
+import * as lighting from "./light.js";
+import { normals } from "./normals.js";
+import { Fusion, Tracker } from "./tracking.js";
+
+const BIN_WIDTH = 0.375; // Decades of s.
+const BLACK = 1e-4; // Squared length of m_d up to which its diffuse layer is only noise.
+const FOCAL = 1.2; // Focal length over the photo's longer side: `shading.ASSUMED_FOCAL`.
+const NOTHING = { code: "no-object", message: "no object was found" };
+
+export class Session {
+  /**
+   * @param run Function of a graph's name and its inputs by name, Float32Arrays, that returns the
+   *   graph's outputs by name, Float32Arrays: `mask` from `image`, `material` from `image` and
+   *   `mask`.
+   * @param size Height and width of the graphs' images.
+   */
+  constructor(run, size) {
+    this.run = run;
+    this.size = size;
+    this.restart();
+  }
+
+  /** Forget all frames, because another stream begins. */
+  restart() {
+    this.tracker = new Tracker();
+    this.light = new Fusion();
+  }
+
+  /** Estimate the next frame; frame and answer are those of the page's engines. */
+  async answer({ number, image, mask: given, options }) {
+    const { size } = this;
+    const { width, height } = image;
+    const ms = {};
+    const begun = performance.now();
+    let last = begun;
+    const lap = (name) => {
+      const now = performance.now();
+      ms[name] = now - last;
+      last = now;
+    };
+    const view = await (given ? this.viewGiven(image, given) : this.view(image));
+    const inside = framing.insidePhoto(view.square, height, width, size);
+    const covered = view.mask.reduce(
+      (sum, value, at) => sum + (value >= framing.THRESHOLD && inside[at] ? 1 : 0),
+      0,
+    );
+    const share = (covered * (view.square.side / size) ** 2) / (height * width);
+    lap("framing_and_mask");
+    const found = covered > 0;
+    let layers = null;
+    if (options.material && found) {
+      layers = await this.run("material", { image: view.seen, mask: view.mask });
+      lap("material");
+    }
+    const material = layers && materialOf(layers);
+    const { cut, fused } = this.tracker.step(image, found, parameters(material));
+    if (cut || fused.every(Number.isNaN)) this.light.restart();
+    const warnings = found ? [] : [NOTHING];
+    let light = null;
+    if (options.light && material) {
+      const told = this.lit(view, inside, layers, image);
+      if (typeof told === "string") warnings.push({ code: "no-light", message: `no light was found: ${told}` });
+      else light = options.fusion ? this.light.update(told) : told;
+      lap("light");
+    }
+    ms.total = performance.now() - begun;
+    return {
+      number,
+      width,
+      height,
+      found,
+      cut,
+      size,
+      square: [view.square.top, view.square.left, view.square.side],
+      mask_coverage: Math.min(share, 1),
+      material,
+      fused: options.fusion ? fusedMaterial(fused) : null,
+      layers: {
+        mask: Uint8Array.from(view.mask, (value) => Math.round(255 * value)),
+        specular_shading: layers?.specular_shading ?? null,
+        mirror: layers?.mirror ?? null,
+      },
+      light: light && { width: lighting.COLUMNS, height: lighting.ROWS, data: plain(light) },
+      ms,
+      warnings,
+    };
+  }
+
+  /** The square that the networks see, its content and the object found in it. */
+  async view(image) {
+    const { size } = this;
+    const square = framing.whole(image.height, image.width);
+    const seen = framing.cut(image, square, size);
+    const { mask } = await this.run("mask", { image: seen });
+    const closer = framing.around(mask, size, square);
+    if (closer !== square) {
+      const near = framing.cut(image, closer, size);
+      const again = await this.run("mask", { image: near });
+      // If the closer view shows no object, keep the whole photo.
+      if (again.mask.some((value) => value >= framing.THRESHOLD)) {
+        return { square: closer, seen: near, mask: again.mask };
+      }
+    }
+    return { square, seen, mask };
+  }
+
+  async viewGiven(image, given) {
+    const { width, height } = image;
+    const coverage = Float32Array.from(given, (level) => level / 255);
+    const square = framing.aroundGiven(coverage, height, width);
+    return {
+      square,
+      seen: framing.cut(image, square, this.size),
+      mask: framing.cutLayer(coverage, height, width, square, this.size),
+    };
+  }
+
+  /** The light in camera space, or the reason why it cannot be estimated. */
+  lit(view, inside, layers, { width, height }) {
+    const lacking = ["mirror", "specular_shading", "diffuse_albedo"].filter((name) => !layers[name]);
+    if (lacking.length > 0) return `the model lacks ${lacking.join(", ")}`;
+    const { size } = this;
+    const { top, left, side } = view.square;
+    // What lies beyond the photo was not seen.
+    const mask = view.mask.map((value, at) => (inside[at] ? value : 0));
+    const focal = (FOCAL * Math.max(height, width) * size) / side;
+    const camera = [
+      ...[focal, focal],
+      ...[((width / 2 - left) * size) / side, ((height / 2 - top) * size) / side],
+    ];
+    const light = lighting.estimated(
+      normals(mask, size, size),
+      layers.mirror,
+      diffuseShading(view, layers),
+      mask,
+      size,
+      camera,
+    );
+    return light ?? "no pixel shows the light";
+  }
+}
+
+/** D, NaN if m_d is black: what is left of the picture without m_s · S, over m_d. */
+function diffuseShading({ seen, mask }, layers) {
+  const albedo = layers.diffuse_albedo;
+  const square = albedo.reduce((sum, value) => sum + value * value, 0);
+  return layers.specular_shading.map((shading, at) => {
+    if (!(square > BLACK)) return NaN;
+    const specular = layers.specular_albedo[0] * shading;
+    let sum = 0;
+    for (let channel = 0; channel < 3; channel++) {
+      const diffuse = Math.max(toLinear(seen[3 * at + channel]) - specular, 0) * mask[at];
+      sum += diffuse * albedo[channel];
+    }
+    return sum / square;
+  });
+}
+
+/** The numbers of a material; null for what the model does not estimate. */
+function materialOf(layers) {
+  const probabilities = layers.exponent_bin_probabilities;
+  const log = probabilities
+    ? probabilities.reduce((sum, value, bin) => sum + value * BIN_WIDTH * (bin + 0.5), 0)
+    : layers.log_exponent?.[0];
+  return {
+    diffuse_albedo: layers.diffuse_albedo ? [...layers.diffuse_albedo] : null,
+    specular_albedo: layers.specular_albedo?.[0] ?? null,
+    exponent: log === undefined ? null : 10 ** log,
+    exponent_bin_probabilities: probabilities ? [...probabilities] : null,
+    exponent_entropy: probabilities
+      ? probabilities.reduce((sum, value) => sum - (value > 0 ? value * Math.log2(value) : 0), 0)
+      : null,
+  };
+}
+
+/** What is fused over time: m_d, m_s and log10 s; NaN for what was not estimated. */
+function parameters(material) {
+  const [red, green, blue] = material?.diffuse_albedo ?? [NaN, NaN, NaN];
+  const exponent = material?.exponent;
+  const log = exponent ? Math.log10(exponent) : NaN;
+  return [red, green, blue, material?.specular_albedo ?? NaN, log];
+}
+
+function fusedMaterial(fused) {
+  if (fused.every(Number.isNaN)) return null;
+  const known = (value) => (Number.isNaN(value) ? null : value);
+  return {
+    diffuse_albedo: Number.isNaN(fused[0]) ? null : [...fused.slice(0, 3)],
+    specular_albedo: known(fused[3]),
+    exponent: Number.isNaN(fused[4]) ? null : 10 ** fused[4],
+  };
+}
+
+function plain(radiance) {
+  return Float32Array.from(radiance, (value) => (Number.isFinite(value) ? value : 0));
+}

@@ -1,0 +1,80 @@
+// The engine behind the local server: a frame goes out as bytes, its answer comes back as bytes.
+// The form is that of lime_keras/live/wire.py.
+
+import { EngineError } from "./errors.js";
+
+const TYPES = { uint8: Uint8Array, float32: Float32Array };
+
+export async function createEngine(config) {
+  return new ServerEngine(config);
+}
+
+class ServerEngine {
+  #restart = true;
+
+  constructor(config) {
+    this.name = "server";
+    this.about = config.about;
+  }
+
+  restart() {
+    this.#restart = true;
+  }
+
+  async estimate({ number, image, mask, options }) {
+    const { width, height } = image;
+    const header = new TextEncoder().encode(
+      JSON.stringify({ number, width, height, mask: mask !== null, options, restart: this.#restart }),
+    );
+    const length = new DataView(new ArrayBuffer(4));
+    length.setUint32(0, header.length, true);
+    const parts = [length.buffer, header, image.data, ...(mask ? [mask] : [])];
+    const buffer = await (await post("estimate", new Blob(parts))).arrayBuffer();
+    this.#restart = false;
+    const told = new DataView(buffer).getUint32(0, true);
+    const { arrays, ...answer } = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, told)));
+    const array = (name) => {
+      if (!(name in arrays)) return null;
+      const { type, shape, first } = arrays[name];
+      const Kind = TYPES[type];
+      const count = shape.reduce((product, side) => product * side, 1);
+      const start = 4 + told + first;
+      return new Kind(buffer.slice(start, start + count * Kind.BYTES_PER_ELEMENT));
+    };
+    const light = array("light");
+    return {
+      ...answer,
+      material: answer.material ?? null,
+      fused: answer.fused ?? null,
+      layers: Object.fromEntries(
+        ["mask", "specular_shading", "mirror"].map((name) => [name, array(name)]),
+      ),
+      light: light && { height: arrays.light.shape[0], width: arrays.light.shape[1], data: light },
+    };
+  }
+
+  /** A PNG of a picture that the browser cannot read. */
+  async decode(file) {
+    const suffix = /\.[^.]*$/.exec(file.name ?? "")?.[0] ?? "";
+    return (await post("decode", file, { "X-Suffix": suffix })).blob();
+  }
+}
+
+async function post(path, body, headers = {}) {
+  let answer;
+  try {
+    answer = await fetch(path, {
+      method: "POST",
+      body,
+      headers: { "Content-Type": "application/octet-stream", ...headers },
+    });
+  } catch {
+    throw new EngineError(
+      "The server has ended: start lime-live again. The page goes on by itself.",
+      "gone",
+    );
+  }
+  if (answer.ok) return answer;
+  const { error, kind } = await answer.json().catch(() => ({}));
+  throw new EngineError(error ?? `The server answered ${answer.status}.`, kind ?? "frame");
+}

@@ -1,0 +1,211 @@
+"""The page without Python: a folder of files that any web host serves.
+
+ONNX Runtime for browsers is not in the wheel. It is taken from the npm registry when the folder is
+written, in the one release that was tested.
+"""
+
+import base64
+import contextlib
+import hashlib
+import io
+import json
+import shutil
+import tarfile
+import tempfile
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+
+from lime_keras.io import atomic, incoming, model_folder
+from lime_keras.live import graphs
+from lime_keras.runtime import graph_folder
+from lime_keras.version import __version__
+
+RUNTIME_VERSION = "1.30.0"
+"""Release of onnxruntime-web."""
+_ARCHIVE = f"onnxruntime-web-{RUNTIME_VERSION}.tgz"
+_ADDRESS = f"https://registry.npmjs.org/onnxruntime-web/-/{_ARCHIVE}"
+_SHA512 = "q0y+JrrtukXSzsBWEMccVfqX25LRmosXHF+CaRJmg8pZClzcV7svNc4rKY3jL02Vb7QmRMDs1SigqR4CXAfKYQ=="
+"""Checksum of the archive, as the registry tells it."""
+_RUNTIME = {
+    "wasm": {
+        "script": "ort.wasm.min.mjs",
+        "module": "ort-wasm-simd-threaded.mjs",
+        "wasm": "ort-wasm-simd-threaded.wasm",
+    },
+    # The other build for WebGPU has 26.8 MB, more than Cloudflare Pages takes as one file.
+    "webgpu": {
+        "script": "ort.jspi.min.mjs",
+        "module": "ort-wasm-simd-threaded.jspi.mjs",
+        "wasm": "ort-wasm-simd-threaded.jspi.wasm",
+    },
+}
+"""Files of each backend in the archive's folder `dist`."""
+_PAGE = Path(__file__).parent / "page"
+_SERVICE_WORKER = Path("browser") / "service_worker.js"
+_HEADERS = {
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Embedder-Policy": "require-corp",
+}
+"""Headers with which a browser gives WebAssembly threads."""
+_DESCRIPTION = "engine.json"
+_PATIENCE = 60
+_LICENCE = f"""ONNX Runtime {RUNTIME_VERSION} (onnxruntime-web, https://onnxruntime.ai)
+
+MIT License
+
+Copyright (c) Microsoft Corporation
+
+Permission is hereby granted, free of charge, to any person obtaining a copy
+of this software and associated documentation files (the "Software"), to deal
+in the Software without restriction, including without limitation the rights
+to use, copy, modify, merge, publish, distribute, sublicense, and/or sell
+copies of the Software, and to permit persons to whom the Software is
+furnished to do so, subject to the following conditions:
+
+The above copyright notice and this permission notice shall be included in all
+copies or substantial portions of the Software.
+
+THE SOFTWARE IS PROVIDED "AS IS", WITHOUT WARRANTY OF ANY KIND, EXPRESS OR
+IMPLIED, INCLUDING BUT NOT LIMITED TO THE WARRANTIES OF MERCHANTABILITY,
+FITNESS FOR A PARTICULAR PURPOSE AND NONINFRINGEMENT. IN NO EVENT SHALL THE
+AUTHORS OR COPYRIGHT HOLDERS BE LIABLE FOR ANY CLAIM, DAMAGES OR OTHER
+LIABILITY, WHETHER IN AN ACTION OF CONTRACT, TORT OR OTHERWISE, ARISING FROM,
+OUT OF OR IN CONNECTION WITH THE SOFTWARE OR THE USE OR OTHER DEALINGS IN THE
+SOFTWARE.
+"""
+
+
+def write(out: Path, run: Path, runtime: Path) -> None:
+    """Write the page, its engine and a model into a folder; replace a page written before.
+
+    Args:
+        out: folder to write.
+        run: folder of the trained model, exported (`model_folder.graphs`).
+        runtime: folder with the files of onnxruntime-web, its `dist` (see `fetched_runtime`).
+
+    Raises:
+        ValueError: if `out` holds something else than a page, or the model holds no graphs.
+        OSError: if a file cannot be read or written.
+    """
+    check(out)
+    description = graph_folder.read(model_folder.graphs(run))
+    if description is None:
+        raise ValueError(f"{run} is not exported yet: run lime-estimate with it once")
+    with atomic.replacing(out) as partial:
+        shutil.copytree(_PAGE, partial)
+        # A service worker serves the folder that it lies in.
+        (partial / _SERVICE_WORKER).rename(partial / _SERVICE_WORKER.name)
+        _add_preflight(partial / "index.html")
+        (partial / "graphs").mkdir()
+        for precision in graphs.PRECISIONS:
+            graphs.write(partial / "graphs", model_folder.graphs(run), precision)
+        (partial / "runtime").mkdir()
+        for backend in _RUNTIME.values():
+            for name in backend.values():
+                shutil.copyfile(runtime / name, partial / "runtime" / name)
+        (partial / "runtime" / "LICENSE").write_text(_LICENCE, encoding="utf-8")
+        _write_headers(partial)
+        engine = {
+            "engine": "browser",
+            "version": __version__,
+            "system": description.system,
+            "size": description.size,
+            "runtime": {name: _placed(partial, backend) for name, backend in _RUNTIME.items()},
+            "graphs": {
+                precision: {
+                    graph: _measured(partial, f"graphs/{graph}-{precision}.onnx")
+                    for graph in graphs.NAMES
+                }
+                for precision in graphs.PRECISIONS
+            },
+        }
+        text = json.dumps(engine, indent=1) + "\n"
+        (partial / _DESCRIPTION).write_text(text, encoding="utf-8")
+
+
+def check(out: Path) -> None:
+    """Raise ValueError if a folder holds something else than a page that was written before."""
+    if out.exists() and not out.is_dir():
+        raise ValueError(f"{out} is a file: name a folder")
+    if not out.is_dir() or not any(out.iterdir()):
+        return
+    try:
+        held = incoming.read_json(out / _DESCRIPTION)
+        is_page = held["engine"] == "browser"
+    except (OSError, ValueError, LookupError, TypeError):
+        is_page = False
+    if not is_page:
+        raise ValueError(f"{out} holds other files, which would be lost: name a new folder")
+
+
+@contextlib.contextmanager
+def fetched_runtime() -> Iterator[Path]:
+    """Yield a temporary folder with the files of onnxruntime-web.
+
+    They come from the npm registry, or from the archive that `npm pack` has left in the current
+    folder.
+
+    Raises:
+        OSError: if the registry cannot be reached.
+        ValueError: if the archive is not the one that is expected.
+    """
+    content = _archive()
+    digest = base64.b64encode(hashlib.sha512(content).digest()).decode()
+    if digest != _SHA512:
+        raise ValueError(
+            f"{_ARCHIVE} is damaged or another file (its SHA-512 is {digest}): delete it if it lies"
+            " in this folder, and try again"
+        )
+    wanted = {f"package/dist/{name}": name for row in _RUNTIME.values() for name in row.values()}
+    with tempfile.TemporaryDirectory() as scratch:
+        with tarfile.open(fileobj=io.BytesIO(content)) as archive:
+            for member, name in wanted.items():
+                opened = archive.extractfile(member)
+                if opened is not None:
+                    (Path(scratch) / name).write_bytes(opened.read())
+        yield Path(scratch)
+
+
+def _archive() -> bytes:
+    """Return the content of the archive."""
+    held = Path(_ARCHIVE)
+    if held.is_file():
+        return held.read_bytes()
+    try:
+        with urllib.request.urlopen(_ADDRESS, timeout=_PATIENCE) as answer:
+            return answer.read()
+    except (OSError, urllib.error.URLError) as error:
+        raise OSError(
+            f"{_ADDRESS} cannot be fetched ({error}): connect to the network; or run `npm pack "
+            f"onnxruntime-web@{RUNTIME_VERSION}` where there is one, and put {_ARCHIVE} into the "
+            "folder in which you run this"
+        ) from error
+
+
+def _add_preflight(page: Path) -> None:
+    """Let a page tell first what its browser lacks, and start the service worker."""
+    text = page.read_text(encoding="utf-8")
+    script = '<script src="browser/preflight.js"></script>\n</head>'
+    page.write_text(text.replace("</head>", script, 1), encoding="utf-8")
+
+
+def _write_headers(folder: Path) -> None:
+    """Write `_headers` (Netlify, Cloudflare Pages), `vercel.json`, `.nojekyll` (GitHub Pages)."""
+    lines = ["/*", *(f"  {name}: {value}" for name, value in _HEADERS.items())]
+    (folder / "_headers").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    rows = [{"key": name, "value": value} for name, value in _HEADERS.items()]
+    rules = {"headers": [{"source": "/(.*)", "headers": rows}]}
+    (folder / "vercel.json").write_text(json.dumps(rules, indent=1) + "\n", encoding="utf-8")
+    (folder / ".nojekyll").touch()
+
+
+def _placed(folder: Path, backend: dict[str, str]) -> dict[str, str | int]:
+    """Return the paths of a backend's files, and the size of its WebAssembly."""
+    paths = {role: f"runtime/{name}" for role, name in backend.items()}
+    return paths | {"bytes": (folder / paths["wasm"]).stat().st_size}
+
+
+def _measured(folder: Path, path: str) -> dict[str, str | int]:
+    return {"path": path, "bytes": (folder / path).stat().st_size}

@@ -1,0 +1,444 @@
+"""The page in a real browser: what it shows, says and gives, with the server behind it."""
+
+import contextlib
+import io
+import json
+import os
+import re
+import shutil
+import socket
+import subprocess
+import sys
+import threading
+
+import numpy as np
+import pytest
+from live_scenes import ball, write_clip
+from PIL import Image
+
+from lime_keras import Estimator
+from lime_keras.live.server import LiveServer, Start
+from lime_keras.optics import colour, compositing, shading, studio_light
+
+playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+PROGRAM = next(
+    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
+)
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(PROGRAM is None, reason="no Chromium: apt-get install chromium"),
+]
+LONG = 120_000
+"""Milliseconds: a browser that draws without a GPU on a busy machine is slow."""
+
+FRAME = ball(240, 320)
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("browser")
+    steps = np.linspace(0, 2 * np.pi, 20, endpoint=False)
+    frames = [ball(240, 320, place=(0.2 * np.cos(t), 0.1 * np.sin(t))) for t in steps]
+    write_clip(folder / "clip.y4m", frames)
+    program = PROGRAM
+    if os.name == "posix" and os.geteuid() == 0 and shutil.which("setpriv"):
+        # As root it would raise its own priority above all else on the machine.
+        wrapper = folder / "chromium"
+        without = "setpriv --bounding-set -sys_nice --inh-caps -sys_nice"
+        wrapper.write_text(f'#!/bin/sh\nexec {without} {PROGRAM} "$@"\n')
+        wrapper.chmod(0o755)
+        program = str(wrapper)
+    arguments = [
+        "--no-sandbox",
+        "--use-angle=swiftshader",
+        "--enable-unsafe-swiftshader",
+        "--use-fake-ui-for-media-stream",
+        "--use-fake-device-for-media-stream",
+        f"--use-file-for-fake-video-capture={folder / 'clip.y4m'}",
+    ]
+    with playwright.sync_playwright() as started:
+        running = started.chromium.launch(executable_path=program, args=arguments)
+        yield running
+        running.close()
+
+
+@pytest.fixture(scope="module")
+def estimator():
+    return Estimator()
+
+
+@contextlib.contextmanager
+def serving(estimator, port=0, start=None):
+    with LiveServer(estimator, port, start) as server:
+        thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.05})
+        thread.start()
+        try:
+            yield server
+        finally:
+            server.shutdown()
+            thread.join()
+
+
+@pytest.fixture(scope="module")
+def server(estimator):
+    with serving(estimator) as running:
+        yield running
+
+
+@contextlib.contextmanager
+def opened(browser, url, before=""):
+    """The page, ready; `before` is a script that runs before its own."""
+    context = browser.new_context(viewport={"width": 1200, "height": 900})
+    context.set_default_timeout(LONG)
+    page = context.new_page()
+    faults = []
+    page.on("pageerror", lambda error: faults.append(str(error)))
+    if before:
+        page.add_init_script(before)
+    page.goto(url)
+    page.wait_for_selector("body[data-ready]")
+    yield page
+    context.close()
+    assert not faults
+
+
+@pytest.fixture
+def page(browser, server):
+    with opened(browser, server.url) as ready:
+        yield ready
+
+
+def png(image):
+    file = io.BytesIO()
+    Image.fromarray(image).save(file, "PNG", compress_level=1)
+    return file.getvalue()
+
+
+def give(page, content, name="ball.png", kind="image/png"):
+    page.set_input_files("#file", {"name": name, "mimeType": kind, "buffer": content})
+
+
+def seen(page, selector):
+    return playwright.expect(page.locator(selector))
+
+
+def shown(page):
+    """Wait for an answer to the picture and return its numbers, from the file that is offered."""
+    seen(page, "#coverage").not_to_have_text("–", timeout=LONG)
+    seen(page, "#save-json").to_be_enabled(timeout=LONG)
+    return json.loads(taken(page, "#save-json"))
+
+
+def taken(page, button):
+    with page.expect_download(timeout=LONG) as download:
+        page.click(button)
+    return download.value.path().read_bytes()
+
+
+def fill(page, **values):
+    for name, value in values.items():
+        page.locator(f"#{name}").fill(str(value))
+
+
+def test_a_photos_numbers_are_those_of_the_estimator(page, estimator):
+    give(page, png(FRAME))
+    found, expected = shown(page), estimator.estimate(FRAME).to_json()
+    assert found["picture"] == "ball.png"
+    for name in ("diffuse_albedo", "specular_albedo", "exponent", "exponent_bin_probabilities"):
+        assert found[name] == pytest.approx(expected[name], rel=1e-4), name
+    assert found["square"] == expected["square"]
+    seen(page, "#bins span").to_have_count(8)
+    seen(page, "#message").to_be_hidden()
+
+
+def test_a_transparent_picture_brings_its_mask(page, estimator):
+    alpha = np.zeros(FRAME.shape[:2], np.uint8)
+    alpha[60:180, 90:230] = 255
+    alpha[100, 100] = 77
+    whole = np.dstack([FRAME, alpha])
+    give(page, png(whole))
+    found, expected = shown(page), estimator.estimate(Image.fromarray(whole)).to_json()
+    assert found["square"] == expected["square"]
+    assert found["exponent"] == pytest.approx(expected["exponent"], rel=1e-3)
+    assert found["diffuse_albedo"] == pytest.approx(expected["diffuse_albedo"], abs=1e-3)
+
+
+def test_a_picture_is_dropped(page):
+    page.evaluate(
+        """async (bytes) => {
+          const transfer = new DataTransfer();
+          const content = [Uint8Array.from(bytes)];
+          transfer.items.add(new File(content, "dropped.png", { type: "image/png" }));
+          for (const type of ["dragenter", "dragover", "drop"]) {
+            document.dispatchEvent(
+              new DragEvent(type, { dataTransfer: transfer, bubbles: true, cancelable: true }),
+            );
+          }
+        }""",
+        list(png(FRAME)),
+    )
+    assert shown(page)["picture"] == "dropped.png"
+    seen(page, "#drop").to_be_hidden()
+
+
+def test_the_sample_is_estimated(page):
+    page.click("#sample")
+    found = shown(page)
+    red, green, blue = found["diffuse_albedo"]
+    assert red > 2 * green > 2 * blue  # it is of copper's colour
+
+
+def test_the_camera_is_followed_frozen_and_taken_up_again(page, estimator):
+    page.click("#camera")
+    found = shown(page)
+    expected = estimator.estimate(FRAME)
+    # The clip's chroma has half its resolution, and the ball moves.
+    assert found["diffuse_albedo"] == pytest.approx(expected.diffuse_albedo, abs=0.15)
+    seen(page, "#speed").to_contain_text("frames/s", timeout=LONG)
+    page.click("#seen-title")  # a button that has the focus takes the space for itself
+    page.keyboard.press(" ")
+    seen(page, "#freeze").to_have_attribute("aria-pressed", "true")
+    seen(page, "#status").to_have_text("Frozen")
+    page.keyboard.press(" ")
+    seen(page, "#freeze").to_have_attribute("aria-pressed", "false")
+
+
+def test_a_lost_camera_is_told(browser, server):
+    keep = """
+      const ask = navigator.mediaDevices.getUserMedia.bind(navigator.mediaDevices);
+      navigator.mediaDevices.getUserMedia = async (wanted) => (window.given = await ask(wanted));
+    """
+    with opened(browser, server.url, keep) as page:
+        page.click("#camera")
+        shown(page)
+        page.evaluate(
+            """() => {
+              const [track] = window.given.getTracks();
+              track.stop();
+              track.dispatchEvent(new Event("ended"));
+            }"""
+        )
+        seen(page, "#message").to_contain_text("camera", timeout=LONG)
+        seen(page, "#stage").to_have_class("stage stale")
+
+
+@pytest.mark.parametrize(
+    ("fault", "told"),
+    [
+        ("NotAllowedError", "not allowed"),
+        ("NotFoundError", "No camera was found"),
+        ("NotReadableError", "Another program uses the camera"),
+        ("TypeError", "cannot be opened"),
+        (None, "HTTPS"),
+    ],
+)
+def test_a_camera_that_cannot_be_had_is_told(fault, told, browser, server):
+    refuse = f"""
+      navigator.mediaDevices.getUserMedia = async () => {{
+        throw new DOMException("no", {fault!r});
+      }};
+    """
+    absent = "Object.defineProperty(navigator, 'mediaDevices', { value: undefined });"
+    with opened(browser, server.url, refuse if fault else absent) as page:
+        page.click("#camera")
+        seen(page, "#message").to_contain_text(told, timeout=LONG)
+        # And a photo still works.
+        give(page, png(FRAME))
+        shown(page)
+        seen(page, "#message").to_be_hidden()
+
+
+@contextlib.contextmanager
+def running(port):
+    """The command as a process of its own, which can be ended."""
+    arguments = ["--no-browser", "--port", str(port)]
+    code = f"from lime_keras.commands.live import main; main({arguments})"
+    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    try:
+        assert process.stdout.readline().startswith("http://127.0.0.1")
+        yield
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def test_the_server_goes_and_comes_back(browser):
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    with contextlib.ExitStack() as stack:
+        with running(port):
+            page = stack.enter_context(opened(browser, f"http://127.0.0.1:{port}/"))
+        give(page, png(FRAME))
+        seen(page, "#message").to_contain_text("start lime-live again", timeout=LONG)
+        with running(port):
+            shown(page)
+            seen(page, "#message").to_be_hidden(timeout=LONG)
+
+
+@pytest.mark.parametrize(
+    ("shape", "told"),
+    [((1, 1), "1×1 pixels, too few"), ((15, 400), "too few"), ((8100, 6200), "50 million")],
+)
+def test_pictures_too_small_or_too_large_are_told(shape, told, page):
+    give(page, png(np.zeros((*shape, 3), np.uint8)))
+    seen(page, "#message").to_contain_text(told, timeout=LONG)
+
+
+def test_fifty_million_pixels_are_estimated(page, estimator):
+    """The page averages them in linear light, as the estimator would."""
+    large = np.repeat(np.repeat(FRAME[:200], 30, axis=0), 26, axis=1)
+    assert 48e6 < large[..., 0].size <= 50e6
+    give(page, png(large))
+    found, expected = shown(page), estimator.estimate(FRAME[:200])
+    assert found["diffuse_albedo"] == pytest.approx(expected.diffuse_albedo, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("content", "name", "kind", "told"),
+    [
+        (b"no picture", "a.png", "image/png", "cannot be read"),
+        (b"no picture", "a.exr", "", "cannot be read"),
+        (b"no picture", "a.txt", "text/plain", "a.txt|.txt is no picture"),
+        (b"no video", "a.mp4", "video/mp4", "cannot be played"),
+    ],
+)
+def test_files_that_are_no_pictures_are_told(content, name, kind, told, page):
+    give(page, content, name, kind)
+    seen(page, "#message").to_contain_text(re.compile(told), timeout=LONG)
+
+
+def test_a_picture_that_only_the_server_can_read(page):
+    file = io.BytesIO()
+    Image.fromarray(FRAME).save(file, "TIFF")
+    give(page, file.getvalue(), "ball.tif", "image/tiff")
+    assert shown(page)["picture"] == "ball.tif"
+
+
+def test_the_object_is_shaded_by_the_sums_of_the_library(page):
+    """From the sliders through worker and shader to the picture that is saved."""
+    give(page, png(FRAME))
+    shown(page)
+    page.click("[data-shape=sphere]")
+    page.click("[data-light=studio]")
+    fill(page, red=0.6, green=0.3, blue=0.1, ms=0.4, logs=1.5, stops=-1)
+    seen(page, "#edited").to_be_visible()
+    page.wait_for_timeout(5000)
+    picture = np.asarray(Image.open(io.BytesIO(taken(page, "#save-png"))), np.float64) / 255
+    height, width, _ = picture.shape
+    radius = 0.97 * min(height, width) / 2
+    y, x = np.mgrid[:height, :width] + 0.5
+    x, y = (x - width / 2) / radius, (height / 2 - y) / radius
+    inside = np.hypot(x, y) < 0.97
+    assert picture[inside][:, 3].min() == 1 and picture[np.hypot(x, y) > 1.03][:, 3].max() == 0
+    some = np.flatnonzero(inside.ravel())[::997]
+    x, y = x.ravel()[some], y.ravel()[some]
+    n = np.stack([x, y, np.sqrt(1 - x**2 - y**2)], axis=-1)
+    texels, energy = shading.texels(studio_light.light() / 2)
+    o = np.broadcast_to((0.0, 0.0, 1.0), n.shape)
+    linear = compositing.compose(
+        np.array([[0.6, 0.3, 0.1]]),
+        np.array([0.4]),
+        np.zeros(1),
+        shading.diffuse(n, texels, energy)[None, :, None, None],
+        shading.specular(n, o, 10**1.5, texels, energy)[None, :, None, None],
+    )[0, :, 0]
+    expected = colour.linear_to_srgb(np.clip(linear, 0, 1))
+    found = picture.reshape(-1, 4)[some, :3]
+    assert np.abs(found - expected).max() < 0.03
+
+
+def test_what_is_taken_home_and_given_back(page):
+    give(page, png(FRAME))
+    estimate = shown(page)
+    fill(page, ms=0.9)
+    found = json.loads(taken(page, "#save-json"))
+    assert found["edited"]["specular_albedo"] == 0.9
+    assert found["specular_albedo"] == estimate["specular_albedo"]
+    document = json.loads(taken(page, "#save-gltf"))
+    assert document["asset"]["version"] == "2.0" and len(document["meshes"]) == 1
+    page.click("#before")
+    seen(page, "#before-label").to_be_visible()
+    page.keyboard.press("r")
+    seen(page, "#edited").to_be_hidden()
+    assert "edited" not in json.loads(taken(page, "#save-json"))
+
+
+def test_a_painted_mask_changes_the_estimate(page):
+    give(page, png(FRAME))
+    before = shown(page)
+    page.click("#brush")
+    fill(page, **{"brush-size": 12})
+    box = page.locator("#overlay").bounding_box()
+    left, top, width, height = (box[name] for name in ("x", "y", "width", "height"))
+    page.mouse.move(left + 0.04 * width, top + 0.9 * height)
+    page.mouse.down()
+    page.mouse.move(left + 0.4 * width, top + 0.93 * height, steps=4)
+    page.mouse.up()
+    playwright.expect(page.locator("#coverage")).not_to_have_text(
+        f"{100 * before['mask_coverage']:.0f} %", timeout=LONG
+    )
+    after = json.loads(taken(page, "#save-json"))
+    assert after["mask_coverage"] > before["mask_coverage"] + 0.02
+    page.click("#brush-reset")
+    playwright.expect(page.locator("#brush-tools")).to_be_visible()
+    page.click("#brush")
+    again = json.loads(taken(page, "#save-json"))
+    assert again["mask_coverage"] == pytest.approx(before["mask_coverage"], abs=1e-6)
+
+
+def test_a_users_mesh_is_shown_and_a_damaged_one_told(page):
+    trimesh = pytest.importorskip("trimesh")
+    content = trimesh.creation.icosphere(2).export(file_type="ply")
+    mesh = {"name": "mine.ply", "mimeType": ""}
+    page.set_input_files("#mesh", mesh | {"buffer": content})
+    seen(page, "[data-shape=own]").to_have_attribute("aria-checked", "true")
+    page.set_input_files("#mesh", mesh | {"buffer": content[:-50]})
+    seen(page, "#object-message").to_contain_text("mine.ply cannot be shown")
+
+
+def test_everything_that_can_be_used_has_a_name_and_fits_on_a_phone(page):
+    page.set_viewport_size({"width": 360, "height": 740})
+    nameless = page.evaluate(
+        """() => [...document.querySelectorAll("button, select, input, [role=img]")]
+          .filter((part) => !part.closest("[aria-hidden=true]"))
+          .filter((part) => !(part.getAttribute("aria-label") || part.textContent.trim()
+            || part.labels?.[0]?.textContent.trim()))
+          .map((part) => part.outerHTML)"""
+    )
+    assert nameless == []
+    assert page.evaluate("() => document.documentElement.scrollWidth") <= 360
+
+
+def test_without_webgl_the_numbers_still_come(browser, server):
+    without = """
+      const get = HTMLCanvasElement.prototype.getContext;
+      HTMLCanvasElement.prototype.getContext = function (kind, ...more) {
+        return kind === "webgl2" ? null : get.call(this, kind, ...more);
+      };
+    """
+    with opened(browser, server.url, without) as page:
+        seen(page, "#object-message").to_contain_text("WebGL 2")
+        give(page, png(FRAME))
+        shown(page)
+
+
+def test_it_begins_with_the_photo_it_was_started_with(browser, estimator, tmp_path):
+    path = tmp_path / "my ball.png"
+    path.write_bytes(png(FRAME))
+    with (
+        serving(estimator, start=Start("photo", path)) as server,
+        opened(browser, server.url) as page,
+    ):
+        assert shown(page)["picture"] == "my ball.png"
+
+
+def test_a_video_is_followed(browser, estimator, tmp_path):
+    from lime_keras.io.video_writer import Movie
+
+    with Movie(tmp_path / "clip.mp4") as movie:
+        for number in range(10):
+            movie.write(ball(240, 320, place=(0.02 * number, 0)), number / 10)
+    start = Start("video", tmp_path / "clip.mp4")
+    with serving(estimator, start=start) as server, opened(browser, server.url) as page:
+        found = shown(page)
+        assert found["picture"] == "clip.mp4" and found["fused"]

@@ -1,0 +1,312 @@
+"""The page's own arithmetic, run by Node, held against the Python that it repeats."""
+
+import json
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+
+from lime_keras.estimate import interchange
+from lime_keras.live.server import PAGE
+from lime_keras.material import Material
+from lime_keras.optics import colour, environment, shading, studio_light
+
+NODE = shutil.which("node")
+pytestmark = pytest.mark.skipif(NODE is None, reason="Node.js, which runs the page, is missing")
+
+SIZE = 40
+SHAPE = environment.STORED_SHAPE
+
+
+def run(code, **given):
+    """The JSON that a module prints which sees the page's modules as `page` and `given`."""
+    script = (
+        f"const page = (name) => import({json.dumps(PAGE.as_uri())} + '/' + name + '.js');\n"
+        "let text = '';\nfor await (const part of process.stdin) text += part;\n"
+        f"const given = JSON.parse(text);\n{code}"
+    )
+    answer = subprocess.run(
+        [NODE, "--input-type=module", "-e", script],
+        input=json.dumps(given),
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert answer.returncode == 0, answer.stderr
+    return json.loads(answer.stdout)
+
+
+def _one_texel(row, column):
+    light = np.zeros(SHAPE)
+    light[row, column] = 1000.0
+    return light
+
+
+def _room(seed):
+    rng = np.random.default_rng(seed)
+    return environment.blur(rng.lognormal(0, 2, SHAPE), 0.1) + 5 * (rng.uniform(size=SHAPE) > 0.998)
+
+
+LIGHTS = {
+    "furnace": np.ones(SHAPE),
+    "studio": studio_light.light(),
+    "room": _room(0),
+    "one lamp before": _one_texel(20, 60),
+    "one lamp at the side": _one_texel(31, 31),
+    "one lamp behind": _one_texel(30, 2),
+    "a pole": _one_texel(0, 5),
+    "dark": np.zeros(SHAPE),
+    "blinding": 1e6 * _room(1),
+}
+EXPONENTS = (1.0, 7.0, 32.0, 33.0, 1000.0)
+
+TABLES = """
+const { diffuse, specular, tableNormals } = await page("shading");
+const light = { width: given.width, height: given.height, data: Float32Array.from(given.light) };
+const tables = { normals: tableNormals(given.size), diffuse: diffuse(light, given.size) };
+for (const s of given.exponents) tables[s] = specular(light, s, given.size);
+const plain = Object.entries(tables).map(([name, table]) => [name, [...table]]);
+console.log(JSON.stringify(Object.fromEntries(plain)));
+"""
+
+
+@pytest.mark.parametrize("name", LIGHTS)
+def test_the_tables_are_the_sums_of_the_library(name):
+    light = LIGHTS[name].astype(np.float32)
+    height, width = SHAPE
+    data = [float(x) for x in light.ravel()]
+    shape = {"width": width, "height": height, "size": SIZE}
+    found = run(TABLES, light=data, **shape, exponents=EXPONENTS)
+    normal = np.reshape(found.pop("normals"), (-1, 3))
+    assert np.linalg.norm(normal, axis=-1) == pytest.approx(1, abs=1e-6)
+    # Some of the normals that a viewer sees.
+    seen = np.flatnonzero(normal[:, 2] > 0)[::3]
+    found = {name: np.array(table)[seen] for name, table in found.items()}
+    n, o = normal[seen], np.broadcast_to((0.0, 0.0, 1.0), (len(seen), 3))
+    texels, energy = shading.texels(light.astype(np.float64))
+    expected = shading.diffuse(n, texels, energy)
+    assert_near(found["diffuse"], expected, 0.002)
+    for exponent in EXPONENTS:
+        expected = shading.specular(n, o, exponent, texels, energy)
+        # Wide lobes are summed over four texels as one, which shows where a lamp sets.
+        assert_near(found[str(int(exponent))], expected, 0.03 if exponent <= 32 else 0.002)
+
+
+def assert_near(found, expected, share):
+    """Within a share of the largest value, everywhere."""
+    assert np.abs(found - expected).max() <= share * expected.max()
+
+
+def test_the_normaliser_and_the_studio_are_those_of_the_library():
+    exponents = [0.0, 0.5, 1.0, 10.0, 1e3, 1e9]
+    code = """
+    const { normaliser } = await page("shading");
+    const { studio } = await page("panorama");
+    const { width, height, data } = studio();
+    const c = given.exponents.map(normaliser);
+    console.log(JSON.stringify({ c, width, height, data: [...data] }));
+    """
+    found = run(code, exponents=exponents)
+    assert found["c"] == pytest.approx([shading.normaliser(s) for s in exponents], rel=1e-12)
+    assert np.reshape(found["data"], SHAPE) == pytest.approx(studio_light.light())
+    assert (found["height"], found["width"]) == SHAPE
+
+
+def test_the_table_is_read_where_its_normals_lie():
+    """The shader's way from a normal to a place is the way back from the table's normals."""
+    code = """
+    const { tableNormals } = await page("shading");
+    console.log(JSON.stringify([...tableNormals(8)]));
+    """
+    normal = np.reshape(run(code), (8, 8, 3))
+    place = 0.5 + 0.5 * normal[..., :2] / np.sqrt(1 + normal[..., 2:])
+    middles = (np.arange(8) + 0.5) / 8
+    assert place[..., 0] == pytest.approx(np.broadcast_to(middles, (8, 8)), abs=1e-6)
+    assert place[..., 1] == pytest.approx(np.broadcast_to(middles[:, None], (8, 8)), abs=1e-6)
+
+
+def test_turning_a_light_moves_its_columns_and_keeps_its_sum():
+    code = """
+    const { turned } = await page("panorama");
+    const light = { width: 8, height: 4, data: Float32Array.from(given.data) };
+    const all = given.angles.map((angle) => [...turned(light, angle, given.factor).data]);
+    console.log(JSON.stringify(all));
+    """
+    light = np.random.default_rng(0).uniform(size=(4, 8))
+    angles = [0, np.pi / 4, -np.pi / 2, 2 * np.pi, 0.3, -0.3]
+    found = np.reshape(run(code, data=light.ravel().tolist(), angles=angles, factor=2), (6, 4, 8))
+    for turn, steps in zip(found[:4], (0, 1, -2, 0), strict=True):
+        assert turn == pytest.approx(2 * np.roll(light, steps, axis=1), abs=1e-5)
+    assert found.sum(axis=2) == pytest.approx(2 * light.sum(axis=1)[None].repeat(6, 0), rel=1e-5)
+
+
+def test_colours_are_those_of_the_library():
+    code = """
+    const { LINEAR, toLinear, toSrgb, toLevel } = await page("colour");
+    const levels = given.values.map(toLevel);
+    console.log(JSON.stringify([[...LINEAR], given.values.map(toSrgb), levels]));
+    """
+    values = [*np.linspace(-0.1, 1.1, 400), 1e-5, 3e-4, 1e9]
+    linear, srgb, levels = run(code, values=values)
+    assert linear == pytest.approx(colour.srgb_to_linear(np.arange(256) / 255), rel=1e-5)
+    expected = colour.linear_to_srgb(np.clip(values, 0, 1))
+    assert srgb == pytest.approx(expected, abs=1e-6)
+    assert levels == pytest.approx(255 * expected, abs=0.6)
+
+
+def test_gltf_has_the_numbers_of_the_library():
+    rng = np.random.default_rng(0)
+    drawn = [*rng.uniform(size=(60, 5)), np.zeros(5), np.ones(5)]
+    materials = [
+        {"diffuse_albedo": list(m[:3]), "specular_albedo": m[3], "exponent": 1000 ** m[4]}
+        for m in drawn
+    ]
+    code = """
+    const { gltfMaterial } = await page("exports");
+    console.log(JSON.stringify(given.materials.map(gltfMaterial)));
+    """
+    for numbers, found in zip(materials, run(code, materials=materials), strict=True):
+        diffuse = np.array(numbers["diffuse_albedo"])
+        material = Material(**numbers | {"diffuse_albedo": diffuse})
+        (expected,) = json.loads(interchange.gltf(material, "lime"))["materials"]
+        assert plain(found) == pytest.approx(plain(expected), rel=1e-5, abs=1e-9)
+
+
+def plain(value):
+    """The numbers in nested lists and objects, in order of their names."""
+    if isinstance(value, dict):
+        return [number for _, inside in sorted(value.items()) for number in plain(inside)]
+    if isinstance(value, list):
+        return [number for inside in value for number in plain(inside)]
+    return [] if isinstance(value, str) else [value]
+
+
+def test_a_gltf_file_holds_its_sphere():
+    code = """
+    const { gltf } = await page("exports");
+    const material = { diffuse_albedo: [0.5, 0.4, 0.3], specular_albedo: 0.2, exponent: 50 };
+    console.log(gltf(material, "1.2"));
+    """
+    found = run(code)
+    (buffer,) = found["buffers"]
+    last = found["bufferViews"][-1]
+    assert last["byteOffset"] + last["byteLength"] == buffer["byteLength"]
+    assert found["asset"] == {"version": "2.0", "generator": "lime_keras 1.2"}
+    assert found["accessors"][0]["count"] < 2**16
+
+
+SHAPES = """
+const shapes = await page("shapes");
+const out = given.names.map((name) => {
+  const { positions, normals, indices } = shapes[name]();
+  return { positions: [...positions], normals: [...normals], indices: [...indices] };
+});
+console.log(JSON.stringify(out));
+"""
+
+
+def test_the_shapes_are_closed_smooth_and_turned_outside():
+    for name, mesh in zip(
+        ("sphere", "knot", "teapot"), run(SHAPES, names=["sphere", "knot", "teapot"]), strict=True
+    ):
+        points, normals = (np.reshape(mesh[key], (-1, 3)) for key in ("positions", "normals"))
+        triangles = np.reshape(mesh["indices"], (-1, 3))
+        assert np.linalg.norm(normals, axis=-1) == pytest.approx(1, abs=1e-5), name
+        assert np.linalg.norm(points, axis=-1).max() == pytest.approx(1, abs=1e-5), name
+        corners = points[triangles]
+        volume = np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6
+        assert volume > 0.5, name
+        if name == "sphere":
+            assert volume == pytest.approx(4 / 3 * np.pi, rel=0.01)
+            assert normals == pytest.approx(points, abs=2e-3)
+
+
+MESH = """
+const { parse } = await page("meshes");
+const bytes = Uint8Array.from(given.bytes);
+try {
+  const { positions, normals, indices } = parse(bytes.buffer, "mine.ply");
+  const plain = { positions: [...positions], normals: [...normals], indices: [...indices] };
+  console.log(JSON.stringify(plain));
+} catch (error) {
+  console.log(JSON.stringify({ name: error.name, error: error.message }));
+}
+"""
+
+
+def parse(content):
+    return run(MESH, bytes=list(content))
+
+
+@pytest.mark.parametrize("kind", ["ply", "ply-ascii", "glb"])
+def test_a_users_mesh_is_read_and_fitted(kind):
+    trimesh = pytest.importorskip("trimesh")
+    mesh = trimesh.creation.box(extents=(2, 4, 6), transform=np.diag([1.0, 1, 1, 1]))
+    mesh.apply_translation((10, 20, 30))
+    if kind == "glb":
+        scene = trimesh.Scene()
+        # The scene turns it by a quarter about the vertical.
+        turn = trimesh.transformations.rotation_matrix(np.pi / 2, (0, 1, 0))
+        scene.add_geometry(mesh, transform=turn)
+        content = scene.export(file_type="glb")
+    else:
+        content = mesh.export(file_type="ply", encoding="ascii" if "ascii" in kind else "binary")
+    found = parse(content)
+    points = np.reshape(found["positions"], (-1, 3))
+    sides = np.array([6, 4, 2] if kind == "glb" else [2, 4, 6]) / np.sqrt(56)
+    assert np.abs(points).max(0) == pytest.approx(sides, abs=1e-5)
+    assert len(found["indices"]) == 36 and max(found["indices"]) < len(points)
+    normals = np.reshape(found["normals"], (-1, 3))
+    assert np.linalg.norm(normals, axis=-1) == pytest.approx(1, abs=1e-5)
+    assert np.all(np.sum(normals * points, axis=-1) > 0)
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        (b"", "neither GLB nor PLY"),
+        (b"solid cube", "neither GLB nor PLY"),
+        (b"ply\nformat ascii 1.0\n", "header does not end"),
+        (b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nend_header\n1 2", "damaged"),
+        (b"glTF\x02\0\0\0\xff\0\0\0\xf0\0\0\0JSON{", "damaged"),
+        (
+            b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n"
+            b"property float z\nend_header\n0 0 0\n",
+            "no triangles",
+        ),
+        (
+            b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n"
+            b"property float z\nelement face 1\nproperty list uchar int vertex_indices\n"
+            b"end_header\n0 0 0\n3 0 1 2\n",
+            "damaged",
+        ),
+        (
+            b"ply\nformat ascii 1.0\nelement vertex 9999999999\nproperty float x\nend_header\n",
+            "more",
+        ),
+    ],
+)
+def test_what_is_no_mesh_is_told(content, told):
+    answer = parse(content)
+    assert answer["name"] == "EngineError"
+    assert told in answer["error"] and "mine.ply" in answer["error"]
+
+
+def test_the_outline_of_a_disc_is_a_circle():
+    code = """
+    const { segments } = await page("view");
+    console.log(JSON.stringify(segments(Uint8Array.from(given.mask), given.size)));
+    """
+    size = 64
+    y, x = np.mgrid[:size, :size] + 0.5
+    distance = np.hypot(x - 30, y - 33)
+    mask = np.rint(255 * np.clip(20.5 - distance, 0, 1)).astype(int)
+    found = np.array(run(code, mask=mask.ravel().tolist(), size=size))
+    radius = np.hypot(found[..., 0] - 30, found[..., 1] - 33)
+    assert radius == pytest.approx(20, abs=0.15)
+    length = np.linalg.norm(found[:, 0] - found[:, 1], axis=-1).sum()
+    assert length == pytest.approx(2 * np.pi * 20, rel=0.01)
+    # All of it, and a mask that fills its square is closed around.
+    full = np.array(run(code, mask=[255] * 16, size=4))
+    assert full.min() == 0 and full.max() == 4
