@@ -62,8 +62,6 @@ napoleon_numpy_docstring = False
 napoleon_use_rtype = False
 # Else attributes of dataclasses are described twice.
 napoleon_use_ivar = True
-# Napoleon takes the words before a colon in a constant's docstring for its type.
-suppress_warnings = ["ref.python"]
 # A name between backticks is code, in docstrings as in Markdown.
 default_role = "code"
 

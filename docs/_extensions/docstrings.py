@@ -52,7 +52,9 @@ def _table(rows: list[str]) -> list[str]:
 
 
 def _convert(app: Any, what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:
-    lines[:] = converted(lines)
+    # Else napoleon takes the words before a colon in a constant's docstring for its type.
+    first = ["..", ""] if what in ("attribute", "data", "property") else []
+    lines[:] = first + converted(lines)
 
 
 def setup(app: Sphinx) -> dict[str, Any]:

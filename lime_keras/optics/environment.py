@@ -33,7 +33,12 @@ def solid_angles(height: int, width: int) -> np.ndarray:
 
 
 def spherical_mean(radiance: np.ndarray) -> float:
-    """Return the mean radiance of a map `(H, W)` over the sphere."""
+    """Return the mean radiance of a map `(H, W)` over the sphere.
+
+    Example:
+        >>> round(spherical_mean(np.ones((64, 128))), 6)
+        1.0
+    """
     return float(np.sum(radiance * solid_angles(*radiance.shape), dtype=np.float64) / (4 * np.pi))
 
 
