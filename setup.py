@@ -112,6 +112,8 @@ setup(
             "hypothesis>=6.100,<7",
             # The live page in a browser, where there is one.
             "playwright>=1.50,<2",
+            # What data cards for programs are held against.
+            "mlcroissant>=1.0,<2",
             "ruff==0.17.6",
             "mypy>=1.13,<3",
             "scipy-stubs>=1.17,<2",

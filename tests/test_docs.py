@@ -11,10 +11,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from lime_keras import Estimator
 from lime_keras.io import photo
 from lime_keras.render import cli as render_cli
+from lime_keras.version import __version__
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
@@ -166,6 +168,12 @@ def test_every_table_of_results_has_its_mark():
     for part in re.split(r"^#+ ", read(DOCS / "results.md"), flags=re.MULTILINE):
         if "\n|" in part:
             assert stale.MARK.search(part), part[:80]
+
+
+def test_the_citation_is_of_this_version():
+    cited = yaml.safe_load(read(ROOT / "CITATION.cff"))
+    assert cited["version"] == __version__
+    assert cited["references"][0]["year"] == 2018
 
 
 def examined():
