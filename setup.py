@@ -55,6 +55,9 @@ DOCS = [
     "sphinx-copybutton>=0.5.2,<1",
 ]
 
+# examples/first_material.ipynb.
+NOTEBOOK = ["ipywidgets>=8.1,<9"]
+
 setup(
     name="lime-keras",
     version=ABOUT["__version__"],
@@ -101,8 +104,13 @@ setup(
     | {
         "all": [requirement for extra in EXTRAS.values() for requirement in extra],
         "docs": DOCS,
+        "notebook": [*NOTEBOOK, "jupyterlab>=4.2,<5"],
         "dev": [
             *DOCS,
+            *NOTEBOOK,
+            # Runs the notebook.
+            "nbclient>=0.10,<1",
+            "ipykernel>=6.29,<8",
             "jax>=0.7,<0.11",
             "pytest>=8,<10",
             "pytest-timeout>=2.3,<3",
