@@ -45,7 +45,7 @@ ROWS = {
     "render": (
         ("mitsuba_setup", "shapes", "rooms"),
         ("scene",),
-        ("corpus", "inspect", "cloning"),
+        ("corpus", "inspect", "cloning", "cards"),
         ("room_views", "bank"),
         ("cli",),
     ),
