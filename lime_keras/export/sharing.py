@@ -1,6 +1,7 @@
 """Graphs that several sets of weights have in common are kept once.
 
-`python -m lime_keras.export.sharing` removes the others. Sets whose U-Nets are the same, as `lime-train --freeze` leaves them, would else hold each twice.
+`python -m lime_keras.export.sharing` removes the others. Sets whose U-Nets are the
+same, as `lime-train --freeze` leaves them, would else hold each twice.
 """
 
 import dataclasses
