@@ -87,7 +87,7 @@ PRESETS = {
     "smoke": Architecture(size=128, unet_width=12, unet_depth=4, encoder_width=16, dense_width=64),
     # For every frame of a fast camera: in ONNX Runtime a quarter of the time of `live`, so more
     # than 100 frames a second on two cores. Encoders cost little at any width.
-    "nano": Architecture(size=64, unet_width=12, unet_depth=4, encoder_width=16, dense_width=128),
+    "nano": Architecture(size=64, unet_width=8, unet_depth=4, encoder_width=16, dense_width=128),
     # For video (docs/explanation/decisions.md).
     "live": Architecture(size=128, unet_width=16, unet_depth=4, encoder_width=16, dense_width=128),
     # The figures that show the paper's layer sizes are lost. Its run times bound the sizes: a U-Net
