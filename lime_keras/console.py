@@ -188,8 +188,8 @@ def require(what: str, *modules: str) -> None:
     missing = [module for module in modules if not _installed(module)]
     if missing:
         extras = [name for name, held in EXTRAS.items() if not set(missing).isdisjoint(held)]
-        # Several extras bring some modules; the first that brings all that is missing is enough.
-        whole = [name for name in extras if set(missing) <= set(EXTRAS[name])]
+        # Several extras bring some modules; the first that brings all that is needed is enough.
+        whole = [name for name in extras if set(modules) <= set(EXTRAS[name])]
         named = ",".join(whole[:1] or extras)
         raise MissingExtra(
             f"{what} needs {', '.join(missing)}: pip install 'lime-keras[{named}]', or '.[{named}]'"

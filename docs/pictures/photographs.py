@@ -3,8 +3,7 @@
 lime-estimate PHOTOS --clone-onto teapot.ply --shadow --out materials
 python docs/pictures/photographs.py materials NAME...
 
-Each NAME is that of a photo in `materials`. The photographs themselves do not come with the project;
-docs/pictures/README.md says whose they are.
+Each NAME is that of a photo in `materials`. The photographs do not come with the project.
 """
 
 import json
@@ -33,7 +32,9 @@ def main(folder: Path, names: list[str]) -> None:
     for row, name in enumerate(names):
         top = LINE + row * (TILE + GAP + LINE)
         for column, tile in enumerate(_tiles(folder, name)):
-            page.paste(tile.resize((TILE, TILE), Image.Resampling.LANCZOS), (column * (TILE + GAP), top))
+            page.paste(
+                tile.resize((TILE, TILE), Image.Resampling.LANCZOS), (column * (TILE + GAP), top)
+            )
         pen.text((0, top + TILE + 4), _numbers(folder, name), fill=(60, 60, 60), font=font)
     page.save(HERE / "photographs.webp", quality=86)
 

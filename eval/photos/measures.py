@@ -48,9 +48,10 @@ def lobe_peak(specular_albedo: np.ndarray | float, exponent: np.ndarray | float)
         specular_albedo: m_s, at least 0, or NaN.
         exponent: s, at least 0, or NaN.
     """
-    return np.asarray(specular_albedo, np.float64) * shading.normaliser(
-        np.asarray(exponent, np.float64)
-    )
+    exponent = np.asarray(exponent, np.float64)
+    known = np.where(np.isnan(exponent), 0.0, exponent)
+    height = np.asarray(specular_albedo, np.float64) * shading.normaliser(known)
+    return np.where(np.isnan(exponent), np.nan, height)
 
 
 def gloss_order(

@@ -245,5 +245,5 @@ def test_what_cannot_be_cloned_is_told(ball, tmp_path):
         cloning.clone(photo, mask, DULL, 0 * EVEN, ball)
     with pytest.raises(ValueError, match="finite"):
         cloning.clone(photo, mask, DULL, np.nan * EVEN, ball)
-    with pytest.raises(ValueError, match=r"none\.ply: no such file"):
+    with pytest.raises(ValueError, match=r"none\.ply .*No such file"):
         cloning.clone(photo, mask, DULL, EVEN, tmp_path / "none.ply")

@@ -8,7 +8,6 @@ import pytest
 from lime_keras.eval.photos import measures, summary
 from lime_keras.eval.photos.answers import GIVEN, OWN, Answers
 from lime_keras.eval.photos.folder import Photo
-from lime_keras.optics import shading
 
 NAN = np.nan
 
@@ -31,7 +30,7 @@ def columns(specular, exponent, **changes):
         "specular_albedo": specular,
         "exponent": exponent,
         "log_exponent": np.log10(exponent),
-        "lobe_peak": specular * shading.normaliser(exponent),
+        "lobe_peak": measures.lobe_peak(specular, exponent),
         "object_colour": brown,
         "frame_colour": brown + 0.2,
     } | changes

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from lime_keras.eval.photos import summary
+from lime_keras.eval.photos import measures, summary
 from lime_keras.eval.photos.answers import GIVEN, OWN, Answers
 from lime_keras.eval.photos.folder import Photo
 from lime_keras.eval.report import contact_sheet
 from lime_keras.eval.report.themes import DARK, LIGHT
-from lime_keras.optics import shading
 
 TITLES = ("photo and mask", "specular shading S", "mirror image M", "in a studio")
 
@@ -29,7 +28,7 @@ def made(count, models=("one",), unanswered=()):
         "specular_albedo": np.where(np.isfinite(exponent), 0.1, np.nan),
         "exponent": exponent,
         "log_exponent": np.log10(exponent),
-        "lobe_peak": 0.1 * shading.normaliser(exponent),
+        "lobe_peak": measures.lobe_peak(0.1, exponent),
         "object_colour": np.tile([0.0, 0.5, 0.0], (count, 1)),
         "frame_colour": np.full((count, 3), 0.2),
     }

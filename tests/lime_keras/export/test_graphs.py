@@ -47,7 +47,7 @@ def test_the_command_writes_a_graph_for_each_subnetwork(tiny, tiny_model, tmp_pa
     assert description.weights == model_folder.digest(tiny_model)
     assert (description.size, description.system) == (32, "LIME")
     for name, graph in description.graphs.items():
-        content = graph_folder.path(tmp_path / "onnx", name).read_bytes()
+        content = (tmp_path / "onnx" / f"{name}.onnx").read_bytes()
         assert graph.sha256 == hashlib.sha256(content).hexdigest()
         held = onnx.load_from_string(content).graph
         assert set(graph.inputs) == {tensor.name for tensor in held.input}

@@ -98,7 +98,7 @@ def test_the_default_is_a_set_that_is_there():
 def exported(run):
     """A run whose weights lie in its graphs alone."""
     (run / "onnx").mkdir()
-    (run / "onnx" / "graphs.json").write_text('{"weights": "of before"}')
+    (run / "onnx" / "graphs.json").write_text('{"weights": "of before", "graphs": {"albedo": {}}}')
     (run / "onnx" / "albedo.onnx").write_text("graph")
     assert not model_folder.in_graphs(run)
     for path in (run / "model").glob("*.h5"):
