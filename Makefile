@@ -58,6 +58,7 @@ ship: .venv/installed
 	$(BIN)/lime-export $(PRETRAINED)/$(NAME) --format weights --weights $(WEIGHTS)
 	$(BIN)/lime-export $(PRETRAINED)/$(NAME) --format graphs --weights $(PRETRAINED)/$(NAME)
 	rm $(PRETRAINED)/$(NAME)/model/*.weights.h5
+	rm -rf $(PRETRAINED)/$(NAME)/model/alone
 	$(BIN)/python -m lime_keras.export.sharing
 
 # The site, in docs/_build/index.html. What Sphinx warns of is an error.
