@@ -20,7 +20,7 @@ BUNDLE := runs/bundle
 MINUTES := 22
 PRESET := live
 
-.PHONY: quickstart bundle test test-slow graphs ship lint llvm clean
+.PHONY: quickstart bundle test test-slow docs results graphs ship lint llvm clean
 .DELETE_ON_ERROR:
 
 quickstart: llvm
@@ -49,6 +49,7 @@ test-slow: .venv/development
 graphs: .venv/installed
 	for set in $(wildcard $(PRETRAINED)/*/); do \
 	  $(BIN)/lime-export $$set --format graphs --weights $$set || exit 1; done
+	$(BIN)/python -m lime_keras.export.sharing
 
 # Written in float16, then as graphs, which hold the same weights, so that those alone stay.
 ship: .venv/installed
@@ -57,6 +58,15 @@ ship: .venv/installed
 	$(BIN)/lime-export $(PRETRAINED)/$(NAME) --format weights --weights $(WEIGHTS)
 	$(BIN)/lime-export $(PRETRAINED)/$(NAME) --format graphs --weights $(PRETRAINED)/$(NAME)
 	rm $(PRETRAINED)/$(NAME)/model/*.weights.h5
+	$(BIN)/python -m lime_keras.export.sharing
+
+# The site, in docs/_build/index.html. What Sphinx warns of is an error.
+docs: .venv/development
+	$(BIN)/python -m sphinx --builder html --fail-on-warning --keep-going --quiet docs docs/_build
+
+# Which tables of the docs are older than what they depend on.
+results: .venv/installed
+	$(BIN)/python benchmarks/stale_results.py
 
 lint: .venv/development .venv/typed
 	$(BIN)/ruff check .

@@ -47,6 +47,17 @@ EXTRAS = {
     "cluster": ["ray>=2.60,<3"],
 }
 
+# The site of the documentation.
+DOCS = [
+    "sphinx>=8.1,<10",
+    "furo>=2025.9,<2027",
+    "myst-parser>=4,<6",
+    "sphinx-copybutton>=0.5.2,<1",
+]
+
+# examples/first_material.ipynb.
+NOTEBOOK = ["ipywidgets>=8.1,<9"]
+
 setup(
     name="lime-keras",
     version=ABOUT["__version__"],
@@ -92,7 +103,14 @@ setup(
     extras_require=EXTRAS
     | {
         "all": [requirement for extra in EXTRAS.values() for requirement in extra],
+        "docs": DOCS,
+        "notebook": [*NOTEBOOK, "jupyterlab>=4.2,<5"],
         "dev": [
+            *DOCS,
+            *NOTEBOOK,
+            # Runs the notebook.
+            "nbclient>=0.10,<1",
+            "ipykernel>=6.29,<8",
             "jax>=0.7,<0.11",
             "pytest>=8,<10",
             "pytest-timeout>=2.3,<3",
@@ -102,6 +120,8 @@ setup(
             "hypothesis>=6.100,<7",
             # The live page in a browser, where there is one.
             "playwright>=1.50,<2",
+            # What data cards for programs are held against.
+            "mlcroissant>=1.0,<2",
             "ruff==0.17.6",
             "mypy>=1.13,<3",
             "scipy-stubs>=1.17,<2",

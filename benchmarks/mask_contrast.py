@@ -1,4 +1,6 @@
-"""The effect on the errors of stretching the estimated mask about one half (docs/decisions.md).
+"""The effect on the errors of stretching the estimated mask about one half.
+
+What it measured is in docs/lab/2026-11-22-answers.md.
 
     python benchmarks/mask_contrast.py --weights RUN CORPUS CORPUS ... --count 320
 

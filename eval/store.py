@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from lime_keras.io import atomic
+from lime_keras.io import atomic, incoming
 from lime_keras.version import installed
 
 DependsOn = Mapping[str, Any]
@@ -171,8 +171,8 @@ def _record(path: Path) -> Path:
 def _read(path: Path) -> dict[str, Any] | None:
     """Return the content of a JSON file, or None if it is missing or not JSON."""
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except (FileNotFoundError, ValueError):
+        return incoming.read_json(path)
+    except ValueError:
         return None
 
 

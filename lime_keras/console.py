@@ -58,6 +58,9 @@ def run(command: Callable[[], int], interrupted: str) -> int:
     except KeyboardInterrupt:
         print(f"\ninterrupted: {interrupted}", file=sys.stderr)
         return 130
+    except MemoryError as error:
+        print(f"error: {_out_of_memory(error)}", file=sys.stderr)
+        return 1
     except _EXPECTED as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
@@ -69,6 +72,16 @@ def run(command: Callable[[], int], interrupted: str) -> int:
         first_line = str(error).splitlines()[0]
         print(f"error: TensorFlow: {first_line} ({type(error).__name__})", file=sys.stderr)
         return 1
+
+
+def _out_of_memory(error: MemoryError) -> str:
+    """Return what to tell of an error that may name what found no room, and may say nothing."""
+    told = str(error)
+    if "memory: " in told:  # of a file, with its mend
+        return told
+    return (
+        f"out of memory{f' ({told})' if told else ''}: close other programs, or give less at once"
+    )
 
 
 def count(text: str) -> int:

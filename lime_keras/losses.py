@@ -22,6 +22,10 @@ def mask_l2(mask: Any, predicted: Any) -> Any:
     Args:
         mask: true coverage `(B, H, W, 1)` in [0, 1].
         predicted: predicted coverage `(B, H, W, 1)` in [0, 1].
+
+    Example:
+        >>> float(mask_l2(ops.ones((1, 2, 2, 1)), ops.full((1, 2, 2, 1), 0.5))[0])
+        0.25
     """
     return ops.mean(ops.square(predicted - mask), axis=(1, 2, 3))
 
@@ -35,6 +39,11 @@ def shading_l1(shading: Any, predicted_compressed: Any, mask: Any) -> Any:
         shading: true S or M, linear radiance `(B, H, W, 1)`, at least 0.
         predicted_compressed: output of the network `(B, H, W, 1)`, compressed.
         mask: coverage `(B, H, W, 1)` in [0, 1], the weight of each pixel.
+
+    Example:
+        >>> nothing = ops.zeros((1, 2, 2, 1))
+        >>> float(shading_l1(nothing, nothing + 0.5, nothing + 1)[0])
+        0.5
     """
     return masked_mean(ops.abs(predicted_compressed - compress(shading)), mask)
 
@@ -45,6 +54,10 @@ def albedo_l2(albedo: Any, predicted: Any) -> Any:
     Args:
         albedo: true linear reflectance `(B, C)` in [0, 1].
         predicted: predicted linear reflectance `(B, C)` in [0, 1].
+
+    Example:
+        >>> float(albedo_l2(ops.ones((1, 3)), ops.zeros((1, 3)))[0])
+        1.0
     """
     return ops.mean(ops.square(predicted - albedo), axis=-1)
 
@@ -56,6 +69,12 @@ def exponent_cross_entropy(exponent_bin: Any, probabilities: Any) -> Any:
         exponent_bin: true classes `(B,)`, integers 0…7 (`lime_keras.optics.shininess`).
         probabilities: predicted probabilities `(B, 8)`, summing to 1. A probability below
             1e-7 counts as 1e-7, so the loss is at most 16.1.
+
+    Example:
+        A network that cannot tell pays log 8:
+
+        >>> round(float(exponent_cross_entropy(ops.array([3]), ops.full((1, 8), 0.125))[0]), 4)
+        2.0794
     """
     least = 1e-7
     chosen = ops.take_along_axis(probabilities, ops.expand_dims(exponent_bin, -1), axis=-1)
@@ -68,6 +87,10 @@ def log_exponent_l2(exponent: Any, log_predicted: Any) -> Any:
     Args:
         exponent: true exponents s `(B,)`, at least 0; below 1 they count as 1, as in the classes.
         log_predicted: predicted log10 s, `(B, 1)`.
+
+    Example:
+        >>> float(log_exponent_l2(ops.array([10.0]), ops.array([[3.0]]))[0])
+        4.0
     """
     log = ops.log10(ops.maximum(exponent, 10.0**LOG_LOW))
     return ops.square(log_predicted[:, 0] - log)
@@ -102,6 +125,17 @@ def compositing_l1(
         clipped: `(B, H, W, 3)`, above 0 where a channel was clipped. If the photo was made smaller,
             this holds for any part of the pixel. By default the channels at `colour.CLIPPED` and
             above.
+
+    Example:
+        A grey material under D = 1 without gloss recomposes to itself:
+
+        >>> grey = ops.full((1, 2, 2, 3), colour.linear_to_srgb(0.25))
+        >>> one, zero = ops.ones((1, 2, 2, 1)), ops.zeros((1, 2, 2, 1))
+        >>> error = compositing_l1(
+        ...     grey, one, ops.full((1, 3), 0.25), ops.zeros((1, 1)), ops.zeros((1,)), one, zero
+        ... )
+        >>> round(float(error[0]), 6)
+        0.0
     """
     if clipped is None:
         clipped = ops.cast(image_srgb >= colour.CLIPPED, image_srgb.dtype)

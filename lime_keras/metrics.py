@@ -37,6 +37,10 @@ def overlap_ratio(intersection: Any, union: Any) -> Any:
     """Return the intersection over union (IoU) in [0, 1] of pixel counts of any shape.
 
     Two empty masks agree: their IoU is 1.
+
+    Example:
+        >>> overlap_ratio(np.array([1.0, 0.0]), np.array([4.0, 0.0])).tolist()
+        [0.25, 1.0]
     """
     xp = namespace(intersection, union)
     return xp.where(union > 0, intersection / xp.maximum(union, 1e-9), 1.0)
@@ -51,6 +55,12 @@ def intersection_over_union(mask: np.ndarray, predicted: np.ndarray) -> np.ndarr
     Args:
         mask: true coverage `(B, H, W, 1)` in [0, 1].
         predicted: predicted coverage `(B, H, W, 1)` in [0, 1].
+
+    Example:
+        >>> true = np.array([1.0, 1.0, 0.0, 0.0]).reshape(1, 2, 2, 1)
+        >>> found = np.array([0.9, 0.4, 0.0, 0.6]).reshape(1, 2, 2, 1)
+        >>> intersection_over_union(true, found).round(3).tolist()
+        [0.333]
     """
     return overlap_ratio(*overlap(mask, predicted))
 
@@ -61,6 +71,10 @@ def albedo_absolute_error(albedo: np.ndarray, predicted: np.ndarray) -> np.ndarr
     Args:
         albedo: true linear reflectance `(B, C)` in [0, 1].
         predicted: predicted linear reflectance `(B, C)` in [0, 1].
+
+    Example:
+        >>> albedo_absolute_error(np.full((1, 3), 0.5), np.array([[0.75, 0.25, 0.25]])).tolist()
+        [0.25]
     """
     return np.mean(np.abs(predicted - albedo), axis=-1)
 
@@ -84,6 +98,10 @@ def bin_distance(exponent: np.ndarray, probabilities: np.ndarray) -> np.ndarray:
 
     Raises:
         ValueError: if an exponent is negative or NaN.
+
+    Example:
+        >>> bin_distance(np.array([1.0, 1000.0]), np.eye(8)[[1, 7]]).tolist()
+        [1, 0]
     """
     return np.abs(np.argmax(probabilities, axis=-1) - shininess.bin_of(exponent))
 
@@ -94,6 +112,10 @@ def log_exponent_error(exponent: np.ndarray, log_predicted: np.ndarray) -> np.nd
     Args:
         exponent: true exponents s `(B,)`, above 0.
         log_predicted: predicted log10 s `(B,)`.
+
+    Example:
+        >>> log_exponent_error(np.array([100.0]), np.array([1.5])).tolist()
+        [0.5]
     """
     return np.abs(np.log10(exponent) - log_predicted)
 
@@ -108,6 +130,13 @@ def masked_relative_error(shading: Any, predicted: Any, mask: Any) -> Any:
         shading: true linear radiance `(B, H, W, 1)`, at least 0, a NumPy array or a Keras tensor.
         predicted: predicted linear radiance `(B, H, W, 1)`, of the same kind.
         mask: coverage `(B, H, W, 1)` in [0, 1]; pixels of at least one half count.
+
+    Example:
+        >>> layer, full = np.full((1, 2, 2, 1), 4.0), np.ones((1, 2, 2, 1))
+        >>> masked_relative_error(layer, 0 * layer, full).tolist()
+        [1.0]
+        >>> masked_relative_error(0 * layer, layer, full).tolist()
+        [0.0]
     """
     xp = namespace(shading, predicted, mask)
     inside = xp.where(mask >= 0.5, 1.0, 0.0)

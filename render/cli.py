@@ -478,6 +478,7 @@ def _bank(options: argparse.Namespace) -> int:
             on_texture=drawn.move,
             on_entry=rendered.move,
         )
+    _write_cards(options.out)
     _tell(manifest, "entry")
     print(f"{manifest['count']} entries in {options.out}")
     return 0
@@ -499,6 +500,7 @@ def _scenes(options: argparse.Namespace) -> int:
             materials=options.materials,
             tell=bar.move,
         )
+    _write_cards(options.out)
     print(f"{manifest['examples']} examples in {options.out / 'train'}")
     return 0
 
@@ -509,6 +511,13 @@ def _folders(options: argparse.Namespace) -> dict[str, str | None]:
         name: str(folder.resolve()) if (folder := getattr(options, name)) else None
         for name in ("shapes", "environments", "backgrounds")
     }
+
+
+def _write_cards(out: Path) -> None:
+    """Write the data cards of what is complete in a folder."""
+    from . import cards
+
+    cards.write(out)
 
 
 def _tell(manifest: Mapping[str, Any], unit: str) -> None:
@@ -563,6 +572,7 @@ def _render(options: argparse.Namespace) -> int:
             on_room=rooms.move,
             on_example=rendered.move,
         )
+    _write_cards(options.out)
     _tell(manifest, "example")
     print(f"{manifest['examples']} examples in {options.out / options.split}")
     return 0

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 
+from lime_keras.io import photo
 from lime_keras.optics import colour, environment, shading
 
 from .corpus import sources
@@ -63,10 +64,7 @@ def write_views(
         maps = maps[..., :3] if maps.shape[2] >= 3 else np.repeat(maps[..., :1], 3, axis=2)
         rng = np.random.default_rng((0, number))
         for index in range(count):
-            picture = oiio.ImageBuf(np.ascontiguousarray(view(maps, rng), np.float32))
-            target = out / f"{path.stem}-{index:02d}.png"
-            if not picture.write(str(target), oiio.UINT8):
-                raise OSError(f"{target} cannot be written: {picture.geterror()}")
+            photo.write(out / f"{path.stem}-{index:02d}.png", view(maps, rng))
             on_picture(number * count + index + 1, len(paths) * count)
 
 

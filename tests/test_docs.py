@@ -1,52 +1,204 @@
-"""The documentation: its examples run, the files it names exist, docstrings begin plainly."""
+"""The documentation: its examples run, what it names exists, docstrings begin plainly."""
 
 import ast
+import doctest
+import importlib
+import importlib.util
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
+from lime_keras import Estimator
 from lime_keras.io import photo
+from lime_keras.render import cli as render_cli
+from lime_keras.version import __version__
 
 ROOT = Path(__file__).parent.parent
-PAGES = ("README.md", "docs/estimating.md")
+DOCS = ROOT / "docs"
+PAGES = sorted(path for path in DOCS.rglob("*.md") if "_build" not in path.parts)
+CARD = ROOT / "lime_keras" / "pretrained" / "README.md"
+TEXTS = [*PAGES, ROOT / "README.md", ROOT / "CONTRIBUTING.md", CARD]
+COMMANDS = {
+    "lime-estimate": "lime_keras.commands.estimate",
+    "lime-export": "lime_keras.commands.export",
+    "lime-live": "lime_keras.commands.live",
+    "lime-render": "lime_keras.render.cli",
+    "lime-train": "lime_keras.train.cli",
+    "lime-eval": "lime_keras.eval.cli",
+}
+
+
+def named(path):
+    return path.relative_to(ROOT).as_posix()
+
+
+def read(path):
+    return path.read_text(encoding="utf-8")
+
+
+def script(path):
+    """A module that no package holds."""
+    spec = importlib.util.spec_from_file_location(f"docs_{path.stem}", path)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
 
 
 def examples():
-    for page in PAGES:
-        text = (ROOT / page).read_text(encoding="utf-8")
-        for number, code in enumerate(re.findall(r"```python\n(.*?)```", text, re.DOTALL), 1):
-            yield pytest.param(code, id=f"{page}-{number}")
+    for page in TEXTS:
+        for number, code in enumerate(re.findall(r"```python\n(.*?)```", read(page), re.DOTALL), 1):
+            yield pytest.param(code, id=f"{named(page)}-{number}")
 
 
 @pytest.fixture
 def desk(tmp_path, monkeypatch, tiny_model):
     """A folder with the files that the examples name, and weights that load fast."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(
-        "lime_keras.estimate.estimator.Estimator.__init__.__defaults__",
-        (tiny_model, None, "onnx", None),
-    )
+    _, *others = Estimator.__init__.__defaults__
+    monkeypatch.setattr(Estimator.__init__, "__defaults__", (tiny_model, *others))
     rng = np.random.default_rng(0)
     for name, shape in (("photo.jpg", (40, 60, 3)), ("other.png", (30, 30, 3))):
         photo.write(tmp_path / name, rng.uniform(size=shape))
     photo.write(tmp_path / "mask.png", np.ones((30, 30, 1)))
 
 
-@pytest.mark.parametrize("code", examples())
+@pytest.mark.parametrize("code", [*examples()])
 def test_the_example_runs(code, desk):
     exec(compile(code, "example", "exec"), {})
 
 
 def paths_of_paper():
-    text = (ROOT / "docs" / "paper.md").read_text(encoding="utf-8")
+    text = read(DOCS / "explanation" / "paper.md")
     return sorted(set(re.findall(r"`([\w/]+\.py)", text)))
 
 
 @pytest.mark.parametrize("path", paths_of_paper())
 def test_the_map_of_the_paper_names_files_that_exist(path):
     assert (ROOT / path).is_file() or (ROOT / "tests" / path).is_file()
+
+
+def plain(text):
+    """Markdown without its code."""
+    text = re.sub(r"^(```|~~~).*?^\1", "", text, flags=re.DOTALL | re.MULTILINE)
+    return re.sub(r"^ {4}.*$", "", re.sub(r"`[^`\n]*`", "", text), flags=re.MULTILINE)
+
+
+def anchors(text):
+    """The names under which a page's headings can be linked to."""
+    for heading in re.findall(r"^#+ (.*)$", text, re.MULTILINE):
+        yield re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-")
+
+
+@pytest.mark.parametrize("page", TEXTS, ids=named)
+def test_its_links_lead_somewhere(page):
+    for link in re.findall(r"\]\(([^()\s]+)\)", plain(read(page))):
+        if link.startswith("http"):
+            continue
+        place, _, anchor = link.partition("#")
+        target = page.parent / place if place else page
+        assert target.exists(), link
+        if anchor:
+            assert anchor in set(anchors(read(target))), link
+
+
+def test_every_page_is_in_a_table_of_contents():
+    listed = set()
+    for page in PAGES:
+        for body in re.findall(r"```\{toctree\}\n(.*?)```", read(page), re.DOTALL):
+            entries = [line for line in body.splitlines() if line and not line.startswith(":")]
+            for entry in entries:
+                path = page.parent / entry
+                assert path.with_suffix(".md").is_file() or path.with_suffix(".rst").is_file()
+                listed.add(path.with_suffix(".md").resolve())
+    assert listed >= {page.resolve() for page in PAGES} - {(DOCS / "index.md").resolve()}
+
+
+def test_the_docs_that_code_names_exist():
+    for folder in ("lime_keras", "render", "train", "eval", "benchmarks", "examples", "docs"):
+        for path in (ROOT / folder).rglob("*.py"):
+            for place in re.findall(r"docs/[\w/-]+\.md", read(path)):
+                assert (ROOT / place).is_file(), f"{named(path)}: {place}"
+
+
+def told(command, *arguments):
+    """The text of a command's help."""
+    return script(DOCS / "_extensions" / "command_help.py").text(COMMANDS[command], [*arguments])
+
+
+@pytest.fixture(scope="module")
+def options():
+    """The options of each command, those of its subcommands among them."""
+    out = {name: told(name) for name in COMMANDS}
+    out["lime-render"] += "".join(told("lime-render", name) for name in render_cli.COMMANDS)
+    return {name: set(re.findall(r"--[a-z][\w-]*", text)) for name, text in out.items()}
+
+
+@pytest.mark.parametrize("page", TEXTS, ids=named)
+def test_the_options_that_it_shows_are_those_of_the_commands(page, options):
+    lines = read(page).replace("\\\n", " ")
+    for name, rest in re.findall(r"\b(lime-[a-z]+)((?: +[^ \n`;#]+)+)", lines):
+        if name not in options:
+            continue
+        shown = set(re.findall(r"(?<![\w-])--[a-z][\w-]*", rest))
+        assert shown <= options[name], f"{name}: {shown - options[name]}"
+
+
+def test_the_reference_has_every_command():
+    page = read(DOCS / "reference" / "commands.md")
+    for module in COMMANDS.values():
+        assert f"{{command-help}} {module}\n" in page
+    for name in render_cli.COMMANDS:
+        assert f"{{command-help}} lime_keras.render.cli {name}\n" in page
+
+
+def test_every_table_of_results_has_its_mark():
+    """And the mark has the commit that is told, and files that there are."""
+    stale = script(ROOT / "benchmarks" / "stale_results.py")
+    assert len(list(stale.figures())) > 15
+    for figure in stale.figures():
+        assert figure.commit in read(ROOT / figure.page), figure
+        for path in figure.paths:
+            assert (ROOT / path).exists(), figure
+    for part in re.split(r"^#+ ", read(DOCS / "results.md"), flags=re.MULTILINE):
+        if "\n|" in part:
+            assert stale.MARK.search(part), part[:80]
+
+
+def test_the_citation_is_of_this_version():
+    cited = yaml.safe_load(read(ROOT / "CITATION.cff"))
+    assert cited["version"] == __version__
+    assert cited["references"][0]["year"] == 2018
+
+
+def examined():
+    """The modules whose docstrings hold examples."""
+    for path in sorted((ROOT / "lime_keras").rglob("*.py")):
+        if ">>> " in read(path):
+            yield ".".join(path.relative_to(ROOT).with_suffix("").parts)
+
+
+@pytest.mark.parametrize("name", [*examined()])
+def test_the_examples_of_docstrings_are_right(name):
+    assert not doctest.testmod(importlib.import_module(name)).failed
+
+
+@pytest.mark.slow
+def test_the_site_is_built_without_a_warning(tmp_path):
+    command = [sys.executable, "-m", "sphinx", "--builder", "html", "--fail-on-warning"]
+    answer = subprocess.run(
+        [*command, "--keep-going", "--doctree-dir", tmp_path / "trees", DOCS, tmp_path / "site"],
+        capture_output=True,
+        text=True,
+    )
+    assert answer.returncode == 0, answer.stderr
+    assert "usage: lime-estimate" in read(tmp_path / "site" / "reference" / "commands.html")
+    assert "<math" in read(tmp_path / "site" / "explanation" / "scene-model.html")
 
 
 RIDDLES = re.compile(

@@ -9,6 +9,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import nbclient
+import nbformat
 import numpy as np
 import pytest
 import sphere_corpus
@@ -143,3 +145,13 @@ def test_one_example_is_rendered_from_what_is_built_in(tmp_path):
     assert 0.02 < inside.mean() < 1
     for name in ("diffuse_shading", "specular_shading", "mirror"):
         assert seen[name][inside].mean() > 10 and seen[name][seen["mask"] == 0].max() == 0
+
+
+@pytest.mark.slow
+def test_the_notebook_runs(tmp_path):
+    """From the photo to the file for Blender, in a folder of its own."""
+    notebook = nbformat.read(EXAMPLES / "first_material.ipynb", as_version=4)
+    place = {"metadata": {"path": str(tmp_path)}}
+    nbclient.NotebookClient(notebook, timeout=300, resources=place).execute()
+    written = json.loads((tmp_path / "first-material.gltf").read_text())
+    assert written["materials"][0]["name"] == "first-material"

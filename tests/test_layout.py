@@ -33,7 +33,8 @@ ROWS = {
     "lime_keras": (
         ("version", "arrays", "console", "material", "outputs"),
         ("optics",),
-        ("io", "data", "losses", "metrics", "synthesis"),
+        ("io",),
+        ("data", "losses", "metrics", "synthesis"),
         ("networks", "lighting", "runtime"),
         ("export",),
         ("estimate", "photo"),
@@ -44,7 +45,7 @@ ROWS = {
     "render": (
         ("mitsuba_setup", "shapes", "rooms"),
         ("scene",),
-        ("corpus", "inspect", "cloning"),
+        ("corpus", "inspect", "cloning", "cards"),
         ("room_views", "bank"),
         ("cli",),
     ),

@@ -11,7 +11,7 @@ from typing import Any
 import keras
 
 from lime_keras.data.corpus import Split
-from lime_keras.io import atomic
+from lime_keras.io import atomic, incoming
 from lime_keras.networks import Architecture
 from lime_keras.synthesis import bank
 from lime_keras.version import __version__, installed
@@ -73,14 +73,14 @@ class Config:
                 "begin one"
             )
         try:
-            held = json.loads(path.read_text(encoding="utf-8"))["config"]
+            held = incoming.read_json(path)["config"]
             architecture = Architecture(**held.pop("architecture"))
             schedule = Schedule(**held.pop("schedule"))
             for name in ("materials", "frozen"):
                 if held.get(name) is not None:
                     held[name] = tuple(held[name])
             return cls(architecture=architecture, schedule=schedule, **held)
-        except (KeyError, TypeError, ValueError) as error:
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
             raise ValueError(
                 f"{path} is not of this version ({error}): pass another --out"
             ) from error
@@ -116,7 +116,12 @@ def check(run: Path, config: Config) -> None:
     path = config_path(run)
     if not path.is_file():
         return
-    held = json.loads(path.read_text(encoding="utf-8"))["config"]
+    try:
+        held = dict(incoming.read_json(path)["config"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise ValueError(
+            f"{path} is no record of a run ({error}): pass another --out, or remove {run}"
+        ) from error
     differing = [
         f"{name} {there} there, {asked} asked"
         for name, there, asked in _differences(held, _plain(config))

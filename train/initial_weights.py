@@ -12,7 +12,7 @@ from pathlib import Path
 import keras
 import numpy as np
 
-from lime_keras.io import atomic, model_folder
+from lime_keras.io import atomic, incoming, model_folder
 from lime_keras.networks import weights
 
 _FOLDER, _TAKEN = "begun-from", "taken.json"
@@ -77,12 +77,16 @@ def load(
 
 def described(run: Path) -> str:
     """Return in words which subnetworks began with the model's weights, and which afresh."""
-    found = json.loads((run / _FOLDER / _TAKEN).read_text(encoding="utf-8"))
-    return ", ".join(
-        f"{' and '.join(names)} {how}"
-        for names, how in ((found["taken"], "continued"), (found["fresh"], "begun afresh"))
-        if names
-    )
+    path = run / _FOLDER / _TAKEN
+    try:
+        found = incoming.read_json(path)
+        return ", ".join(
+            f"{' and '.join(names)} {how}"
+            for names, how in ((found["taken"], "continued"), (found["fresh"], "begun afresh"))
+            if names
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        raise ValueError(f"{path} names no subnetworks ({error}): begin another run") from error
 
 
 def _fit(one: keras.Model, other: keras.Model) -> bool:

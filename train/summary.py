@@ -1,9 +1,10 @@
 """The summary of a run: held-out losses and measures before and after each stage."""
 
 import csv
-import json
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+
+from lime_keras.io import incoming
 
 from .evaluation import evaluation_path
 
@@ -44,10 +45,15 @@ def evaluation(run: Path) -> str:
     path = evaluation_path(run)
     if not path.is_file():
         return ""
-    found = json.loads(path.read_text(encoding="utf-8"))
-    rows = [("whole system", f"of {found['examples']} held-out examples")]
-    for name, value in found["measures"].items():
-        rows.append((name, "not finite" if value is None else f"{value:.4f}"))
+    try:
+        found = incoming.read_json(path)
+        rows = [("whole system", f"of {found['examples']} held-out examples")]
+        for name, value in found["measures"].items():
+            rows.append((name, "not finite" if value is None else f"{value:.4f}"))
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise ValueError(
+            f"{path} holds no measures ({error}): delete it and run the same command again"
+        ) from error
     return _aligned(rows)
 
 

@@ -14,6 +14,7 @@ from typing import Any
 import keras
 import numpy as np
 
+from lime_keras.io import atomic
 from lime_keras.outputs import OUTPUTS
 
 from . import terms
@@ -42,9 +43,9 @@ class Board:
 
         folder.mkdir(parents=True, exist_ok=True)
         path = folder / f"events.out.tfevents.{time.time():.6f}.{socket.gethostname()}"
-        self._writer = RecordWriter(path.open("wb"))
+        self._writer, self._path = RecordWriter(path.open("wb")), path
         version = event_pb2.Event(wall_time=time.time(), file_version="brain.Event:2")
-        self._writer.write(version.SerializeToString())
+        self._put(version)
 
     def scalars(self, step: int, groups: Mapping[str, Mapping[str, float]]) -> None:
         """Write numbers under the names `group/name`."""
@@ -55,7 +56,6 @@ class Board:
         for group, values in groups.items():
             for name, value in values.items():
                 self._add(step, scalar_pb(f"{group}/{name}", value))
-        self._writer.flush()
 
     def panel(self, step: int, model: StageModel, batch: Mapping[str, Any]) -> None:
         """Write a picture of the stage's predictions for the first examples of a batch."""
@@ -76,18 +76,23 @@ class Board:
             metadata=create_summary_metadata(None, None),
         )
         self._add(step, summary)
-        self._writer.flush()
 
     def close(self) -> None:
         """Finish the event file."""
         if self._writer is not None:
-            self._writer.close()
+            with atomic.naming(self._path):
+                self._writer.close()
 
     def _add(self, step: int, summary: Any) -> None:
         from tensorboard.compat.proto import event_pb2
 
         event = event_pb2.Event(wall_time=time.time(), step=step, summary=summary)
-        self._writer.write(event.SerializeToString())
+        self._put(event)
+
+    def _put(self, event: Any) -> None:
+        with atomic.naming(self._path):
+            self._writer.write(event.SerializeToString())
+            self._writer.flush()
 
 
 def installed() -> bool:

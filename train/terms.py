@@ -42,7 +42,8 @@ class Term:
     """A loss term.
 
     Attributes:
-        weight: factor of the term in the total loss; the paper gives none (docs/decisions.md).
+        weight: factor of the term in the total loss; the paper gives none
+            (docs/explanation/decisions.md).
         quantity: name of the quantity whose prediction the term compares with the truth.
         loss: function of a batch and a `StageAnswer`; returns the loss of each example, `(B,)`.
         features: names of the features that it reads, beside `data.features.LEARNT_FROM`.

@@ -12,7 +12,9 @@ A run's folder holds:
 - `begun-from/`: a copy of the trained model that the run began with, if it did.
 """
 
+import contextlib
 import dataclasses
+import functools
 import hashlib
 import json
 import shutil
@@ -24,7 +26,7 @@ from typing import Any
 import keras
 import numpy as np
 
-from lime_keras.io import atomic
+from lime_keras.io import atomic, locking
 from lime_keras.networks import SUBNETWORKS, Architecture, build, weights
 from lime_keras.networks.precision import computing_in
 
@@ -45,6 +47,20 @@ from .terms import TERMS
 _SECONDS_BETWEEN_MODELS = 120
 
 
+def _alone(function: Callable[..., list[str]]) -> Callable[..., list[str]]:
+    """Let a function lead one run's folder at a time; of joined processes, the first locks it."""
+
+    @functools.wraps(function)
+    def locked(paths: Sequence[Path], run: Path, *arguments: Any, **options: Any) -> list[str]:
+        leads = hosts.place()[0] == 0
+        lock = locking.alone(run, "lime-train is training") if leads else contextlib.nullcontext()
+        with lock:
+            return function(paths, run, *arguments, **options)
+
+    return locked
+
+
+@_alone
 def train(
     paths: Sequence[Path],
     run: Path,
@@ -89,7 +105,7 @@ def train(
             stage's name is unknown; if a subnetwork is to be frozen that the run does not begin
             with; if the minutes are too few for a batch of each stage; or if several processes are
             called differently, or with minutes.
-        RuntimeError: if a loss or a gradient is not finite.
+        RuntimeError: if a loss or a gradient is not finite, or another process is training the run.
     """
     began = monotonic() if began is None else began
     stages = stages_of(config)

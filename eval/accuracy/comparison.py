@@ -4,13 +4,13 @@ All runs predict the same test images, so the difference between two runs is kno
 than the value of either. The interval of a difference is a paired bootstrap over the images.
 """
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from lime_keras.io import incoming
 from lime_keras.networks import Architecture
 
 from ..markdown_table import ABSENT, aligned
@@ -163,5 +163,8 @@ def _compositing(run: Path) -> bool:
     """Return whether the run's record says that it was trained with the loss of Eq. 5."""
     for path in (run / "config.json", run / "training.json", run / "model" / "training.json"):
         if path.is_file():
-            return json.loads(path.read_text(encoding="utf-8"))["config"]["compositing"]
+            try:
+                return bool(incoming.read_json(path)["config"]["compositing"])
+            except (KeyError, TypeError, ValueError) as error:
+                raise ValueError(f"{path} is no record of a run ({error}): train again") from error
     return True

@@ -99,7 +99,7 @@ def evaluate(
     """
     architecture, subnetworks = weights.load(model_dir)
     split = Split(corpus, "test")
-    shards = split.shard_paths()
+    shards = pipeline.whole_shards(split)
     count = _count(shards, architecture.size)
     system = answer or assemble(subnetworks).predict_on_batch
     # Joint training adapts the encoders to estimated layers; on true layers the weights from before
@@ -125,20 +125,26 @@ def evaluate(
             answers = {"found": _cut(system(full["image"]), number)}
             if answer is None:
                 answers["oracle"] = _cut(oracle_of(full), number)
+            measured = measure(example, answers["found"])
+            of_true_layers = _material_errors(example, answers["oracle"]) if answer is None else {}
+            # Of what is not finite, no picture can be made.
+            for columns in (measured, of_true_layers):
+                _check_finite(columns, model_dir, int(progress.n))
             relit = _relit(example, answers, split.is_literal, pool)
             rows.append(
-                measure(example, answers["found"])
+                measured
                 | _layers_flip(example, answers["found"], pool)
                 | relit["found"]
                 | {f"average_{name}": column for name, column in relit["average"].items()}
             )
             if answer is None:
-                oracle.append(_material_errors(example, answers["oracle"]) | relit["oracle"])
+                oracle.append(of_true_layers | relit["oracle"])
             progress.update(number)
     joined = _joined(rows)
     of_oracle = _joined(oracle) if oracle else {}
     evaluation = Evaluation(joined, of_oracle, _confusion(joined), architecture, tuple(alone))
-    _check_finite(evaluation, model_dir)
+    for columns in (joined, of_oracle):
+        _check_finite(columns, model_dir)
     return evaluation
 
 
@@ -355,12 +361,12 @@ def _confusion(rows: Mapping[str, np.ndarray]) -> np.ndarray:
     return matrix
 
 
-def _check_finite(evaluation: Evaluation, model_dir: Path) -> None:
-    """Raise ValueError, naming the example, if a column holds NaN or infinity."""
-    for name, column in (*evaluation.rows.items(), *evaluation.oracle.items()):
+def _check_finite(columns: Mapping[str, np.ndarray], model_dir: Path, first: int = 0) -> None:
+    """Raise ValueError, naming the example, if a column of those from `first` on is not finite."""
+    for name, column in columns.items():
         if column.dtype.kind != "f" or np.all(np.isfinite(column)):
             continue
-        row = int(np.argmin(np.isfinite(column).reshape(len(column), -1).all(axis=1)))
+        row = first + int(np.argmin(np.isfinite(column).reshape(len(column), -1).all(axis=1)))
         raise ValueError(
             f"{name} is not finite for test example {row}: the weights in {model_dir} are "
             "broken; train again, or pass another run"

@@ -16,7 +16,7 @@ from lime_keras.optics.compositing import compose
 
 PIXELS = 128
 """Number of pixels rendered of an object, evenly spaced in reading order. With all 5,000 pixels the
-mean over 1,000 images changes by less than 0.05 dB (docs/decisions.md)."""
+mean over 1,000 images changes by less than 0.05 dB (docs/explanation/decisions.md)."""
 HIGHEST_PSNR = 10 * math.log10(12 * 255**2)
 """PSNR of quantisation to 8 bits, 58.9 dB; a higher PSNR is no visible improvement."""
 

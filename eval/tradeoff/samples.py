@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lime_keras.data import samples
+from lime_keras.data import pipeline, samples
 from lime_keras.data.corpus import Split
 
 from ..store import DependsOn, Store, sha256
@@ -35,7 +35,7 @@ class Samples:
         """Return the `.npy` file of the first images in the test split, `size` pixels wide."""
 
         def write(path: Path) -> None:
-            shards = Split(self.corpus, "test").shard_paths()
+            shards = pipeline.whole_shards(Split(self.corpus, "test"))
             images = samples.first(shards, size, LARGEST_BATCH, camera=self.camera)
             with path.open("wb") as file:
                 np.save(file, images)

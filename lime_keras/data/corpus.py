@@ -1,10 +1,11 @@
 """A corpus on disk: `CORPUS/SPLIT/{00000.tfrecord, …, manifest.json}`, read through a `Split`."""
 
 import functools
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+from lime_keras.io import incoming
 
 SPLITS = ("train", "test")
 
@@ -63,7 +64,7 @@ class Split:
                 "renders the split, or completes it where it was interrupted"
             )
         try:
-            return json.loads(path.read_text(encoding="utf-8"))
+            return incoming.read_json(path)
         except ValueError as error:
             raise ValueError(
                 f"{path} is broken ({error}): delete it and run the same `lime-render` command "
@@ -77,11 +78,12 @@ class Split:
             FileNotFoundError: if the split is incomplete or a shard is missing.
             ValueError: if the manifest is broken.
         """
-        paths = [self.shard_path(shard) for shard in range(self._recorded("shards", int))]
-        for path in paths:
-            if not path.is_file():
+        paths: list[Path] = []
+        for shard in range(self._recorded("shards", int)):
+            paths.append(self.shard_path(shard))
+            if not paths[-1].is_file():
                 raise FileNotFoundError(
-                    f"{path} is missing: run the same `lime-render` command again"
+                    f"{paths[-1]} is missing: run the same `lime-render` command again"
                 )
         return paths
 
@@ -93,12 +95,19 @@ class Split:
     @property
     def sha256(self) -> list[str]:
         """The SHA-256 checksums of the shards, in order."""
-        return self._recorded("sha256", list)
+        digests = self._recorded("sha256", list)
+        for digest in digests:
+            self._checked(digest, str)
+        return digests
 
     @property
     def inputs(self) -> dict[str, dict[str, str]]:
         """The names and checksums of the user's files that were used, by kind of file."""
-        return self._recorded("inputs", dict)
+        inputs = self._recorded("inputs", dict)
+        for of_kind in inputs.values():
+            for digest in self._checked(of_kind, dict).values():
+                self._checked(digest, str)
+        return inputs
 
     @property
     def shard_size(self) -> int:
@@ -108,7 +117,8 @@ class Split:
     @property
     def size(self) -> int | None:
         """The height and width of the images in pixels; None if the manifest does not record it."""
-        return self._description.get("size")
+        size = self._description.get("size")
+        return size if size is None else self._checked(size, int)
 
     @property
     def lights(self) -> int:
@@ -118,7 +128,7 @@ class Split:
     @property
     def shading(self) -> str:
         """The normalisation of D and S: `furnace`, or `literal` as printed in Eqs. 2 and 3."""
-        return self._description.get("shading", "furnace")
+        return self._checked(self._description.get("shading", "furnace"), str)
 
     @property
     def is_literal(self) -> bool:

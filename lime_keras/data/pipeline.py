@@ -5,14 +5,19 @@ the features of `records`, and also `exponent_bin` `(B,)`, the class of the expo
 `(B, S, S, 3)`, 1 where a channel is clipped.
 """
 
+import functools
+import hashlib
 import math
+import os
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import tensorflow as tf
 import tensorflow.experimental.numpy as tnp
+from tqdm import tqdm
 
 from lime_keras.data import records
 from lime_keras.data.camera import SCENE, photograph
@@ -44,9 +49,9 @@ def training_shards(corpus: Path) -> tuple[list[Path], list[Path]]:
 
     Raises:
         FileNotFoundError: if the split is incomplete.
-        ValueError: if there are fewer than two shards.
+        ValueError: if there are fewer than two shards, or a shard is not the manifest's.
     """
-    paths = Split(corpus, "train").shard_paths()
+    paths = whole_shards(Split(corpus, "train"))
     if len(paths) < 2:
         raise ValueError(
             f"{corpus}/train has {len(paths)} shard; training needs at least 2, one of them for "
@@ -54,6 +59,49 @@ def training_shards(corpus: Path) -> tuple[list[Path], list[Path]]:
         )
     held_out = max(1, len(paths) // 10)
     return paths[:-held_out], paths[-held_out:]
+
+
+def whole_shards(split: Split) -> list[Path]:
+    """Return the paths of a split's shards, each with the bytes that the manifest tells of.
+
+    All shards are read once and hashed, in several threads; a shard that has not changed since is
+    not hashed again by this process.
+
+    Raises:
+        FileNotFoundError: if the split is incomplete.
+        ValueError: if a shard has other bytes: it is damaged, or records were removed, repeated or
+            put in another place.
+    """
+    paths, expected = split.shard_paths(), split.sha256
+    if len(paths) != len(expected):
+        raise ValueError(
+            f"{split.manifest_path} tells of {len(paths)} shards with {len(expected)} checksums: "
+            "delete it and run the same `lime-render` command again"
+        )
+    sizes = [path.stat().st_size for path in paths]
+    with (
+        ThreadPoolExecutor(os.cpu_count()) as threads,
+        tqdm(total=sum(sizes), desc="checksums", unit="B", unit_scale=True, delay=2) as bar,
+    ):
+        found = threads.map(_digest, paths, (path.stat().st_mtime_ns for path in paths), sizes)
+        for path, size, digest, wanted in zip(paths, sizes, found, expected, strict=True):
+            bar.update(size)
+            if digest != wanted:
+                _check_whole([path])
+                _check_records(path)
+                raise ValueError(
+                    f"{path} is not the shard of {split.manifest_path.name}: its records can be "
+                    "read, but some were changed, removed, repeated or exchanged; delete the file "
+                    "and its .json, and run the same `lime-render` command again"
+                )
+    return paths
+
+
+@functools.cache
+def _digest(path: Path, mtime_ns: int, size: int) -> str:
+    """Return the SHA-256 of a file; its time of change and its size tell a changed file apart."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def training(

@@ -1,8 +1,10 @@
 """A run over many photos with one model, which reads, estimates and writes batch by batch."""
 
 import json
+import os
 import sys
 import time
+import warnings
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -145,7 +147,7 @@ class Batch:
             begun = time.perf_counter()
             try:
                 image, mask, alpha = self._read(path)
-            except (ValueError, OSError) as error:
+            except (ValueError, OSError, MemoryError) as error:
                 self._tell_failure(path, error)
                 continue
             finally:
@@ -162,8 +164,15 @@ class Batch:
             yield batch
 
     def _read(self, path: Path) -> tuple[np.ndarray, np.ndarray | None, np.ndarray | None]:
-        """Read a photo, its mask and its transparency, each None if it has none."""
-        image, alpha = photo.read(path)
+        """Read a photo, its mask and its transparency, each None if it has none.
+
+        What the photo's reader warns of is told.
+        """
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always", UserWarning)
+            image, alpha = photo.read(path)
+        for warning in told:
+            tqdm.write(f"warning: {warning.message}", file=sys.stderr)
         own = self._mask_file(path)
         if own is None:
             # Without a file of its own, the mask is the photo's transparency.
@@ -227,7 +236,9 @@ class Batch:
     def _tell_failure(self, path: Path, error: Exception) -> None:
         self.failed += 1
         told = str(error)
-        tqdm.write(f"error: {told if str(path) in told else f'{path}: {told}'}", file=sys.stderr)
+        told = told if str(path) in told else f"{path}: {told}"
+        # A name may be no UTF-8, which not every stream takes.
+        tqdm.write(f"error: {os.fsencode(told).decode(errors='replace')}", file=sys.stderr)
 
 
 def _belonging(path: Path, given: Path) -> Path:

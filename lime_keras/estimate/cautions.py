@@ -78,6 +78,10 @@ def confidence(mask: np.ndarray) -> float | None:
 
     Returns:
         Confidence in [0, 1]; None if no pixel reaches one half.
+
+    Example:
+        >>> confidence(np.array([[[1.0], [0.5], [0.0]]]))
+        0.75
     """
     inside = mask >= framing.THRESHOLD
     count = int(np.count_nonzero(inside))

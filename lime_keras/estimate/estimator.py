@@ -92,6 +92,7 @@ class Estimator:
         streaming: bool = False,
     ):
         self._masker = masker
+        self._model = weights
         self._engine = engines.load(model_folder.find(weights), engine, streaming=streaming)
         self.size, self.system = self._engine.size, self._engine.system
         needed = available(self._engine.outputs)
@@ -148,7 +149,8 @@ class Estimator:
 
         Raises:
             ValueError: if a photo or a mask is refused (see `estimate`), or the numbers of photos
-                and masks differ; raised at the first material.
+                and masks differ; raised at the first material. Also if the model's answers are
+                not finite, as its weights are damaged.
         """
         masks = [None] * len(photos) if masks is None else masks
         if len(masks) != len(photos):
@@ -166,7 +168,7 @@ class Estimator:
         squares, seen, masks_seen = self._find(images, given)
         answer: Mapping[str, np.ndarray] = {}
         if self._read:
-            answer = self._engine.run(self._read, {"image": seen, "mask": masks_seen})
+            answer = self._answers(self._read, {"image": seen, "mask": masks_seen})
         for index, (image, mask, square) in enumerate(zip(images, given, squares, strict=True)):
             own = {name: value[index] for name, value in answer.items()}
             if mask is None:
@@ -210,9 +212,12 @@ class Estimator:
         Returns:
             The material, with the photo's square, coverage and warnings, and with its layers in the
             pixels of the view.
+
+        Raises:
+            ValueError: if the model's answers are not finite, as its weights are damaged.
         """
         given = {"image": view.image[None], "mask": view.mask[None]}
-        answer = self._engine.run(self._read, given) if self._read else {}
+        answer = self._answers(self._read, given) if self._read else {}
         own = {name: value[0] for name, value in answer.items()}
         whole = Square(0, 0, len(view.image))
         material = self._material(view.image, view.mask, whole, view.image, view.mask, own)
@@ -272,7 +277,20 @@ class Estimator:
         """Return SegmentationNet's masks `(N, S, S, 1)` of images `(N, S, S, 3)`; N may be 0."""
         if not len(seen):
             return np.empty((0, self._engine.size, self._engine.size, 1), np.float32)
-        return self._engine.run(["mask"], {"image": seen})["mask"]
+        return self._answers(["mask"], {"image": seen})["mask"]
+
+    def _answers(
+        self, outputs: Collection[str], given: Mapping[str, np.ndarray]
+    ) -> Mapping[str, np.ndarray]:
+        """Return the model's outputs by name; raise ValueError if one is not finite."""
+        answers = self._engine.run(outputs, given)
+        for name, answer in answers.items():
+            if not np.isfinite(answer).all():
+                raise ValueError(
+                    f"{self._model} answers {name} with NaN or infinity: its weights are damaged, "
+                    "so train again or pass other --weights"
+                )
+        return answers
 
     def _full_mask(
         self, image: np.ndarray, square: Square, seen: np.ndarray, seen_mask: np.ndarray

@@ -1,6 +1,7 @@
 """The files of the estimate of one photo."""
 
 import json
+import os
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -14,6 +15,9 @@ from lime_keras.outputs import OUTPUTS, Output
 
 _ROWS = 64
 """Number of rows of a layer that are encoded at once."""
+
+_LONGEST = 200
+"""Largest number of bytes of a stem: a file's name has at most 255."""
 
 
 def write(folder: Path, name: str, source: Path, image_srgb: np.ndarray, material: Material) -> str:
@@ -39,7 +43,7 @@ def write(folder: Path, name: str, source: Path, image_srgb: np.ndarray, materia
     _write_layers(folder, name, material)
     photo.write(folder / f"{name}-preview.png", preview.sheet(image_srgb, material))
     write_formats(folder, name, material)
-    numbers = json.dumps({"photo": str(source)} | material.to_json(), indent=1)
+    numbers = json.dumps({"photo": str(source)} | material.to_json(), indent=1, allow_nan=False)
     atomic.write(folder / f"{name}.json", numbers + "\n")
     return numbers
 
@@ -77,7 +81,8 @@ def distinct_names(sources: Iterable[Path]) -> list[str]:
     """Return a name for the files of each source: its path without the suffix.
 
     Sources whose files would have the same names are numbered from 2. Names that differ in case
-    alone count as the same, as they are on some systems.
+    alone count as the same, as they are on some systems. Names so long that a layer's file could
+    not be named after them are cut.
 
     Args:
         sources: paths of photos and videos, relative to where they were looked for.
@@ -86,7 +91,10 @@ def distinct_names(sources: Iterable[Path]) -> list[str]:
     taken = {"materials"}
     names = []
     for path in sources:
-        stem = name = (path.parent / path.stem).as_posix()
+        end = path.stem
+        while len(os.fsencode(end)) > _LONGEST:
+            end = end[:-1]
+        stem = name = (path.parent / end).as_posix()
         number = 2
         # The scene for Mitsuba of `a` has the name of the numbers of `a-mitsuba`.
         while not taken.isdisjoint(_taking(name)):

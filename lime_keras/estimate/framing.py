@@ -36,7 +36,12 @@ class Square(NamedTuple):
 
 
 def whole(height: int, width: int) -> Square:
-    """Return the smallest square that contains a whole photo, with the photo in its middle."""
+    """Return the smallest square that contains a whole photo, with the photo in its middle.
+
+    Example:
+        >>> whole(60, 100)
+        Square(top=-20, left=0, side=100)
+    """
     side = max(height, width)
     return Square(-((side - height) // 2), -((side - width) // 2), side)
 

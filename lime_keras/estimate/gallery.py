@@ -9,6 +9,7 @@ import colorsys
 import csv
 import html
 import io
+import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from string import Template
@@ -19,7 +20,7 @@ import numpy as np
 from PIL import Image
 
 from lime_keras.estimate import preview
-from lime_keras.io import atomic, result_json
+from lime_keras.io import atomic, incoming, result_json
 from lime_keras.optics import colour
 
 PAGE, TABLE = "index.html", "materials.csv"
@@ -50,9 +51,11 @@ def check(out: Path) -> None:
     """Check that page and table of a folder may be written: others are never replaced.
 
     Raises:
-        ValueError: if a file of that name is there that is no gallery.
+        ValueError: if a file of that name, or a folder, is there that is no gallery.
     """
     page, table = out / PAGE, out / TABLE
+    for path in filter(os.path.lexists, (page, table)):
+        incoming.check(path, "a gallery")
     is_page = not page.exists() or _MARK in page.read_text(encoding="utf-8", errors="replace")
     is_table = not table.exists() or table.read_text(encoding="utf-8", errors="replace").startswith(
         COLUMNS[0] + ","
@@ -74,22 +77,25 @@ def update(out: Path, names: Iterable[str]) -> None:
         names: names of new results; `NAME.json` holds the numbers of each.
 
     Raises:
+        ValueError: if the table, or a result that it lists, holds what no such file holds.
         OSError: if a file cannot be written.
     """
-    results = {}
+    rows, cards = [], []
     for path in sorted({*_listed(out / TABLE), *(f"{name}.json" for name in names)}):
         content = result_json.read(out / path)
-        if content is not None:
-            results[path] = content
-    rows = [row for path, content in results.items() for row in _rows(path, content)]
+        if content is None:
+            continue
+        with incoming.naming(out / path, "a result"):
+            own = list(_rows(path, content))
+            cards += [_card(out, row, content) for row in own]
+            rows += own
     text = io.StringIO()
     table = csv.DictWriter(text, COLUMNS, lineterminator="\n")
     table.writeheader()
     table.writerows(rows)
     atomic.write(out / TABLE, text.getvalue())
-    cards = "\n".join(_card(out, row, results[row["json"]]) for row in rows)
     page = Template(_TEMPLATE.read_text(encoding="utf-8"))
-    filled = page.substitute(mark=_MARK, count=len(rows), cards=cards, table=TABLE)
+    filled = page.substitute(mark=_MARK, count=len(rows), cards="\n".join(cards), table=TABLE)
     atomic.write(out / PAGE, filled)
 
 
@@ -97,7 +103,8 @@ def _listed(table: Path) -> list[str]:
     """Return the results that a table lists, as paths relative to its folder."""
     if not table.exists():
         return []
-    with table.open(encoding="utf-8", newline="") as file:
+    incoming.check(table, "a table")
+    with incoming.naming(table, "a table"), table.open(encoding="utf-8", newline="") as file:
         return [row["json"] for row in csv.DictReader(file) if row.get("json")]
 
 
@@ -107,7 +114,7 @@ def _rows(path: str, content: dict[str, Any]) -> Iterator[dict[str, Any]]:
     for scene in content.get("scenes", [content]):
         diffuse = scene.get("diffuse_albedo")
         row = {name: scene.get(name) for name in COLUMNS}
-        row |= {"json": path, "source": source}
+        row |= {"json": path, "source": source, "colour": None}
         row["warnings"] = " ".join(warning["code"] for warning in scene.get("warnings", ()))
         if diffuse is not None:
             row |= dict(zip(("diffuse_r", "diffuse_g", "diffuse_b"), diffuse, strict=True))
@@ -190,9 +197,10 @@ def _told(row: dict[str, Any]) -> Iterator[str]:
 def _thumbnails(path: Path, row: dict[str, Any]) -> dict[str, str]:
     """Return the photo with its mask and, of a whole material, the sphere, as data URLs."""
     try:
-        with Image.open(path) as page:
+        incoming.check(path, "a preview")
+        with incoming.naming(path, "a preview"), Image.open(path) as page:
             tiles = preview.pictures_of(page.convert("RGB"))
-    except OSError:
+    except ValueError:
         return {}
     pictures = {"photo and mask": tiles[0]}
     if row["diffuse_r"] is not None and row["exponent"] is not None:

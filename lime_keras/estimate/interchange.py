@@ -56,6 +56,12 @@ def albedo_scale(material: Material) -> float:
 
     Raises:
         ValueError: if the material has no albedos or no exponent.
+
+    Example:
+        >>> albedo_scale(Material(np.full(3, 0.5), 0.04, 100.0))
+        1.0
+        >>> round(albedo_scale(Material(np.full(3, 0.9), 0.9, 100.0)), 2)
+        0.63
     """
     diffuse, lobe = _layers(material)
     return 1 / max(float(np.max(diffuse)) + lobe, 1.0)
@@ -78,7 +84,12 @@ def warning(material: Material) -> str | None:
 
 
 def beckmann_roughness(exponent: float) -> float:
-    """Return Beckmann's roughness α = √(2 / (s + 2)), in (0, 1], of an exponent s, at least 0."""
+    """Return Beckmann's roughness α = √(2 / (s + 2)), in (0, 1], of an exponent s, at least 0.
+
+    Example:
+        >>> beckmann_roughness(198.0)
+        0.1
+    """
     return math.sqrt(2 / (exponent + 2))
 
 

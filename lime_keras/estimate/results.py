@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from lime_keras.io import atomic, result_json
+from lime_keras.io import atomic, incoming, result_json
 from lime_keras.version import __version__
 
 _MEND = "pass --overwrite to replace it, or another folder to --out"
@@ -53,6 +53,7 @@ class Results:
             beside: further files that the result depends on, such as a mask, by what they are.
 
         Raises:
+            ValueError: if a file is missing, or is none but a pipe or a folder, say.
             OSError: if a file cannot be read.
         """
         given = {name: digest(path) for name, path in beside.items()}
@@ -96,8 +97,9 @@ class Results:
         """
         target = self.json(name)
         partial = target.with_name(f"partial-{target.stem}")
-        atomic.remove(partial)
-        partial.mkdir(parents=True)
+        with atomic.naming(target):
+            atomic.remove(partial)
+            partial.mkdir(parents=True)
         try:
             yield partial
             files = sorted(path.name for path in partial.iterdir())
@@ -105,8 +107,9 @@ class Results:
             numbers = json.loads((partial / target.name).read_text(encoding="utf-8"))
             result_json.write(partial / target.name, numbers, made, files)
             # The numbers come last: with them, the result counts as complete.
-            for file in sorted(files, key=target.name.__eq__):
-                os.replace(partial / file, target.with_name(file))
+            with atomic.naming(target):
+                for file in sorted(files, key=target.name.__eq__):
+                    os.replace(partial / file, target.with_name(file))
         finally:
             atomic.remove(partial)
 
@@ -152,8 +155,10 @@ def digest(path: Path) -> str:
     """Return the beginning of the SHA-256 of a file's content.
 
     Raises:
+        ValueError: if the file is missing, or is none but a pipe or a folder, say.
         OSError: if the file cannot be read.
     """
+    incoming.check(path, "a source of a result")
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()[:_DIGITS]
 

@@ -9,7 +9,7 @@ import keras
 import numpy as np
 
 from lime_keras.arrays import Answer
-from lime_keras.data import samples
+from lime_keras.data import pipeline, samples
 from lime_keras.data.corpus import Split
 from lime_keras.export import formats, graphs, model_card, parity, quantisation
 from lime_keras.export.formats import SERVED
@@ -158,7 +158,7 @@ def _images(size: int, corpus: Path | None) -> dict[str, np.ndarray]:
     """Return the sets of images for the parity check, by name."""
     out = {"extremes": parity.images(size)}
     if corpus is not None:
-        shards = Split(corpus, "test").shard_paths()
+        shards = pipeline.whole_shards(Split(corpus, "test"))
         out["pictures"] = samples.first(shards, size, _PICTURES, camera=True)
     return out
 

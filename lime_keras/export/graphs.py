@@ -42,7 +42,7 @@ def write(
     folder.mkdir(parents=True)
     graphs = {}
     for name, network in subnetworks.items():
-        alone, path = part(name, network), graph_folder.path(folder, name)
+        alone, path = part(name, network), folder / f"{name}.onnx"
         formats.write_onnx(alone, path)
         graph = onnx.load(path)
         _narrow(graph)

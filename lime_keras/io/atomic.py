@@ -1,11 +1,27 @@
-"""Atomic writing: a file or folder is there completely, or not at all."""
+"""Atomic writing: a file or folder is there completely, or not at all, and failing names it."""
 
 import contextlib
+import errno
 import os
 import shutil
 import uuid
 from collections.abc import Iterator
 from pathlib import Path
+
+_LONGEST = 255
+"""Largest number of bytes in a file's name, on all usual file systems."""
+_MENDS = {
+    errno.ENOSPC: "make room on its disk",
+    errno.EDQUOT: "make room, the disk's quota is used up",
+    errno.EFBIG: "its file system or a limit of the shell (`ulimit -f`) allows no larger file",
+    errno.EACCES: "allow writing there, or pass another folder",
+    errno.EPERM: "allow writing there, or pass another folder",
+    errno.EROFS: "pass a folder that can be written to",
+    errno.ENAMETOOLONG: "shorten its name",
+    errno.EISDIR: "remove the folder of that name, or pass another",
+    errno.ENOTDIR: "a file has the name of its folder: remove it, or pass another folder",
+    errno.EEXIST: "a file has the name of its folder: remove it, or pass another folder",
+}
 
 
 @contextlib.contextmanager
@@ -22,23 +38,74 @@ def replacing(path: Path, *, shared: bool = False) -> Iterator[Path]:
         shared: whether several processes may write `path` at once. Then each process has its own
             temporary path, and the last process to finish wins. The caller has to remove what a
             killed process left (`partial-*`).
+
+    Raises:
+        OSError: if the file cannot be written; the message names it and the mend.
     """
-    own = f"{uuid.uuid4().hex}-" if shared else ""
-    partial = path.with_name(f"partial-{own}{path.name}")
+    partial = path.with_name(_partial(path.name, f"{uuid.uuid4().hex}-" if shared else ""))
     made = [parent for parent in path.parents if not parent.exists()]
-    path.parent.mkdir(parents=True, exist_ok=True)
-    remove(partial)
     try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        remove(partial)
         yield partial
         if partial.is_dir():  # no folder can be renamed onto another
             remove(path)
         os.replace(partial, path)
-    except BaseException:
-        remove(partial)
+    except BaseException as error:
+        with contextlib.suppress(OSError):  # the first error is the one to tell
+            remove(partial)
         for parent in made:
             with contextlib.suppress(OSError):  # another process has written there meanwhile
                 parent.rmdir()
+        if isinstance(error, OSError) and _is_of(error, path, partial):
+            raise _named(error, path) from error
         raise
+
+
+@contextlib.contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Name the file in the errors of a block that writes to it, for files that grow in place.
+
+    Raises:
+        OSError: in place of the system's errors, with the file's name and the mend.
+    """
+    try:
+        yield
+    except OSError as error:
+        if error.errno is None:
+            raise
+        raise _named(error, path) from error
+
+
+def _named(error: OSError, path: Path) -> OSError:
+    """Return an error of the same kind and number that names the file that cannot be written.
+
+    Python's own errors of a full disk name no file.
+    """
+    mend = _MENDS.get(error.errno or 0, "pass another folder")
+    number = error.errno
+    kind = type(OSError(number, ""))  # PermissionError and the like
+    out = kind(f"{path} cannot be written: {error.strerror or error}; {mend}")
+    out.errno = number
+    return out
+
+
+def _is_of(error: OSError, path: Path, partial: Path) -> bool:
+    """Return whether an error is of writing `path`: it names no file, or this or one inside it."""
+    if error.errno is None or error.filename is None:
+        return error.errno is not None
+    named = Path(os.fsdecode(error.filename))
+    return not {path, partial}.isdisjoint((named, *named.parents)) or named in path.parents
+
+
+def _partial(name: str, own: str) -> str:
+    """Return the name for an unfinished file: of the same suffix, and no longer than allowed."""
+    prefix, suffix = os.fsencode(f"partial-{own}"), os.fsencode(Path(name).suffix)
+    left = _LONGEST - len(prefix) - len(suffix)
+    stem = os.fsencode(name)[: len(os.fsencode(name)) - len(suffix)]
+    while len(stem) > left:  # a whole character at a time
+        stem = os.fsencode(os.fsdecode(stem)[:-1])
+    return os.fsdecode(prefix + stem + suffix)
 
 
 def write(path: Path, content: bytes | str, *, shared: bool = False) -> None:

@@ -8,8 +8,9 @@ NumPy, so that the estimator, which runs the exported graphs, finds its model wi
 """
 
 import hashlib
-import json
 from pathlib import Path
+
+from lime_keras.io import incoming
 
 PRETRAINED = Path(__file__).parents[1] / "pretrained"
 """Folder of the sets of weights that come with the package, a folder each."""
@@ -59,6 +60,23 @@ def graphs(run: Path) -> Path:
     return (model.parent if model.name == "model" else model) / "onnx"
 
 
+def graph(graphs: Path, name: str) -> Path:
+    """Return the path of a subnetwork's exported graph, which need not be there.
+
+    Of sets that come with the package and have a graph in common, one holds it, and the description
+    of the others names that set (`lime_keras.export.sharing`).
+
+    Args:
+        graphs: folder of the graphs (see `graphs`).
+        name: name of the subnetwork.
+    """
+    own = graphs / f"{name}.onnx"
+    if own.is_file():
+        return own
+    holder = shipped().get(_described(graphs).get(name, ""))
+    return own if holder is None else holder / "onnx" / own.name
+
+
 def in_graphs(run: Path) -> bool:
     """Return whether a model's weights lie in its exported graphs alone.
 
@@ -80,8 +98,10 @@ def files(run: Path) -> list[Path]:
     """
     model = folder(run)
     check_present(model, model / ARCHITECTURE)
-    held = sorted(graphs(run).glob("*.onnx")) if in_graphs(run) else []
-    return [model / ARCHITECTURE, *sorted(model.rglob(f"*{WEIGHTS}")), *held]
+    weights = [path for path in sorted(model.rglob(f"*{WEIGHTS}")) if path.is_file()]
+    there = graphs(run)
+    held = [graph(there, name) for name in sorted(_described(there))] if in_graphs(run) else []
+    return [model / ARCHITECTURE, *weights, *(path for path in held if path.is_file())]
 
 
 def digest(run: Path) -> str:
@@ -123,9 +143,21 @@ def _holds_model(run: Path) -> bool:
     return (folder(run) / ARCHITECTURE).is_file()
 
 
+def _described(graphs: Path) -> dict[str, str]:
+    """Return the names of the described graphs, each with the set that holds it, "" for this one.
+
+    There is none if the folder has no description of graphs, or a damaged one.
+    """
+    try:
+        described = incoming.read_json(graphs / DESCRIPTION)["graphs"]
+        return {name: str(row.get("held_by") or "") for name, row in described.items()}
+    except (OSError, ValueError, LookupError, TypeError, AttributeError):
+        return {}
+
+
 def _described_digest(description: Path) -> str:
     try:
-        return str(json.loads(description.read_text(encoding="utf-8"))["weights"])
+        return str(incoming.read_json(description)["weights"])
     except (ValueError, LookupError, TypeError) as error:
         raise ValueError(
             f"{description} is damaged, and the graphs beside it hold the only weights: take this "

@@ -5,6 +5,8 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 
+from lime_keras.io import incoming, photo
+
 _LEAST_LENGTH = 0.5
 """Length below which a vector is background; files use black or mid-grey for background."""
 _UNIT_WITHIN = 0.1
@@ -28,15 +30,24 @@ def read(path: str | Path) -> np.ndarray:
 
     Raises:
         ValueError: if the file is missing or neither EXR nor PNG, lacks the three channels, holds
-            NaN or infinity, or holds no normal at all; also if most of its vectors do not have
-            length 1, or point away from the camera.
+            NaN or infinity, or holds no normal at all; if it has more than `photo.FULL` pixels, as
+            a photo of that size is read smaller; also if most of its vectors do not have length 1,
+            or point away from the camera.
     """
     path = Path(path)
+    incoming.check(path, "normals")
+    with incoming.naming(path, "normals"):
+        return _read(path)
+
+
+def _read(path: Path) -> np.ndarray:
     file = oiio.ImageInput.open(str(path), _raw())
     if file is None:
         raise ValueError(f"{path} cannot be read: {oiio.geterror()}; check the path")
     try:
         kind, names = file.format_name(), file.spec().channelnames
+        size = file.spec().width, file.spec().height, file.spec().nchannels
+        incoming.check_size(path, *size, largest=photo.FULL)
         if kind not in ("openexr", "png"):
             raise ValueError(f"{path} is {kind.upper()}: save normals as OpenEXR or PNG")
         pixels = file.read_image(oiio.FLOAT)

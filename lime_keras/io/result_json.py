@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from lime_keras.io import atomic
+from lime_keras.io import atomic, incoming
 
 
 def write(
@@ -31,11 +31,10 @@ def write(
 def read(path: Path) -> dict[str, Any] | None:
     """Return the content of a result's JSON, or None if the file is missing or something else."""
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = incoming.read_json(path)
     except (OSError, ValueError):
         return None
-    is_result = isinstance(content, dict) and isinstance(content.get("made"), dict)
-    if not is_result or not isinstance(content.get("files"), list):
+    if not isinstance(content.get("made"), dict) or not isinstance(content.get("files"), list):
         return None
     # Nothing outside the folder is ever a file of a result, whatever the JSON says.
     content["files"] = [

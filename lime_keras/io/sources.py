@@ -28,7 +28,8 @@ _MASK = "_mask"
 def mask_beside(photo: Path) -> Path | None:
     """Return `NAME_mask.png` beside the photo `NAME.*`, or None if there is none."""
     mask = photo.with_name(f"{photo.stem}{_MASK}.png")
-    return mask if mask.is_file() else None
+    # Unlike `Path.is_file`, this raises no error if the name is too long for a file.
+    return mask if os.path.isfile(mask) else None
 
 
 def photo_of_mask(path: Path) -> Path | None:

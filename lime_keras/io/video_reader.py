@@ -12,6 +12,7 @@ import av
 import numpy as np
 from av import device
 
+from lime_keras.io import incoming
 from lime_keras.io.sources import CAMERA, is_camera
 
 _DEVICES = {"linux": "v4l2", "darwin": "avfoundation", "win32": "dshow"}
@@ -124,15 +125,16 @@ class Footage:
 
 def _file(source: str) -> Any:
     """Open a file by its absolute path, because FFmpeg would take `a:b.mp4` for a protocol."""
-    path = Path(source).absolute()
-    if not path.is_file():
-        raise ValueError(f"{source}: no such file; check the path")
+    path = Path(source)
+    incoming.check(path, "a video")
     try:
-        return av.open(str(path))
-    except av.error.FFmpegError as error:
+        return av.open(str(path.absolute()))
+    except MemoryError:
+        raise
+    except Exception as error:  # beside FFmpeg's errors, those of tags that are no text
         raise ValueError(
-            f"{source} cannot be read as a video ({error.strerror}): it is damaged, cut short or "
-            "of another kind; export it anew, as MP4 say"
+            f"{source} cannot be read as a video ({getattr(error, 'strerror', None) or error}): it "
+            "is damaged, cut short or of another kind; export it anew, as MP4 say"
         ) from error
 
 

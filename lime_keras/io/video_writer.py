@@ -40,7 +40,10 @@ class Movie:
             if self._stream is not None:
                 self._append(None)
         finally:
-            self._container.close()
+            try:
+                self._container.close()
+            except av.error.FFmpegError as failure:
+                raise self._failed(failure) from failure
 
     def write(self, image_srgb: np.ndarray, seconds: float) -> None:
         """Append an image; later images are resized to the size of the first.
@@ -72,7 +75,12 @@ class Movie:
             self._container.mux(self._stream.encode(picture))
         except av.error.FFmpegError as error:
             self._stream = None  # nothing more is to be written
-            raise OSError(f"{self._path} cannot be written: {error.strerror}") from error
+            raise self._failed(error) from error
+
+    def _failed(self, error: Any) -> OSError:
+        return OSError(
+            f"{self._path} cannot be written: {error.strerror}; make room, or pass another folder"
+        )
 
     def _opened(self, height: int, width: int) -> Any:
         # Builds of FFmpeg without x264 have at least the older MPEG-4 encoder.

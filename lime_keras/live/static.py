@@ -17,7 +17,7 @@ import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
 
-from lime_keras.io import atomic, model_folder
+from lime_keras.io import atomic, incoming, model_folder
 from lime_keras.live import graphs
 from lime_keras.runtime import graph_folder
 from lime_keras.version import __version__
@@ -132,7 +132,7 @@ def check(out: Path) -> None:
     if not out.is_dir() or not any(out.iterdir()):
         return
     try:
-        held = json.loads((out / _DESCRIPTION).read_text(encoding="utf-8"))
+        held = incoming.read_json(out / _DESCRIPTION)
         is_page = held["engine"] == "browser"
     except (OSError, ValueError, LookupError, TypeError):
         is_page = False

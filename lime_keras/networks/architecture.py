@@ -5,6 +5,14 @@ from dataclasses import dataclass
 SYSTEMS = ("lime", "reflectance-map")
 EXPONENTS = ("classification", "regression")
 
+_MOST = {
+    "size": 4096,
+    "unet_width": 1024,
+    "unet_depth": 10,
+    "encoder_width": 1024,
+    "dense_width": 65536,
+}
+"""Largest value of each setting, far above all that can be trained."""
 ENCODER_BLOCKS = 5
 """Number of an encoder's blocks, each of which halves the height and width."""
 
@@ -43,6 +51,10 @@ class Architecture:
 
     def __post_init__(self) -> None:
         """Raise ValueError if the settings describe no system."""
+        for name, most in _MOST.items():
+            value = getattr(self, name)
+            if not isinstance(value, int) or value > most:
+                raise ValueError(f"no networks of {name} {value!r}: take a number up to {most}")
         if self.system not in SYSTEMS or self.exponent not in EXPONENTS:
             raise ValueError(
                 f"no system {self.system} with exponent {self.exponent}: there are "
@@ -75,8 +87,8 @@ PRESETS = {
     "smoke": Architecture(size=128, unet_width=12, unet_depth=4, encoder_width=16, dense_width=64),
     # For every frame of a fast camera: in ONNX Runtime a quarter of the time of `live`, so more
     # than 100 frames a second on two cores. Encoders cost little at any width.
-    "nano": Architecture(size=64, unet_width=12, unet_depth=4, encoder_width=16, dense_width=128),
-    # For video (docs/decisions.md).
+    "nano": Architecture(size=64, unet_width=8, unet_depth=4, encoder_width=16, dense_width=128),
+    # For video (docs/explanation/decisions.md).
     "live": Architecture(size=128, unet_width=16, unet_depth=4, encoder_width=16, dense_width=128),
     # The figures that show the paper's layer sizes are lost. Its run times bound the sizes: a U-Net
     # takes at most 28 GFLOP.

@@ -47,7 +47,8 @@ def unet(x: KerasTensor, *, width: int, depth: int, channels: int) -> KerasTenso
         x = layers.UpSampling2D(interpolation="nearest", name=f"up{level}")(x)
         x = layers.Concatenate(name=f"skip{level}")([x, skips[level]])
         x = convolutions(x, widths[level], f"up{level}")
-    # Linear: with a softplus head the output became all black in training (docs/decisions.md).
+    # Linear: with a softplus head the output became all black in training
+    # (docs/explanation/decisions.md).
     return layers.Conv2D(channels, 1, dtype="float32", name="head")(x)
 
 

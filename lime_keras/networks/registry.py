@@ -38,7 +38,7 @@ from lime_keras.optics.shininess import LOG_HIGH, LOG_LOW
 MASK_CONTRAST = 1.5
 """Factor by which SegmentationNet's prediction is stretched about one half, before the mask cuts
 the object out. The ℓ2 loss draws uncertain pixels towards one half, and a mask of 0.9 inside the
-object would make the estimated albedo too dark (docs/decisions.md)."""
+object would make the estimated albedo too dark (docs/explanation/decisions.md)."""
 
 
 @dataclass(frozen=True)

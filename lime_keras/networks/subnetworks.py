@@ -12,7 +12,7 @@ def segmentation_net(architecture: Architecture) -> keras.Model:
     """Build SegmentationNet: `image` `(B, S, S, 3)` sRGB in [0, 1] → `(B, S, S, 1)` coverage.
 
     The output is not yet clipped to [0, 1]. The head is linear: under the paper's ℓ2 loss a sigmoid
-    saturated within the first steps and did not recover (docs/decisions.md).
+    saturated within the first steps and did not recover (docs/explanation/decisions.md).
     """
     size = architecture.size
     image = keras.Input((size, size, 3), name="image")

@@ -18,7 +18,7 @@ import h5py
 import keras
 import numpy as np
 
-from lime_keras.io import atomic
+from lime_keras.io import atomic, incoming
 from lime_keras.io.model_folder import (
     ALONE,
     ARCHITECTURE,
@@ -26,6 +26,7 @@ from lime_keras.io.model_folder import (
     check_present,
     files,
     folder,
+    graph,
     graphs,
     in_graphs,
 )
@@ -33,6 +34,8 @@ from lime_keras.networks import SUBNETWORKS, Architecture, build, names
 
 _LEAST_COMPRESSED = 256
 """Number of values from which on it is worth to compress an array."""
+_OVERHEAD = 8192
+"""Largest number of bytes for each array of a weights file beside its values."""
 
 
 def save(
@@ -78,13 +81,14 @@ def load(model: Path, *, whole: bool = True) -> tuple[Architecture, dict[str, ke
 
     Raises:
         FileNotFoundError: if the folder holds no model, or no complete one.
-        ValueError: if a file is broken or belongs to another version of this package.
+        ValueError: if a file is broken, holds NaN or infinity, or belongs to another version of
+            this package.
     """
     model = folder(model)
     architecture = _architecture(model)
     exported = in_graphs(model)
     paths = {
-        name: graphs(model) / f"{name}.onnx" if exported else _weights_path(model, name)
+        name: graph(graphs(model), name) if exported else _weights_path(model, name)
         for name in names(architecture)
     }
     if not whole:
@@ -149,7 +153,7 @@ def _architecture(model: Path) -> Architecture:
     description = model / ARCHITECTURE
     check_present(model, description)
     try:
-        return Architecture(**json.loads(description.read_text(encoding="utf-8")))
+        return Architecture(**incoming.read_json(description))
     except (TypeError, ValueError) as error:
         raise ValueError(f"{description} is not of this version: {error}; train again") from error
 
@@ -163,12 +167,21 @@ def _is_half(network: keras.Model) -> bool:
 def _write(target: Path, name: str, network: keras.Model, half: bool) -> None:
     path = _weights_path(target, name)
     with atomic.replacing(path) as partial:
+        _reserve(partial, network, half)
         network.save_weights(partial)
         if half:
             whole = partial.rename(path.with_name(f"partial-whole-{path.name}"))
             with h5py.File(whole) as source, h5py.File(partial, "w") as narrow:
                 _copy_half(source, narrow)
             whole.unlink()
+
+
+def _reserve(path: Path, network: keras.Model, half: bool) -> None:
+    """Raise OSError if a network's weights find no room at `path`: HDF5 would crash the process."""
+    count = 4 * network.count_params() + _OVERHEAD * len(network.weights)
+    with path.open("wb") as file:
+        file.write(bytes(count * 3 // 2 if half else count))
+    path.unlink()
 
 
 def _copy_half(source: h5py.Group, target: h5py.Group) -> None:
@@ -188,9 +201,21 @@ def _copy_half(source: h5py.Group, target: h5py.Group) -> None:
 def _read(path: Path, network: keras.Model) -> None:
     try:
         network.load_weights(path)
-    except (OSError, ValueError) as error:
-        reason = str(error).partition("\n")[0]
+    except MemoryError:
+        raise  # this machine's fault, not the file's
+    except Exception as error:  # Keras and HDF5 raise whatever a damaged byte leads them to
+        reason = str(error).partition("\n")[0] or type(error).__name__
         raise ValueError(f"{path} cannot be read: {reason}; train again") from error
+    _check_finite(path, network)
+
+
+def _check_finite(path: Path, network: keras.Model) -> None:
+    """Raise ValueError if a network has weights that are not finite."""
+    for weight in network.weights:
+        if not np.isfinite(keras.ops.convert_to_numpy(weight)).all():
+            raise ValueError(
+                f"{path} cannot be read: {weight.path} holds NaN or infinity; train again"
+            )
 
 
 def _read_graph(path: Path, network: keras.Model) -> None:
@@ -202,6 +227,7 @@ def _read_graph(path: Path, network: keras.Model) -> None:
         network.set_weights([held[weight.path] for weight in network.weights])
     except (LookupError, ValueError) as error:
         raise ValueError(f"{path} has other layers than {network.name}: {error}") from error
+    _check_finite(path, network)
 
 
 def _weights_path(model: Path, name: str) -> Path:

@@ -51,6 +51,10 @@ def srgb_to_linear(srgb: Any, xp: ModuleType | None = None) -> Any:
 
     Returns:
         Linear radiance of the same shape.
+
+    Example:
+        >>> round(float(srgb_to_linear(0.5)), 4)
+        0.214
     """
     xp = xp or namespace(srgb)
 
@@ -72,6 +76,10 @@ def linear_to_srgb(linear: Any, xp: ModuleType | None = None) -> Any:
 
     Returns:
         sRGB values of the same shape.
+
+    Example:
+        >>> round(float(linear_to_srgb(srgb_to_linear(0.5))), 6)
+        0.5
     """
     xp = xp or namespace(linear)
 

@@ -31,6 +31,14 @@ def compose(
 
     Returns:
         Linear RGB radiance `(B, H, W, 3)`, at least 0.
+
+    Example:
+        A pixel with D = 0.5 and S = 2, of a reddish, slightly glossy material:
+
+        >>> shade, gloss = np.full((1, 1, 1, 1), 0.5), np.full((1, 1, 1, 1), 2.0)
+        >>> red, m_s, m_a = np.array([[0.8, 0.2, 0.2]]), np.array([0.1]), np.array([0.0])
+        >>> compose(red, m_s, m_a, shade, gloss).round(3).tolist()
+        [[[[0.6, 0.3, 0.3]]]]
     """
     xp = namespace(diffuse_albedo, specular_albedo, ambient, diffuse_shading, specular_shading)
     m_d = xp.reshape(diffuse_albedo, (-1, 1, 1, 3))

@@ -25,6 +25,10 @@ def expand(compressed: Any) -> Any:
     """Return the linear radiance of compressed values of any shape, array or tensor.
 
     `expand` is the inverse of `compress`, clipped to 0 … 59,873.
+
+    Example:
+        >>> round(float(expand(compress(100.0))), 6)
+        100.0
     """
     xp = namespace(compressed)
     x = xp.clip(compressed, 0.0, HIGHEST_COMPRESSED)

@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 MEAN_RADIANCE = 0.4
-"""Spherical mean to which every light is scaled: the exposure (docs/decisions.md)."""
+"""Spherical mean to which every light is scaled: the exposure (docs/explanation/decisions.md)."""
 CAMERA_PITCH = (math.radians(-10), math.radians(30))
 """Range in radians of the angle by which the camera looks down, and so of the light's tilt."""
 STORED_SHAPE = (64, 128)
@@ -33,7 +33,12 @@ def solid_angles(height: int, width: int) -> np.ndarray:
 
 
 def spherical_mean(radiance: np.ndarray) -> float:
-    """Return the mean radiance of a map `(H, W)` over the sphere."""
+    """Return the mean radiance of a map `(H, W)` over the sphere.
+
+    Example:
+        >>> round(spherical_mean(np.ones((64, 128))), 6)
+        1.0
+    """
     return float(np.sum(radiance * solid_angles(*radiance.shape), dtype=np.float64) / (4 * np.pi))
 
 

@@ -19,6 +19,15 @@ def masked_mean(values: Any, mask: Any) -> Any:
     Returns:
         The weighted mean over pixels and channels, in the unit of `values` and in single precision
         at least. An empty mask gives 0, not NaN.
+
+    Example:
+        Of two pixels, the mask takes the first; the other may hold anything:
+
+        >>> values, mask = np.array([3.0, np.nan]), np.array([1.0, 0.0])
+        >>> masked_mean(values.reshape(1, 1, 2, 1), mask.reshape(1, 1, 2, 1)).tolist()
+        [3.0]
+        >>> masked_mean(values.reshape(1, 1, 2, 1), np.zeros((1, 1, 2, 1))).tolist()
+        [0.0]
     """
     xp = namespace(values, mask)
     # Single precision: a full mask of 256 × 256 sums to more than float16's largest number.

@@ -7,7 +7,7 @@ reflect more light than they receive, and one in twenty has the specular albedo 
 
 `natural`: the kinds of materials that objects are made of, with the reflectances that they have in
 the MERL database, where m_s goes with the kind, and most materials are dielectrics whatever their
-gloss (docs/decisions.md). No material reflects more light than it receives.
+gloss (docs/explanation/decisions.md). No material reflects more light than it receives.
 
 | kind           | share, dull → glossy | m_s                                   | m_d              |
 |----------------|----------------------|---------------------------------------|------------------|

@@ -54,7 +54,13 @@ def assumed_camera(height: int, width: int) -> np.ndarray:
 
 
 def reflect(normal: np.ndarray, view: np.ndarray) -> np.ndarray:
-    """Return the mirror direction 2(o·n)n − o, `(N, 3)`, of unit vectors n and o, `(N, 3)`."""
+    """Return the mirror direction 2(o·n)n − o, `(N, 3)`, of unit vectors n and o, `(N, 3)`.
+
+    Example:
+        >>> up, view = np.array([[0.0, 0.0, 1.0]]), np.array([[0.6, 0.0, 0.8]])
+        >>> reflect(up, view).tolist()
+        [[-0.6, 0.0, 0.8]]
+    """
     return 2 * np.sum(normal * view, axis=-1, keepdims=True) * normal - view
 
 
@@ -80,6 +86,13 @@ def diffuse(normal: np.ndarray, light: np.ndarray, energy: np.ndarray) -> np.nda
         normal: n, unit, `(N, 3)`.
         light: unit directions of the lights `(T, 3)`; `texels` returns the lights of a map.
         energy: linear radiance × solid angle in steradians of each light, `(T,)`, at least 0.
+
+    Example:
+        In a white furnace D is 1, whatever the normal:
+
+        >>> lights = texels(np.ones((64, 128)))
+        >>> diffuse(np.array([[0.0, 0.6, 0.8]]), *lights).round(3).tolist()
+        [1.0]
     """
     out = np.empty(len(normal), normal.dtype)
     for rows in _chunks(len(normal), len(light)):
@@ -97,8 +110,17 @@ def normaliser(exponent: Any) -> Any:
 
     Returns:
         c(s), of the shape of s, at least 1/(2π).
+
+    Raises:
+        ValueError: if an exponent of an array is negative or NaN; tensors are not looked at.
+
+    Example:
+        >>> round(float(2 * math.pi * normaliser(0.0)), 6)
+        1.0
     """
     xp = namespace(exponent)
+    if xp is np and not np.all(np.asarray(exponent) >= 0):
+        raise ValueError(f"exponents are at least 0, got {np.min(exponent)}: check the material")
     # expm1 keeps the digits of 1 − 2^(−a); here a is at least 1, so the result is never zero.
     spread = -xp.expm1(-(exponent + 2.0) * (0.5 * math.log(2.0)))
     return (exponent + 2.0) / (8.0 * math.pi * spread)
@@ -118,6 +140,13 @@ def specular(
         exponent: s, at least 0.
         light: unit directions of the lights `(T, 3)`; `texels` returns the lights of a map.
         energy: linear radiance × solid angle in steradians of each light, `(T,)`, at least 0.
+
+    Example:
+        In a white furnace seen along the normal S is 1, whatever the exponent:
+
+        >>> lights, normal = texels(np.ones((256, 512))), np.array([[0.0, 0.6, 0.8]])
+        >>> [specular(normal, normal, s, *lights).round(2).tolist() for s in (1.0, 50.0, 500.0)]
+        [[1.0], [1.0], [1.0]]
     """
     out = np.empty(len(normal), normal.dtype)
     cosine = np.einsum("ij,ij->i", normal, view)[:, None]

@@ -1,7 +1,7 @@
 """The eight classes (bins) of ExponentNet: from the exponent to its class and back.
 
 The paper's figure with the ranges is lost. Equal widths of 0.375 decades of s, from 1 to 1000,
-reproduce four rows of its Table 1 (docs/decisions.md).
+reproduce four rows of its Table 1 (docs/explanation/decisions.md).
 """
 
 from collections.abc import Mapping
@@ -32,6 +32,10 @@ def bin_of(exponent: Any) -> np.ndarray:
 
     Raises:
         ValueError: if an exponent is negative or NaN.
+
+    Example:
+        >>> bin_of([1, 2, 30, 1000]).tolist()
+        [0, 0, 3, 7]
     """
     exponent = np.asarray(exponent, np.float64)
     if not np.all(exponent >= 0):
@@ -48,7 +52,14 @@ def bin_of_log(log: Any) -> Any:
 
 
 def log_expected(probabilities: Any) -> Any:
-    """Return the expected log10 s `(...)`, 0.19…2.81, of probabilities `(..., 8)` that sum to 1."""
+    """Return the expected log10 s `(...)`, 0.19…2.81, of probabilities `(..., 8)` that sum to 1.
+
+    Example:
+        A network that cannot tell answers the middle of the range, s = 10^1.5:
+
+        >>> round(float(log_expected(np.full(8, 1 / 8))), 3)
+        1.5
+    """
     xp = namespace(probabilities)
     return xp.sum(probabilities * LOG_MEANS.astype("float32"), axis=-1)
 
@@ -74,6 +85,10 @@ def entropy(probabilities: np.ndarray) -> np.ndarray:
     """Return the entropy `(...)` in bits of probabilities `(..., 8)` that sum to 1.
 
     The entropy is 0 for a certain class and 3 if all classes are equally likely.
+
+    Example:
+        >>> entropy(np.full(8, 1 / 8)).item()
+        3.0
     """
     safe = np.where(probabilities > 0, probabilities, 1.0)
     return -np.sum(probabilities * np.log2(safe), axis=-1)

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from lime_keras.io import incoming, model_folder
 from lime_keras.io.model_folder import DESCRIPTION
 from lime_keras.version import __version__
 
@@ -26,11 +27,14 @@ class Graph:
         inputs: names of what it reads (see `lime_keras.networks.parts`).
         outputs: names of what it answers.
         sha256: checksum of its file.
+        held_by: name of the set, of those that come with the package, that holds the file for this
+            one as well (`io.model_folder.graph`); None if it lies in this folder.
     """
 
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     sha256: str
+    held_by: str | None = None
 
 
 @dataclass(frozen=True)
@@ -61,17 +65,17 @@ def write(folder: Path, description: Description) -> None:
 def read(folder: Path) -> Description | None:
     """Return the description of a folder's graphs; None if it holds none of this layout."""
     try:
-        held = json.loads((folder / DESCRIPTION).read_text(encoding="utf-8"))
+        held = incoming.read_json(folder / DESCRIPTION)
         if held["layout"] != LAYOUT:
             return None
         graphs = {
-            name: Graph(tuple(row["inputs"]), tuple(row["outputs"]), row["sha256"])
+            name: Graph(
+                tuple(row["inputs"]), tuple(row["outputs"]), row["sha256"], row.get("held_by")
+            )
             for name, row in held["graphs"].items()
         }
         return Description(held["weights"], held["size"], held["system"], graphs)
     except (
-        FileNotFoundError,
-        NotADirectoryError,
         AttributeError,
         LookupError,
         TypeError,
@@ -81,22 +85,14 @@ def read(folder: Path) -> Description | None:
         return None
 
 
-def path(folder: Path, name: str) -> Path:
-    """Return the path of a subnetwork's graph."""
-    return folder / f"{name}.onnx"
-
-
 def checked(folder: Path, name: str, graph: Graph) -> bytes:
     """Return the content of a graph's file.
 
     Raises:
         ValueError: if the file is missing or is not the one described.
     """
-    file = path(folder, name)
-    try:
-        content = file.read_bytes()
-    except FileNotFoundError:
-        content = b""
+    file = model_folder.graph(folder, name)
+    content = file.read_bytes() if file.is_file() else b""
     if hashlib.sha256(content).hexdigest() != graph.sha256:
         raise ValueError(
             f"{file} is missing or damaged: delete {folder}, which is then exported anew, or "

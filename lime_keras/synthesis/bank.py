@@ -3,12 +3,12 @@
 `lime-render bank` writes it. The manifest is written last, so a bank that has one is complete.
 """
 
-import json
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from lime_keras.io import incoming
 
 FORMAT, VERSION = "lime-bank", 1
 MANIFEST, TEXTURES = "bank.json", "textures.npy"
@@ -34,12 +34,12 @@ def manifest(folder: Path) -> dict[str, Any]:
             "bank, or completes it where it was interrupted"
         )
     try:
-        held = json.loads(path.read_text(encoding="utf-8"))
+        held = incoming.read_json(path)
     except ValueError as error:
         raise ValueError(
             f"{path} is broken ({error}): delete it and run the same `lime-render bank` again"
         ) from error
-    if not isinstance(held, Mapping) or held.get("format") != FORMAT:
+    if held.get("format") != FORMAT:
         raise ValueError(f"{path} is no manifest of a bank: pass a folder by `lime-render bank`")
     if held.get("version") != VERSION:
         raise ValueError(
@@ -77,11 +77,13 @@ def array(path: Path, mend: str) -> np.ndarray:
         FileNotFoundError: if there is no such file.
         ValueError: if the file is cut off or holds no array.
     """
+    if not path.is_file():
+        raise FileNotFoundError(f"{path} is missing: {mend}")
     try:
         return np.load(path, mmap_mode="r", allow_pickle=False)
-    except FileNotFoundError as error:
-        raise FileNotFoundError(f"{path} is missing: {mend}") from error
-    except (EOFError, OSError, ValueError) as error:
+    except MemoryError:
+        raise
+    except Exception as error:  # NumPy evaluates the header, which may raise anything
         raise ValueError(f"{path} is cut off or broken ({error}): {mend}") from error
 
 

@@ -149,17 +149,19 @@ class LightDraw(NamedTuple):
             maps. Over the bank's `scale`, it is the map's part of the light's spherical mean.
         shifts: columns by which each map is rolled to the right, `(3,)` int32, in [0, W).
         mirrored: whether each map is mirrored left to right, before it is rolled, `(3,)` bool.
-        lamps: the lamps in the map's frame, `(6, 15)` float32; their numbers are (`LAMP_PARTS`)
-            towards: unit direction of the middle (3);
-            across: unit direction of the length, at a right angle to it (3);
-            half: half length and half width (2);
-            roundness: radius of the corners over the half width, 1 for discs and tubes;
-            softness: width of the edge, over which the radiance falls to 0;
-            bars_at: distance from the middle of the bars across the length and across the width,
-                on both sides (2);
-            bars_half: half the angle that these bars take, in radians, the same all along a bar
-                (2), far below 0 where there are none;
-            power: part of the light's spherical mean, 0 where there are fewer lamps.
+        lamps: the lamps in the map's frame, `(6, 15)` float32, with these numbers (`LAMP_PARTS`):
+
+            - towards: unit direction of the middle (3);
+            - across: unit direction of the length, at a right angle to it (3);
+            - half: half length and half width (2);
+            - roundness: radius of the corners over the half width, 1 for discs and tubes;
+            - softness: width of the edge, over which the radiance falls to 0;
+            - bars_at: distance from the middle of the bars across the length and across the width,
+              on both sides (2);
+            - bars_half: half the angle that these bars take, in radians, the same all along a bar
+              (2), far below 0 where there are none;
+            - power: part of the light's spherical mean, 0 where there are fewer lamps.
+
         rotation: rotation from the map's frame to camera space, `(3, 3)` float32.
     """
 

@@ -17,12 +17,13 @@ import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, Self
 
 import numpy as np
 from tqdm import tqdm
 
 from lime_keras.estimate.cautions import NO_OBJECT
+from lime_keras.io import atomic
 from lime_keras.io.sources import is_camera
 from lime_keras.io.video_reader import Footage, Frame
 from lime_keras.io.video_writer import Movie
@@ -145,14 +146,12 @@ class _Run:
     def follow(self, pictures: Iterable[Frame], estimator: Estimates) -> None:
         """Estimate and fuse each frame, and write its row and picture."""
         tracker, (table, overlay) = Tracker(), self._paths
-        # The table is written line by line, so that it can be read while it grows.
-        with table.open("w", newline="", buffering=1) as file, Movie(overlay) as video:
-            rows = csv.writer(file)
-            rows.writerow(COLUMNS)
+        with _Table(table) as rows, Movie(overlay) as video:
+            rows.write(COLUMNS)
             for frame in pictures:
                 material = estimator.estimate(frame.image_srgb / np.float32(255))
                 step = tracker.step(frame.image_srgb, material)
-                rows.writerow(_row(self._frames, frame.time, material, step))
+                rows.write(_row(self._frames, frame.time, material, step))
                 status = "new scene" if step.cut else "" if step.found else "no object"
                 seen = material if step.found else Material(layers=material.layers)
                 picture = draw(frame.image_srgb, frame.time, status, seen, material_of(step.fused))
@@ -188,6 +187,27 @@ class _Run:
             scenes=tuple(found),
             files=(*(path.name for path in self._paths), *materials),
         )
+
+
+class _Table:
+    """A CSV file that is written line by line, so that it can be read while it grows."""
+
+    def __init__(self, path: Path):
+        self._path = path
+        with atomic.naming(path):
+            self._file = path.open("w", newline="", buffering=1, encoding="utf-8")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with atomic.naming(self._path):
+            self._file.close()
+
+    def write(self, cells: Iterable[str]) -> None:
+        """Append a row."""
+        with atomic.naming(self._path):
+            csv.writer(self._file).writerow(cells)
 
 
 def _row(number: int, seconds: float, material: Material, step: Step) -> Iterator[str]:

@@ -6,12 +6,11 @@ alone, not on the number of workers, nor on interruptions. What is finished is n
 
 import dataclasses
 import hashlib
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from lime_keras.io import atomic
+from lime_keras.io import atomic, locking
 from lime_keras.synthesis import bank
 from lime_keras.synthesis.lights import LISTED, RADIANCE
 
@@ -72,8 +71,7 @@ def render_bank(
     if held is None and not skip_unusable:
         inputs.refuse(findings)
     job = dataclasses.replace(job, usable=inputs.usable(findings))
-    job.out.mkdir(parents=True, exist_ok=True)
-    with claim.alone(job.out):
+    with locking.alone(job.out, "lime-render is rendering"):
         claim.write_json(job.description_path, job.recorded())
         inputs.write(job.inputs_path, findings)
         claim.remove_partials(job.out, job.parts, job.parts / "rooms", job.shard_path(0).parent)
@@ -127,7 +125,7 @@ def _manifest(job: Job, findings: inputs.Findings) -> dict[str, Any]:
     sidecars = []
     for shard in range(job.description.shards):
         path = job.shard_path(shard)
-        sidecar = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
+        sidecar = claim.sidecar(path.with_suffix(".json"))
         files |= {f"geometry/{name}": digest for name, digest in sidecar["sha256"].items()}
         sidecars.append(sidecar)
     for name in (RADIANCE, LISTED, bank.TEXTURES):

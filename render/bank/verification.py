@@ -5,18 +5,19 @@ all faults.
 """
 
 import hashlib
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from lime_keras.io import incoming
 from lime_keras.optics import octahedral
 from lime_keras.optics.shading import view_directions
 from lime_keras.synthesis import bank, geometry
 from lime_keras.synthesis.lights import LightBank
 
+from ..inspect import input_checks
 from ..inspect.faults import Faults
 from ..scene.example import LEAST_COVERAGE
 
@@ -42,6 +43,7 @@ def verify(folder: Path, on_entry: Callable[[int, int], None]) -> Faults:
         faults.add("manifest", path, str(error).removeprefix(f"{path} "))
         return faults
     _check_description(folder, manifest, faults)
+    input_checks.check(folder / "inputs.json", manifest, faults)
     _check_files(folder, manifest, faults)
     _check_strays(folder, manifest, faults)
     _check_lights(folder, faults)
@@ -120,6 +122,9 @@ def _check_shard(path: Path, manifest: dict[str, Any], faults: Faults) -> int:
     if not isinstance(sidecar, dict) or sidecar.get("entries") != len(table):
         what = f"is missing, or does not tell of {len(table)} entries: it vouches for the shard"
         faults.add("file", path.with_suffix(".json"), what)
+    elif sidecar.get("sha256") != _listed(path, manifest):
+        what = f"vouches for another shard than the manifest: {_AGAIN}"
+        faults.add("sha256", path.with_suffix(".json"), what)
     ends = np.cumsum(table["length"], dtype=np.uint64)
     if (table["offset"] != ends - table["length"]).any() or ends[-1:].tolist() != [len(data)]:
         what = f"its entries do not follow one another to its end: delete it and {_AGAIN}"
@@ -136,6 +141,12 @@ def _check_shard(path: Path, manifest: dict[str, Any], faults: Faults) -> int:
             for kind, what in _faults(*arrays, row["camera"]):
                 faults.add(kind, where, f"{what}; delete the file and {_AGAIN}")
     return len(table)
+
+
+def _listed(path: Path, manifest: dict[str, Any]) -> dict[str, str | None]:
+    """Return the manifest's checksums of a shard and its index, by name."""
+    names = (path.name, path.with_suffix(".npy").name)
+    return {name: manifest["files"].get(f"{path.parent.name}/{name}") for name in names}
 
 
 def _faults(
@@ -177,6 +188,6 @@ def _faults(
 def _read_json(path: Path) -> Any:
     """Return the content of a JSON file; None if the file is missing or broken."""
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except (FileNotFoundError, ValueError):
+        return incoming.read_json(path)
+    except ValueError:
         return None

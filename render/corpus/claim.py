@@ -1,35 +1,10 @@
-"""A folder that one rendering has claimed: its description, which must not change, and its lock."""
+"""A folder that one rendering has claimed: its description, which must not change."""
 
-import contextlib
-import fcntl
 import json
-import os
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from lime_keras.io import atomic
-
-
-@contextlib.contextmanager
-def alone(folder: Path) -> Iterator[None]:
-    """Lock a folder against a second process; the lock ends with this process.
-
-    Raises:
-        RuntimeError: if another process is rendering into the folder.
-    """
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError as error:
-        os.close(handle)
-        raise RuntimeError(f"another lime-render is rendering {folder}: wait for it") from error
-    except OSError:  # some network file systems cannot lock folders
-        pass
-    try:
-        yield
-    finally:
-        os.close(handle)
+from lime_keras.io import atomic, incoming
 
 
 def held(path: Path) -> dict[str, Any] | None:
@@ -44,11 +19,29 @@ def held(path: Path) -> dict[str, Any] | None:
     if not path.is_file():
         return None
     try:
-        return dict(json.loads(path.read_text(encoding="utf-8")))
-    except (TypeError, ValueError) as error:
+        return incoming.read_json(path)
+    except ValueError as error:
         raise ValueError(
             f"{path} is broken ({error}): remove {path.parent} to render anew"
         ) from error
+
+
+def sidecar(path: Path) -> dict[str, Any]:
+    """Return the sidecar of a finished shard.
+
+    Raises:
+        ValueError: if the file is missing or vouches for no shard.
+    """
+    try:
+        found = incoming.read_json(path)
+        kinds = [type(found[name]) for name in ("failures", "packages")]
+        if kinds != [list, dict] or "sha256" not in found:
+            raise ValueError("a part is missing")
+    except (KeyError, ValueError) as error:
+        raise ValueError(
+            f"{path} vouches for no shard ({error}): delete it, and run the same command again"
+        ) from error
+    return found
 
 
 def refuse_another(

@@ -17,7 +17,7 @@ import tensorflow as tf
 
 from lime_keras.data import records
 from lime_keras.data.corpus import Split
-from lime_keras.io import atomic
+from lime_keras.io import atomic, locking
 from lime_keras.optics import material_law
 from lime_keras.synthesis import bank
 from lime_keras.synthesis.scenes import Scenes
@@ -82,7 +82,7 @@ def make_split(
         materials=(materials,),
     )
     split.folder.mkdir(parents=True, exist_ok=True)
-    with claim.alone(split.folder):
+    with locking.alone(split.folder, "lime-render is rendering"):
         claim.write_json(split.description_path, description)
         claim.write_json(split.inputs_path, {})
         claim.remove_partials(split.folder)

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from lime_keras.io import atomic
+from lime_keras.io import atomic, incoming
 
 from ..scene import backgrounds, environments
 from ..scene.example import LEAST_COVERAGE
@@ -55,22 +55,27 @@ def check(kind: str, path: Path) -> Finding:
         path: Path of the file.
     """
     try:
+        incoming.check(path, "an input")
         stat = path.stat()
         with path.open("rb") as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
+    except ValueError as error:
+        return Finding(path.name, "", 0, 0, _reason(error, path))
     except OSError as error:
         return Finding(path.name, "", 0, 0, f"cannot be read: {error.strerror}")
     finding = Finding(path.name, digest, stat.st_size, stat.st_mtime_ns)
     try:
-        path.name.encode()
         return dataclasses.replace(finding, notes=_notes(kind, path))
-    except UnicodeEncodeError:
-        return dataclasses.replace(finding, problem="its name is not UTF-8; rename it.")
     except ValueError as error:
-        reason = str(error).removeprefix(f"{path}: ").replace(str(path), path.name)
-        return dataclasses.replace(finding, problem=reason)
+        return dataclasses.replace(finding, problem=_reason(error, path))
     except MemoryError:
         return dataclasses.replace(finding, problem="is too large for this machine's memory.")
+
+
+def _reason(error: ValueError, path: Path) -> str:
+    """Return an error's words without the file's folder."""
+    words = str(error).removeprefix(f"{path}: ").removeprefix(f"{path} ")
+    return words.replace(str(path), path.name)
 
 
 def _notes(kind: str, path: Path) -> tuple[str, ...]:
@@ -226,7 +231,7 @@ def read(path: Path) -> Findings | None:
     if not path.is_file():
         return None
     try:
-        value: dict[str, list[dict[str, Any]]] = json.loads(path.read_text(encoding="utf-8"))
+        value: dict[str, list[dict[str, Any]]] = incoming.read_json(path)
         return {
             kind: [Finding(**{**f, "notes": tuple(f["notes"])}) for f in found]
             for kind, found in value.items()

@@ -11,10 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import OpenImageIO as oiio
 
 from lime_keras.data.corpus import SPLITS
-from lime_keras.io import atomic
+from lime_keras.io import photo
 
 from ..rooms import sampling
 from ..scene import backgrounds, environments
@@ -174,12 +173,7 @@ class LightSource:
         index = int(name.removeprefix("room-").removesuffix(".exr"))
         rng = generator(self.seed, self.split, "room", index)
         radiance = renderer.render(sampling.sample(rng), seed=int(rng.integers(2**31)))
-        height, width = radiance.shape
-        image = oiio.ImageBuf(oiio.ImageSpec(width, height, 1, oiio.HALF))
-        image.set_pixels(oiio.ROI(), np.minimum(radiance, 65504)[..., None])
-        with atomic.replacing(self.cache / name, shared=True) as partial:
-            if not image.write(str(partial)):
-                raise OSError(f"{partial} cannot be written: {image.geterror()}")
+        photo.write(self.cache / name, np.minimum(radiance, 65504)[..., None], shared=True)
 
 
 @dataclass(frozen=True)

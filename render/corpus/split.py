@@ -5,12 +5,12 @@ number of workers, nor on interruptions. A finished shard is never written again
 """
 
 import dataclasses
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from lime_keras.data.corpus import SPLITS, Split
+from lime_keras.io import locking
 
 from ..mitsuba_setup import variants
 from . import claim, cluster, inputs, worker
@@ -75,8 +75,7 @@ def render_split(
         renderers = cluster.Cluster(ray, worker.PACKAGES, worker.start, job)
     else:
         renderers = Workers(workers, worker.start, job)
-    split.folder.mkdir(parents=True, exist_ok=True)
-    with claim.alone(split.folder):
+    with locking.alone(split.folder, "lime-render is rendering"):
         claim.write_json(split.description_path, job.recorded())
         inputs.write(split.inputs_path, findings)
         manifest = _render_missing(job, renderers, findings, on_room, on_example)
@@ -141,8 +140,7 @@ def _refuse_shared_inputs(job: Job, findings: inputs.Findings) -> None:
 def _manifest(job: Job, findings: inputs.Findings) -> dict[str, Any]:
     """Return the manifest of a complete split, put together from the sidecars of its shards."""
     sidecars = [
-        json.loads(job.split.sidecar_path(shard).read_text(encoding="utf-8"))
-        for shard in range(job.description.shards)
+        claim.sidecar(job.split.sidecar_path(shard)) for shard in range(job.description.shards)
     ]
     return {
         # Shards may have different versions, if the software was changed in between.

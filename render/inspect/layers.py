@@ -22,7 +22,7 @@ import tensorflow as tf
 
 from lime_keras.data import pipeline, records
 from lime_keras.data.corpus import Split
-from lime_keras.io import atomic
+from lime_keras.io import atomic, photo
 from lime_keras.optics import colour
 
 _LAYERS = (
@@ -143,4 +143,5 @@ def _write(
             raise OSError(f"{path} cannot be written: {oiio.geterror()}; name it .exr")
         written = file.open(str(partial), spec) and file.write_image(np.ascontiguousarray(pixels))
         if not (file.close() and written):
-            raise OSError(f"{path} cannot be written: {file.geterror()}")
+            raise OSError(f"{path} cannot be written: {file.geterror()}; make room on its disk")
+        photo.check_written(path, partial)

@@ -6,7 +6,6 @@ goes on after a fault and reports all faults.
 
 import collections
 import hashlib
-import json
 import math
 import os
 from collections.abc import Callable, Iterator
@@ -18,8 +17,9 @@ import tensorflow as tf
 
 from lime_keras.data import records
 from lime_keras.data.corpus import SPLITS, Split
+from lime_keras.io import incoming
 
-from . import record_checks
+from . import input_checks, record_checks
 from .faults import Faults
 
 _AHEAD = 8
@@ -57,6 +57,9 @@ def verify(corpus: Path, split: str, on_example: Callable[[int, int], None]) -> 
         return faults
     manifest = files.manifest
     _check_manifest(files, faults)
+    if manifest["shards"] > len(manifest["sha256"]):
+        return faults  # it may tell of a billion shards
+    input_checks.check(files.inputs_path, manifest, faults)
     _check_other_split(files, faults)
     _check_strays(files, faults)
     count, shard_size = manifest["description"]["count"], files.shard_size
@@ -256,6 +259,6 @@ def _gather(checked: Future, path: Path, indices: range, record: int, faults: Fa
 def _read_json(path: Path) -> Any:
     """Return the content of a JSON file; None if the file is missing or broken."""
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except (FileNotFoundError, ValueError):
+        return incoming.read_json(path)
+    except ValueError:
         return None

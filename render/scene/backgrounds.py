@@ -12,6 +12,10 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 
+from lime_keras.io import incoming
+
+LARGEST = 2**27
+"""Largest number of pixels of a picture: a panorama of 16,384 × 8,192."""
 LEAST_SIDE = 8
 """Least number of pixels along either side of a picture; smaller pictures show nothing."""
 
@@ -80,7 +84,17 @@ def read(path: str | Path) -> tuple[oiio.ImageBuf, tuple[str, ...]]:
         ValueError: If the file is missing, cannot be read, or has fewer than `LEAST_SIDE` pixels
             along a side.
     """
+    path = Path(path)
+    incoming.check(path, "a picture")
+    with incoming.naming(path, "a picture"):
+        return _read(path)
+
+
+def _read(path: Path) -> tuple[oiio.ImageBuf, tuple[str, ...]]:
     picture = oiio.ImageBuf(str(path))
+    if not picture.has_error:
+        size = picture.spec().width, picture.spec().height, picture.spec().nchannels
+        incoming.check_size(path, *size, largest=LARGEST)
     if picture.has_error or not picture.read(force=True):
         raise ValueError(
             f"{path}: cannot be read as a picture ({picture.geterror()}); check the path, or save "

@@ -13,11 +13,14 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 
+from lime_keras.io import incoming
 from lime_keras.optics import colour
 
 EXTENSIONS = (".hdr", ".exr")
 
 ASPECT = 0.02  # largest relative difference between W and 2 H
+LARGEST = 2**27
+"""Largest number of texels of a map that is read: 16,384 × 8,192, which take 2 GB of memory."""
 _BAND = 256  # rows converted to floats at a time
 
 
@@ -35,7 +38,7 @@ def read(path: str | Path) -> tuple[np.ndarray, tuple[str, ...]]:
 
     Args:
         path: An OpenEXR or Radiance file with 1, 3 or 4 channels, or R, G and B among others,
-            linear Rec. 709, about 2:1, of any size and orientation.
+            linear Rec. 709, about 2:1, of any orientation and at most `LARGEST` texels.
 
     Returns:
         The map, `(H, W)` float32, finite, non-negative: the luminance of the colour channels, in
@@ -45,6 +48,13 @@ def read(path: str | Path) -> tuple[np.ndarray, tuple[str, ...]]:
         ValueError: If the file is missing or cannot be read, or if its shape or its number of
             channels is wrong, or if it is black everywhere.
     """
+    path = Path(path)
+    incoming.check(path, "an environment map")
+    with incoming.naming(path, "an environment map"):
+        return _read(path)
+
+
+def _read(path: Path) -> tuple[np.ndarray, tuple[str, ...]]:
     image = oiio.ImageBuf(str(path))
     if image.has_error:
         raise _unreadable(path, image)
@@ -54,6 +64,8 @@ def read(path: str | Path) -> tuple[np.ndarray, tuple[str, ...]]:
             "no radiance; use the OpenEXR or Radiance HDR original."
         )
     spec, window = image.spec(), image.roi_full
+    for area in (spec, window):
+        incoming.check_size(path, area.width, area.height, spec.nchannels, LARGEST)
     channels = _colour_channels(spec.channelnames)
     if not channels:
         raise ValueError(
@@ -87,7 +99,7 @@ def read(path: str | Path) -> tuple[np.ndarray, tuple[str, ...]]:
     return _upright(radiance, image.orientation), tuple(notes)
 
 
-def _unreadable(path: str | Path, image: oiio.ImageBuf) -> ValueError:
+def _unreadable(path: Path, image: oiio.ImageBuf) -> ValueError:
     reason = image.geterror().strip().splitlines()
     return ValueError(
         f"{path}: cannot be read as an image ({reason[0] if reason else 'no reason given'}); check "
@@ -107,7 +119,7 @@ def _colour_channels(names: Sequence[str]) -> list[int]:
     return [names.index("Y")] if "Y" in names else list(range(min(len(names), 3)))
 
 
-def _bands(image: oiio.ImageBuf, channels: list[int], path: str | Path) -> Iterator[np.ndarray]:
+def _bands(image: oiio.ImageBuf, channels: list[int], path: Path) -> Iterator[np.ndarray]:
     """Yield the display window's texels in `(h, W, C)` bands, to save memory with large maps."""
     window = image.roi_full
     for top in range(window.ybegin, window.yend, _BAND):

@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
+from lime_keras.io import incoming
+
 from . import obj
 from .smoothing import face_normals, smoothed
 
@@ -64,8 +66,7 @@ def read(path: str | Path) -> tuple[Mesh, tuple[str, ...]]:
         raise ValueError(
             f"{path}: not a mesh format known here; convert it to one of {', '.join(EXTENSIONS)}."
         )
-    if not path.is_file():
-        raise ValueError(f"{path}: no such file; check the path.")
+    incoming.check(path, "a mesh")
     try:
         with np.errstate(invalid="ignore", over="ignore"):  # what is not finite is dropped below
             vertices, faces, normals = _parts(path)

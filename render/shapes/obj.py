@@ -4,6 +4,7 @@ import codecs
 from array import array
 
 import numpy as np
+from manifold3d import triangulate
 
 
 def read(data: bytes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -73,10 +74,6 @@ def _corner(word: bytes, vertices: int, normals: int) -> tuple[int, int]:
     )
 
 
-_MOST_CORNERS = 500
-"""Largest number of corners of a concave face: the time to cut it grows with the cube of this."""
-
-
 def _triangles(corners: np.ndarray, places: np.ndarray) -> np.ndarray:
     """Cut polygons `(P, n, 2)` into triangles `(F, 3, 2)`: fans, or ears if a fan folds over."""
     points = places[corners[..., 0]]
@@ -93,36 +90,9 @@ def _triangles(corners: np.ndarray, places: np.ndarray) -> np.ndarray:
     return np.concatenate([corners[~folded][:, fan].reshape(-1, 3, 2), *cut])
 
 
-def _ears(points: np.ndarray, normal: np.ndarray) -> list[list[int]]:
-    """Cut a polygon `(n, 3)` into triangles, one by one; each holds no other corner."""
+def _ears(points: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """Cut a polygon `(n, 3)` into triangles `(n - 2, 3)` of its corners' numbers."""
     axis = int(np.argmax(np.abs(normal)))
     flat = points[:, [(axis + 1) % 3, (axis + 2) % 3]]
     flat = flat if normal[axis] > 0 else flat[:, ::-1]  # counter-clockwise
-    if len(points) > _MOST_CORNERS:
-        raise ValueError(
-            f"holds a concave face of {len(points)} corners, expected at most {_MOST_CORNERS}: "
-            "export the surface as triangles"
-        )
-    rest, triangles = list(range(len(points))), []
-    while len(rest) > 3:
-        for k in range(len(rest)):
-            ear = [rest[k - 1], rest[k], rest[(k + 1) % len(rest)]]
-            others = [i for i in rest if i not in ear]
-            if _is_ear(flat[ear], flat[others]):
-                break
-        else:  # a polygon that crosses itself has no right cut: take any triangle
-            k, ear = 1, rest[:3]
-        triangles.append(ear)
-        del rest[k]
-    return [*triangles, rest]
-
-
-def _is_ear(corners: np.ndarray, others: np.ndarray) -> bool:
-    """Return whether a triangle `(3, 2)` is counter-clockwise and holds no other point."""
-    edges = np.roll(corners, -1, axis=0) - corners
-    if edges[0, 0] * edges[1, 1] - edges[0, 1] * edges[1, 0] <= 0:
-        return False
-    to = others[:, None] - corners
-    inside = (edges[:, 0] * to[..., 1] - edges[:, 1] * to[..., 0] >= 0).all(1)
-    # Another point in the place of a corner does not count: an outline may pass a point twice.
-    return not (inside & (to != 0).any(-1).all(1)).any()
+    return np.asarray(triangulate([np.ascontiguousarray(flat)]))

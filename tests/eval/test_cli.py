@@ -12,6 +12,7 @@ import keras
 import numpy as np
 import pytest
 import tensorflow as tf
+from sphere_corpus import vouch
 
 from lime_keras.data import records
 from lime_keras.eval import cli, sections
@@ -72,6 +73,7 @@ def _write_split(folder, shards):
             for index in indices:
                 writer.write(records.encode(_example(index)))
     (folder / "manifest.json").write_text(json.dumps({"shards": len(shards)}), encoding="utf-8")
+    vouch(folder)
 
 
 @pytest.fixture(scope="module")
@@ -328,7 +330,8 @@ def test_an_ablations_oracle_sees_true_layers(ablation, corpus, evaluated):
     assert rows["diffuse_absolute"][3] != pytest.approx(error, rel=1e-3)
 
 
-def test_broken_weights_of_a_regression_are_refused(corpus, tmp_path, capsys):
+def test_broken_weights_of_a_regression_are_refused(corpus, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(weights, "_read", lambda path, network: network.load_weights(path))
     architecture = dataclasses.replace(TINY, exponent="regression")
     subnetworks = build(architecture)
     subnetworks["exponent"].get_layer("log_exponent").bias.assign([np.nan])
@@ -398,6 +401,7 @@ def test_a_broken_picture_is_named(corpus, run, tmp_path, capsys):
     with tf.io.TFRecordWriter(str(shard)) as writer:
         for serialized in (stored[0], message.SerializeToString(), stored[2]):
             writer.write(serialized)
+    vouch(shard.parent)
     line = _fails(capsys, tmp_path / "corpus", "--weights", run, "--out", tmp_path)
     assert f"{shard} is broken: record 1" in line and "lime-render" in line
 
@@ -431,11 +435,15 @@ def test_images_that_the_model_cannot_take_are_refused(corpus, tmp_path, capsys)
     assert "64 pixels" in line and "--size 96" in line
 
 
-def test_broken_weights_are_refused(corpus, tmp_path, capsys):
+def test_broken_weights_are_refused(corpus, tmp_path, capsys, monkeypatch):
     subnetworks = build(TINY)
     albedos = subnetworks["albedo"].get_layer("albedos")
     albedos.set_weights([np.full_like(value, np.nan) for value in albedos.get_weights()])
     weights.save(tmp_path, TINY, subnetworks)
+    line = _fails(capsys, corpus, "--weights", tmp_path)
+    assert "albedo.weights.h5 cannot be read: albedos/kernel holds NaN" in line
+    # What is finite in the file may be not in its answers.
+    monkeypatch.setattr(weights, "_read", lambda path, network: network.load_weights(path))
     line = _fails(capsys, corpus, "--weights", tmp_path)
     assert "is not finite for test example 0" in line and str(tmp_path) in line
 

@@ -32,6 +32,19 @@ def test_an_expected_error_is_one_line_on_standard_error(error, capsys):
     assert capsys.readouterr() == ("", "error: too small\n")
 
 
+@pytest.mark.parametrize(
+    "error, told",
+    [
+        (MemoryError(), "error: out of memory: close other programs, or give less at once\n"),
+        (MemoryError("1 GiB"), "error: out of memory (1 GiB): close other programs, or give less"),
+        (MemoryError("a.jpg does not fit into this machine's memory: m"), "error: a.jpg does not"),
+    ],
+)
+def test_too_little_memory_is_told_in_a_sentence(error, told, capsys):
+    assert console.run(failing(error), "nothing lost") == 1
+    assert capsys.readouterr().err.startswith(told)
+
+
 def test_an_interruption_says_what_is_kept(capsys):
     assert console.run(failing(KeyboardInterrupt()), "shards are kept") == 130
     assert capsys.readouterr() == ("", "\ninterrupted: shards are kept\n")

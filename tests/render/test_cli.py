@@ -67,7 +67,8 @@ def test_the_options_reach_the_renderer(render, monkeypatch, tmp_path):
     assert out == tmp_path / "corpus"
     assert options == {"workers": 8, "ray": None, "skip_unusable": True}
     expected = ("train", 9, 3, 64, 4, "reference", "literal", str(tmp_path / "meshes"), None, None)
-    assert tuple(vars(description).values())[:-2] == expected and description.lights == 3
+    assert tuple(vars(description).values())[:-3] == expected
+    assert (description.lights, description.materials) == (3, "uniform")
 
 
 @pytest.mark.parametrize("kind", ["shapes", "environments", "backgrounds"])

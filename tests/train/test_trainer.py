@@ -10,11 +10,12 @@ import shutil
 import numpy as np
 import pytest
 import tensorflow as tf
-from sphere_corpus import write_split
+from sphere_corpus import vouch, write_split
 
 from lime_keras import metrics, networks
 from lime_keras.data import pipeline
 from lime_keras.data.corpus import Split
+from lime_keras.io import locking
 from lime_keras.networks import Architecture, names, weights
 from lime_keras.optics import shininess
 from lime_keras.optics.dynamic_range import compress
@@ -499,6 +500,24 @@ def test_a_checkpoint_cut_off_is_named(corpus, config, finished, tmp_path):
         trainer.train([corpus], run, config, _ignore, only=["specular"])
 
 
+def test_a_run_that_another_process_trains_is_refused(corpus, config, tmp_path):
+    with (
+        locking.alone(tmp_path / "run", "lime-train is training"),
+        pytest.raises(RuntimeError, match=r"another lime-train is training .*run: wait for it"),
+    ):
+        trainer.train([corpus], tmp_path / "run", config, _ignore)
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize("content", ["{", "[]", "{}", '{"config": 3}', "[" * 100_000])
+def test_a_record_of_a_run_that_is_none_is_named(content, corpus, config, tmp_path):
+    (tmp_path / "config.json").write_text(content)
+    with pytest.raises(ValueError, match=r"config\.json is no record of a run .*another --out"):
+        trainer.train([corpus], tmp_path, config, _ignore)
+    with pytest.raises(ValueError, match=r"config\.json is not of this version .*another --out"):
+        Config.read(tmp_path)
+
+
 def test_a_batch_that_devices_cannot_share_is_refused(corpus, config, tmp_path):
     with pytest.raises(ValueError, match="batches of 2 cannot be split between 3 devices"):
         trainer.train([corpus], tmp_path, config, _ignore, devices=3)
@@ -577,6 +596,7 @@ def _altered(corpus, folder, row, feature, value):
     with tf.io.TFRecordWriter(str(path)) as writer:
         for example in examples:
             writer.write(example.SerializeToString())
+    vouch(folder / "train")
     return folder
 
 

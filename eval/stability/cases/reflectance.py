@@ -60,7 +60,7 @@ def cases() -> list[Case]:
 
 
 def _normaliser(exponent: Any) -> Any:
-    """Return the normaliser c(s) as printed in `docs/paper.md`."""
+    """Return the normaliser c(s) as printed in `docs/explanation/scene-model.md`."""
     if mpmath.isinf(exponent):
         return exponent
     return (exponent + 2) / (8 * mpmath.pi * (1 - mpmath.mpf(2) ** (-(exponent + 2) / 2)))

@@ -1,10 +1,13 @@
 """The command: files and folders in, files out, and what it says about those that fail."""
 
 import json
+import os
 import subprocess
 import sys
+from pathlib import Path
 
 import clips
+import full_disk
 import numpy as np
 import OpenImageIO as oiio
 import pytest
@@ -66,6 +69,40 @@ def test_files_that_fail_are_told_and_the_rest_is_done(folder, tiny_model, tmp_p
     for name in ("broken.jpg", "empty.png", "dot.png", "notes.txt", "none.png"):
         assert sum(str(folder / name) in line for line in errors) == 1, name
     assert {path.stem for path in (tmp_path / "out").glob("*.gltf")} == {"a", "b"}
+
+
+def test_whatever_one_photo_does_the_others_are_done(
+    folder, tiny_model, tmp_path, capsys, monkeypatch
+):
+    os.mkfifo(folder / "pipe.jpg")
+    (folder / os.fsdecode(b"caf\xe9.png")).write_bytes((folder / "a.png").read_bytes())
+    long = "n" * 250 + ".png"
+    (folder / long).write_bytes((folder / "a.png").read_bytes())
+    (folder / "c.heic").write_bytes(b"broken")
+    (folder / "d.heic").write_bytes(b"huge")
+
+    def opened(path):
+        raise MemoryError if Path(path).name == "d.heic" else IndexError("list index out of range")
+
+    monkeypatch.setattr("pillow_heif.open_heif", opened)
+    monkeypatch.setattr("lime_keras.io.photo.FULL", 3000)
+    assert run(folder, weights_folder=tiny_model, out=tmp_path / "out") == 1
+    told = capsys.readouterr().err
+    for words in ("pipe.jpg cannot be", "not UTF-8: rename", "c.heic cannot be", "d.heic does not"):
+        assert sum(words in line for line in told.splitlines() if "error: " in line) == 1, words
+    assert f"warning: {folder / 'a.png'} has 90×40 pixels, more than" in told
+    assert "3 done, 4 failed" in told, told
+    names = {path.stem for path in (tmp_path / "out").glob("*.gltf")}
+    assert names == {"a", "b", "n" * 200}
+
+
+def test_a_full_disk_is_told_in_a_line(folder, tiny_model, tmp_path, capsys):
+    with full_disk.files_end_after(300):
+        assert run(folder / "a.png", weights_folder=tiny_model, out=tmp_path / "out") == 1
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if "error: " in line]
+    assert "cannot be written: " in line and str(tmp_path / "out") in line
+    written = [path.name for path in (tmp_path / "out").glob("*") if path.stat().st_size > 300]
+    assert not written and not list((tmp_path / "out").glob("partial-*"))
 
 
 def test_a_folder_without_pictures_is_told(tmp_path, tiny_model, capsys):
@@ -222,7 +259,7 @@ def test_a_masker_finds_the_object(folder, tiny_model, tmp_path, capsys):
     save(helper.make_model(graph, opset_imports=opset, ir_version=8), weights_file)
     write(folder / "b_mask.png", masked((33, 20), 0, 20))
     for text in (weights_file, f"isnet:{weights_file}"):
-        arguments = (folder, "--masker", text, "--only", "albedo")
+        arguments = (folder, "--masker", text, "--only", "albedo", "--overwrite")
         assert run(*arguments, weights_folder=tiny_model, out=tmp_path / "out") == 0
         assert "(specular, albedo)" in capsys.readouterr().err
         first, second = (json.loads((tmp_path / "out" / f"{n}.json").read_text()) for n in "ab")
@@ -254,10 +291,10 @@ def test_without_an_object_there_is_no_material(blind, folder, tiny_model, tmp_p
     assert {path.name for path in out.glob("a*")} == {"a.json", "a-mask.png", "a-preview.png"}
     assert (out / "b.gltf").is_file()
     about = json.loads((out / "a.json").read_text())
-    assert set(about) == {"photo", "mask_coverage", "square", "warnings"}
+    assert set(about) == {"photo", "mask_coverage", "square", "warnings", "files", "made"}
     assert [caution["code"] for caution in about["warnings"]] == ["no-object"]
     # Nor is there a light, and this is not told as another failure.
-    arguments = (folder / "a.png", "--normals", folder / "b.png")
+    arguments = (folder / "a.png", "--normals", folder / "b.png", "--overwrite")
     assert run(*arguments, weights_folder=tiny_model, out=out) == 1
     assert "1 done, 0 failed, 1 without an object" in capsys.readouterr().err
     assert not (out / "a-environment.exr").exists()

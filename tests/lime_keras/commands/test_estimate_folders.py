@@ -11,7 +11,11 @@ from lime_keras.io.photo import read_srgb, write
 
 
 def photo(seed=0, shape=(40, 50)):
-    return np.random.default_rng(seed).uniform(size=(*shape, 3)).astype(np.float32)
+    """A photo that brings its own mask: what is transparent is not the object."""
+    pixels = np.random.default_rng(seed).uniform(size=(*shape, 4)).astype(np.float32)
+    pixels[..., 3] = 0
+    pixels[10:30, 10:40, 3] = 1
+    return pixels
 
 
 @pytest.fixture

@@ -18,18 +18,19 @@ def _scenes(size=16, count=12, edge=0.5):
     return images, masks
 
 
-def test_only_objects_bear_prints_which_darken():
+def test_only_objects_bear_prints():
     images, masks = _scenes()
-    seen = 0
+    brighter = darker = 0
     for seed in range(8):
         out, pasted = clutter.add(images, masks, np.random.default_rng(seed))
-        assert out.dtype == np.float32 and np.isfinite(out).all()
+        assert out.dtype == np.float32 and 0 <= out.min() and out.max() <= 1
         alone = ~pasted
         background = (masks == 0) & np.ones_like(images, bool)
         assert np.array_equal(out[alone][background[alone]], images[alone][background[alone]])
-        assert (out[alone] <= images[alone] + 1e-6).all() and (out >= 0).all()
-        seen += int((out[alone] < images[alone] - 0.05).any(axis=(1, 2, 3)).sum())
-    assert seen > 10
+        change = (out - images)[alone]
+        brighter += int((change > 0.05).any(axis=(1, 2, 3)).sum())
+        darker += int((change < -0.05).any(axis=(1, 2, 3)).sum())
+    assert brighter > 10 and darker > 10
 
 
 def test_other_objects_stand_behind(monkeypatch):
@@ -54,7 +55,7 @@ def test_empty_and_full_masks(level):
     masks = np.full((3, 8, 8, 1), level, np.float32)
     for seed in range(6):
         out, pasted = clutter.add(images, masks, np.random.default_rng(seed))
-        assert not pasted.any() and np.isfinite(out).all() and out.max() <= 0.5
+        assert not pasted.any() and np.isfinite(out).all() and out.max() <= 1
         if level == 0:
             assert np.array_equal(out, images)
 

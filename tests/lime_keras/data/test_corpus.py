@@ -72,7 +72,8 @@ def test_a_missing_shard_is_named(tmp_path):
     ("content", "message"),
     [
         ("{", "is broken .*delete it"),
-        ("[]", "is no manifest"),
+        ("[]", "is broken .*delete it"),
+        ("[" * 100_000, "is broken .*nested too deeply.*delete it"),
         ("{}", "is no manifest"),
         ('{"shards": "two"}', "is no manifest"),
         ('{"shards": 1, "description": []}', "is no manifest"),
@@ -83,3 +84,27 @@ def test_what_is_no_manifest_is_named(tmp_path, content, message):
     split.manifest_path.write_text(content, encoding="utf-8")
     with pytest.raises(ValueError, match=rf"test/manifest\.json {message}"):
         assert split.shard_paths() and split.shading
+
+
+def test_a_billion_shards_are_not_waited_for(tmp_path):
+    split = write(tmp_path, "test", 1)
+    split.manifest_path.write_text('{"shards": 1000000000}', encoding="utf-8")
+    with pytest.raises(FileNotFoundError, match=r"00001\.tfrecord is missing"):
+        split.shard_paths()
+
+
+@pytest.mark.parametrize(
+    "content, name",
+    [
+        ({"sha256": [1]}, "sha256"),
+        ({"inputs": {"shapes": []}}, "inputs"),
+        ({"inputs": {"shapes": {"a": 3}}}, "inputs"),
+        ({"description": {"size": "big"}}, "size"),
+        ({"description": {"shading": []}}, "shading"),
+        ({"description": {"lights": {}}}, "lights"),
+    ],
+)
+def test_values_of_another_kind_are_refused(content, name, tmp_path):
+    split = write(tmp_path, "test", 1, **content)
+    with pytest.raises(ValueError, match=r"manifest\.json is no manifest of `lime-render`"):
+        getattr(split, name)

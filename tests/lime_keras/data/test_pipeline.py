@@ -1,6 +1,7 @@
 """Shards to batches: order, photos, resumption, averaging, classes, and broken files."""
 
 import itertools
+import json
 
 import numpy as np
 import pytest
@@ -703,6 +704,55 @@ def test_the_last_tenth_is_held_out(tmp_path, count, held_out):
 def test_one_shard_cannot_be_split(tmp_path):
     write_split(tmp_path, "train", [range(0)])
     with pytest.raises(ValueError, match=r"1 shard.*--shard-size"):
+        pipeline.training_shards(tmp_path)
+
+
+def _emptied(stored, other):
+    return [], other
+
+
+def _removed(stored, other):
+    return stored[:1] + stored[2:], other
+
+
+def _repeated(stored, other):
+    return [*stored, stored[0]], other
+
+
+def _in_another_order(stored, other):
+    return stored[::-1], other
+
+
+def _exchanged(stored, other):
+    return [other[0], *stored[1:]], [stored[0], *other[1:]]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [_emptied, _removed, _repeated, _in_another_order, _exchanged],
+    ids=lambda f: f.__name__,
+)
+def test_a_shard_that_is_not_the_manifests_is_named(change, tmp_path):
+    write_split(tmp_path, "train", [range(3), range(3, 6)], size=8)
+    paths = [tmp_path / "train" / f"0000{shard}.tfrecord" for shard in (0, 1)]
+    assert pipeline.whole_shards(Split(tmp_path, "train")) == paths
+    held = [[one.numpy() for one in tf.data.TFRecordDataset(str(path))] for path in paths]
+    for path, stored in zip(paths, change(*held), strict=True):
+        with tf.io.TFRecordWriter(str(path)) as writer:
+            for one in stored:
+                writer.write(one)
+    with pytest.raises(
+        ValueError, match=r"00000\.tfrecord is not the shard of manifest\.json.*delete"
+    ):
+        pipeline.training_shards(tmp_path)
+
+
+def test_a_manifest_without_a_checksum_for_each_shard_is_named(tmp_path):
+    write_split(tmp_path, "train", [range(1), range(1, 2)], size=8)
+    path = tmp_path / "train" / "manifest.json"
+    held = json.loads(path.read_text(encoding="utf-8"))
+    path.write_text(json.dumps(held | {"sha256": held["sha256"][:1]}), encoding="utf-8")
+    with pytest.raises(ValueError, match=r"manifest\.json tells of 2 shards with 1 checksums"):
         pipeline.training_shards(tmp_path)
 
 

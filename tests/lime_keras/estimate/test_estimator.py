@@ -375,6 +375,19 @@ def test_a_value_out_of_range_is_refused(value, estimator):
         estimator.estimate(image)
 
 
+def test_answers_that_are_not_finite_are_refused(tiny_model, monkeypatch):
+    estimator = Estimator(tiny_model)
+    answer = estimator._engine.run
+
+    def broken(outputs, given):
+        found = answer(outputs, given)
+        return found | {name: np.full_like(found[name], np.nan) for name in found if name != "mask"}
+
+    monkeypatch.setattr(estimator._engine, "run", broken)
+    with pytest.raises(ValueError, match="with NaN or infinity: its weights are damaged"):
+        estimator.estimate(photo((40, 40)))
+
+
 @pytest.mark.parametrize("only", [[], ["normals"], ["mask", "masks"], "mask"])
 def test_unknown_names_and_none_are_refused(only, tiny_model):
     with pytest.raises(ValueError, match="choose from mask, specular"):

@@ -128,13 +128,14 @@ def test_fewer_bits_are_compared_on_pictures_and_on_extremes(
     for of_each in differences.values():
         assert set(of_each) == {"mask", "mirror"}
         assert 0 < max(of_each.values()) < parity.GROSS[precision]
-    path = tmp_path / f"lime-{precision}.onnx"
-    assert list(tmp_path.iterdir()) == [path] == [exporter.target(tmp_path, "onnx", precision)]
+    path = tmp_path / f"lime-mask+mirror-{precision}.onnx"
+    assert list(tmp_path.iterdir()) == [path]
+    assert path == exporter.target(tmp_path, "onnx", precision, ["mask", "mirror"])
     assert description(path)["precision"] == precision
     images = parity.images(32)
     expected = {name: np.array(value) for name, value in network(images).items()}
     expected = {name: expected[name] for name in ("mask", "mirror")}
-    harm = quantisation.harm(expected, opened(tmp_path, "onnx", precision)(images))
+    harm = quantisation.harm(expected, formats.open_onnx(path)(images))
     assert harm == pytest.approx(differences["extremes"], rel=0.05)
 
 

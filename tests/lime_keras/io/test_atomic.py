@@ -1,5 +1,10 @@
 """Files and folders are whole or not there."""
 
+import errno
+import os
+
+import full_disk
+import numpy as np
 import pytest
 
 from lime_keras.io import atomic
@@ -86,3 +91,54 @@ def test_two_processes_that_share_a_file_do_not_meet(tmp_path):
         assert one != other and all(p.name.startswith("partial-") for p in (one, other))
     assert path.read_text(encoding="utf-8") == "one"
     assert [found.name for found in tmp_path.iterdir()] == ["shard"]
+
+
+def test_a_full_disk_is_told_with_the_file_and_the_mend(tmp_path):
+    def saved(partial):
+        with partial.open("wb") as file:
+            np.savez(file, np.zeros(1000))
+
+    for write in (lambda partial: partial.write_bytes(bytes(5000)), saved):
+        path = tmp_path / "new" / "file"
+        with (
+            pytest.raises(OSError, match=r"new/file cannot be written: .*; .*ulimit") as told,
+            full_disk.files_end_after(1000),
+            atomic.replacing(path) as partial,
+        ):
+            write(partial)
+        assert told.value.errno == errno.EFBIG
+        assert not list(tmp_path.iterdir())
+
+
+def test_a_device_without_room_is_told(tmp_path):
+    with (
+        pytest.raises(OSError, match="file cannot be written: No space left on device; make room"),
+        atomic.replacing(tmp_path / "file"),
+        open("/dev/full", "wb", buffering=0) as full,
+    ):
+        full.write(b"content")
+
+
+def test_an_error_of_another_file_keeps_its_words(tmp_path):
+    with pytest.raises(FileNotFoundError, match="source") as told, atomic.replacing(tmp_path / "f"):
+        (tmp_path / "source").read_bytes()
+    assert "cannot be written" not in str(told.value)
+
+
+def test_a_folder_whose_name_a_file_has_is_told(tmp_path):
+    (tmp_path / "out").touch()
+    with pytest.raises(OSError, match=r"out/f cannot be written: .*; a file has the name of its f"):
+        atomic.write(tmp_path / "out" / "f", b"")
+
+
+@pytest.mark.parametrize("shared", [False, True])
+@pytest.mark.parametrize("letter", ["n", "ü", "🙂", os.fsdecode(b"\xe9")])
+def test_the_longest_names_can_be_written(letter, shared, tmp_path):
+    count = (255 - len(".json")) // len(os.fsencode(letter))
+    path = tmp_path / f"{letter * count}.json"
+    with atomic.replacing(path, shared=shared) as partial:
+        assert partial.suffix == ".json" and partial.name.startswith("partial-")
+        partial.write_text("content", encoding="utf-8")
+    assert [one.name for one in tmp_path.iterdir()] == [path.name]
+    with pytest.raises(OSError, match="cannot be written: File name too long; shorten its name"):
+        atomic.write(tmp_path / f"{letter * (count + 1)}.json", b"")

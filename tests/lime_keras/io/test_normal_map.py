@@ -1,5 +1,8 @@
 """Normals from files: what is written is read, and what is no normal map is refused."""
 
+import os
+
+import lying_headers
 import numpy as np
 import OpenImageIO as oiio
 import pytest
@@ -102,3 +105,15 @@ def test_a_wall_has_normals_too(tmp_path):
     n = np.tile([0.48, 0.6, 0.64], (5, 7, 1))
     path = _write(tmp_path / "wall.exr", n, oiio.HALF)
     assert normal_map.read(path) == pytest.approx(n, abs=1e-3)
+
+
+def test_pipes_and_huge_headers_are_refused_at_once(tmp_path):
+    os.mkfifo(tmp_path / "n.exr")
+    with pytest.raises(ValueError, match=r"n\.exr cannot be read as normals, it is a pipe"):
+        normal_map.read(tmp_path / "n.exr")
+    for make in (lying_headers.exr, lying_headers.png):
+        path = make(tmp_path / f"huge.{make.__name__}", 6000, 5000)
+        with pytest.raises(ValueError, match="has 6000×5000 pixels, more than the 25 million"):
+            normal_map.read(path)
+        with pytest.raises(ValueError, match=path.name):
+            normal_map.read(make(path, 100_000, 50_000))

@@ -1,14 +1,18 @@
 """Pictures of every format in and out, and files that are none."""
 
+import os
 import struct
+import time
 
+import full_disk
+import lying_headers
 import numpy as np
 import OpenImageIO as oiio
 import pillow_heif
 import pytest
 from PIL import Image
 
-from lime_keras.io import photo
+from lime_keras.io import incoming, photo
 from lime_keras.optics import colour
 
 
@@ -311,6 +315,118 @@ def test_pixels_that_are_not_finite_are_named(value, tmp_path):
     refused(write(tmp_path / "nan.exr", pixels, oiio.FLOAT), reason="holds NaN or infinite")
 
 
+@pytest.mark.parametrize("progressive", [False, True])
+def test_a_jpeg_cut_off_anywhere_is_named(progressive, tmp_path):
+    levels = np.uint8(255 * noise(3, 64, 64))
+    path = save(tmp_path / "p.jpg", levels, progressive=progressive, quality=80)
+    data = path.read_bytes()
+    photo.read(path)
+    for kept in (*range(2, len(data), 97), len(data) - 2, len(data) - 1):
+        path.write_bytes(data[:kept])
+        refused(path)
+        path.write_bytes(data[:kept] + bytes(len(data) - kept))  # as downloads leave it
+        refused(path)
+
+
+def test_what_follows_a_jpegs_end_does_no_harm(tmp_path):
+    # Phones append a short film, and put thumbnails, JPEGs themselves, into the header.
+    path = save(tmp_path / "p.jpg", np.uint8(255 * noise(3, 64, 64)), comment=b"\xff\xd9" * 9)
+    expected = photo.read_srgb(path)
+    path.write_bytes(path.read_bytes() + b"\xff\xda film \xff")
+    np.testing.assert_array_equal(photo.read_srgb(path), expected)
+    restarts = save(tmp_path / "r.jpg", np.uint8(255 * noise(3, 64, 64)), restart_marker_blocks=1)
+    photo.read(restarts)
+
+
+@pytest.mark.parametrize(
+    "error",
+    [IndexError("list index"), EOFError(), KeyError(3), struct.error(), AssertionError()],
+)
+def test_whatever_a_decoder_raises_names_the_file(error, tmp_path, monkeypatch):
+    path = save(tmp_path / "p.heic", chart())
+
+    def broken(*_, **__):
+        raise error
+
+    monkeypatch.setattr(pillow_heif, "open_heif", broken)
+    refused(path, reason="cannot be read as a picture: .")
+
+
+def test_too_little_memory_names_the_file(tmp_path, monkeypatch):
+    path = save(tmp_path / "p.heic", chart())
+
+    def large(*_, **__):
+        raise MemoryError
+
+    monkeypatch.setattr(pillow_heif, "open_heif", large)
+    with pytest.raises(MemoryError, match=r"p\.heic does not fit into this machine's memory: make"):
+        photo.read(path)
+
+
+@pytest.mark.parametrize("name", ["p.jpg", "p.heic", "p.exr"])
+def test_a_pipe_and_a_device_are_named(name, tmp_path):
+    os.mkfifo(tmp_path / name)
+    refused(tmp_path / name, reason="cannot be read as a picture, it is a pipe: pass a file")
+    (tmp_path / "link.jpg").symlink_to("/dev/zero")
+    refused(tmp_path / "link.jpg", reason="cannot be read as a picture, it is a device: pass a f")
+
+
+def test_a_name_that_is_not_utf8_is_refused(tmp_path):
+    path = tmp_path / os.fsdecode(b"caf\xe9.png")
+    save(tmp_path / "p.png", chart()).rename(path)
+    with pytest.raises(ValueError, match="its name is not UTF-8: rename it"):
+        photo.read(path)
+
+
+@pytest.mark.parametrize("write_header", [lying_headers.exr, lying_headers.png, lying_headers.tiff])
+def test_a_header_that_announces_too_much_is_refused(write_header, tmp_path):
+    path = write_header(tmp_path / f"p.{write_header.__name__}", 8_000, 7_000)
+    refused(path, reason="has 8000×7000 pixels, more than the 50 million")
+    refused(write_header(path, 100_000, 50_000), reason="")
+    refused(write_header(path, 300, 300))
+
+
+def test_too_many_channels_are_refused(tmp_path):
+    path = tmp_path / "p.exr"
+    write(path, np.zeros((16, 16, 50)), oiio.HALF)
+    assert photo.read_srgb(path).shape == (16, 16, 3)
+    with pytest.raises(ValueError, match="has 50 channels of 7000×7000 pixels, more than the 200"):
+        incoming.check_size(path, 7000, 7000, 50, photo.LARGEST)
+
+
+# Photos that are too large to be worked on at full size.
+
+
+@pytest.mark.parametrize("suffix", ["png", "heic"])
+def test_a_large_photo_is_read_smaller_and_its_mask_alike(suffix, tmp_path, monkeypatch):
+    levels = np.zeros((45, 61, 4), np.uint8)
+    levels[:, :, 0], levels[20:, :, 1], levels[..., 3] = 255, 128, 255
+    levels[:10, :20, 3] = 0
+    path = save(tmp_path / f"p.{suffix}", levels)
+    whole, alpha = photo.read(path)
+    monkeypatch.setattr(photo, "FULL", 1000)
+    with pytest.warns(UserWarning, match=r"61×45 pixels.*it is read at 31×23, and so are its lay"):
+        image, opacity = photo.read(path)
+    assert image.shape == (23, 31, 3) and opacity.shape == (23, 31, 1)
+    blocks = colour.srgb_to_linear(whole[:44, :60]).reshape(22, 2, 30, 2, 3).mean((1, 3))
+    np.testing.assert_allclose(image[:22, :30], colour.linear_to_srgb(blocks), atol=1e-5)
+    ends = colour.linear_to_srgb(colour.srgb_to_linear(whole[44, 60]))
+    np.testing.assert_allclose(image[22, 30], ends, atol=1e-5)
+    areas = alpha[:44, :60].reshape(22, 2, 30, 2, 1).mean((1, 3))
+    np.testing.assert_allclose(opacity[:22, :30], areas, atol=1e-6)
+    mask = save(tmp_path / "mask.png", np.full((45, 61), 255, np.uint8))
+    assert photo.read_mask(mask, 23, 31).shape == (23, 31, 1)
+    assert photo.read_mask(mask, 45, 61).shape == (45, 61, 1)  # of an array that is not read
+
+
+def test_bands_of_rows_meet(tmp_path, monkeypatch):
+    path = write(tmp_path / "p.png", noise(4, 70, 30))
+    whole = photo.read(path)
+    monkeypatch.setattr(photo, "_BAND", 16)
+    for one, other in zip(photo.read(path), whole, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
 # Writing.
 
 
@@ -334,6 +450,49 @@ def test_png_clips_and_exr_keeps_radiance(tmp_path):
 
 @pytest.mark.parametrize("suffix", ["png", "exr"])
 def test_where_nothing_can_be_written_is_named(tmp_path, suffix):
+    (tmp_path / "none").touch()
     path = tmp_path / "none" / f"out.{suffix}"
     with pytest.raises(OSError, match=rf"out\.{suffix} cannot be written"):
         photo.write(path, noise())
+
+
+@pytest.mark.parametrize("suffix", ["png", "exr", "tif"])
+def test_a_picture_is_whole_or_not_there_wherever_the_disk_ends(tmp_path, suffix):
+    path, image = tmp_path / f"out.{suffix}", noise()
+    photo.write(path, image)
+    whole = path.read_bytes()
+    for count in (0, 1, 100, len(whole) // 2, len(whole) - 100, len(whole) - 1):
+        path.unlink()
+        with (
+            pytest.raises(OSError, match=rf"out\.{suffix} cannot be written: .*; "),
+            full_disk.files_end_after(count),
+        ):
+            photo.write(path, image)
+        assert not list(tmp_path.iterdir())
+        path.write_bytes(b"earlier")
+        with pytest.raises(OSError), full_disk.files_end_after(count):
+            photo.write(path, image)
+        assert path.read_bytes() == b"earlier" and len(list(tmp_path.iterdir())) == 1
+    with full_disk.files_end_after(len(whole)):
+        photo.write(path, image)
+    assert path.read_bytes() == whole
+
+
+@pytest.mark.parametrize("suffix", ["png", "exr"])
+def test_one_image_has_one_file_whenever_it_is_written(tmp_path, suffix):
+    path = tmp_path / f"out.{suffix}"
+    photo.write(path, noise())
+    earlier = path.read_bytes()
+    time.sleep(1.1)  # what tells the second of its writing would differ
+    photo.write(path, noise())
+    assert path.read_bytes() == earlier
+
+
+def test_a_format_that_cannot_be_written_is_named(tmp_path):
+    with pytest.raises(ValueError, match=r"out\.txt has no suffix of a picture: call it \.png"):
+        photo.write(tmp_path / "out.txt", noise())
+
+
+def test_nan_is_written_as_black(tmp_path):
+    photo.write(tmp_path / "out.png", np.full((16, 16, 1), np.nan))
+    assert photo.read_srgb(tmp_path / "out.png").max() == 0

@@ -1,6 +1,7 @@
 """Frames out of files and cameras: colours, times, orientation, damage."""
 
 import itertools
+import os
 import sys
 import wave
 
@@ -152,9 +153,9 @@ def test_damage_in_the_middle_is_left_out_and_read_past(tmp_path):
 
 
 def test_a_missing_file_is_refused(tmp_path):
-    with pytest.raises(ValueError, match=r"nowhere\.mp4: no such file; check the path"):
+    with pytest.raises(ValueError, match=r"nowhere\.mp4 cannot be .* \(No such .*\): check"):
         Footage(str(tmp_path / "nowhere.mp4"))
-    with pytest.raises(ValueError, match="no such file"):
+    with pytest.raises(ValueError, match="it is a folder: pass a file"):
         Footage(str(tmp_path))
 
 
@@ -223,3 +224,9 @@ def test_every_system_has_its_own_names(system, name, expected, monkeypatch):
     with pytest.raises(ValueError, match="no such camera"):
         Footage(f"camera:{name}")
     assert asked == [expected]
+
+
+def test_a_pipe_is_refused_and_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "clip.mp4")
+    with pytest.raises(ValueError, match=r"clip\.mp4 cannot be read as a video, it is a pipe"):
+        Footage(str(tmp_path / "clip.mp4"))

@@ -1,6 +1,7 @@
 """Films can always be played, and keep pictures and times."""
 
 import av
+import full_disk
 import numpy as np
 import pytest
 
@@ -79,3 +80,15 @@ def test_a_place_that_cannot_be_written_is_refused(tmp_path):
         Movie(tmp_path / "missing/o.mp4") as o,
     ):
         o.write(np.zeros((32, 32, 3), np.uint8), 0.0)
+
+
+@pytest.mark.parametrize("count", [0, 100, 2000])
+def test_a_full_disk_is_told(count, tmp_path):
+    images = np.random.default_rng(0).integers(0, 256, (20, 64, 64, 3), np.uint8)
+    with (
+        pytest.raises(OSError, match=r"full\.mp4 cannot be written: .*; make room"),
+        full_disk.files_end_after(count),
+        Movie(tmp_path / "full.mp4") as movie,
+    ):
+        for number, image in enumerate(images):
+            movie.write(image, number / 30)

@@ -5,6 +5,7 @@ import json
 import re
 import shutil
 
+import full_disk
 import keras
 import numpy as np
 import pytest
@@ -52,6 +53,33 @@ def test_half_the_space_keeps_sixteen_bits(tmp_path):
         whole, half = (tmp_path / kind / f"{name}.weights.h5" for kind in ("whole", "half"))
         assert half.stat().st_size < 0.7 * whole.stat().st_size
     assert sorted(path.name for path in (tmp_path / "half").iterdir()) == sorted(FILES)
+
+
+@pytest.mark.parametrize("half", [False, True])
+@pytest.mark.parametrize("share", [0, 0.01, 0.5, 0.999])
+def test_a_disk_that_is_full_leaves_the_model_of_before(share, half, tiny, tmp_path):
+    subnetworks = build(tiny, seed=1)
+    weights.save(tmp_path / "model", tiny, subnetworks)
+    size = (tmp_path / "model" / "segmentation.weights.h5").stat().st_size
+    with (
+        pytest.raises(OSError, match=r"segmentation\.weights\.h5 cannot be written: .*; "),
+        full_disk.files_end_after(int(share * size)),
+    ):
+        weights.save(tmp_path / "model", tiny, build(tiny, seed=2), half=half)
+    assert sorted(path.name for path in (tmp_path / "model").iterdir()) == sorted(FILES)
+    assert_same(weights.load(tmp_path / "model")[1], subnetworks)
+
+
+def test_the_room_that_is_tried_is_as_large_as_the_file(tiny, tmp_path, monkeypatch):
+    tried = []
+    monkeypatch.setattr(weights, "_reserve", lambda *_: None)
+    weights.save(tmp_path / "model", tiny, build(tiny))
+    monkeypatch.undo()
+    monkeypatch.setattr(weights.Path, "unlink", lambda path: tried.append(path.stat().st_size))
+    for name, network in build(tiny).items():
+        weights._reserve(tmp_path / "room", network, False)
+        size = (tmp_path / "model" / f"{name}.weights.h5").stat().st_size
+        assert size <= tried[-1] < 20 * size
 
 
 def test_a_model_saved_before_there_were_ablations_is_lime(tiny, model):
@@ -136,6 +164,45 @@ def test_a_file_cut_off_is_named(name, kept, model):
         weights.load(model)
 
 
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("name", ["mirror", "albedo"])
+def test_a_weight_that_is_not_finite_is_named(name, value, tiny, model):
+    _, subnetworks = weights.load(model)
+    values = subnetworks[name].get_weights()
+    values[-1].flat[0] = value
+    subnetworks[name].set_weights(values)
+    weights.save(model, tiny, subnetworks)
+    with pytest.raises(ValueError, match=rf"{name}\.weights\.h5 cannot be read: .* NaN"):
+        weights.load(model)
+
+
+def test_whatever_a_damaged_byte_leads_to_names_the_file(model):
+    path = model / "mirror.weights.h5"
+    whole = path.read_bytes()
+    _, subnetworks = weights.load(model)
+    told = set()
+    for position in (*range(0, 60, 6), *range(60, len(whole), 200)):
+        damaged = bytearray(whole)
+        damaged[position] ^= 16
+        path.write_bytes(damaged)
+        try:
+            weights._read(path, subnetworks["mirror"])
+        except ValueError as error:
+            assert f"{path} cannot be read: " in str(error)
+            told.add(type(error.__cause__))
+    assert not told <= {OSError, ValueError}  # others are raised, too
+
+
+@pytest.mark.parametrize("error", [KeyError("vars"), RuntimeError(), AttributeError("dtype")])
+def test_whatever_the_reader_raises_names_the_file(error, model, monkeypatch):
+    def read(*_):
+        raise error
+
+    monkeypatch.setattr(keras.Model, "load_weights", read)
+    with pytest.raises(ValueError, match=r"segmentation\.weights\.h5 cannot be read: .+; t"):
+        weights.load(model)
+
+
 @pytest.mark.parametrize("name, other", [("mirror", "specular"), ("albedo", "exponent")])
 def test_another_subnetworks_file_is_named(name, other, model):
     shutil.copy(model / f"{other}.weights.h5", model / f"{name}.weights.h5")
@@ -161,6 +228,10 @@ def test_another_architectures_weights_are_named(tiny, model):
         json.dumps(dict.fromkeys([*NAMES, "another"], 32)),
         json.dumps(dict.fromkeys(NAMES, 4) | {"size": "32"}),
         json.dumps(dict.fromkeys(NAMES, 4) | {"size": 30}),
+        json.dumps(dict.fromkeys(NAMES, 4) | {"size": 32, "unet_depth": 10**9}),
+        json.dumps(dict.fromkeys(NAMES, 4) | {"size": 32, "unet_width": 10**9}),
+        json.dumps(dict.fromkeys(NAMES, 4) | {"size": 2.0**5}),
+        "[" * 100_000,
     ],
 )
 def test_an_architecture_of_another_version_is_named(text, model):

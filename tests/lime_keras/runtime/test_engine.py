@@ -85,7 +85,7 @@ def test_all_sizes_of_batch_are_answered(graphs):
 
 @pytest.mark.parametrize("content", [None, b"", b"not a graph", "cut off"])
 def test_a_damaged_graph_is_told_with_the_mend(content, copy):
-    path = graph_folder.path(copy, "specular")
+    path = copy / "specular.onnx"
     if content is None:
         path.unlink()
     else:

@@ -4,6 +4,7 @@ import csv
 import dataclasses
 
 import clips
+import full_disk
 import numpy as np
 import pytest
 
@@ -218,7 +219,7 @@ def test_of_a_video_without_a_frame_nothing_is_written(share, tmp_path):
 
 
 def test_a_missing_video_is_refused_before_anything_is_written(tmp_path):
-    with pytest.raises(ValueError, match="no such file"):
+    with pytest.raises(ValueError, match="No such file"):
         estimate_video(str(tmp_path / "a.mp4"), Scripted([]), tmp_path / "out", "none")
     assert not (tmp_path / "out").exists()
 
@@ -248,3 +249,12 @@ def test_a_network_asked_for_albedo_alone(tiny_model, tmp_path):
     summary = estimate_video(str(clip), estimator, tmp_path, "tiny")
     assert summary.material.exponent is None and summary.material.specular_albedo is not None
     assert {row["exponent"] for row in rows(summary.table)} == {""}
+
+
+def test_a_table_that_finds_no_room_is_told(tmp_path):
+    clip = str(clips.write(tmp_path / "clip.mkv", scene(3, 0)))
+    with (
+        pytest.raises(OSError, match=r"vase\.csv cannot be written: .*; "),
+        full_disk.files_end_after(100),
+    ):
+        estimate_video(clip, Scripted([material(0)] * 3), tmp_path / "out", "vase")

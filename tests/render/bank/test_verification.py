@@ -31,6 +31,10 @@ def vouch(folder):
     for name in manifest["files"]:
         manifest["files"][name] = hashlib.sha256((folder / name).read_bytes()).hexdigest()
     path.write_text(json.dumps(manifest))
+    for beside in (folder / "geometry").glob("*.json"):
+        names = [beside.with_suffix(suffix).name for suffix in (".bin", ".npy")]
+        digests = {name: manifest["files"][f"geometry/{name}"] for name in names}
+        beside.write_text(json.dumps(json.loads(beside.read_text()) | {"sha256": digests}))
 
 
 def test_a_sound_bank_has_no_fault(rendered):
@@ -54,6 +58,22 @@ def test_a_flipped_bit_is_a_fault_of_its_file(bank, name):
 def test_a_missing_file_is_a_fault(bank, name):
     (bank / name).unlink()
     assert f"file: {bank / name}: is missing" in lines(bank)
+
+
+def test_sidecars_that_were_exchanged_are_faults(bank):
+    first, second = (bank / f"geometry/0000{shard}.json" for shard in (0, 1))
+    held = first.read_bytes(), second.read_bytes()
+    first.write_bytes(held[1])
+    second.write_bytes(held[0])
+    assert kinds(bank) == {"sha256": 2}
+
+
+@pytest.mark.parametrize("content", [None, "{", '{"shapes": [{}]}', '{"shapes": []}'])
+def test_inputs_that_are_missing_or_others_are_faults(content, bank):
+    (bank / "inputs.json").unlink() if content is None else (bank / "inputs.json").write_text(
+        content
+    )
+    assert kinds(bank) == {"inputs": 1}
 
 
 def test_a_missing_sidecar_is_a_fault(bank):

@@ -1,5 +1,6 @@
 """The user's files, judged before rendering: every reason told, nothing read twice."""
 
+import os
 import pickle
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
@@ -96,7 +97,7 @@ def test_a_long_list_is_cut(tmp_path):
 @pytest.mark.parametrize(
     ("kind", "name", "make", "reason"),
     [
-        ("shapes", "gone.ply", None, "cannot be read: No such file"),
+        ("shapes", "gone.ply", None, "cannot be read as an input (No such file"),
         ("shapes", "empty.obj", lambda p: p.write_text("# nothing"), "holds no faces"),
         (
             "shapes",
@@ -237,3 +238,10 @@ def test_a_dealt_file_is_read_from_its_subfolder(tmp_path):
         trimesh.creation.icosphere(subdivisions=size).export(folder / "ball.ply")
     for split, faces in (("train", 320), ("test", 1280)):
         assert len(sources.ShapeSource(tmp_path, split, 0).load("ball.ply").faces) == faces
+
+
+@pytest.mark.parametrize("kind, name", [("shapes", "a.obj"), ("environments", "a.exr")])
+def test_a_pipe_is_told_and_not_waited_for(kind, name, tmp_path):
+    os.mkfifo(tmp_path / name)
+    finding = inputs.check(kind, tmp_path / name)
+    assert finding.problem == "cannot be read as an input, it is a pipe: pass a file"

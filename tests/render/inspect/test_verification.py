@@ -94,6 +94,40 @@ def literal(corpus, shading_option):
         path.write_text(json.dumps(content), encoding="utf-8")
 
 
+@pytest.mark.parametrize(
+    "content", [None, "{", "[]", '{"shapes": 3}', '{"shapes": [{}]}', "[" * 100_000]
+)
+def test_inputs_that_are_missing_or_damaged_are_a_fault(content, corpus):
+    path = corpus / "train" / "inputs.json"
+    path.unlink() if content is None else path.write_text(content, encoding="utf-8")
+    (line,) = verify(corpus).lines()
+    assert line.startswith(f"inputs: {path}: is missing or holds no findings")
+
+
+def test_names_that_are_not_those_of_the_inputs_are_a_fault(corpus):
+    found = [{"name": name, "sha256": name, "problem": None} for name in ("sphere", "b.obj")]
+    bad = {"name": "c.obj", "sha256": "c", "problem": "cannot be read"}
+    inputs = {"shapes": [*found, bad], "environments": found[:1], "backgrounds": []}
+    path = corpus / "train" / "inputs.json"
+    path.write_text(json.dumps(inputs), encoding="utf-8")
+    assert "differs from the inputs in the manifest" in "\n".join(verify(corpus).lines())
+    digests = {
+        kind: {f["name"]: f["sha256"] for f in of if not f["problem"]}
+        for kind, of in inputs.items()
+    }
+    edit(corpus / "train" / "manifest.json", inputs=digests)
+    lines = verify(corpus).lines()
+    assert [line.partition(": ")[0] for line in lines] == ["inputs", "inputs"]
+    assert "other shapes" in lines[0] and "other environments" in lines[1]
+    edit(corpus / "train" / "manifest.json", shapes=["b.obj", "sphere"], lights=["sphere"])
+    assert set(verify(corpus).kinds) <= {"light", "name", "lights"}
+
+
+def test_a_billion_shards_are_not_waited_for(corpus):
+    edit(corpus / "train" / "manifest.json", shards=10**9)
+    assert "number of checksums is 2, expected 1000000000" in "\n".join(verify(corpus).lines())
+
+
 def test_literal_shading_is_judged_by_the_printed_equations(corpus, examples):
     for shard, indices in enumerate(SHARDS):
         digest = sphere_corpus.write_shard(
@@ -435,9 +469,12 @@ def test_what_training_and_test_share_is_told(corpus, kind):
     digests = {"train": {"a": "1" * 64, "b": "2" * 64}, "test": {"b": "3" * 64, "c": "1" * 64}}
     for split, held in digests.items():
         edit(corpus / split / "manifest.json", inputs={kind: held})
+        findings = [{"name": n, "sha256": d, "problem": None} for n, d in held.items()]
+        inputs = corpus / split / "inputs.json"
+        inputs.write_text(json.dumps({kind: findings}), encoding="utf-8")
     faults = verify(corpus)
-    assert faults.kinds == {"split": 1}
-    assert f"{kind} a are in the test split too" in faults.lines()[0]
+    assert faults.kinds["split"] == 1
+    assert f"{kind} a are in the test split too" in "\n".join(faults.lines())
 
 
 @pytest.mark.parametrize(
@@ -445,7 +482,7 @@ def test_what_training_and_test_share_is_told(corpus, kind):
     [
         (None, "is missing: `lime-render"),
         ("{", "is no JSON"),
-        ("[]", "expected a JSON object"),
+        ("[]", "it holds no JSON object"),
         ('{"shards": 2}', r"expected description (dict), examples (int), sha256 (list)"),
     ],
 )

@@ -1,5 +1,8 @@
 """Environment maps: light is neither lost nor made, and unfit files are refused by name."""
 
+import os
+
+import lying_headers
 import numpy as np
 import OpenImageIO as oiio
 import pytest
@@ -302,7 +305,7 @@ def test_unfit_maps_are_refused_by_name(tmp_path, texels, message):
 
 
 def test_missing_and_broken_files_are_refused_by_name(tmp_path):
-    with pytest.raises(ValueError, match=r"none\.exr: cannot be read"):
+    with pytest.raises(ValueError, match=r"none\.exr cannot be read"):
         environments.load(tmp_path / "none.exr")
     (tmp_path / "broken.hdr").write_bytes(b"#?RADIANCE\n\nnothing")
     with pytest.raises(ValueError, match=r"broken\.hdr: "):
@@ -312,3 +315,22 @@ def test_missing_and_broken_files_are_refused_by_name(tmp_path):
 def test_a_larger_size_is_refused():
     with pytest.raises(ValueError, match=r"20x10 cannot be averaged to 32x16.* at most 10 rows"):
         environments.resized(np.ones((10, 20), np.float32), 16)
+
+
+def test_pipes_and_huge_headers_are_refused_at_once(tmp_path):
+    os.mkfifo(tmp_path / "sky.exr")
+    with pytest.raises(ValueError, match=r"sky\.exr cannot be read as .*, it is a pipe"):
+        environments.read(tmp_path / "sky.exr")
+    path = lying_headers.exr(tmp_path / "huge.exr", 20_000, 10_000)
+    with pytest.raises(ValueError, match="has 20000×10000 pixels, more than the 134 million"):
+        environments.read(path)
+    with pytest.raises(ValueError, match="huge"):
+        environments.read(lying_headers.exr(path, 100_000, 50_000))
+
+
+def test_a_display_window_far_larger_than_the_data_is_refused(tmp_path):
+    image = oiio.ImageBuf(oiio.ImageSpec(16, 8, 3, oiio.HALF))
+    image.specmod().full_width, image.specmod().full_height = 100_000, 50_000
+    assert image.write(str(tmp_path / "window.exr"))
+    with pytest.raises(ValueError, match="has 100000×50000 pixels, more than the 134 million"):
+        environments.read(tmp_path / "window.exr")

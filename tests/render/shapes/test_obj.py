@@ -101,6 +101,18 @@ def test_any_simple_polygon_keeps_its_area(count, seed):
     np.testing.assert_allclose(areas.sum(), shoelace, rtol=1e-6)
 
 
+def test_many_concave_polygons_of_many_corners_are_cut():
+    angle = np.linspace(0, 2 * np.pi, 2000, endpoint=False)
+    radius = np.where(np.arange(2000) % 2, 1.0, 0.3)
+    star = np.stack([radius * np.cos(angle), radius * np.sin(angle), 0 * angle], 1)
+    text = "".join("v {} {} {}\n".format(*corner) for corner in star)
+    text += ("f " + " ".join(str(k + 1) for k in range(2000)) + "\n") * 20
+    areas = area_vectors(corners(text))
+    expected = 0.3 * np.sin(2 * np.pi / 2000) / 2 * 2000
+    assert len(areas) == 20 * 1998 and (areas[:, 2] > -1e-12).all()
+    assert areas[:, 2].sum() == pytest.approx(20 * expected)
+
+
 def test_a_polygon_around_a_hole_leaves_it_open():
     """The outline goes in to the hole and out again by the same edge."""
     square = "v {0} {0} 0\nv {1} {0} 0\nv {1} {1} 0\nv {0} {1} 0\n"

@@ -1,0 +1,115 @@
+"""The door for files that come in: their kind, their size, and whatever their readers raise."""
+
+import contextlib
+import json
+import stat
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+LARGEST_JSON = 64 * 2**20
+"""Largest number of bytes of a JSON file; read, it takes some ten times this memory."""
+_LONGEST = 200
+"""Largest number of characters of a reader's own words that are told."""
+_CHANNELS = 4
+"""Channels of a picture of the largest size; a smaller picture may have more."""
+_KINDS = {
+    stat.S_IFDIR: "a folder",
+    stat.S_IFIFO: "a pipe",
+    stat.S_IFSOCK: "a socket",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+}
+
+
+def check(path: Path, what: str) -> None:
+    """Raise ValueError unless a path is a file that can be opened without waiting for ever.
+
+    Args:
+        path: path of the file.
+        what: what it is read as, for the message: `a picture`.
+    """
+    refused = f"{path} cannot be read as {what}"
+    try:
+        mode = path.stat().st_mode
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise ValueError(f"{refused} ({reason}): check the path") from error
+    if not stat.S_ISREG(mode):
+        kind = _KINDS.get(stat.S_IFMT(mode), "no file")
+        raise ValueError(f"{refused}, it is {kind}: pass a file")
+    try:
+        str(path).encode()
+    except UnicodeEncodeError as error:
+        raise ValueError(f"{refused}, its name is not UTF-8: rename it") from error
+
+
+def check_size(path: Path, width: int, height: int, channels: int, largest: int) -> None:
+    """Raise ValueError if a picture is too large to be decoded.
+
+    Args:
+        path: path of the picture, for the message.
+        width: its width in pixels, as its header tells.
+        height: its height in pixels.
+        channels: its number of channels.
+        largest: largest number of pixels to decode; of more than four channels, fewer are allowed.
+    """
+    if width * height > largest:
+        raise ValueError(
+            f"{path} has {width}×{height} pixels, more than the {largest // 10**6} million that "
+            "are taken: make it smaller first"
+        )
+    if width * height * channels > largest * _CHANNELS:
+        raise ValueError(
+            f"{path} has {channels} channels of {width}×{height} pixels, more than the "
+            f"{largest * _CHANNELS // 10**6} million values that are taken: leave some out"
+        )
+
+
+@contextlib.contextmanager
+def naming(path: Path, what: str) -> Iterator[None]:
+    """Turn whatever a reader raises into a ValueError that names the file.
+
+    Args:
+        path: path of the file.
+        what: what it is read as, for the message: `a picture`.
+
+    Raises:
+        ValueError: in place of any other error of the block.
+        MemoryError: if the file does not fit into memory; the message names it, too.
+    """
+    try:
+        yield
+    except MemoryError as error:
+        raise MemoryError(
+            f"{path} does not fit into this machine's memory: make it smaller, or close other "
+            "programs"
+        ) from error
+    except Exception as error:  # readers of many formats raise whatever a byte leads them to
+        if isinstance(error, ValueError) and str(error).startswith(str(path)):
+            raise
+        reason = " ".join(str(error).split())[:_LONGEST] or type(error).__name__
+        raise ValueError(f"{path} cannot be read as {what}: {reason}") from error
+
+
+def read_json(path: Path, kind: type = dict) -> Any:
+    """Read a JSON file.
+
+    Args:
+        path: path of the file.
+        kind: type of the whole content, `dict` or `list`.
+
+    Raises:
+        ValueError: if there is no such file, or it is too large, too deep, no JSON or of another
+            kind; the message has the reason alone, and the caller knows the mend.
+    """
+    check(path, "JSON")
+    if (size := path.stat().st_size) > LARGEST_JSON:
+        raise ValueError(f"it has {size} bytes, more than {LARGEST_JSON}")
+    try:
+        held = json.loads(path.read_text(encoding="utf-8"))
+    except RecursionError as error:
+        raise ValueError("it is nested too deeply") from error
+    if not isinstance(held, kind):
+        raise ValueError(f"it holds no JSON {'object' if kind is dict else kind.__name__}")
+    return held

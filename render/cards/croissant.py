@@ -1,0 +1,155 @@
+"""The Croissant metadata of a corpus or a bank: its files, and the fields of its records.
+
+The format is version 1.0 of https://docs.mlcommons.org/croissant/docs/croissant-spec.html.
+"""
+
+import json
+from collections.abc import Sequence
+from typing import Any
+
+from lime_keras.version import __version__
+
+from .contents import BANK, Part
+
+FIELDS = {
+    "image": ("sc:ImageObject", "LDR sRGB over its background, (S, S, 3); PNG, 8 bits"),
+    "mask": ("sc:ImageObject", "coverage in [0, 1], (S, S, 1); PNG, 8 bits"),
+    "diffuse_shading": ("sc:ImageObject", "D, linear radiance, (S, S, 1); bits of half floats"),
+    "specular_shading": ("sc:ImageObject", "S, linear radiance, (S, S, 1); bits of half floats"),
+    "mirror": ("sc:ImageObject", "M, linear radiance, (S, S, 1); bits of half floats"),
+    "normal": ("sc:ImageObject", "normals in camera space, (S, S, 3); bits of half floats"),
+    "environment": ("sc:ImageObject", "light in camera space, (64, 128, 1); bits of half floats"),
+    "camera": ("sc:Float", "fx, fy, cx, cy in pixels"),
+    "diffuse_albedo": ("sc:Float", "m_d, linear RGB in [0, 1]"),
+    "specular_albedo": ("sc:Float", "m_s in [0, 1]"),
+    "shininess": ("sc:Float", "s, Blinn-Phong exponent"),
+    "ambient": ("sc:Float", "m_a, linear radiance"),
+    "shape": ("sc:Text", "name of the mesh"),
+    "light": ("sc:Text", "name of the environment map"),
+    "seed": ("sc:Integer", "seed of the corpus"),
+    "index": ("sc:Integer", "number of the example"),
+}
+"""Type and content of each feature of a record (`lime_keras.data.records`)."""
+_REPEATED = ("camera", "diffuse_albedo")
+_CONTEXT = {
+    "@language": "en",
+    "@vocab": "https://schema.org/",
+    "citeAs": "cr:citeAs",
+    "column": "cr:column",
+    "conformsTo": "dct:conformsTo",
+    "cr": "http://mlcommons.org/croissant/",
+    "rai": "http://mlcommons.org/croissant/RAI/",
+    "data": {"@id": "cr:data", "@type": "@json"},
+    "dataType": {"@id": "cr:dataType", "@type": "@vocab"},
+    "dct": "http://purl.org/dc/terms/",
+    "equivalentProperty": "cr:equivalentProperty",
+    "examples": {"@id": "cr:examples", "@type": "@json"},
+    "extract": "cr:extract",
+    "field": "cr:field",
+    "fileProperty": "cr:fileProperty",
+    "fileObject": "cr:fileObject",
+    "fileSet": "cr:fileSet",
+    "format": "cr:format",
+    "includes": "cr:includes",
+    "isLiveDataset": "cr:isLiveDataset",
+    "jsonPath": "cr:jsonPath",
+    "key": "cr:key",
+    "md5": "cr:md5",
+    "parentField": "cr:parentField",
+    "path": "cr:path",
+    "recordSet": "cr:recordSet",
+    "references": "cr:references",
+    "regex": "cr:regex",
+    "repeated": "cr:repeated",
+    "replace": "cr:replace",
+    "samplingRate": "cr:samplingRate",
+    "sc": "https://schema.org/",
+    "separator": "cr:separator",
+    "source": "cr:source",
+    "subField": "cr:subField",
+    "transform": "cr:transform",
+}
+_TYPES = {
+    ".tfrecord": "application/x-tfrecord",
+    ".json": "application/json",
+    ".npy": "application/x-npy",
+}
+_CITED = (
+    "Meka, Maximov, Zollhöfer, Chatterjee, Seidel, Richardt, Theobalt: LIME: Live Intrinsic "
+    "Material Estimation, CVPR 2018"
+)
+
+
+def text(name: str, parts: Sequence[Part]) -> str:
+    """Return the metadata as JSON.
+
+    Args:
+        name: name of the folder.
+        parts: its complete parts, at least one.
+    """
+    is_bank = parts[0].name == BANK
+    what = "geometry, lights and textures" if is_bank else "images of single objects with layers"
+    metadata: dict[str, Any] = {
+        "@context": _CONTEXT,
+        "@type": "sc:Dataset",
+        "name": name,
+        "conformsTo": "http://mlcommons.org/croissant/1.0",
+        "description": f"Rendered {what}, for the estimation of materials; README.md says more.",
+        "citeAs": _CITED,
+        "version": __version__,
+        "distribution": [_file(path, digest) for part in parts for path, digest in _files(part)],
+    }
+    if all(part.is_built_in for part in parts):
+        metadata["license"] = "https://spdx.org/licenses/MIT.html"
+    if not is_bank:
+        metadata["distribution"] += [_shards(part) for part in parts]
+        metadata["recordSet"] = [_records(part) for part in parts]
+    return json.dumps(metadata, indent=1, ensure_ascii=False) + "\n"
+
+
+def _files(part: Part) -> list[tuple[str, str]]:
+    return sorted(part.files.items())
+
+
+def _file(path: str, digest: str) -> dict[str, Any]:
+    suffix = path[path.rindex(".") :]
+    return {
+        "@type": "cr:FileObject",
+        "@id": path,
+        "name": path,
+        "contentUrl": path,
+        "encodingFormat": _TYPES.get(suffix, "application/octet-stream"),
+        "sha256": digest,
+    }
+
+
+def _shards(part: Part) -> dict[str, Any]:
+    return {
+        "@type": "cr:FileSet",
+        "@id": f"{part.name}-shards",
+        "name": f"{part.name}-shards",
+        "encodingFormat": _TYPES[".tfrecord"],
+        "includes": f"{part.name}/*.tfrecord",
+    }
+
+
+def _records(part: Part) -> dict[str, Any]:
+    def field(name: str) -> dict[str, Any]:
+        kind, content = FIELDS[name]
+        repeated = {"repeated": True} if name in _REPEATED else {}
+        return {
+            "@type": "cr:Field",
+            "@id": f"{part.name}/{name}",
+            "name": name,
+            "description": content,
+            "dataType": kind,
+            "source": {"fileSet": {"@id": f"{part.name}-shards"}, "extract": {"column": name}},
+        } | repeated
+
+    return {
+        "@type": "cr:RecordSet",
+        "@id": part.name,
+        "name": part.name,
+        "description": f"{part.count} examples, each a tf.train.Example.",
+        "field": [field(name) for name in FIELDS],
+    }

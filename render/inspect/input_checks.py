@@ -1,0 +1,36 @@
+"""The check of what a corpus or a bank records of the user's files: `inputs.json`."""
+
+from pathlib import Path
+from typing import Any
+
+from lime_keras.io import incoming
+
+from .faults import Faults
+
+
+def check(path: Path, manifest: dict[str, Any], faults: Faults) -> None:
+    """Check that the findings agree with the manifest beside them, and names with the findings.
+
+    Args:
+        path: file of the findings.
+        manifest: manifest of a split or a bank.
+        faults: list of faults to add to.
+    """
+    listed = manifest.get("inputs")
+    try:
+        held = {
+            kind: {found["name"]: found["sha256"] for found in of_kind if found["problem"] is None}
+            for kind, of_kind in incoming.read_json(path).items()
+        }
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        faults.add("inputs", path, f"is missing or holds no findings ({error}): render again")
+        return
+    if held != listed:
+        faults.add("inputs", path, "differs from the inputs in the manifest: render again")
+    for kind, key in (("shapes", "shapes"), ("environments", "lights")):
+        used, named = set(held.get(kind, {})), set(manifest.get(key, []))
+        # A bank has built-in shapes beside the user's, and names its lights elsewhere.
+        others = named - used if "lights" in manifest else set()
+        if used and key in manifest and (used - named or others):
+            told = ", ".join(sorted(map(str, (used - named) | others))[:5])
+            faults.add("inputs", path, f"has other {kind} than the manifest: {told}; render again")
