@@ -51,12 +51,18 @@ const wait = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
 
 // ---------------------------------------------------------------- the engine
 
+/** Name what estimates: in the browser the processor may hand over to WebGPU between two frames. */
+function tellAbout() {
+  const told = `lime_keras ${config.version} · ${config.system} · ${engine.about}`;
+  if ($("about").textContent !== told) $("about").textContent = told;
+}
+
 async function findEngine() {
   for (;;) {
     try {
       const found = await loadEngine(say);
       ({ engine, config } = found);
-      $("about").textContent = `lime_keras ${config.version} · ${config.system} · ${engine.about}`;
+      tellAbout();
       return;
     } catch (error) {
       complain(error.message);
@@ -99,6 +105,7 @@ function show(image, answer, round, wanted) {
   const begun = performance.now();
   view.show(image, answer);
   $("welcome").hidden = true;
+  tellAbout();
   if (answer.cut) last = { ...last, light: null };
   last.answer = answer;
   const seen = answer.material;
@@ -167,6 +174,7 @@ async function once(own = run) {
   const mask = view.painted ?? source.mask ?? null;
   const image = source.live ? view.image : source.frame();
   view.preview(image);
+  $("welcome").hidden = true;
   let result = "again";
   while (own === run && result === "again") {
     result = await estimate(image, mask, { material: true, light: true, fusion: false });
