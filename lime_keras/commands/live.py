@@ -1,6 +1,7 @@
 """`lime-live`: a page that shows the material of what is held before the camera."""
 
 import argparse
+import os
 import sys
 from pathlib import Path
 
@@ -99,6 +100,9 @@ def _serve(options: argparse.Namespace) -> int:
             raise ValueError(f"{path} is no file: check what is passed to {option}")
     if options.weights:
         model_folder.files(model_folder.find(options.weights))
+    # Threads that wait for the next small product by spinning would take the processor from the
+    # networks and from the browser.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from lime_keras.estimate.estimator import Estimator
     from lime_keras.live.server import LiveServer, Start
 
@@ -107,7 +111,7 @@ def _serve(options: argparse.Namespace) -> int:
         start = Start("camera")
     elif options.photo or options.video:
         start = Start("photo" if options.photo else "video", options.photo or options.video)
-    estimator = Estimator(options.weights or model_folder.DEFAULT)
+    estimator = Estimator(options.weights or model_folder.DEFAULT, streaming=True)
     try:
         server = LiveServer(estimator, options.port, start)
     except OSError as error:

@@ -54,7 +54,7 @@ It is 0.12 at most in the rendered scenes, and 0.06 in the photographs. Two stop
 """
 _WHITE = 254 / 255
 """sRGB level of white; JPEG often leaves it one level below the highest."""
-_JUDGED = 100_000
+_JUDGED = 20_000
 """Number of pixels of the object, about, whose brightness is looked at."""
 
 NO_OBJECT = Caution(

@@ -51,13 +51,14 @@ class Engine(Protocol):
         """
 
 
-def load(run: Path, engine: str) -> Engine:
+def load(run: Path, engine: str, *, streaming: bool = False) -> Engine:
     """Load a trained model.
 
     Args:
         run: run of `lime-train`, or folder of `lime_keras.networks.weights.save`.
         engine: a name out of `ENGINES`. For `onnx` the run is exported, if it is not yet or if its
             weights have changed since; this takes half a minute and is told on standard error.
+        streaming: whether ONNX Runtime keeps the memory of a run for the next one.
 
     Raises:
         FileNotFoundError: if the folder holds no trained model.
@@ -67,10 +68,10 @@ def load(run: Path, engine: str) -> Engine:
     """
     if engine not in ENGINES:
         raise ValueError(f"no engine {engine!r}: choose from {', '.join(ENGINES)}")
-    return _Keras(run) if engine == "keras" else _onnx(run)
+    return _Keras(run) if engine == "keras" else _onnx(run, streaming)
 
 
-def _onnx(run: Path) -> Engine:
+def _onnx(run: Path, streaming: bool) -> Engine:
     """Return the model in ONNX Runtime, exported before if need be."""
     digest, folder = model_folder.digest(run), model_folder.graphs(run)
     description = graph_folder.read(folder)
@@ -82,7 +83,7 @@ def _onnx(run: Path) -> Engine:
     # ONNX Runtime is large, and a folder without a model is told without it.
     from lime_keras.runtime.engine import OnnxEngine
 
-    return OnnxEngine(folder, description)
+    return OnnxEngine(folder, description, streaming=streaming)
 
 
 def _export(run: Path, folder: Path) -> None:

@@ -66,6 +66,8 @@ class Estimator:
             sRGB in [0, 1], and returns coverage `(H, W)` or `(H, W, 1)` in [0, 1].
         full_size: whether the edges of the layers follow those of the photo (`full_size`); else
             the layers are interpolated from the networks' size. The mask's coverage follows.
+        streaming: whether single frames follow each other, as in `lime-live`: the engine then keeps
+            its memory between them, which makes them faster.
 
     Attributes:
         size: height and width in pixels of the square that the networks see.
@@ -87,10 +89,11 @@ class Estimator:
         engine: str = engines.ENGINES[0],
         masker: Callable[[np.ndarray], np.ndarray] | None = None,
         full_size: bool = False,
+        streaming: bool = False,
     ):
         self._masker = masker
         self._model = weights
-        self._engine = engines.load(model_folder.find(weights), engine)
+        self._engine = engines.load(model_folder.find(weights), engine, streaming=streaming)
         self.size, self.system = self._engine.size, self._engine.system
         needed = available(self._engine.outputs)
         self._full_size = full_size

@@ -9,13 +9,15 @@ import { picture, studio, turned } from "./panorama.js";
 import { Renderer, TABLE } from "./renderer.js";
 import { knot, sphere, teapot } from "./shapes.js";
 import { cameras, openCamera, openPhoto, openVideo } from "./source.js";
-import { drawLayer, View } from "./view.js";
+import { drawLayer, levels, View } from "./view.js";
 import { words } from "./warnings.js";
 
 const SHAPES = { sphere, teapot, knot };
 const PATIENT = 45; // ms that a whole frame may take before materials follow every third
 const SOME = 3;
 const LIGHT_EVERY = 600; // ms between two lights of a moving picture
+const SUMMING = 9; // times as long as a sum of the tables takes, the next one waits on a moving picture
+const OBJECT_EVERY = 400; // ms between two pictures of the object on a slow machine, if it is not turned
 
 const $ = (id) => document.getElementById(id);
 const view = new View($("frame"), $("overlay"));
@@ -49,12 +51,18 @@ const wait = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
 
 // ---------------------------------------------------------------- the engine
 
+/** Name what estimates: in the browser the processor may hand over to WebGPU between two frames. */
+function tellAbout() {
+  const told = `lime_keras ${config.version} · ${config.system} · ${engine.about}`;
+  if ($("about").textContent !== told) $("about").textContent = told;
+}
+
 async function findEngine() {
   for (;;) {
     try {
       const found = await loadEngine(say);
       ({ engine, config } = found);
-      $("about").textContent = `lime_keras ${config.version} · ${config.system} · ${engine.about}`;
+      tellAbout();
       return;
     } catch (error) {
       complain(error.message);
@@ -97,6 +105,7 @@ function show(image, answer, round, wanted) {
   const begun = performance.now();
   view.show(image, answer);
   $("welcome").hidden = true;
+  tellAbout();
   if (answer.cut) last = { ...last, light: null };
   last.answer = answer;
   const seen = answer.material;
@@ -107,7 +116,7 @@ function show(image, answer, round, wanted) {
     drawLayer($("mirror"), answer.layers.mirror, answer.size);
     if (answer.light) last.light = answer.light;
     showNumbers();
-    relight();
+    relight(source.live && !frozen);
   }
   $("coverage").textContent = answer.found ? percent(answer.mask_coverage) : "no object";
   // A frame of the mask alone is judged by that alone.
@@ -165,6 +174,7 @@ async function once(own = run) {
   const mask = view.painted ?? source.mask ?? null;
   const image = source.live ? view.image : source.frame();
   view.preview(image);
+  $("welcome").hidden = true;
   let result = "again";
   while (own === run && result === "again") {
     result = await estimate(image, mask, { material: true, light: true, fusion: false });
@@ -372,6 +382,8 @@ let renderer = null;
 const worker = new Worker(new URL("./shading_worker.js", import.meta.url), { type: "module" });
 let asked = null; // what the worker sums now
 let waiting = null; // what it is to sum next; only the newest counts
+let restUntil = 0; // when it may sum what is not urgent
+let rest = 0;
 let lightKey = 0;
 
 function light() {
@@ -379,19 +391,36 @@ function light() {
   return turned(found, (lit.turn * Math.PI) / 180, 2 ** lit.stops);
 }
 
-/** Sum the tables anew, because light or gloss changed; the colours alone take no sum. */
-function relight() {
-  colour();
+/**
+ * Sum the tables anew, because light or gloss changed; the colours alone take no sum. `calm` leaves
+ * the processor to the networks: what an answer changed may be seen a little later.
+ */
+function relight(calm = false) {
+  colour(calm);
   const now = light();
   const panorama = $("panorama");
-  panorama.getContext("2d").putImageData(new ImageData(picture(now), now.width, now.height), 0, 0);
+  levels(panorama).putImageData(new ImageData(picture(now), now.width, now.height), 0, 0);
   const key = `${lit.kind} ${lit.turn} ${lit.stops} ${lightNumber()}`;
   const before = (estimated() ?? current()).exponent;
   const exponents = before === current().exponent ? [before] : [before, current().exponent];
   const wanted = { id: ++lightKey, key, light: now, exponents, size: TABLE };
   if (asked && asked.key === key && String(asked.exponents) === String(exponents)) return;
-  if (asked?.busy) waiting = wanted;
-  else send(wanted);
+  waiting = wanted;
+  if (!calm) restUntil = 0;
+  sendNext();
+}
+
+/** Send what waits to the worker, if it is free and has rested. */
+function sendNext() {
+  clearTimeout(rest);
+  if (!waiting || asked?.busy) return;
+  const left = restUntil - performance.now();
+  if (left > 0) rest = setTimeout(sendNext, left);
+  else {
+    asked = { ...waiting, busy: true };
+    waiting = null;
+    worker.postMessage(asked);
+  }
 }
 
 const numbered = new WeakMap();
@@ -401,34 +430,40 @@ function lightNumber() {
   return numbered.get(last.light);
 }
 
-function send(wanted) {
-  asked = { ...wanted, busy: true };
-  worker.postMessage(wanted);
-}
-
 worker.onmessage = ({ data }) => {
   asked.busy = false;
   document.body.dataset.lit = data.id;
   renderer?.light(data.texels);
-  redraw();
-  if (waiting) send(waiting);
-  waiting = null;
+  redraw(source?.live && !frozen);
+  restUntil = performance.now() + SUMMING * data.ms;
+  sendNext();
 };
 
-function colour() {
+function colour(calm = false) {
   const [before, now] = [estimated() ?? current(), current()];
   if (!renderer) return;
   renderer.materials = [before, now].map(({ diffuse_albedo, specular_albedo }) => [
     ...diffuse_albedo,
     specular_albedo,
   ]);
-  redraw();
+  redraw(calm);
 }
 
 let drawn = 0;
-function redraw() {
+let drawnAt = -Infinity;
+let later = 0;
+function redraw(calm = false) {
+  const left = calm === true && cost > PATIENT ? drawnAt + OBJECT_EVERY - performance.now() : 0;
+  clearTimeout(later);
+  if (left > 0) {
+    later = setTimeout(redraw, left);
+    return;
+  }
   cancelAnimationFrame(drawn);
-  drawn = requestAnimationFrame(() => renderer?.draw());
+  drawn = requestAnimationFrame(() => {
+    drawnAt = performance.now();
+    renderer?.draw();
+  });
 }
 
 function choose(group, chosen) {

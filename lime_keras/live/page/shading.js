@@ -61,6 +61,33 @@ export function tableNormals(size) {
   return out;
 }
 
+/** Normals along a side of the table that S of an exponent takes: as fine as its lobe asks. */
+export function fineness(exponent, size) {
+  return Math.min(size, exponent <= 16 ? 32 : exponent <= 64 ? 64 : size);
+}
+
+/** A table of `from`² made `to`² texels, interpolated linearly; at the rim, its own last texels. */
+export function enlarged(table, from, to) {
+  if (from === to) return table;
+  const out = new Float32Array(to * to);
+  const along = Array.from({ length: to }, (_, at) => {
+    const place = Math.min(Math.max(((at + 0.5) * from) / to - 0.5, 0), from - 1);
+    const first = Math.min(Math.floor(place), from - 2);
+    return [first, place - first];
+  });
+  for (let row = 0, at = 0; row < to; row++) {
+    const [r, down] = along[row];
+    for (let column = 0; column < to; column++, at++) {
+      const [c, across] = along[column];
+      const k = r * from + c;
+      const above = table[k] + (table[k + 1] - table[k]) * across;
+      const below = table[k + from] + (table[k + from + 1] - table[k + from]) * across;
+      out[at] = above + (below - above) * down;
+    }
+  }
+  return out;
+}
+
 /** The table of D, linear radiance, `size`². */
 export function diffuse(panorama, size) {
   const normals = tableNormals(size);

@@ -2,6 +2,11 @@
 
 import { toLevel } from "./colour.js";
 
+/** The context of a canvas that is kept in main memory, from where all that is drawn here comes. */
+export function levels(canvas) {
+  return canvas.getContext("2d", { willReadFrequently: true });
+}
+
 /** The canvas of the frame, with the outline above it. */
 export class View {
   constructor(frame, overlay) {
@@ -21,7 +26,7 @@ export class View {
         Object.assign(canvas, { width: image.width, height: image.height });
       }
     }
-    this.frame.getContext("2d").putImageData(image, 0, 0);
+    levels(this.frame).putImageData(image, 0, 0);
   }
 
   /** Show a frame and its answer. */
@@ -32,7 +37,7 @@ export class View {
   }
 
   outline() {
-    const context = this.overlay.getContext("2d");
+    const context = levels(this.overlay);
     const { width, height } = this.overlay;
     context.clearRect(0, 0, width, height);
     if (this.painted) {
@@ -148,5 +153,5 @@ export function drawLayer(canvas, layer, size) {
     image.data.fill(toLevel(value / (1 + value)), 4 * at, 4 * at + 3);
     image.data[4 * at + 3] = 255;
   }
-  canvas.getContext("2d").putImageData(image, 0, 0);
+  levels(canvas).putImageData(image, 0, 0);
 }

@@ -1,6 +1,7 @@
 """Squares of photos: found, cut out and brought back."""
 
 import numpy as np
+import OpenImageIO as oiio
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -225,3 +226,17 @@ def test_samples_inside_the_photo_are_those_whose_middle_is():
     assert found.shape == (4, 4, 1)
     # Rows' middles at −3, −1, 1, 3; columns' at 3, 5, 7, 9.
     assert found[..., 0].tolist() == [[False] * 4] * 2 + [[True, True, True, False]] * 2
+
+
+@pytest.mark.parametrize("size", [16, 128])
+def test_areas_are_those_of_openimageio(size):
+    """Single precision decides to which area a pixel on an edge belongs, as it does there."""
+    for side in (*range(size + 1, size + 140), 480, 640, 1000):
+        row = np.random.default_rng(side).uniform(size=(side, side, 1)).astype(np.float32)
+        source = oiio.ImageBuf(oiio.ImageSpec(side, side, 1, oiio.FLOAT))
+        source.set_pixels(oiio.ROI(), row)
+        region = oiio.ROI(0, size, 0, size, 0, 1, 0, 1)
+        resized = oiio.ImageBufAlgo.resize(source, filtername="box", roi=region)
+        expected = np.asarray(resized.get_pixels(oiio.FLOAT)).reshape(size, size, 1)
+        found = framing.cut_layer(row, Square(0, 0, side), size)
+        np.testing.assert_allclose(found, expected, atol=2e-6, err_msg=str(side))

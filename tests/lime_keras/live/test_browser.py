@@ -151,6 +151,18 @@ def test_a_photos_numbers_are_those_of_the_estimator(page, estimator):
     seen(page, "#message").to_be_hidden()
 
 
+def test_the_welcome_vanishes_before_the_first_answer(page):
+    seen(page, "#welcome").to_be_visible()
+    held = []
+    page.route("**/estimate", lambda route: held.append(route))
+    with page.expect_request("**/estimate", timeout=LONG):
+        give(page, png(FRAME))
+    seen(page, "#welcome").to_be_hidden()
+    assert page.inner_text("#coverage") == "–"
+    held[0].continue_()
+    shown(page)
+
+
 def test_a_transparent_picture_brings_its_mask(page, estimator):
     alpha = np.zeros(FRAME.shape[:2], np.uint8)
     alpha[60:180, 90:230] = 255
