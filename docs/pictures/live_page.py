@@ -132,7 +132,10 @@ def _moved(photo: Image.Image, mask: Image.Image) -> list[np.ndarray]:
     ground = ground.crop((0, (width - height) // 2, width, (width + height) // 2))
     # The mask ends a pixel early and softly, so that no rim of the old surroundings moves along.
     mask = mask.filter(ImageFilter.MinFilter(3)).filter(ImageFilter.GaussianBlur(0.7))
-    left, top, right, bottom = mask.point(lambda level: 255 * (level > 127)).getbbox()
+    box = mask.point(lambda level: 255 * (level > 127)).getbbox()
+    if box is None:
+        raise SystemExit("the mask is empty")
+    left, top, right, bottom = box
     middle = (left + right) / 2, (top + bottom) / 2
     frames = []
     for angle in np.linspace(0, 2 * np.pi, STEPS, endpoint=False):
