@@ -33,7 +33,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import IO, Any, cast
 
 import numpy as np
 from PIL import Image
@@ -216,8 +216,7 @@ def _command() -> Iterator[str]:
     command = [sys.executable, "-c", code, "--no-browser", "--port", "0"]
     served = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     try:
-        assert served.stdout is not None
-        yield served.stdout.readline().split()[0]
+        yield cast("IO[str]", served.stdout).readline().split()[0]
     finally:
         served.terminate()
         served.wait()

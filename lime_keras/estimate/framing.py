@@ -230,7 +230,7 @@ def _averaged(image: np.ndarray, size: int, axis: int) -> np.ndarray:
     inside = np.abs(ratio * (taps - (centre - nearest - single(0.5))[:, None])) <= 0.5
     first = nearest.astype(int) - reach + inside.argmax(axis=1)
     count = inside.sum(axis=1)
-    # `reduceat` sums from each index to the next: each area, and then what lies before the next one.
+    # `reduceat` sums from each index to the next: each area, and then what lies before the next.
     edges = np.stack([first, first + count], axis=1).ravel()[:-1]
     sums = np.add.reduceat(image, edges, axis=axis, dtype=single)
     area = count.astype(single).reshape([-1 if at == axis else 1 for at in range(image.ndim)])
