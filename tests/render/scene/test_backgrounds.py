@@ -29,7 +29,7 @@ def test_textures_are_pictures(seed):
     assert np.isfinite(texture).all() and texture.min() >= 0 and texture.max() <= 1
 
 
-@pytest.mark.parametrize("pattern", set(backgrounds.PATTERNS))
+@pytest.mark.parametrize("pattern", dict.fromkeys(backgrounds.PATTERNS))
 @pytest.mark.parametrize("size", [16, 97, 256])
 def test_patterns_are_numbers_between_zero_and_one(pattern, size):
     for seed in range(10):
