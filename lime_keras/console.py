@@ -188,9 +188,12 @@ def require(what: str, *modules: str) -> None:
     missing = [module for module in modules if not _installed(module)]
     if missing:
         extras = [name for name, held in EXTRAS.items() if not set(missing).isdisjoint(held)]
-        # Several extras bring some modules; the first that brings all that is needed is enough.
-        whole = [name for name in extras if set(modules) <= set(EXTRAS[name])]
-        named = ",".join(whole[:1] or extras)
+        # Several extras bring some modules; one that brings all that are missing is enough, best
+        # the one that the others are of.
+        whole = [name for name in extras if set(missing) <= set(EXTRAS[name])]
+        if whole:
+            extras = [max(whole, key=lambda name: len(set(modules) & set(EXTRAS[name])))]
+        named = ",".join(extras)
         raise MissingExtra(
             f"{what} needs {', '.join(missing)}: pip install 'lime-keras[{named}]', or '.[{named}]'"
             " in a checkout"
