@@ -233,8 +233,8 @@ def test_a_layer_that_is_no_picture_or_announces_a_huge_one_is_named(answers, co
     path.write_bytes(path.read_bytes()[:200])
     with pytest.raises(ValueError, match=r"00003-mirror\.exr cannot be read as a picture"):
         evaluate_predictions(find(answers), corpus)
-    lying_headers.exr(path, 60_000, 60_000)
-    with pytest.raises(ValueError, match=r"00003-mirror\.exr has 60000×60000 pixels, more than"):
+    lying_headers.exr(path, 12_000, 12_000)
+    with pytest.raises(ValueError, match=r"00003-mirror\.exr has 12000×12000 pixels, more than"):
         evaluate_predictions(find(answers), corpus)
 
 
