@@ -130,7 +130,7 @@ class Answers:
                 self._numbers[position] = _numbers(path)
             else:
                 self._layers[position][_layer(end)] = end, path
-        given = {name for each in (*self._numbers, *self._layers) for name in each}
+        given = set().union(*self._numbers, *self._layers)
         if not given:
             raise ValueError(
                 f"{predictions.folder} answers nothing: no JSON in it has one of the keys "
