@@ -18,6 +18,7 @@ examples:
   lime-eval corpus --tradeoff runs/smoke live --out results
   lime-eval --stability --out results
   lime-eval --photos photos/ --weights runs/before runs/after --out results
+  lime-eval corpus --predictions answers/ --table1 live --out results
 
 All of one --out fill one report, which may be mailed: report.html. Besides it
   --weights    metrics.json    every number, with intervals; encoders on true layers, paper,
@@ -26,7 +27,8 @@ All of one --out fill one report, which may be mailed: report.html. Besides it
                confusion.png   which exponent bin is taken for which
                images.csv      what was found of every test image, and how wrong it is
                examples/       the photos of the report's examples, to try lime-estimate on
-  --table1     comparison.md, comparison.json, confusions.png
+  --table1, --predictions
+               comparison.md, comparison.json, confusions.png
   --tradeoff   tradeoff.md, tradeoff.json, pareto.png
   --photos     photos.json     every number of the tables, and the answers for every photo
                photos.csv      the answers for every photo
@@ -40,6 +42,14 @@ masks (cup_mask.png for cup.jpg; 1mask.png for 1input.png) and labels.csv, with 
   pair         photos of the same name here are also compared with one another alone
   note         any text
 Without labels there are the colours, the masks and the pictures.
+
+A folder of --predictions holds another system's answers for what lime-render images writes, each
+file named after its image. All of them may be missing; docs/reference/benchmark.md tells of units.
+  00000.json                  diffuse_albedo, specular_albedo, exponent,
+                              exponent_bin_probabilities
+  00000-mask.png              white where the object is
+  00000-specular_shading.exr, 00000-mirror.exr
+                              linear radiance, one channel
 
 What was measured on a CORPUS is kept in OUT, so a command that is run again, or was interrupted,
 goes on where it stopped. Tables also go to standard output, progress to standard error.
@@ -80,6 +90,14 @@ def parser() -> argparse.ArgumentParser:
         nargs="+",
         metavar="RUN",
         help="put several runs side by side: the full approach, its ablations, the baseline",
+    )
+    command.add_argument(
+        "--predictions",
+        type=Path,
+        nargs="+",
+        metavar="DIR",
+        help="put the answers of other systems, a folder each, into that table, beside the runs of "
+        "--table1 or the one of --weights, or alone",
     )
     command.add_argument(
         "--tradeoff",
@@ -137,16 +155,21 @@ def _checked(command: argparse.ArgumentParser, arguments: list[str]) -> argparse
     if options.tradeoff == []:
         options.tradeoff = list(model_folder.shipped().values())
     weights = options.weights or []
-    on_corpus = weights or options.table1 or options.tradeoff
+    on_corpus = weights or options.table1 or options.tradeoff or options.predictions
     alone = options.stability or options.photos
     if not on_corpus and not alone and options.corpus is None:
         command.error("nothing to do: pass a CORPUS, --stability, or --photos")
-    if options.corpus is None and (options.table1 or options.tradeoff):
-        command.error("--table1 and --tradeoff need a CORPUS to measure on")
+    if options.corpus is None and (options.table1 or options.tradeoff or options.predictions):
+        command.error("--table1, --tradeoff and --predictions need a CORPUS to measure on")
+    if options.predictions and options.camera:
+        command.error(
+            "--predictions are of clean images, as lime-render images writes them: "
+            "leave out --camera"
+        )
     if options.corpus is None and weights and not alone:
         command.error("--weights needs a CORPUS to measure on; it comes before the options")
     if options.corpus is not None and not on_corpus and alone:
-        command.error("a CORPUS takes --weights, --table1 or --tradeoff")
+        command.error("a CORPUS takes --weights, --table1, --tradeoff or --predictions")
     if len(weights) > 1 and (options.corpus is not None or not options.photos or options.stability):
         command.error("several --weights are for --photos alone; on a CORPUS pass them to --table1")
     if options.out is None and len(weights) != 1:
@@ -169,15 +192,17 @@ def _evaluate(options: argparse.Namespace, command: str) -> int:
         console.require("lime-eval --photos", "jinja2", "markdown_it")
     from . import sections
 
-    asked = weights or options.table1 or options.tradeoff or options.stability
+    compared = options.table1 or options.predictions
+    asked = weights or compared or options.tradeoff or options.stability
     model = weights[0] if weights else None if asked else model_folder.SHIPPED
     corpus, how = options.corpus, {"command": command}
     seen = how | {"camera": options.camera}
     failed = False
     if model and corpus:
         print(sections.evaluation(out, model, corpus, **seen), end="")
-    if options.table1:
-        print(sections.compare(out, options.table1, corpus, **seen), end="")
+    if compared:
+        runs, answers = options.table1 or weights, options.predictions or []
+        print(sections.compare(out, runs, answers, corpus, **seen), end="")
     if options.tradeoff:
         print(sections.trade(out, options.tradeoff, corpus, **seen), end="")
     if options.photos:

@@ -7,6 +7,7 @@ measuring one thing, therefore fill one report.
 import csv
 import io
 import json
+import sys
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -61,30 +62,55 @@ def evaluation(out: Path, run: Path, corpus: Path, *, camera: bool, command: str
     return text
 
 
-def compare(out: Path, runs: Sequence[Path], corpus: Path, *, camera: bool, command: str) -> str:
-    """Compare several runs, write the files and the section, and return Table 1 in Markdown."""
-    from .accuracy import comparison, stored
+def compare(
+    out: Path,
+    runs: Sequence[Path],
+    answers: Sequence[Path],
+    corpus: Path,
+    *,
+    camera: bool,
+    command: str,
+) -> str:
+    """Compare runs and folders of answers, write the files, and return Table 1 in Markdown."""
+    from .accuracy import comparison, predictions, stored
+    from .accuracy.evaluate import confusion
     from .report import figures
 
-    named, store = names(runs), _store(out)
-    found = {
-        name: stored.evaluation(store, run, corpus, camera=camera) for name, run in named.items()
-    }
-    systems = {
-        name: comparison.system(found[name].architecture, run) for name, run in named.items()
-    }
-    compared = comparison.compare(found, systems) | {"camera": camera}
+    named, store = names([*runs, *answers]), _store(out)
+    of_runs, of_answers = list(named.items())[: len(runs)], list(named.items())[len(runs) :]
+    rows: dict[str, Mapping[str, np.ndarray]] = {}
+    systems: dict[str, str] = {}
+    # Answers come first: reading them is soon done, and may fail.
+    for name, given in of_answers:
+        found = predictions.find(given)
+        if warning := found.warning():
+            print(f"warning: {warning}", file=sys.stderr)
+        rows[name] = stored.predictions(store, found, corpus)
+        systems[name] = comparison.other_system(rows[name])
+    for name, run in of_runs:
+        evaluated = stored.evaluation(store, run, corpus, camera=camera)
+        rows[name] = evaluated.rows
+        systems[name] = comparison.system(evaluated.architecture, run)
+    in_order = {name: rows[name] for name in named}
+    compared = comparison.compare(in_order, systems) | {"camera": camera}
     text = comparison.markdown(compared)
-    matrices = {f"{name}: {systems[name]}": found[name].confusion for name in compared["runs"]}
+    matrices = {
+        f"{name}: {systems[name]}": confusion(rows[name])
+        for name in compared["runs"]
+        if "predicted_bin" in rows[name]
+    }
     _write_json(out / "comparison.json", compared)
     write(out / "comparison.md", text)
-    write(out / "confusions.png", figures.confusions(matrices))
-    picture = page.Picture(
-        partial(figures.confusions, matrices),
-        "confusion matrices of the runs",
-        "Figure 7: which exponent bin is taken for which, a row a true bin, in per cent.",
-    )
-    _keep(out, "comparison", page.measured("Table 1", text, [picture], command=command))
+    pictures = []
+    if matrices:
+        write(out / "confusions.png", figures.confusions(matrices))
+        picture = page.Picture(
+            partial(figures.confusions, matrices),
+            "confusion matrices of the runs",
+            "Figure 7: which exponent bin is taken for which, a row a true bin, in per cent.",
+        )
+        pictures.append(picture)
+    _keep(out, "comparison", page.measured("Table 1", text, pictures, command=command))
     return text
 
 

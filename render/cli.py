@@ -13,7 +13,7 @@ from lime_keras.version import __version__
 
 from .scene.quality import QUALITIES
 
-COMMANDS = ("verify", "preview", "layers", "views", "bank", "scenes")
+COMMANDS = ("verify", "preview", "layers", "images", "views", "bank", "scenes")
 """First arguments that name a command; any other first argument is the folder of a corpus."""
 _MATERIALS = ("uniform", "natural")  # `material_law.LAWS`, without NumPy
 _EXAMPLE = """
@@ -23,6 +23,7 @@ other commands, each with a --help of its own:
   lime-render verify CORPUS|BANK    check files, checksums and every record or entry
   lime-render preview CORPUS|BANK   draw a contact sheet, and histograms of a corpus
   lime-render layers CORPUS INDEX   write one example as OpenEXR layers
+  lime-render images CORPUS OUT     write the images of the test split, for other systems
   lime-render views HDRIS OUT       take pictures inside HDR maps, for --backgrounds
 A corpus that is called like one of them is rendered by its path: ./verify.
 
@@ -188,6 +189,17 @@ def commands() -> argparse.ArgumentParser:
         metavar="FILE",
         help="an .exr file (default: CORPUS/SPLIT/example-INDEX.exr)",
     )
+    images = add(
+        "images",
+        _images,
+        "Write the images of the test split, 00000.png and so on, and nothing of the truth: what "
+        "another system sees, for lime-eval --predictions.",
+        "  lime-render images corpus images/\n"
+        "  lime-eval corpus --predictions answers/ --out results",
+        "the same command goes on with the images that are missing",
+    )
+    images.add_argument("corpus", type=Path, metavar="CORPUS", help="folder of the corpus")
+    images.add_argument("out", type=Path, metavar="OUT", help="folder of the images")
     views = add(
         "views",
         _views,
@@ -427,6 +439,17 @@ def _layers(options: argparse.Namespace) -> int:
     layers.export(options.corpus, options.split, options.index, out)
     print(out)
     print(layers.environment_path(out))
+    return 0
+
+
+def _images(options: argparse.Namespace) -> int:
+    console.check_folder(options.out, "OUT")
+    console.import_tensorflow()
+    from .inspect import images
+
+    with console.Bar("images", "image") as bar:
+        count = images.write(options.corpus, options.out, bar.move)
+    print(f"{count} images in {options.out}")
     return 0
 
 

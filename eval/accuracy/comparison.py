@@ -1,4 +1,4 @@
-"""Table 1 of the paper: the full approach, its ablations and the baseline, side by side.
+"""Table 1 of the paper: the full approach, its ablations, the baseline and others, side by side.
 
 All runs predict the same test images, so the difference between two runs is known more precisely
 than the value of either. The interval of a difference is a paired bootstrap over the images.
@@ -15,7 +15,6 @@ from lime_keras.networks import Architecture
 
 from ..markdown_table import ABSENT, aligned
 from . import measures
-from .evaluate import Evaluation
 from .measures import MEASURES
 
 COLUMNS = (
@@ -63,12 +62,26 @@ def system(architecture: Architecture, run: Path) -> str:
     return ", ".join(ablated) or FULL
 
 
-def compare(evaluations: Mapping[str, Evaluation], systems: Mapping[str, str]) -> dict[str, Any]:
+def other_system(rows: Mapping[str, np.ndarray]) -> str:
+    """Return the name of the row of answers by another system.
+
+    Args:
+        rows: result of `evaluate.evaluate_predictions`.
+    """
+    answered = rows["answered"]
+    if answered.all():
+        return "another system"
+    return f"another system, {answered.sum()} of {answered.size} images answered"
+
+
+def compare(
+    evaluated: Mapping[str, Mapping[str, np.ndarray]], systems: Mapping[str, str]
+) -> dict[str, Any]:
     """Compare runs on the same test images; return the content of `comparison.json`.
 
     Args:
-        evaluations: evaluations on the same test images, by name of the run.
-        systems: names of the paper's rows (see `system`), by name of the run.
+        evaluated: columns of `Evaluation.rows` on the same test images, by name of the run.
+        systems: names of the paper's rows (see `system`) or of others, by name of the run.
 
     Returns:
         `count` of the images; `reference`, the run that the others are compared with: the full
@@ -80,16 +93,16 @@ def compare(evaluations: Mapping[str, Evaluation], systems: Mapping[str, str]) -
     Raises:
         ValueError: if the runs were not evaluated on the same images.
     """
-    order = sorted(evaluations, key=lambda name: _rank(systems[name]))
-    counts = {name: evaluations[name].count for name in order}
-    seeds = {evaluations[name].rows["seed"].tobytes() for name in order}
+    order = sorted(evaluated, key=lambda name: _rank(systems[name]))
+    counts = {name: len(evaluated[name]["seed"]) for name in order}
+    seeds = {evaluated[name]["seed"].tobytes() for name in order}
     if len(set(counts.values())) > 1 or len(seeds) > 1:
         raise ValueError(f"the runs were not measured on the same images: {counts}")
     reference = next((name for name in order if systems[name] == FULL), order[0])
-    drawn = {name: measures.resampled(evaluations[name].rows) for name in order}
+    drawn = {name: measures.resampled(evaluated[name]) for name in order}
     runs = {}
     for name in order:
-        value = measures.values(evaluations[name].rows)
+        value = measures.values(evaluated[name])
         runs[name] = {
             "system": systems[name],
             "value": {key: value[key] for key in COLUMNS if key in value},

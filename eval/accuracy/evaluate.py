@@ -1,4 +1,4 @@
-"""The evaluation of a trained system on a corpus' test split: one row of numbers per example.
+"""The evaluation of a system on a corpus' test split: one row of numbers per example.
 
 An oracle is evaluated beside the system: ExponentNet and AlbedoNet, given the true mask, S and M,
 or the baseline's MaterialNet, given the true reflectance map. The oracle uses the weights from
@@ -6,7 +6,7 @@ before joint training if the run has kept them. Better layers alone would not re
 """
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,7 +28,10 @@ from lime_keras.optics import environment, shininess
 from lime_keras.optics.reflectance_map import true_reflectance_map
 
 from . import flip, relighting
+from .predictions import Answers, Predictions
 
+_AT_ONCE = 16
+"""Number of examples computed at once."""
 _LEAST_EXPONENT = 10.0**shininess.LOG_LOW
 """Lower limit of the true exponent, as in `shininess.bin_of`, because log10 0 is not finite."""
 
@@ -52,7 +55,8 @@ class Evaluation:
             decibel, `relit` and `relit_unseen`. `average_relit` and `average_relit_unseen` are the
             same for the material in the middle of all ranges.
             A quantity that the system does not predict has no column. A system that predicts the
-            exponent by regression has no `log_error_winning` and no `bin_probabilities`.
+            exponent by regression has no `log_error_winning` and no `bin_probabilities`. Relighting
+            needs a complete material.
         oracle: error columns of the oracle: exponent, albedos and relighting. It is empty if
             `evaluate` was given an `answer` other than the Keras model.
         confusion: number of examples `(8, 8)` by true bin (row) and `predicted_bin` (column).
@@ -77,7 +81,7 @@ def evaluate(
     model_dir: Path,
     corpus: Path,
     *,
-    batch_size: int = 16,
+    batch_size: int = _AT_ONCE,
     camera: bool = False,
     answer: Answer | None = None,
 ) -> Evaluation:
@@ -100,7 +104,13 @@ def evaluate(
     architecture, subnetworks = weights.load(model_dir)
     split = Split(corpus, "test")
     shards = pipeline.whole_shards(split)
-    count = _count(shards, architecture.size)
+    count, stored = _count_and_size(shards)
+    if stored % architecture.size:
+        raise ValueError(
+            f"{shards[0]} holds images of {stored} pixels, which cannot be averaged to the "
+            f"model's {architecture.size}: render a corpus with --size {architecture.size} or a "
+            "multiple of it"
+        )
     system = answer or assemble(subnetworks).predict_on_batch
     # Joint training adapts the encoders to estimated layers; on true layers the weights from before
     # it are better.
@@ -111,14 +121,8 @@ def evaluate(
     dataset = pipeline.evaluation(
         shards, size=architecture.size, batch_size=batch_size, camera=camera
     )
-    batches = pipeline.naming_damage(dataset.as_numpy_iterator(), shards)
-    with (
-        tqdm(total=count, desc="evaluate", unit="image") as progress,
-        ThreadPoolExecutor(os.cpu_count()) as pool,
-        # BLAS threads inside each thread of the pool make the sums over lights 5 times as slow.
-        threadpool_limits(1, user_api="blas"),
-    ):
-        for example in batches:
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        for first, example in _batches(dataset, shards, count):
             number = len(example["mask"])
             # TensorFlow would compile the networks again for a batch of another size.
             full = _filled(example, batch_size)
@@ -129,23 +133,50 @@ def evaluate(
             of_true_layers = _material_errors(example, answers["oracle"]) if answer is None else {}
             # Of what is not finite, no picture can be made.
             for columns in (measured, of_true_layers):
-                _check_finite(columns, model_dir, int(progress.n))
+                _check_finite(columns, model_dir, first)
             relit = _relit(example, answers, split.is_literal, pool)
             rows.append(
-                measured
-                | _layers_flip(example, answers["found"], pool)
-                | relit["found"]
-                | {f"average_{name}": column for name, column in relit["average"].items()}
+                measured | _layers_flip(example, answers["found"], pool) | _relit_columns(relit)
             )
             if answer is None:
                 oracle.append(of_true_layers | relit["oracle"])
-            progress.update(number)
     joined = _joined(rows)
     of_oracle = _joined(oracle) if oracle else {}
-    evaluation = Evaluation(joined, of_oracle, _confusion(joined), architecture, tuple(alone))
+    evaluation = Evaluation(joined, of_oracle, confusion(joined), architecture, tuple(alone))
     for columns in (joined, of_oracle):
         _check_finite(columns, model_dir)
     return evaluation
+
+
+def evaluate_predictions(predictions: Predictions, corpus: Path) -> dict[str, np.ndarray]:
+    """Measure the answers of another system on a corpus' test split, as `evaluate` does a model's.
+
+    The images have their stored size. An image counts also where the system does not answer it, or
+    one of its quantities: its mask as empty, its layers as black, its numbers as the medians of the
+    true ones and its probabilities as the shares of the bins in this split.
+
+    Returns:
+        Columns as in `Evaluation.rows`, and `answered` `(N,)`: whether there is any answer.
+
+    Raises:
+        FileNotFoundError: if the test split is missing.
+        ValueError: if the split is empty or damaged, or if an answer cannot be read, is out of
+            range, or belongs to no image.
+    """
+    split = Split(corpus, "test")
+    shards = pipeline.whole_shards(split)
+    count, size = _count_and_size(shards)
+    answers = Answers(predictions, count, size, _constant_answer(shards, size))
+    rows: list[dict[str, np.ndarray]] = []
+    dataset = pipeline.evaluation(shards, size=size, batch_size=_AT_ONCE)
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        for first, example in _batches(dataset, shards, count):
+            found = answers.batch(first, len(example["mask"]))
+            columns = measure(example, found) | _layers_flip(example, found, pool)
+            if {"diffuse_found", "specular_found", "log_exponent_found"} <= columns.keys():
+                columns |= _relit_columns(_relit(example, {"found": found}, split.is_literal, pool))
+            rows.append(columns)
+    return _joined(rows) | {"answered": answers.answered}
 
 
 def measure(
@@ -157,19 +188,14 @@ def measure(
         example: batch as `pipeline.evaluation` yields it.
         estimate: outputs of the assembled system for this batch.
     """
-    intersection, union = metrics.overlap(example["mask"], estimate["mask"])
     return {
         **{name: example[name] for name in ("seed", "index", "diffuse_albedo", "specular_albedo")},
         # Names become bytes of one width, which NumPy stores without Python objects.
         **{name: np.asarray(example[name], np.bytes_) for name in ("shape", "light")},
         "bin": shininess.bin_of(example["shininess"]),
         "log_exponent": np.log10(np.maximum(example["shininess"], _LEAST_EXPONENT)),
-        "log_exponent_found": shininess.log_of_outputs(estimate),
-        "diffuse_found": estimate["diffuse_albedo"],
-        "specular_found": estimate["specular_albedo"][:, 0],
-        "iou": metrics.overlap_ratio(intersection, union),
-        "intersection": intersection,
-        "union": union,
+        **_found(estimate),
+        **_mask_errors(example, estimate),
         "coverage": np.mean(example["mask"] >= 0.5, axis=(1, 2, 3), dtype=np.float64),
         "saturated": _saturated(example),
         "light_contrast": _contrast(example["environment"]),
@@ -182,19 +208,56 @@ def measure(
     }
 
 
+def confusion(rows: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Return the number of examples `(8, 8)` by true bin (row) and predicted bin (column).
+
+    Args:
+        rows: columns `bin` and `predicted_bin` of `Evaluation.rows`.
+    """
+    matrix = np.zeros((shininess.BIN_COUNT, shininess.BIN_COUNT), np.int64)
+    np.add.at(matrix, (rows["bin"], rows["predicted_bin"]), 1)
+    return matrix
+
+
+def _found(estimate: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return the columns of the estimated numbers."""
+    found = {}
+    if _has_exponent(estimate):
+        found["log_exponent_found"] = shininess.log_of_outputs(estimate)
+    if "diffuse_albedo" in estimate:
+        found["diffuse_found"] = estimate["diffuse_albedo"]
+    if "specular_albedo" in estimate:
+        found["specular_found"] = estimate["specular_albedo"][:, 0]
+    return found
+
+
+def _mask_errors(
+    example: Mapping[str, np.ndarray], estimate: Mapping[str, np.ndarray]
+) -> dict[str, np.ndarray]:
+    """Return `iou` with its pixel counts, `(B,)` each; nothing without an estimated mask."""
+    if "mask" not in estimate:
+        return {}
+    intersection, union = metrics.overlap(example["mask"], estimate["mask"])
+    iou = metrics.overlap_ratio(intersection, union)
+    return {"iou": iou, "intersection": intersection, "union": union}
+
+
 def _material_errors(
     example: Mapping[str, np.ndarray], estimate: Mapping[str, np.ndarray]
 ) -> dict[str, np.ndarray]:
-    """Return the errors of the exponent and the two albedos, `(B,)` each, and `predicted_bin`."""
-    diffuse = example["diffuse_albedo"], estimate["diffuse_albedo"]
-    specular = example["specular_albedo"][:, None], estimate["specular_albedo"]
-    return {
-        **_exponent_errors(example, estimate),
-        "diffuse_absolute": metrics.albedo_absolute_error(*diffuse),
-        "diffuse_squared": metrics.albedo_squared_error(*diffuse),
-        "specular_absolute": metrics.albedo_absolute_error(*specular),
-        "specular_squared": metrics.albedo_squared_error(*specular),
-    }
+    """Return `predicted_bin` and the errors of those of exponent and albedos that are estimated."""
+    errors = _exponent_errors(example, estimate) if _has_exponent(estimate) else {}
+    for name in ("diffuse", "specular"):
+        if f"{name}_albedo" in estimate:
+            found = estimate[f"{name}_albedo"]
+            pair = np.reshape(example[f"{name}_albedo"], found.shape), found
+            errors[f"{name}_absolute"] = metrics.albedo_absolute_error(*pair)
+            errors[f"{name}_squared"] = metrics.albedo_squared_error(*pair)
+    return errors
+
+
+def _has_exponent(estimate: Mapping[str, np.ndarray]) -> bool:
+    return bool({"log_exponent", "exponent_bin_probabilities"} & estimate.keys())
 
 
 def _exponent_errors(
@@ -202,13 +265,13 @@ def _exponent_errors(
 ) -> dict[str, np.ndarray]:
     """Return the predicted bin, its distance from the true bin, and the errors of log10 s.
 
-    The predicted bin is the winning class, or under regression the bin that contains s.
+    The predicted bin is the winning class, or without classes the bin that contains s.
     """
     exponent = np.maximum(example["shininess"], _LEAST_EXPONENT)
     log = shininess.log_of_outputs(estimate)
     error = metrics.log_exponent_error(exponent, log)
     errors = {"log_error": error, "log_squared": np.square(error)}
-    if "log_exponent" in estimate:
+    if "exponent_bin_probabilities" not in estimate:
         # A NaN prediction stays NaN in `log_error`, which `_check_finite` refuses.
         found = shininess.bin_of(10.0 ** np.nan_to_num(log))
         distance = np.abs(found - shininess.bin_of(exponent))
@@ -288,6 +351,12 @@ def _relit(
     }
 
 
+def _relit_columns(relit: Mapping[str, Mapping[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    """Return the columns of the answer `found` in the result of `_relit`, and of `average`."""
+    average = {f"average_{name}": column for name, column in relit["average"].items()}
+    return {**relit["found"], **average}
+
+
 def _filled(example: Mapping[str, np.ndarray], size: int) -> dict[str, np.ndarray]:
     """Return the batch with its last example repeated until it has `size` examples."""
     missing = size - len(example["mask"])
@@ -328,11 +397,11 @@ def _from_true_layers(
     return answer
 
 
-def _count(shards: list[Path], size: int) -> int:
-    """Return the number of examples in the shards.
+def _count_and_size(shards: list[Path]) -> tuple[int, int]:
+    """Return the number of examples in the shards, and the stored size of the images in pixels.
 
     Raises:
-        ValueError: if there are none, or `size` does not divide the stored size of the images.
+        ValueError: if there are no examples.
     """
     dataset = tf.data.TFRecordDataset([str(path) for path in shards])
     first = next(pipeline.naming_damage(dataset.take(1).map(records.parse), shards), None)
@@ -340,25 +409,55 @@ def _count(shards: list[Path], size: int) -> int:
     if first is None:
         folder = shards[0].parent if shards else "the test split"
         raise ValueError(f"{folder} holds no examples: render the split again with --count above 0")
-    stored = first["mask"].shape[0]
-    if stored % size:
-        raise ValueError(
-            f"{shards[0]} holds images of {stored} pixels, which cannot be averaged to the "
-            f"model's {size}: render a corpus with --size {size} or a multiple of it"
-        )
-    return count
+    return count, first["mask"].shape[0]
+
+
+def _batches(
+    dataset: tf.data.Dataset, shards: list[Path], count: int
+) -> Iterator[tuple[int, dict[str, np.ndarray]]]:
+    """Yield the batches with the position of their first example, with progress.
+
+    Args:
+        dataset: dataset of `pipeline.evaluation`.
+        shards: paths of its shards.
+        count: number of its examples.
+    """
+    with (
+        tqdm(total=count, desc="evaluate", unit="image") as progress,
+        # BLAS threads inside each thread of a pool make the sums over lights 5 times as slow.
+        threadpool_limits(1, user_api="blas"),
+    ):
+        for example in pipeline.naming_damage(dataset.as_numpy_iterator(), shards):
+            yield int(progress.n), example
+            progress.update(len(example["mask"]))
+
+
+def _constant_answer(shards: list[Path], size: int) -> dict[str, np.ndarray]:
+    """Return the answer that ignores the image: no object, and medians of this split's numbers.
+
+    Its outputs are named and shaped as a system's, without the batch axis.
+    """
+    names = ("diffuse_albedo", "specular_albedo", "shininess")
+    dataset = tf.data.TFRecordDataset([str(path) for path in shards])
+    dataset = dataset.map(lambda serialized: records.parse(serialized, names)).batch(_AT_ONCE)
+    truth = _joined(list(pipeline.naming_damage(dataset.as_numpy_iterator(), shards)))
+    log = np.log10(np.maximum(truth["shininess"], _LEAST_EXPONENT))
+    bins = np.bincount(shininess.bin_of(truth["shininess"]), minlength=shininess.BIN_COUNT)
+    nothing = np.zeros((size, size, 1), np.float32)
+    return {
+        "mask": nothing,
+        "specular_shading": nothing,
+        "mirror": nothing,
+        "diffuse_albedo": np.median(truth["diffuse_albedo"], axis=0),
+        "specular_albedo": np.median(truth["specular_albedo"], keepdims=True),
+        "exponent_bin_probabilities": np.float32(bins / bins.sum()),
+        "log_exponent": np.median(log, keepdims=True),
+    }
 
 
 def _joined(batches: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
     """Concatenate the columns of all batches."""
     return {name: np.concatenate([batch[name] for batch in batches]) for name in batches[0]}
-
-
-def _confusion(rows: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Return the number of examples `(8, 8)` by true bin (row) and predicted bin (column)."""
-    matrix = np.zeros((shininess.BIN_COUNT, shininess.BIN_COUNT), np.int64)
-    np.add.at(matrix, (rows["bin"], rows["predicted_bin"]), 1)
-    return matrix
 
 
 def _check_finite(columns: Mapping[str, np.ndarray], model_dir: Path, first: int = 0) -> None:

@@ -25,7 +25,9 @@ def layer_flip(layer: np.ndarray, found: np.ndarray, mask: np.ndarray) -> float:
     if not inside.any():
         return 0.0
     white = white_point(layer, mask)
-    truth, shown = (_linear_image(coloured(one * inside / white)) for one in (layer, found))
+    # Cut off at white first: a division of the largest floats would overflow.
+    cut = (np.minimum(one, white) * inside for one in (layer, found))
+    truth, shown = (_linear_image(coloured(one / white)) for one in cut)
     # The images are linear with values up to 1: with hdr=0 ꟻLIP does not search for exposures.
     difference = oiio.ImageBufAlgo.FLIP_diff(truth, shown, hdr=0, nthreads=1)
     if difference.has_error:

@@ -294,14 +294,12 @@ def _measured(means: Mapping[str, Any]) -> dict[str, Any]:
 
 def _columns(rows: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Return the columns `(N,)` whose means the measures need, as float64."""
-    distance = rows["bin_distance"]
-    columns = dict(rows) | {
-        "exact": distance == 0,
-        "adjacent": distance == 1,
-        "within_one": distance <= 1,
-    }
-    if "bin_probabilities" in rows:
-        columns |= calibration.gaps(rows["bin_probabilities"], distance == 0)
+    columns = dict(rows)
+    if "bin_distance" in rows:
+        distance = rows["bin_distance"]
+        columns |= {"exact": distance == 0, "adjacent": distance == 1, "within_one": distance <= 1}
+        if "bin_probabilities" in rows:
+            columns |= calibration.gaps(rows["bin_probabilities"], distance == 0)
     needed = {column for measure in MEASURES.values() for column in measure.columns}
     columns = {name: column for name, column in columns.items() if name in needed}
     return {name: np.asarray(column, np.float64) for name, column in columns.items()}

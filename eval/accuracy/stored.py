@@ -11,8 +11,9 @@ from lime_keras.data.corpus import Split
 from lime_keras.io import model_folder
 from lime_keras.networks import Architecture
 
-from ..store import Store, sha256
-from .evaluate import Evaluation, evaluate
+from ..store import DependsOn, Store, sha256
+from .evaluate import Evaluation, evaluate, evaluate_predictions
+from .predictions import Predictions
 
 
 def evaluation(store: Store, model_dir: Path, corpus: Path, *, camera: bool = False) -> Evaluation:
@@ -36,14 +37,35 @@ def evaluation(store: Store, model_dir: Path, corpus: Path, *, camera: bool = Fa
         "manifest": sha256(split.manifest_path),
         "camera": camera,
     }
-    # Each evaluation has its own file, so that several runs do not overwrite one another's.
-    name = hashlib.sha256(json.dumps(depends_on).encode()).hexdigest()[:16]
     arrays = store.arrays(
-        f"evaluations/{name}",
+        _name(depends_on),
         depends_on,
         lambda: _as_arrays(evaluate(model_dir, corpus, camera=camera)),
     )
     return _from_arrays(arrays)
+
+
+def predictions(store: Store, found: Predictions, corpus: Path) -> dict[str, np.ndarray]:
+    """Return the rows kept for the same answers, images and code, or run `evaluate_predictions`.
+
+    Args:
+        store: store that keeps the rows.
+        found: files of the answers of another system.
+        corpus: folder with a complete `test` split.
+
+    Raises:
+        FileNotFoundError: if the test split is missing.
+        ValueError: if `evaluate_predictions` refuses the split or an answer.
+    """
+    split = Split(corpus, "test")
+    split.shard_paths()  # Raises if the split is incomplete.
+    depends_on = {"predictions": found.digest(), "manifest": sha256(split.manifest_path)}
+    return store.arrays(_name(depends_on), depends_on, lambda: evaluate_predictions(found, corpus))
+
+
+def _name(depends_on: DependsOn) -> str:
+    """Return the name of an evaluation's own file, so that none overwrites another's."""
+    return f"evaluations/{hashlib.sha256(json.dumps(depends_on).encode()).hexdigest()[:16]}"
 
 
 def _as_arrays(found: Evaluation) -> dict[str, np.ndarray]:

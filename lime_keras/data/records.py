@@ -140,23 +140,41 @@ def parse(serialized: Any, features: Collection[str] = FEATURES) -> dict[str, tf
         for name in FURTHER.values()
         if name in features
     }
+    example = _stored(serialized, spec | further)
+    for name in filter(spec.__contains__, _BYTE_IMAGES):
+        pixels = tf.io.decode_png(example[name], _BYTE_IMAGES[name])
+        example[name] = tf.cast(pixels, tf.float32) / 255.0
+    for name in filter(spec.__contains__, _HALF_IMAGES):
+        example[name] = _decoded(example[name], _HALF_IMAGES[name])
+    if "environment" in spec:
+        example["environment"] = tf.ensure_shape(example["environment"], (*STORED_SHAPE, 1))
+    return example
+
+
+def image_png(serialized: Any) -> tf.Tensor:
+    """Return the PNG of an example's image as it is stored, a scalar string.
+
+    Arguments and errors are those of `parse`.
+    """
+    return _stored(serialized, {"image": tf.io.FixedLenFeature((), tf.string)})["image"]
+
+
+def _stored(serialized: Any, spec: Mapping[str, Any]) -> dict[str, tf.Tensor]:
+    """Return the features of an example as they are stored, after a check of its schema.
+
+    Args:
+        serialized: scalar string tensor or bytes.
+        spec: features to read, as `tf.io.parse_single_example` takes them.
+    """
     schema = tf.io.FixedLenFeature([], tf.int64)
-    example = tf.io.parse_single_example(serialized, spec | further | {"schema": schema})
-    version = example.pop("schema")
+    example = tf.io.parse_single_example(serialized, {**spec, "schema": schema})
     check = tf.debugging.assert_equal(
-        version,
+        example.pop("schema"),
         tf.constant(SCHEMA_VERSION, tf.int64),
         f"records of another schema (this is version {SCHEMA_VERSION}): render the corpus again",
     )
     with tf.control_dependencies([check] if check is not None else []):
-        for name in filter(spec.__contains__, _BYTE_IMAGES):
-            pixels = tf.io.decode_png(example[name], _BYTE_IMAGES[name])
-            example[name] = tf.cast(pixels, tf.float32) / 255.0
-        for name in filter(spec.__contains__, _HALF_IMAGES):
-            example[name] = _decoded(example[name], _HALF_IMAGES[name])
-    if "environment" in spec:
-        example["environment"] = tf.ensure_shape(example["environment"], (*STORED_SHAPE, 1))
-    return example
+        return {name: tf.identity(value) for name, value in example.items()}
 
 
 @tf.function(input_signature=[tf.TensorSpec((None,), tf.string)])

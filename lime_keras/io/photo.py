@@ -128,6 +128,18 @@ def read_mask(path: str | Path, height: int, width: int) -> np.ndarray:
         ValueError: if the picture cannot be read (see `read`), has another size than the photo, or
             is black.
     """
+    mask = read_coverage(path, height, width)
+    if not np.any(mask >= 0.5):
+        raise ValueError(f"{path} is black, so it masks no object: paint the object white")
+    return mask
+
+
+def read_coverage(path: str | Path, height: int, width: int) -> np.ndarray:
+    """Read a mask as `read_mask` does; a black picture, in which no object was found, is taken.
+
+    Raises:
+        ValueError: if the picture cannot be read (see `read`) or has another size than the photo.
+    """
     path = Path(path)
     picture = _opened(path)
     is_full = (picture.height, picture.width) == (height, width)
@@ -139,9 +151,43 @@ def read_mask(path: str | Path, height: int, width: int) -> np.ndarray:
             f"{path} has {mask.shape[1]}×{mask.shape[0]} pixels and its photo {width}×{height}: "
             "a mask has its photo's size"
         )
-    if not np.any(mask >= 0.5):
-        raise ValueError(f"{path} is black, so it masks no object: paint the object white")
     return mask
+
+
+def read_radiance(path: str | Path, height: int, width: int) -> np.ndarray:
+    """Read a grey layer of linear radiance from an OpenEXR file of one channel.
+
+    Args:
+        path: path of the file.
+        height: height of the layer's photo in pixels.
+        width: width of the layer's photo in pixels.
+
+    Returns:
+        Linear radiance `(height, width, 1)` float32, the numbers of the file: at least 0, without
+        an upper limit.
+
+    Raises:
+        ValueError: if the file cannot be read (see `read`), is no OpenEXR, has several channels or
+            another size than the photo, or holds numbers that are negative or not finite.
+    """
+    path = Path(path)
+    picture = _opened(path)
+    if not picture.is_linear:
+        raise ValueError(f"{path} is no OpenEXR: write linear radiance as one")
+    if (picture.height, picture.width) != (height, width):
+        raise ValueError(
+            f"{path} has {picture.width}×{picture.height} pixels and its photo {width}×{height}: "
+            "a layer has its photo's size"
+        )
+    with incoming.naming(path, "a picture"):
+        values = picture.rows(0, height)
+    if values.shape[-1] != 1:
+        raise ValueError(f"{path} has {values.shape[-1]} channels: a grey layer has one")
+    if not np.isfinite(values).all():
+        raise ValueError(f"{path} holds NaN or infinite pixels: repair or convert it")
+    if np.min(values) < 0:
+        raise ValueError(f"{path} holds {np.min(values):.3g}: radiance is at least 0, so clip it")
+    return values
 
 
 @dataclass(frozen=True)

@@ -2,14 +2,20 @@
 
 import csv
 import json
+import re
 import shutil
+from pathlib import Path
 
+import answer_files
 import pytest
 import sphere_corpus
 import trade
 
 from lime_keras.eval import cli
 from lime_keras.eval.tradeoff import measure, recommendation, table
+from lime_keras.render.inspect import images
+
+BENCHMARK = Path(__file__).parents[2] / "docs" / "reference" / "benchmark.md"
 
 
 @pytest.fixture(scope="module")
@@ -74,3 +80,95 @@ def test_the_trade_leaves_its_table_and_its_picture(corpus, runs, tmp_path, monk
     assert json.loads((tmp_path / "tradeoff.json").read_text())["scored"] == list(shared)
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert 'id="tradeoff"' in page and "errors against latency" in page
+
+
+@pytest.fixture(scope="module")
+def answers(corpus, tiny_model, tmp_path_factory):
+    return answer_files.write(tmp_path_factory.mktemp("answers") / "net", tiny_model, corpus)
+
+
+def test_answers_stand_beside_the_run_that_is_measured(corpus, runs, answers, tmp_path, capsys):
+    given = ["--weights", runs / "whole", "--predictions", answers, "--out", tmp_path]
+    assert cli.main([str(corpus), *map(str, given)]) == 0
+    compared = json.loads((tmp_path / "comparison.json").read_text(encoding="utf-8"))
+    assert list(compared["runs"]) == ["whole", "net"] and compared["reference"] == "whole"
+    run, net = (compared["runs"][name]["value"] for name in ("whole", "net"))
+    assert net.keys() == run.keys()
+    assert net == pytest.approx(run, rel=2e-3)
+    text = (tmp_path / "comparison.md").read_text(encoding="utf-8")
+    assert "net: another system" in text and text in capsys.readouterr().out
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert page.index('id="evaluation"') < page.index('id="comparison"')
+    assert "net: another system" in page
+
+
+def test_answers_stand_beside_the_runs_of_table_1_and_other_answers(
+    corpus, runs, answers, tmp_path
+):
+    other = shutil.copytree(answers, tmp_path / "masks")
+    for path in other.iterdir():
+        if path.name != "00001-mask.png":
+            path.unlink()
+    given = ["--predictions", answers, other, "--table1", runs / "whole", "--out", tmp_path / "out"]
+    assert cli.main([str(corpus), *map(str, given)]) == 0
+    text = (tmp_path / "out" / "comparison.md").read_text(encoding="utf-8")
+    assert not (tmp_path / "out" / "metrics.json").exists()
+    named = [line.split(" | ")[0].strip("| ") for line in text.splitlines() if line[0:1] == "|"]
+    last = "masks: another system, 1 of 4 images answered"
+    assert named[2:] == ["whole: full approach", "the paper's", "net: another system", last]
+
+
+def test_answers_alone_need_no_weights(corpus, answers, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("lime_keras.networks.weights.load", None)
+    copy = shutil.copytree(answers, tmp_path / "copy")
+    (copy / "00000-preview.png").write_bytes(b"")
+    command = [str(corpus), "--predictions", str(copy), "--out", str(tmp_path / "out")]
+    assert cli.main(command) == 0
+    told = capsys.readouterr()
+    assert f"warning: {copy}: left out what is named like no answer: 00000-preview.png;" in told.err
+    assert "evaluate:" in told.err and "copy: another system" in told.out
+    assert cli.main(command) == 0
+    assert "evaluate:" not in capsys.readouterr().err, "what was measured is kept"
+    path = copy / "00002.json"
+    held = json.loads(path.read_text(encoding="utf-8"))
+    path.write_text(json.dumps(held | {"exponent": 999.0}), encoding="utf-8")
+    assert cli.main(command) == 0
+    assert "evaluate:" in capsys.readouterr().err, "the answers have changed"
+    (copy / "00003-mask.png").unlink()
+    assert cli.main(command) == 0
+    assert "evaluate:" in capsys.readouterr().err, "an answer is gone"
+
+
+def test_masks_alone_make_a_table_without_a_picture(corpus, answers, tmp_path, capsys):
+    masks = tmp_path / "masks"
+    masks.mkdir()
+    for path in answers.glob("*-mask.png"):
+        shutil.copyfile(path, masks / path.name)
+    out = tmp_path / "out"
+    assert cli.main([str(corpus), "--predictions", str(masks), "--out", str(out)]) == 0
+    assert "mask IoU" in capsys.readouterr().out
+    assert not (out / "confusions.png").exists()
+    assert 'id="comparison"' in (out / "report.html").read_text(encoding="utf-8")
+
+
+def test_broken_answers_are_told_in_one_line(corpus, answers, tmp_path, capsys):
+    copy = shutil.copytree(answers, tmp_path / "copy")
+    (copy / "00002.json").write_text("{", encoding="utf-8")
+    command = [str(corpus), "--predictions", str(copy), "--out", str(tmp_path / "out")]
+    assert cli.main(command) == 1
+    told = capsys.readouterr()
+    assert not told.out and "Traceback" not in told.err
+    assert f"error: {copy / '00002.json'} is no answer" in told.err
+
+
+def test_the_example_of_the_benchmark_is_measured(corpus, tmp_path, monkeypatch):
+    """It answers with a disc, and the objects are spheres in the middle."""
+    monkeypatch.chdir(tmp_path)
+    images.write(corpus, tmp_path / "images", lambda done, total: None)
+    [code] = re.findall(r"```python\n(.*?)```", BENCHMARK.read_text(encoding="utf-8"), re.DOTALL)
+    exec(compile(code, "example", "exec"), {})
+    assert cli.main([str(corpus), "--predictions", "answers", "--out", "out"]) == 0
+    compared = json.loads((tmp_path / "out" / "comparison.json").read_text(encoding="utf-8"))
+    value = compared["runs"]["answers"]["value"]
+    assert value["mask_iou"] > 0.7 and 0 < value["specular_shading_relative"] < 2
+    assert "mirror_relative" not in value and "relighting_psnr" in value

@@ -253,6 +253,7 @@ def test_wrong_usage_ends_with_2(capsys, options, message):
         (["layers", "corpus", "0"], "required: --split"),
         (["layers", "corpus", "--split", "test"], "required: INDEX"),
         (["layers", "corpus", "first", "--split", "test"], "invalid"),
+        (["images", "corpus"], "required: OUT"),
         (["views", "hdris"], "required: OUT"),
         (["bank"], "required: OUT, --split, --count"),
         (["bank", "out", "--split", "train", "--count", "8", "--size", "100"], "multiple of 32"),

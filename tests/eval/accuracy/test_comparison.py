@@ -8,16 +8,15 @@ import pytest
 from evaluations import LIME
 
 from lime_keras.eval.accuracy import comparison
-from lime_keras.eval.accuracy.evaluate import Evaluation
 
 COUNT = 400
 
 
-def _evaluation(shift=0.0, seed=0, **fields):
+def _rows(shift=0.0, seed=0):
     """Columns that share their noise between runs; log errors and albedo errors are shifted."""
     rng = np.random.default_rng(5)
     noise = rng.uniform(0.2, 3.0, COUNT)
-    rows = {
+    return {
         "seed": np.full(COUNT, seed),
         "index": np.arange(COUNT),
         "bin": np.zeros(COUNT, int),
@@ -26,14 +25,12 @@ def _evaluation(shift=0.0, seed=0, **fields):
         "diffuse_absolute": noise / 5 - shift / 5,
         "relit": 20 + noise + shift,
     }
-    architecture = dataclasses.replace(LIME, **fields)
-    return Evaluation(rows, {}, np.zeros((8, 8), np.int64), architecture)
 
 
 def _compared():
-    evaluations = {"z": _evaluation(0.05), "first": _evaluation(), "sphere": _evaluation(0.0)}
+    rows = {"z": _rows(0.05), "first": _rows(), "sphere": _rows(0.0)}
     systems = {"z": "without MirrorNet", "first": comparison.FULL, "sphere": "reflectance map"}
-    return comparison.compare(evaluations, systems)
+    return comparison.compare(rows, systems)
 
 
 def test_runs_stand_in_the_papers_order_and_the_full_approach_is_the_reference():
@@ -74,9 +71,25 @@ def test_the_table_has_the_papers_rows_that_are_known():
 
 
 def test_runs_of_other_images_are_refused():
-    evaluations = {"a": _evaluation(), "b": _evaluation(seed=1)}
+    rows = {"a": _rows(), "b": _rows(seed=1)}
     with pytest.raises(ValueError, match="same images"):
-        comparison.compare(evaluations, dict.fromkeys(evaluations, comparison.FULL))
+        comparison.compare(rows, dict.fromkeys(rows, comparison.FULL))
+
+
+def test_another_system_stands_below_with_what_it_answers():
+    other = _rows(0.05) | {"answered": np.arange(COUNT) > 2}
+    del other["bin_distance"], other["relit"]
+    title = comparison.other_system(other)
+    assert title == "another system, 397 of 400 images answered"
+    assert comparison.other_system({"answered": np.ones(3, bool)}) == "another system"
+    rows, systems = {"net": other, "run": _rows()}, {"net": title, "run": comparison.FULL}
+    compared = comparison.compare(rows, systems)
+    assert list(compared["runs"]) == ["run", "net"] and compared["reference"] == "run"
+    assert set(compared["runs"]["net"]["value"]) == {"log_exponent_mae", "diffuse_albedo_mae"}
+    line = comparison.markdown(compared).splitlines()[-3]
+    cells = [cell.strip() for cell in line.strip("|").split("|")]
+    assert cells[0] == f"net: {title}" and cells[1:3] == ["–", "–"]
+    assert cells[3].endswith(" −") and cells[4].endswith(" +")
 
 
 @pytest.mark.parametrize(

@@ -267,8 +267,25 @@ def test_masks_of_every_kind(tmp_path):
         np.testing.assert_array_equal(found, expected)
 
 
+def test_radiance_is_read_as_it_is_stored(tmp_path):
+    layer = noise(1) * 60_000
+    found = photo.read_radiance(write(tmp_path / "layer.exr", layer, oiio.FLOAT), 20, 28)
+    assert found.dtype == np.float32
+    np.testing.assert_array_equal(found, layer)
+    for name, pixels, kind, told in (
+        ("grey.png", noise(1), oiio.UINT8, "is no OpenEXR: write linear radiance as one"),
+        ("colour.exr", noise(3), oiio.HALF, "has 3 channels: a grey layer has one"),
+        ("negative.exr", noise(1) - 2, oiio.HALF, "holds -2: radiance is at least 0, so clip it"),
+        ("nan.exr", noise(1) + np.nan, oiio.HALF, "holds NaN or infinite pixels"),
+        ("large.exr", noise(1, 40, 56), oiio.HALF, "has 56×40 pixels and its photo 28×20"),
+    ):
+        with pytest.raises(ValueError, match=f"{name} {told}"):
+            photo.read_radiance(write(tmp_path / name, pixels, kind), 20, 28)
+
+
 def test_masks_of_another_size_and_black_ones_are_named(tmp_path):
     path = save(tmp_path / "mask.png", np.zeros((20, 30), np.uint8))
+    assert not photo.read_coverage(path, 20, 30).any()
     with pytest.raises(ValueError, match=r"mask\.png is black"):
         photo.read_mask(path, 20, 30)
     with pytest.raises(ValueError, match="has 30×20 pixels and its photo 20×30"):
