@@ -16,17 +16,27 @@ from tqdm import tqdm
 
 from ..markdown_table import ABSENT, aligned
 from .cases import (
+    camera,
     colour,
     compositing,
+    directions,
     environment,
     exponent,
+    hue,
+    layers,
+    light_law,
     losses,
+    materials,
     metrics,
+    mixtures,
     networks,
+    orthogonal,
+    page,
     photos,
     records,
     reflectance,
     reflectance_map,
+    runtime,
     shading,
 )
 from .trials.verdicts import Case, Verdict
@@ -65,9 +75,19 @@ def cases(model_dir: Path | None = None) -> list[Case]:
         metrics,
         photos,
         records,
+        materials,
+        light_law,
+        mixtures,
+        directions,
+        layers,
+        camera,
+        hue,
+        orthogonal,
+        page,
     )
     out = [case for module in modules for case in module.cases()]
-    return out + networks.cases(model_dir)
+    # A model of the user's own is tried in the formats that `networks` has.
+    return out + networks.cases(model_dir) + ([] if model_dir else runtime.cases())
 
 
 def run(model_dir: Path | None = None, progress: bool = True) -> list[Verdict]:
