@@ -162,7 +162,7 @@ def drive_to_extremes(out: Path, run: Path | None, *, command: str) -> tuple[str
     """Run the stability suite and write its files.
 
     Returns:
-        The tables in Markdown, and whether every check passed or failed only as `suite.KNOWN` says.
+        The tables in Markdown, and whether every check passed.
     """
     from .stability import suite
 

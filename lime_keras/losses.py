@@ -62,23 +62,22 @@ def albedo_l2(albedo: Any, predicted: Any) -> Any:
     return ops.mean(ops.square(predicted - albedo), axis=-1)
 
 
-def exponent_cross_entropy(exponent_bin: Any, probabilities: Any) -> Any:
+def exponent_cross_entropy(exponent_bin: Any, logits: Any) -> Any:
     """Return the cross-entropy of the true class of the exponent in nats, `(B,)`, at least 0.
 
     Args:
         exponent_bin: true classes `(B,)`, integers 0…7 (`lime_keras.optics.shininess`).
-        probabilities: predicted probabilities `(B, 8)`, summing to 1. A probability below
-            1e-7 counts as 1e-7, so the loss is at most 16.1.
+        logits: logits of the classes `(B, 8)`, finite. Their softmax are the predicted
+            probabilities. The loss does not compute these: a probability that rounds to 0 would
+            have no logarithm, and no gradient to learn from.
 
     Example:
         A network that cannot tell pays log 8:
 
-        >>> round(float(exponent_cross_entropy(ops.array([3]), ops.full((1, 8), 0.125))[0]), 4)
+        >>> round(float(exponent_cross_entropy(ops.array([3]), ops.zeros((1, 8)))[0]), 4)
         2.0794
     """
-    least = 1e-7
-    chosen = ops.take_along_axis(probabilities, ops.expand_dims(exponent_bin, -1), axis=-1)
-    return -ops.log(ops.maximum(chosen[:, 0], least))
+    return ops.sparse_categorical_crossentropy(exponent_bin, logits, from_logits=True)
 
 
 def log_exponent_l2(exponent: Any, log_predicted: Any) -> Any:

@@ -16,6 +16,9 @@ from keras import ops
 from lime_keras.arrays import namespace
 from lime_keras.optics import shininess
 
+_BLACK = 1e-12
+"""Sum of linear radiance up to which a layer is black: far below one step of a half float."""
+
 
 def overlap(mask: Any, predicted: Any) -> tuple[Any, Any]:
     """Return the numbers of pixels in the intersection and in the union of two masks, each `(B,)`.
@@ -120,29 +123,53 @@ def log_exponent_error(exponent: np.ndarray, log_predicted: np.ndarray) -> np.nd
     return np.abs(np.log10(exponent) - log_predicted)
 
 
-def masked_relative_error(shading: Any, predicted: Any, mask: Any) -> Any:
-    """Return Σ|predicted − shading| / Σ shading over the pixels of each mask, `(B,)`, at least 0.
+def masked_relative_error(shading: Any, predicted: Any, mask: Any) -> tuple[Any, Any]:
+    """Return Σ|predicted − shading| / Σ shading over the pixels of each mask, and where it exists.
 
-    The error is 0 if the mask is empty, and also if the shading is black inside it, because a
-    relative error has no upper bound there.
+    There is no error relative to nothing: an example whose mask is empty, or whose shading is black
+    inside it, does not count in a mean (`mean_where_lit`).
 
     Args:
         shading: true linear radiance `(B, H, W, 1)`, at least 0, a NumPy array or a Keras tensor.
         predicted: predicted linear radiance `(B, H, W, 1)`, of the same kind.
         mask: coverage `(B, H, W, 1)` in [0, 1]; pixels of at least one half count.
 
+    Returns:
+        The error `(B,)`, at least 0, and 0 where it does not exist; and 1 where it exists, else 0,
+        `(B,)`.
+
     Example:
         >>> layer, full = np.full((1, 2, 2, 1), 4.0), np.ones((1, 2, 2, 1))
-        >>> masked_relative_error(layer, 0 * layer, full).tolist()
-        [1.0]
-        >>> masked_relative_error(0 * layer, layer, full).tolist()
-        [0.0]
+        >>> error, lit = masked_relative_error(layer, 0 * layer, full)
+        >>> error.tolist(), lit.tolist()
+        ([1.0], [1.0])
+        >>> error, lit = masked_relative_error(0 * layer, layer, full)
+        >>> error.tolist(), lit.tolist()
+        ([0.0], [0.0])
     """
     xp = namespace(shading, predicted, mask)
     inside = xp.where(mask >= 0.5, 1.0, 0.0)
     wrong = xp.sum(xp.abs(predicted - shading) * inside, axis=(1, 2, 3))
     size = xp.sum(shading * inside, axis=(1, 2, 3))
-    return xp.where(size > 0, wrong / xp.maximum(size, 1e-12), 0.0)
+    lit = xp.where(size > _BLACK, 1.0, 0.0)
+    return xp.where(lit > 0, wrong / xp.maximum(size, _BLACK), 0.0), lit
+
+
+def mean_where_lit(error: Any, lit: Any) -> Any:
+    """Return the mean relative error of the examples that have one, from means over all examples.
+
+    Args:
+        error: mean of the errors of `masked_relative_error`, of any shape.
+        lit: share of the examples that have one, of the same shape.
+
+    Returns:
+        error / lit, of the same shape; 0 where no example has an error.
+
+    Example:
+        >>> mean_where_lit(np.array([0.25, 0.0]), np.array([0.5, 0.0])).tolist()
+        [0.5, 0.0]
+    """
+    return np.where(np.greater(lit, 0), error / np.where(np.greater(lit, 0), lit, 1.0), 0.0)
 
 
 class PooledIoU(keras.metrics.Metric):
@@ -203,7 +230,7 @@ class WithinBins(keras.metrics.Mean):
 
 
 class MaskedRelativeError(keras.metrics.Mean):
-    """The mean of `masked_relative_error` over the examples, at least 0."""
+    """The mean of `masked_relative_error` over the examples that have one, at least 0."""
 
     def update_state(
         self, shading: Any, predicted: Any, mask: Any, sample_weight: Any = None
@@ -217,4 +244,6 @@ class MaskedRelativeError(keras.metrics.Mean):
             sample_weight: weight of each example, `(B,)`; by default 1.
         """
         images = (ops.convert_to_tensor(one, self.dtype) for one in (shading, predicted, mask))
-        super().update_state(masked_relative_error(*images), sample_weight)
+        error, lit = masked_relative_error(*images)
+        weight = ops.convert_to_tensor(1.0 if sample_weight is None else sample_weight, self.dtype)
+        super().update_state(error, weight * lit)

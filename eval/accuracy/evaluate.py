@@ -51,9 +51,11 @@ class Evaluation:
             Errors: `iou` and its pixel counts `intersection` and `union`, `bin_distance`,
             `log_error`, `log_squared`, `log_error_winning`, `diffuse_absolute`, `diffuse_squared`,
             `specular_absolute`, `specular_squared`, `specular_shading_relative`,
-            `mirror_relative`, `specular_shading_flip`, `mirror_flip`, and the relighting PSNR in
-            decibel, `relit` and `relit_unseen`. `average_relit` and `average_relit_unseen` are the
-            same for the material in the middle of all ranges.
+            `mirror_relative` (with `specular_shading_lit` and `mirror_lit`, 1 where the layer is
+            lit inside the mask; where it is black both are 0), `specular_shading_flip`,
+            `mirror_flip`, and the relighting PSNR in decibel, `relit` and `relit_unseen`.
+            `average_relit` and `average_relit_unseen` are the same for the material in the middle
+            of all ranges.
             A quantity that the system does not predict has no column. A system that predicts the
             exponent by regression has no `log_error_winning` and no `bin_probabilities`. Relighting
             needs a complete material.
@@ -199,11 +201,7 @@ def measure(
         "coverage": np.mean(example["mask"] >= 0.5, axis=(1, 2, 3), dtype=np.float64),
         "saturated": _saturated(example),
         "light_contrast": _contrast(example["environment"]),
-        **{
-            f"{name}_relative": _relative_error(name, example, estimate)
-            for name in ("specular_shading", "mirror")
-            if name in estimate
-        },
+        **_relative_errors(example, estimate),
         **_material_errors(example, estimate),
     }
 
@@ -371,13 +369,20 @@ def _cut(answer: Mapping[str, np.ndarray], number: int) -> dict[str, np.ndarray]
     return {name: np.asarray(values)[:number] for name, values in answer.items()}
 
 
-def _relative_error(
-    name: str, example: Mapping[str, np.ndarray], estimate: Mapping[str, np.ndarray]
-) -> np.ndarray:
-    """Return the relative error `(B,)` of a layer inside the true mask, in double precision."""
-    return metrics.masked_relative_error(
-        example[name].astype(np.float64), estimate[name].astype(np.float64), example["mask"]
-    )
+def _relative_errors(
+    example: Mapping[str, np.ndarray], estimate: Mapping[str, np.ndarray]
+) -> dict[str, np.ndarray]:
+    """Return `NAME_relative` and `NAME_lit`, `(B,)`, of the layers in `estimate`.
+
+    The errors are those inside the true mask, in double precision.
+    """
+    columns = {}
+    for name in filter(estimate.__contains__, ("specular_shading", "mirror")):
+        true, found = (layers[name].astype(np.float64) for layers in (example, estimate))
+        columns[f"{name}_relative"], columns[f"{name}_lit"] = metrics.masked_relative_error(
+            true, found, example["mask"]
+        )
+    return columns
 
 
 def _from_true_layers(

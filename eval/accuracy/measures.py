@@ -170,13 +170,21 @@ MEASURES = {
         "Specular albedo, RMSE", "specular RMSE", ("specular_squared",), _root, chance=_UNIFORM_RMSE
     ),
     "specular_shading_relative": Measure(
-        "Specular shading S, relative error", "S error", ("specular_shading_relative",), chance=1.0
+        "Specular shading S, relative error",
+        "S error",
+        ("specular_shading_relative", "specular_shading_lit"),
+        metrics.mean_where_lit,
+        chance=1.0,
     ),
     "specular_shading_flip": Measure(
         "Specular shading S, ꟻLIP", "S ꟻLIP", ("specular_shading_flip",)
     ),
     "mirror_relative": Measure(
-        "Mirror image M, relative error", "M error", ("mirror_relative",), chance=1.0
+        "Mirror image M, relative error",
+        "M error",
+        ("mirror_relative", "mirror_lit"),
+        metrics.mean_where_lit,
+        chance=1.0,
     ),
     "mirror_flip": Measure("Mirror image M, ꟻLIP", "M ꟻLIP", ("mirror_flip",)),
     "relighting_psnr": Measure(
@@ -203,7 +211,8 @@ def summarise(evaluation: Evaluation) -> dict[str, Any]:
 
     Returns:
         Each of `MEASURES` that the system has, by name, shares in [0, 1]; `count` of the examples;
-        `system`, its description; and, by measure where they exist, `interval` (95 % bootstrap,
+        `counted`, by measure the number of those that it counts if it leaves some out; `system`,
+        its description; and, by measure where they exist, `interval` (95 % bootstrap,
         `[low, high]`), `oracle`, `paper`, `chance`, `floor` and `constant` (the best prediction
         that is the same for every image of this split). If there is an oracle, also
         `oracle_title` and `oracle_is`, its title and its description.
@@ -211,6 +220,7 @@ def summarise(evaluation: Evaluation) -> dict[str, Any]:
     measured = values(evaluation.rows)
     summary: dict[str, Any] = dict(measured)
     summary["count"] = evaluation.count
+    summary["counted"] = _counted(evaluation.rows)
     summary["system"] = evaluation.architecture.description
     summary["interval"] = intervals(evaluation.rows)
     summary["oracle"] = values(evaluation.oracle) if evaluation.oracle else {}
@@ -281,6 +291,15 @@ def constant_answers(rows: Mapping[str, np.ndarray]) -> dict[str, float]:
         "specular_albedo_rmse": np.std(specular),
     }
     return {name: float(value) for name, value in constant.items()}
+
+
+def _counted(rows: Mapping[str, np.ndarray]) -> dict[str, int]:
+    """Return the number of lit layers by name of the relative error, where some are black."""
+    return {
+        name.replace("_lit", "_relative"): int(column.sum())
+        for name, column in rows.items()
+        if name.endswith("_lit") and not column.all()
+    }
 
 
 def _measured(means: Mapping[str, Any]) -> dict[str, Any]:

@@ -8,7 +8,6 @@ Example:
 
 import dataclasses
 import math
-from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -17,32 +16,30 @@ from tqdm import tqdm
 
 from ..markdown_table import ABSENT, aligned
 from .cases import (
+    camera,
     colour,
     compositing,
+    directions,
     environment,
     exponent,
+    hue,
+    layers,
+    light_law,
     losses,
+    materials,
     metrics,
+    mixtures,
     networks,
+    orthogonal,
+    page,
     photos,
     records,
     reflectance,
     reflectance_map,
+    runtime,
     shading,
 )
 from .trials.verdicts import Case, Verdict
-
-KNOWN = {
-    ("cross-entropy", exponent.BEYOND): (
-        "the loss sees probabilities, not logits, and calls none smaller than 1e-7: where a wrong "
-        "class leads by more than 16.1 nats it stays at 16.1 and teaches nothing"
-    ),
-    ("measures", f"relative error, {metrics.UNLIT}"): (
-        "no error relative to nothing is finite; it counts as 0, or one such image would be the "
-        "mean of all"
-    ),
-}
-"""Reasons of the failures that are known, by part and case; they hold in any precision."""
 
 HEADER = (
     "Case",
@@ -55,7 +52,7 @@ HEADER = (
     "Verdict",
     "Note",
 )
-_SUMMARY = ("Part", "Checks", "Passed", "Known", "Failed")
+_SUMMARY = ("Part", "Checks", "Passed", "Failed")
 
 
 def cases(model_dir: Path | None = None) -> list[Case]:
@@ -78,9 +75,19 @@ def cases(model_dir: Path | None = None) -> list[Case]:
         metrics,
         photos,
         records,
+        materials,
+        light_law,
+        mixtures,
+        directions,
+        layers,
+        camera,
+        hue,
+        orthogonal,
+        page,
     )
     out = [case for module in modules for case in module.cases()]
-    return out + networks.cases(model_dir)
+    # A model of the user's own is tried in the formats that `networks` has.
+    return out + networks.cases(model_dir) + ([] if model_dir else runtime.cases())
 
 
 def run(model_dir: Path | None = None, progress: bool = True) -> list[Verdict]:
@@ -107,17 +114,12 @@ def run(model_dir: Path | None = None, progress: bool = True) -> list[Verdict]:
         networks.check(model_dir)
     tried = cases(model_dir)
     with tqdm(tried, desc="stability", unit="check", disable=not progress) as bar:
-        return [_explained(case.judge()) for case in bar]
-
-
-def is_known(verdict: Verdict) -> bool:
-    """Return whether the case is one of `KNOWN`."""
-    return (verdict.part, verdict.case) in KNOWN
+        return [case.judge() for case in bar]
 
 
 def failures(verdicts: Iterable[Verdict]) -> list[Verdict]:
-    """Return the verdicts that failed and are not in `KNOWN`."""
-    return [verdict for verdict in verdicts if not verdict.passed and not is_known(verdict)]
+    """Return the verdicts that failed."""
+    return [verdict for verdict in verdicts if not verdict.passed]
 
 
 def markdown(verdicts: Sequence[Verdict]) -> str:
@@ -144,24 +146,16 @@ def to_json(verdicts: Iterable[Verdict]) -> list[dict[str, object]]:
     ]
 
 
-def _explained(verdict: Verdict) -> Verdict:
-    """Return the verdict, with the reason as its note if it is a known failure."""
-    if verdict.passed or not is_known(verdict):
-        return verdict
-    return dataclasses.replace(verdict, note=KNOWN[verdict.part, verdict.case])
-
-
 def _state(verdict: Verdict) -> str:
     if verdict.passed:
         return "refused" if verdict.value is None and verdict.gradient is None else "passed"
-    return "known" if is_known(verdict) else "FAILED"
+    return "FAILED"
 
 
 def _counted(verdicts: Sequence[Verdict]) -> tuple[str, ...]:
-    """Count all verdicts, and those that passed (or were refused), are known, and failed."""
-    states = Counter(map(_state, verdicts))
-    passed = states["passed"] + states["refused"]
-    return tuple(map(str, (len(verdicts), passed, states["known"], states["FAILED"])))
+    """Count all verdicts, those that passed (or were refused), and those that failed."""
+    failed = len(failures(verdicts))
+    return tuple(map(str, (len(verdicts), len(verdicts) - failed, failed)))
 
 
 def _cells(verdict: Verdict) -> tuple[str, ...]:

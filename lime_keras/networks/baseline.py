@@ -24,8 +24,8 @@ def reflectance_map_net(architecture: Architecture) -> keras.Model:
 def material_net(architecture: Architecture) -> keras.Model:
     """Build MaterialNet: compressed `reflectance_map` `(B, S, S, 3)` → albedos and exponent bins.
 
-    The outputs are `(B, 4)`, m_d and m_s, linear and not yet clipped to [0, 1], and `(B, 8)`, the
-    probabilities of the exponent's bins.
+    The outputs are `(B, 8)`, the logits of the exponent's bins, and `(B, 4)`, m_d and m_s, linear
+    and not yet clipped to [0, 1].
     """
     size = architecture.size
     sphere = keras.Input((size, size, 3), name="reflectance_map")
@@ -34,5 +34,5 @@ def material_net(architecture: Architecture) -> keras.Model:
     )
     albedos = layers.Dense(4, dtype="float32", name="albedos")(features)
     logits = layers.Dense(BIN_COUNT, dtype="float32", name="logits")(features)
-    probabilities = layers.Softmax(dtype="float32", name="exponent_bin_probabilities")(logits)
-    return keras.Model(sphere, [albedos, probabilities], name="material_net")
+    # Files of weights number the layers in the order of the outputs.
+    return keras.Model(sphere, [logits, albedos], name="material_net")

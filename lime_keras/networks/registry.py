@@ -125,7 +125,7 @@ SUBNETWORKS = {
     "reflectance_map": Subnetwork(reflectance_map_net, ("reflectance_map",), _baseline),
     "material": Subnetwork(
         material_net,
-        ("albedos", "exponent_bin_probabilities"),
+        ("exponent_bin_probabilities", "albedos"),
         _baseline,
         encoder=True,
         heads=("albedos", "logits"),
@@ -151,7 +151,7 @@ QUANTITIES = {
         channels=3,
     ),
     "albedos": Quantity(lambda answer, _: ops.clip(answer, 0.0, 1.0)),
-    "exponent_bin_probabilities": Quantity(),
+    "exponent_bin_probabilities": Quantity(lambda logits, _: ops.softmax(logits)),
     "log_exponent": Quantity(lambda answer, _: ops.clip(answer, LOG_LOW, LOG_HIGH)),
 }
 """Row of each quantity by name."""

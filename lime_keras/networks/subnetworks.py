@@ -37,10 +37,10 @@ def mirror_net(architecture: Architecture) -> keras.Model:
 
 
 def exponent_net(architecture: Architecture) -> keras.Model:
-    """Build ExponentNet: compressed S and M, each `(B, S, S, 1)` → `(B, 8)` bin probabilities.
+    """Build ExponentNet: compressed S and M, each `(B, S, S, 1)` → `(B, 8)` logits of the bins.
 
-    In a system without MirrorNet its input is S alone. With regression its output is log10 s,
-    `(B, 1)`.
+    The registry turns the logits into probabilities by softmax; the loss needs the logits. In a
+    system without MirrorNet the input is S alone. With regression the output is log10 s, `(B, 1)`.
     """
     size = architecture.size
     names = ["specular_shading", "mirror"] if architecture.mirror else ["specular_shading"]
@@ -54,8 +54,7 @@ def exponent_net(architecture: Architecture) -> keras.Model:
             features
         )
     else:
-        logits = layers.Dense(BIN_COUNT, dtype="float32", name="logits")(features)
-        answer = layers.Softmax(dtype="float32", name="exponent_bin_probabilities")(logits)
+        answer = layers.Dense(BIN_COUNT, dtype="float32", name="logits")(features)
     return keras.Model(inputs, answer, name="exponent_net")
 
 

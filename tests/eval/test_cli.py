@@ -12,6 +12,7 @@ import keras
 import numpy as np
 import pytest
 import tensorflow as tf
+from scipy.special import softmax
 from sphere_corpus import vouch
 
 from lime_keras.data import records
@@ -312,14 +313,14 @@ def test_an_ablations_oracle_sees_true_layers(ablation, corpus, evaluated):
     if architecture.system == "reflectance-map":
         named = ("environment", "shininess", "diffuse_albedo", "specular_albedo", "ambient")
         sphere = np.asarray(reflectance_map(*(truth[name] for name in named), SIZE))
-        albedos, exponent = subnetworks["material"](np.log1p(sphere))
+        exponent, albedos = subnetworks["material"](np.log1p(sphere))
     else:
         shading, mirror = (np.log1p(truth[n]) * mask for n in ("specular_shading", "mirror"))
         albedos = subnetworks["albedo"]([truth["image"] * mask, shading])
         exponent = subnetworks["exponent"]([shading, mirror] if architecture.mirror else [shading])
     albedos, exponent = np.asarray(albedos).clip(0, 1), np.asarray(exponent)[0]
     regresses = architecture.exponent == "regression"
-    log = exponent[0].clip(0, 3) if regresses else exponent @ shininess.LOG_MEANS
+    log = exponent[0].clip(0, 3) if regresses else softmax(exponent) @ shininess.LOG_MEANS
     true_log = np.log10(truth["shininess"][0])
     oracle, rows = evaluation.oracle, evaluation.rows
     assert oracle["log_error"][3] == pytest.approx(abs(log - true_log), rel=1e-3)

@@ -82,13 +82,13 @@ def test_relative_error_is_compaction_and_scale_free():
     shading, predicted = rng.exponential(size=(2, 3, 4, 5, 1))
     mask = rng.uniform(size=(3, 4, 5, 1))
     mask[2] = 0
-    found = metrics.masked_relative_error(shading, predicted, mask)
+    found, lit = metrics.masked_relative_error(shading, predicted, mask)
     for b in range(2):
         chosen = mask[b] >= 0.5
         difference = np.abs(predicted[b][chosen] - shading[b][chosen])
         assert found[b] == pytest.approx(difference.sum() / shading[b][chosen].sum())
-    assert found[2] == 0
-    scaled = metrics.masked_relative_error(shading * 1e4, predicted * 1e4, mask)
+    assert found[2] == 0 and lit.tolist() == [1, 1, 0]
+    scaled, _ = metrics.masked_relative_error(shading * 1e4, predicted * 1e4, mask)
     assert scaled == pytest.approx(found)
 
 
@@ -110,9 +110,24 @@ def test_tensors_are_measured_as_arrays_are():
 
 def test_relative_error_of_black_is_one_and_of_the_truth_zero():
     shading, mask = np.full((1, 2, 2, 1), 3.0), np.ones((1, 2, 2, 1))
-    assert metrics.masked_relative_error(shading, shading, mask) == [0]
-    assert metrics.masked_relative_error(shading, 0 * shading, mask) == [1]
-    assert metrics.masked_relative_error(0 * shading, shading, mask) == [0]
+    assert metrics.masked_relative_error(shading, shading, mask) == ([0], [1])
+    assert metrics.masked_relative_error(shading, 0 * shading, mask) == ([1], [1])
+
+
+@pytest.mark.parametrize("answered", [0.0, 3.0, 1e30])
+def test_a_black_layer_and_an_empty_mask_do_not_count_in_the_mean(answered):
+    """Neither as right, which 0 would say, nor as wrong without limit."""
+    shading, mask = np.full((4, 2, 2, 1), 3.0), np.ones((4, 2, 2, 1))
+    predicted = 1.5 * shading
+    shading[1], mask[2], predicted[1:3] = 0, 0, answered
+    error, lit = metrics.masked_relative_error(shading, predicted, mask)
+    assert error.tolist() == [0.5, 0, 0, 0.5] and lit.tolist() == [1, 0, 0, 1]
+    assert metrics.mean_where_lit(error.mean(), lit.mean()) == 0.5
+    metric = MaskedRelativeError()
+    metric.update_state(shading, predicted, mask, [1.0, 1.0, 1.0, 3.0])
+    assert float(metric.result()) == 0.5
+    metric.update_state(shading[1:3], predicted[1:3], mask[1:3])
+    assert float(metric.result()) == 0.5
 
 
 # Gathered batch by batch.
@@ -269,9 +284,9 @@ def test_bins_and_their_neighbours():
 def test_relative_error_is_the_evaluations():
     shading, predicted, mask = _arguments("relative error", seed=4, count=9)
     found = _streamed("relative error", [shading, predicted, mask], [2, 3])
-    expected = metrics.masked_relative_error(shading, predicted, mask)
-    assert np.ptp(expected) > 0
-    assert found == pytest.approx(expected.mean(), rel=1e-5)
+    error, lit = metrics.masked_relative_error(shading, predicted, mask)
+    assert np.ptp(error) > 0
+    assert found == pytest.approx(error.sum() / lit.sum(), rel=1e-5)
 
 
 @pytest.mark.parametrize("radiance", [0.0, 1e-8, 65504.0, 1e30])

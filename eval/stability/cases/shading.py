@@ -50,23 +50,36 @@ def _specular(light: str, precision: Precision, s: float) -> Outcome:
         return shading.specular(normal, view, s, *shading.texels(radiance))
 
     found, _ = precision.evaluate(shaded, normal, view, lights()[light])
+    directions = precision.rounded(normal), precision.rounded(view)
     rows = [
-        _slow_specular(n, o, s, light, precision)
-        for n, o in zip(precision.rounded(normal), precision.rounded(view), strict=True)
+        slow_specular(n, o, s, *texels(light, precision), precision)
+        for n, o in zip(*directions, strict=True)
     ]
     right, size = np.array(rows).T
     tolerance = precision.tolerance(size, terms=HEIGHT * 2 * HEIGHT)
     return Outcome(Compared(found, right, right, tolerance))
 
 
-def _slow_specular(
-    n: np.ndarray, o: np.ndarray, s: float, light: str, precision: Precision
+def slow_specular(
+    n: np.ndarray,
+    o: np.ndarray,
+    s: float,
+    i: np.ndarray,
+    energy: np.ndarray,
+    precision: Precision,
 ) -> tuple[float, float]:
     """Return S of one pixel, and the sum of its terms' magnitudes times their condition numbers.
 
     The condition numbers are those of `cases.reflectance`. A light on the horizon may count or not.
+
+    Args:
+        n: normal, unit, `(3,)`.
+        o: direction to the viewer, unit, `(3,)`.
+        s: exponent, at least 0.
+        i: unit directions of the lights, `(T, 3)`.
+        energy: linear radiance × solid angle of each light, `(T,)`.
+        precision: precision in which S was computed.
     """
-    i, energy = texels(light, precision)
     dividend, added = (i + o) @ n, np.abs(i) @ np.abs(n) + np.abs(o) @ np.abs(n)
     length = np.linalg.norm(i + o, axis=1)
     log = np.log(np.clip(dividend / np.maximum(length, 1e-300), 1e-300, 1))

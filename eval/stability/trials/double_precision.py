@@ -75,7 +75,7 @@ def answers(
         sphere = run("reflectance_map", images * mask)
         sphere = sphere * reflectance_map.disc(images.shape[1])
         out["reflectance_map"] = _expanded(sphere)
-        albedos, exponent = run("material", sphere)
+        exponent, albedos = run("material", sphere)
     else:
         specular = run("specular", images * mask) * mask
         seen = [specular]
@@ -88,7 +88,8 @@ def answers(
     out |= {"diffuse_albedo": albedos[:, :3], "specular_albedo": albedos[:, 3:]}
     if exponent.shape[-1] == 1:
         return out | {"log_exponent": np.clip(exponent, LOG_LOW, LOG_HIGH)}
-    return out | {"exponent_bin_probabilities": exponent}
+    powers = np.exp(exponent - exponent.max(-1, keepdims=True))
+    return out | {"exponent_bin_probabilities": powers / powers.sum(-1, keepdims=True)}
 
 
 def _expanded(compressed: np.ndarray) -> np.ndarray:
@@ -128,11 +129,6 @@ def _activated(layer: Any, x: np.ndarray) -> np.ndarray:
     return {"relu": lambda: np.maximum(x, 0), "linear": lambda: x}[name]()
 
 
-def _softmax(layer: layers.Softmax, x: np.ndarray, rounding: Rounding) -> np.ndarray:
-    powers = np.exp(x - x.max(-1, keepdims=True))
-    return powers / powers.sum(-1, keepdims=True)
-
-
 def _turned(
     layer: HueOfPixels, albedos: np.ndarray, image: np.ndarray, rounding: Rounding
 ) -> np.ndarray:
@@ -148,7 +144,6 @@ def _pooled(layer: layers.MaxPooling2D, x: np.ndarray, rounding: Rounding) -> np
 _LAYERS: dict[type, Callable[..., np.ndarray]] = {
     layers.Conv2D: _convolution,
     layers.Dense: _dense,
-    layers.Softmax: _softmax,
     HueOfPixels: _turned,
     layers.MaxPooling2D: _pooled,
     layers.UpSampling2D: lambda layer, x, rounding: x.repeat(2, 1).repeat(2, 2),

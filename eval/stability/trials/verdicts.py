@@ -24,7 +24,7 @@ class Verdict:
         error: absolute distance from the reference; at a kink, from the nearest correct value.
         tolerance: largest error that the precision explains.
         passed: whether the error is within the tolerance, or bad data was refused.
-        note: message of the refusal, reason of a known failure, or "error of the gradient".
+        note: message of the refusal, or "error of the gradient".
     """
 
     part: str

@@ -96,9 +96,10 @@ def test_wrong_answers_by_hand():
     assert rows["diffuse_absolute"] == pytest.approx([0.1, 0.1])
     assert rows["diffuse_squared"] == pytest.approx([0.01, 0.01], rel=1e-4)
     assert rows["specular_absolute"] == pytest.approx([0.5, 0.5])
-    # Half as much again inside the mask, all of it missing; an empty mask counts 0.
+    # Half as much again inside the mask, all of it missing; an empty mask does not count.
     assert rows["specular_shading_relative"] == pytest.approx([0.5, 0.0])
     assert rows["mirror_relative"] == pytest.approx([1.0, 0.0])
+    assert rows["specular_shading_lit"].tolist() == rows["mirror_lit"].tolist() == [1, 0]
 
 
 def test_a_regressed_exponent_by_hand():
@@ -129,7 +130,8 @@ def test_layers_that_are_not_answered_have_no_column(lacking):
     answer = {name: v for name, v in _perfect(_batch()).items() if name not in lacking}
     rows = measure(_batch(), answer)
     whole = measure(_batch(), _perfect(_batch()))
-    assert set(whole) - set(rows) == {f"{name}_relative" for name in lacking}
+    columns = {f"{name}_{column}" for name in lacking for column in ("relative", "lit")}
+    assert set(whole) - set(rows) == columns
 
 
 def test_extreme_layers_keep_every_column_finite():

@@ -38,7 +38,18 @@ def test_the_means_are_those_of_hand_arithmetic():
         "calibration_error": 0.35,
     }
     assert {name: summary[name] for name in measures.MEASURES} == pytest.approx(expected)
-    assert summary["count"] == 4
+    assert summary["count"] == 4 and summary["counted"] == {}
+
+
+def test_an_image_with_a_black_layer_does_not_count_and_is_counted():
+    lit = np.array([1.0, 1.0, 0.0, 1.0])
+    summary = measures.summarise(four(specular_shading_lit=lit))
+    assert summary["specular_shading_relative"] == pytest.approx(2 / 3)
+    assert summary["counted"] == {"specular_shading_relative": 3}
+    low, high = summary["interval"]["specular_shading_relative"]
+    assert 0.5 <= low < 2 / 3 < high <= 1.0
+    of_none = measures.summarise(four(specular_shading_lit=np.zeros(4)))
+    assert of_none["specular_shading_relative"] == 0 and of_none["counted"] != {}
 
 
 def test_exact_and_adjacent_add_up_to_within_one():

@@ -5,6 +5,7 @@ import dataclasses
 import keras
 import numpy as np
 import pytest
+from scipy.special import softmax
 
 from lime_keras.networks import (
     PRESETS,
@@ -227,7 +228,7 @@ def test_the_joined_model_is_figure_2(subnetworks, tiny):
         "mirror": np.expm1(np.clip(mirror, 0, 11)),
         "diffuse_albedo": albedos[:, :3],
         "specular_albedo": albedos[:, 3:],
-        "exponent_bin_probabilities": run("exponent", specular, mirror),
+        "exponent_bin_probabilities": softmax(run("exponent", specular, mirror), axis=-1),
     }
     assert set(found) == set(expected)
     for name, value in expected.items():
@@ -355,7 +356,10 @@ def test_the_baselines_subnetworks_by_hand(tiny):
         "material": encoder_parameters(tiny, 3, 4 + 8),
     }
     assert subnetworks["reflectance_map"].output_shape == (None, 32, 32, 3)
-    assert subnetworks["material"].output_shape == [(None, 4), (None, 8)]
+    assert subnetworks["material"].output_shape == [(None, 8), (None, 4)]
+    # Files of weights hold the layers in this order.
+    weighted = [layer.name for layer in subnetworks["material"].layers if layer.weights]
+    assert weighted[-2:] == ["logits", "albedos"]
 
 
 def test_a_larger_reflectance_map_starts_from_more_pixels():
@@ -430,13 +434,13 @@ def test_the_ablations_joined_by_hand(ablated, ablation):
     else:
         sphere = run("reflectance_map", image * mask) * disc(ablation.size)
         expected["reflectance_map"] = np.expm1(np.clip(sphere, 0, 11))
-        albedos, exponent = run("material", sphere)
+        exponent, albedos = run("material", sphere)
     albedos = np.clip(albedos, 0, 1)
     expected |= {"diffuse_albedo": albedos[:, :3], "specular_albedo": albedos[:, 3:]}
     if ablation.exponent == "regression":
         expected["log_exponent"] = np.clip(exponent, 0, 3)
     else:
-        expected["exponent_bin_probabilities"] = exponent
+        expected["exponent_bin_probabilities"] = softmax(exponent, axis=-1)
     assert set(found) == set(expected)
     for name, value in expected.items():
         assert found[name].shape == value.shape
