@@ -156,8 +156,8 @@ def test_the_oracle_sees_the_true_mask_shading_and_mirror(corpus, run, evaluatio
     albedos = np.asarray(subnetworks["albedo"]([image, masked["specular_shading"]])).clip(0, 1)
     error = np.abs(albedos[0, :3] - truth["diffuse_albedo"][0]).mean()
     assert evaluation.oracle["diffuse_absolute"][3] == pytest.approx(error, rel=1e-4)
-    bins = np.asarray(subnetworks["exponent"]([masked["specular_shading"], masked["mirror"]]))
-    log_error = abs(bins[0] @ shininess.LOG_MEANS - np.log10(truth["shininess"][0]))
+    logits = np.asarray(subnetworks["exponent"]([masked["specular_shading"], masked["mirror"]]))
+    log_error = abs(softmax(logits[0]) @ shininess.LOG_MEANS - np.log10(truth["shininess"][0]))
     assert evaluation.oracle["log_error"][3] == pytest.approx(log_error, rel=1e-3)
     # The system's own layers lead elsewhere, or this test would see nothing.
     assert evaluation.rows["log_error"][3] != pytest.approx(log_error, rel=1e-3)

@@ -185,8 +185,9 @@ def _expected(kind, arguments):
     errors = []
     for true, found, mask in zip(*arguments, strict=True):
         inside = mask >= 0.5
-        true, found = true[inside], found[inside]
-        errors.append(mean_absolute_error(true, found) / true.mean() if len(true) else 0)
+        if inside.any():
+            true, found = true[inside], found[inside]
+            errors.append(mean_absolute_error(true, found) / true.mean())
     return np.mean(errors)
 
 
