@@ -197,6 +197,7 @@ async function once(own = run) {
   if (own === run && result === "failed" && last.source !== source) {
     view.back();
     release();
+    say("Ready");
   }
 }
 

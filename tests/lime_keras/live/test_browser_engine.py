@@ -198,7 +198,10 @@ TIMES = """
       this.time ||= message.load?.backend === "webgpu" ? faster : !faster;
       if (message.load) message.load.backend = "wasm";
       if (!message.time) return this.real.postMessage(message);
-      setTimeout(() => this.onmessage({ data: { done: this.time ? 1 : 2 } }));
+      setTimeout(() => {
+        this.onmessage({ data: { done: this.time ? 1 : 2 } });
+        self.timed = (self.timed ?? 0) + 1;
+      });
     }
     terminate() { this.real.terminate(); }
   };
@@ -240,7 +243,8 @@ def test_the_page_names_the_backend_that_it_went_over_to(written, page):
     with chromium.serving(written, HEADERS) as port:
         chromium.ready(page, f"http://127.0.0.1:{port}/")
         assert "WebAssembly" in page.text_content("#about")
-        page.click("#camera")
+        page.wait_for_function("window.timed === 2")
+        page.click("#sample")
         page.wait_for_function("document.getElementById('about').textContent.includes('WebGPU')")
 
 
