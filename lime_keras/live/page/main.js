@@ -555,6 +555,7 @@ let erasing = false;
 function startPainting() {
   if (!view.image) return;
   if (source.live) freeze(true);
+  complain("");
   view.beginPainting();
   $("stage").classList.add("painting");
   $("brush-tools").hidden = false;

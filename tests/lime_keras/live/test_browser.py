@@ -444,7 +444,11 @@ def test_what_is_taken_home_and_given_back(page):
 def test_a_painted_mask_changes_the_estimate(page):
     give(page, png(FRAME))
     before = shown(page)
+    # The picture stays as it is after one that cannot be taken.
+    give(page, png(np.zeros((1, 1, 3), np.uint8)))
+    seen(page, "#stage").to_have_class("stage stale", timeout=LONG)
     page.click("#brush")
+    seen(page, "#message").to_be_hidden()
     fill(page, **{"brush-size": 12})
     box = page.locator("#overlay").bounding_box()
     left, top, width, height = (box[name] for name in ("x", "y", "width", "height"))
