@@ -14,10 +14,7 @@ export async function loadEngine(progress) {
     config = await answer.json();
   } catch {
     throw new EngineError(
-      location.protocol === "file:"
-        ? "Browsers run no such page from a file: serve its folder, say with python -m http.server, " +
-          "and open http://localhost:8000."
-        : "The page's server does not answer: start lime-live again. The page goes on by itself.",
+      "The page's server does not answer: start lime-live again. The page goes on by itself.",
       "gone",
     );
   }

@@ -24,13 +24,16 @@ const view = new View($("frame"), $("overlay"));
 
 let engine = null;
 let config = null;
+let loaded = null; // the promise of an engine
 let source = null;
 let frozen = false;
 let fusion = true;
 let number = 0;
 let run = 0; // grows with each source: a loop ends when it is not its own any more
 let cost = 0; // ms of a whole frame, averaged
-let last = { material: null, fused: null, light: null, answer: null };
+const NOTHING = { source: null, material: null, fused: null, light: null, answer: null };
+let last = { ...NOTHING }; // what is shown, and of which source
+let pictures = 0; // grows with each picture that is estimated once: only the newest is shown
 let edits = {}; // what the sliders changed: diffuse, specular, logExponent
 let lit = { kind: "found", turn: 0, stops: 0, studio: studio() };
 
@@ -57,29 +60,36 @@ function tellAbout() {
   if ($("about").textContent !== told) $("about").textContent = told;
 }
 
+/** Whether an engine was found; one that is gone is waited for. */
 async function findEngine() {
   for (;;) {
     try {
-      const found = await loadEngine(say);
-      ({ engine, config } = found);
+      ({ engine, config } = await loadEngine(say));
       tellAbout();
-      return;
+      return true;
     } catch (error) {
       complain(error.message);
       say("Not ready");
-      if (error.kind !== "gone" || location.protocol === "file:") throw error;
+      if (!(error instanceof EngineError)) console.error(error);
+      if (error.kind !== "gone") return false;
       await wait(1000);
     }
   }
 }
 
-/** Estimate one frame: "done", "failed", or "again" if it was not the frame's fault. */
-async function estimate(image, mask, wanted) {
+/**
+ * Estimate one frame of the source that began as number `own`, and show the answer: "done",
+ * "failed", or "again" if it was not the frame's fault. What comes after another source has begun,
+ * or after the picture was frozen, is not shown.
+ */
+async function estimate(image, mask, wanted, own) {
   const begun = performance.now();
+  const still = frozen;
   let answer;
   try {
     answer = await engine.estimate({ number: ++number, image, mask, options: wanted });
   } catch (error) {
+    if (own !== run) return "again";
     if (error.kind === "busy") {
       await wait(50);
       return "again";
@@ -87,7 +97,6 @@ async function estimate(image, mask, wanted) {
     complain(error instanceof EngineError ? error.message : `This picture failed: ${error.message}`);
     if (!(error instanceof EngineError)) console.error(error);
     if (error.kind === "gone") {
-      say("Waiting for the server…");
       await wait(1000);
       engine.restart();
       return "again";
@@ -95,7 +104,7 @@ async function estimate(image, mask, wanted) {
     return "failed";
   }
   const round = performance.now() - begun;
-  if (answer.number !== number) return "again";
+  if (answer.number !== number || own !== run || still !== frozen) return "again";
   complain("");
   show(image, answer, round, wanted);
   return "done";
@@ -106,7 +115,8 @@ function show(image, answer, round, wanted) {
   view.show(image, answer);
   $("welcome").hidden = true;
   tellAbout();
-  if (answer.cut) last = { ...last, light: null };
+  if (last.source !== source) last = { ...NOTHING, source };
+  if (answer.cut) last.light = null;
   last.answer = answer;
   const seen = answer.material;
   if (seen) {
@@ -115,9 +125,12 @@ function show(image, answer, round, wanted) {
     drawLayer($("specular"), answer.layers.specular_shading, answer.size);
     drawLayer($("mirror"), answer.layers.mirror, answer.size);
     if (answer.light) last.light = answer.light;
+  }
+  if (seen || !last.material) {
     showNumbers();
     relight(source.live && !frozen);
   }
+  $("estimate").classList.toggle("stale", !answer.found);
   $("coverage").textContent = answer.found ? percent(answer.mask_coverage) : "no object";
   // A frame of the mask alone is judged by that alone.
   if (seen || !answer.found) {
@@ -160,7 +173,7 @@ async function follow(own) {
     const material = count % every === 0;
     const now = performance.now();
     const light = material && now - lightAt > LIGHT_EVERY;
-    if ((await estimate(image, null, { material, light, fusion })) === "done") {
+    if ((await estimate(image, null, { material, light, fusion }, own)) === "done") {
       if (light) lightAt = now;
       count += 1;
       const done = performance.now();
@@ -173,12 +186,27 @@ async function follow(own) {
 async function once(own = run) {
   const mask = view.painted ?? source.mask ?? null;
   const image = source.live ? view.image : source.frame();
-  view.preview(image);
+  if (view.image !== image) view.preview(image);
   $("welcome").hidden = true;
+  const count = ++pictures;
   let result = "again";
-  while (own === run && result === "again") {
-    result = await estimate(image, mask, { material: true, light: true, fusion: false });
+  while (own === run && count === pictures && source.live === frozen && result === "again") {
+    result = await estimate(image, mask, { material: true, light: true, fusion: false }, own);
   }
+  // A picture that cannot be estimated leaves the one before it, without its source.
+  if (own === run && result === "failed" && last.source !== source) {
+    view.back();
+    release();
+    say("Ready");
+  }
+}
+
+/** Part with the source: what it gave stays, and another can be chosen. */
+function release() {
+  source?.stop();
+  source = null;
+  $("freeze").disabled = $("brush").disabled = true;
+  $("speed").hidden = true;
 }
 
 async function begin(open, told) {
@@ -198,18 +226,13 @@ async function begin(open, told) {
     complain(error.message);
     if (!(error instanceof EngineError)) console.error(error);
     say("Ready");
-    if (source?.live) {
-      source.stop();
-      source = null;
-      $("freeze").disabled = $("brush").disabled = true;
-    }
+    if (source?.live) release();
     return;
   }
   frozen = false;
   cost = 0;
   times = [];
   stopPainting();
-  last = { material: null, fused: null, light: null, answer: null };
   press("freeze", false);
   $("freeze").disabled = !source.live;
   $("brush").disabled = false;
@@ -243,6 +266,7 @@ async function listCameras() {
 }
 
 async function startFile(file) {
+  if (!(await loaded)) return;
   const name = file.name || "the picture";
   const moving = file.type.startsWith("video/") || /\.(mp4|m4v|mov|webm|mkv|avi|ogv)$/i.test(name);
   const decode = engine.decode?.bind(engine);
@@ -297,15 +321,21 @@ function current() {
 
 function showNumbers() {
   const found = estimated();
-  if (!found) return;
-  $("swatch").style.background = css(found.diffuse_albedo);
-  $("diffuse").textContent = found.diffuse_albedo.map(digits).join("  ");
-  $("specular-albedo").textContent = digits(found.specular_albedo);
-  $("exponent").textContent = gloss(found.exponent);
-  const probabilities = last.material.exponent_bin_probabilities ?? [];
+  for (const id of ["copy", "save-json", "save-gltf", "save-png"]) $(id).disabled = !found;
+  $("swatch").style.background = found ? css(found.diffuse_albedo) : "";
+  $("diffuse").textContent = found ? found.diffuse_albedo.map(digits).join("  ") : "–";
+  $("specular-albedo").textContent = found ? digits(found.specular_albedo) : "–";
+  $("exponent").textContent = found ? gloss(found.exponent) : "–";
+  showBins(last.material?.exponent_bin_probabilities ?? []);
+  if (!found) for (const id of ["specular", "mirror"]) $(id).width = 128; // which empties it
+  showSliders();
+}
+
+function showBins(probabilities) {
   const full = Math.max(0.4, ...probabilities);
   $("bins").replaceChildren(
-    ...probabilities.map((share) => {
+    ...Array.from({ length: 8 }, (_, at) => {
+      const share = probabilities[at] ?? 0;
       const [bin, bar] = [element("span"), element("b")];
       bar.style.height = `${(100 * share) / full}%`;
       bin.title = percent(share);
@@ -313,10 +343,8 @@ function showNumbers() {
       return bin;
     }),
   );
-  const told = probabilities.map((share, at) => `${gloss(10 ** (0.375 * at))}: ${percent(share)}`);
-  $("bins").setAttribute("aria-label", `Probabilities of the shininess classes from ${told.join(", ")}`);
-  for (const id of ["copy", "save-json", "save-gltf", "save-png"]) $(id).disabled = false;
-  showSliders();
+  const told = probabilities.map((share, at) => `from ${gloss(10 ** (0.375 * at))} ${percent(share)}`);
+  $("bins").setAttribute("aria-label", `Probabilities of the shininess classes: ${told.join(", ") || "none yet"}`);
 }
 
 function showSliders() {
@@ -341,12 +369,12 @@ function showSliders() {
 }
 
 function numbersText() {
-  const { answer, light, ...numbers } = last;
+  const { source: seen, material, fused, answer } = last;
   const { square, mask_coverage } = answer;
-  const whole = { ...numbers.material, mask_coverage, square };
-  if (numbers.fused && fusion) whole.fused = numbers.fused;
+  const whole = { ...material, mask_coverage, square };
+  if (fused && fusion) whole.fused = fused;
   if (Object.keys(edits).length) whole.edited = current();
-  return JSON.stringify({ picture: source.name, ...whole }, null, 1) + "\n";
+  return JSON.stringify({ picture: seen.name, ...whole }, null, 1) + "\n";
 }
 
 let shown = "";
@@ -397,6 +425,7 @@ function light() {
  */
 function relight(calm = false) {
   colour(calm);
+  $("no-light").hidden = lit.kind === "studio" || last.light !== null;
   const now = light();
   const panorama = $("panorama");
   levels(panorama).putImageData(new ImageData(picture(now), now.width, now.height), 0, 0);
@@ -526,6 +555,7 @@ let erasing = false;
 function startPainting() {
   if (!view.image) return;
   if (source.live) freeze(true);
+  complain("");
   view.beginPainting();
   $("stage").classList.add("painting");
   $("brush-tools").hidden = false;
@@ -705,7 +735,6 @@ function wire() {
     download(new Blob([gltf(current(), config.version)], { type: "model/gltf+json" }), "material.gltf");
   $("save-png").onclick = async () => renderer && download(await renderer.picture(), "material.png");
   brushing();
-  dropping();
   keys();
 }
 
@@ -753,15 +782,19 @@ function keys() {
 
 async function main() {
   startObject();
-  showSliders();
+  showNumbers();
   relight();
   for (const group of document.querySelectorAll('[role="radiogroup"]')) {
     choose(group, group.querySelector('[aria-checked="true"]'));
   }
-  await findEngine();
+  loaded = findEngine();
+  // A file that is dropped too early waits, where the browser would leave the page for it.
+  dropping();
+  if (!(await loaded)) return;
   complain("");
   wire();
   say("Ready");
+  $("sources").inert = false;
   document.body.dataset.ready = "yes";
   const { start } = config;
   if (start?.kind === "camera") await startCamera();

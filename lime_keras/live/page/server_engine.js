@@ -29,8 +29,16 @@ class ServerEngine {
     const length = new DataView(new ArrayBuffer(4));
     length.setUint32(0, header.length, true);
     const parts = [length.buffer, header, image.data, ...(mask ? [mask] : [])];
-    const buffer = await (await post("estimate", new Blob(parts))).arrayBuffer();
+    // A source that begins while this frame is on its way asks for a restart of its own.
+    const restarts = this.#restart;
     this.#restart = false;
+    let buffer;
+    try {
+      buffer = await (await post("estimate", new Blob(parts))).arrayBuffer();
+    } catch (error) {
+      this.#restart ||= restarts;
+      throw error;
+    }
     const told = new DataView(buffer).getUint32(0, true);
     const { arrays, ...answer } = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, told)));
     const array = (name) => {

@@ -14,12 +14,19 @@ export class View {
     this.overlay = overlay;
     this.image = null;
     this.answer = null;
+    this.answered = null; // the last image that was answered, and its answer
     this.outlined = true;
     this.painted = null; // the mask under the brush, one byte a pixel of the frame
   }
 
-  /** Show a frame without an answer yet. */
+  /** Show a frame without an answer yet, and so without an outline. */
   preview(image) {
+    this.#draw(image);
+    this.answer = null;
+    this.outline();
+  }
+
+  #draw(image) {
     this.image = image;
     for (const canvas of [this.frame, this.overlay]) {
       if (canvas.width !== image.width || canvas.height !== image.height) {
@@ -31,9 +38,15 @@ export class View {
 
   /** Show a frame and its answer. */
   show(image, answer) {
-    this.preview(image);
+    this.#draw(image);
     this.answer = answer;
+    this.answered = { image, answer };
     this.outline();
+  }
+
+  /** Show the last frame that was answered again, if there is one. */
+  back() {
+    if (this.answered) this.show(this.answered.image, this.answered.answer);
   }
 
   outline() {

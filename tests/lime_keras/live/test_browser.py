@@ -3,14 +3,13 @@
 import contextlib
 import io
 import json
-import os
 import re
-import shutil
 import socket
 import subprocess
 import sys
 import threading
 
+import chromium
 import numpy as np
 import pytest
 from live_scenes import ball, write_clip
@@ -20,16 +19,9 @@ from lime_keras import Estimator
 from lime_keras.live.server import LiveServer, Start
 from lime_keras.optics import colour, compositing, shading, studio_light
 
-playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-PROGRAM = next(
-    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
-)
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(PROGRAM is None, reason="no Chromium: apt-get install chromium"),
-]
-LONG = 120_000
-"""Milliseconds: a browser that draws without a GPU on a busy machine is slow."""
+playwright = pytest.importorskip("playwright.sync_api", reason="there is no playwright")
+pytestmark = pytest.mark.slow
+LONG = chromium.LONG
 
 FRAME = ball(240, 320)
 
@@ -40,26 +32,8 @@ def browser(tmp_path_factory):
     steps = np.linspace(0, 2 * np.pi, 20, endpoint=False)
     frames = [ball(240, 320, place=(0.2 * np.cos(t), 0.1 * np.sin(t))) for t in steps]
     write_clip(folder / "clip.y4m", frames)
-    program = PROGRAM
-    if os.name == "posix" and os.geteuid() == 0 and shutil.which("setpriv"):
-        # As root it would raise its own priority above all else on the machine.
-        wrapper = folder / "chromium"
-        without = "setpriv --bounding-set -sys_nice --inh-caps -sys_nice"
-        wrapper.write_text(f'#!/bin/sh\nexec {without} {PROGRAM} "$@"\n')
-        wrapper.chmod(0o755)
-        program = str(wrapper)
-    arguments = [
-        "--no-sandbox",
-        "--use-angle=swiftshader",
-        "--enable-unsafe-swiftshader",
-        "--use-fake-ui-for-media-stream",
-        "--use-fake-device-for-media-stream",
-        f"--use-file-for-fake-video-capture={folder / 'clip.y4m'}",
-    ]
-    with playwright.sync_playwright() as started:
-        running = started.chromium.launch(executable_path=program, args=arguments)
+    with chromium.browser(folder, *chromium.camera(folder / "clip.y4m")) as running:
         yield running
-        running.close()
 
 
 @pytest.fixture(scope="module")
@@ -88,18 +62,11 @@ def server(estimator):
 @contextlib.contextmanager
 def opened(browser, url, before=""):
     """The page, ready; `before` is a script that runs before its own."""
-    context = browser.new_context(viewport={"width": 1200, "height": 900})
-    context.set_default_timeout(LONG)
-    page = context.new_page()
-    faults = []
-    page.on("pageerror", lambda error: faults.append(str(error)))
-    if before:
-        page.add_init_script(before)
-    page.goto(url)
-    page.wait_for_selector("body[data-ready]")
-    yield page
-    context.close()
-    assert not faults
+    with chromium.tab(browser) as page:
+        if before:
+            page.add_init_script(before)
+        chromium.ready(page, url)
+        yield page
 
 
 @pytest.fixture
@@ -118,6 +85,22 @@ def give(page, content, name="ball.png", kind="image/png"):
     page.set_input_files("#file", {"name": name, "mimeType": kind, "buffer": content})
 
 
+GIVE = """
+async ([way, bytes]) => {
+  const transfer = new DataTransfer();
+  transfer.items.add(new File([Uint8Array.from(bytes)], "given.png", { type: "image/png" }));
+  const how = { bubbles: true, cancelable: true };
+  if (way === "paste") {
+    document.dispatchEvent(new ClipboardEvent(way, { clipboardData: transfer, ...how }));
+    return;
+  }
+  for (const type of ["dragenter", "dragover", "drop"]) {
+    document.dispatchEvent(new DragEvent(type, { dataTransfer: transfer, ...how }));
+  }
+}
+"""
+
+
 def seen(page, selector):
     return playwright.expect(page.locator(selector))
 
@@ -126,13 +109,7 @@ def shown(page):
     """Wait for an answer to the picture and return its numbers, from the file that is offered."""
     seen(page, "#coverage").not_to_have_text("–", timeout=LONG)
     seen(page, "#save-json").to_be_enabled(timeout=LONG)
-    return json.loads(taken(page, "#save-json"))
-
-
-def taken(page, button):
-    with page.expect_download(timeout=LONG) as download:
-        page.click(button)
-    return download.value.path().read_bytes()
+    return json.loads(chromium.taken(page, "#save-json"))
 
 
 def fill(page, **values):
@@ -147,7 +124,8 @@ def test_a_photos_numbers_are_those_of_the_estimator(page, estimator):
     for name in ("diffuse_albedo", "specular_albedo", "exponent", "exponent_bin_probabilities"):
         assert found[name] == pytest.approx(expected[name], rel=1e-4), name
     assert found["square"] == expected["square"]
-    seen(page, "#bins span").to_have_count(8)
+    heights = [bar.get_attribute("style") for bar in page.locator("#bins b").all()]
+    assert len(heights) == 8 and len(set(heights)) > 1
     seen(page, "#message").to_be_hidden()
 
 
@@ -175,22 +153,24 @@ def test_a_transparent_picture_brings_its_mask(page, estimator):
     assert found["diffuse_albedo"] == pytest.approx(expected["diffuse_albedo"], abs=1e-3)
 
 
-def test_a_picture_is_dropped(page):
-    page.evaluate(
-        """async (bytes) => {
-          const transfer = new DataTransfer();
-          const content = [Uint8Array.from(bytes)];
-          transfer.items.add(new File(content, "dropped.png", { type: "image/png" }));
-          for (const type of ["dragenter", "dragover", "drop"]) {
-            document.dispatchEvent(
-              new DragEvent(type, { dataTransfer: transfer, bubbles: true, cancelable: true }),
-            );
-          }
-        }""",
-        list(png(FRAME)),
-    )
-    assert shown(page)["picture"] == "dropped.png"
+@pytest.mark.parametrize("way", ["drop", "paste"])
+def test_a_picture_is_dropped_or_pasted(way, page):
+    page.evaluate(GIVE, [way, list(png(FRAME))])
+    assert shown(page)["picture"] == "given.png"
     seen(page, "#drop").to_be_hidden()
+
+
+def test_a_picture_that_is_dropped_too_early_waits(browser, server):
+    held = []
+    with chromium.tab(browser) as page:
+        page.route("**/engine.json", lambda route: held.append(route))
+        with page.expect_request("**/engine.json"):
+            page.goto(server.url)
+        seen(page, "#sources").to_have_js_property("inert", True)
+        page.evaluate(GIVE, ["drop", list(png(FRAME))])
+        assert page.inner_text("#coverage") == "–"
+        held[0].continue_()
+        assert shown(page)["picture"] == "given.png"
 
 
 def test_the_sample_is_estimated(page):
@@ -235,6 +215,31 @@ def test_a_lost_camera_is_told(browser, server):
 
 
 @pytest.mark.parametrize(
+    ("flags", "told"),
+    [
+        (["--use-fake-device-for-media-stream", "--deny-permission-prompts"], "not allowed"),
+        (["--use-fake-ui-for-media-stream"], "No camera was found"),
+    ],
+)
+def test_a_browsers_own_refusal_is_told(flags, told, browser, server, tmp_path):
+    with chromium.another(browser, tmp_path, *flags) as other, opened(other, server.url) as page:
+        page.click("#camera")
+        seen(page, "#message").to_contain_text(told, timeout=LONG)
+
+
+def test_one_of_two_cameras_is_chosen(browser, server, tmp_path):
+    flags = ["--use-fake-ui-for-media-stream", "--use-fake-device-for-media-stream=device-count=2"]
+    with chromium.another(browser, tmp_path, *flags) as other, opened(other, server.url) as page:
+        page.click("#camera")
+        seen(page, "#cameras option").to_have_count(2, timeout=LONG)
+        first, second = page.locator("#cameras option").all_inner_texts()
+        seen(page, "#status").to_have_text(first)
+        page.select_option("#cameras", label=second)
+        seen(page, "#status").to_have_text(second, timeout=LONG)
+        seen(page, "#message").to_be_hidden()
+
+
+@pytest.mark.parametrize(
     ("fault", "told"),
     [
         ("NotAllowedError", "not allowed"),
@@ -274,17 +279,73 @@ def running(port):
         process.communicate()
 
 
-def test_the_server_goes_and_comes_back(browser):
+@pytest.mark.parametrize("source", ["photo", "camera"])
+def test_the_server_goes_and_comes_back(source, browser):
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
     with contextlib.ExitStack() as stack:
         with running(port):
             page = stack.enter_context(opened(browser, f"http://127.0.0.1:{port}/"))
-        give(page, png(FRAME))
+            if source == "camera":
+                page.click("#camera")
+                shown(page)
+        if source == "photo":
+            give(page, png(FRAME))
         seen(page, "#message").to_contain_text("start lime-live again", timeout=LONG)
+        seen(page, "#stage").to_have_class("stage stale")
         with running(port):
-            shown(page)
             seen(page, "#message").to_be_hidden(timeout=LONG)
+            seen(page, "#stage").to_have_class("stage")
+            shown(page)
+
+
+def broken(page):
+    """Let the server refuse each frame, until `page.unroute_all` is called."""
+    refusal = json.dumps({"error": "this one is broken", "kind": "frame"})
+    page.route("**/estimate", lambda route: route.fulfill(status=400, body=refusal))
+
+
+def picture(page):
+    """Return what the canvas of the frame holds."""
+    return page.evaluate("() => document.getElementById('frame').toDataURL()")
+
+
+def test_a_frame_that_cannot_be_estimated_greys_the_last_good_one(page):
+    page.click("#camera")
+    shown(page)
+    broken(page)
+    seen(page, "#message").to_have_text("this one is broken", timeout=LONG)
+    seen(page, "#stage").to_have_class("stage stale")
+    good = picture(page)
+    page.wait_for_timeout(500)
+    assert picture(page) == good
+    page.unroute_all()
+    seen(page, "#message").to_be_hidden(timeout=LONG)
+    seen(page, "#stage").to_have_class("stage")
+
+
+def test_a_photo_that_cannot_be_estimated_leaves_the_one_before(page):
+    give(page, png(FRAME))
+    before, good = shown(page), picture(page)
+    broken(page)
+    give(page, png(FRAME[:, ::-1] // 2), "second.png")
+    seen(page, "#message").to_have_text("this one is broken", timeout=LONG)
+    seen(page, "#stage").to_have_class("stage stale")
+    assert picture(page) == good
+    assert json.loads(chromium.taken(page, "#save-json")) == before
+    seen(page, "#brush").to_be_disabled()
+
+
+def test_a_picture_without_an_object_has_no_numbers(page, estimator):
+    plain = np.zeros((64, 64, 3), np.uint8)
+    assert estimator.estimate(plain).mask_coverage == 0
+    give(page, png(FRAME))
+    shown(page)
+    give(page, png(plain), "plain.png")
+    seen(page, "#coverage").to_have_text("no object", timeout=LONG)
+    seen(page, "#exponent").to_have_text("–")
+    seen(page, "#save-json").to_be_disabled()
+    seen(page, "#warnings").to_contain_text("No object was found")
 
 
 @pytest.mark.parametrize(
@@ -335,7 +396,8 @@ def test_the_object_is_shaded_by_the_sums_of_the_library(page):
     fill(page, red=0.6, green=0.3, blue=0.1, ms=0.4, logs=1.5, stops=-1)
     seen(page, "#edited").to_be_visible()
     page.wait_for_timeout(5000)
-    picture = np.asarray(Image.open(io.BytesIO(taken(page, "#save-png"))), np.float64) / 255
+    content = chromium.taken(page, "#save-png")
+    picture = np.asarray(Image.open(io.BytesIO(content)), np.float64) / 255
     height, width, _ = picture.shape
     radius = 0.97 * min(height, width) / 2
     y, x = np.mgrid[:height, :width] + 0.5
@@ -363,22 +425,30 @@ def test_what_is_taken_home_and_given_back(page):
     give(page, png(FRAME))
     estimate = shown(page)
     fill(page, ms=0.9)
-    found = json.loads(taken(page, "#save-json"))
+    found = json.loads(chromium.taken(page, "#save-json"))
     assert found["edited"]["specular_albedo"] == 0.9
     assert found["specular_albedo"] == estimate["specular_albedo"]
-    document = json.loads(taken(page, "#save-gltf"))
+    page.context.grant_permissions(["clipboard-read", "clipboard-write"])
+    page.click("#copy")
+    seen(page, "#status").to_contain_text("on the clipboard")
+    assert json.loads(page.evaluate("() => navigator.clipboard.readText()")) == found
+    document = json.loads(chromium.taken(page, "#save-gltf"))
     assert document["asset"]["version"] == "2.0" and len(document["meshes"]) == 1
     page.click("#before")
     seen(page, "#before-label").to_be_visible()
     page.keyboard.press("r")
     seen(page, "#edited").to_be_hidden()
-    assert "edited" not in json.loads(taken(page, "#save-json"))
+    assert "edited" not in json.loads(chromium.taken(page, "#save-json"))
 
 
 def test_a_painted_mask_changes_the_estimate(page):
     give(page, png(FRAME))
     before = shown(page)
+    # The picture stays as it is after one that cannot be taken.
+    give(page, png(np.zeros((1, 1, 3), np.uint8)))
+    seen(page, "#stage").to_have_class("stage stale", timeout=LONG)
     page.click("#brush")
+    seen(page, "#message").to_be_hidden()
     fill(page, **{"brush-size": 12})
     box = page.locator("#overlay").bounding_box()
     left, top, width, height = (box[name] for name in ("x", "y", "width", "height"))
@@ -389,13 +459,67 @@ def test_a_painted_mask_changes_the_estimate(page):
     playwright.expect(page.locator("#coverage")).not_to_have_text(
         f"{100 * before['mask_coverage']:.0f} %", timeout=LONG
     )
-    after = json.loads(taken(page, "#save-json"))
+    after = json.loads(chromium.taken(page, "#save-json"))
     assert after["mask_coverage"] > before["mask_coverage"] + 0.02
     page.click("#brush-reset")
     playwright.expect(page.locator("#brush-tools")).to_be_visible()
     page.click("#brush")
-    again = json.loads(taken(page, "#save-json"))
+    again = json.loads(chromium.taken(page, "#save-json"))
     assert again["mask_coverage"] == pytest.approx(before["mask_coverage"], abs=1e-6)
+
+
+def test_of_two_quick_strokes_the_last_answer_has_both(browser, server):
+    """The first one's answer comes when the second is on its way already."""
+    slow = """
+      const own = window.fetch;
+      window.asked = 0;
+      window.fetch = async (...given) => {
+        if (given[0] === "estimate") {
+          window.asked += 1;
+          await new Promise((resolve) => setTimeout(resolve, 1000));
+        }
+        return own(...given);
+      };
+    """
+    with opened(browser, server.url, slow) as page:
+        give(page, png(FRAME))
+        before = shown(page)["mask_coverage"]
+        page.click("#brush")
+        fill(page, **{"brush-size": 12})
+        box = page.locator("#overlay").bounding_box()
+        for share in (0.06, 0.94):
+            x = box["x"] + share * box["width"]
+            page.mouse.move(x, box["y"] + 0.3 * box["height"])
+            page.mouse.down()
+            page.mouse.move(x, box["y"] + 0.7 * box["height"], steps=2)
+            page.mouse.up()
+        seen(page, "#coverage").not_to_have_text(f"{100 * before:.0f} %", timeout=LONG)
+        page.wait_for_timeout(3000)
+        assert page.evaluate("() => window.asked") <= 4
+        # A stroke alone covers 5 % and more of the frame.
+        after = json.loads(chromium.taken(page, "#save-json"))["mask_coverage"]
+        assert after > before + 0.08
+
+
+def test_keys_do_what_the_buttons_do(page):
+    give(page, png(FRAME))
+    shown(page)
+    page.keyboard.press("1")
+    seen(page, "[data-shape=sphere]").to_have_attribute("aria-checked", "true")
+    empty = """() => { const { width, height } = document.getElementById("overlay");
+      const context = document.getElementById("overlay").getContext("2d");
+      return context.getImageData(0, 0, width, height).data.every((value) => value === 0); }"""
+    assert not page.evaluate(empty)
+    page.keyboard.press("m")
+    seen(page, "#outline").to_have_attribute("aria-pressed", "false")
+    assert page.evaluate(empty)
+    page.keyboard.press("3")
+    page.wait_for_timeout(500)
+    knot = chromium.taken(page, "#save-png")
+    page.focus("#object")
+    page.keyboard.press("ArrowLeft")
+    page.wait_for_timeout(500)
+    assert chromium.taken(page, "#save-png") != knot
 
 
 def test_a_users_mesh_is_shown_and_a_damaged_one_told(page):
@@ -411,7 +535,8 @@ def test_a_users_mesh_is_shown_and_a_damaged_one_told(page):
 def test_everything_that_can_be_used_has_a_name_and_fits_on_a_phone(page):
     page.set_viewport_size({"width": 360, "height": 740})
     nameless = page.evaluate(
-        """() => [...document.querySelectorAll("button, select, input, [role=img]")]
+        """() => [...document.querySelectorAll("button, select, input, [role]")]
+          .filter((part) => !part.matches("[role=alert], [role=status]"))
           .filter((part) => !part.closest("[aria-hidden=true]"))
           .filter((part) => !(part.getAttribute("aria-label") || part.textContent.trim()
             || part.labels?.[0]?.textContent.trim()))
@@ -454,3 +579,6 @@ def test_a_video_is_followed(browser, estimator, tmp_path):
     with serving(estimator, start=start) as server, opened(browser, server.url) as page:
         found = shown(page)
         assert found["picture"] == "clip.mp4" and found["fused"]
+        page.keyboard.press("f")
+        seen(page, "#fusion").to_have_attribute("aria-pressed", "false")
+        assert "fused" not in json.loads(chromium.taken(page, "#save-json"))

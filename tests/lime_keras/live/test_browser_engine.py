@@ -1,6 +1,7 @@
 """The page without Python in a real browser: its engine gives Python's answers."""
 
 import base64
+import json
 
 import chromium
 import live_scenes
@@ -47,16 +48,18 @@ def written(tmp_path_factory):
 def chrome(tmp_path_factory):
     flags = ("--enable-unsafe-webgpu", "--use-webgpu-adapter=swiftshader")
     resolved = "--host-resolver-rules=MAP page.test 127.0.0.1"
-    with chromium.browser(tmp_path_factory.mktemp("chromium"), *flags, resolved) as browser:
+    folder = tmp_path_factory.mktemp("chromium")
+    frames = [live_scenes.ball(place=(0.02 * number, 0)) for number in range(10)]
+    live_scenes.write_clip(folder / "clip.y4m", frames)
+    camera = chromium.camera(folder / "clip.y4m")
+    with chromium.browser(folder, *flags, resolved, *camera) as browser:
         yield browser
 
 
 @pytest.fixture
 def page(chrome):
-    context = chrome.new_context()
-    context.set_default_timeout(120_000)
-    yield context.new_page()
-    context.close()
+    with chromium.tab(chrome) as ready:
+        yield ready
 
 
 def frames():
@@ -137,13 +140,23 @@ def test_webassembly_gets_threads(headers, written, page):
 
 def test_the_page_estimates_its_sample(written, page):
     """The click waits until the page takes it: before the engine is there, it would be lost."""
-    faults = []
-    page.on("pageerror", lambda error: faults.append(str(error)))
     with chromium.serving(written, HEADERS) as port:
         page.goto(f"http://127.0.0.1:{port}/")
         page.click("#sample")
         page.wait_for_function("document.getElementById('exponent').textContent.match(/[0-9]/)")
-    assert not faults
+
+
+def test_the_page_follows_the_camera(written, page):
+    with chromium.serving(written, HEADERS) as port:
+        chromium.ready(page, f"http://127.0.0.1:{port}/")
+        page.click("#camera")
+        page.wait_for_selector("#speed:visible")
+        page.wait_for_selector("#save-json:enabled")
+        found = json.loads(chromium.taken(page, "#save-json"))
+    expected = Estimator().estimate(live_scenes.ball())
+    # The clip's chroma has half its resolution, the ball moves, and the networks have eight bits.
+    assert found["fused"]["diffuse_albedo"] == pytest.approx(expected.diffuse_albedo, abs=0.15)
+    assert page.inner_text("#message") == ""
 
 
 def test_without_isolation_there_is_one_thread(written, page):
@@ -172,8 +185,8 @@ def test_graphics_that_are_no_help_are_not_used(script, written, page):
     assert "next" not in found and found["about"].startswith("WebAssembly")
 
 
-FASTER = """
-async (faster) => {
+TIMES = """
+(faster) => {
   navigator.gpu.requestAdapter = async () => ({ info: { isFallbackAdapter: false } });
   const Real = self.Worker;
   self.Worker = class {
@@ -185,10 +198,19 @@ async (faster) => {
       this.time ||= message.load?.backend === "webgpu" ? faster : !faster;
       if (message.load) message.load.backend = "wasm";
       if (!message.time) return this.real.postMessage(message);
-      setTimeout(() => this.onmessage({ data: { done: this.time ? 1 : 2 } }));
+      setTimeout(() => {
+        this.onmessage({ data: { done: this.time ? 1 : 2 } });
+        self.timed = (self.timed ?? 0) + 1;
+      });
     }
     terminate() { this.real.terminate(); }
   };
+}
+"""
+"""Both are WebAssembly then, and tell the times that the test gives them."""
+
+FASTER = """
+async () => {
   const { createEngine } = await import("./engine.js");
   const engine = await createEngine(await (await fetch("../engine.json")).json());
   const first = engine.about;
@@ -208,12 +230,22 @@ async (faster) => {
 
 @pytest.mark.parametrize("faster", [True, False])
 def test_the_faster_backend_is_used(faster, written, page):
-    """Both are WebAssembly here, and tell the times that the test gives them."""
     with chromium.serving(written, HEADERS) as port:
         page.goto(f"http://127.0.0.1:{port}/browser/")
-        first, then, numbers = page.evaluate(FASTER, faster)
+        page.evaluate(TIMES, faster)
+        first, then, numbers = page.evaluate(FASTER)
     assert first.startswith("WebAssembly") and numbers == [0, 1]
     assert then == ("WebGPU, float32" if faster else first)
+
+
+def test_the_page_names_the_backend_that_it_went_over_to(written, page):
+    page.add_init_script(f"({TIMES})(true)")
+    with chromium.serving(written, HEADERS) as port:
+        chromium.ready(page, f"http://127.0.0.1:{port}/")
+        assert "WebAssembly" in page.text_content("#about")
+        page.wait_for_function("window.timed === 2")
+        page.click("#sample")
+        page.wait_for_function("document.getElementById('about').textContent.includes('WebGPU')")
 
 
 LOST = """
@@ -269,19 +301,24 @@ def test_a_file_that_is_not_there_or_not_whole_is_told(change, told, written, pa
 
 def test_an_unknown_precision_is_told(written, page):
     with chromium.serving(written, HEADERS) as port:
-        page.goto(f"http://127.0.0.1:{port}/browser/?precision=int4")
-        assert "float32 or int8" in page.evaluate(CREATE, "")
+        page.goto(f"http://127.0.0.1:{port}/?precision=int4")
+        page.wait_for_selector("#message:visible")
+        assert "float32 or int8" in page.text_content("#message")
 
 
 def test_a_page_from_a_file_says_what_to_do(written, page):
     page.goto((written / "index.html").as_uri())
     assert "python3 -m http.server" in page.text_content(".preflight")
+    assert page.text_content("#status") == "Not ready"
 
 
 def test_a_page_over_http_asks_for_https(written, page):
     with chromium.serving(written, HEADERS) as port:
-        page.goto(f"http://page.test:{port}/")
+        chromium.ready(page, f"http://page.test:{port}/")
         assert f"https://page.test:{port}/" in page.text_content(".preflight")
+        page.click("#camera")
+        page.wait_for_selector("#message:visible")
+        assert "HTTPS" in page.text_content("#message")
 
 
 def test_a_browser_without_simd_is_told(written, page):

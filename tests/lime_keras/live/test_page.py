@@ -310,3 +310,32 @@ def test_the_outline_of_a_disc_is_a_circle():
     # All of it, and a mask that fills its square is closed around.
     full = np.array(run(code, mask=[255] * 16, size=4))
     assert full.min() == 0 and full.max() == 4
+
+
+RESTARTS = """
+const { createEngine } = await page("server_engine");
+const asked = [];
+globalThis.fetch = async (path, { body }) => {
+  const length = new DataView(await body.slice(0, 4).arrayBuffer()).getUint32(0, true);
+  const { number, restart } = JSON.parse(await body.slice(4, 4 + length).text());
+  asked.push(restart);
+  if (number === 1) engine.restart();
+  if (number === 2) throw new TypeError("nobody answers");
+  const told = new TextEncoder().encode(JSON.stringify({ number, arrays: {} }));
+  const content = new Uint8Array(4 + told.length);
+  new DataView(content.buffer).setUint32(0, told.length, true);
+  content.set(told, 4);
+  return { ok: true, arrayBuffer: async () => content.buffer };
+};
+const engine = await createEngine({ about: "" });
+const image = { width: 1, height: 1, data: new Uint8Array(4) };
+for (const number of [0, 1, 2, 3, 4]) {
+  await engine.estimate({ number, image, mask: null, options: {} }).catch(() => {});
+}
+console.log(JSON.stringify(asked));
+"""
+
+
+def test_a_restart_is_not_lost_while_a_frame_is_on_its_way():
+    """Nor with the frame that nobody answers: the next one asks for it again."""
+    assert run(RESTARTS) == [True, False, True, True, False]

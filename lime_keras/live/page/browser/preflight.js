@@ -55,6 +55,10 @@
   }
 
   var text = missing();
-  if (text) document.addEventListener("DOMContentLoaded", function () { say(text); });
-  if (location.protocol !== "file:") isolate();
+  var runs = location.protocol !== "file:";
+  document.addEventListener("DOMContentLoaded", function () {
+    if (text) say(text);
+    if (!runs) document.getElementById("status").textContent = "Not ready";
+  });
+  if (runs) isolate();
 })();
