@@ -75,12 +75,15 @@ def _run(precision: Precision, function: Any, *arrays: np.ndarray) -> Any:
     """Return a function of tensors, as numbers in double precision by name."""
     run = tf.function(function, jit_compile=True) if precision.compiled else function
     found = run(*(tf.constant(np.asarray(array)) for array in arrays))
-    return {name: np.float64(np.asarray(value)) for name, value in found.items()}
+    return {name: np.asarray(np.asarray(value), np.float64) for name, value in found.items()}
 
 
 def _images(values: Any) -> np.ndarray:
     """Return an even image `(B, 16, 16, 3)` float32 of each of B values."""
-    return np.ones((1, _SIDE, _SIDE, 3), np.float32) * np.float32(values)[:, None, None, None]
+    return (
+        np.ones((1, _SIDE, _SIDE, 3), np.float32)
+        * np.asarray(values, np.float32)[:, None, None, None]
+    )
 
 
 # Photos.
@@ -106,7 +109,7 @@ def _sensed(precision: Precision, well: str) -> dict[str, np.ndarray]:
     draws = {
         "exposure": one,
         "defocus": one,
-        "full_well": np.float32(_FULL_WELLS[well]) * one,
+        "full_well": np.asarray(_FULL_WELLS[well], np.float32) * one,
         "quality": 90 * one,
         "compressed": 0 * one,
         "grain": np.tile(_grain(), (count, 1)),
@@ -130,7 +133,7 @@ def _noisy(precision: Precision, row: int, well: str) -> Outcome:
     photo, electrons = _sensed(precision, well), _FULL_WELLS[well]
     light = float(np.float32(list(_RADIANCES.values())[row]))
     dark, deviation = camera_law.READ_NOISE**2 / electrons, 0.5 / np.sqrt(electrons)
-    noise = np.float64(camera_law.grain_table()[_grain()]).reshape(_SIDE, _SIDE, 3)
+    noise = np.asarray(camera_law.grain_table()[_grain()], np.float64).reshape(_SIDE, _SIDE, 3)
     root = np.sqrt(light + dark) + deviation * noise
     size = light + dark + np.square(root)
     error = (ROUNDINGS + np.sqrt(9)) * precision.epsilon * size
@@ -166,7 +169,7 @@ def _photo(
 
 @functools.cache
 def _pack(precision: Precision) -> np.ndarray:
-    levels, qualities = (np.float32(column) for column in zip(*_GREYS, strict=True))
+    levels, qualities = (np.asarray(column, np.float32) for column in zip(*_GREYS, strict=True))
     return _run(
         precision,
         lambda image, quality: {"image": jpeg.compressed(image, quality)},
@@ -188,8 +191,10 @@ def _packed(precision: Precision, row: int) -> Outcome:
     reach = step / 16 + 0.5
     low, high = max(level - reach, 0), min(level + reach, 255)
     found = np.append(found.ravel(), [np.ptp(found), np.abs(found - np.round(found)).max()])
-    size = found.size - 2
-    return Outcome(Compared(found, [low] * size + [0.0] * 2, [high] * size + [0.0] * 2, 0.0))
+    even = np.ones(found.size - 2)
+    return Outcome(
+        Compared(found, np.append(low * even, [0.0, 0.0]), np.append(high * even, [0.0, 0.0]), 0.0)
+    )
 
 
 # Composition and reduction.
@@ -197,7 +202,7 @@ def _packed(precision: Precision, row: int) -> Outcome:
 
 @functools.cache
 def _compose(precision: Precision) -> np.ndarray:
-    radiance, coverage = (np.float32(column) for column in zip(*_COMPOSED, strict=True))
+    radiance, coverage = (np.asarray(column, np.float32) for column in zip(*_COMPOSED, strict=True))
     return _run(
         precision,
         lambda own, share, behind: {"image": backdrop.compose(own, share, behind)},
@@ -237,9 +242,9 @@ def _reduce(precision: Precision) -> dict[str, np.ndarray]:
 
 def _reduced(precision: Precision, mask: str, radiance: float, row: int) -> Outcome:
     """Try layers averaged over what is covered: an even layer stays what it is, and no NaN."""
-    means = np.float64(_masks()[mask]).reshape(4, 4, 4, 4, 1).mean((1, 3))
+    means = np.asarray(_masks()[mask], np.float64).reshape(4, 4, 4, 4, 1).mean((1, 3))
     layer = np.where(means > 0, float(np.float32(radiance)), 0.0)
     right = np.stack([means, layer])
-    found = _reduce(precision)
-    found = np.stack([found["mask"][row], found["specular_shading"][row]])
+    reduced = _reduce(precision)
+    found = np.stack([reduced["mask"][row], reduced["specular_shading"][row]])
     return Outcome(precision.compare(found, right, right, right, terms=16))

@@ -65,7 +65,7 @@ def _coded(name: str, precision: Precision) -> Outcome:
     if precision.tensors:
         found = precision.value(octahedral.decode, codes)
     else:
-        found = np.float64(octahedral.decode(codes))
+        found = np.asarray(octahedral.decode(codes), np.float64)
     right = unit(_DIRECTIONS[name][None] / np.abs(_DIRECTIONS[name]).max())
     steps = 0.0 if name in _AXES else _COARSE
     length = np.linalg.norm(found, axis=-1)
@@ -97,7 +97,7 @@ def _turned(which: int) -> Outcome:
     """Try one symmetry: pixels, the x and y of normals, and the camera must move together."""
     given = _gbuffer()
     found = turning.turned(given, np.array([which]))
-    normal = np.float64(octahedral.decode(given["normal"][0]))
+    normal = np.asarray(octahedral.decode(given["normal"][0]), np.float64)
     coverage = given["coverage"][0]
     fx, fy, cx, cy = given["camera"][0]
     if which & 4:
@@ -108,7 +108,7 @@ def _turned(which: int) -> Outcome:
         coverage, normal, cy = coverage[::-1], normal[:, ::-1] * [1, -1, 1], _SIDE - cy
     if which & 1:
         coverage, normal, cx = coverage[:, ::-1], normal[:, :, ::-1] * [-1, 1, 1], _SIDE - cx
-    decoded = np.float64(octahedral.decode(found["normal"][0]))
+    decoded = np.asarray(octahedral.decode(found["normal"][0]), np.float64)
     numbers = [coverage, (fx, fy, cx, cy), normal]
     right = np.concatenate([np.ravel(part) for part in numbers])
     answers = np.concatenate(
@@ -125,7 +125,7 @@ def _back(which: int) -> Outcome:
     found = turning.turned(there, np.array([inverse]))
     names = ("coverage", "normal", "camera")
     answers, right = (
-        np.concatenate([np.float64(part[name]).ravel() for name in names])
+        np.concatenate([np.asarray(part[name], np.float64).ravel() for name in names])
         for part in (found, given)
     )
     return Outcome(Compared(answers, right, right, 0.0))

@@ -88,7 +88,7 @@ def _surfaces() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     normal[:4] = unit(across + 1e-4 * view[:4])
     normal[4:8] = view[4:8]
     variance = np.resize([0.0, 1e-6, 0.01, 1.0], len(view))
-    return np.float32(normal), view, np.float32(variance)
+    return np.asarray(normal, np.float32), view, np.asarray(variance, np.float32)
 
 
 @functools.cache
@@ -106,17 +106,18 @@ def _found(precision: Precision) -> dict[tuple[str, str], np.ndarray]:
         np.broadcast_to(variance.reshape(_SIDE, _SIDE), surfaces),
         np.ones((count, _SIDE, _SIDE), np.float32),
         np.tile(_CAMERA, (count, 1)),
-        np.float32([_lights()[light] for light, _ in names]),
+        np.asarray([_lights()[light] for light, _ in names], np.float32),
         np.tile(np.eye(3, dtype=np.float32), (count, 1, 1)),
         exponent,
         *layers.pieces(there, exponent),
     )
 
     def lit(*given: Any) -> Any:
-        return layers.layers(*given[:7], layers.Pieces(*given[7:]))
+        arguments = [*given[:7], layers.Pieces(*given[7:])]
+        return layers.layers(*arguments)
 
     run = tf.function(lit, jit_compile=True) if precision.compiled else lit
-    images = np.float64([np.asarray(image) for image in run(*map(tf.constant, arrays))])
+    images = np.asarray([np.asarray(image) for image in run(*map(tf.constant, arrays))], np.float64)
     images = images.reshape(3, count, -1)
     return {name: images[:, row] for row, name in enumerate(names)}
 
@@ -139,7 +140,7 @@ def _level(light: str, rows: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def _diffuse(light: str, s: str, precision: Precision) -> Outcome:
     normal, _, _ = _surfaces()
     i, _, moment = _level(light, _LEVELS[s])
-    n = np.float64(normal)
+    n = np.asarray(normal, np.float64)
     right = np.maximum(n @ i.T, 0) @ moment / math.pi
     size = np.abs(n) @ np.abs(i.T) @ moment / math.pi
     found = _found(precision)[light, s][0]
@@ -151,7 +152,9 @@ def _specular(light: str, s: str, precision: Precision) -> Outcome:
     normal, view, variance = _surfaces()
     i, energy, _ = _level(light, _LEVELS[s])
     rows = []
-    for n, o, spread in zip(np.float64(normal), view, np.float64(variance), strict=True):
+    for n, o, spread in zip(
+        np.asarray(normal, np.float64), view, np.asarray(variance, np.float64), strict=True
+    ):
         widened = _EXPONENTS[s] / (1 + _EXPONENTS[s] * spread / 8)
         rows.append(slow_specular(n, o, widened, i, energy, precision))
     right, size = np.array(rows).T
@@ -165,12 +168,12 @@ def _mirror(light: str, precision: Precision) -> Outcome:
     An error of a direction moves the look-up by as many texels as a map has in a turn.
     """
     normal, view, variance = _surfaces()
-    n = np.float64(normal)
+    n = np.asarray(normal, np.float64)
     mirrored = 2 * np.sum(n * view, axis=-1, keepdims=True) * n - view
     angles = environment.solid_angles(_ROWS, 2 * _ROWS)
     radiance = SINGLE.rounded(_lights()[light])
     right, spread = [], []
-    for towards, wide in zip(mirrored, np.float64(variance), strict=True):
+    for towards, wide in zip(mirrored, np.asarray(variance, np.float64), strict=True):
         width = math.sqrt(2 * max(wide, 1e-9))
         level = math.log2(math.pi / width) - math.log2(_COARSEST_MIRROR)
         level = min(max(level, 0.0), math.log2(_ROWS / _COARSEST_MIRROR))
@@ -188,5 +191,6 @@ def _mirror(light: str, precision: Precision) -> Outcome:
     steep = np.reshape(spread, (-1, 2)).max(1)
     # Next to a pole a column is narrower than its row by the distance from the axis.
     aside = np.maximum(np.linalg.norm(mirrored[:, [0, 2]], axis=1), 1e-3)
-    tolerance = ROUNDINGS * precision.epsilon * (np.array(right) + steep / aside)
-    return Outcome(Compared(_found(precision)[light, "1"][2], right, right, tolerance))
+    expected = np.array(right)
+    tolerance = ROUNDINGS * precision.epsilon * (expected + steep / aside)
+    return Outcome(Compared(_found(precision)[light, "1"][2], expected, expected, tolerance))

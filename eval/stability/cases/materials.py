@@ -79,7 +79,7 @@ def _drawn(law: str, index: int, place: str, kind: str) -> Outcome:
 
 
 def _table(count: int) -> Outcome:
-    table = np.float64(material_law.natural_table(count))
+    table = np.asarray(material_law.natural_table(count), np.float64)
     log, m_d, m_s = table[:, 0], table[:, 1:4], table[:, 4]
     steps = np.linspace(shininess.LOG_LOW, shininess.LOG_HIGH, count)
     slack = NUMPY_SINGLE.tolerance(1.0)

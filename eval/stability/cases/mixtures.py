@@ -87,7 +87,7 @@ def _light(given: dict[str, Any]) -> tuple[np.ndarray, ...]:
     """Return the parts of a `LightDraw`; what is not given is 0."""
 
     def filled(name: str, dtype: type) -> np.ndarray:
-        out = np.zeros(MAPS, dtype)
+        out: np.ndarray = np.zeros(MAPS, dtype)
         out[: len(given.get(name, []))] = given.get(name, [])
         return out
 
@@ -119,7 +119,7 @@ def _found(precision: Precision) -> np.ndarray:
     """Return the lights of all scenes, `(B, 32, 64)`, computed in one batch."""
     light = _scenes()[1]
     if not precision.tensors:
-        return np.float64(mixing.mixed(_STORED, light))
+        return np.asarray(mixing.mixed(_STORED, light), np.float64)
 
     def mixed(radiance: Any, *parts: Any) -> Any:
         return mixing.mixed(radiance, LightDraw(*parts))
@@ -151,11 +151,11 @@ def _mixed(light: LightDraw, epsilon: float) -> tuple[np.ndarray, np.ndarray]:
     total = np.zeros((HEIGHT, _WIDTH))
     tolerance = np.zeros_like(total)
     for index, weight, shift, mirrored in zip(
-        light.maps, np.float64(light.weights), light.shifts, light.mirrored, strict=True
+        light.maps, np.asarray(light.weights, np.float64), light.shifts, light.mirrored, strict=True
     ):
-        stored = np.float64(_STORED[index])
+        stored = np.asarray(_STORED[index], np.float64)
         total += weight * np.roll(stored[:, ::-1] if mirrored else stored, shift, axis=1)
-    for lamp in np.float64(light.lamps):
+    for lamp in np.asarray(light.lamps, np.float64):
         lit, doubt = _lit(lamp, epsilon)
         mean = np.sum(shares * lit)
         [power] = lamp[LAMP_PARTS["power"]]

@@ -116,7 +116,7 @@ def _lights(light: str, step: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _diffuse(light: str) -> Outcome:
-    found = np.float64(_found()["diffuse"][list(lights()).index(light)])
+    found = np.asarray(_found()["diffuse"][list(lights()).index(light)], np.float64)
     i, energy = _lights(light, 2)
     n = _normals()
     seen = n[:, 2] >= _LEAST_Z
@@ -132,7 +132,7 @@ def _specular(light: str, s: float) -> Outcome:
     and rounding, which a relative error of h·n multiplies by s.
     """
     row = list(lights()).index(light)
-    found = np.float64(_found()["specular"][row][_EXPONENTS.index(s)])
+    found = np.asarray(_found()["specular"][row][_EXPONENTS.index(s)], np.float64)
     i, energy = _lights(light, 2 if s <= _WIDE else 1)
     n = _normals()
     seen = (n[:, 2] >= _LEAST_Z)[:, None]
@@ -172,7 +172,7 @@ def _turned(index: int) -> Outcome:
     """Try a light turned by any angle: linear between columns, and as bright as `factor` says."""
     angle = _ANGLES[index]
     light = NUMPY_SINGLE.rounded(list(lights().values())[-2])
-    found = np.float64(_found()["turned"][index]).reshape(light.shape)
+    found = np.asarray(_found()["turned"][index], np.float64).reshape(light.shape)
     shift = angle / (2 * math.pi) * light.shape[1]
     whole = math.floor(shift)
     share = shift - whole

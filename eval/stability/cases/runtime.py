@@ -112,7 +112,12 @@ def _apart(system: TrialSystem, image: str) -> Outcome:
     together = engine.run(engine.outputs, given)
     return Outcome(
         joined(
-            Compared(np.float64(engine.run([name], given)[name]), np.float64(right), right, 0.0)
+            Compared(
+                np.asarray(engine.run([name], given)[name], np.float64),
+                np.asarray(right, np.float64),
+                right,
+                0.0,
+            )
             for name, right in together.items()
         )
     )
@@ -130,7 +135,7 @@ def _given(system: TrialSystem, image: str, mask: str) -> Outcome:
         most = 59874.0 * (coverage > 0) if values.ndim == 4 else 1.0
         parts.append(Compared(values, 0.0, most, 0.0))
     total = found["exponent_bin_probabilities"].sum()
-    parts.append(SINGLE.compare(np.float64(total), 1.0, 1.0, 1.0, terms=8))
+    parts.append(SINGLE.compare(np.asarray(total, np.float64), 1.0, 1.0, 1.0, terms=8))
     return Outcome(joined(parts))
 
 
@@ -143,7 +148,7 @@ def _estimated(
     material = _estimator(system).estimate(photo, given)
     parts = [Compared(np.array(material.mask_coverage), 0.0, 1.0, 0.0)]
     for name, layer in material.layers.items():
-        values = np.float64(layer)
+        values = np.asarray(layer, np.float64)
         if values.shape[:2] != shape:
             raise ValueError(f"{name} is {values.shape}, and the photo {shape}")
         highest = 1.0 if name in ("mask", "diffuse") else 59874.0
@@ -151,7 +156,7 @@ def _estimated(
     if material.mask_coverage:
         parts.append(Compared(np.array(material.exponent), 1.0, 1000.0, 1e-3))
         for albedo in (material.diffuse_albedo, material.specular_albedo):
-            parts.append(Compared(np.float64(np.array(albedo)), 0.0, 1.0, 0.0))
+            parts.append(Compared(np.asarray(np.array(albedo), np.float64), 0.0, 1.0, 0.0))
     return Outcome(joined(parts))
 
 
@@ -166,4 +171,4 @@ def _mask(name: str, height: int, width: int) -> np.ndarray:
 
 
 def _double(found: Any) -> Answers:
-    return {name: np.float64(values) for name, values in found.items()}
+    return {name: np.asarray(values, np.float64) for name, values in found.items()}

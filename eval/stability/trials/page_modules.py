@@ -30,12 +30,15 @@ const run = new (async () => {}).constructor(...Object.keys(given), script);
 const found = await run(...Object.values(given));
 console.log(JSON.stringify(found, (_, value) => plain(value)));
 """
-_KINDS = {
+_KINDS: dict[np.dtype, str] = {
     np.dtype(np.uint8): "Uint8ClampedArray",
     np.dtype(np.float32): "Float32Array",
     np.dtype(np.float64): "Float64Array",
 }
-_TYPES = {"Uint8Array": np.dtype(np.uint8), **{kind: dtype for dtype, kind in _KINDS.items()}}
+_TYPES: dict[str, np.dtype] = {
+    "Uint8Array": np.dtype(np.uint8),
+    **{kind: dtype for dtype, kind in _KINDS.items()},
+}
 
 
 def node() -> str | None:
