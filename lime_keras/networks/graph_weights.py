@@ -59,7 +59,8 @@ def read(path: Path) -> dict[str, np.ndarray]:
         ValueError: if the file is no such graph.
     """
     try:
-        graph = onnx.load(path)
+        # A constant whose values lie in another file has none then, and is refused.
+        graph = onnx.load(path, load_external_data=False)
         [text] = [prop.value for prop in graph.metadata_props if prop.key == _PROPERTY]
         constants = {constant.name: constant for constant in graph.graph.initializer}
         return {

@@ -200,6 +200,7 @@ def _copy_half(source: h5py.Group, target: h5py.Group) -> None:
 
 def _read(path: Path, network: keras.Model) -> None:
     try:
+        _check_self_contained(path)
         network.load_weights(path)
     except MemoryError:
         raise  # this machine's fault, not the file's
@@ -207,6 +208,24 @@ def _read(path: Path, network: keras.Model) -> None:
         reason = str(error).partition("\n")[0] or type(error).__name__
         raise ValueError(f"{path} cannot be read: {reason}; train again") from error
     _check_finite(path, network)
+
+
+def _check_self_contained(path: Path) -> None:
+    """Raise ValueError if a weights file leads to arrays in other files, which nobody has named."""
+
+    # HDF5 ends a visit at the first answer that is not None; an error would be lost inside it.
+    def of_link(name: str, link: object) -> str | None:
+        is_elsewhere = isinstance(link, h5py.ExternalLink)
+        return f"{name} is a link to another file" if is_elsewhere else None
+
+    def of_item(name: str, item: h5py.Group | h5py.Dataset) -> str | None:
+        is_elsewhere = isinstance(item, h5py.Dataset) and (item.external or item.is_virtual)
+        return f"the values of {name} lie in another file" if is_elsewhere else None
+
+    with h5py.File(path) as file:
+        fault = file.visititems_links(of_link) or file.visititems(of_item)
+    if fault:
+        raise ValueError(fault)
 
 
 def _check_finite(path: Path, network: keras.Model) -> None:

@@ -87,6 +87,14 @@ def test_what_is_no_graph_is_told(content, tmp_path):
         read(path)
 
 
+def test_constants_in_another_file_are_refused(tmp_path):
+    graph, values = held(kernel=random(3, 2)), random(3, 2)
+    describe(graph, {"kernel": values})
+    onnx.save(graph, tmp_path / "graph.onnx", save_as_external_data=True, size_threshold=0)
+    with pytest.raises(ValueError, match=r"graph\.onnx holds no weights"):
+        read(tmp_path / "graph.onnx")
+
+
 @pytest.fixture
 def bare(tiny_model, tmp_path):
     """A model whose weights lie in its graphs alone."""

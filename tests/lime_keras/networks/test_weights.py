@@ -6,6 +6,7 @@ import re
 import shutil
 
 import full_disk
+import h5py
 import keras
 import numpy as np
 import pytest
@@ -174,6 +175,45 @@ def test_a_weight_that_is_not_finite_is_named(name, value, tiny, model):
     weights.save(model, tiny, subnetworks)
     with pytest.raises(ValueError, match=rf"{name}\.weights\.h5 cannot be read: .* NaN"):
         weights.load(model)
+
+
+@pytest.mark.parametrize("way", ["link", "link to a group", "soft link", "raw", "virtual"])
+def test_values_that_lie_in_another_file_are_refused(way, model):
+    path = model / "segmentation.weights.h5"
+    elsewhere = model / "elsewhere.h5"
+    shutil.copyfile(path, elsewhere)
+    with h5py.File(path, "a") as file:
+        found: dict[str, h5py.Dataset] = {}
+        file.visititems(lambda name, item: found.update({name: item} if _is_array(item) else {}))
+        name, array = next(iter(found.items()))
+        shape = array.shape
+        array[...].tofile(model / "values.raw")
+        parent = name.rpartition("/")[0]
+        if way == "link to a group":
+            del file[parent]
+            file[parent] = h5py.ExternalLink("elsewhere.h5", parent)
+        else:
+            del file[name]
+        if way == "link":
+            file[name] = h5py.ExternalLink("elsewhere.h5", name)
+        if way == "soft link":
+            file["aside"] = h5py.ExternalLink("elsewhere.h5", name)
+            file[name] = h5py.SoftLink("/aside")
+        if way == "raw":
+            raw = [("values.raw", 0, h5py.h5f.UNLIMITED)]
+            file.create_dataset(name, shape, np.float32, external=raw)
+        if way == "virtual":
+            layout = h5py.VirtualLayout(shape, np.float32)
+            layout[...] = h5py.VirtualSource("elsewhere.h5", name, shape)
+            file.create_virtual_dataset(name, layout)
+    with pytest.raises(
+        ValueError, match=r"segmentation\.weights\.h5 cannot be read: .* another file"
+    ):
+        weights.load(model)
+
+
+def _is_array(item):
+    return isinstance(item, h5py.Dataset)
 
 
 def test_whatever_a_damaged_byte_leads_to_names_the_file(model):
