@@ -135,7 +135,7 @@ def test_webassembly_gets_threads(headers, written, page):
         page.wait_for_function("document.getElementById('about').textContent.includes('thread')")
         about = page.text_content("#about")
         cores = page.evaluate("navigator.hardwareConcurrency")
-    assert f"{min(cores, 4)} thread" in about and "int8" in about
+    assert f"{min(cores, 4)} thread" in about and "float32" in about
 
 
 def test_the_page_estimates_its_sample(written, page):
@@ -154,7 +154,7 @@ def test_the_page_follows_the_camera(written, page):
         page.wait_for_selector("#save-json:enabled")
         found = json.loads(chromium.taken(page, "#save-json"))
     expected = Estimator().estimate(live_scenes.ball())
-    # The clip's chroma has half its resolution, the ball moves, and the networks have eight bits.
+    # The clip's chroma has half its resolution, and the ball moves.
     assert found["fused"]["diffuse_albedo"] == pytest.approx(expected.diffuse_albedo, abs=0.15)
     assert page.inner_text("#message") == ""
 
@@ -164,7 +164,7 @@ def test_without_isolation_there_is_one_thread(written, page):
     with chromium.serving(written) as port:
         page.goto(f"http://127.0.0.1:{port}/browser/")
         found = page.evaluate(ESTIMATE, asked([live_scenes.ball()], [None]))
-    assert found["about"] == "WebAssembly, 1 thread, int8"
+    assert found["about"] == "WebAssembly, 1 thread, float32"
     assert found["answers"][0]["found"]
 
 
@@ -276,7 +276,7 @@ CREATE = """
 async (change) => {
   const { createEngine } = await import("./engine.js");
   const config = await (await fetch("../engine.json")).json();
-  const graph = config.graphs.int8.mask;
+  const graph = config.graphs.float32.mask;
   if (change === "missing") graph.path = "graphs/none.onnx";
   if (change === "longer") graph.bytes += 1;
   if (change === "shorter") graph.bytes -= 1;

@@ -12,7 +12,7 @@ const MOST_THREADS = 4; // More threads gain networks this small nothing.
  * that was measured to be faster.
  */
 export async function createEngine(config) {
-  const precision = new URLSearchParams(location.search).get("precision") ?? "int8";
+  const precision = new URLSearchParams(location.search).get("precision") ?? "float32";
   if (!(precision in config.graphs)) {
     const known = Object.keys(config.graphs).join(" or ");
     throw new EngineError(`The address asks for precision=${precision}: ask for ${known}.`);
