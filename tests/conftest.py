@@ -153,10 +153,16 @@ ABLATIONS = {
 }
 
 
-@pytest.fixture(scope="session", params=ABLATIONS.values(), ids=ABLATIONS)
+def _ablations():
+    """Yield the names of the ablations; the one that differs most is not slow."""
+    for name in ABLATIONS:
+        yield pytest.param(name, marks=() if name == "baseline" else pytest.mark.slow)
+
+
+@pytest.fixture(scope="session", params=_ablations())
 def ablation(request, tiny):
     """Return the smallest architecture of each ablation."""
-    return dataclasses.replace(tiny, **request.param)
+    return dataclasses.replace(tiny, **ABLATIONS[request.param])
 
 
 @pytest.fixture(scope="session")

@@ -33,7 +33,9 @@ def _stage(run, name):
         return {key: stored[key] for key in stored}
 
 
-@pytest.mark.parametrize("names", [["bank"], ["bank", "corpus"]])
+@pytest.mark.parametrize(
+    "names", [pytest.param(["bank"], marks=pytest.mark.slow), ["bank", "corpus"]]
+)
 def test_a_run_is_resumed_bit_for_bit(names, paths, tmp_path, monkeypatch):
     monkeypatch.setattr(stage_training, "_SECONDS_BETWEEN_CHECKPOINTS", 0)
     found = [paths / name for name in names]

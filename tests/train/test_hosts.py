@@ -33,6 +33,7 @@ def _curve(run):
     return [{name: float(row[name] or 0) for name in row if name != "seconds"} for row in rows]
 
 
+@pytest.mark.slow
 def test_two_processes_train_as_one(folder):
     """Process 0 alone saves, which must not wait for the other; and the other writes nothing."""
     for what in ("together", "alone"):

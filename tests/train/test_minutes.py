@@ -114,6 +114,7 @@ def test_measuring_a_stage_leaves_no_trace(run, monkeypatch):
         assert np.array_equal(one, other)
 
 
+@pytest.mark.slow
 def test_a_resumed_run_goes_on_with_what_is_left(run, monkeypatch):
     monkeypatch.setattr(stage_training, "_SECONDS_BETWEEN_CHECKPOINTS", 0)
 

@@ -329,6 +329,7 @@ def test_a_finished_run_is_not_trained_again(corpus, config, finished):
     ]
 
 
+@pytest.mark.slow
 def test_another_seed_gives_other_weights(corpus, config, finished, tmp_path):
     other = dataclasses.replace(config, seed=1)
     trainer.train([corpus], tmp_path, other, _ignore, only=["exponent"])
@@ -393,6 +394,7 @@ def test_a_run_begins_with_what_another_has_trained_yet(corpus, config, tmp_path
     assert initial_weights.described(tmp_path / "run") == expected
 
 
+@pytest.mark.slow
 def test_joined_training_may_skip_the_single_stages(corpus, config, finished, tmp_path):
     name = "specular+mirror"
     untrained = trainer.train([corpus], tmp_path, config, _ignore, only=[name])

@@ -51,9 +51,11 @@ def of_keras(run, images):
 
 
 ALL = [(runtime, name) for runtime, names in PRECISIONS.items() for name in names]
+FAST = {("SavedModel", "float32"), ("ONNX Runtime", "int8")}
+MARKED = [pytest.param(*pair, marks=() if pair in FAST else pytest.mark.slow) for pair in ALL]
 
 
-@pytest.mark.parametrize(("runtime", "precision"), ALL)
+@pytest.mark.parametrize(("runtime", "precision"), MARKED)
 def test_a_variant_answers_within_its_precision(run, images, of_keras, runtime, precision):
     answer = dict(run.answer(runtime, precision)(images))
     assert all(value.dtype == np.float32 for value in answer.values())

@@ -203,7 +203,7 @@ def assert_same(found, expected):
             np.testing.assert_array_equal(value, other[name], err_msg=name)
 
 
-@pytest.mark.parametrize("size", [SIZE, 4])
+@pytest.mark.parametrize("size", [pytest.param(SIZE, marks=pytest.mark.slow), 4])
 def test_the_seed_decides_the_batches(shards, size):
     first = photos(shards, 9, size=size)
     assert_same(photos(shards, 9, size=size), first)

@@ -207,6 +207,7 @@ def test_encoders_of_before_joined_training_are_exported_with_the_weights(tiny_m
     assert all(np.array_equal(one, other.astype(np.float16)) for one, other in pairs)
 
 
+@pytest.mark.slow
 def test_a_set_is_put_into_the_package(sets, tiny_model, tmp_path, capsys):
     """As `make ship` and, again and again, `make graphs` do; the graphs stay the same bytes."""
     package, run = sets("live"), tmp_path / "run"

@@ -104,6 +104,7 @@ graphs.write(Path(sys.argv[2]), architecture, chosen, "digest")
 """
 
 
+@pytest.mark.slow
 def test_the_same_weights_give_the_same_bytes_in_every_process(tiny_model, tmp_path):
     for seed, when in (("1", "first"), ("2", "later")):
         command = [sys.executable, "-c", EXPORT, tiny_model, tmp_path / seed, when]

@@ -128,6 +128,7 @@ def test_a_copy_has_files_of_its_own(bare, tiny_model, tmp_path):
         assert all(np.array_equal(one, other) for one, other in pairs), name
 
 
+@pytest.mark.slow
 def test_a_copy_of_weights_in_half_the_space_takes_half_the_space(tmp_path):
     wide = Architecture(size=32, unet_width=8, unet_depth=3, encoder_width=8, dense_width=32)
     for half in (True, False):
