@@ -9,7 +9,7 @@ import random
 import re
 import struct
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 Mutation = Callable[[random.Random, bytes], bytes]
@@ -175,11 +175,10 @@ def nested(rng: random.Random, data: bytes) -> bytes:
 
 def _places(value: Any) -> list[tuple[Any, Any]]:
     """Return holder and key of every value within a value."""
-    inside = value.items() if isinstance(value, dict) else enumerate(value)
-    out = []
-    for key, held in inside if isinstance(value, dict | list) else ():
-        out += [(value, key), *_places(held)]
-    return out
+    inside: Iterable[tuple[Any, Any]] = ()
+    if isinstance(value, dict | list):
+        inside = value.items() if isinstance(value, dict) else enumerate(value)
+    return [place for key, held in inside for place in ((value, key), *_places(held))]
 
 
 def _value(rng: random.Random) -> Any:

@@ -192,8 +192,8 @@ def clips(folder: Path) -> None:
 
     frames = files.noise(3, (32, 48))
     for name, codec in (
-        *(("clip.mp4", "libx264"), ("clip.avi", "mjpeg"), ("clip.webm", "libvpx-vp9")),
-        *(("clip.mov", None), ("clip.mkv", None), ("clip.mpg", "mpeg2video"), ("clip.m4v", "mpeg4")),
+        *(("clip.mp4", "libx264"), ("clip.avi", "mpeg4"), ("clip.webm", "libvpx-vp9")),
+        *(("clip.mov", None), ("clip.mkv", None), ("clip.ts", "libx264"), ("clip.m4v", "libx264")),
     ):
         files.write(_new(folder, name.partition(".")[2], name), frames, codec=codec)
 
@@ -227,6 +227,31 @@ def banks(folder: Path) -> None:
 
     (folder / "noise").mkdir(parents=True)
     bank_files.write(folder / "noise", shards=(2, 1))
+
+
+def whole_banks(folder: Path) -> None:
+    """Write a bank of ellipsoids with all that `lime-render verify` asks for."""
+    import sphere_bank
+
+    from lime_keras.synthesis import bank
+
+    seed = folder / "ellipsoids"
+    sphere_bank.write(seed, size=16, count=3, shapes=2, maps=2)
+    path = seed / bank.MANIFEST
+    manifest = json.loads(path.read_text())
+    digests = {name.name: manifest["files"][f"geometry/{name.name}"] for name in _shard(seed)}
+    description = manifest["description"] | {"size": 16, "count": 3}
+    for name, content in {
+        bank.MANIFEST: manifest | {"description": description, "inputs": {}},
+        "description.json": description,
+        "inputs.json": {},
+        "geometry/00000.json": {"entries": 3, "sha256": digests},
+    }.items():
+        (seed / name).write_text(json.dumps(content))
+
+
+def _shard(bank: Path) -> list[Path]:
+    return [bank / "geometry" / f"00000.{end}" for end in ("bin", "npy")]
 
 
 # ---- models ----------------------------------------------------------------------------------
@@ -392,7 +417,7 @@ def _post(path: str, body: bytes, more: str = "") -> bytes:
 MAKERS: dict[str, Callable[[Path], None]] = {
     made.__name__: made
     for made in (
-        *(pictures, backgrounds, masks, normals, environments, meshes, clips, corpora, records, banks),
+        *(pictures, backgrounds, masks, normals, environments, meshes, clips, corpora, records, banks, whole_banks),
         *(weights, graphs, maskers, runs, predictions, results, requests),
     )
 }

@@ -53,7 +53,7 @@ class Outcome:
 
 
 class Unsound(RuntimeError):
-    """A seed that is refused without any damage, so that damaging it would show nothing."""
+    """A seed that is refused without any damage, or cannot be damaged: nothing can be shown."""
 
 
 def tried(
@@ -69,7 +69,7 @@ def tried(
         scratch: empty folder for the seeds and the inputs.
 
     Raises:
-        Unsound: if a seed is not read as it is.
+        Unsound: if a seed is not read as it is, or cannot be damaged.
     """
     os.environ.update(_ENVIRONMENT)
     _made(scratch, {door.seeds for door in doors.values()})
@@ -227,7 +227,11 @@ def _work(
                 os.truncate(file, 0)
                 folder = _folder(scratch, block.door, index)
                 shutil.rmtree(folder, ignore_errors=True)
-                inputs.write(scratch / "seeds" / door.seeds, seed, block.door, index, folder)
+                try:
+                    inputs.write(scratch / "seeds" / door.seeds, seed, block.door, index, folder)
+                except Exception as error:
+                    pipe.send(("unsound", f"{block.door} {index} cannot be made: {error!r}"))
+                    return
                 pipe.send(("begun", verdicts.resident()))
                 # Should nobody watch any more, it ends by itself.
                 signal.alarm(round(3 * LIMIT_SECONDS))
