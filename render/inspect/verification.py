@@ -233,8 +233,8 @@ def _check_record(
     """Return the index and the faults of a record; the index is None if decoding fails."""
     try:
         example = {name: value.numpy() for name, value in _parse(serialized).items()}
-    except tf.errors.InvalidArgumentError as error:
-        return None, [("record", f"cannot be decoded: {str(error).splitlines()[0]}")]
+    except records.DAMAGED as error:
+        return None, [("record", f"cannot be decoded: {records.words(error)}")]
     return int(example["index"]), record_checks.faults(example, expected)
 
 

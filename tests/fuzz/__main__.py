@@ -38,9 +38,7 @@ def parser() -> argparse.ArgumentParser:
         epilog=_EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    out.add_argument(
-        "--inputs", type=console.count, metavar="N", help="end after so many inputs"
-    )
+    out.add_argument("--inputs", type=console.count, metavar="N", help="end after so many inputs")
     out.add_argument(
         "--minutes",
         type=console.positive,

@@ -197,6 +197,7 @@ def _run_file(folder: Path) -> None:
     from lime_keras.render.corpus import claim, inputs
     from lime_keras.train import config, initial_weights, summary
 
+    folder = folder / "run"
     path = _file(folder)
     if path.name == "config.json":
         config.check(folder, config.Config.read(folder))

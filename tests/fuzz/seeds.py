@@ -335,7 +335,8 @@ def runs(folder: Path) -> None:
         "description": {"split": "train", "count": 4, "seed": 0, "size": 64, "shapes": None},
         "sidecar": {"examples": 1, "sha256": "0" * 64, "failures": [], "packages": {"numpy": "2"}},
     }.items():
-        _new(folder, name, f"{name}.json").write_text(json.dumps(content, indent=1))
+        path = _new(folder / name, "run", f"{name}.json")
+        path.write_text(json.dumps(content, indent=1))
 
 
 def predictions(folder: Path) -> None:
@@ -417,7 +418,19 @@ def _post(path: str, body: bytes, more: str = "") -> bytes:
 MAKERS: dict[str, Callable[[Path], None]] = {
     made.__name__: made
     for made in (
-        *(pictures, backgrounds, masks, normals, environments, meshes, clips, corpora, records, banks, whole_banks),
+        *(
+            pictures,
+            backgrounds,
+            masks,
+            normals,
+            environments,
+            meshes,
+            clips,
+            corpora,
+            records,
+            banks,
+            whole_banks,
+        ),
         *(weights, graphs, maskers, runs, predictions, results, requests),
     )
 }

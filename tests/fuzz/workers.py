@@ -9,7 +9,7 @@ import signal
 import sys
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
@@ -206,9 +206,7 @@ class _Worker:
             self.pipe.send(block)
 
 
-def _work(
-    pipe: Connection, doors: Mapping[str, Door], seed: int, scratch: Path, log: Path
-) -> None:
+def _work(pipe: Connection, doors: Mapping[str, Door], seed: int, scratch: Path, log: Path) -> None:
     """Read the inputs of blocks until the other end of the pipe is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to answer
     file = _quiet(log)
@@ -269,5 +267,3 @@ def _quiet(log: Path) -> int:
 
 def _end(log: Path) -> str:
     return log.read_text(encoding="utf-8", errors="replace")[-_LOG_END:]
-
-
