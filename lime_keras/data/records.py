@@ -156,7 +156,7 @@ def parse(serialized: Any, features: Collection[str] = FEATURES) -> dict[str, tf
 
 
 def words(error: Exception) -> str:
-    """Return an error out of `DAMAGED` in one line, without the names of TensorFlow's operations."""
+    """Return an error out of `DAMAGED` in one line, without TensorFlow's names of operations."""
     if isinstance(error, UnicodeDecodeError):
         return "its bytes are no example"
     first_line = str(getattr(error, "message", error)).splitlines()[0]

@@ -21,6 +21,7 @@ _UNTOLD_MATRIX, _HIGH_DEFINITION = 2, 720
 _HDR = {16: "PQ", 18: "HLG"}
 """Names of the transfer curves of high dynamic range, by FFmpeg's number."""
 _CHANNELS = 3
+"""Channels of every frame as it is returned."""
 _WHOLE = 0.9
 """Share of the announced duration that the frames of a complete file fill at least."""
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from lime_keras import console
 
 from .doors import DOORS, Door
+from .inputs import Block
 
 _A_SHARE = 5
 """Inputs of a door of share 1 in a block, which one process reads in one go."""
@@ -20,11 +21,11 @@ examples:
   python -m tests.fuzz --inputs 100000 --seed 1
   python -m tests.fuzz --inputs 2000 --door photo mask --out kept
 
-An input follows from the seed, its door and its number: the same seed tries the same inputs, however
-many processes share them. Each of them is either read, or refused in one sentence that names its
-file, as a command refuses it. Whatever else happens falls through: another error, a crash, no end
-within 10 seconds, more than 2 GB of memory, a refusal that names no file. What falls through is kept
-in DIR/DOOR-seed-S-index-I/: the input, and reason.txt.
+An input follows from the seed, its door and its number: the same seed tries the same inputs,
+however many processes share them. Each of them is either read, or refused in one sentence that
+names its file, as a command refuses it. Whatever else happens falls through: another error, a
+crash, no end within 10 seconds, more than 2 GB of memory, a refusal that names no file. What falls
+through is kept in DIR/DOOR-seed-S-index-I/: the input, and reason.txt.
 
 exit status: 0 nothing fell through, 1 something did, 2 wrong usage, 130 interrupted
 """
@@ -108,10 +109,8 @@ def _try(options: argparse.Namespace) -> int:
     return 130 if interrupted else int(report.fell > 0)
 
 
-def blocks(doors: Mapping[str, Door], count: int | None) -> Iterator["workers.Block"]:
+def blocks(doors: Mapping[str, Door], count: int | None) -> Iterator[Block]:
     """Yield blocks of all doors in turn, each as long as its share: `count` inputs, or no end."""
-    from .workers import Block
-
     left = count
     for turn in itertools.count():
         for name, door in doors.items():

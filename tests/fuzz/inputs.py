@@ -3,9 +3,19 @@
 import os
 import random
 import shutil
+from dataclasses import dataclass
 from pathlib import Path
 
 from .mutations import mutated
+
+
+@dataclass(frozen=True)
+class Block:
+    """Some inputs of one door, from `first` up to but without `last`."""
+
+    door: str
+    first: int
+    last: int
 
 
 def write(seeds: Path, seed: int, door: str, index: int, folder: Path) -> Path:

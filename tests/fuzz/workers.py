@@ -9,7 +9,7 @@ import signal
 import sys
 import time
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
@@ -17,10 +17,15 @@ from typing import Any
 
 from . import inputs, seeds, verdicts
 from .doors import Door
+from .inputs import Block
 from .verdicts import FELL, LIMIT_BYTES, LIMIT_SECONDS, READ, Verdict
+
+Maker = Callable[[Path, tuple[str, ...]], None]
 
 _BEGIN_SECONDS = 180.0
 """Time that the first reading of a door's sound inputs may take, imports included."""
+_TO_END = 5.0
+"""Seconds that an idle process has to end by itself."""
 _TICK = 0.1
 """Seconds between two looks at the processes."""
 _LARGEST = 3 << 30
@@ -31,15 +36,6 @@ _ENVIRONMENT = {
     **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "TF_NUM_INTRAOP_THREADS"), "1"),
     **{"TF_NUM_INTEROP_THREADS": "1", "TF_CPP_MIN_LOG_LEVEL": "3", "CUDA_VISIBLE_DEVICES": ""},
 }
-
-
-@dataclass(frozen=True)
-class Block:
-    """Some inputs of one door, from `first` up to but without `last`."""
-
-    door: str
-    first: int
-    last: int
 
 
 @dataclass(frozen=True)
@@ -57,7 +53,13 @@ class Unsound(RuntimeError):
 
 
 def tried(
-    doors: Mapping[str, Door], blocks: Iterator[Block], *, seed: int, count: int, scratch: Path
+    doors: Mapping[str, Door],
+    blocks: Iterator[Block],
+    *,
+    seed: int,
+    count: int,
+    scratch: Path,
+    make: Maker = seeds.make,
 ) -> Iterator[Outcome]:
     """Try inputs in child processes and yield what becomes of each, in any order.
 
@@ -67,12 +69,13 @@ def tried(
         seed: seed of the run.
         count: number of processes.
         scratch: empty folder for the seeds and the inputs.
+        make: writes seeds of these names into a folder.
 
     Raises:
         Unsound: if a seed is not read as it is, or cannot be damaged.
     """
     os.environ.update(_ENVIRONMENT)
-    _made(scratch, {door.seeds for door in doors.values()})
+    _made(scratch, make, {door.seeds for door in doors.values()})
     started: list[_Worker] = []
     try:
         for number in range(count):
@@ -86,10 +89,10 @@ def tried(
             worker.end()
 
 
-def _made(scratch: Path, names: set[str]) -> None:
+def _made(scratch: Path, make: Maker, names: set[str]) -> None:
     """Write the seeds in a process of its own, which may import what it likes."""
     process = multiprocessing.get_context("spawn").Process(
-        target=_make, args=(scratch / "seeds", tuple(sorted(names)), scratch / "seeds.txt")
+        target=_make, args=(make, scratch / "seeds", tuple(sorted(names)), scratch / "seeds.txt")
     )
     process.start()
     process.join()
@@ -97,9 +100,9 @@ def _made(scratch: Path, names: set[str]) -> None:
         raise RuntimeError(f"no seeds could be made:\n{_end(scratch / 'seeds.txt')}")
 
 
-def _make(folder: Path, names: tuple[str, ...], log: Path) -> None:
+def _make(make: Maker, folder: Path, names: tuple[str, ...], log: Path) -> None:
     _quiet(log)
-    seeds.make(folder, names)
+    make(folder, names)
 
 
 class _Worker:
@@ -160,9 +163,11 @@ class _Worker:
 
     def end(self) -> None:
         """End the process, whatever it is doing."""
+        self.pipe.close()
+        if not self.is_busy:
+            self._process.join(_TO_END)
         self._process.kill()
         self._process.join()
-        self.pipe.close()
 
     def _fault(self, has_ended: bool) -> str | None:
         """Return why the process can do no more; it has ended then, or is ended."""

@@ -379,10 +379,11 @@ def test_a_flipped_byte_is_told(corpus):
     assert faults.examples == 3
 
 
-def test_a_record_that_is_none_is_told_and_the_next_are_checked(corpus, examples):
+@pytest.mark.parametrize("content", [b"no example", b"\xb6\x94" * 40])
+def test_a_record_that_is_none_is_told_and_the_next_are_checked(content, corpus, examples):
     path = Split(corpus, "train").shard_path(1)
     with tf.io.TFRecordWriter(str(path)) as writer:
-        writer.write(b"no example")
+        writer.write(content)
         writer.write(records.encode(examples[4] | {"seed": 9}))
     faults = verify(corpus)
     assert faults.kinds == {"sha256": 2, "record": 1, "seed": 1}
