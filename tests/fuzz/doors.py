@@ -209,7 +209,7 @@ def _run_file(folder: Path) -> None:
         initial_weights.described(folder)
     elif path.name == "inputs.json":
         found = inputs.read(path)
-        inputs.refuse({kind: held[:1] for kind, held in found.items()})
+        inputs.unusable(found)
         inputs.digests(found), inputs.repairs(found)
     elif path.name == "description.json":
         claim.held(path)

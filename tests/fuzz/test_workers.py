@@ -30,7 +30,7 @@ FAULTS = {
 @pytest.fixture
 def tried(tmp_path, monkeypatch):
     """`tried(*names)`: what becomes of four inputs of each of the broken doors, in order."""
-    monkeypatch.setattr(workers, "LIMIT_SECONDS", 1.0)
+    monkeypatch.setattr(workers, "LIMIT_SECONDS", 3.0)
 
     def run(*names, count=2):
         blocks = (Block(name, 0, 4) for name in names)
@@ -130,8 +130,13 @@ def test_an_interruption_prints_the_table_so_far_and_leaves_nobody(tmp_path):
     output, _ = child.communicate(timeout=30)
     assert child.returncode == 130
     assert b"| mask" in output and b"| all" in output
-    with pytest.raises(ProcessLookupError):
-        os.killpg(child.pid, 0)
+    for _ in range(100):  # Python's own helper ends a moment later
+        try:
+            os.killpg(child.pid, 0)
+        except ProcessLookupError:
+            return
+        time.sleep(0.1)
+    pytest.fail("a process is left")
 
 
 @pytest.mark.slow
