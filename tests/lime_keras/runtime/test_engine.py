@@ -98,6 +98,25 @@ def test_a_damaged_graph_is_told_with_the_mend(content, copy):
 
 
 @pytest.mark.parametrize(
+    "wrong",
+    [
+        {"inputs": ["compressed_specular_shading"]},
+        {"inputs": ["image", "mask", "compressed_mirror"]},
+        {"outputs": ["log_exponent"]},
+    ],
+)
+def test_a_graph_that_is_described_otherwise_is_told(wrong, copy):
+    path = copy / "graphs.json"
+    held = json.loads(path.read_text(encoding="utf-8"))
+    held["graphs"]["exponent"] |= wrong
+    path.write_text(json.dumps(held), encoding="utf-8")
+    engine, given = opened(copy), {"image": parity.images(32)[:1]}
+    outputs = held["graphs"]["exponent"]["outputs"]
+    with pytest.raises(ValueError, match=r"graphs\.json describes exponent as it is not .*delete"):
+        engine.run(outputs, given)
+
+
+@pytest.mark.parametrize(
     "text", ["", "{", "[]", "{}", '{"layout": 1}', '{"layout": 1, "graphs": []}', "layout"]
 )
 def test_a_description_that_cannot_be_read_counts_as_none(text, copy):
