@@ -100,6 +100,12 @@ def _is_readable(split: Split, faults: Faults) -> bool:
     unknown = _misfits(manifest, _MANIFEST, "")
     if not unknown:
         unknown = _misfits(manifest["description"], _DESCRIPTION, "description.")
+    if not unknown:
+        unknown = [
+            f"{name} (list of str)"
+            for name in ("shapes", "lights")
+            if not all(isinstance(one, str) for one in manifest[name])
+        ]
     if unknown:
         wanted = ", ".join(unknown)
         faults.add("manifest", path, f"expected {wanted}: a corpus of another version?")

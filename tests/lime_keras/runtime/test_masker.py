@@ -124,6 +124,12 @@ def test_a_network_of_something_else_is_refused(inputs, tmp_path):
         Masker(path)
 
 
+def test_a_network_that_answers_nothing_is_refused(tmp_path):
+    path = write(tmp_path / "m.onnx", [mean()], outputs={})
+    with pytest.raises(ValueError, match=r"m\.onnx answers nothing, and a masker answers a mask"):
+        Masker(path)
+
+
 ANSWERS = {
     "no mask": ([helper.make_node("Identity", ["image"], ["mask"])], r"answers \(1, 3, 8, 8\)"),
     "a number": (

@@ -496,6 +496,13 @@ def test_without_a_manifest_nothing_else_is_judged(corpus, content, message):
     assert faults.kinds == {"manifest": 1} and message in faults.lines()[0]
 
 
+@pytest.mark.parametrize("name", ["shapes", "lights"])
+def test_names_that_are_none_are_a_fault_of_the_manifest(name, corpus):
+    edit(corpus / "train" / "manifest.json", **{name: [{}]})
+    faults = verify(corpus)
+    assert faults.kinds == {"manifest": 1} and f"{name} (list of str)" in faults.lines()[0]
+
+
 def test_many_faults_of_a_kind_are_counted():
     faults = verification.Faults()
     for index in range(25):
