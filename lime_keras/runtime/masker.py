@@ -79,8 +79,8 @@ class Masker:
             )
         if not self._session.get_outputs():
             raise ValueError(
-                f"{path} answers nothing, and a masker answers a mask: pass a network of the U²-Net "
-                "family"
+                f"{path} answers nothing, and a masker answers a mask: pass a network of the "
+                "U²-Net family"
             )
         self._input, self._dtype = inputs[0].name, _DTYPES.get(inputs[0].type, np.float32)
         self._height, self._width = (
