@@ -58,20 +58,26 @@ def run(command: Callable[[], int], interrupted: str) -> int:
     except KeyboardInterrupt:
         print(f"\ninterrupted: {interrupted}", file=sys.stderr)
         return 130
-    except MemoryError as error:
-        print(f"error: {_out_of_memory(error)}", file=sys.stderr)
-        return 1
-    except _EXPECTED as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 1
     except Exception as error:
-        # TensorFlow's own errors, such as that of a damaged record, are expected too. The name of
-        # their module identifies them, so that TensorFlow need not be imported.
-        if not type(error).__module__.startswith("tensorflow"):
+        said = message(error)
+        if said is None:
             raise
-        first_line = str(error).splitlines()[0]
-        print(f"error: TensorFlow: {first_line} ({type(error).__name__})", file=sys.stderr)
+        print(f"error: {said}", file=sys.stderr)
         return 1
+
+
+def message(error: Exception) -> str | None:
+    """Return what a command says of an expected error; None of any other, which is a fault."""
+    if isinstance(error, MemoryError):
+        return _out_of_memory(error)
+    if isinstance(error, _EXPECTED):
+        return str(error)
+    # TensorFlow's own errors, such as that of a damaged record, are expected too. The name of
+    # their module identifies them, so that TensorFlow need not be imported.
+    if type(error).__module__.startswith("tensorflow"):
+        first_line = str(error).splitlines()[0]
+        return f"TensorFlow: {first_line} ({type(error).__name__})"
+    return None
 
 
 def _out_of_memory(error: MemoryError) -> str:
@@ -170,6 +176,7 @@ class Bar:
             )
         if told:
             self._bar.set_postfix(told, refresh=False)
+        self._bar.total = total
         self._bar.update(done - self._bar.n)
         if done == total:
             self._bar.close()

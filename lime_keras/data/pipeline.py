@@ -9,7 +9,6 @@ import functools
 import hashlib
 import math
 import os
-import re
 from collections.abc import Callable, Collection, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -226,7 +225,7 @@ def naming_damage(batches: Iterable[Any], shards: list[Path]) -> Iterator[Any]:
             batch = next(iterator)
         except StopIteration:
             return
-        except (tf.errors.DataLossError, tf.errors.InvalidArgumentError):
+        except records.DAMAGED:
             for path in shards:
                 _check_records(path)
             raise
@@ -327,8 +326,8 @@ def _check_records(path: Path) -> int:
         for serialized in tf.data.TFRecordDataset(str(path)):
             _refuse_non_finite(records.parse_whole(serialized))
             count += 1
-    except (tf.errors.DataLossError, tf.errors.InvalidArgumentError) as error:
-        raise _broken(path, count, _plain(error)) from error
+    except records.DAMAGED as error:
+        raise _broken(path, count, records.words(error)) from error
     return count
 
 
@@ -343,11 +342,6 @@ def _refuse_non_finite(example: dict[str, tf.Tensor]) -> dict[str, tf.Tensor]:
         else tf.debugging.check_numerics(value, f"{name} is not finite")
         for name, value in example.items()
     }
-
-
-def _plain(error: tf.errors.OpError) -> str:
-    """Return TensorFlow's message without the names of its operations."""
-    return re.sub(r"\{\{.*?\}\} *| *\[Op:.*", "", str(error.message).splitlines()[0])
 
 
 def _broken(path: Path, record: int, found: str) -> ValueError:

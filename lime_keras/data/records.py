@@ -29,6 +29,7 @@ The bits of half floats are stored as a 16-bit PNG. This is lossless and decoded
 `tf.data` graph. It is smaller than a deflated tensor, because PNG filters suit smooth images.
 """
 
+import re
 from collections.abc import Collection, Mapping
 from typing import Any
 
@@ -42,6 +43,9 @@ SCHEMA_VERSION = 1
 LARGEST_HALF = 65504.0
 COMPRESSION = 4
 """zlib's compression level, 0…9: a third faster than the usual 6, and files 1 % larger."""
+
+DAMAGED = (tf.errors.DataLossError, tf.errors.InvalidArgumentError, UnicodeDecodeError)
+"""What TensorFlow raises at damaged records: the last where its message quotes them, as text."""
 
 _BYTE_IMAGES = {"image": 3, "mask": 1}
 _HALF_IMAGES = {
@@ -149,6 +153,14 @@ def parse(serialized: Any, features: Collection[str] = FEATURES) -> dict[str, tf
     if "environment" in spec:
         example["environment"] = tf.ensure_shape(example["environment"], (*STORED_SHAPE, 1))
     return example
+
+
+def words(error: Exception) -> str:
+    """Return an error out of `DAMAGED` in one line, without TensorFlow's names of operations."""
+    if isinstance(error, UnicodeDecodeError):
+        return "its bytes are no example"
+    first_line = str(getattr(error, "message", error)).splitlines()[0]
+    return re.sub(r"\{\{.*?\}\} *| *\[Op:.*", "", first_line)
 
 
 def image_png(serialized: Any) -> tf.Tensor:

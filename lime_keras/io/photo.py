@@ -235,7 +235,7 @@ def _open(path: Path) -> _Picture:
     is_linear = image.file_format_name in _LINEAR_FORMATS or space.startswith(_LINEAR_SPACES)
     profile = image.spec().getattribute("ICCProfile")
     alpha, channels = image.spec().alpha_channel, image.spec().nchannels
-    if image.orientation != 1:
+    if 1 < image.orientation <= 8:  # some cameras write 0
         image = oiio.ImageBufAlgo.reorient(image)
     area = image.roi
     if area.width * area.height == 0:

@@ -34,7 +34,10 @@ def read(path: Path) -> dict[str, Any] | None:
         content = incoming.read_json(path)
     except (OSError, ValueError):
         return None
-    if not isinstance(content.get("made"), dict) or not isinstance(content.get("files"), list):
+    made = content.get("made")
+    if not isinstance(made, dict) or not isinstance(made.get("options") or {}, dict):
+        return None
+    if not isinstance(content.get("files"), list):
         return None
     # Nothing outside the folder is ever a file of a result, whatever the JSON says.
     content["files"] = [

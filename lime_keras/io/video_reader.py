@@ -12,7 +12,7 @@ import av
 import numpy as np
 from av import device
 
-from lime_keras.io import incoming
+from lime_keras.io import incoming, photo
 from lime_keras.io.sources import CAMERA, is_camera
 
 _DEVICES = {"linux": "v4l2", "darwin": "avfoundation", "win32": "dshow"}
@@ -20,6 +20,8 @@ _DEVICES = {"linux": "v4l2", "darwin": "avfoundation", "win32": "dshow"}
 _UNTOLD_MATRIX, _HIGH_DEFINITION = 2, 720
 _HDR = {16: "PQ", 18: "HLG"}
 """Names of the transfer curves of high dynamic range, by FFmpeg's number."""
+_CHANNELS = 3
+"""Channels of every frame as it is returned."""
 _WHOLE = 0.9
 """Share of the announced duration that the frames of a complete file fill at least."""
 
@@ -57,10 +59,19 @@ class Footage:
     def __init__(self, source: str):
         self._source = source
         self._container: Any = _camera(source) if is_camera(source) else _file(source)
+        try:
+            with incoming.naming(Path(source), "a video"):
+                self._begin()
+        except BaseException:
+            self._container.close()
+            raise
+
+    def _begin(self) -> None:
+        """Find the video stream, and what the container announces of it."""
+        source = self._source
         # The cover picture of a song is a video stream, too.
         streams = [s for s in self._container.streams.video if not _is_cover(s)]
         if not streams:
-            self._container.close()
             raise ValueError(f"{source} holds no video stream: pass a file with moving pictures")
         self._stream = streams[0]
         self._rate = float(self._stream.average_rate or self._stream.guessed_rate or 25)
@@ -86,11 +97,14 @@ class Footage:
         first, count, now, damaged = None, 0, 0.0, 0
         for packet in self._packets():
             try:
-                decoded = packet.decode()
-            except av.error.InvalidDataError:
+                decoded = [(picture, self._pixels(picture)) for picture in packet.decode()]
+            except MemoryError:
+                raise  # with the file's name
+            except av.error.FFmpegError:
+                # Codecs tell of what they cannot decode as of invalid data, or as their own error.
                 damaged += 1
                 continue
-            for picture in decoded:
+            for picture, pixels in decoded:
                 told = count / self._rate if picture.time is None else picture.time
                 first = told if first is None else first
                 now, count = told - first, count + 1
@@ -100,7 +114,7 @@ class Footage:
                         "is read as if it were sRGB, so albedos will be off: record or convert it "
                         "in standard range"
                     )
-                yield Frame(_upright(picture), now)
+                yield Frame(pixels, now)
         if damaged:
             self.remarks.append(f"{self._source}: {damaged} damaged packets were left out")
         spacing = now / (count - 1) if count > 1 else 1 / self._rate
@@ -109,6 +123,13 @@ class Footage:
                 f"{self._source} announces {self._announced:.2f} s, but its pictures end after "
                 f"{now:.2f} s: it seems cut short; what there is was read"
             )
+
+    def _pixels(self, picture: Any) -> np.ndarray:
+        """Return the pixels of a decoded picture (see `_upright`), unless it is too large."""
+        path = Path(self._source)
+        incoming.check_size(path, picture.width, picture.height, _CHANNELS, photo.LARGEST)
+        with incoming.naming(path, "a video"):
+            return _upright(picture)
 
     def _packets(self) -> Iterator[Any]:
         """Yield compressed packets and last an empty packet, which flushes the decoder."""

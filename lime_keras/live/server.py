@@ -49,6 +49,8 @@ _HEADERS = {
 }
 _PATIENCE = 30.0
 """Seconds without a byte after which a connection is closed."""
+_DIGITS = 20
+"""Largest number of digits of a length that is looked at."""
 
 
 @dataclass(frozen=True)
@@ -200,9 +202,10 @@ class _Handler(BaseHTTPRequestHandler):
     def _body(self) -> bytes | None:
         """Return the request's body; refuse it and return None if it is too large."""
         length = self.headers.get("Content-Length", "")
-        if not length.isascii() or not length.isdigit() or int(length) > wire.LARGEST_BODY:
+        known = length.isascii() and length.isdigit()
+        # Python itself refuses to make a number of thousands of digits.
+        if not known or len(length) > _DIGITS or int(length) > wire.LARGEST_BODY:
             self.close_connection = True
-            known = length.isascii() and length.isdigit()
             self._tell(
                 HTTPStatus.REQUEST_ENTITY_TOO_LARGE if known else HTTPStatus.LENGTH_REQUIRED,
                 "frame",

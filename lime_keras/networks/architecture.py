@@ -1,5 +1,6 @@
 """The architecture of a system, which is its subnetworks with their sizes, and the presets."""
 
+import math
 from dataclasses import dataclass
 
 SYSTEMS = ("lime", "reflectance-map")
@@ -13,6 +14,8 @@ _MOST = {
     "dense_width": 65536,
 }
 """Largest value of each setting, far above all that can be trained."""
+_LEAST = {"size": -math.inf, "unet_depth": 0}
+"""Least value of a setting, where it is not 1; that of the size depends on the others."""
 ENCODER_BLOCKS = 5
 """Number of an encoder's blocks, each of which halves the height and width."""
 
@@ -55,6 +58,8 @@ class Architecture:
             value = getattr(self, name)
             if not isinstance(value, int) or value > most:
                 raise ValueError(f"no networks of {name} {value!r}: take a number up to {most}")
+            if value < _LEAST.get(name, 1):
+                raise ValueError(f"no networks of {name} {value}: take a number above it")
         if self.system not in SYSTEMS or self.exponent not in EXPONENTS:
             raise ValueError(
                 f"no system {self.system} with exponent {self.exponent}: there are "

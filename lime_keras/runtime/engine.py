@@ -6,9 +6,13 @@ from pathlib import Path
 import numpy as np
 import onnxruntime
 
+from lime_keras.io.model_folder import DESCRIPTION
 from lime_keras.outputs import OUTPUTS
 from lime_keras.runtime import graph_folder
 from lime_keras.runtime.graph_folder import Description
+
+_LONGEST = 200
+"""Largest number of characters of ONNX Runtime's own words that are told."""
 
 
 class OnnxEngine:
@@ -63,13 +67,24 @@ class OnnxEngine:
                 in [0, 1], unless the object is to be found.
 
         Raises:
-            ValueError: if a graph's file is missing or damaged.
+            ValueError: if a graph's file is missing or damaged, or it is no graph as described.
         """
         values = dict(given)
         for name in self.subnetworks(outputs, given):
             graph = self._graphs[name]
             fed = {quantity: values[quantity] for quantity in graph.inputs}
-            found = self._session(name).run(graph.outputs, fed)
+            session = self._session(name)
+            try:
+                found = session.run(graph.outputs, fed)
+            except MemoryError:
+                raise
+            except Exception as error:  # ONNX Runtime's own classes have no common base.
+                told = " ".join(str(error).split())[:_LONGEST]
+                raise ValueError(
+                    f"{self._folder / DESCRIPTION} describes {name} as it is not ({told}): delete "
+                    f"{self._folder}, which is then exported anew, or install the package again if "
+                    "the folder came with it"
+                ) from error
             values |= zip(graph.outputs, found, strict=True)
         return {output: values[output] for output in outputs}
 

@@ -74,7 +74,8 @@ def read(folder: Path) -> Description | None:
             )
             for name, row in held["graphs"].items()
         }
-        return Description(held["weights"], held["size"], held["system"], graphs)
+        description = Description(held["weights"], held["size"], held["system"], graphs)
+        return description if _is_sound(description) else None
     except (
         AttributeError,
         LookupError,
@@ -83,6 +84,19 @@ def read(folder: Path) -> Description | None:
     ):
         # Without a description that can be read, the graphs are exported anew.
         return None
+
+
+def _is_sound(description: Description) -> bool:
+    """Return whether a description says what one must: each graph reads what is there by then."""
+    told = (description.weights, description.system, *description.graphs)
+    answered: set[str] = set()
+    for graph in description.graphs.values():
+        told += (*graph.inputs, *graph.outputs, graph.sha256, graph.held_by or "")
+        if not set(graph.inputs) <= {"image", "mask"} | answered:
+            return False
+        answered |= set(graph.outputs)
+    is_size = type(description.size) is int and description.size > 0
+    return is_size and "mask" in answered and all(isinstance(text, str) for text in told)
 
 
 def checked(folder: Path, name: str, graph: Graph) -> bytes:

@@ -77,6 +77,11 @@ class Masker:
                 f"{path} takes {[entry.shape for entry in inputs]}, and a masker takes one picture "
                 "(1, 3, height, width): pass a network of the U²-Net family"
             )
+        if not self._session.get_outputs():
+            raise ValueError(
+                f"{path} answers nothing, and a masker answers a mask: pass a network of the "
+                "U²-Net family"
+            )
         self._input, self._dtype = inputs[0].name, _DTYPES.get(inputs[0].type, np.float32)
         self._height, self._width = (
             edge if isinstance(edge, int) else self._family.size for edge in shape[2:]

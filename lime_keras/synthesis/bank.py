@@ -47,6 +47,8 @@ def manifest(folder: Path) -> dict[str, Any]:
             f"{VERSION}: render the bank anew, or install the lime-keras that it was made with"
         )
     wrong = [name for name, kind in _KEYS.items() if not isinstance(held.get(name), kind)]
+    if not wrong and not all(isinstance(name, str) for name in held["shapes"]):
+        wrong = ["names of shapes"]
     if wrong:
         raise ValueError(
             f"{path} has no {', '.join(wrong)}: delete it and run the same `lime-render bank` again"

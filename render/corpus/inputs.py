@@ -233,11 +233,20 @@ def read(path: Path) -> Findings | None:
     try:
         value: dict[str, list[dict[str, Any]]] = incoming.read_json(path)
         return {
-            kind: [Finding(**{**f, "notes": tuple(f["notes"])}) for f in found]
+            kind: [_sound(Finding(**{**f, "notes": tuple(f["notes"])})) for f in found]
             for kind, found in value.items()
         }
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise ValueError(f"{path} holds no findings ({error}): remove it") from error
+
+
+def _sound(finding: Finding) -> Finding:
+    """Return a finding; raise TypeError if one of its values is of another type than it has."""
+    texts = (finding.name, finding.sha256, finding.problem or "", *finding.notes)
+    numbers = (finding.size, finding.mtime_ns)
+    if not all(isinstance(x, str) for x in texts) or not all(isinstance(x, int) for x in numbers):
+        raise TypeError(f"a finding is {finding}")
+    return finding
 
 
 def _reasons(problems: dict[str, dict[str, str]]) -> list[str]:

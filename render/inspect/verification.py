@@ -100,6 +100,12 @@ def _is_readable(split: Split, faults: Faults) -> bool:
     unknown = _misfits(manifest, _MANIFEST, "")
     if not unknown:
         unknown = _misfits(manifest["description"], _DESCRIPTION, "description.")
+    if not unknown:
+        unknown = [
+            f"{name} (list of str)"
+            for name in ("shapes", "lights")
+            if not all(isinstance(one, str) for one in manifest[name])
+        ]
     if unknown:
         wanted = ", ".join(unknown)
         faults.add("manifest", path, f"expected {wanted}: a corpus of another version?")
@@ -233,8 +239,8 @@ def _check_record(
     """Return the index and the faults of a record; the index is None if decoding fails."""
     try:
         example = {name: value.numpy() for name, value in _parse(serialized).items()}
-    except tf.errors.InvalidArgumentError as error:
-        return None, [("record", f"cannot be decoded: {str(error).splitlines()[0]}")]
+    except records.DAMAGED as error:
+        return None, [("record", f"cannot be decoded: {records.words(error)}")]
     return int(example["index"]), record_checks.faults(example, expected)
 
 

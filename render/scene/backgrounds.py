@@ -112,7 +112,7 @@ def _read(path: Path) -> tuple[oiio.ImageBuf, tuple[str, ...]]:
         if broken := int(np.sum(~np.isfinite(pixels).all(-1))):
             picture.set_pixels(oiio.ROI(), np.where(np.isfinite(pixels), pixels, 0))
             notes = (f"{broken} pixels that were not finite are black",)
-    if picture.orientation != 1:
+    if 1 < picture.orientation <= 8:  # some cameras write 0
         picture = oiio.ImageBufAlgo.reorient(picture)
     return picture, notes
 

@@ -71,7 +71,8 @@ def _read(path: Path) -> tuple[np.ndarray, tuple[str, ...]]:
         raise ValueError(
             f"{path}: has {spec.nchannels} channels, expected 1, 3 or 4; save it as grey or RGB."
         )
-    height, width = (window.height, window.width)[:: 1 if image.orientation < 5 else -1]
+    orientation = image.orientation if 1 < image.orientation <= 8 else 1
+    height, width = (window.height, window.width)[:: 1 if orientation < 5 else -1]
     if abs(width - 2 * height) > 2 * height * ASPECT:
         raise ValueError(
             f"{path}: is {width}x{height}, expected twice as wide as high; "
@@ -96,7 +97,7 @@ def _read(path: Path) -> tuple[np.ndarray, tuple[str, ...]]:
         notes.append(f"{absent:.0%} of its display window holds no data: black")
     if spec.nchannels > 4:
         notes.append(f"of {spec.nchannels} channels, R, G and B are used")
-    return _upright(radiance, image.orientation), tuple(notes)
+    return _upright(radiance, orientation), tuple(notes)
 
 
 def _unreadable(path: Path, image: oiio.ImageBuf) -> ValueError:

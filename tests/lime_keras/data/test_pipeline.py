@@ -638,7 +638,17 @@ def break_png(path, number, name):
             writer.write(serialized)
 
 
+def break_message(path, number):
+    """Write a shard anew, whole, with a record that is no example, and whose bytes are no text."""
+    stored = [s.numpy() for s in tf.data.TFRecordDataset(str(path))]
+    stored[number] = b"\xb6\x94" * 40
+    with tf.io.TFRecordWriter(str(path)) as writer:
+        for serialized in stored:
+            writer.write(serialized)
+
+
 DAMAGES = {
+    "message": lambda path: break_message(path, 2),
     "data": lambda path: flip(path, sum(spans(path)[2]) // 2),
     "checksum": lambda path: flip(path, spans(path)[2][1] + 1),
     "length's checksum": lambda path: flip(path, spans(path)[2][0] - 2),

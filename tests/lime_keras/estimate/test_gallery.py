@@ -90,6 +90,15 @@ def test_names_are_told_as_they_are(tmp_path):
     assert name in page.text and page.cards[0]["data-name"] == name
 
 
+def test_half_a_character_is_told_with_the_results_name(tmp_path):
+    add(tmp_path, "a")
+    path = tmp_path / "a.json"
+    numbers = json.loads(path.read_text(encoding="utf-8"))
+    path.write_text(json.dumps(numbers | {"photo": "\ud800.png"}))
+    with pytest.raises(ValueError, match=r"a\.json cannot be read as a result: .*surrogates"):
+        gallery.update(tmp_path, ["a"])
+
+
 def test_results_of_earlier_runs_stay_and_removed_ones_go(tmp_path):
     for name in ("a", "b", "c"):
         add(tmp_path, name)

@@ -70,7 +70,13 @@ def test_another_photo_and_another_mask_are_refused(tmp_path, photo):
         found.standing("camera-0", made)
 
 
-@pytest.mark.parametrize("content", ["", "{}", "[1]", '{"made": 1, "files": []}', '{"made": {}}'])
+@pytest.mark.parametrize(
+    "content",
+    [
+        *("", "{}", "[1]", '{"made": 1, "files": []}', '{"made": {}}'),
+        '{"made": {"options": "full-size"}, "files": []}',
+    ],
+)
 def test_another_file_of_that_name_is_refused(content, tmp_path, photo):
     found = results(tmp_path)
     path = tmp_path / "out" / "a.json"

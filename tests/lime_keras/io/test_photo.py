@@ -78,6 +78,21 @@ def test_photographs_are_turned_upright(tmp_path):
     assert found[:8].min() > 0.8 and found[-8:].max() < 0.2
 
 
+def exif(orientation):
+    out = Image.Exif()
+    out[0x0112] = orientation
+    return out
+
+
+@pytest.mark.parametrize("orientation", [0, 9, 255])
+def test_an_orientation_that_is_none_turns_nothing(tmp_path, orientation):
+    pixels = np.zeros((16, 24, 3), np.uint8)
+    pixels[:, :12] = 255
+    Image.fromarray(pixels).save(tmp_path / "a.jpg", exif=exif(orientation), quality=95)
+    found = photo.read_srgb(tmp_path / "a.jpg")
+    np.testing.assert_allclose(found, pixels / 255, atol=0.05)
+
+
 @pytest.mark.parametrize("shape", [(16, 16), (16, 3000), (3000, 16)])
 def test_pictures_of_every_shape(tmp_path, shape):
     assert photo.read_srgb(write(tmp_path / "p.png", noise(3, *shape))).shape == (*shape, 3)

@@ -149,6 +149,37 @@ def test_damage_in_the_middle_is_left_out_and_read_past(tmp_path):
     assert times[-1] == pytest.approx(19 / 25, abs=1e-3)
 
 
+class Fails:
+    """A packet on which a decoder gives up with an error of its own."""
+
+    def __init__(self, error):
+        self.error = error
+
+    def decode(self):
+        raise self.error
+
+
+@pytest.mark.parametrize("kind", [av.error.ExternalError, av.error.ArgumentError])
+def test_a_packet_that_a_codec_refuses_by_its_own_error_is_left_out(kind, tmp_path, monkeypatch):
+    path = clips.write(tmp_path / "clip.mov", clips.noise(4))
+    whole = Footage._packets
+
+    def packets(footage):
+        yield Fails(kind(1, "gives up"))
+        yield from whole(footage)
+
+    monkeypatch.setattr(Footage, "_packets", packets)
+    found, _, remarks = read(path)
+    assert len(found) == 4 and remarks == [f"{path}: 1 damaged packets were left out"]
+
+
+def test_frames_that_are_too_large_are_refused(tmp_path, monkeypatch):
+    path = clips.write(tmp_path / "clip.mov", clips.noise(2))
+    monkeypatch.setattr(video_reader.photo, "LARGEST", 48 * 64 - 1)
+    with pytest.raises(ValueError, match=r"clip\.mov has 64×48 pixels, more than"):
+        read(path)
+
+
 # Refusals.
 
 

@@ -152,6 +152,7 @@ def test_the_fusion_goes_on_until_a_restart(server):
 def test_a_body_too_large_or_without_a_length_is_refused_unread(server):
     answer, content = ask(server, "POST", "/estimate", Content_Length=str(wire.LARGEST_BODY + 1))
     assert answer.status == 413 and "make it smaller" in json.loads(content)["error"]
+    assert ask(server, "POST", "/estimate", Content_Length="9" * 5000)[0].status == 413
     for length in ("-1", "many", "", "٣"):
         raw = length.encode("utf-8").decode("latin-1")
         assert ask(server, "POST", "/estimate", Content_Length=raw)[0].status == 411

@@ -98,6 +98,25 @@ def test_a_damaged_graph_is_told_with_the_mend(content, copy):
 
 
 @pytest.mark.parametrize(
+    "wrong",
+    [
+        {"inputs": ["compressed_specular_shading"]},
+        {"inputs": ["image", "mask", "compressed_mirror"]},
+        {"outputs": ["log_exponent"]},
+    ],
+)
+def test_a_graph_that_is_described_otherwise_is_told(wrong, copy):
+    path = copy / "graphs.json"
+    held = json.loads(path.read_text(encoding="utf-8"))
+    held["graphs"]["exponent"] |= wrong
+    path.write_text(json.dumps(held), encoding="utf-8")
+    engine, given = opened(copy), {"image": parity.images(32)[:1]}
+    outputs = held["graphs"]["exponent"]["outputs"]
+    with pytest.raises(ValueError, match=r"graphs\.json describes exponent as it is not .*delete"):
+        engine.run(outputs, given)
+
+
+@pytest.mark.parametrize(
     "text", ["", "{", "[]", "{}", '{"layout": 1}', '{"layout": 1, "graphs": []}', "layout"]
 )
 def test_a_description_that_cannot_be_read_counts_as_none(text, copy):
@@ -109,3 +128,23 @@ def test_a_description_that_cannot_be_read_counts_as_none(text, copy):
     path.write_text(text, encoding="utf-8")
     assert graph_folder.read(copy) is None
     assert graph_folder.read(copy / "none") is None
+
+
+MISFITS = {
+    "no mask": lambda held: held["graphs"].pop("segmentation"),
+    "an input that nothing answers": lambda held: held["graphs"].pop("specular"),
+    "an input that is no name": lambda held: held["graphs"]["mirror"].update(inputs=[1]),
+    "an output that is no name": lambda held: held["graphs"]["mirror"].update(outputs=[True]),
+    "a checksum that is none": lambda held: held["graphs"]["mirror"].update(sha256=5),
+    "no size": lambda held: held.update(size=0),
+    "a size that is no number": lambda held: held.update(size="64"),
+}
+
+
+@pytest.mark.parametrize("misfit", MISFITS)
+def test_a_description_of_graphs_that_do_not_fit_counts_as_none(misfit, copy):
+    path = copy / "graphs.json"
+    held = json.loads(path.read_text(encoding="utf-8"))
+    MISFITS[misfit](held)
+    path.write_text(json.dumps(held), encoding="utf-8")
+    assert graph_folder.read(copy) is None

@@ -15,7 +15,7 @@ FLOAT = TensorProto.FLOAT
 def write(path, nodes, inputs=None, outputs=None, kind=FLOAT):
     """Write a network of `nodes` from `image` to `mask`."""
     inputs = inputs or {"image": [1, 3, 8, 8]}
-    outputs = outputs or {"mask": [1, 1, None, None]}
+    outputs = {"mask": [1, 1, None, None]} if outputs is None else outputs
     graph = helper.make_graph(
         nodes,
         "masker",
@@ -121,6 +121,12 @@ def test_a_network_of_something_else_is_refused(inputs, tmp_path):
     nodes = [helper.make_node("Identity", ["image"], ["mask"])]
     path = write(tmp_path / "m.onnx", nodes, inputs, {"mask": None})
     with pytest.raises(ValueError, match=r"m\.onnx takes .* a masker takes one picture \(1, 3, "):
+        Masker(path)
+
+
+def test_a_network_that_answers_nothing_is_refused(tmp_path):
+    path = write(tmp_path / "m.onnx", [], outputs={})
+    with pytest.raises(ValueError, match=r"m\.onnx answers nothing, and a masker answers a mask"):
         Masker(path)
 
 

@@ -32,6 +32,7 @@ def test_an_incomplete_bank_is_refused(tmp_path):
         ({"version": 2}, "is of version 2, and this lime-keras reads version 1: render the bank"),
         ({"format": "corpus"}, "is no manifest of a bank"),
         ({"shapes": None}, "has no shapes: delete it and run"),
+        ({"shapes": [{}]}, "has no names of shapes: delete it and run"),
         ({"size": "16"}, "has no size: delete it and run"),
     ],
 )

@@ -1,5 +1,6 @@
 """The user's files, judged before rendering: every reason told, nothing read twice."""
 
+import dataclasses
 import os
 import pickle
 from concurrent.futures import ProcessPoolExecutor
@@ -54,6 +55,17 @@ def test_usable_files_are_found_usable(files, tmp_path):
     assert inputs.repairs(findings) == []
     inputs.write(tmp_path / "inputs.json", findings)
     assert inputs.read(tmp_path / "inputs.json") == findings
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"name": {}}, {"sha256": 5}, {"problem": [1]}, {"size": "3"}, {"notes": [None]}]
+)
+def test_findings_of_other_types_are_refused(wrong, tmp_path):
+    path = tmp_path / "inputs.json"
+    sound = inputs.Finding("a.obj", "0" * 64, 3, 5)
+    inputs.write(path, {"shapes": [dataclasses.replace(sound, **wrong)]})
+    with pytest.raises(ValueError, match=r"inputs\.json holds no findings .*: remove it"):
+        inputs.read(path)
 
 
 def test_all_unusable_files_are_refused_together(files):

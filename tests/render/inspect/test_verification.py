@@ -379,10 +379,11 @@ def test_a_flipped_byte_is_told(corpus):
     assert faults.examples == 3
 
 
-def test_a_record_that_is_none_is_told_and_the_next_are_checked(corpus, examples):
+@pytest.mark.parametrize("content", [b"no example", b"\xb6\x94" * 40])
+def test_a_record_that_is_none_is_told_and_the_next_are_checked(content, corpus, examples):
     path = Split(corpus, "train").shard_path(1)
     with tf.io.TFRecordWriter(str(path)) as writer:
-        writer.write(b"no example")
+        writer.write(content)
         writer.write(records.encode(examples[4] | {"seed": 9}))
     faults = verify(corpus)
     assert faults.kinds == {"sha256": 2, "record": 1, "seed": 1}
@@ -493,6 +494,13 @@ def test_without_a_manifest_nothing_else_is_judged(corpus, content, message):
         path.write_text(content, encoding="utf-8")
     faults = verify(corpus)
     assert faults.kinds == {"manifest": 1} and message in faults.lines()[0]
+
+
+@pytest.mark.parametrize("name", ["shapes", "lights"])
+def test_names_that_are_none_are_a_fault_of_the_manifest(name, corpus):
+    edit(corpus / "train" / "manifest.json", **{name: [{}]})
+    faults = verify(corpus)
+    assert faults.kinds == {"manifest": 1} and f"{name} (list of str)" in faults.lines()[0]
 
 
 def test_many_faults_of_a_kind_are_counted():

@@ -78,6 +78,16 @@ def test_photographs_are_turned_upright(tmp_path):
     assert max(np.ptp(crop.mean((0, 2))) for crop in crops) < 0.05
 
 
+@pytest.mark.parametrize("orientation", [0, 9])
+def test_an_orientation_that_is_none_turns_nothing(tmp_path, orientation):
+    exif = Image.Exif()
+    exif[0x0112] = orientation
+    pixels = np.full((40, 60, 3), 90, np.uint8)
+    Image.fromarray(pixels).save(tmp_path / "a.jpg", exif=exif)
+    crop = backgrounds.photograph(tmp_path / "a.jpg", np.random.default_rng(0), 16)
+    np.testing.assert_allclose(crop, 90 / 255, atol=0.02)
+
+
 @pytest.mark.parametrize("mode", ["1", "L", "LA", "P", "RGB", "RGBA", "CMYK", "YCbCr", "I;16"])
 def test_photographs_of_any_kind_are_read_as_colours(tmp_path, mode):
     colour = np.array([200, 100, 50], np.uint8)

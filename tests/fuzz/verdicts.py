@@ -1,0 +1,90 @@
+"""The verdict on one input: read, refused by name, or fallen through, and why."""
+
+import contextlib
+import os
+import traceback
+from dataclasses import dataclass
+from pathlib import Path
+
+from lime_keras import console
+
+from .doors import Door
+
+READ, REFUSED, FELL = "read", "refused by name", "fell through"
+KINDS = (READ, REFUSED, FELL)
+LIMIT_BYTES = 2 << 30
+"""Memory that reading one input may take beside what the process holds already."""
+LIMIT_SECONDS = 10.0
+"""Time that reading one input may take."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What became of an input.
+
+    Attributes:
+        kind: one of `KINDS`.
+        reason: what was said, or why it fell through; empty if it was read.
+    """
+
+    kind: str
+    reason: str = ""
+
+
+def judged(door: Door, folder: Path) -> Verdict:
+    """Read an input in this process and judge how that ended.
+
+    Args:
+        door: what reads it.
+        folder: folder that holds the input and nothing else.
+    """
+    before = resident()
+    _forget_peak()
+    try:
+        door.read(folder)
+    except Exception as error:
+        verdict = _of_error(error, folder, door.is_named)
+    except BaseException as error:  # whatever ends a command without a word
+        verdict = Verdict(FELL, _told(error))
+    else:
+        verdict = Verdict(READ)
+    taken = _peak() - before
+    if taken > LIMIT_BYTES and verdict.kind != FELL:
+        return Verdict(FELL, f"took {taken / 2**30:.1f} GB of memory; else {verdict}")
+    return verdict
+
+
+def _of_error(error: Exception, folder: Path, is_named: bool) -> Verdict:
+    said = console.message(error)
+    if said is None:
+        return Verdict(FELL, f"no command expects this error\n{_told(error)}")
+    # Any file of the input will do: a manifest and a shard that disagree accuse each other.
+    if is_named and f"{folder}{os.sep}" not in said:
+        return Verdict(FELL, f"refused without the file's name\n{_told(error)}")
+    return Verdict(REFUSED, said)
+
+
+def _told(error: BaseException) -> str:
+    return "".join(traceback.format_exception(error))
+
+
+def resident(pid: int | str = "self") -> int:
+    """Return the bytes of memory that a process holds; 0 if it has ended."""
+    try:
+        pages = Path(f"/proc/{pid}/statm").read_text().split()[1]
+    except (OSError, IndexError):
+        return 0
+    return int(pages) * os.sysconf("SC_PAGE_SIZE")
+
+
+def _forget_peak() -> None:
+    with contextlib.suppress(OSError):  # not every container allows it
+        Path("/proc/self/clear_refs").write_text("5")
+
+
+def _peak() -> int:
+    """Return the most memory that this process held since `_forget_peak`, in bytes."""
+    for line in Path("/proc/self/status").read_text().splitlines():
+        if line.startswith("VmHWM:"):
+            return int(line.split()[1]) << 10
+    return 0
