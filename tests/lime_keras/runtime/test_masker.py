@@ -125,7 +125,7 @@ def test_a_network_of_something_else_is_refused(inputs, tmp_path):
 
 
 def test_a_network_that_answers_nothing_is_refused(tmp_path):
-    path = write(tmp_path / "m.onnx", [], outputs={})
+    path = write(tmp_path / "m.onnx", SIGMOID, outputs={})
     with pytest.raises(ValueError, match=r"m\.onnx answers nothing, and a masker answers a mask"):
         Masker(path)
 
