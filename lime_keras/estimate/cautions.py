@@ -44,7 +44,8 @@ DARKEST = 0.05
 """Linear luminance that a tenth of the object exceeds in a photo that shows its shading.
 
 The darkest rendered scene has 0.12. Three stops and more below that, the shininess is off by more
-than half a decade, and an 8-bit photo is left with a few dozen levels.
+than half a decade, and an 8-bit photo is left with a few dozen levels. A photo without an object
+is too dark if less than a hundredth of it exceeds this.
 """
 CLIPPED = 0.15
 """Share of the object that may be burnt out to white.
@@ -55,7 +56,7 @@ It is 0.12 at most in the rendered scenes, and 0.06 in the photographs. Two stop
 _WHITE = 254 / 255
 """sRGB level of white; JPEG often leaves it one level below the highest."""
 _JUDGED = 20_000
-"""Number of pixels of the object, about, whose brightness is looked at."""
+"""Number of pixels, about, whose brightness is looked at."""
 
 NO_OBJECT = Caution(
     "no-object",
@@ -104,17 +105,28 @@ def of(
             then not doubted for being small.
 
     Returns:
-        `NO_OBJECT` alone if the mask shows none; else, in this order, what is true of
-        `uncertain-mask`, `small-object`, `few-pixels`, `touches-frame`, `many-parts`, `too-dark`
-        and `clipped`.
+        `NO_OBJECT` if the mask shows none, with `too-dark` if the whole photo is; else, in this
+        order, what is true of `uncertain-mask`, `small-object`, `few-pixels`, `touches-frame`,
+        `many-parts`, `too-dark` and `clipped`.
     """
     inside = mask[..., 0] >= framing.THRESHOLD
     if not inside.any():
-        return (NO_OBJECT,)
-    found = [*_of_a_shape(inside), *_of_brightness(image_srgb[inside])]
+        whole = _thinned(image_srgb.reshape(-1, 3))
+        return NO_OBJECT, *(Caution(*told) for told in _of_darkness(whole, "photo", 0.99))
+    pixels = _thinned(image_srgb[inside])
+    found = [
+        *_of_a_shape(inside),
+        *_of_darkness(pixels, "object", 0.9),
+        *_of_clipping(pixels),
+    ]
     if mask_confidence is not None:
         found = [*_of_a_search(float(inside.mean()), mask_confidence), *found]
     return tuple(Caution(code, message) for code, message in found)
+
+
+def _thinned(pixels: np.ndarray) -> np.ndarray:
+    """Return `_JUDGED` pixels, about, of `(N, 3)`."""
+    return pixels[:: max(1, len(pixels) // _JUDGED)]
 
 
 def _of_a_search(share: float, mask_confidence: float) -> list[tuple[str, str]]:
@@ -182,26 +194,29 @@ def _on_frame(inside: np.ndarray) -> float:
     return float(np.concatenate([*edges, *sides]).mean())
 
 
-def _of_brightness(pixels_srgb: np.ndarray) -> list[tuple[str, str]]:
-    """Return what is wrong with the brightness of an object's pixels `(N, 3)`."""
-    pixels = pixels_srgb[:: max(1, len(pixels_srgb) // _JUDGED)]
-    found = []
-    bright = float(np.quantile(colour.luminance(colour.srgb_to_linear(pixels)), 0.9))
-    if bright < DARKEST:
-        found.append(
-            (
-                "too-dark",
-                f"the object is nearly black: nine tenths of it are below {bright:.1%} of white; "
-                "expose the photo longer, or light the object",
-            )
+def _of_darkness(pixels_srgb: np.ndarray, of_what: str, share: float) -> list[tuple[str, str]]:
+    """Return what is wrong if a share of the pixels `(N, 3)` is below `DARKEST`."""
+    bright = float(np.quantile(colour.luminance(colour.srgb_to_linear(pixels_srgb)), share))
+    if bright >= DARKEST:
+        return []
+    return [
+        (
+            "too-dark",
+            f"the {of_what} is nearly black: {share:.0%} of it is below {bright:.1%} of white; "
+            "expose the photo longer, or light the object",
         )
-    white = float(np.mean(pixels.min(axis=-1) >= _WHITE))
-    if white > CLIPPED:
-        found.append(
-            (
-                "clipped",
-                f"{white:.0%} of the object is burnt out to white, where nothing of its colour and "
-                "gloss is left: expose the photo shorter",
-            )
+    ]
+
+
+def _of_clipping(pixels_srgb: np.ndarray) -> list[tuple[str, str]]:
+    """Return what is wrong if too many of an object's pixels `(N, 3)` are white."""
+    white = float(np.mean(pixels_srgb.min(axis=-1) >= _WHITE))
+    if white <= CLIPPED:
+        return []
+    return [
+        (
+            "clipped",
+            f"{white:.0%} of the object is burnt out to white, where nothing of its colour and "
+            "gloss is left: expose the photo shorter",
         )
-    return found
+    ]

@@ -401,7 +401,8 @@ def write(path: str | Path, image: np.ndarray, *, shared: bool = False) -> None:
     Args:
         path: path of the file. A `.exr` holds half floats; any other format holds 8 bits of [0, 1].
         image: values to write as they are, without a change of colour space; NaN becomes 0 in a
-            format of 8 bits; uint8 stands for 0 to 1 in steps of 1/255.
+            format of 8 bits; uint8 stands for 0 to 1 in steps of 1/255. Of four channels, of
+            floats, the last is alpha, by which the others are multiplied, as `read` has them.
         shared: whether several processes may write `path` at once (see `atomic.replacing`).
 
     Raises:
@@ -439,6 +440,8 @@ def _encoded(path: Path, image: np.ndarray) -> bytes:
     kind = Image.registered_extensions().get(path.suffix.lower())
     if kind is None:
         raise ValueError(f"{path} has no suffix of a picture: call it .png")
+    if image.shape[-1] == 4 and image.dtype != np.uint8:
+        image = _straight(image)
     levels = image if image.dtype == np.uint8 else _rounded(image)
     out = io.BytesIO()
     # Level 4 takes half the time of the default level, for a tenth more bytes.
@@ -446,6 +449,13 @@ def _encoded(path: Path, image: np.ndarray) -> bytes:
     grey = levels.shape[-1] == 1
     Image.fromarray(levels.reshape(levels.shape[:2]) if grey else levels).save(out, kind, **options)
     return out.getvalue()
+
+
+def _straight(image: np.ndarray) -> np.ndarray:
+    """Return `(H, W, 4)` with colours that are not multiplied by alpha, as formats of 8 bits are."""
+    colours, alpha = image[..., :3], image[..., 3:]
+    divided = np.divide(colours, alpha, out=np.zeros_like(colours), where=alpha > 0)
+    return np.concatenate([divided, alpha], axis=-1)
 
 
 def _rounded(image: np.ndarray) -> np.ndarray:

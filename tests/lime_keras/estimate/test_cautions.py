@@ -57,10 +57,18 @@ def test_a_good_photo_is_not_doubted():
     assert codes(confidence=None) == []
 
 
-def test_no_object_is_all_that_is_told():
-    black = np.zeros_like(GREY)
-    assert cautions.of(black, 0.49 * GOOD, None) == (cautions.NO_OBJECT,)
-    assert cautions.of(black, 0 * GOOD, 0.1) == (cautions.NO_OBJECT,)
+@pytest.mark.parametrize("coverage", [0.0, 0.49])
+def test_no_object_is_all_that_is_told_of_a_photo_that_shows_something(coverage):
+    assert cautions.of(GREY, coverage * GOOD, None) == (cautions.NO_OBJECT,)
+    assert cautions.of(np.ones_like(GREY), coverage * GOOD, 0.1) == (cautions.NO_OBJECT,)
+
+
+def test_a_photo_that_is_black_all_over_is_told_as_the_reason_for_no_object():
+    lamp = np.zeros_like(GREY)
+    assert codes(0 * GOOD, lamp) == ["no-object", "too-dark"]
+    assert "the photo is nearly black" in cautions.of(lamp, 0 * GOOD, None)[1].message
+    lamp[:3] = 1
+    assert codes(0 * GOOD, lamp) == ["no-object"]
 
 
 DOUBTED = {

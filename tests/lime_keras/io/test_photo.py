@@ -470,6 +470,19 @@ def test_what_is_written_as_png_is_read_back(tmp_path, channels):
     np.testing.assert_allclose(found, np.round(pixels * 255) / 255, atol=1e-6)
 
 
+def test_half_transparent_colours_are_written_as_other_programs_read_them(tmp_path):
+    """Colours come multiplied by alpha, and a PNG holds them as they are."""
+    alpha = np.linspace(0, 1, 16)[:, None, None].repeat(16, axis=1)
+    colours = np.array([1.0, 0.6, 0.2])
+    photo.write(tmp_path / "cut.png", np.concatenate([alpha * colours, alpha], axis=-1))
+    levels = np.asarray(Image.open(tmp_path / "cut.png"))
+    np.testing.assert_allclose(levels[1:, :, :3] / 255, 0 * alpha[1:] + colours, atol=1 / 255)
+    assert not levels[0].any()
+    found, opacity = photo.read(tmp_path / "cut.png")
+    np.testing.assert_allclose(found, alpha * colours, atol=1.5 / 255)
+    np.testing.assert_allclose(opacity, alpha, atol=1 / 255)
+
+
 def test_png_clips_and_exr_keeps_radiance(tmp_path):
     pixels = np.tile([-1, 0, 0.5, 1, 3, 60_000.0], (16, 3))[..., None]
     photo.write(tmp_path / "out.png", pixels)
