@@ -85,8 +85,8 @@ class Batch:
         self._there = len(self.finished)
         with tqdm(total=len(left), unit="photo", delay=2) as bar:
             for batch in self._batches(left):
-                self._estimate(batch)
-                bar.update(self._done + self.failed - bar.n)
+                for _ in self._estimated(batch):
+                    bar.update(self._done + self.failed - bar.n)
             bar.update(self._done + self.failed - bar.n)
 
     def _standing(self, photos: Mapping[str, Path]) -> dict[str, dict[str, Any]]:
@@ -123,19 +123,22 @@ class Batch:
         return mask_beside(path) if self._masks is None else _belonging(path, self._masks)
 
     def summary(self) -> str:
-        """Return counts and times of the run in one line."""
+        """Return counts and, if any photo was done, times of the run in one line."""
+        there = f"{self._there} there already, " if self._there else ""
+        counts = (
+            f"{self._done} done, {there}{self.failed} failed, {self.empty} without an object, in "
+            f"{self._results.out}"
+        )
+        if not self._done:
+            return counts
         ran = [
             name
             for name in self._estimator.subnetworks
             if name != "segmentation" or self._masks_looked_for
         ]
-        each = {
-            name: f"{1000 * s / max(self._done, 1):.0f} ms" for name, s in self._seconds.items()
-        }
-        there = f"{self._there} there already, " if self._there else ""
+        each = {name: f"{1000 * s / self._done:.0f} ms" for name, s in self._seconds.items()}
         return (
-            f"{self._done} done, {there}{self.failed} failed, {self.empty} without an object, in "
-            f"{self._results.out}; a photo took {each['networks']} in the networks "
+            f"{counts}; a photo took {each['networks']} in the networks "
             f"({', '.join(ran) or 'none'}), {each['reading']} to read, {each['writing']} to write"
         )
 
@@ -182,7 +185,8 @@ class Batch:
             tqdm.write(f"{own} is taken as the mask of {path}", file=sys.stderr)
         return image, mask, None
 
-    def _estimate(self, batch: list[tuple[Any, ...]]) -> None:
+    def _estimated(self, batch: list[tuple[Any, ...]]) -> Iterator[None]:
+        """Estimate the photos of a batch, and yield after each, when its files are written."""
         paths, names, images, masks, alphas = zip(*batch, strict=True)
         self._masks_looked_for += sum(mask is None for mask in masks)
         begun = time.perf_counter()
@@ -194,6 +198,7 @@ class Batch:
             self._seconds["networks"] += estimated - begun
             begun = time.perf_counter()
             self._seconds["writing"] += begun - estimated
+            yield
 
     def _write(
         self,

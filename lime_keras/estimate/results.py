@@ -77,9 +77,9 @@ class Results:
         if found is None:
             raise ValueError(f"{path} is no result of lime-estimate: {_MEND}")
         if differences := _differences(found["made"], made):
-            raise ValueError(f"{path} is {' and '.join(differences)}: {_MEND}")
+            raise ValueError(f"{path} was made {' and '.join(differences)}: {_MEND}")
         if made["source"] is None:
-            raise ValueError(f"{path} is of an earlier recording: {_MEND}")
+            raise ValueError(f"{path} was made of an earlier recording: {_MEND}")
         is_whole = all((path.parent / file).is_file() for file in found["files"])
         return found if is_whole and not found["made"].get("unfinished") else None
 
@@ -169,16 +169,16 @@ def _differences(found: Mapping[str, Any], made: Mapping[str, Any]) -> list[str]
     if found.get("source") != made["source"]:
         words.append("of another photo or video")
     if found.get("weights") != made["weights"]:
-        words.append("of other weights")
+        words.append("with other weights")
     if found.get("beside") != made.get("beside"):
-        words.append("of another mask or other normals")
+        words.append("with another mask or other normals")
     if found.get("version") != made["version"]:
         words.append(f"by version {found.get('version')}")
     then, now = (each.get("options") or {} for each in (found, made))
     for name in sorted({*then, *now}):
         if then.get(name) != now.get(name):
             words.append(
-                f"with {_option(name, then.get(name))} and not {_option(name, now.get(name))}"
+                f"with {_option(name, then.get(name))}, not {_option(name, now.get(name))}"
             )
     return words
 

@@ -74,6 +74,25 @@ def test_what_is_there_is_not_made_again(folder, tmp_path, capsys):
     assert [line for line in lines(told) if line["photo"] != str(folder / "new.png")] == first
     assert {path: path.stat().st_mtime_ns for path in times} == times
     assert len((out / "materials.csv").read_text().splitlines()) == 6
+    assert run(folder, out=out) == 0
+    told = capsys.readouterr().err
+    assert "0 done, 5 there already, 0 failed" in told and "a photo took" not in told
+
+
+def test_the_progress_moves_with_each_photo(folder, tmp_path, monkeypatch):
+    from lime_keras.estimate import batch
+
+    moves = []
+
+    class Bar(batch.tqdm):
+        def update(self, n=1):
+            moves.append(n)
+            return super().update(n)
+
+    monkeypatch.setattr(batch, "tqdm", Bar)
+    (folder / "broken.png").write_bytes(b"")
+    assert run(folder, out=tmp_path / "out") == 1
+    assert [count for count in moves if count] == [2, 1, 1, 1]
 
 
 def test_results_among_the_photos_are_no_photos(folder):
@@ -89,10 +108,10 @@ def test_other_results_are_refused_before_anything_is_done(folder, tmp_path, cap
     capsys.readouterr()
     assert run(folder / "one" / "a.png", folder / "one" / "two", out=out) == 1
     told = capsys.readouterr()
-    assert "a.json is of another photo or video: pass --overwrite" in told.err and not told.out
+    assert "a.json was made of another photo or video: pass --overwrite" in told.err and not told.out
     assert numbers(out) == ["a.json"] and (out / "a.json").read_text() == before
     assert run(folder / "a.png", "--full-size", out=out) == 1
-    assert "a.json is with no --full-size and not --full-size" in capsys.readouterr().err
+    assert "a.json was made with no --full-size, not --full-size" in capsys.readouterr().err
     assert run(folder / "one" / "a.png", "--overwrite", out=out) == 0
     assert json.loads((out / "a.json").read_text())["photo"] == str(folder / "one" / "a.png")
 
@@ -165,7 +184,7 @@ def test_another_videos_result_is_refused(clip, tmp_path, capsys):
     before = {path.name: path.read_bytes() for path in out.iterdir()}
     clips.write(clip, clips.noise(5, (32, 32)))
     assert estimate_video(clip, out) == 1
-    assert "clip.json is of another photo or video" in capsys.readouterr().err
+    assert "clip.json was made of another photo or video" in capsys.readouterr().err
     assert {path.name: path.read_bytes() for path in out.iterdir()} == before
     assert estimate_video(clip, out, "--overwrite") == 0
 

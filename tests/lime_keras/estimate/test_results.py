@@ -41,16 +41,16 @@ def test_what_would_be_the_same_is_kept(tmp_path, photo):
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        ({"weights": "v" * 64}, "of other weights"),
-        ({"only": ["mask"]}, "with no --only and not --only mask"),
-        ({"shadow": True}, "with no --shadow and not --shadow"),
+        ({"weights": "v" * 64}, "with other weights"),
+        ({"only": ["mask"]}, "with no --only, not --only mask"),
+        ({"shadow": True}, "with no --shadow, not --shadow"),
     ],
     ids=["weights", "only", "shadow"],
 )
 def test_what_was_made_otherwise_is_refused(change, told, tmp_path, photo):
     write(results(tmp_path), photo)
     other = results(tmp_path, **change)
-    with pytest.raises(ValueError, match=rf"sub/a\.json is {told}: pass --overwrite"):
+    with pytest.raises(ValueError, match=rf"sub/a\.json was made {told}: pass --overwrite"):
         other.standing("sub/a", other.made(photo, {}))
     other = results(tmp_path, overwrite=True, **change)
     assert other.standing("sub/a", other.made(photo, {})) is None
@@ -59,14 +59,14 @@ def test_what_was_made_otherwise_is_refused(change, told, tmp_path, photo):
 def test_another_photo_and_another_mask_are_refused(tmp_path, photo):
     found = results(tmp_path)
     write(found, photo, beside={"mask": photo})
-    with pytest.raises(ValueError, match="of another mask or other normals"):
+    with pytest.raises(ValueError, match="with another mask or other normals"):
         found.standing("sub/a", found.made(photo, {}))
     photo.write_bytes(b"another photo")
-    with pytest.raises(ValueError, match=r"of another photo or video and of another mask"):
+    with pytest.raises(ValueError, match=r"of another photo or video and with another mask"):
         found.standing("sub/a", found.made(photo, {}))
     made = found.made(None, {})
     write(found, None, name="camera-0")
-    with pytest.raises(ValueError, match="is of an earlier recording"):
+    with pytest.raises(ValueError, match="was made of an earlier recording"):
         found.standing("camera-0", made)
 
 
