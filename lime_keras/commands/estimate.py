@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lime_keras import console
+from lime_keras.commands import model_option
 from lime_keras.io import model_folder
 from lime_keras.io.sources import SUFFIXES, inside, is_camera, is_video, photo_of_mask
 from lime_keras.outputs import NEEDED
@@ -85,13 +86,7 @@ def parser() -> argparse.ArgumentParser:
         metavar="PHOTO",
         help="picture, video, camera, or folder of pictures and videos",
     )
-    out.add_argument(
-        "--weights",
-        type=model_folder.find,
-        metavar="RUN",
-        help="run of lime-train, or name of a set that comes with the package "
-        f"({', '.join(model_folder.shipped())}; default: {model_folder.DEFAULT})",
-    )
+    model_option.add(out)
     out.add_argument(
         "--engine",
         choices=_ENGINES,
@@ -169,7 +164,7 @@ def parser() -> argparse.ArgumentParser:
 def main(argv: list[str] | None = None) -> int:
     """Estimate the materials in photos and videos and return the exit status."""
     options = parser().parse_args(argv)
-    return console.run(lambda: _estimate(options), "photos done so far are in the output folder")
+    return console.run(lambda: _estimate(options), "what is done so far is in the output folder")
 
 
 def _estimate(options: argparse.Namespace) -> int:
@@ -201,7 +196,6 @@ def _estimate(options: argparse.Namespace) -> int:
     try:
         if photos:
             estimator = _estimator(options, options.only)
-            options.out.mkdir(parents=True, exist_ok=True)
             batch = Batch(
                 estimator,
                 results,

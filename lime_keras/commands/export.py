@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 
 from lime_keras import console
+from lime_keras.commands import model_option
 from lime_keras.io import model_folder
 from lime_keras.outputs import OUTPUTS
 from lime_keras.version import __version__
@@ -55,13 +56,7 @@ def parser() -> argparse.ArgumentParser:
     )
     out.add_argument("out", type=Path, metavar="OUT", help="folder to write to")
     out.add_argument("--format", choices=("savedmodel", "onnx", "weights", "graphs"), required=True)
-    out.add_argument(
-        "--weights",
-        type=model_folder.find,
-        metavar="RUN",
-        help="run of lime-train, or name of a set that comes with the package "
-        f"({', '.join(model_folder.shipped())}; default: {model_folder.DEFAULT})",
-    )
+    model_option.add(out)
     out.add_argument(
         "--only",
         type=console.names(tuple(OUTPUTS)),

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 from lime_keras import console
+from lime_keras.commands import model_option
 from lime_keras.io import model_folder
 from lime_keras.version import __version__
 
@@ -55,13 +56,7 @@ def parser() -> argparse.ArgumentParser:
         help=f"port on this computer; 0 for any free one (default: {_PORT})",
     )
     out.add_argument("--no-browser", action="store_true", help="open no browser; say the address")
-    out.add_argument(
-        "--weights",
-        type=Path,
-        metavar="RUN",
-        help="run of lime-train, or name of a model that comes with the package (default: "
-        f"{model_folder.DEFAULT})",
-    )
+    model_option.add(out)
     out.add_argument("--version", action="version", version=__version__)
     return out
 
@@ -76,7 +71,7 @@ def main(argv: list[str] | None = None) -> int:
 
 def _write(options: argparse.Namespace) -> int:
     console.require("lime-live --static", "onnx")
-    run = model_folder.find(options.weights or model_folder.DEFAULT)
+    run = options.weights or model_folder.SHIPPED
     model_folder.files(run)
     from lime_keras.estimate import engines
     from lime_keras.live import static
@@ -99,7 +94,7 @@ def _serve(options: argparse.Namespace) -> int:
         if path is not None and not path.is_file():
             raise ValueError(f"{path} is no file: check what is passed to {option}")
     if options.weights:
-        model_folder.files(model_folder.find(options.weights))
+        model_folder.files(options.weights)
     # Threads that wait for the next small product by spinning would take the processor from the
     # networks and from the browser.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -111,7 +106,7 @@ def _serve(options: argparse.Namespace) -> int:
         start = Start("camera")
     elif options.photo or options.video:
         start = Start("photo" if options.photo else "video", options.photo or options.video)
-    estimator = Estimator(options.weights or model_folder.DEFAULT, streaming=True)
+    estimator = Estimator(options.weights or model_folder.SHIPPED, streaming=True)
     try:
         server = LiveServer(estimator, options.port, start)
     except OSError as error:

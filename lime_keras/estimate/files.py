@@ -3,6 +3,7 @@
 import json
 import os
 from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,9 @@ from lime_keras.outputs import OUTPUTS, Output
 
 _ROWS = 64
 """Number of rows of a layer that are encoded at once."""
+
+_WRITERS = 2
+"""Number of layers that are written at the same time; each takes memory of its own."""
 
 _LONGEST = 200
 """Largest number of bytes of a stem: a file's name has at most 255."""
@@ -111,12 +115,18 @@ def _taking(name: str) -> set[str]:
 
 def _write_layers(folder: Path, name: str, material: Material) -> None:
     """Write each layer in a format for viewing and, if its range needs it, as OpenEXR."""
-    for layer, image in material.layers.items():
-        path = folder / f"{name}-{layer}.png"
+
+    def write_layer(layer: str) -> None:
+        path, image = folder / f"{name}-{layer}.png", material.layers[layer]
         output = OUTPUTS.get(layer)
         if output is not None and output.levels is None:
             photo.write(path.with_suffix(".exr"), image)
         photo.write(path, _viewed(image, output))
+
+    # Compression takes most of the time, and one core.
+    with ThreadPoolExecutor(_WRITERS) as pool:
+        for _ in pool.map(write_layer, material.layers):
+            pass
 
 
 def _viewed(image: np.ndarray, output: Output | None) -> np.ndarray:

@@ -119,6 +119,21 @@ def pictures_of(page: Image.Image) -> list[Image.Image]:
     return [page.crop((left, _TITLE, left + _TILE, _TITLE + _TILE)) for left in lefts]
 
 
+def rim(inside: np.ndarray, width: int = 1) -> np.ndarray:
+    """Return the outermost pixels of a shape, bool `(H, W)`; the picture's edge is no rim.
+
+    Args:
+        inside: pixels of the shape, bool `(H, W)`.
+        width: width of the rim in pixels.
+    """
+    core = inside
+    for _ in range(width):
+        around = np.pad(core, 1, mode="edge")
+        across = around[1:-1, :-2] & around[1:-1, 2:]
+        core = core & across & around[:-2, 1:-1] & around[2:, 1:-1]
+    return inside & ~core
+
+
 def caption(material: Material) -> str:
     """Return the estimated numbers in one line of text."""
     parts = []
@@ -137,10 +152,7 @@ def caption(material: Material) -> str:
 
 def _with_outline(image_srgb: np.ndarray, material: Material) -> np.ndarray:
     """Return the photo's square as a tile, with the outline of the mask."""
-    inside = _seen(material.layers["mask"], material)[..., 0] >= framing.THRESHOLD
-    padded = np.pad(inside, 1, mode="edge")
-    neighbours = [padded[1:-1, :-2], padded[1:-1, 2:], padded[:-2, 1:-1], padded[2:, 1:-1]]
-    edge = inside & ~np.logical_and.reduce(neighbours)
+    edge = rim(_seen(material.layers["mask"], material)[..., 0] >= framing.THRESHOLD)
     photo = framing.cut(*_thinned(image_srgb, _square(material, image_srgb)), _TILE)
     return np.where(edge[..., None], _OUTLINE, photo)
 

@@ -452,7 +452,7 @@ def _encoded(path: Path, image: np.ndarray) -> bytes:
 
 
 def _straight(image: np.ndarray) -> np.ndarray:
-    """Return `(H, W, 4)` with colours that are not multiplied by alpha, as formats of 8 bits are."""
+    """Return `(H, W, 4)` with colours that are not multiplied by alpha, as a PNG has them."""
     colours, alpha = image[..., :3], image[..., 3:]
     divided = np.divide(colours, alpha, out=np.zeros_like(colours), where=alpha > 0)
     return np.concatenate([divided, alpha], axis=-1)

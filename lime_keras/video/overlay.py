@@ -6,7 +6,7 @@ import av
 import numpy as np
 import OpenImageIO as oiio
 
-from lime_keras.estimate import preview
+from lime_keras.estimate import framing, preview
 from lime_keras.material import Material
 from lime_keras.optics import colour
 
@@ -120,13 +120,7 @@ def _outline(mask: np.ndarray, width: int, height: int) -> np.ndarray:
     """Return the rim of a mask `(H, W, 1)` as bool `(height, width)`, two pixels wide."""
     rows = (np.arange(height) * mask.shape[0]) // height
     columns = (np.arange(width) * mask.shape[1]) // width
-    inside = mask[rows[:, None], columns, 0] >= 0.5
-    core = inside
-    for _ in range(2):
-        around = np.pad(core, 1, mode="edge")
-        across = around[1:-1, :-2] & around[1:-1, 2:]
-        core = core & across & around[:-2, 1:-1] & around[2:, 1:-1]
-    return inside & ~core
+    return preview.rim(mask[rows[:, None], columns, 0] >= framing.THRESHOLD, 2)
 
 
 def _bytes(linear: np.ndarray) -> np.ndarray:

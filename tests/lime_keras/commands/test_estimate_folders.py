@@ -108,7 +108,9 @@ def test_other_results_are_refused_before_anything_is_done(folder, tmp_path, cap
     capsys.readouterr()
     assert run(folder / "one" / "a.png", folder / "one" / "two", out=out) == 1
     told = capsys.readouterr()
-    assert "a.json was made of another photo or video: pass --overwrite" in told.err and not told.out
+    assert (
+        "a.json was made of another photo or video: pass --overwrite" in told.err and not told.out
+    )
     assert numbers(out) == ["a.json"] and (out / "a.json").read_text() == before
     assert run(folder / "a.png", "--full-size", out=out) == 1
     assert "a.json was made with no --full-size, not --full-size" in capsys.readouterr().err
