@@ -3,11 +3,12 @@
     python benchmarks/first_photo.py
     python benchmarks/first_photo.py photo.jpg --rounds 10
 
-Each round runs `lime-estimate` once with each engine, and once for a file that does not exist, each
-in a new process, from its start to its last file written. The engines take turns, so that other
-programs disturb them alike. The table has the quietest round of each: the clock's time, the
-processors' time, which other programs change less, and the largest resident memory. The ratios are
-medians over the rounds, each of two neighbouring runs.
+Each round runs `lime-estimate` once with each engine, once for a file that does not exist, and once
+with `--full-size` for the drawn ball at 4000 × 3000 pixels, each in a new process, from its start
+to its last file written. The engines take turns, so that other programs disturb them alike. The
+table has the quietest round of each: the clock's time, the processors' time, which other programs
+change less, and the largest resident memory. The ratios are medians over the rounds, each of two
+neighbouring runs.
 
 By default the photo is a drawn ball of 640 × 480 pixels.
 """
@@ -33,7 +34,7 @@ print([line for line in open("/proc/self/status") if line.startswith("VmHWM:")][
 sys.exit(status)
 """
 _ENGINES = ("onnx", "keras")
-_MISSING = "missing file"
+_MISSING, _LARGE = "missing file", "12 million pixels, --full-size"
 
 
 @dataclass(frozen=True)
@@ -48,14 +49,16 @@ class Cost:
 def main() -> None:
     """Print a table of the costs, and the ratios of Keras to ONNX Runtime."""
     arguments = _arguments()
-    costs: dict[str, list[Cost]] = {name: [] for name in (*_ENGINES, _MISSING)}
+    costs: dict[str, list[Cost]] = {name: [] for name in (*_ENGINES, _MISSING, _LARGE)}
     with tempfile.TemporaryDirectory() as scratch:
-        photo = arguments.photo or _drawn(Path(scratch) / "ball.png")
+        photo = arguments.photo or _drawn(Path(scratch) / "ball.png", 640, 480)
+        large = _drawn(Path(scratch) / "large.png", 4000, 3000)
         out = ["--overwrite", "--out", str(Path(scratch) / "materials")]
         for _ in range(1 + arguments.rounds):
             for engine in _ENGINES:
                 costs[engine].append(_cost([str(photo), "--engine", engine, *out], 0))
             costs[_MISSING].append(_cost([str(Path(scratch) / "none.png")], 1))
+            costs[_LARGE].append(_cost([str(large), "--full-size", *out], 0))
     print("| | clock | processors | memory |\n|---|---:|---:|---:|")
     for name, found in costs.items():
         # The first round reads files that are not in memory yet.
@@ -100,9 +103,9 @@ def _values(cost: Cost) -> tuple[float, float, float]:
     return cost.clock, cost.processors, cost.memory
 
 
-def _drawn(path: Path) -> Path:
-    """Write a lit ball before stripes, 640 × 480 pixels, and return its path."""
-    x, y = np.meshgrid(np.linspace(-1.6, 1.6, 640), np.linspace(-1.2, 1.2, 480))
+def _drawn(path: Path, width: int, height: int) -> Path:
+    """Write a lit ball before stripes and return its path."""
+    x, y = np.meshgrid(np.linspace(-1.6, 1.6, width), np.linspace(-1.2, 1.2, height))
     z = np.sqrt(np.maximum(1 - x**2 - y**2, 0))
     light = np.maximum(0.4 * x - 0.5 * y + 0.77 * z, 0)[..., None]
     lobe = np.maximum(0.21 * x - 0.27 * y + 0.94 * z, 0)[..., None] ** 100
