@@ -182,6 +182,7 @@ def _estimate(options: argparse.Namespace) -> int:
     from lime_keras.estimate import gallery
     from lime_keras.estimate.batch import Batch
     from lime_keras.estimate.files import distinct_names
+    from lime_keras.io import atomic
 
     gallery.check(options.out)
     names = distinct_names(places)
@@ -196,6 +197,8 @@ def _estimate(options: argparse.Namespace) -> int:
     try:
         if photos:
             estimator = _estimator(options, options.only)
+            with atomic.naming(options.out):
+                options.out.mkdir(parents=True, exist_ok=True)
             batch = Batch(
                 estimator,
                 results,

@@ -1,6 +1,8 @@
 """The command over folders, again and again: what is looked for, kept, refused and replaced."""
 
+import errno
 import json
+from pathlib import Path
 
 import clips
 import numpy as np
@@ -116,6 +118,16 @@ def test_other_results_are_refused_before_anything_is_done(folder, tmp_path, cap
     assert "a.json was made with no --full-size, not --full-size" in capsys.readouterr().err
     assert run(folder / "one" / "a.png", "--overwrite", out=out) == 0
     assert json.loads((out / "a.json").read_text())["photo"] == str(folder / "one" / "a.png")
+
+
+def test_a_folder_that_cannot_be_made_is_named(folder, tmp_path, monkeypatch, capsys):
+    def refused(path, **options):
+        raise OSError(errno.EROFS, "Read-only file system", str(path))
+
+    monkeypatch.setattr(Path, "mkdir", refused)
+    assert run(folder / "a.png", out=tmp_path / "out") == 1
+    told = capsys.readouterr().err
+    assert f"{tmp_path / 'out'} cannot be written: Read-only file system; pass a folder" in told
 
 
 def test_a_page_of_someone_else_is_refused(folder, tmp_path, capsys):
