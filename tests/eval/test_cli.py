@@ -125,6 +125,7 @@ def written(corpus, run):
     return run / "eval"
 
 
+@pytest.mark.slow
 def test_the_batch_size_changes_no_number(corpus, run, evaluation):
     one_by_one = evaluate(run, corpus, batch_size=1)
     assert np.array_equal(one_by_one.confusion, evaluation.confusion)
@@ -252,7 +253,13 @@ ABLATED = {
 """What each is, and the measures it does not have."""
 
 
-@pytest.fixture(scope="module", params=ABLATED.values(), ids=ABLATED)
+@pytest.fixture(
+    scope="module",
+    params=[
+        pytest.param(row, id=name, marks=() if name == "regression" else pytest.mark.slow)
+        for name, row in ABLATED.items()
+    ],
+)
 def ablation(request, corpus, tmp_path_factory):
     """An ablation's architecture, run, lacking measures, and the folder of its evaluation."""
     fields, lacking = request.param

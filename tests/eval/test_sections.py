@@ -102,6 +102,7 @@ def test_answers_stand_beside_the_run_that_is_measured(corpus, runs, answers, tm
     assert "net: another system" in page
 
 
+@pytest.mark.slow
 def test_answers_stand_beside_the_runs_of_table_1_and_other_answers(
     corpus, runs, answers, tmp_path
 ):

@@ -106,6 +106,7 @@ def test_a_subnetwork_overfits_four_images(name, four_images):
     assert loss < share * first
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))]
 )

@@ -93,6 +93,7 @@ def test_a_run_leaves_a_model_and_its_curves(finished):
     assert float(rows[-1]["measure_log_exponent_mae"]) > 0
 
 
+@pytest.mark.slow
 def test_measures_are_pooled_over_the_held_out_examples(corpus, config, tmp_path):
     """Not averaged by batch: the last one here is smaller."""
     run = tmp_path / "run"
@@ -166,6 +167,7 @@ def test_encoders_are_kept_as_they_were_before_they_were_joined(finished):
         assert not all(np.array_equal(alone, after) for alone, after in pairs), name
 
 
+@pytest.mark.slow
 def test_a_finished_run_without_them_gets_them(corpus, config, finished, tmp_path):
     run = tmp_path / "run"
     shutil.copytree(finished / "stages", run / "stages")
@@ -249,6 +251,7 @@ def test_an_interrupted_stage_ends_with_the_same_weights(
     assert rows[0] == rows[1]
 
 
+@pytest.mark.slow
 def test_curves_hold_means_over_their_interval(corpus, config, tmp_path, monkeypatch):
     """Not the last batch's losses, which is what Keras tells."""
     monkeypatch.setattr(pace, "_CURVE_POINTS", 1)
@@ -431,6 +434,7 @@ def _first_weights(corpus, run, config, **options):
     return seen
 
 
+@pytest.mark.slow
 def test_a_run_begins_with_another_models_weights(corpus, config, finished, tmp_path):
     given = tmp_path / "given"
     shutil.copytree(finished / "model", given)
@@ -626,6 +630,7 @@ def test_a_record_that_holds_no_number_is_named(corpus, config, tmp_path):
         trainer.train([broken], tmp_path / "run", config, _ignore, only=["exponent"])
 
 
+@pytest.mark.slow
 def test_a_weight_that_is_no_number_is_blamed_on_no_example(corpus, config, tmp_path, monkeypatch):
     boundless = dataclasses.replace(terms.TERMS["specular"], weight=np.inf)
     monkeypatch.setitem(terms.TERMS, "specular", boundless)
@@ -804,6 +809,7 @@ def test_means():
     assert means.means() == {"mask": 3.0}
 
 
+@pytest.mark.slow
 def test_frozen_subnetworks_keep_their_weights(corpus, config, finished, tmp_path):
     held = dataclasses.replace(
         config, begun_from=initial_weights.sha256(finished), frozen=("specular", "mirror")

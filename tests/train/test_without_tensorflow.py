@@ -14,6 +14,7 @@ from lime_keras.networks import weights
 pytest.importorskip("jax")
 
 
+@pytest.mark.slow
 def test_a_bank_is_trained_from(tmp_path):
     bank, run = noise_bank.write(tmp_path / "bank"), tmp_path / "run"
     begin = ["noise", bank, "--out", run, "--preset", "smoke", "--batch-size", "4"]

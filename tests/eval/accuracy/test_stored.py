@@ -43,6 +43,7 @@ def test_a_second_call_measures_nothing_and_answers_the_same(corpus, tiny_model,
         assert all(np.array_equal(one[name], other[name]) for name in one)
 
 
+@pytest.mark.slow
 def test_photos_other_weights_and_broken_files_are_measured_anew(
     corpus, tiny_model, tmp_path, counted
 ):
@@ -73,6 +74,7 @@ def test_encoders_that_their_own_stages_left_are_told_apart(corpus, tiny_model, 
             assert found.stage_one == stage_one
 
 
+@pytest.mark.slow
 def test_runs_do_not_push_each_other_out(corpus, tiny_model, tmp_path, counted):
     for camera in (False, True, False, True):
         stored.evaluation(Store(tmp_path), tiny_model, corpus, camera=camera)

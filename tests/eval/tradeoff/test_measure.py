@@ -20,6 +20,9 @@ from lime_keras.eval.tradeoff.samples import Samples
 from lime_keras.eval.tradeoff.table import markdown
 from lime_keras.export import parity
 
+# `test_sections` has the faster sibling, from the command to its table and its picture.
+pytestmark = pytest.mark.slow
+
 PRECISIONS = {KERAS: ("float32", "bfloat16"), ONNX: ("float32", "int8", "int8, float heads")}
 
 

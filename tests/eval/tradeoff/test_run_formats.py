@@ -51,7 +51,7 @@ def of_keras(run, images):
 
 
 ALL = [(runtime, name) for runtime, names in PRECISIONS.items() for name in names]
-FAST = {("SavedModel", "float32"), ("ONNX Runtime", "int8")}
+FAST = {("SavedModel", "float32")}
 MARKED = [pytest.param(*pair, marks=() if pair in FAST else pytest.mark.slow) for pair in ALL]
 
 
@@ -84,6 +84,7 @@ def test_kernels_have_the_bits_that_the_precision_says(run):
     assert size("int8") < size("int8, float heads") < size("float16")
 
 
+@pytest.mark.slow
 def test_the_size_is_that_of_what_is_shipped(run):
     weights = 4 * run.costs["parts"][EVERYTHING]["parameters"]
     sizes = {pair: run.file_size(*pair) for pair in ALL}

@@ -55,6 +55,7 @@ def test_an_onnx_process_answers_for_itself_alone(model):
     assert 10 < measured["peak_memory_mib"] < held.nbytes / 2**20
 
 
+@pytest.mark.slow
 def test_a_keras_process_answers_images_in_half_precision(tiny_model, tmp_path):
     np.save(tmp_path / "images.npy", np.full((2, 32, 32, 3), 0.5, np.float32))
     images = str(tmp_path / "images.npy")

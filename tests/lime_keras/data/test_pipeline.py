@@ -274,7 +274,7 @@ def test_resuming_augments_as_an_uninterrupted_run(shards, augmentation):
     assert_same(photos(shards, 4, first_step=4, **{augmentation: True}), whole[4:])
 
 
-@pytest.mark.parametrize("with_camera", [False, True])
+@pytest.mark.parametrize("with_camera", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_a_scene_is_painted_anew_in_every_epoch(shards, with_camera):
     options = {"size": SIZE, "batch_size": COUNT, "seed": 0, "camera": with_camera}
     options["features"] = pipeline.FEATURES
@@ -385,6 +385,7 @@ def test_paint_is_the_same_in_every_light(several):
         np.testing.assert_array_equal(painted[name], alone[name], err_msg=name)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("camera", [False, True])
 def test_a_mixture_in_a_mirror_is_a_mixture(several, camera):
     options = {"size": SIZE, "batch_size": COUNT, "features": pipeline.FEATURES, "camera": camera}
@@ -402,6 +403,7 @@ def test_a_mixture_in_a_mirror_is_a_mixture(several, camera):
     assert 8 < turned < 28
 
 
+@pytest.mark.slow
 def test_resuming_mixes_as_an_uninterrupted_run(several):
     whole = photos(several, 8, repaints=True, flips=True)
     assert_same(photos(several, 5, first_step=3, repaints=True, flips=True), whole[3:])
@@ -417,7 +419,14 @@ def test_evaluation_sees_the_first_light(several):
             np.testing.assert_array_equal(found[name][index], stored[name], err_msg=name)
 
 
-@pytest.mark.parametrize("name", ["image", "mirror", "mask", "environment", "clipped"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "image",
+        "clipped",
+        *(pytest.param(name, marks=pytest.mark.slow) for name in ("mirror", "mask", "environment")),
+    ],
+)
 def test_a_mixed_feature_asked_for_alone_is_the_same(several, name):
     options = {"size": SIZE, "batch_size": COUNT, "seed": 5, "camera": False}
     [whole] = pipeline.training(several, **options, features=pipeline.FEATURES).take(1)
@@ -661,7 +670,16 @@ DAMAGES = {
 }
 
 
-@pytest.mark.parametrize("damage", DAMAGES)
+FAST_DAMAGES = ("message", "checksum", "cut header", "image")
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        pytest.param(name, marks=() if name in FAST_DAMAGES else pytest.mark.slow)
+        for name in DAMAGES
+    ],
+)
 def test_damage_names_the_file_the_record_and_the_mend(shards, tmp_path, damage):
     copies = [tmp_path / path.name for path in shards]
     for path, copy in zip(shards, copies, strict=True):

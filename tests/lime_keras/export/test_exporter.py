@@ -117,7 +117,7 @@ def corpus(tmp_path_factory):
     return sphere_corpus.write_split(folder, "test", [range(2)], seed=1, size=32)
 
 
-@pytest.mark.parametrize("precision", ["float16", "int8"])
+@pytest.mark.parametrize("precision", [pytest.param("float16", marks=pytest.mark.slow), "int8"])
 def test_fewer_bits_are_compared_on_pictures_and_on_extremes(
     precision, tiny_model, network, corpus, tmp_path
 ):

@@ -52,7 +52,7 @@ def write(precision, prepared, path):
 BITS = {"float16": 16, "int8": 8}
 
 
-@pytest.mark.parametrize("precision", BITS)
+@pytest.mark.parametrize("precision", ["int8", pytest.param("float16", marks=pytest.mark.slow)])
 def test_a_narrow_file_takes_any_batch_of_float32_and_has_fewer_bits(precision, prepared, tmp_path):
     path = tmp_path / "narrow.onnx"
     write(precision, prepared, path)

@@ -216,6 +216,7 @@ def _is_array(item):
     return isinstance(item, h5py.Dataset)
 
 
+@pytest.mark.slow
 def test_whatever_a_damaged_byte_leads_to_names_the_file(model):
     path = model / "mirror.weights.h5"
     whole = path.read_bytes()

@@ -109,6 +109,7 @@ def test_training_and_held_out_scenes_share_no_shape_and_no_map(bank):
     assert {*seen.shapes, *held.shapes} == {f"ellipsoid-{k}" for k in range(12)}
 
 
+@pytest.mark.slow
 def test_photographed_and_reduced_scenes_are_the_same_scenes(bank, made):
     """A camera scales the light and nothing of the material; smaller images are means."""
     _, batch = made
@@ -138,6 +139,7 @@ def test_a_bank_of_one_light_is_refused(tmp_path):
         Scenes(tmp_path, size=SIZE, camera=False, features=FEATURES)
 
 
+@pytest.mark.slow
 def test_a_scene_names_its_shape_and_the_map_that_gives_most_light(bank):
     scenes = Scenes(bank, size=SIZE, camera=False, features=(*FEATURES, "shape", "light"))
     drawn = scenes.draw(3, np.arange(8))

@@ -65,6 +65,7 @@ def test_training_reads_the_corpus(corpus):
     assert batch["image"].shape == (4, SIZE, SIZE, 3)
 
 
+@pytest.mark.slow
 def test_an_interrupted_command_goes_on(bank, corpus, tmp_path):
     def interrupt(done, total):
         if done > SHARD:
@@ -89,6 +90,7 @@ def test_another_split_in_the_folder_is_refused(bank, corpus):
         make(bank, corpus, materials="natural")
 
 
+@pytest.mark.slow
 def test_natural_materials(bank, tmp_path):
     make(bank, tmp_path, materials="natural", count=16)
     [batch] = pipeline.evaluation(Split(tmp_path, "train").shard_paths(), size=SIZE, batch_size=16)
