@@ -47,7 +47,19 @@ function complain(text) {
   $("message").textContent = text;
   $("message").hidden = !text;
   $("stage").classList.toggle("stale", Boolean(text) && view.image !== null);
-  if (text) $("welcome").hidden = view.image !== null;
+  if (!text) return;
+  $("welcome").hidden = view.image !== null;
+  $("speed").hidden = true;
+}
+
+let warned = "";
+
+/** Show the reasons to distrust the estimate; the same ones again are not read out again. */
+function warn(texts) {
+  if (String(texts) === warned) return;
+  warned = String(texts);
+  $("warnings").replaceChildren(...texts.map((text) => element("li", text)));
+  $("warnings").hidden = !texts.length;
 }
 
 const wait = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
@@ -134,8 +146,7 @@ function show(image, answer, round, wanted) {
   $("coverage").textContent = answer.found ? percent(answer.mask_coverage) : "no object";
   // A frame of the mask alone is judged by that alone.
   if (seen || !answer.found) {
-    $("warnings").replaceChildren(...answer.warnings.map((warning) => element("li", words(warning))));
-    $("warnings").hidden = !answer.warnings.length;
+    warn(answer.warnings.map(words));
   }
   const drawing = performance.now() - begun;
   timing(answer.ms, round, drawing, wanted);
@@ -290,6 +301,7 @@ async function startUrl(url, name) {
 
 const digits = (value) => value.toFixed(value < 0.0995 ? 3 : 2);
 const percent = (share) => `${(100 * share).toFixed(share < 0.0995 ? 1 : 0)} %`;
+const edge = (bin) => Number((10 ** (0.375 * bin)).toPrecision(2)); // the bin's lowest s
 const gloss = (exponent) => exponent.toPrecision(exponent < 1000 ? 3 : 4).replace(/\.0+$/, "");
 
 function element(tag, text) {
@@ -343,7 +355,7 @@ function showBins(probabilities) {
       return bin;
     }),
   );
-  const told = probabilities.map((share, at) => `from ${gloss(10 ** (0.375 * at))} ${percent(share)}`);
+  const told = probabilities.map((share, at) => `from ${edge(at)} ${percent(share)}`);
   $("bins").setAttribute("aria-label", `Probabilities of the shininess classes: ${told.join(", ") || "none yet"}`);
 }
 
@@ -492,6 +504,7 @@ function redraw(calm = false) {
   drawn = requestAnimationFrame(() => {
     drawnAt = performance.now();
     renderer?.draw();
+    if (renderer && isPressed("clone")) view.beside(renderer.canvas);
   });
 }
 
@@ -633,6 +646,13 @@ function splitObject(on) {
   redraw();
 }
 
+/** Show the virtual object in the picture, too, or take it away from there. */
+function cloneObject(on) {
+  press("clone", on);
+  if (!on) view.beside(null);
+  redraw();
+}
+
 const isPressed = (id) => $(id).getAttribute("aria-pressed") === "true";
 
 function wire() {
@@ -721,6 +741,7 @@ function wire() {
   }
   $("reset").onclick = reset;
   $("before").onclick = () => splitObject(!isPressed("before"));
+  $("clone").onclick = () => cloneObject(!isPressed("clone"));
   $("copy").onclick = async () => {
     try {
       await navigator.clipboard.writeText(numbersText());
@@ -765,7 +786,8 @@ function dropping() {
 
 function keys() {
   const actions = {
-    " ": "freeze", c: "camera", m: "outline", p: "brush", f: "fusion", b: "before", r: "reset",
+    " ": "freeze", c: "camera", m: "outline", p: "brush", f: "fusion", b: "before", i: "clone",
+    r: "reset",
   };
   const shapes = ["sphere", "teapot", "knot"];
   addEventListener("keydown", (event) => {
@@ -782,6 +804,7 @@ function keys() {
 
 async function main() {
   startObject();
+  $("edges").replaceChildren(...Array.from({ length: 9 }, (_, bin) => element("span", edge(bin))));
   showNumbers();
   relight();
   for (const group of document.querySelectorAll('[role="radiogroup"]')) {

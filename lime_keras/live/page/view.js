@@ -2,6 +2,10 @@
 
 import { toLevel } from "./colour.js";
 
+const LEVEL = 127.5; // of a mask's bytes at the outline
+const LEAST_SECOND = 0.4; // of the frame's shorter side: the second object's, beside the first
+const CLEARLY = 1.3; // times as much room, for which the second object changes sides
+
 /** The context of a canvas that is kept in main memory, from where all that is drawn here comes. */
 export function levels(canvas) {
   return canvas.getContext("2d", { willReadFrequently: true });
@@ -17,6 +21,8 @@ export class View {
     this.answered = null; // the last image that was answered, and its answer
     this.outlined = true;
     this.painted = null; // the mask under the brush, one byte a pixel of the frame
+    this.second = null; // a square picture of the second object, to be shown beside the first
+    this.onRight = true; // of the first
   }
 
   /** Show a frame without an answer yet, and so without an outline. */
@@ -61,7 +67,9 @@ export class View {
       context.putImageData(tint, 0, 0);
       return;
     }
-    if (!this.outlined || !this.answer?.found) return;
+    if (!this.answer?.found) return;
+    if (this.second) this.#drawSecond(context);
+    if (!this.outlined) return;
     const { square: [top, left, side], size, layers } = this.answer;
     const path = contour(layers.mask, size);
     const scale = side / size;
@@ -79,23 +87,32 @@ export class View {
     context.restore();
   }
 
+  /** Show the second object, from the middle of a canvas, beside the first; null takes it away. */
+  beside(canvas) {
+    this.second = canvas && new OffscreenCanvas(1, 1);
+    if (canvas) {
+      const side = Math.min(canvas.width, canvas.height);
+      Object.assign(this.second, { width: side, height: side });
+      const corner = [(side - canvas.width) / 2, (side - canvas.height) / 2];
+      this.second.getContext("2d").drawImage(canvas, ...corner);
+    }
+    if (this.image) this.outline();
+  }
+
+  #drawSecond(context) {
+    const { width, height } = this.overlay;
+    const { left, top, side, onRight } = placeBeside(box(this.answer), width, height, this.onRight);
+    this.onRight = onRight;
+    context.imageSmoothingQuality = "high";
+    context.drawImage(this.second, left, top, side, side);
+  }
+
   /** Begin to mend the mask: what was found, at the frame's size. */
   beginPainting() {
     const { width, height } = this.image;
-    this.painted = new Uint8Array(width * height);
-    if (this.answer?.found) {
-      const { square: [top, left, side], size, layers } = this.answer;
-      for (let row = 0; row < height; row++) {
-        const r = Math.floor(((row + 0.5 - top) * size) / side);
-        if (r < 0 || r >= size) continue;
-        for (let column = 0; column < width; column++) {
-          const c = Math.floor(((column + 0.5 - left) * size) / side);
-          if (c >= 0 && c < size && layers.mask[r * size + c] >= 128) {
-            this.painted[row * width + column] = 255;
-          }
-        }
-      }
-    }
+    this.painted = this.answer?.found
+      ? enlargedMask(this.answer, width, height)
+      : new Uint8Array(width * height);
     this.outline();
   }
 
@@ -120,6 +137,72 @@ export class View {
   }
 }
 
+/**
+ * The mask of an answer at the frame's size, 255 where the object is: the inside of its outline, so
+ * interpolated as that is.
+ */
+export function enlargedMask({ square: [top, left, side], size, layers: { mask } }, width, height) {
+  const out = new Uint8Array(width * height);
+  const at = (row, column) =>
+    row < 0 || column < 0 || row >= size || column >= size ? 0 : mask[row * size + column];
+  for (let row = 0; row < height; row++) {
+    const y = ((row + 0.5 - top) * size) / side - 0.5;
+    if (y < -1 || y > size) continue;
+    const [r, down] = [Math.floor(y), y - Math.floor(y)];
+    for (let column = 0; column < width; column++) {
+      const x = ((column + 0.5 - left) * size) / side - 0.5;
+      if (x < -1 || x > size) continue;
+      const [c, across] = [Math.floor(x), x - Math.floor(x)];
+      const above = at(r, c) + (at(r, c + 1) - at(r, c)) * across;
+      const below = at(r + 1, c) + (at(r + 1, c + 1) - at(r + 1, c)) * across;
+      if (above + (below - above) * down > LEVEL) out[row * width + column] = 255;
+    }
+  }
+  return out;
+}
+
+/** The box {left, top, right, bottom} in the frame of the object of an answer. */
+function box({ square: [top, left, side], size, layers }) {
+  const found = { left: Infinity, top: Infinity, right: -Infinity, bottom: -Infinity };
+  layers.mask.forEach((value, at) => {
+    if (value < LEVEL) return;
+    const [row, column] = [Math.floor(at / size), at % size];
+    found.left = Math.min(found.left, column);
+    found.right = Math.max(found.right, column + 1);
+    found.top = Math.min(found.top, row);
+    found.bottom = Math.max(found.bottom, row + 1);
+  });
+  const scale = side / size;
+  return {
+    left: left + scale * found.left,
+    right: left + scale * found.right,
+    top: top + scale * found.top,
+    bottom: top + scale * found.bottom,
+  };
+}
+
+/**
+ * The square {left, top, side} in a frame for the second object, beside the box of the first, as
+ * large as that or as there is room; it lies over the first only where it would become too small.
+ * It stays on its side, `onRight`, unless the other has clearly more room.
+ */
+export function placeBeside(first, width, height, onRight) {
+  const least = LEAST_SECOND * Math.min(width, height);
+  const rooms = [first.left, width - first.right].map((room) => Math.max(room, least));
+  const here = rooms[Number(onRight)];
+  const there = rooms[Number(!onRight)];
+  const right = there > CLEARLY * here ? !onRight : onRight;
+  const extent = Math.max(first.right - first.left, first.bottom - first.top, least);
+  const side = Math.min(extent, rooms[Number(right)], height);
+  const within = (low, whole) => Math.min(Math.max(low, 0), whole - side);
+  return {
+    left: within(right ? first.right : first.left - side, width),
+    top: within((first.top + first.bottom - side) / 2, height),
+    side,
+    onRight: right,
+  };
+}
+
 /** The contour of a mask `size`² of bytes at one half, in the layer's pixels, as a Path2D. */
 export function contour(mask, size) {
   const path = new Path2D();
@@ -132,17 +215,16 @@ export function contour(mask, size) {
 
 /** The pieces [[x, y], [x, y]] of a mask's contour (marching squares, with 0 around the mask). */
 export function segments(mask, size) {
-  const level = 127.5;
   const at = (row, column) =>
     row < 0 || column < 0 || row >= size || column >= size ? 0 : mask[row * size + column];
   const out = [];
   for (let row = -1; row < size; row++) {
     for (let column = -1; column < size; column++) {
       const corners = [at(row, column), at(row, column + 1), at(row + 1, column + 1), at(row + 1, column)];
-      const inside = corners.map((value) => value > level);
+      const inside = corners.map((value) => value > LEVEL);
       if (inside.every((value) => value === inside[0])) continue;
       // Where the contour crosses the cell's four sides, clockwise from the top.
-      const share = (k) => (level - corners[k]) / (corners[(k + 1) % 4] - corners[k]);
+      const share = (k) => (LEVEL - corners[k]) / (corners[(k + 1) % 4] - corners[k]);
       const [x, y] = [column + 0.5, row + 0.5];
       const crossings = [
         () => [x + share(0), y],

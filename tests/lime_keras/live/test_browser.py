@@ -532,18 +532,90 @@ def test_a_users_mesh_is_shown_and_a_damaged_one_told(page):
     seen(page, "#object-message").to_contain_text("mine.ply cannot be shown")
 
 
-def test_everything_that_can_be_used_has_a_name_and_fits_on_a_phone(page):
-    page.set_viewport_size({"width": 360, "height": 740})
+def test_everything_that_can_be_used_has_a_name(page):
     nameless = page.evaluate(
         """() => [...document.querySelectorAll("button, select, input, [role]")]
           .filter((part) => !part.matches("[role=alert], [role=status]"))
           .filter((part) => !part.closest("[aria-hidden=true]"))
           .filter((part) => !(part.getAttribute("aria-label") || part.textContent.trim()
-            || part.labels?.[0]?.textContent.trim()))
+            || part.labels?.[0]?.textContent.trim()
+            || document.getElementById(part.getAttribute("aria-labelledby"))))
           .map((part) => part.outerHTML)"""
     )
     assert nameless == []
-    assert page.evaluate("() => document.documentElement.scrollWidth") <= 360
+
+
+BEYOND = """
+() => [...document.querySelectorAll(".pane, .pane *, header *")].filter((part) => {
+  if (part.matches("#edges *")) return false; // as wide as nothing, and centred there
+  const box = part.getBoundingClientRect();
+  const around = (part.parentElement.closest(".pane") ?? document.body).getBoundingClientRect();
+  return box.width && (box.left < around.left - 0.5 || box.right > around.right + 0.5);
+}).map((part) => part.outerHTML)
+"""
+
+
+@pytest.mark.parametrize("width", [360, 700, 870, 1024, 1400])
+def test_nothing_is_cut_off_at_any_width(width, page):
+    page.set_viewport_size({"width": width, "height": 900})
+    give(page, png(FRAME))
+    shown(page)
+    page.click("#brush")
+    seen(page, "#brush-tools").to_be_visible()
+    assert page.evaluate(BEYOND) == []
+    assert page.evaluate("() => document.documentElement.scrollWidth") <= width
+    page.click("#brush")
+    if width == 1400:
+        assert page.evaluate("() => document.documentElement.scrollHeight") <= 900
+
+
+def test_warnings_come_without_moving_the_page(page):
+    below = [page.locator(name).bounding_box() for name in ("#other", "#estimate", "footer")]
+    give(page, png(np.zeros((64, 64, 3), np.uint8)))
+    seen(page, "#warnings").to_be_visible(timeout=LONG)
+    now = [page.locator(name).bounding_box() for name in ("#other", "#estimate", "footer")]
+    assert [box["y"] for box in now] == [box["y"] for box in below]
+
+
+def test_every_class_of_shininess_is_labelled(page):
+    edges = [float(text) for text in page.locator("#edges span").all_inner_texts()]
+    assert edges == pytest.approx(list(10 ** (np.arange(9) * 0.375)), rel=0.03)
+    bins = [bin.bounding_box()["x"] for bin in page.locator("#bins > span").all()]
+    labels = [label.bounding_box()["x"] for label in page.locator("#edges span").all()]
+    assert labels[:8] == pytest.approx(bins, abs=5)
+
+
+OVERLAY = """
+() => {
+  const overlay = document.getElementById("overlay");
+  const { width, height } = overlay;
+  const { data } = overlay.getContext("2d").getImageData(0, 0, width, height);
+  const columns = Array(width).fill(0);
+  for (let at = 0; at < width * height; at++) columns[at % width] += data[4 * at + 3] > 0;
+  return columns;
+}
+"""
+
+
+def test_the_material_is_cloned_beside_the_object(page):
+    """In the picture itself: a sphere of it, as large as the object, in the frame's pixels."""
+    give(page, png(ball(240, 320, radius=0.5, place=(-0.7, 0.0))))
+    shown(page)
+    page.click("#outline")
+    page.click("[data-shape=sphere]")
+    assert sum(page.evaluate(OVERLAY)) == 0
+    page.keyboard.press("i")
+    seen(page, "#clone").to_have_attribute("aria-pressed", "true")
+    page.wait_for_timeout(1000)
+    columns = np.array(page.evaluate(OVERLAY))
+    inside = np.flatnonzero(columns)
+    # The ball ends at column 320 · (1 + 0.75 · (−0.7 + 0.5)) / 2 = 136, and is 120 pixels wide.
+    assert inside[0] == pytest.approx(136, abs=8)
+    assert np.ptp(inside) == pytest.approx(120, abs=12)
+    assert columns.sum() == pytest.approx(np.pi / 4 * np.ptp(inside) ** 2, rel=0.05)
+    page.keyboard.press("i")
+    seen(page, "#clone").to_have_attribute("aria-pressed", "false")
+    assert sum(page.evaluate(OVERLAY)) == 0
 
 
 def test_without_webgl_the_numbers_still_come(browser, server):
