@@ -243,6 +243,7 @@ async function begin(open, told) {
   frozen = false;
   cost = 0;
   times = [];
+  lightMs = undefined;
   stopPainting();
   press("freeze", false);
   $("freeze").disabled = !source.live;
@@ -389,23 +390,23 @@ function numbersText() {
   return JSON.stringify({ picture: seen.name, ...whole }, null, 1) + "\n";
 }
 
-let shown = "";
+let lightMs; // ms of the source's last light, which few frames have
 
 function timing(ms, round, drawing, wanted) {
   // A frame with the material tells what each would cost; the light comes now and then.
   if (wanted.material) cost += (cost ? 0.2 : 1) * (round + drawing - (ms.light ?? 0) - cost);
+  lightMs = ms.light ?? lightMs;
   const parts = {
     mask: ms.framing_and_mask,
     material: ms.material,
-    light: ms.light,
+    light: lightMs,
     transfer: Math.max(round - ms.total, 0),
     drawing,
   };
   const told = Object.entries(parts).filter(([, value]) => value !== undefined);
   // The parts of a frame without materials would make the line flicker.
-  if (wanted.material && !(wanted.light && source.live && shown)) {
-    shown = told.map(([name, value]) => `${name} ${value.toFixed(0)}`).join(" · ") + " ms";
-    $("timing").textContent = shown;
+  if (wanted.material) {
+    $("timing").textContent = told.map(([name, value]) => `${name} ${value.toFixed(0)}`).join(" · ") + " ms";
   }
   const live = source.live && !frozen && times.length > 1;
   $("speed").hidden = !live;

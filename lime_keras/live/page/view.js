@@ -1,5 +1,6 @@
 // The picture side: the frame that an answer belongs to, its outline, its layers, and the brush.
 
+import { inside } from "./browser/framing.js";
 import { toLevel } from "./colour.js";
 
 const LEVEL = 127.5; // of a mask's bytes at the outline
@@ -110,9 +111,11 @@ export class View {
   /** Begin to mend the mask: what was found, at the frame's size. */
   beginPainting() {
     const { width, height } = this.image;
-    this.painted = this.answer?.found
-      ? enlargedMask(this.answer, width, height)
-      : new Uint8Array(width * height);
+    this.painted = new Uint8Array(width * height);
+    if (this.answer?.found) {
+      const { square: [top, left, side], size, layers } = this.answer;
+      this.painted = inside(layers.mask, size, { top, left, side }, height, width, LEVEL);
+    }
     this.outline();
   }
 
@@ -135,30 +138,6 @@ export class View {
     }
     this.outline();
   }
-}
-
-/**
- * The mask of an answer at the frame's size, 255 where the object is: the inside of its outline, so
- * interpolated as that is.
- */
-export function enlargedMask({ square: [top, left, side], size, layers: { mask } }, width, height) {
-  const out = new Uint8Array(width * height);
-  const at = (row, column) =>
-    row < 0 || column < 0 || row >= size || column >= size ? 0 : mask[row * size + column];
-  for (let row = 0; row < height; row++) {
-    const y = ((row + 0.5 - top) * size) / side - 0.5;
-    if (y < -1 || y > size) continue;
-    const [r, down] = [Math.floor(y), y - Math.floor(y)];
-    for (let column = 0; column < width; column++) {
-      const x = ((column + 0.5 - left) * size) / side - 0.5;
-      if (x < -1 || x > size) continue;
-      const [c, across] = [Math.floor(x), x - Math.floor(x)];
-      const above = at(r, c) + (at(r, c + 1) - at(r, c)) * across;
-      const below = at(r + 1, c) + (at(r + 1, c + 1) - at(r + 1, c)) * across;
-      if (above + (below - above) * down > LEVEL) out[row * width + column] = 255;
-    }
-  }
-  return out;
 }
 
 /** The box {left, top, right, bottom} in the frame of the object of an answer. */

@@ -468,20 +468,35 @@ def test_a_painted_mask_changes_the_estimate(page):
     assert again["mask_coverage"] == pytest.approx(before["mask_coverage"], abs=1e-6)
 
 
+SLOW = """
+  const own = window.fetch;
+  window.asked = 0;
+  window.fetch = async (...given) => {
+    if (given[0] === "estimate") {
+      window.asked += 1;
+      await new Promise((resolve) => setTimeout(resolve, 1000));
+    }
+    return own(...given);
+  };
+"""
+"""Let each answer take a second more."""
+
+
+def test_the_times_of_the_parts_follow_a_slow_camera(browser, server):
+    """Each frame with a material then has a light, too."""
+    with opened(browser, server.url, SLOW) as page:
+        give(page, png(FRAME))
+        shown(page)
+        page.click("#camera")
+        seen(page, "#speed").to_be_visible(timeout=LONG)
+        before = page.inner_text("#timing")
+        assert re.fullmatch(r"mask \d+ · material \d+ · light \d+ · .* ms", before)
+        seen(page, "#timing").not_to_have_text(before, timeout=LONG)
+
+
 def test_of_two_quick_strokes_the_last_answer_has_both(browser, server):
     """The first one's answer comes when the second is on its way already."""
-    slow = """
-      const own = window.fetch;
-      window.asked = 0;
-      window.fetch = async (...given) => {
-        if (given[0] === "estimate") {
-          window.asked += 1;
-          await new Promise((resolve) => setTimeout(resolve, 1000));
-        }
-        return own(...given);
-      };
-    """
-    with opened(browser, server.url, slow) as page:
+    with opened(browser, server.url, SLOW) as page:
         give(page, png(FRAME))
         before = shown(page)["mask_coverage"]
         page.click("#brush")

@@ -312,31 +312,6 @@ def test_the_outline_of_a_disc_is_a_circle():
     assert full.min() == 0 and full.max() == 4
 
 
-def test_the_brush_begins_with_the_inside_of_the_outline():
-    """In pixels of the frame, smaller or larger than the layer's, and at a square beyond it."""
-    code = """
-    const { enlargedMask } = await page("view");
-    const layers = { mask: Uint8Array.from(given.mask) };
-    const answer = { square: given.square, size: given.size, layers };
-    console.log(JSON.stringify([...enlargedMask(answer, given.width, given.height)]));
-    """
-    size, radius = 32, 10.0
-    y, x = np.mgrid[:size, :size] + 0.5
-    mask = 255 * np.clip(radius + 0.5 - np.hypot(x - 15, y - 17), 0, 1)
-    for square in ([-8, 4, 20], [3, -7, 200]):
-        height, width = 100, 120
-        given = {"mask": np.rint(mask).ravel().tolist(), "size": size, "square": square}
-        found = np.array(run(code, **given, width=width, height=height)).reshape(height, width)
-        top, left, side = square
-        y, x = np.mgrid[:height, :width] + 0.5
-        from_edge = np.hypot(x - left - 15 * side / size, y - top - 17 * side / size)
-        from_edge -= radius * side / size
-        assert set(np.unique(found)) == {0, 255}
-        tolerance = 0.15 * side / size
-        assert (found[from_edge < -tolerance] == 255).all()
-        assert (found[from_edge > tolerance] == 0).all()
-
-
 BESIDE = """
 const { placeBeside } = await page("view");
 const places = given.boxes.map(([[left, top, right, bottom], before]) => {
