@@ -445,9 +445,10 @@ function relight(calm = false) {
   const key = `${lit.kind} ${lit.turn} ${lit.stops} ${lightNumber()}`;
   const before = (estimated() ?? current()).exponent;
   const exponents = before === current().exponent ? [before] : [before, current().exponent];
-  const wanted = { id: ++lightKey, key, light: now, exponents, size: TABLE };
-  if (asked && asked.key === key && String(asked.exponents) === String(exponents)) return;
-  waiting = wanted;
+  const wanted = { key, light: now, exponents, size: TABLE };
+  // What is summed now, or was last, is no longer to be followed by what was wanted in between.
+  const same = asked && asked.key === key && String(asked.exponents) === String(exponents);
+  waiting = same ? null : wanted;
   if (!calm) restUntil = 0;
   sendNext();
 }
@@ -455,6 +456,7 @@ function relight(calm = false) {
 /** Send what waits to the worker, if it is free and has rested. */
 function sendNext() {
   clearTimeout(rest);
+  document.body.toggleAttribute("data-lit", !waiting && !asked?.busy);
   if (!waiting || asked?.busy) return;
   const left = restUntil - performance.now();
   if (left > 0) rest = setTimeout(sendNext, left);
@@ -474,7 +476,6 @@ function lightNumber() {
 
 worker.onmessage = ({ data }) => {
   asked.busy = false;
-  document.body.dataset.lit = data.id;
   renderer?.light(data.texels);
   redraw(source?.live && !frozen);
   restUntil = performance.now() + SUMMING * data.ms;

@@ -395,7 +395,7 @@ def test_the_object_is_shaded_by_the_sums_of_the_library(page):
     page.click("[data-light=studio]")
     fill(page, red=0.6, green=0.3, blue=0.1, ms=0.4, logs=1.5, stops=-1)
     seen(page, "#edited").to_be_visible()
-    page.wait_for_timeout(5000)
+    page.wait_for_selector("body[data-lit]", timeout=LONG)
     content = chromium.taken(page, "#save-png")
     picture = np.asarray(Image.open(io.BytesIO(content)), np.float64) / 255
     height, width, _ = picture.shape
@@ -419,6 +419,27 @@ def test_the_object_is_shaded_by_the_sums_of_the_library(page):
     expected = colour.linear_to_srgb(np.clip(linear, 0, 1))
     found = picture.reshape(-1, 4)[some, :3]
     assert np.abs(found - expected).max() < 0.03
+
+
+def test_a_slider_that_goes_and_comes_back_leaves_the_object_as_it_was(page):
+    """The way back ends while the first table is still summed, and the way's own one waits."""
+    page.click("[data-light=studio]")
+    page.wait_for_selector("body[data-lit]", timeout=LONG)
+    give(page, png(FRAME))
+    shown(page)
+    move = """(values) => {
+      const slider = document.getElementById("logs");
+      for (const value of values) {
+        slider.value = value;
+        slider.dispatchEvent(new Event("input"));
+      }
+    }"""
+    pictures = []
+    for values in ([2.5], [1.0], [2.5, 0.5, 2.5]):
+        page.evaluate(move, values)
+        page.wait_for_selector("body[data-lit]", timeout=LONG)
+        pictures.append(chromium.taken(page, "#save-png"))
+    assert pictures[0] == pictures[2] != pictures[1]
 
 
 def test_what_is_taken_home_and_given_back(page):
@@ -621,8 +642,13 @@ def test_the_material_is_cloned_beside_the_object(page):
     assert sum(page.evaluate(OVERLAY)) == 0
     page.keyboard.press("i")
     seen(page, "#clone").to_have_attribute("aria-pressed", "true")
-    page.wait_for_timeout(1000)
-    columns = np.array(page.evaluate(OVERLAY))
+    # The page's own policy lets playwright wait for no script.
+    columns = np.zeros(1)
+    for _ in range(LONG // 100):
+        columns = np.array(page.evaluate(OVERLAY))
+        if columns.any():
+            break
+        page.wait_for_timeout(100)
     inside = np.flatnonzero(columns)
     # The ball ends at column 320 · (1 + 0.75 · (−0.7 + 0.5)) / 2 = 136, and is 120 pixels wide.
     assert inside[0] == pytest.approx(136, abs=8)
