@@ -4,10 +4,11 @@ lime-live --no-browser
 python docs/pictures/live_page.py http://127.0.0.1:8337/ PHOTO MASK FOLDER
 
 writes live.png (the photo, opened) and live.webp (its object, cut out by the mask and moved before
-its own blurred surroundings, as the camera, with a second object of its material beside it; then the light is turned, then the shininess changed)
-into a folder, and prints the frames that were answered and the last numbers. With the address of a
-page of `lime-live --static` the same runs with the browser's own engine. The clip plays as fast as
-the page ran. The photographs do not come with the project.
+its own blurred surroundings, as the camera, with a second object of its material in the picture;
+then the light is turned, then the shininess changed) into a folder, and prints the frames that were
+answered and the last numbers. With the address of a page of `lime-live --static` the same runs with
+the browser's own engine. The clip plays as fast as the page ran. The photographs do not come with
+the project.
 """
 
 import base64
