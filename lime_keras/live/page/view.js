@@ -69,13 +69,17 @@ export class View {
       return;
     }
     if (!this.answer?.found) return;
+    if (this.outlined) this.#drawOutline(context);
     if (this.second) this.#drawSecond(context);
-    if (!this.outlined) return;
+  }
+
+  #drawOutline(context) {
     const { square: [top, left, side], size, layers } = this.answer;
     const path = contour(layers.mask, size);
     const scale = side / size;
     // As wide on the screen whatever the frame's size.
-    const line = Math.max(1, width / (this.overlay.clientWidth || width));
+    const { width, clientWidth } = this.overlay;
+    const line = Math.max(1, width / (clientWidth || width));
     context.save();
     context.translate(left, top);
     context.scale(scale, scale);
@@ -90,10 +94,10 @@ export class View {
 
   /** Show the second object, from the middle of a canvas, beside the first; null takes it away. */
   beside(canvas) {
-    this.second = canvas && new OffscreenCanvas(1, 1);
+    this.second = null;
     if (canvas) {
       const side = Math.min(canvas.width, canvas.height);
-      Object.assign(this.second, { width: side, height: side });
+      this.second = new OffscreenCanvas(side, side);
       const corner = [(side - canvas.width) / 2, (side - canvas.height) / 2];
       this.second.getContext("2d").drawImage(canvas, ...corner);
     }
