@@ -220,6 +220,7 @@ def _in_browser(url: str, frames: list[np.ndarray], seconds: float) -> tuple[lis
             page.wait_for_timeout(1000 * _WARMING)
             page.evaluate("answered.length = 0")
             page.wait_for_timeout(1000 * seconds)
+            page.wait_for_function("() => answered.length > 6", timeout=120_000)
             moments = page.evaluate("answered")
             said = [page.inner_text(f"#{name}") for name in ("about", "speed", "timing")]
             told = ": ".join(said)
