@@ -1,16 +1,18 @@
-"""Frames a second of the live page with the native engine, beside Gradio's webcam route.
+"""Frames a second of the live page with either engine, beside Gradio's webcam route.
 
     python benchmarks/live.py
-    python benchmarks/live.py --browser
+    python benchmarks/live.py --browser --static http://localhost:8000/
     python benchmarks/live.py --gradio /elsewhere/bin/python
 
 The server is asked over HTTP, as the page asks it, for frames of 640 × 480 of a moving ball: the
 mask alone, the mask and the material, the page's rhythm on a slow machine (the material with every
 third frame), and the light as well. The page captures and draws besides; `--browser` runs it in
-Chromium on a clip of the same frames, and reads its own count. `--gradio` names the Python of an
-environment with gradio and this package, which serves the same model as Gradio does for pictures of
-a webcam: each frame as a file, each answer as a picture; it is asked over HTTP, too, by Gradio's
-own client, which does not know the stream of its page.
+Chromium on a clip of the same frames, and counts the answers that it shows. So does `--static` with
+a page of `lime-live --static`, which is served elsewhere (`python3 -m http.server -d site`), in
+either precision. `--gradio` names the Python of an environment with gradio and this package, which
+serves the same model as Gradio does for pictures of a webcam: each frame as a file, each answer as
+a picture; it is asked over HTTP, too, by Gradio's own client, which does not know the stream of its
+page.
 
 Each row has, after a second of warming up, the median of the frames' times, the frames a second in
 the mean, and for the server the processors' time of a frame, which other programs change less. The
@@ -61,11 +63,11 @@ page.launch(server_port=int(sys.argv[1]), quiet=True)
 """
 _COUNT = """
   window.answered = [];
-  const own = window.fetch;
-  window.fetch = async (...given) => {
-    const answer = await own(...given);
-    if (given[0] === "estimate") window.answered.push(performance.now());
-    return answer;
+  const { prototype } = CanvasRenderingContext2D;
+  const put = prototype.putImageData;
+  prototype.putImageData = function (...given) {
+    if (this.canvas.id === "frame") window.answered.push(performance.now());
+    return put.apply(this, given);
   };
 """
 _CLIENT = """
@@ -98,9 +100,13 @@ def main() -> None:
             times, used = _times(one, arguments.seconds)
             _tell(f"server, {name}", times, f"{1000 * used:.0f}")
     if arguments.browser:
-        times, told = _in_browser(frames, arguments.seconds)
-        _tell("page in Chromium", times)
-        print(f"the page says: {told}", file=sys.stderr)
+        with _command() as url:
+            _tell_of_page("page in Chromium", url, frames, arguments.seconds)
+    if arguments.static:
+        for precision in ("float32", "int8"):
+            url = f"{arguments.static}?precision={precision}"
+            name = f"page without Python in Chromium, {precision}"
+            _tell_of_page(name, url, frames, arguments.seconds)
     if arguments.gradio:
         _tell("Gradio", _by_gradio(arguments.gradio, frames[0], arguments.seconds))
     print(f"\nload after: {_load()}")
@@ -112,6 +118,7 @@ def _arguments() -> argparse.Namespace:
     )
     parser.add_argument("--seconds", type=float, default=8.0, help="of each row (default: 8)")
     parser.add_argument("--browser", action="store_true", help="run the page in Chromium, too")
+    parser.add_argument("--static", metavar="URL", help="run this page in Chromium, too")
     parser.add_argument("--gradio", type=Path, metavar="PYTHON", help="Python that has gradio")
     return parser.parse_args()
 
@@ -176,12 +183,19 @@ def _asker(server: LiveServer, frames: list[np.ndarray]) -> Callable[..., None]:
     return ask
 
 
-def _in_browser(frames: list[np.ndarray], seconds: float) -> tuple[list[float], str]:
-    """Return the seconds between the page's answers, and what the page says of their parts."""
+def _tell_of_page(name: str, url: str, frames: list[np.ndarray], seconds: float) -> None:
+    """Print the row of a page, and what it says of its engine and of the answers' parts."""
+    times, told = _in_browser(url, frames, seconds)
+    _tell(name, times)
+    print(f"the page says: {told}", file=sys.stderr)
+
+
+def _in_browser(url: str, frames: list[np.ndarray], seconds: float) -> tuple[list[float], str]:
+    """Return the seconds between the answers that a page shows, and what the page says."""
     program = shutil.which("chromium") or shutil.which("google-chrome")
     if program is None:
-        raise SystemExit("--browser needs Chromium: apt-get install chromium")
-    with tempfile.TemporaryDirectory() as scratch, _command() as url:
+        raise SystemExit("the page is run in Chromium: apt-get install chromium")
+    with tempfile.TemporaryDirectory() as scratch:
         clip = Path(scratch) / "clip.y4m"
         _write_clip(clip, frames)
         arguments = [
@@ -198,13 +212,18 @@ def _in_browser(frames: list[np.ndarray], seconds: float) -> tuple[list[float], 
             page = browser.new_page()
             page.add_init_script(_COUNT)
             page.goto(url)
+            # A page without headers loads once more, for its threads.
+            page.wait_for_function("url => !url.includes('?') || crossOriginIsolated", arg=url)
+            page.wait_for_selector("body[data-ready]", timeout=120_000)
             page.click("#camera")
             page.wait_for_selector("#speed:visible", timeout=120_000)
             page.wait_for_timeout(1000 * _WARMING)
             page.evaluate("answered.length = 0")
             page.wait_for_timeout(1000 * seconds)
+            page.wait_for_function("() => answered.length > 6", timeout=120_000)
             moments = page.evaluate("answered")
-            told = f"{page.inner_text('#speed')}: {page.inner_text('#timing')}"
+            said = [page.inner_text(f"#{name}") for name in ("about", "speed", "timing")]
+            told = ": ".join(said)
             browser.close()
     return list(np.diff(moments) / 1000), told
 

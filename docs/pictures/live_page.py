@@ -4,10 +4,11 @@ lime-live --no-browser
 python docs/pictures/live_page.py http://127.0.0.1:8337/ PHOTO MASK FOLDER
 
 writes live.png (the photo, opened) and live.webp (its object, cut out by the mask and moved before
-its own blurred surroundings, as the camera; then the light is turned, then the shininess changed)
-into a folder, and prints the frames that were answered and the last numbers. With the address of a
-page of `lime-live --static` the same runs with the browser's own engine. The clip plays as fast as
-the page ran. The photographs do not come with the project.
+its own blurred surroundings, as the camera, with a second object of its material in the picture;
+then the light is turned, then the shininess changed) into a folder, and prints the frames that were
+answered and the last numbers. With the address of a page of `lime-live --static` the same runs with
+the browser's own engine. The clip plays as fast as the page ran. The photographs do not come with
+the project.
 """
 
 import base64
@@ -59,13 +60,14 @@ def main(url: str, photo: Path, mask: Path, folder: Path) -> None:
         ]
         with sync_playwright() as started:
             browser = started.chromium.launch(executable_path=script, args=arguments)
-            page = browser.new_page(viewport={"width": 1280, "height": 1010})
+            page = browser.new_page(viewport={"width": 1400, "height": 900})
             page.set_default_timeout(LONG)
             page.goto(url)
             page.wait_for_selector("body[data-ready]")
             page.set_input_files("#file", photo)
             page.wait_for_selector("#save-json:enabled")
-            page.wait_for_timeout(3000)
+            page.wait_for_selector("body[data-lit]")
+            page.wait_for_timeout(1000)
             page.screenshot(path=folder / "live.png")
             print("photo:", _numbers(page))
             _film(page, folder / "live.webp")
@@ -78,6 +80,7 @@ def main(url: str, photo: Path, mask: Path, folder: Path) -> None:
 def _film(page: Page, path: Path) -> None:
     page.click("#camera")
     page.locator("#speed", has_text="frames/s").wait_for()
+    page.click("#clone")
     page.wait_for_timeout(3000)
     pictures, times = [], []
     screen = page.context.new_cdp_session(page)

@@ -47,7 +47,19 @@ function complain(text) {
   $("message").textContent = text;
   $("message").hidden = !text;
   $("stage").classList.toggle("stale", Boolean(text) && view.image !== null);
-  if (text) $("welcome").hidden = view.image !== null;
+  if (!text) return;
+  $("welcome").hidden = view.image !== null;
+  $("speed").hidden = true;
+}
+
+let warned = "";
+
+/** Show the reasons to distrust the estimate; the same ones again are not read out again. */
+function warn(texts) {
+  if (String(texts) === warned) return;
+  warned = String(texts);
+  $("warnings").replaceChildren(...texts.map((text) => element("li", text)));
+  $("warnings").hidden = !texts.length;
 }
 
 const wait = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
@@ -134,8 +146,7 @@ function show(image, answer, round, wanted) {
   $("coverage").textContent = answer.found ? percent(answer.mask_coverage) : "no object";
   // A frame of the mask alone is judged by that alone.
   if (seen || !answer.found) {
-    $("warnings").replaceChildren(...answer.warnings.map((warning) => element("li", words(warning))));
-    $("warnings").hidden = !answer.warnings.length;
+    warn(answer.warnings.map(words));
   }
   const drawing = performance.now() - begun;
   timing(answer.ms, round, drawing, wanted);
@@ -232,6 +243,7 @@ async function begin(open, told) {
   frozen = false;
   cost = 0;
   times = [];
+  lightMs = undefined;
   stopPainting();
   press("freeze", false);
   $("freeze").disabled = !source.live;
@@ -290,6 +302,7 @@ async function startUrl(url, name) {
 
 const digits = (value) => value.toFixed(value < 0.0995 ? 3 : 2);
 const percent = (share) => `${(100 * share).toFixed(share < 0.0995 ? 1 : 0)} %`;
+const edge = (bin) => Number((10 ** (0.375 * bin)).toPrecision(2)); // the bin's lowest s
 const gloss = (exponent) => exponent.toPrecision(exponent < 1000 ? 3 : 4).replace(/\.0+$/, "");
 
 function element(tag, text) {
@@ -343,7 +356,7 @@ function showBins(probabilities) {
       return bin;
     }),
   );
-  const told = probabilities.map((share, at) => `from ${gloss(10 ** (0.375 * at))} ${percent(share)}`);
+  const told = probabilities.map((share, at) => `from ${edge(at)} ${percent(share)}`);
   $("bins").setAttribute("aria-label", `Probabilities of the shininess classes: ${told.join(", ") || "none yet"}`);
 }
 
@@ -377,23 +390,23 @@ function numbersText() {
   return JSON.stringify({ picture: seen.name, ...whole }, null, 1) + "\n";
 }
 
-let shown = "";
+let lightMs; // ms of the source's last light, which few frames have
 
 function timing(ms, round, drawing, wanted) {
   // A frame with the material tells what each would cost; the light comes now and then.
   if (wanted.material) cost += (cost ? 0.2 : 1) * (round + drawing - (ms.light ?? 0) - cost);
+  lightMs = ms.light ?? lightMs;
   const parts = {
     mask: ms.framing_and_mask,
     material: ms.material,
-    light: ms.light,
+    light: lightMs,
     transfer: Math.max(round - ms.total, 0),
     drawing,
   };
   const told = Object.entries(parts).filter(([, value]) => value !== undefined);
   // The parts of a frame without materials would make the line flicker.
-  if (wanted.material && !(wanted.light && source.live && shown)) {
-    shown = told.map(([name, value]) => `${name} ${value.toFixed(0)}`).join(" · ") + " ms";
-    $("timing").textContent = shown;
+  if (wanted.material) {
+    $("timing").textContent = told.map(([name, value]) => `${name} ${value.toFixed(0)}`).join(" · ") + " ms";
   }
   const live = source.live && !frozen && times.length > 1;
   $("speed").hidden = !live;
@@ -432,9 +445,10 @@ function relight(calm = false) {
   const key = `${lit.kind} ${lit.turn} ${lit.stops} ${lightNumber()}`;
   const before = (estimated() ?? current()).exponent;
   const exponents = before === current().exponent ? [before] : [before, current().exponent];
-  const wanted = { id: ++lightKey, key, light: now, exponents, size: TABLE };
-  if (asked && asked.key === key && String(asked.exponents) === String(exponents)) return;
-  waiting = wanted;
+  const wanted = { key, light: now, exponents, size: TABLE };
+  // What is summed now, or was last, is no longer to be followed by what was wanted in between.
+  const same = asked && asked.key === key && String(asked.exponents) === String(exponents);
+  waiting = same ? null : wanted;
   if (!calm) restUntil = 0;
   sendNext();
 }
@@ -442,6 +456,7 @@ function relight(calm = false) {
 /** Send what waits to the worker, if it is free and has rested. */
 function sendNext() {
   clearTimeout(rest);
+  document.body.toggleAttribute("data-lit", !waiting && !asked?.busy);
   if (!waiting || asked?.busy) return;
   const left = restUntil - performance.now();
   if (left > 0) rest = setTimeout(sendNext, left);
@@ -461,7 +476,6 @@ function lightNumber() {
 
 worker.onmessage = ({ data }) => {
   asked.busy = false;
-  document.body.dataset.lit = data.id;
   renderer?.light(data.texels);
   redraw(source?.live && !frozen);
   restUntil = performance.now() + SUMMING * data.ms;
@@ -492,6 +506,7 @@ function redraw(calm = false) {
   drawn = requestAnimationFrame(() => {
     drawnAt = performance.now();
     renderer?.draw();
+    if (renderer && isPressed("clone")) view.beside(renderer.canvas);
   });
 }
 
@@ -633,6 +648,13 @@ function splitObject(on) {
   redraw();
 }
 
+/** Show the virtual object in the picture, too, or take it away from there. */
+function cloneObject(on) {
+  press("clone", on);
+  if (!on) view.beside(null);
+  redraw();
+}
+
 const isPressed = (id) => $(id).getAttribute("aria-pressed") === "true";
 
 function wire() {
@@ -721,6 +743,7 @@ function wire() {
   }
   $("reset").onclick = reset;
   $("before").onclick = () => splitObject(!isPressed("before"));
+  $("clone").onclick = () => cloneObject(!isPressed("clone"));
   $("copy").onclick = async () => {
     try {
       await navigator.clipboard.writeText(numbersText());
@@ -765,7 +788,8 @@ function dropping() {
 
 function keys() {
   const actions = {
-    " ": "freeze", c: "camera", m: "outline", p: "brush", f: "fusion", b: "before", r: "reset",
+    " ": "freeze", c: "camera", m: "outline", p: "brush", f: "fusion", b: "before", i: "clone",
+    r: "reset",
   };
   const shapes = ["sphere", "teapot", "knot"];
   addEventListener("keydown", (event) => {
@@ -782,6 +806,7 @@ function keys() {
 
 async function main() {
   startObject();
+  $("edges").replaceChildren(...Array.from({ length: 9 }, (_, bin) => element("span", edge(bin))));
   showNumbers();
   relight();
   for (const group of document.querySelectorAll('[role="radiogroup"]')) {

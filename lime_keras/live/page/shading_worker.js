@@ -7,7 +7,7 @@ const DIFFUSE = 32;
 
 let last = { key: null, diffuse: null };
 
-onmessage = ({ data: { id, light, key, exponents, size } }) => {
+onmessage = ({ data: { light, key, exponents, size } }) => {
   const begun = performance.now();
   // The light changes less often than the gloss.
   if (last.key !== key) last = { key, diffuse: enlarged(diffuse(light, DIFFUSE), DIFFUSE, size) };
@@ -22,5 +22,5 @@ onmessage = ({ data: { id, light, key, exponents, size } }) => {
     texels[4 * index + 1] = parts[0][index];
     texels[4 * index + 3] = parts[parts.length - 1][index];
   }
-  postMessage({ id, texels, ms: performance.now() - begun }, [texels.buffer]);
+  postMessage({ texels, ms: performance.now() - begun }, [texels.buffer]);
 };

@@ -1,6 +1,11 @@
 // The picture side: the frame that an answer belongs to, its outline, its layers, and the brush.
 
+import { inside } from "./browser/framing.js";
 import { toLevel } from "./colour.js";
+
+const LEVEL = 127.5; // of a mask's bytes at the outline
+const LEAST_SECOND = 0.4; // of the frame's shorter side: the second object's, beside the first
+const CLEARLY = 1.3; // times as much room, for which the second object changes sides
 
 /** The context of a canvas that is kept in main memory, from where all that is drawn here comes. */
 export function levels(canvas) {
@@ -17,6 +22,8 @@ export class View {
     this.answered = null; // the last image that was answered, and its answer
     this.outlined = true;
     this.painted = null; // the mask under the brush, one byte a pixel of the frame
+    this.second = null; // a square picture of the second object, to be shown beside the first
+    this.onRight = true; // of the first
   }
 
   /** Show a frame without an answer yet, and so without an outline. */
@@ -61,12 +68,18 @@ export class View {
       context.putImageData(tint, 0, 0);
       return;
     }
-    if (!this.outlined || !this.answer?.found) return;
+    if (!this.answer?.found) return;
+    if (this.outlined) this.#drawOutline(context);
+    if (this.second) this.#drawSecond(context);
+  }
+
+  #drawOutline(context) {
     const { square: [top, left, side], size, layers } = this.answer;
     const path = contour(layers.mask, size);
     const scale = side / size;
     // As wide on the screen whatever the frame's size.
-    const line = Math.max(1, width / (this.overlay.clientWidth || width));
+    const { width, clientWidth } = this.overlay;
+    const line = Math.max(1, width / (clientWidth || width));
     context.save();
     context.translate(left, top);
     context.scale(scale, scale);
@@ -79,22 +92,33 @@ export class View {
     context.restore();
   }
 
+  /** Show the second object, from the middle of a canvas, beside the first; null takes it away. */
+  beside(canvas) {
+    this.second = null;
+    if (canvas) {
+      const side = Math.min(canvas.width, canvas.height);
+      this.second = new OffscreenCanvas(side, side);
+      const corner = [(side - canvas.width) / 2, (side - canvas.height) / 2];
+      this.second.getContext("2d").drawImage(canvas, ...corner);
+    }
+    if (this.image) this.outline();
+  }
+
+  #drawSecond(context) {
+    const { width, height } = this.overlay;
+    const { left, top, side, onRight } = placeBeside(box(this.answer), width, height, this.onRight);
+    this.onRight = onRight;
+    context.imageSmoothingQuality = "high";
+    context.drawImage(this.second, left, top, side, side);
+  }
+
   /** Begin to mend the mask: what was found, at the frame's size. */
   beginPainting() {
     const { width, height } = this.image;
     this.painted = new Uint8Array(width * height);
     if (this.answer?.found) {
       const { square: [top, left, side], size, layers } = this.answer;
-      for (let row = 0; row < height; row++) {
-        const r = Math.floor(((row + 0.5 - top) * size) / side);
-        if (r < 0 || r >= size) continue;
-        for (let column = 0; column < width; column++) {
-          const c = Math.floor(((column + 0.5 - left) * size) / side);
-          if (c >= 0 && c < size && layers.mask[r * size + c] >= 128) {
-            this.painted[row * width + column] = 255;
-          }
-        }
-      }
+      this.painted = inside(layers.mask, size, { top, left, side }, height, width, LEVEL);
     }
     this.outline();
   }
@@ -120,6 +144,48 @@ export class View {
   }
 }
 
+/** The box {left, top, right, bottom} in the frame of the object of an answer. */
+function box({ square: [top, left, side], size, layers }) {
+  const found = { left: Infinity, top: Infinity, right: -Infinity, bottom: -Infinity };
+  layers.mask.forEach((value, at) => {
+    if (value < LEVEL) return;
+    const [row, column] = [Math.floor(at / size), at % size];
+    found.left = Math.min(found.left, column);
+    found.right = Math.max(found.right, column + 1);
+    found.top = Math.min(found.top, row);
+    found.bottom = Math.max(found.bottom, row + 1);
+  });
+  const scale = side / size;
+  return {
+    left: left + scale * found.left,
+    right: left + scale * found.right,
+    top: top + scale * found.top,
+    bottom: top + scale * found.bottom,
+  };
+}
+
+/**
+ * The square {left, top, side} in a frame for the second object, beside the box of the first, as
+ * large as that or as there is room; it lies over the first only where it would become too small.
+ * It stays on its side, `onRight`, unless the other has clearly more room.
+ */
+export function placeBeside(first, width, height, onRight) {
+  const least = LEAST_SECOND * Math.min(width, height);
+  const rooms = [first.left, width - first.right].map((room) => Math.max(room, least));
+  const here = rooms[Number(onRight)];
+  const there = rooms[Number(!onRight)];
+  const right = there > CLEARLY * here ? !onRight : onRight;
+  const extent = Math.max(first.right - first.left, first.bottom - first.top, least);
+  const side = Math.min(extent, rooms[Number(right)], height);
+  const within = (low, whole) => Math.min(Math.max(low, 0), whole - side);
+  return {
+    left: within(right ? first.right : first.left - side, width),
+    top: within((first.top + first.bottom - side) / 2, height),
+    side,
+    onRight: right,
+  };
+}
+
 /** The contour of a mask `size`² of bytes at one half, in the layer's pixels, as a Path2D. */
 export function contour(mask, size) {
   const path = new Path2D();
@@ -132,17 +198,16 @@ export function contour(mask, size) {
 
 /** The pieces [[x, y], [x, y]] of a mask's contour (marching squares, with 0 around the mask). */
 export function segments(mask, size) {
-  const level = 127.5;
   const at = (row, column) =>
     row < 0 || column < 0 || row >= size || column >= size ? 0 : mask[row * size + column];
   const out = [];
   for (let row = -1; row < size; row++) {
     for (let column = -1; column < size; column++) {
       const corners = [at(row, column), at(row, column + 1), at(row + 1, column + 1), at(row + 1, column)];
-      const inside = corners.map((value) => value > level);
+      const inside = corners.map((value) => value > LEVEL);
       if (inside.every((value) => value === inside[0])) continue;
       // Where the contour crosses the cell's four sides, clockwise from the top.
-      const share = (k) => (level - corners[k]) / (corners[(k + 1) % 4] - corners[k]);
+      const share = (k) => (LEVEL - corners[k]) / (corners[(k + 1) % 4] - corners[k]);
       const [x, y] = [column + 0.5, row + 0.5];
       const crossings = [
         () => [x + share(0), y],

@@ -395,7 +395,7 @@ def test_the_object_is_shaded_by_the_sums_of_the_library(page):
     page.click("[data-light=studio]")
     fill(page, red=0.6, green=0.3, blue=0.1, ms=0.4, logs=1.5, stops=-1)
     seen(page, "#edited").to_be_visible()
-    page.wait_for_timeout(5000)
+    page.wait_for_selector("body[data-lit]", timeout=LONG)
     content = chromium.taken(page, "#save-png")
     picture = np.asarray(Image.open(io.BytesIO(content)), np.float64) / 255
     height, width, _ = picture.shape
@@ -419,6 +419,27 @@ def test_the_object_is_shaded_by_the_sums_of_the_library(page):
     expected = colour.linear_to_srgb(np.clip(linear, 0, 1))
     found = picture.reshape(-1, 4)[some, :3]
     assert np.abs(found - expected).max() < 0.03
+
+
+def test_a_slider_that_goes_and_comes_back_leaves_the_object_as_it_was(page):
+    """The way back ends while the first table is still summed, and the way's own one waits."""
+    page.click("[data-light=studio]")
+    page.wait_for_selector("body[data-lit]", timeout=LONG)
+    give(page, png(FRAME))
+    shown(page)
+    move = """(values) => {
+      const slider = document.getElementById("logs");
+      for (const value of values) {
+        slider.value = value;
+        slider.dispatchEvent(new Event("input"));
+      }
+    }"""
+    pictures = []
+    for values in ([2.5], [1.0], [2.5, 0.5, 2.5]):
+        page.evaluate(move, values)
+        page.wait_for_selector("body[data-lit]", timeout=LONG)
+        pictures.append(chromium.taken(page, "#save-png"))
+    assert pictures[0] == pictures[2] != pictures[1]
 
 
 def test_what_is_taken_home_and_given_back(page):
@@ -468,20 +489,35 @@ def test_a_painted_mask_changes_the_estimate(page):
     assert again["mask_coverage"] == pytest.approx(before["mask_coverage"], abs=1e-6)
 
 
+SLOW = """
+  const own = window.fetch;
+  window.asked = 0;
+  window.fetch = async (...given) => {
+    if (given[0] === "estimate") {
+      window.asked += 1;
+      await new Promise((resolve) => setTimeout(resolve, 1000));
+    }
+    return own(...given);
+  };
+"""
+"""Let each answer take a second more."""
+
+
+def test_the_times_of_the_parts_follow_a_slow_camera(browser, server):
+    """Each frame with a material then has a light, too."""
+    with opened(browser, server.url, SLOW) as page:
+        give(page, png(FRAME))
+        shown(page)
+        page.click("#camera")
+        seen(page, "#speed").to_be_visible(timeout=LONG)
+        before = page.inner_text("#timing")
+        assert re.fullmatch(r"mask \d+ · material \d+ · light \d+ · .* ms", before)
+        seen(page, "#timing").not_to_have_text(before, timeout=LONG)
+
+
 def test_of_two_quick_strokes_the_last_answer_has_both(browser, server):
     """The first one's answer comes when the second is on its way already."""
-    slow = """
-      const own = window.fetch;
-      window.asked = 0;
-      window.fetch = async (...given) => {
-        if (given[0] === "estimate") {
-          window.asked += 1;
-          await new Promise((resolve) => setTimeout(resolve, 1000));
-        }
-        return own(...given);
-      };
-    """
-    with opened(browser, server.url, slow) as page:
+    with opened(browser, server.url, SLOW) as page:
         give(page, png(FRAME))
         before = shown(page)["mask_coverage"]
         page.click("#brush")
@@ -532,18 +568,95 @@ def test_a_users_mesh_is_shown_and_a_damaged_one_told(page):
     seen(page, "#object-message").to_contain_text("mine.ply cannot be shown")
 
 
-def test_everything_that_can_be_used_has_a_name_and_fits_on_a_phone(page):
-    page.set_viewport_size({"width": 360, "height": 740})
+def test_everything_that_can_be_used_has_a_name(page):
     nameless = page.evaluate(
         """() => [...document.querySelectorAll("button, select, input, [role]")]
           .filter((part) => !part.matches("[role=alert], [role=status]"))
           .filter((part) => !part.closest("[aria-hidden=true]"))
           .filter((part) => !(part.getAttribute("aria-label") || part.textContent.trim()
-            || part.labels?.[0]?.textContent.trim()))
+            || part.labels?.[0]?.textContent.trim()
+            || document.getElementById(part.getAttribute("aria-labelledby"))))
           .map((part) => part.outerHTML)"""
     )
     assert nameless == []
-    assert page.evaluate("() => document.documentElement.scrollWidth") <= 360
+
+
+BEYOND = """
+() => [...document.querySelectorAll(".pane, .pane *, header *")].filter((part) => {
+  if (part.matches("#edges *")) return false; // as wide as nothing, and centred there
+  const box = part.getBoundingClientRect();
+  const around = (part.parentElement.closest(".pane") ?? document.body).getBoundingClientRect();
+  return box.width && (box.left < around.left - 0.5 || box.right > around.right + 0.5);
+}).map((part) => part.outerHTML)
+"""
+
+
+@pytest.mark.parametrize("width", [360, 700, 870, 1024, 1400])
+def test_nothing_is_cut_off_at_any_width(width, page):
+    page.set_viewport_size({"width": width, "height": 900})
+    give(page, png(FRAME))
+    shown(page)
+    page.click("#brush")
+    seen(page, "#brush-tools").to_be_visible()
+    assert page.evaluate(BEYOND) == []
+    assert page.evaluate("() => document.documentElement.scrollWidth") <= width
+    page.click("#brush")
+    if width == 1400:
+        assert page.evaluate("() => document.documentElement.scrollHeight") <= 900
+
+
+def test_warnings_come_without_moving_the_page(page):
+    below = [page.locator(name).bounding_box() for name in ("#other", "#estimate", "footer")]
+    give(page, png(np.zeros((64, 64, 3), np.uint8)))
+    seen(page, "#warnings").to_be_visible(timeout=LONG)
+    now = [page.locator(name).bounding_box() for name in ("#other", "#estimate", "footer")]
+    assert [box["y"] for box in now] == [box["y"] for box in below]
+
+
+def test_every_class_of_shininess_is_labelled(page):
+    edges = [float(text) for text in page.locator("#edges span").all_inner_texts()]
+    assert edges == pytest.approx(list(10 ** (np.arange(9) * 0.375)), rel=0.03)
+    bins = [bin.bounding_box()["x"] for bin in page.locator("#bins > span").all()]
+    labels = [label.bounding_box()["x"] for label in page.locator("#edges span").all()]
+    assert labels[:8] == pytest.approx(bins, abs=5)
+
+
+OVERLAY = """
+() => {
+  const overlay = document.getElementById("overlay");
+  const { width, height } = overlay;
+  const { data } = overlay.getContext("2d").getImageData(0, 0, width, height);
+  const columns = Array(width).fill(0);
+  for (let at = 0; at < width * height; at++) columns[at % width] += data[4 * at + 3] > 0;
+  return columns;
+}
+"""
+
+
+def test_the_material_is_cloned_beside_the_object(page):
+    """In the picture itself: a sphere of it, as large as the object, in the frame's pixels."""
+    give(page, png(ball(240, 320, radius=0.5, place=(-0.7, 0.0))))
+    shown(page)
+    page.click("#outline")
+    page.click("[data-shape=sphere]")
+    assert sum(page.evaluate(OVERLAY)) == 0
+    page.keyboard.press("i")
+    seen(page, "#clone").to_have_attribute("aria-pressed", "true")
+    # The page's own policy lets playwright wait for no script.
+    columns = np.zeros(1)
+    for _ in range(LONG // 100):
+        columns = np.array(page.evaluate(OVERLAY))
+        if columns.any():
+            break
+        page.wait_for_timeout(100)
+    inside = np.flatnonzero(columns)
+    # The ball ends at column 320 · (1 + 0.75 · (−0.7 + 0.5)) / 2 = 136, and is 120 pixels wide.
+    assert inside[0] == pytest.approx(136, abs=8)
+    assert np.ptp(inside) == pytest.approx(120, abs=12)
+    assert columns.sum() == pytest.approx(np.pi / 4 * np.ptp(inside) ** 2, rel=0.05)
+    page.keyboard.press("i")
+    seen(page, "#clone").to_have_attribute("aria-pressed", "false")
+    assert sum(page.evaluate(OVERLAY)) == 0
 
 
 def test_without_webgl_the_numbers_still_come(browser, server):

@@ -312,6 +312,38 @@ def test_the_outline_of_a_disc_is_a_circle():
     assert full.min() == 0 and full.max() == 4
 
 
+BESIDE = """
+const { placeBeside } = await page("view");
+const places = given.boxes.map(([[left, top, right, bottom], before]) => {
+  const place = placeBeside({ left, top, right, bottom }, 640, 480, before);
+  return [place.left, place.top, place.side, place.onRight];
+});
+console.log(JSON.stringify(places));
+"""
+
+
+def test_the_second_object_has_its_place_beside_the_first():
+    """In a frame of 640 × 480; each box with the side on which the second object was before."""
+    places = {
+        # As large as the object, where there is more room; halfway up its height.
+        ((40, 100, 240, 260), True): (240, 80, 200, True),
+        ((400, 100, 600, 260), True): (200, 80, 200, False),
+        # No larger than the room, and no taller than the picture.
+        ((0, 0, 400, 480), True): (400, 120, 240, True),
+        ((0, 0, 100, 480), False): (100, 0, 480, True),
+        # It stays on its side as long as the other has hardly more room.
+        ((200, 100, 420, 260), False): (0, 80, 200, False),
+        ((200, 100, 420, 260), True): (420, 70, 220, True),
+        # An object that leaves no room is covered in part, and one beyond the picture as well.
+        ((20, 0, 630, 480), True): (448, 144, 192, True),
+        ((-100, 400, 700, 600), False): (0, 288, 192, False),
+        # A small object's second is not as small.
+        ((300, 200, 320, 220), True): (320, 114, 192, True),
+    }
+    found = run(BESIDE, boxes=list(places))
+    assert found == [pytest.approx(place) for place in places.values()]
+
+
 RESTARTS = """
 const { createEngine } = await page("server_engine");
 const asked = [];

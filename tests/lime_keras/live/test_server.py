@@ -83,6 +83,11 @@ def test_the_page_and_its_files_are_there_and_nothing_else(server):
         assert ask(server, "GET", path)[0].status == 404, path
 
 
+def test_the_page_is_small():
+    """What the wheel carries of it, at most a megabyte."""
+    assert sum(path.stat().st_size for path in PAGE.rglob("*") if path.is_file()) < 1e6
+
+
 def test_the_page_is_told_what_it_begins_with_and_can_fetch_it(server):
     told = json.loads(ask(server, "GET", "/engine.json")[1])
     assert told["engine"] == "server" and told["size"] == 128

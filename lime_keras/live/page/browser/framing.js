@@ -58,7 +58,7 @@ function centred(box, extent, square, scale) {
 }
 
 /** Round as Python does: halves to the even number. */
-function roundHalfEven(value) {
+export function roundHalfEven(value) {
   const below = Math.floor(value);
   if (value - below !== 0.5) return Math.round(value);
   return below % 2 === 0 ? below : below + 1;
@@ -193,6 +193,53 @@ export function cutLayer(layer, height, width, square, size) {
       }
       out[row * size + column] = sum;
     }
+  }
+  return out;
+}
+
+/**
+ * The pixels of a photo, 255 or 0, where a mask of `size` × `size` samples in a square reaches a
+ * threshold: interpolated linearly in the square, and 0 beyond it.
+ */
+export function inside(mask, size, square, height, width, threshold = THRESHOLD) {
+  const out = new Uint8Array(height * width);
+  const columns = samples(square.left, square.side, size, width);
+  const rows = samples(square.top, square.side, size, height);
+  const lines = new Float64Array(size * width); // The mask's rows, as wide as the photo.
+  for (const { pixel, first, weights } of columns) {
+    for (let row = 0; row < size; row++) {
+      let sum = 0;
+      for (let k = 0; k < weights.length; k++) sum += weights[k] * mask[row * size + first + k];
+      lines[row * width + pixel] = sum;
+    }
+  }
+  for (const { pixel, first, weights } of rows) {
+    for (const { pixel: column } of columns) {
+      let sum = 0;
+      for (let k = 0; k < weights.length; k++) sum += weights[k] * lines[(first + k) * width + column];
+      if (sum >= threshold) out[pixel * width + column] = 255;
+    }
+  }
+  return out;
+}
+
+/**
+ * The pixels along a side of a photo that a square covers, with the samples from `first` on that
+ * each is interpolated from, and their weights: a tent over two samples, or over two pixels if the
+ * samples are finer.
+ */
+function samples(origin, side, size, extent) {
+  const reach = Math.max(1, size / side);
+  const out = [];
+  for (let pixel = Math.max(0, origin); pixel < Math.min(extent, origin + side); pixel++) {
+    const position = ((pixel - origin + 0.5) * size) / side - 0.5;
+    const first = Math.max(0, Math.floor(position - reach) + 1);
+    const last = Math.min(size - 1, Math.ceil(position + reach) - 1);
+    const tent = Array.from({ length: last - first + 1 }, (_, k) =>
+      Math.max(1 - Math.abs(first + k - position) / reach, 0),
+    );
+    const total = tent.reduce((sum, weight) => sum + weight, 0);
+    out.push({ pixel, first, weights: tent.map((weight) => weight / total) });
   }
   return out;
 }

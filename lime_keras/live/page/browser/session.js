@@ -2,6 +2,7 @@
 // run by a function instead of the estimator.
 
 import { toLinear } from "../colour.js";
+import * as cautions from "./cautions.js";
 import * as framing from "./framing.js";
 import * as lighting from "./light.js";
 import { normals } from "./normals.js";
@@ -10,7 +11,6 @@ import { Fusion, Tracker } from "./tracking.js";
 const BIN_WIDTH = 0.375; // Decades of s.
 const BLACK = 1e-4; // Squared length of m_d up to which its diffuse layer is only noise.
 const FOCAL = 1.2; // Focal length over the photo's longer side: `shading.ASSUMED_FOCAL`.
-const NOTHING = { code: "no-object", message: "no object was found" };
 
 export class Session {
   /**
@@ -53,18 +53,19 @@ export class Session {
     lap("framing_and_mask");
     const found = covered > 0;
     let layers = null;
+    let warned = found ? [] : ["no-object"];
     if (options.material && found) {
       layers = await this.run("material", { image: view.seen, mask: view.mask });
+      warned = this.cautions(image, view, given);
       lap("material");
     }
     const material = layers && materialOf(layers);
     const { cut, fused } = this.tracker.step(image, found, parameters(material));
     if (cut || fused.every(Number.isNaN)) this.light.restart();
-    const warnings = found ? [] : [NOTHING];
     let light = null;
     if (options.light && material) {
       const told = this.lit(view, inside, layers, image);
-      if (typeof told === "string") warnings.push({ code: "no-light", message: `no light was found: ${told}` });
+      if (told === null) warned.push("no-light");
       else light = options.fusion ? this.light.update(told) : told;
       lap("light");
     }
@@ -78,6 +79,7 @@ export class Session {
       size,
       square: [view.square.top, view.square.left, view.square.side],
       mask_coverage: Math.min(share, 1),
+      mask_confidence: given ? null : cautions.confidence(view.mask),
       material,
       fused: options.fusion ? fusedMaterial(fused) : null,
       layers: {
@@ -87,7 +89,7 @@ export class Session {
       },
       light: light && { width: lighting.COLUMNS, height: lighting.ROWS, data: plain(light) },
       ms,
-      warnings,
+      warnings: warned.map((code) => ({ code })),
     };
   }
 
@@ -120,10 +122,17 @@ export class Session {
     };
   }
 
-  /** The light in camera space, or the reason why it cannot be estimated. */
+  /** The reasons to distrust the estimate of a view, of a mask that was given or of its own. */
+  cautions(image, view, given) {
+    const { width, height } = image;
+    if (given) return cautions.codes(image, given.map((level) => (level >= 128 ? 1 : 0)), null);
+    const inside = framing.inside(view.mask, this.size, view.square, height, width);
+    return cautions.codes(image, inside, cautions.confidence(view.mask));
+  }
+
+  /** The light in camera space; null if it cannot be estimated. */
   lit(view, inside, layers, { width, height }) {
-    const lacking = ["mirror", "specular_shading", "diffuse_albedo"].filter((name) => !layers[name]);
-    if (lacking.length > 0) return `the model lacks ${lacking.join(", ")}`;
+    if (["mirror", "specular_shading", "diffuse_albedo"].some((name) => !layers[name])) return null;
     const { size } = this;
     const { top, left, side } = view.square;
     // What lies beyond the photo was not seen.
@@ -133,7 +142,7 @@ export class Session {
       ...[focal, focal],
       ...[((width / 2 - left) * size) / side, ((height / 2 - top) * size) / side],
     ];
-    const light = lighting.estimated(
+    return lighting.estimated(
       normals(mask, size, size),
       layers.mirror,
       diffuseShading(view, layers),
@@ -141,7 +150,6 @@ export class Session {
       size,
       camera,
     );
-    return light ?? "no pixel shows the light";
   }
 }
 

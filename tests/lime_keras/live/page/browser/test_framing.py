@@ -119,6 +119,27 @@ def test_squares_are_those_of_python():
         assert np.array_equal(row[6], framing.inside(square, 200, 301, 24).ravel())
 
 
+def test_a_mask_covers_the_pixels_of_the_photo_that_it_does_in_python():
+    """In squares smaller and larger than the mask, within the photo and beyond it."""
+    rng = np.random.default_rng(0)
+    mask = smooth(rng, 24, 24)[..., :1].astype(np.float32) / 255
+    squares = [*(Square(5, 9, side) for side in (1, 7, 24, 61)), Square(-20, 11, 200)]
+    found = javascript.run(
+        """
+        const { inside } = await import(page + "browser/framing.js");
+        return squares.map(([top, left, side]) => inside(mask, 24, { top, left, side }, 70, 90));
+        """,
+        mask=mask,
+        squares=squares,
+    )
+    for square, row in zip(squares, found, strict=True):
+        pasted = framing.paste(mask, square, 70, 90)[..., 0]
+        clear = np.abs(pasted - framing.THRESHOLD) > 1e-5
+        expected = 255 * (pasted >= framing.THRESHOLD)
+        assert np.array_equal(row.reshape(70, 90)[clear], expected[clear]), square
+        assert 0 < expected.mean() < 255 or square.side == 1
+
+
 @pytest.mark.parametrize("shape", [(1, 1), (5, 5), (40, 91), (300, 7)])
 def test_the_whole_square_is_that_of_python(shape):
     found = javascript.run(

@@ -1,0 +1,132 @@
+// The reasons to distrust an estimate: lime_keras/estimate/cautions.py, which says how the limits
+// were chosen. The words for them are the page's (../warnings.js).
+
+import { LINEAR } from "../colour.js";
+import { roundHalfEven, THRESHOLD } from "./framing.js";
+
+const CONFIDENT = 0.85;
+const SMALLEST_SHARE = 0.04;
+const FEWEST_PIXELS = 64;
+const LARGEST_PART = 0.9;
+const [ON_FRAME, NEAR_FRAME] = [0.01, 1 / 128];
+const DARKEST = 0.05;
+const CLIPPED = 0.15;
+const WHITE = 254;
+const JUDGED = 20_000;
+const LUMINANCE = [0.2126, 0.7152, 0.0722];
+
+/** The IoU that a mask is expected to have with the true one; null if no pixel reaches one half. */
+export function confidence(mask) {
+  let [count, shared, outside] = [0, 0, 0];
+  for (const value of mask) {
+    if (value >= THRESHOLD) {
+      count++;
+      shared += value;
+    } else outside += value;
+  }
+  return count ? shared / (count + outside) : null;
+}
+
+/**
+ * The codes of the reasons, in Python's order. `inside` has a byte a pixel of the photo, not 0 where
+ * the object is; `maskConfidence` is null for a mask that was given.
+ */
+export function codes(photo, inside, maskConfidence) {
+  const { width, height } = photo;
+  const count = inside.reduce((sum, value) => sum + (value ? 1 : 0), 0);
+  if (!count) return ["no-object"];
+  const [bright, white] = brightness(photo, inside, count);
+  const searched = maskConfidence !== null;
+  const found = {
+    "uncertain-mask": searched && maskConfidence < CONFIDENT,
+    "small-object": searched && count / (width * height) < SMALLEST_SHARE,
+    "few-pixels": extent(inside, width, height) < FEWEST_PIXELS,
+    "touches-frame": onFrame(inside, width, height) > ON_FRAME,
+    "many-parts": largestPart(inside, width, height) / count < LARGEST_PART,
+    "too-dark": bright < DARKEST,
+    clipped: white > CLIPPED,
+  };
+  return Object.keys(found).filter((code) => found[code]);
+}
+
+/** The longer side of the box around all that is inside. */
+function extent(inside, width, height) {
+  let [left, right, top, bottom] = [width, -1, height, -1];
+  for (let row = 0, at = 0; row < height; row++) {
+    for (let column = 0; column < width; column++, at++) {
+      if (!inside[at]) continue;
+      left = Math.min(left, column);
+      right = Math.max(right, column);
+      top = Math.min(top, row);
+      bottom = row;
+    }
+  }
+  return Math.max(right - left, bottom - top) + 1;
+}
+
+/** The share of the photo's outline that is reached. */
+function onFrame(inside, width, height) {
+  const near = 1 + roundHalfEven(NEAR_FRAME * Math.max(width, height));
+  const edge = (across, along, step, stride) => {
+    let reached = 0;
+    for (let at = 0; at < along; at++) {
+      for (const first of [0, Math.max(across - near, 0)]) {
+        for (let line = first; line < Math.min(first + near, across); line++) {
+          if (!inside[line * step + at * stride]) continue;
+          reached++;
+          break;
+        }
+      }
+    }
+    return reached;
+  };
+  const reached = edge(height, width, width, 1) + edge(width, height, 1, width);
+  return reached / (2 * (width + height));
+}
+
+/** The number of pixels of the largest part, joined along edges. */
+function largestPart(inside, width, height) {
+  const open = Uint8Array.from(inside);
+  const stack = [];
+  let most = 0;
+  for (let start = 0; start < open.length; start++) {
+    if (!open[start]) continue;
+    let pixels = 0;
+    open[start] = 0;
+    stack.push(start);
+    const visit = (at) => {
+      if (!open[at]) return;
+      open[at] = 0;
+      stack.push(at);
+    };
+    while (stack.length) {
+      const at = stack.pop();
+      const column = at % width;
+      pixels++;
+      if (at >= width) visit(at - width);
+      if (at < width * (height - 1)) visit(at + width);
+      if (column > 0) visit(at - 1);
+      if (column < width - 1) visit(at + 1);
+    }
+    most = Math.max(most, pixels);
+  }
+  return most;
+}
+
+/** The luminance that a tenth of the object exceeds, and the share of it that is white. */
+function brightness({ data }, inside, count) {
+  const step = Math.max(1, Math.floor(count / JUDGED));
+  const luminances = [];
+  let [seen, white] = [0, 0];
+  for (let at = 0; at < inside.length; at++) {
+    if (!inside[at] || seen++ % step) continue;
+    const levels = [data[4 * at], data[4 * at + 1], data[4 * at + 2]];
+    luminances.push(levels.reduce((sum, level, k) => sum + LUMINANCE[k] * LINEAR[level], 0));
+    if (Math.min(...levels) >= WHITE) white++;
+  }
+  luminances.sort((a, b) => a - b);
+  const place = 0.9 * (luminances.length - 1);
+  const below = luminances[Math.floor(place)];
+  const above = luminances[Math.ceil(place)];
+  return [below + (above - below) * (place % 1), white / luminances.length];
+}
