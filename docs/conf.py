@@ -24,6 +24,7 @@ extensions = [
     "sphinx.ext.autosummary",
     "sphinx.ext.napoleon",
     "sphinx_copybutton",
+    "_extensions.breaks",
     "_extensions.command_help",
     "_extensions.docstrings",
     "_extensions.equations",
