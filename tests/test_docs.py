@@ -145,6 +145,12 @@ def test_its_tables_have_heads(page):
             assert before.replace("\\|", "").count("|") == line.count("|"), before
 
 
+@pytest.mark.parametrize("page", TEXTS, ids=named)
+def test_no_line_is_a_comment_by_accident(page):
+    """The site leaves out a line that begins with a per cent sign."""
+    assert not re.search(r"^\s*%", read(page), re.MULTILINE)
+
+
 def test_every_page_is_in_a_table_of_contents():
     listed = set()
     for page in PAGES:
@@ -235,7 +241,7 @@ def test_every_table_of_results_has_its_mark():
 def test_the_citation_is_of_this_version():
     cited = yaml.safe_load(read(ROOT / "CITATION.cff"))
     assert cited["version"] == __version__
-    assert cited["references"][0]["year"] == 2018
+    assert cited["preferred-citation"]["year"] == 2018
 
 
 def examined():
