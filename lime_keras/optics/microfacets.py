@@ -30,6 +30,6 @@ def ggx_alpha(exponent: Any) -> Any:
 
     Example:
         >>> ggx_alpha(np.array([1.0, 62.0])).round(3).tolist()
-        [0.6, 0.117]
+        [0.6, 0.115]
     """
     return np.minimum(beckmann_alpha(exponent) ** _GGX_POWER, _GGX_ROUGHEST)
