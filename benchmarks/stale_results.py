@@ -1,4 +1,4 @@
-"""Figures of the docs that are older than what they depend on.
+"""Figures of the docs and the README that are older than what they depend on.
 
 python benchmarks/stale_results.py
 
@@ -36,7 +36,7 @@ class Figure:
 
 def figures() -> Iterator[Figure]:
     """Yield the figures of all pages that carry a mark."""
-    for page in sorted((ROOT / "docs").rglob("*.md")):
+    for page in [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]:
         title = ""
         for line in page.read_text(encoding="utf-8").splitlines():
             if line.startswith("#"):

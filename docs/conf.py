@@ -7,12 +7,16 @@ HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE))
 
 import sphinx.ext.autodoc.mock  # noqa: E402
+import sphinx.ext.autosummary  # noqa: E402
 
 from lime_keras.version import __version__  # noqa: E402
 
 # Annotations such as `tf.Tensor | None`, of packages that are mocked below.
 _MOCK = sphinx.ext.autodoc.mock._MockObject
 _MOCK.__or__ = _MOCK.__ror__ = lambda self, other: self
+
+# Else the summary of a module ends behind them.
+sphinx.ext.autosummary.WELL_KNOWN_ABBREVIATIONS += ("Eq.", "Eqs.")
 
 project = "lime_keras"
 version = release = __version__
@@ -24,6 +28,7 @@ extensions = [
     "sphinx.ext.autosummary",
     "sphinx.ext.napoleon",
     "sphinx_copybutton",
+    "_extensions.breaks",
     "_extensions.command_help",
     "_extensions.docstrings",
     "_extensions.equations",
@@ -39,6 +44,8 @@ myst_heading_anchors = 4
 autosummary_generate = True
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
+# Else a default that is a path shows where the site was built.
+autodoc_preserve_defaults = True
 # What only an extra brings: pages of these modules are made without it.
 autodoc_mock_imports = [
     "drjit",

@@ -64,7 +64,7 @@ def parser() -> argparse.ArgumentParser:
         description="Measure trained runs on the test split of a corpus: the paper's Table 1, "
         "speed against accuracy, numerical stability; or on photos; and write a report of it all.",
         epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        formatter_class=console.Help,
     )
     command.add_argument(
         "corpus",

@@ -6,8 +6,10 @@ Exit statuses: 0 done, 1 failed (standard error says why), 2 wrong usage, 130 in
 import argparse
 import contextlib
 import importlib.util
+import itertools
 import os
 import sys
+import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -38,6 +40,21 @@ _SUFFIXES_OF_FILES = frozenset(
 
 class MissingExtra(ImportError):
     """A package that is not installed, with the command that installs it."""
+
+
+def _is_prose(line: str) -> bool:
+    return line[:1].strip() != ""
+
+
+class Help(argparse.RawDescriptionHelpFormatter):
+    """The layout of a `--help`: paragraphs as wide as the terminal, indented lines as written."""
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        out: list[str] = []
+        for prose, group in itertools.groupby(text.strip().splitlines(), _is_prose):
+            lines = list(group)
+            out += textwrap.wrap(" ".join(lines), width, break_on_hyphens=False) if prose else lines
+        return "\n".join(indent + line for line in out)
 
 
 _EXPECTED = (OSError, ValueError, RuntimeError, MissingExtra)

@@ -14,7 +14,7 @@ import numpy as np
 from keras import ops
 
 from lime_keras.arrays import namespace
-from lime_keras.optics import shininess
+from lime_keras.optics import microfacets, shininess
 
 _BLACK = 1e-12
 """Sum of linear radiance up to which a layer is black: far below one step of a half float."""
@@ -121,6 +121,20 @@ def log_exponent_error(exponent: np.ndarray, log_predicted: np.ndarray) -> np.nd
         [0.5]
     """
     return np.abs(np.log10(exponent) - log_predicted)
+
+
+def ggx_alpha_error(exponent: np.ndarray, log_predicted: np.ndarray) -> np.ndarray:
+    """Return the absolute error of the GGX lobe's α that stands for s, `(B,)` in [0, 0.6].
+
+    Args:
+        exponent: true exponents s `(B,)`, above 0.
+        log_predicted: predicted log10 s `(B,)`.
+
+    Example:
+        >>> ggx_alpha_error(np.array([1000.0]), np.array([1.5])).round(3).tolist()
+        [0.151]
+    """
+    return np.abs(microfacets.ggx_alpha(exponent) - microfacets.ggx_alpha(10.0**log_predicted))
 
 
 def masked_relative_error(shading: Any, predicted: Any, mask: Any) -> tuple[Any, Any]:

@@ -47,7 +47,7 @@ def parser() -> argparse.ArgumentParser:
         description="Render images of single objects with their mask, diffuse and specular "
         "shading, mirror image, normals, environment and material, as TFRecords.",
         epilog=_EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        formatter_class=console.Help,
     )
     out.add_argument("out", type=Path, metavar="OUT", help="folder of the corpus")
     _add_contents(out, "examples")
@@ -139,7 +139,7 @@ def commands() -> argparse.ArgumentParser:
             name,
             description=description,
             epilog=f"examples:\n{examples}",
-            formatter_class=argparse.RawDescriptionHelpFormatter,
+            formatter_class=console.Help,
         )
         command.set_defaults(run=run, interrupted=interrupted)
         return command

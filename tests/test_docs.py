@@ -5,6 +5,7 @@ import doctest
 import importlib
 import importlib.util
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -73,14 +74,41 @@ def test_the_example_runs(code, desk):
     exec(compile(code, "example", "exec"), {})
 
 
-def paths_of_paper():
+def paper_rows():
+    """The rows of the map of the paper: its place, what it says, code and tests."""
     text = read(DOCS / "explanation" / "paper.md")
-    return sorted(set(re.findall(r"`([\w/]+\.py)", text)))
+    rows = [line.strip("|").split("|") for line in text.splitlines() if line.startswith("| ")]
+    return [[cell.strip() for cell in row] for row in rows if len(row) == 4 and "`" in row[2]]
 
 
-@pytest.mark.parametrize("path", paths_of_paper())
-def test_the_map_of_the_paper_names_files_that_exist(path):
-    assert (ROOT / path).is_file() or (ROOT / "tests" / path).is_file()
+def test_every_row_of_the_map_of_the_paper_names_its_tests():
+    rows = paper_rows()
+    assert len(rows) > 25
+    for place, *_, tests in rows:
+        named_tests = re.findall(r"`([^`]+)`", tests)
+        assert named_tests, place
+        for name in named_tests:
+            path = ROOT / "tests" / name
+            found = [path] if path.suffix else sorted(path.glob("test_*.py"))
+            assert found, name
+            assert all("\ndef test_" in read(file) for file in found), name
+
+
+def test_the_map_of_the_paper_names_code_that_exists():
+    """Files, folders, and the functions and constants after a file's colon."""
+    page = read(DOCS / "explanation" / "paper.md")
+    paths = 0
+    for span in re.findall(r"`([^`]+)`", page):
+        path, _, name = span.partition(": ")
+        if not re.fullmatch(r"[\w/]+(\.py|/)", path):
+            continue
+        paths += 1
+        assert (ROOT / path).exists() or (ROOT / "tests" / path).exists(), span
+        if name:
+            defined = re.escape(re.split(r"\W", name)[0])
+            pattern = rf"^(def|class) {defined}\b|^{defined}\b.* ="
+            assert re.search(pattern, read(ROOT / path), re.MULTILINE), span
+    assert paths > 60
 
 
 def plain(text):
@@ -105,6 +133,22 @@ def test_its_links_lead_somewhere(page):
         assert target.exists(), link
         if anchor:
             assert anchor in set(anchors(read(target))), link
+
+
+@pytest.mark.parametrize("page", TEXTS, ids=named)
+def test_its_tables_have_heads(page):
+    """Without one, a table is a paragraph of strokes."""
+    lines = read(page).splitlines()
+    for before, line in zip(["", *lines], lines, strict=False):
+        if re.match(r"\s*\|[-:| ]*-[-:| ]*\|$", line):
+            assert before.lstrip().startswith("|"), line
+            assert before.replace("\\|", "").count("|") == line.count("|"), before
+
+
+@pytest.mark.parametrize("page", TEXTS, ids=named)
+def test_no_line_is_a_comment_by_accident(page):
+    """The site leaves out a line that begins with a per cent sign."""
+    assert not re.search(r"^\s*%", read(page), re.MULTILINE)
 
 
 def test_every_page_is_in_a_table_of_contents():
@@ -149,6 +193,29 @@ def test_the_options_that_it_shows_are_those_of_the_commands(page, options):
         assert shown <= options[name], f"{name}: {shown - options[name]}"
 
 
+def command_lines(page):
+    """The commands in the blocks of a page that stand there as they are typed."""
+    lines = read(page).replace("\\\n", " ")
+    for line in re.findall(r"^(?: {4}|\$ )(?:[A-Z_]+=\S+ )?(lime-[a-z]+.*)$", lines, re.MULTILINE):
+        if not re.search(r"[\[\]$…|]|\.\.\.", line.split("#")[0]):
+            yield shlex.split(line, comments=True)
+
+
+@pytest.mark.parametrize("page", [*filter(lambda page: [*command_lines(page)], TEXTS)], ids=named)
+def test_the_commands_in_its_blocks_are_understood(page):
+    """Typed, or copied by the button, with all that stands beside them."""
+    for name, *arguments in command_lines(page):
+        module = importlib.import_module(COMMANDS[name])
+        of_render = name == "lime-render" and arguments[0] in render_cli.COMMANDS
+        (module.commands() if of_render else module.parser()).parse_args(arguments)
+
+
+@pytest.mark.parametrize("page", TEXTS, ids=named)
+def test_the_targets_of_make_that_it_names_exist(page):
+    targets = set(re.findall(r"^([\w-]+):(?!=)", read(ROOT / "Makefile"), re.MULTILINE))
+    assert set(re.findall(r"(?:`|^ {4})make ([\w-]+)", read(page), re.MULTILINE)) <= targets
+
+
 def test_the_reference_has_every_command():
     page = read(DOCS / "reference" / "commands.md")
     for module in COMMANDS.values():
@@ -162,7 +229,8 @@ def test_every_table_of_results_has_its_mark():
     stale = script(ROOT / "benchmarks" / "stale_results.py")
     assert len(list(stale.figures())) > 15
     for figure in stale.figures():
-        assert figure.commit in read(ROOT / figure.page), figure
+        told = re.sub(r"<!--.*?-->", "", read(ROOT / figure.page), flags=re.DOTALL)
+        assert figure.commit in told, figure
         for path in figure.paths:
             assert (ROOT / path).exists(), figure
     for part in re.split(r"^#+ ", read(DOCS / "results.md"), flags=re.MULTILINE):
@@ -173,7 +241,7 @@ def test_every_table_of_results_has_its_mark():
 def test_the_citation_is_of_this_version():
     cited = yaml.safe_load(read(ROOT / "CITATION.cff"))
     assert cited["version"] == __version__
-    assert cited["references"][0]["year"] == 2018
+    assert cited["preferred-citation"]["year"] == 2018
 
 
 def examined():

@@ -88,7 +88,7 @@ def parser() -> argparse.ArgumentParser:
         usage="%(prog)s OUT --bank BANK [BANK ...] [options] [-- options of lime-train]",
         description="Pack a training run for a machine with JAX and a GPU, but without a network.",
         epilog=_EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        formatter_class=console.Help,
     )
     out.add_argument("out", type=Path, metavar="OUT", help="folder of the bundle")
     out.add_argument(

@@ -57,7 +57,7 @@ def parser() -> argparse.ArgumentParser:
         prog="lime-train",
         description="Train the subnetworks of LIME on corpora and banks of `lime-render`.",
         epilog=_EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        formatter_class=console.Help,
     )
     out.add_argument(
         "paths",

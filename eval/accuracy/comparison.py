@@ -24,6 +24,7 @@ COLUMNS = (
     "diffuse_albedo_mae",
     "specular_albedo_mae",
     "mask_iou",
+    "ggx_alpha_mae",
     "specular_shading_relative",
     "mirror_relative",
     "relighting_psnr",

@@ -49,8 +49,8 @@ class Evaluation:
             Predictions: `predicted_bin`, `bin_probabilities` `(N, 8)`, `log_exponent_found`,
             `diffuse_found` `(N, 3)` and `specular_found`.
             Errors: `iou` and its pixel counts `intersection` and `union`, `bin_distance`,
-            `log_error`, `log_squared`, `log_error_winning`, `diffuse_absolute`, `diffuse_squared`,
-            `specular_absolute`, `specular_squared`, `specular_shading_relative`,
+            `log_error`, `log_squared`, `log_error_winning`, `ggx_alpha_error`, `diffuse_absolute`,
+            `diffuse_squared`, `specular_absolute`, `specular_squared`, `specular_shading_relative`,
             `mirror_relative` (with `specular_shading_lit` and `mirror_lit`, 1 where the layer is
             lit inside the mask; where it is black both are 0), `specular_shading_flip`,
             `mirror_flip`, and the relighting PSNR in decibel, `relit` and `relit_unseen`.
@@ -269,6 +269,7 @@ def _exponent_errors(
     log = shininess.log_of_outputs(estimate)
     error = metrics.log_exponent_error(exponent, log)
     errors = {"log_error": error, "log_squared": np.square(error)}
+    errors["ggx_alpha_error"] = metrics.ggx_alpha_error(exponent, log)
     if "exponent_bin_probabilities" not in estimate:
         # A NaN prediction stays NaN in `log_error`, which `_check_finite` refuses.
         found = shininess.bin_of(10.0 ** np.nan_to_num(log))

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from lime_keras import metrics
-from lime_keras.optics import shininess
+from lime_keras.optics import microfacets, shininess
 
 from ..markdown_table import ABSENT
 from . import calibration, labels
@@ -24,6 +24,10 @@ _UNIFORM_MAE, _UNIFORM_RMSE = 0.25, math.sqrt(1 / 12)
 """Errors of the constant prediction 0.5 for a number drawn uniformly from [0, 1]."""
 _RANGE_RMSE = (shininess.LOG_HIGH - shininess.LOG_LOW) / math.sqrt(12)
 """RMSE of log10 s when the prediction is always the middle of its range."""
+
+_LOGS = np.linspace(shininess.LOG_LOW, shininess.LOG_HIGH, 30_001)
+_MIDDLE_ALPHA_MAE = float(np.mean(metrics.ggx_alpha_error(10.0**_LOGS, np.mean(_LOGS))))
+"""MAE of GGX's α when the prediction is always that of the middle of the range of log10 s."""
 
 
 @dataclass(frozen=True)
@@ -148,6 +152,9 @@ MEASURES = {
         paper=0.3073,
         chance=shininess.CHANCE_LOG_ERROR,
         floor=shininess.QUANTISATION_FLOOR,
+    ),
+    "ggx_alpha_mae": Measure(
+        "Exponent as GGX α, MAE", "GGX α MAE", ("ggx_alpha_error",), chance=_MIDDLE_ALPHA_MAE
     ),
     "diffuse_albedo_mae": Measure(
         "Diffuse albedo, MAE",
@@ -277,6 +284,7 @@ def constant_answers(rows: Mapping[str, np.ndarray]) -> dict[str, float]:
     padded = np.pad(shares, 1)
     adjacent = padded[:-2] + padded[2:]
     log = rows["log_exponent"]
+    alpha = microfacets.ggx_alpha(10.0**log)
     diffuse, specular = rows["diffuse_albedo"], rows["specular_albedo"]
     constant = {
         "mask_iou": np.mean(rows["coverage"]),
@@ -285,6 +293,7 @@ def constant_answers(rows: Mapping[str, np.ndarray]) -> dict[str, float]:
         "exponent_within_one": np.max(shares + adjacent),
         "log_exponent_mae": np.mean(np.abs(log - np.median(log))),
         "log_exponent_rmse": np.std(log),
+        "ggx_alpha_mae": np.mean(np.abs(alpha - np.median(alpha))),
         "diffuse_albedo_mae": np.mean(np.abs(diffuse - np.median(diffuse, axis=0))),
         "diffuse_albedo_rmse": np.sqrt(np.mean(np.var(diffuse, axis=0))),
         "specular_albedo_mae": np.mean(np.abs(specular - np.median(specular))),

@@ -78,7 +78,7 @@ def parser() -> argparse.ArgumentParser:
         description="Estimate mask, specular shading, mirror image, albedos and shininess of the "
         "one object in each photo or video.",
         epilog=_EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        formatter_class=console.Help,
     )
     out.add_argument(
         "sources",

@@ -52,7 +52,7 @@ def parser() -> argparse.ArgumentParser:
         description="Write a trained model as TensorFlow SavedModel, as ONNX, as weights of half "
         "the size, or as the graphs that lime-estimate runs, and prove it equal.",
         epilog=_EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        formatter_class=console.Help,
     )
     out.add_argument("out", type=Path, metavar="OUT", help="folder to write to")
     out.add_argument("--format", choices=("savedmodel", "onnx", "weights", "graphs"), required=True)

@@ -40,7 +40,7 @@ def parser() -> argparse.ArgumentParser:
         description="Show, live in the browser, the material of the object before the camera, on a "
         "virtual object under the same light.",
         epilog=_EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        formatter_class=console.Help,
     )
     start = out.add_mutually_exclusive_group()
     start.add_argument("--camera", action="store_true", help="begin with the camera")

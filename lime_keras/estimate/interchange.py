@@ -5,9 +5,7 @@ lobe over a diffuse base that receives the rest of the light, so that together t
 m_d · D + m_s · S. Three things were chosen for the least ꟻLIP between spheres of both
 (benchmarks/interchange.py):
 
-- The roughness. Beckmann's distribution, of Mitsuba, takes α = √(2 / (s + 2)), of nearly the same
-  shape as the lobe (Walter et al. 2007, section 5.2). The GGX distribution, of glTF, has longer
-  tails and takes a narrower lobe.
+- The roughness: Beckmann's distribution in Mitsuba, GGX in glTF (`lime_keras.optics.microfacets`).
 - The lobe's reflectance, 0.76 m_s. S falls with o·n, a microfacet lobe does not.
 - For s below about 5, a part of m_s that goes to the base instead: the lobe is then so wide that it
   looks diffuse, and a rough microfacet surface shadows itself.
@@ -25,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from lime_keras.material import Material
-from lime_keras.optics import studio_light
+from lime_keras.optics import microfacets, studio_light
 from lime_keras.optics.shading import normaliser
 from lime_keras.version import __version__
 
@@ -43,8 +41,6 @@ _LOBE_SHARE = 0.76
 """Reflectance of the microfacet lobe, as a share of m_s, for a narrow lobe."""
 _DIFFUSE_BELOW = 1.5
 """Exponent at which half of m_s goes to the diffuse base."""
-_GGX_POWER, _GGX_ROUGHEST = 1.25, 0.6
-"""Power that makes GGX's α of Beckmann's, and the largest α of GGX."""
 _UNSEEN = 0.99
 """Least factor of the albedos that is not worth a warning."""
 
@@ -81,21 +77,6 @@ def warning(material: Material) -> str | None:
         f"are {scale:.2f} times the estimate in the glTF and Mitsuba files, of the same hue and "
         f"gloss; for the photo's brightness make the light there {1 / scale:.2f} times as bright"
     )
-
-
-def beckmann_roughness(exponent: float) -> float:
-    """Return Beckmann's roughness α = √(2 / (s + 2)), in (0, 1], of an exponent s, at least 0.
-
-    Example:
-        >>> beckmann_roughness(198.0)
-        0.1
-    """
-    return math.sqrt(2 / (exponent + 2))
-
-
-def ggx_roughness(exponent: float) -> float:
-    """Return GGX's α = min((2 / (s + 2))^(5/8), 0.6) of an exponent s, at least 0; glTF has √α."""
-    return min(beckmann_roughness(exponent) ** _GGX_POWER, _GGX_ROUGHEST)
 
 
 def lobe_reflectance(material: Material) -> float:
@@ -156,6 +137,7 @@ def gltf(material: Material, name: str) -> str:
     positions, triangles = _sphere()
     vertices, indices = positions.astype("<f4").tobytes(), triangles.astype("<u2").tobytes()
     buffer = base64.b64encode(vertices + indices).decode()
+    roughness = math.sqrt(microfacets.ggx_alpha(_exponent(material)))
     whole = {
         "asset": {"version": "2.0", "generator": f"lime_keras {__version__}"},
         "extensionsUsed": ["KHR_materials_specular"],
@@ -177,7 +159,7 @@ def gltf(material: Material, name: str) -> str:
                 "pbrMetallicRoughness": {
                     "baseColorFactor": [*_numbers(base_colour(material)), 1.0],
                     "metallicFactor": 0.0,
-                    "roughnessFactor": _number(math.sqrt(ggx_roughness(_exponent(material)))),
+                    "roughnessFactor": _number(roughness),
                 },
                 "extensions": {
                     "KHR_materials_specular": {
@@ -262,7 +244,7 @@ def mitsuba_scene(material: Material) -> dict[str, Any]:
                     "type": "roughconductor",
                     "material": "none",
                     "distribution": "beckmann",
-                    "alpha": _number(beckmann_roughness(_exponent(material))),
+                    "alpha": _number(microfacets.beckmann_alpha(_exponent(material))),
                 },
             },
         },

@@ -213,3 +213,18 @@ def test_tensorflow_is_imported_quietly(capfd):
     console.import_tensorflow()
     assert capfd.readouterr() == ("", "")
     assert len(os.listdir("/dev/fd")) <= descriptors + 1
+
+
+def test_a_help_has_paragraphs_as_wide_as_the_terminal_and_examples_as_written(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "42")
+    words = "one two three four five six seven eight nine ten eleven to OUT/NAME-layer.exr"
+    example = "  lime-some with an example that is wider than the terminal"
+    parser = argparse.ArgumentParser(
+        description=words, epilog=f"{words}\n{words}\n\n{example}", formatter_class=console.Help
+    )
+    lines = parser.format_help().splitlines()
+    assert example in lines and "" in lines
+    told = [line for line in lines[lines.index("options:") :] if "one" in line or "NAME" in line]
+    assert max(map(len, told)) <= 40 and any("OUT/NAME-layer.exr" in line for line in told)
+    prose = " ".join(lines[lines.index(example) - 6 : lines.index(example)])
+    assert prose.split() == (words + " " + words).split()

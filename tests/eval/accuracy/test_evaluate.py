@@ -111,6 +111,9 @@ def test_a_regressed_exponent_by_hand():
     assert rows["predicted_bin"].tolist() == [1, 7]
     assert rows["bin_distance"].tolist() == [1, 7]
     assert rows["log_error"] == pytest.approx([0.5, 3.0])
+    alpha = np.array([[10.0, 10**0.5], [1.0, 1000.0]])
+    alpha = np.minimum((2 / (alpha + 2)) ** 0.625, 0.6)
+    assert rows["ggx_alpha_error"] == pytest.approx(np.abs(np.diff(alpha))[:, 0], rel=1e-5)
     assert "log_error_winning" not in rows
     answer["log_exponent"] = np.log10(np.array([[10.0], [1.0]], np.float32))
     perfect = measure(_batch(), answer)

@@ -24,6 +24,7 @@ def test_the_means_are_those_of_hand_arithmetic():
         "log_exponent_mae": 0.25,
         "log_exponent_rmse": 0.3,
         "log_exponent_mae_winning": 0.3,
+        "ggx_alpha_mae": 0.1,
         "diffuse_albedo_mae": 0.1,
         "diffuse_albedo_rmse": 0.1,
         "specular_albedo_mae": 0.1,
@@ -77,6 +78,10 @@ def test_chance_is_what_uniform_draws_give():
     assert log_error == pytest.approx(chance["log_exponent_mae"], rel=0.01)
     log_rmse = np.sqrt(np.mean((3 * drawn - 1.5) ** 2))
     assert log_rmse == pytest.approx(chance["log_exponent_rmse"], rel=0.01)
+    alpha = (2 / (10 ** (3 * drawn) + 2)) ** 0.625
+    middle = (2 / (10**1.5 + 2)) ** 0.625
+    alpha_error = np.mean(np.abs(np.minimum(alpha, 0.6) - middle))
+    assert alpha_error == pytest.approx(chance["ggx_alpha_mae"], rel=0.01)
     # What the middle of all ranges does on these very examples.
     assert (chance["relighting_psnr"], chance["relighting_psnr_unseen"]) == (11.0, 9.0)
 
@@ -100,6 +105,9 @@ def test_constant_answers_beat_every_other_constant():
     for guess in np.linspace(0, 3, 31):
         error = np.mean(np.abs(rows["log_exponent"] - guess))
         assert constant["log_exponent_mae"] <= error + 1e-12
+        alpha = np.minimum((2 / (10 ** rows["log_exponent"] + 2)) ** 0.625, 0.6)
+        error = np.mean(np.abs(alpha - 0.6 * guess / 3))
+        assert constant["ggx_alpha_mae"] <= error + 1e-12
 
 
 def test_the_interval_is_that_of_the_normal_limit():

@@ -268,15 +268,6 @@ def test_every_material_loads_in_mitsuba(numbers, mitsuba_choice):
     assert mi.load_dict(interchange.mitsuba_scene(material(*numbers)))
 
 
-@pytest.mark.parametrize(
-    "roughness, most", [(interchange.beckmann_roughness, 1.0), (interchange.ggx_roughness, 0.6)]
-)
-def test_roughness_falls_with_the_exponent(roughness, most):
-    values = [roughness(exponent) for exponent in (0.0, 1e-6, 1.0, 10.0, 1e3, 1e6)]
-    assert values[0] == most and values[-1] > 0
-    assert values == sorted(values, reverse=True) and len(set(values[2:])) == 4
-
-
 def test_no_material_no_file():
     albedos = Material(diffuse_albedo=np.zeros(3), specular_albedo=0.0)
     for write in (interchange.wavefront, interchange.gltf):
