@@ -69,7 +69,7 @@ class Counts:
 
     @property
     def is_sound(self) -> bool:
-        """Whether nothing was lost and nothing is left."""
+        """True if nothing was lost and nothing is left."""
         return self.identical == self.kills and not self.torn + self.left_over + self.orphans
 
 
