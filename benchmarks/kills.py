@@ -92,7 +92,8 @@ def main() -> int:
         stages = _stages(folder)
         _write_inputs(folder)
         for number, name in enumerate(names):
-            if name in options.stages or name == "render":  # which `train` reads
+            # What `render` writes, `train` reads.
+            if name in options.stages or (name == "render" and "train" in options.stages):
                 seconds = _undisturbed(stages[name], folder, name)
             if name in options.stages:
                 place = options.stages.index(name)

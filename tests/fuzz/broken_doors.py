@@ -56,6 +56,11 @@ def _hangs(folder: Path) -> None:
         time.sleep(3600)
 
 
+def _dawdles(folder: Path) -> None:
+    if _damaged(folder):
+        time.sleep(1)
+
+
 def _swells(folder: Path) -> None:
     if _damaged(folder):
         taken = b"x" * TOO_MANY
@@ -77,7 +82,7 @@ DOORS = {
     read.__name__.strip("_").replace("_", "-"): Door(read, "runs", 1)
     for read in (
         *(_names, _names_nothing, _stumbles, _leaves, _crashes, _ends, _hangs),
-        *(_swells, _swelled, _refuses_all),
+        *(_dawdles, _swells, _swelled, _refuses_all),
     )
 }
 

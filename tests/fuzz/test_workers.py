@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from time import monotonic
 
 import pytest
 
@@ -26,7 +27,7 @@ FAULTS = {
     "ends": "crashed: status 3",
     "swells": "GB of memory, and was ended",
 }
-"""What is said of each of the broken doors; `hangs` and `swelled` have tests apart."""
+"""What is said of each of the broken doors; the others have tests apart."""
 COUNT = 2
 """Inputs of a door."""
 
@@ -86,6 +87,33 @@ def test_a_door_that_hangs_is_ended_and_where_it_hung_is_told(tmp_path):
     found = tried(tmp_path / "scratch", "hangs", limits=verdicts.Limits(seconds=0.5), count=1)
     check("hangs", found, "hung: no end after", tmp_path)
     assert all("_hangs" in one.verdict.reason for one in found if one.verdict.reason)
+
+
+@pytest.mark.parametrize(
+    ("queued", "kind"), [(lambda pid: 0.0, verdicts.FELL), (lambda pid: monotonic(), verdicts.READ)]
+)
+def test_waiting_for_the_processor_is_no_hang(queued, kind, tmp_path, monkeypatch):
+    monkeypatch.setattr(verdicts, "queued", queued)
+    found = tried(tmp_path / "scratch", "dawdles", limits=verdicts.Limits(seconds=0.5), count=1)
+    assert kind in {one.verdict.kind for one in found}
+    assert all(one.verdict.kind in (kind, verdicts.READ) for one in found)
+
+
+@pytest.mark.skipif(not Path("/proc/self/schedstat").exists(), reason="the system does not tell")
+def test_two_processes_on_one_processor_wait_for_each_other():
+    own, before = os.sched_getaffinity(0), verdicts.queued()
+    os.sched_setaffinity(0, {min(own)})
+    try:
+        with subprocess.Popen([sys.executable, "-c", "while True: pass"]) as other:
+            end = monotonic() + 1
+            while monotonic() < end:
+                pass
+            assert verdicts.queued(other.pid) > 0.1
+            other.kill()
+    finally:
+        os.sched_setaffinity(0, own)
+    assert verdicts.queued() - before > 0.1
+    assert verdicts.queued(other.pid) == 0
 
 
 def test_memory_that_is_given_back_at_once_counts(tmp_path):
@@ -159,9 +187,9 @@ def test_an_interruption_prints_the_table_so_far_and_leaves_nobody(tmp_path):
 
 def wait_for(is_so, seconds):
     """Wait until it is so; fail after so many seconds."""
-    end = time.monotonic() + seconds
+    end = monotonic() + seconds
     while not is_so():
-        assert time.monotonic() < end
+        assert monotonic() < end
         time.sleep(0.05)
 
 

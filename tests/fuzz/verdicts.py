@@ -18,7 +18,7 @@ class Limits:
     """The limits of reading one input.
 
     Attributes:
-        seconds: time that it may take.
+        seconds: time that it may take, but for what it waits while others have the processor.
         bytes: memory that it may take beside what the process holds already.
     """
 
@@ -88,6 +88,17 @@ def resident(pid: int | str = "self") -> int:
     except (OSError, IndexError):
         return 0
     return int(pages) * os.sysconf("SC_PAGE_SIZE")
+
+
+def queued(pid: int | str = "self") -> float:
+    """Return the seconds that a process stood ready while others had the processor; 0 if unknown.
+
+    Of its main thread, from its start.
+    """
+    try:
+        return int(Path(f"/proc/{pid}/schedstat").read_text().split()[1]) / 1e9
+    except (OSError, IndexError):
+        return 0.0
 
 
 def _forget_peak() -> bool:

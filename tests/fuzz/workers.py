@@ -24,7 +24,7 @@ from .verdicts import FELL, READ, Limits, Verdict
 Maker = Callable[[Path, tuple[str, ...]], None]
 
 _BEGIN_SECONDS = 180.0
-"""Time that the first reading of a door's sound inputs may take, imports included."""
+"""Time for all but reading: imports, the first reading of sound inputs, making damaged ones."""
 _TO_END = 5.0
 """Seconds that an idle process has to end by itself."""
 _TICK = 0.1
@@ -148,7 +148,7 @@ class _Worker:
             while self.pipe.poll():
                 event, value = self.pipe.recv()
                 if event == "begun":
-                    self._since, self._seconds = time.monotonic(), self._limits.seconds
+                    self._expect(self._limits.seconds)
                     self._before = value
                 elif event == "unsound":
                     raise Unsound(value)
@@ -182,7 +182,7 @@ class _Worker:
             code = self._process.exitcode or 0
             how = signal.Signals(-code).name if code < 0 else f"status {code}"
             return f"crashed: {how}\n{_end(self._log)}"
-        seconds = time.monotonic() - self._since
+        seconds = self._now() - self._since
         taken = verdicts.resident(self._process.pid) - (self._before or 0)
         # First, because what fills the memory is slow as well.
         if self._before is not None and taken > self._limits.bytes:
@@ -198,8 +198,16 @@ class _Worker:
     def _outcome(self, verdict: Verdict) -> Outcome:
         door, index = self._block.door, self._block.first
         self._block = Block(door, index + 1, self._block.last)
-        self._since = time.monotonic()
+        self._expect(_BEGIN_SECONDS)  # while the next one is made
         return Outcome(door, index, verdict, _folder(self._scratch, door, index))
+
+    def _expect(self, seconds: float) -> None:
+        """Let the process take that long from now on until it is heard of."""
+        self._since, self._seconds = self._now(), seconds
+
+    def _now(self) -> float:
+        """Return a time in seconds that stands still while the process waits for a processor."""
+        return time.monotonic() - verdicts.queued(self._process.pid)
 
     def _start(self) -> None:
         if hasattr(self, "_process"):
@@ -212,8 +220,8 @@ class _Worker:
         other.close()
 
     def _give(self, block: Block) -> None:
-        self._block, self._since = block, time.monotonic()
-        self._seconds, self._before = _BEGIN_SECONDS, None
+        self._block, self._before = block, None
+        self._expect(_BEGIN_SECONDS)
         with contextlib.suppress(OSError):  # it has ended; `heard` tells
             self.pipe.send(block)
 
@@ -251,7 +259,7 @@ def _work(
                     return
                 pipe.send(("begun", verdicts.resident()))
                 # Should nobody watch any more, it ends by itself.
-                signal.alarm(math.ceil(3 * limits.seconds))
+                signal.alarm(math.ceil(30 * limits.seconds))
                 verdict = verdicts.judged(door, folder, limits)
                 signal.alarm(0)
                 if verdict.kind != FELL:
