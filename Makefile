@@ -20,7 +20,7 @@ BUNDLE := runs/bundle
 MINUTES := 22
 PRESET := live
 
-.PHONY: quickstart bundle test test-slow docs results graphs ship lint llvm clean
+.PHONY: quickstart bundle test test-slow fuzz docs results graphs ship lint llvm clean
 .DELETE_ON_ERROR:
 
 quickstart: llvm
@@ -43,6 +43,11 @@ test: llvm lint
 
 test-slow: .venv/development
 	$(BIN)/python -m pytest -m slow
+
+# Damaged inputs through every door of the program: `make fuzz MINUTES=60`; see tests/fuzz.
+fuzz: MINUTES := 10
+fuzz: .venv/development
+	$(BIN)/python -m tests.fuzz --minutes $(MINUTES)
 
 # The graphs of the weights that come with the package, which hold these weights, anew; after every
 # change of what connects the subnetworks. Where nothing has changed, not a byte of them does.

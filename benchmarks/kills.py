@@ -69,7 +69,7 @@ class Counts:
 
     @property
     def is_sound(self) -> bool:
-        """Whether nothing was lost and nothing is left."""
+        """True if nothing was lost and nothing is left."""
         return self.identical == self.kills and not self.torn + self.left_over + self.orphans
 
 
@@ -92,7 +92,8 @@ def main() -> int:
         stages = _stages(folder)
         _write_inputs(folder)
         for number, name in enumerate(names):
-            if name in options.stages or name == "render":  # which `train` reads
+            # What `render` writes, `train` reads.
+            if name in options.stages or (name == "render" and "train" in options.stages):
                 seconds = _undisturbed(stages[name], folder, name)
             if name in options.stages:
                 place = options.stages.index(name)

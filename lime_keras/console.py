@@ -239,7 +239,7 @@ def import_tensorflow() -> None:
     """
     require("this command", "tensorflow")
     os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
-    with _standard_error_closed():
+    with standard_error_closed():
         import tensorflow as tf
 
         if os.environ.get("KERAS_BACKEND", "tensorflow") != "tensorflow":
@@ -249,7 +249,7 @@ def import_tensorflow() -> None:
 
 
 @contextlib.contextmanager
-def _standard_error_closed() -> Iterator[None]:
+def standard_error_closed() -> Iterator[None]:
     """Discard output to file descriptor 2 in the block; C++ writes there, not to `sys.stderr`."""
     sys.stderr.flush()
     kept = os.dup(2)

@@ -110,6 +110,13 @@ class Results:
             with atomic.naming(target):
                 for file in sorted(files, key=target.name.__eq__):
                     os.replace(partial / file, target.with_name(file))
+        except OSError as error:
+            # Told with the names that the files were to have: the folder is removed.
+            said, *others = error.args
+            if isinstance(said, str):
+                said = said.replace(f"{partial}{os.sep}", f"{target.parent}{os.sep}")
+            error.args = (said, *others)
+            raise
         finally:
             atomic.remove(partial)
 

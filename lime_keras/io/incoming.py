@@ -87,7 +87,10 @@ def naming(path: Path, what: str) -> Iterator[None]:
         ) from error
     except Exception as error:  # readers of many formats raise whatever a byte leads them to
         if isinstance(error, ValueError) and str(error).startswith(str(path)):
-            raise
+            first, *others = str(error).removeprefix(str(path)).splitlines()
+            if not others:
+                raise
+            raise ValueError(f"{path}{' '.join((first, *map(str.strip, others)))}") from error
         reason = " ".join(str(error).split())[:_LONGEST] or type(error).__name__
         raise ValueError(f"{path} cannot be read as {what}: {reason}") from error
 

@@ -6,8 +6,13 @@ import time
 from pathlib import Path
 
 from .doors import Door
+from .verdicts import Limits
 
 SOUND = b"sound\n"
+LIMITS = Limits(bytes=1 << 27)
+"""Limits under which they are read; all but these are those of the command."""
+TOO_MANY = 3 << 26
+"""Bytes beyond the limit."""
 
 
 def _damaged(folder: Path) -> Path | None:
@@ -51,9 +56,21 @@ def _hangs(folder: Path) -> None:
         time.sleep(3600)
 
 
+def _dawdles(folder: Path) -> None:
+    if _damaged(folder):
+        time.sleep(1)
+
+
 def _swells(folder: Path) -> None:
     if _damaged(folder):
-        time.sleep(0 * len(b"x" * (9 << 28)))
+        taken = b"x" * TOO_MANY
+        time.sleep(3600 + 0 * len(taken))
+
+
+def _swelled(folder: Path) -> None:
+    """Take too much memory for a moment, which only the process itself can see for sure."""
+    if _damaged(folder):
+        len(b"x" * TOO_MANY)
 
 
 def _refuses_all(folder: Path) -> None:
@@ -64,8 +81,8 @@ def _refuses_all(folder: Path) -> None:
 DOORS = {
     read.__name__.strip("_").replace("_", "-"): Door(read, "runs", 1)
     for read in (
-        *(_names, _names_nothing, _stumbles, _leaves, _crashes, _ends, _hangs, _swells),
-        _refuses_all,
+        *(_names, _names_nothing, _stumbles, _leaves, _crashes, _ends, _hangs),
+        *(_dawdles, _swells, _swelled, _refuses_all),
     )
 }
 

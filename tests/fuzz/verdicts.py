@@ -1,6 +1,5 @@
 """The verdict on one input: read, refused by name, or fallen through, and why."""
 
-import contextlib
 import os
 import traceback
 from dataclasses import dataclass
@@ -12,10 +11,23 @@ from .doors import Door
 
 READ, REFUSED, FELL = "read", "refused by name", "fell through"
 KINDS = (READ, REFUSED, FELL)
-LIMIT_BYTES = 2 << 30
-"""Memory that reading one input may take beside what the process holds already."""
-LIMIT_SECONDS = 10.0
-"""Time that reading one input may take."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """The limits of reading one input.
+
+    Attributes:
+        seconds: time that it may take, but for what it waits while others have the processor.
+        bytes: memory that it may take beside what the process holds already.
+    """
+
+    seconds: float = 10.0
+    bytes: int = 2 << 30
+
+
+LIMITS = Limits()
+"""The limits of the command."""
 
 
 @dataclass(frozen=True)
@@ -31,15 +43,16 @@ class Verdict:
     reason: str = ""
 
 
-def judged(door: Door, folder: Path) -> Verdict:
+def judged(door: Door, folder: Path, limits: Limits) -> Verdict:
     """Read an input in this process and judge how that ended.
 
     Args:
         door: what reads it.
         folder: folder that holds the input and nothing else.
+        limits: limits of memory; those of time are the parent's to watch.
     """
     before = resident()
-    _forget_peak()
+    is_known = _forget_peak()
     try:
         door.read(folder)
     except Exception as error:
@@ -48,8 +61,8 @@ def judged(door: Door, folder: Path) -> Verdict:
         verdict = Verdict(FELL, _told(error))
     else:
         verdict = Verdict(READ)
-    taken = _peak() - before
-    if taken > LIMIT_BYTES and verdict.kind != FELL:
+    taken = (_peak() if is_known else resident()) - before
+    if taken > limits.bytes and verdict.kind != FELL:
         return Verdict(FELL, f"took {taken / 2**30:.1f} GB of memory; else {verdict}")
     return verdict
 
@@ -77,9 +90,24 @@ def resident(pid: int | str = "self") -> int:
     return int(pages) * os.sysconf("SC_PAGE_SIZE")
 
 
-def _forget_peak() -> None:
-    with contextlib.suppress(OSError):  # not every container allows it
+def queued(pid: int | str = "self") -> float:
+    """Return the seconds that a process stood ready while others had the processor; 0 if unknown.
+
+    Of its main thread, from its start.
+    """
+    try:
+        return int(Path(f"/proc/{pid}/schedstat").read_text().split()[1]) / 1e9
+    except (OSError, IndexError):
+        return 0.0
+
+
+def _forget_peak() -> bool:
+    """Let `_peak` count from now on; return whether that is allowed, as not in every container."""
+    try:
         Path("/proc/self/clear_refs").write_text("5")
+    except OSError:
+        return False
+    return True
 
 
 def _peak() -> int:

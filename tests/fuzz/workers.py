@@ -2,6 +2,7 @@
 
 import contextlib
 import faulthandler
+import math
 import multiprocessing
 import os
 import shutil
@@ -18,12 +19,12 @@ from typing import Any
 from . import inputs, seeds, verdicts
 from .doors import Door
 from .inputs import Block
-from .verdicts import FELL, LIMIT_BYTES, LIMIT_SECONDS, READ, Verdict
+from .verdicts import FELL, READ, Limits, Verdict
 
 Maker = Callable[[Path, tuple[str, ...]], None]
 
 _BEGIN_SECONDS = 180.0
-"""Time that the first reading of a door's sound inputs may take, imports included."""
+"""Time for all but reading: imports, the first reading of sound inputs, making damaged ones."""
 _TO_END = 5.0
 """Seconds that an idle process has to end by itself."""
 _TICK = 0.1
@@ -60,6 +61,7 @@ def tried(
     count: int,
     scratch: Path,
     make: Maker = seeds.make,
+    limits: Limits = verdicts.LIMITS,
 ) -> Iterator[Outcome]:
     """Try inputs in child processes and yield what becomes of each, in any order.
 
@@ -70,6 +72,7 @@ def tried(
         count: number of processes.
         scratch: empty folder for the seeds and the inputs.
         make: writes seeds of these names into a folder.
+        limits: limits of each input.
 
     Raises:
         Unsound: if a seed is not read as it is, or cannot be damaged.
@@ -79,7 +82,7 @@ def tried(
     started: list[_Worker] = []
     try:
         for number in range(count):
-            started.append(_Worker(doors, seed, scratch, number))
+            started.append(_Worker(doors, seed, scratch, limits, number))
         while any([worker.is_busy or worker.take(blocks) for worker in started]):
             wait([worker.pipe for worker in started if worker.is_busy], _TICK)
             for worker in started:
@@ -112,11 +115,14 @@ class _Worker:
         doors: doors by name.
         seed: seed of the run.
         scratch: folder of seeds and inputs.
+        limits: limits of each input.
         number: number among the workers.
     """
 
-    def __init__(self, doors: Mapping[str, Door], seed: int, scratch: Path, number: int):
-        self._doors, self._seed = doors, seed
+    def __init__(
+        self, doors: Mapping[str, Door], seed: int, scratch: Path, limits: Limits, number: int
+    ):
+        self._doors, self._seed, self._limits = doors, seed, limits
         self._scratch, self._log = scratch, scratch / f"worker-{number}.txt"
         self._number, self._block = number, Block("", 0, 0)
         self._start()
@@ -142,7 +148,7 @@ class _Worker:
             while self.pipe.poll():
                 event, value = self.pipe.recv()
                 if event == "begun":
-                    self._since, self._limit = time.monotonic(), LIMIT_SECONDS
+                    self._expect(self._limits.seconds)
                     self._before = value
                 elif event == "unsound":
                     raise Unsound(value)
@@ -176,42 +182,58 @@ class _Worker:
             code = self._process.exitcode or 0
             how = signal.Signals(-code).name if code < 0 else f"status {code}"
             return f"crashed: {how}\n{_end(self._log)}"
-        seconds = time.monotonic() - self._since
+        seconds = self._now() - self._since
         taken = verdicts.resident(self._process.pid) - (self._before or 0)
-        if seconds > self._limit:
+        # First, because what fills the memory is slow as well.
+        if self._before is not None and taken > self._limits.bytes:
+            self._process.kill()
+            return f"took {taken / 2**30:.1f} GB of memory, and was ended"
+        if seconds > self._seconds:
             os.kill(self._process.pid, signal.SIGUSR1)  # it prints where it is
             time.sleep(0.5)
             self._process.kill()
             return f"hung: no end after {seconds:.0f} s\n{_end(self._log)}"
-        if self._before is not None and taken > LIMIT_BYTES:
-            self._process.kill()
-            return f"took {taken / 2**30:.1f} GB of memory, and was ended"
         return None
 
     def _outcome(self, verdict: Verdict) -> Outcome:
         door, index = self._block.door, self._block.first
         self._block = Block(door, index + 1, self._block.last)
-        self._since = time.monotonic()
+        self._expect(_BEGIN_SECONDS)  # while the next one is made
         return Outcome(door, index, verdict, _folder(self._scratch, door, index))
+
+    def _expect(self, seconds: float) -> None:
+        """Let the process take that long from now on until it is heard of."""
+        self._since, self._seconds = self._now(), seconds
+
+    def _now(self) -> float:
+        """Return a time in seconds that stands still while the process waits for a processor."""
+        return time.monotonic() - verdicts.queued(self._process.pid)
 
     def _start(self) -> None:
         if hasattr(self, "_process"):
             self.end()
         context = multiprocessing.get_context("spawn")
         self.pipe, other = context.Pipe()
-        arguments = (other, dict(self._doors), self._seed, self._scratch, self._log)
+        arguments = (other, dict(self._doors), self._seed, self._scratch, self._log, self._limits)
         self._process: Any = context.Process(target=_work, args=arguments, daemon=True)
         self._process.start()
         other.close()
 
     def _give(self, block: Block) -> None:
-        self._block, self._since = block, time.monotonic()
-        self._limit, self._before = _BEGIN_SECONDS, None
+        self._block, self._before = block, None
+        self._expect(_BEGIN_SECONDS)
         with contextlib.suppress(OSError):  # it has ended; `heard` tells
             self.pipe.send(block)
 
 
-def _work(pipe: Connection, doors: Mapping[str, Door], seed: int, scratch: Path, log: Path) -> None:
+def _work(
+    pipe: Connection,
+    doors: Mapping[str, Door],
+    seed: int,
+    scratch: Path,
+    log: Path,
+    limits: Limits,
+) -> None:
     """Read the inputs of blocks until the other end of the pipe is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to answer
     file = _quiet(log)
@@ -224,7 +246,7 @@ def _work(pipe: Connection, doors: Mapping[str, Door], seed: int, scratch: Path,
             block: Block = pipe.recv()
             door = doors[block.door]
             if block.door not in begun:
-                _check_sound(block.door, door, scratch, pipe)
+                _check_sound(block.door, door, scratch, limits, pipe)
                 begun.add(block.door)
             for index in range(block.first, block.last):
                 os.truncate(file, 0)
@@ -237,20 +259,20 @@ def _work(pipe: Connection, doors: Mapping[str, Door], seed: int, scratch: Path,
                     return
                 pipe.send(("begun", verdicts.resident()))
                 # Should nobody watch any more, it ends by itself.
-                signal.alarm(round(3 * LIMIT_SECONDS))
-                verdict = verdicts.judged(door, folder)
+                signal.alarm(math.ceil(30 * limits.seconds))
+                verdict = verdicts.judged(door, folder, limits)
                 signal.alarm(0)
                 if verdict.kind != FELL:
                     shutil.rmtree(folder, ignore_errors=True)
                 pipe.send(("done", verdict))
 
 
-def _check_sound(name: str, door: Door, scratch: Path, pipe: Connection) -> None:
+def _check_sound(name: str, door: Door, scratch: Path, limits: Limits, pipe: Connection) -> None:
     """Read a door's seeds as they are, which also imports what it needs."""
     for source in sorted((scratch / "seeds" / door.seeds).iterdir()):
         folder = scratch / f"sound-{os.getpid()}"
         inputs.copy(source, folder)
-        verdict = verdicts.judged(door, folder)
+        verdict = verdicts.judged(door, folder, limits)
         shutil.rmtree(folder)
         if verdict.kind != READ:
             pipe.send(("unsound", f"{name}, {source.name}, undamaged: {verdict.reason}"))

@@ -195,14 +195,14 @@ def test_tensorflow_that_is_missing_is_told(without):
 
 def test_standard_error_is_closed_for_a_while(capfd):
     os.write(2, b"before ")
-    with console._standard_error_closed():
+    with console.standard_error_closed():
         os.write(2, b"during ")
     os.write(2, b"after")
     assert capfd.readouterr().err == "before after"
 
 
 def test_standard_error_comes_back_after_an_error(capfd):
-    with pytest.raises(ImportError), console._standard_error_closed():
+    with pytest.raises(ImportError), console.standard_error_closed():
         raise ImportError
     os.write(2, b"after")
     assert capfd.readouterr().err == "after"

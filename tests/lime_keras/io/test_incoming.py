@@ -46,6 +46,14 @@ def test_the_largest_size_passes(size, told, tmp_path):
         incoming.check_size(tmp_path, 11, 10, 5, largest=110)
 
 
+def test_a_readers_lines_become_one(tmp_path):
+    path = tmp_path / "a.exr"
+    for words in (f"{path} is\ndamaged:\n  copy it", "is\ndamaged"):
+        with pytest.raises(ValueError) as caught, incoming.naming(path, "a picture"):
+            raise ValueError(words)
+        assert str(path) in str(caught.value) and "is damaged" in str(caught.value)
+
+
 def test_an_error_that_names_the_file_keeps_its_words(tmp_path):
     path = tmp_path / "p.jpg"
     with pytest.raises(ValueError, match=r"p\.jpg is black$"), incoming.naming(path, "a picture"):
