@@ -37,7 +37,7 @@ from tqdm import tqdm
 from lime_keras.estimate import interchange
 from lime_keras.io import photo
 from lime_keras.material import BlinnPhong, Material
-from lime_keras.optics import colour, environment, material_law, shading, studio_light
+from lime_keras.optics import colour, environment, material_law, microfacets, shading, studio_light
 from lime_keras.render.mitsuba_setup import variants
 from lime_keras.render.scene import environments, lights
 
@@ -195,7 +195,7 @@ def _pictures(
     old_gltf = json.loads(json.dumps(gltf))
     old_gltf["pbrMetallicRoughness"] |= {
         "baseColorFactor": [*clipped, 1.0],
-        "roughnessFactor": math.sqrt(interchange.beckmann_roughness(material.exponent)),
+        "roughnessFactor": math.sqrt(microfacets.beckmann_alpha(material.exponent)),
     }
     old_gltf["extensions"]["KHR_materials_specular"]["specularFactor"] = specular
 

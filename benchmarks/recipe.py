@@ -116,11 +116,15 @@ def main() -> None:
     options = parser.parse_args()
     print("| trial | measure | single weights | their mean | ms a step |\n|---|---|---:|---:|---:|")
     for name in options.only:
-        results = [_results(name, seed, options) for seed in range(options.seeds)]
-        for measure in results[0][0]:
-            cells = [_cell([result[column][measure] for result in results]) for column in (0, 1)]
-            seconds = np.median([result[2] for result in results])
-            print(f"| {name} | {measure} | {' | '.join(cells)} | {1e3 * seconds:.0f} |", flush=True)
+        single, averaged, seconds = zip(
+            *(_results(name, seed, options) for seed in range(options.seeds)), strict=True
+        )
+        for measure in single[0]:
+            cells = [_cell([found[measure] for found in column]) for column in (single, averaged)]
+            print(
+                f"| {name} | {measure} | {' | '.join(cells)} | {1e3 * np.median(seconds):.0f} |",
+                flush=True,
+            )
 
 
 def _cell(values: list[float]) -> str:

@@ -26,7 +26,9 @@ _RANGE_RMSE = (shininess.LOG_HIGH - shininess.LOG_LOW) / math.sqrt(12)
 """RMSE of log10 s when the prediction is always the middle of its range."""
 
 _LOGS = np.linspace(shininess.LOG_LOW, shininess.LOG_HIGH, 30_001)
-_MIDDLE_ALPHA_MAE = float(np.mean(metrics.ggx_alpha_error(10.0**_LOGS, np.mean(_LOGS))))
+_MIDDLE_ALPHA_MAE = float(
+    np.mean(metrics.ggx_alpha_error(10.0**_LOGS, np.full_like(_LOGS, _LOGS.mean())))
+)
 """MAE of GGX's α when the prediction is always that of the middle of the range of log10 s."""
 
 
