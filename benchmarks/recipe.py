@@ -31,6 +31,7 @@ from lime_keras.train.data import Data, without_origin
 from lime_keras.train.optimizer import OPTIMIZERS
 from lime_keras.train.stage_model import StageModel
 from lime_keras.train.stages import SCHEDULES, WARM_UP, Stage
+from lime_keras.train.state import Means
 from lime_keras.train.terms import TERMS, Batch, StageAnswer
 
 MOMENTUM = 0.99
@@ -183,11 +184,13 @@ def _results(
 
 
 def _measured(model: StageModel, data: Data) -> dict[str, float]:
-    """Return the measures of Table 1 on the held-out scenes."""
+    """Return the losses and the measures of Table 1 on the held-out scenes."""
     model.reset_measures()
+    losses = Means()
     for batch in data.held_out(model.features):
-        model.test_on_batch(batch, sample_weight=np.ones(len(batch["mask"])))
-    return model.measured()
+        ones = np.ones(len(batch["mask"]))
+        losses.add(model.test_on_batch(batch, sample_weight=ones, return_dict=True))
+    return {f"loss: {name}": value for name, value in losses.means().items()} | model.measured()
 
 
 if __name__ == "__main__":
