@@ -97,7 +97,7 @@ class Schedule:
                 self.encoder_steps if SUBNETWORKS[name].encoder else self.single_steps,
                 self.single_learning_rate,
                 self.cosine,
-                self.optimizer,
+                LEARNING[name].optimizer or self.optimizer,
             )
             for name in LEARNING
             if name in here

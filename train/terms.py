@@ -79,11 +79,14 @@ class Learning:
         measures: names out of `MEASURES`.
         joined: number, from 1, of the first joined stage that trains it; None if it is only trained
             alone.
+        optimizer: a key of `optimizer.OPTIMIZERS` that trains it alone, whatever the schedule says;
+            None for the schedule's.
     """
 
     terms: tuple[str, ...]
     measures: tuple[str, ...] = ()
     joined: int | None = None
+    optimizer: str | None = None
 
 
 @dataclass(frozen=True)
@@ -242,7 +245,8 @@ _ALBEDOS = ("diffuse_albedo_mae", "specular_albedo_mae")
 LEARNING = {
     "segmentation": Learning(("mask",), ("mask_iou_pooled",)),
     "specular": Learning(("specular",), ("specular_shading_relative",), joined=1),
-    "mirror": Learning(("mirror",), ("mirror_relative",), joined=1),
+    # Under Muon its deep levels grew by a factor of five each, until a level above them died.
+    "mirror": Learning(("mirror",), ("mirror_relative",), joined=1, optimizer="adam"),
     "albedo": Learning(("diffuse_albedo", "specular_albedo", "compositing"), _ALBEDOS, joined=3),
     "exponent": Learning(("exponent", "log_exponent"), _EXPONENT, joined=2),
     "reflectance_map": Learning(("reflectance_map",), joined=1),

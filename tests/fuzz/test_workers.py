@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 from time import monotonic
 
+import ctrl_c
 import pytest
 
 from tests.fuzz import __main__ as command
@@ -175,6 +176,7 @@ def test_an_interruption_prints_the_table_so_far_and_leaves_nobody(tmp_path):
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         start_new_session=True,
+        preexec_fn=ctrl_c.is_heard,
     )
     wait_for(lambda: [*tmp_path.glob("lime-fuzz-*/worker-0.txt")], 60)
     os.kill(child.pid, signal.SIGINT)

@@ -9,6 +9,7 @@ import socket
 import subprocess
 import sys
 
+import ctrl_c
 import pytest
 import static_page
 
@@ -20,7 +21,11 @@ from lime_keras.live import calibration, static
 def _run(*arguments):
     code = f"import sys; from lime_keras.commands.live import main; sys.exit(main({arguments!r}))"
     return subprocess.Popen(
-        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [sys.executable, "-c", code],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=ctrl_c.is_heard if os.name == "posix" else None,
     )
 
 
