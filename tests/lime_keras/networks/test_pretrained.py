@@ -1,13 +1,16 @@
 """The sets of weights that come with the package."""
 
+import keras
 import numpy as np
 import pytest
+from keras import ops
 
 from lime_keras import Estimator
 from lime_keras.export import parity
 from lime_keras.io import model_folder
 from lime_keras.io.model_folder import SHIPPED
 from lime_keras.networks import assemble, weights
+from lime_keras.networks.precision import computing_in
 from lime_keras.runtime import graph_folder
 from lime_keras.runtime.engine import OnnxEngine
 
@@ -47,6 +50,38 @@ def test_its_graphs_answer_what_keras_answers(name):
     expected = parity.answers(joined, images)
     found = parity.answers(lambda batch: engine.run(engine.outputs, {"image": batch}), images)
     parity.judge(expected, found, "float32")
+
+
+@pytest.mark.parametrize("name", SETS)
+def test_it_answers_in_half_precision(name):
+    with computing_in("float16"):
+        architecture, subnetworks = weights.load(SETS[name])
+    found = parity.answers(assemble(subnetworks), parity.images(architecture.size))
+    for output, value in found.items():
+        assert np.isfinite(value).all(), output
+
+
+@pytest.mark.parametrize("name", SETS)
+def test_no_level_of_its_networks_is_dead(name):
+    """A layer that answers 0 to everything cuts off all levels below it, and no loss shows it."""
+    architecture, subnetworks = weights.load(SETS[name])
+    images = parity.images(architecture.size)
+    outputs = assemble(subnetworks)(images)
+    seen = {
+        "image": images,
+        "masked_image": images * outputs["mask"],
+        "specular_shading": ops.log1p(outputs["specular_shading"]),
+        "mirror": ops.log1p(outputs["mirror"]),
+    }
+    for part, network in subnetworks.items():
+        layers = [layer for layer in network.layers if layer.weights]
+        given = {tensor.name: seen[tensor.name] for tensor in network.inputs}
+        answers = keras.Model(network.inputs, [layer.output for layer in layers])(
+            [given[tensor.name] for tensor in network.inputs]
+        )
+        for layer, answer in zip(layers, answers, strict=True):
+            largest = float(ops.max(ops.abs(answer)))
+            assert 0 < largest < 65_504, (part, layer.name, largest)
 
 
 def test_it_finds_a_lit_ball_and_its_colour():
