@@ -38,6 +38,13 @@ def test_the_live_presets_learning_rate_falls_in_every_stage():
     assert all(stage.cosine for stage in SCHEDULES["live"].stages(PRESETS["live"]))
 
 
+@pytest.mark.parametrize("preset", ["nano", "live"])
+def test_muon_trains_all_but_the_lone_mirror(preset):
+    stages = SCHEDULES[preset].stages(PRESETS[preset])
+    assert [stage.name for stage in stages if stage.optimizer != "muon"] == ["mirror"]
+    assert next(stage for stage in stages if stage.name == "mirror").optimizer == "adam"
+
+
 def test_without_a_mirror_nothing_is_joined_with_it():
     assert stage_names("paper", mirror=False) == [
         "segmentation",
