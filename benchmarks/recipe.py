@@ -23,6 +23,7 @@ import numpy as np
 from keras import ops
 from tqdm import tqdm
 
+from lime_keras.losses import mask_l2
 from lime_keras.networks import PRESETS, build
 from lime_keras.networks.precision import computing_in
 from lime_keras.optics import shininess
@@ -38,6 +39,8 @@ MOMENTUM = 0.99
 """Share of the mean that each step keeps."""
 SPREAD = 0.5
 """Standard deviation of soft targets, in bins."""
+OVERLAP = 0.1
+"""Weight of 1 − IoU beside the mean squared error of the mask."""
 _EDGES = 15
 """Size of the window, in pixels of 128, whose mean tells how near an edge a pixel lies."""
 _LOGIT = 4.0
@@ -69,6 +72,16 @@ def structure(batch: Batch, answer: StageAnswer) -> Any:
     return mean + 1 - (both + 1) / (either + 1)
 
 
+def squares_and_overlap(batch: Batch, answer: StageAnswer) -> Any:
+    """Return the mean squared error of the mask plus a share of 1 − IoU of the coverages."""
+    mask, found = batch["mask"], answer.raw["mask"]
+    covered = ops.clip(found, 0.0, 1.0)
+    axes = (1, 2, 3)
+    both = ops.sum(ops.minimum(covered, mask), axis=axes)
+    either = ops.sum(ops.maximum(covered, mask), axis=axes)
+    return mask_l2(mask, found) + OVERLAP * (1 - (both + 1) / (either + 1))
+
+
 @dataclasses.dataclass(frozen=True)
 class Trial:
     """A way to train a subnetwork.
@@ -95,6 +108,7 @@ TRIALS = {
     "mask: Adam 2e-3": Trial("segmentation", "adam"),
     "mask: Muon 2e-3": Trial("segmentation"),
     "mask: structure loss": Trial("segmentation", losses={"mask": structure}),
+    "mask: squares and IoU": Trial("segmentation", losses={"mask": squares_and_overlap}),
     "exponent: Adam 2e-3": Trial("exponent", "adam"),
     "exponent: Muon 2e-3": Trial("exponent"),
     "exponent: soft targets": Trial("exponent", losses={"exponent": soft_cross_entropy}),

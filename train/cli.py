@@ -94,6 +94,13 @@ def parser() -> argparse.ArgumentParser:
         help="train within so many minutes of wall-clock time, start-up and evaluation included",
     )
     out.add_argument(
+        "--scale-rate",
+        type=console.positive,
+        metavar="FACTOR",
+        help="multiply the preset's learning rates; a quarter suits weights of --start-from that "
+        "are well trained, which the full rate first makes worse (default: 1)",
+    )
+    out.add_argument(
         "--batch-size",
         type=console.count,
         metavar="EXAMPLES",
@@ -320,6 +327,7 @@ def config_of(options: argparse.Namespace) -> Any:
     sizes, schedule = PRESETS[preset], SCHEDULES[preset]
     _check_materials(options, schedule.repaints)
     scale = chosen(options.scale_steps, lambda c: c.steps_scale, 1.0)
+    rate_scale = chosen(options.scale_rate, lambda c: c.rate_scale, 1.0)
     without = options.without
     return Config(
         preset=preset,
@@ -337,7 +345,7 @@ def config_of(options: argparse.Namespace) -> Any:
             exponent=chosen(options.exponent, lambda c: c.architecture.exponent, "classification"),
         ),
         schedule=dataclasses.replace(
-            schedule.scaled(scale),
+            schedule.scaled(scale, rate_scale),
             batch_size=chosen(
                 options.batch_size, lambda c: c.schedule.batch_size, schedule.batch_size
             ),
@@ -367,6 +375,7 @@ def config_of(options: argparse.Namespace) -> Any:
             lambda c: c.frozen,
             None,
         ),
+        rate_scale=rate_scale,
     )
 
 

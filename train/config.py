@@ -42,6 +42,7 @@ class Config:
         materials: laws of the materials (`optics.material_law`), any of which each scene's follows;
             None for those that a corpus was rendered by, and `uniform` wherever they are drawn.
         frozen: subnetworks that keep the weights that the run begins with; None if all are trained.
+        rate_scale: factor by which the preset's learning rates were multiplied.
     """
 
     preset: str
@@ -57,6 +58,7 @@ class Config:
     minutes: float | None = None
     materials: tuple[str, ...] | None = None
     frozen: tuple[str, ...] | None = None
+    rate_scale: float = 1.0
 
     @classmethod
     def read(cls, run: Path) -> "Config":
@@ -84,6 +86,14 @@ class Config:
             raise ValueError(
                 f"{path} is not of this version ({error}): pass another --out"
             ) from error
+
+
+_DEFAULTS = {
+    field.name: field.default
+    for field in dataclasses.fields(Config)
+    if field.default is not dataclasses.MISSING
+}
+"""Settings that the record of a run of an earlier version may lack, as such a run has them."""
 
 
 def config_path(run: Path) -> Path:
@@ -117,7 +127,7 @@ def check(run: Path, config: Config) -> None:
     if not path.is_file():
         return
     try:
-        held = dict(incoming.read_json(path)["config"])
+        held = _DEFAULTS | incoming.read_json(path)["config"]
     except (KeyError, TypeError, ValueError) as error:
         raise ValueError(
             f"{path} is no record of a run ({error}): pass another --out, or remove {run}"

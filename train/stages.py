@@ -79,13 +79,21 @@ class Schedule:
     clutter: bool = False
     optimizer: str = "adam"
 
-    def scaled(self, factor: float) -> "Schedule":
-        """Return the schedule with `factor` times the batches, at least one in each stage."""
+    def scaled(self, factor: float, rate: float = 1.0) -> "Schedule":
+        """Return the schedule with `factor` times the batches and `rate` times the learning rates.
+
+        Each stage keeps at least one batch.
+        """
         steps = {
             name: max(1, round(getattr(self, name) * factor))
             for name in ("single_steps", "encoder_steps", "joint_steps")
         }
-        return dataclasses.replace(self, **steps)
+        return dataclasses.replace(
+            self,
+            **steps,
+            single_learning_rate=self.single_learning_rate * rate,
+            joint_learning_rate=self.joint_learning_rate * rate,
+        )
 
     def stages(self, architecture: Architecture) -> list[Stage]:
         """Return all stages of a system, in the order of training."""

@@ -86,6 +86,14 @@ def test_a_scaled_schedule_keeps_all_but_its_lengths():
     assert {stage.steps for stage in scaled.scaled(1e-9).stages(PAPER)} == {1}
 
 
+def test_scaled_rates_are_those_of_every_stage():
+    plain, scaled = (
+        SCHEDULES["live"].scaled(1.0, rate).stages(PRESETS["live"]) for rate in (1.0, 0.25)
+    )
+    assert [stage.learning_rate for stage in scaled] == [stage.learning_rate / 4 for stage in plain]
+    assert [stage.steps for stage in scaled] == [stage.steps for stage in plain]
+
+
 def test_every_preset_has_networks_and_a_schedule():
     assert set(PRESETS) == set(SCHEDULES)
 

@@ -28,7 +28,7 @@ from lime_keras.train import (
     terms,
     trainer,
 )
-from lime_keras.train.config import Config, corpus_sha256
+from lime_keras.train.config import Config, check, claim, config_path, corpus_sha256
 from lime_keras.train.data import Data
 from lime_keras.train.stages import SCHEDULES, Schedule, Stage
 from lime_keras.train.state import Mark, Means
@@ -689,9 +689,23 @@ def brief_smoke(monkeypatch):
     monkeypatch.setitem(SCHEDULES, "smoke", BRIEF)
 
 
+def test_the_record_of_an_earlier_version_lacks_what_was_added_since(tmp_path, brief_smoke, corpus):
+    begun = [str(corpus), "--out", str(tmp_path), "--preset", "smoke"]
+    config = cli.config_of(cli.parser().parse_args(begun))
+    claim(tmp_path, [corpus], config)
+    record = json.loads(config_path(tmp_path).read_text())
+    del record["config"]["rate_scale"]
+    config_path(tmp_path).write_text(json.dumps(record))
+    check(tmp_path, config)
+    assert Config.read(tmp_path) == config
+    with pytest.raises(ValueError, match=r"rate_scale 1\.0 there, 0\.5 asked"):
+        check(tmp_path, dataclasses.replace(config, rate_scale=0.5))
+
+
 def test_the_command_trains_some_stages_and_resumes(corpus, tmp_path, brief_smoke, capsys):
     run = ["--out", str(tmp_path / "run")]
     begun = [str(corpus), *run, "--preset", "smoke", "--scale-steps", "2", "--without", "mirror"]
+    begun += ["--scale-rate", "0.25"]
     assert cli.main([*begun, "--stages", "exponent"]) == 0
     told = capsys.readouterr()
     assert "no whole model yet: segmentation, specular, albedo not trained" in told.out
@@ -700,7 +714,8 @@ def test_the_command_trains_some_stages_and_resumes(corpus, tmp_path, brief_smok
     assert "4/6 exponent: 100%" in told.err and "data=" in told.err
     held = Config.read(tmp_path / "run")
     assert held.architecture == dataclasses.replace(TINY, mirror=False)
-    assert held.schedule == BRIEF.scaled(2) and held.steps_scale == 2
+    assert held.schedule == BRIEF.scaled(2, 0.25)
+    assert (held.steps_scale, held.rate_scale) == (2, 0.25)
     resumed = [str(corpus), *run, "--resume", "--stages", "exponent"]
     assert cli.main(resumed) == 0
     assert cli.main([*resumed, "--seed", "4", "--no-camera"]) == 1
