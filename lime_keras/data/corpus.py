@@ -76,10 +76,16 @@ class Split:
 
         Raises:
             FileNotFoundError: if the split is incomplete or a shard is missing.
-            ValueError: if the manifest is broken.
+            ValueError: if the manifest is broken, or its numbers contradict each other.
         """
         paths: list[Path] = []
-        for shard in range(self._recorded("shards", int)):
+        shards = self._recorded("shards", int)
+        if "shard_size" in self._description and shards != -(-self.count // self.shard_size):
+            raise ValueError(
+                f"{self.manifest_path} contradicts itself: {self.count} examples do not make "
+                f"{shards} shards of {self.shard_size}; render the split again"
+            )
+        for shard in range(shards):
             paths.append(self.shard_path(shard))
             if not paths[-1].is_file():
                 raise FileNotFoundError(
@@ -112,7 +118,7 @@ class Split:
     @property
     def shard_size(self) -> int:
         """The number of examples in each shard but the last."""
-        return self._checked(self._description.get("shard_size"), int)
+        return max(1, self._checked(self._description.get("shard_size"), int))
 
     @property
     def size(self) -> int | None:

@@ -192,9 +192,15 @@ class Batch:
         begun = time.perf_counter()
         materials = self._estimator.estimate_many(images, masks)
         for path, name, image, alpha in zip(paths, names, images, alphas, strict=True):
-            material = next(materials)
-            estimated = time.perf_counter()
-            self._write(path, name, image, material, alpha)
+            try:
+                material = next(materials)
+                estimated = time.perf_counter()
+                self._write(path, name, image, material, alpha)
+            except MemoryError as error:
+                raise MemoryError(
+                    f"{path} and what is estimated from it do not fit into memory: close other "
+                    "programs, or give a smaller copy"
+                ) from error
             self._seconds["networks"] += estimated - begun
             begun = time.perf_counter()
             self._seconds["writing"] += begun - estimated

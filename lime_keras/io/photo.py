@@ -447,7 +447,13 @@ def _encoded(path: Path, image: np.ndarray) -> bytes:
     # Level 4 takes half the time of the default level, for a tenth more bytes.
     options = {"compress_level": 4} if kind == "PNG" else {}
     grey = levels.shape[-1] == 1
-    Image.fromarray(levels.reshape(levels.shape[:2]) if grey else levels).save(out, kind, **options)
+    picture = Image.fromarray(levels.reshape(levels.shape[:2]) if grey else levels)
+    try:
+        picture.save(out, kind, **options)
+    except OSError as error:  # of an encoder that found no memory; no disk is written to here
+        raise OSError(
+            f"{path} cannot be written: {error}; if memory is short, close other programs"
+        ) from error
     return out.getvalue()
 
 
@@ -477,6 +483,6 @@ def _write_exr(path: Path, image: np.ndarray, shared: bool) -> None:
     buffer.set_pixels(oiio.ROI(), np.ascontiguousarray(image, dtype))
     with atomic.replacing(path, shared=shared) as partial:
         if not buffer.write(str(partial)):
-            reason = buffer.geterror().replace(str(partial), str(path))
+            reason = buffer.geterror().replace(str(partial), str(path)) or "no reason is given"
             raise OSError(f"{path} cannot be written: {reason}; make room, or pass another folder")
         check_written(path, partial)

@@ -13,6 +13,8 @@ from lime_keras.runtime.graph_folder import Description
 
 _LONGEST = 200
 """Largest number of characters of ONNX Runtime's own words that are told."""
+_NO_MEMORY = ("bad_alloc", "Failed to allocate memory")
+"""Words by which ONNX Runtime tells that memory is used up, in errors of its own classes."""
 
 
 class OnnxEngine:
@@ -68,6 +70,7 @@ class OnnxEngine:
 
         Raises:
             ValueError: if a graph's file is missing or damaged, or it is no graph as described.
+            MemoryError: if memory is used up.
         """
         values = dict(given)
         for name in self.subnetworks(outputs, given):
@@ -80,6 +83,8 @@ class OnnxEngine:
                 raise
             except Exception as error:  # ONNX Runtime's own classes have no common base.
                 told = " ".join(str(error).split())[:_LONGEST]
+                if any(words in told for words in _NO_MEMORY):
+                    raise MemoryError(told) from error
                 raise ValueError(
                     f"{self._folder / DESCRIPTION} describes {name} as it is not ({told}): delete "
                     f"{self._folder}, which is then exported anew, or install the package again if "

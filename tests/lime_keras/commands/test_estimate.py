@@ -96,6 +96,16 @@ def test_whatever_one_photo_does_the_others_are_done(
     assert names == {"a", "b", "n" * 200}
 
 
+def test_want_of_memory_is_told_with_the_photo(folder, tiny_model, tmp_path, capsys, monkeypatch):
+    def run_out(*_):
+        raise MemoryError
+
+    monkeypatch.setattr("lime_keras.runtime.engine.OnnxEngine.run", run_out)
+    assert run(folder / "a.png", weights_folder=tiny_model, out=tmp_path / "out") == 1
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if "error: " in line]
+    assert f"{folder / 'a.png'} and what is estimated from it do not fit into memory: " in line
+
+
 def test_a_full_disk_is_told_in_a_line(folder, tiny_model, tmp_path, capsys):
     with full_disk.files_end_after(300):
         assert run(folder / "a.png", weights_folder=tiny_model, out=tmp_path / "out") == 1

@@ -49,6 +49,20 @@ def test_a_split_tells_what_it_holds(tmp_path):
     assert split.shading == "literal" and split.is_literal
 
 
+@pytest.mark.parametrize("examples", [0, 2, 5, 10**9])
+def test_numbers_that_contradict_each_other_are_told(tmp_path, examples):
+    split = write(tmp_path, "test", 2, description={"shard_size": 2}, examples=examples)
+    told = rf"manifest\.json contradicts itself: {examples} examples do not make 2 shards of 2"
+    with pytest.raises(ValueError, match=told):
+        split.shard_paths()
+
+
+@pytest.mark.parametrize("examples", [3, 4])
+def test_the_last_shard_may_be_short(tmp_path, examples):
+    split = write(tmp_path, "test", 2, description={"shard_size": 2}, examples=examples)
+    assert len(split.shard_paths()) == 2
+
+
 def test_a_split_that_does_not_describe_itself_is_of_the_default_shading(tmp_path):
     split = write(tmp_path, "train", 1)
     assert split.size is None and split.shading == "furnace" and not split.is_literal

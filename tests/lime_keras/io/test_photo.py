@@ -541,3 +541,13 @@ def test_a_format_that_cannot_be_written_is_named(tmp_path):
 def test_nan_is_written_as_black(tmp_path):
     photo.write(tmp_path / "out.png", np.full((16, 16, 1), np.nan))
     assert photo.read_srgb(tmp_path / "out.png").max() == 0
+
+
+def test_an_encoder_that_fails_is_told_with_the_file(tmp_path, monkeypatch):
+    def fail(*_, **__):
+        raise OSError("codec configuration error when writing image file")
+
+    monkeypatch.setattr("PIL.Image.Image.save", fail)
+    with pytest.raises(OSError, match=r"a\.png cannot be written: codec .*; if memory is short"):
+        photo.write(tmp_path / "a.png", np.zeros((2, 2, 3), np.float32))
+    assert not list(tmp_path.iterdir())

@@ -116,6 +116,18 @@ def test_a_graph_that_is_described_otherwise_is_told(wrong, copy):
         engine.run(outputs, given)
 
 
+@pytest.mark.parametrize("told", ["std::bad_alloc", "Failed to allocate memory for buffer of 9"])
+def test_want_of_memory_is_no_fault_of_a_graph(told, graphs, monkeypatch):
+    class Session:
+        def run(self, *_):
+            raise RuntimeError(f"Non-zero status code while running Conv: {told}")
+
+    engine = opened(graphs)
+    monkeypatch.setattr(engine, "_session", lambda name: Session())
+    with pytest.raises(MemoryError, match=told):
+        engine.run(["mask"], {"image": parity.images(32)[:1]})
+
+
 @pytest.mark.parametrize(
     "text", ["", "{", "[]", "{}", '{"layout": 1}', '{"layout": 1, "graphs": []}', "layout"]
 )
