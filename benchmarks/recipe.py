@@ -23,7 +23,7 @@ import numpy as np
 from keras import ops
 from tqdm import tqdm
 
-from lime_keras.losses import mask_l2
+from lime_keras.losses import mask_l2, mask_structure
 from lime_keras.networks import PRESETS, build
 from lime_keras.networks.precision import computing_in
 from lime_keras.optics import shininess
@@ -41,10 +41,6 @@ SPREAD = 0.5
 """Standard deviation of soft targets, in bins."""
 OVERLAP = 0.1
 """Weight of 1 − IoU beside the mean squared error of the mask."""
-_EDGES = 15
-"""Size of the window, in pixels of 128, whose mean tells how near an edge a pixel lies."""
-_LOGIT = 4.0
-"""Factor from coverage less one half to a logit: the sigmoid then rises by 1 per unit at 0.5."""
 
 
 def soft_cross_entropy(batch: Batch, answer: StageAnswer) -> Any:
@@ -58,18 +54,8 @@ def soft_cross_entropy(batch: Batch, answer: StageAnswer) -> Any:
 
 
 def structure(batch: Batch, answer: StageAnswer) -> Any:
-    """Return cross-entropy plus 1 − IoU of the mask, both weighted towards its edges."""
-    mask, logit = batch["mask"], _LOGIT * (answer.raw["mask"] - 0.5)
-    near = ops.average_pool(mask, _EDGES, strides=1, padding="same")
-    weight = 1 + 5 * ops.abs(near - mask)
-    found = ops.sigmoid(logit)
-    # The binary cross-entropy of logits, written so that it neither overflows nor loses digits.
-    entropy = ops.relu(logit) - logit * mask + ops.log1p(ops.exp(-ops.abs(logit)))
-    axes = (1, 2, 3)
-    mean = ops.sum(weight * entropy, axis=axes) / ops.sum(weight, axis=axes)
-    both = ops.sum(weight * found * mask, axis=axes)
-    either = ops.sum(weight * (found + mask), axis=axes) - both
-    return mean + 1 - (both + 1) / (either + 1)
+    """Return the structure loss of the mask."""
+    return mask_structure(batch["mask"], answer.raw["mask"])
 
 
 def squares_and_overlap(batch: Batch, answer: StageAnswer) -> Any:

@@ -296,7 +296,7 @@ def _add_bank_options(bank: argparse.ArgumentParser) -> None:
         "and test are used if there are such",
     )
     bank.add_argument(
-        "--size", type=_size, default=128, help="height and width in pixels (default: 128)"
+        "--size", type=_bank_size, default=128, help="height and width in pixels (default: 128)"
     )
     bank.add_argument(
         "--shard-size",
@@ -619,4 +619,13 @@ def _size(text: str) -> int:
     value = int(text)
     if value < 32 or value % 32:
         raise argparse.ArgumentTypeError(f"{text} is not a multiple of 32")
+    return value
+
+
+def _bank_size(text: str) -> int:
+    from lime_keras.synthesis.bank import LARGEST_SIZE
+
+    value = _size(text)
+    if value > LARGEST_SIZE:
+        raise argparse.ArgumentTypeError(f"{text} is more than {LARGEST_SIZE}")
     return value

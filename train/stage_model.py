@@ -26,12 +26,17 @@ class StageModel(keras.Model):
     Args:
         subnetworks: subnetworks of the stage by name; all of them are trained.
         compositing: whether AlbedoNet's loss contains Eq. 5.
+        structure: whether SegmentationNet learns by the structure loss, rather than by squares.
         replicas: number of devices that each compute the loss of their part of a batch. Their
             gradients are added up, so each loss is divided by this number.
     """
 
     def __init__(
-        self, subnetworks: Mapping[str, keras.Model], compositing: bool = True, replicas: int = 1
+        self,
+        subnetworks: Mapping[str, keras.Model],
+        compositing: bool = True,
+        structure: bool = False,
+        replicas: int = 1,
     ):
         # Truth and losses are in single precision, even if the subnetworks compute in half.
         super().__init__(dtype="float32")
@@ -39,11 +44,14 @@ class StageModel(keras.Model):
         self._replicas = replicas
         self._given = needed(subnetworks)
         self._answered, self._found = tuple(quantities(subnetworks)), answers(subnetworks)
+        left_out = {"mask" if structure else "structure"}
+        if not compositing:
+            left_out.add("compositing")
         self.terms = [
             term
             for name in subnetworks
             for term in LEARNING[name].terms
-            if TERMS[term].quantity in self._answered and (compositing or term != "compositing")
+            if TERMS[term].quantity in self._answered and term not in left_out
         ]
         self._means = {term: keras.metrics.Mean(name=term) for term in self.terms}
         self._measures = terms.metrics_of(subnetworks)

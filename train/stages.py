@@ -63,6 +63,8 @@ class Schedule:
             read. A bank's scenes are drawn anew in every way, so neither concerns them.
         clutter: whether SegmentationNet, alone, learns from images with prints on the objects and
             other objects behind them (`lime_keras.data.clutter`).
+        structure: whether SegmentationNet's loss is `losses.mask_structure`, rather than the mean
+            squared error.
         optimizer: a key of `optimizer.OPTIMIZERS`.
     """
 
@@ -77,6 +79,7 @@ class Schedule:
     flips: bool = False
     repaints: bool = False
     clutter: bool = False
+    structure: bool = False
     optimizer: str = "adam"
 
     def scaled(self, factor: float, rate: float = 1.0) -> "Schedule":
@@ -132,6 +135,7 @@ _LIVE = Schedule(
     flips=True,
     repaints=True,
     clutter=True,
+    structure=True,
     optimizer="muon",
 )
 

@@ -160,6 +160,9 @@ TERMS = {
     "mask": Term(
         1.0, "mask", lambda batch, answer: losses.mask_l2(batch["mask"], answer.raw["mask"])
     ),
+    "structure": Term(
+        1.0, "mask", lambda batch, answer: losses.mask_structure(batch["mask"], answer.raw["mask"])
+    ),
     "specular": Term(1.0, "specular_shading", _shading("specular_shading")),
     "mirror": Term(1.0, "mirror", _shading("mirror")),
     "exponent": Term(
@@ -243,7 +246,7 @@ MEASURES = {
 _EXPONENT = ("exponent_exact", "exponent_within_one", "log_exponent_mae")
 _ALBEDOS = ("diffuse_albedo_mae", "specular_albedo_mae")
 LEARNING = {
-    "segmentation": Learning(("mask",), ("mask_iou_pooled",)),
+    "segmentation": Learning(("mask", "structure"), ("mask_iou_pooled",)),
     "specular": Learning(("specular",), ("specular_shading_relative",), joined=1),
     # Under Muon its deep levels grew by a factor of five each, until a level above them died.
     "mirror": Learning(("mirror",), ("mirror_relative",), joined=1, optimizer="adam"),

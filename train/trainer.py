@@ -250,6 +250,7 @@ def _parts(
             model = StageModel(
                 {part: subnetworks[part] for part in stage.subnetworks},
                 config.compositing,
+                config.schedule.structure,
                 split.replicas,
             )
         signature = _signature(config, stage, model, trained)

@@ -12,6 +12,8 @@ from lime_keras.io import incoming
 
 FORMAT, VERSION = "lime-bank", 1
 MANIFEST, TEXTURES = "bank.json", "textures.npy"
+LARGEST_SIZE = 1024
+"""Largest height and width of a bank's G-buffers in pixels; four times the paper's."""
 _KEYS = {"size": int, "count": int, "description": dict, "files": dict, "shapes": list}
 
 
@@ -52,6 +54,10 @@ def manifest(folder: Path) -> dict[str, Any]:
     if wrong:
         raise ValueError(
             f"{path} has no {', '.join(wrong)}: delete it and run the same `lime-render bank` again"
+        )
+    if not 1 <= held["size"] <= LARGEST_SIZE:
+        raise ValueError(
+            f"{path} is of {held['size']} pixels, and a bank has 1 to {LARGEST_SIZE}: render it anew"
         )
     return dict(held)
 

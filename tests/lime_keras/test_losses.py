@@ -63,6 +63,45 @@ def test_mask_l2_is_the_mean_square_over_the_whole_image(differentiate):
     assert (differentiate(losses.mask_l2, mask, mask)[0] == 0).all()
 
 
+def test_mask_structure_is_least_for_the_true_mask(differentiate):
+    mask = masks()["half"]
+    values = [
+        differentiate(losses.mask_structure, mask, found)[0]
+        for found in (30 * mask - 15, mask, np.full_like(mask, 0.5), 1 - mask, 15 - 30 * mask)
+    ]
+    assert (np.diff(values, axis=0) > 0).all() and (values[0] < 1e-5).all()
+
+
+def test_mask_structure_weighs_thin_parts(differentiate):
+    """A line that is missed costs more than as many pixels of a square."""
+    thin, square = np.zeros((2, 1, 32, 32, 1), np.float32)
+    thin[0, 8:24, 16], square[0, 14:18, 14:18] = 1, 1
+    block = np.zeros_like(thin)
+    block[0, 4:28, 4:12] = 1
+    lost = [
+        differentiate(losses.mask_structure, np.maximum(block, part), 2 * block - 0.5)[0][0]
+        for part in (thin, square)
+    ]
+    assert lost[0] > 1.02 * lost[1]
+
+
+@pytest.mark.parametrize("level", [0.0, 1.0])
+def test_mask_structure_at_one_half_pulls_to_the_mask_as_beside_it(level, differentiate):
+    mask = np.full((*SHAPE, 1), level, np.float32)
+    at, beside = (
+        differentiate(losses.mask_structure, mask, np.full_like(mask, p))[1][1]
+        for p in (0.5, 0.5 + 1e-4)
+    )
+    np.testing.assert_allclose(at, beside, rtol=1e-3)
+    assert (np.sign(at) == (1 if level == 0 else -1)).all()
+
+
+def test_mask_structure_without_an_object_is_zero_for_nothing(differentiate):
+    mask = masks()["empty"]
+    value, [_, gradient] = differentiate(losses.mask_structure, mask, np.full_like(mask, -9))
+    assert (np.abs(value) < 1e-6).all() and (gradient >= 0).all()
+
+
 def test_shading_l1_is_compaction_and_zero_for_the_truth(differentiate):
     shading, predicted = uniform(*SHAPE, 1, high=1e4), uniform(*SHAPE, 1, seed=1, high=9)
     mask = masks()["half"]
@@ -179,6 +218,7 @@ def test_every_loss_is_finite_whatever_the_mask(name, differentiate):
     for level in (-1e4, 0.0, 0.5, 1.0, 1e4):
         predicted = np.full((*SHAPE, 1), level, np.float32)
         check(*differentiate(losses.mask_l2, mask, predicted))
+        check(*differentiate(losses.mask_structure, mask, predicted))
         for radiance in (0.0, 1.0, 65504.0):
             shading = np.full_like(predicted, radiance)
             check(*differentiate(losses.shading_l1, shading, predicted, mask))

@@ -26,6 +26,7 @@ def cases() -> list[Case]:
     masked: dict[str, Callable[[np.ndarray, Precision], Outcome]] = {
         "masked mean": _masked_mean,
         "loss on masks": _mask_l2,
+        "structure loss on masks": _mask_structure,
         "loss on shading": _shading_l1,
     }
     out = []
@@ -53,6 +54,10 @@ def _mean(values: Any, mask: Any) -> Any:
 
 def _mask_loss(predicted: Any, mask: Any) -> Any:
     return losses.mask_l2(mask, predicted)
+
+
+def _structure_loss(predicted: Any, mask: Any) -> Any:
+    return losses.mask_structure(mask, predicted)
 
 
 def _shading_loss(predicted: Any, mask: Any, shading: Any) -> Any:
@@ -132,6 +137,45 @@ def _mask_l2_reference(
     value = np.array([np.square(d).sum() / PIXELS for d in difference])
     slope_size = 2 * (np.abs(predicted) + np.abs(mask)) / PIXELS
     return value, 2 * size.mean((1, 2, 3)), [(slope, slope, slope_size)]
+
+
+def _mask_structure(mask: np.ndarray, precision: Precision) -> Outcome:
+    return judged(
+        _structure_loss,
+        _mask_structure_reference,
+        precision,
+        fields(_PREDICTED),
+        repeated(mask, len(_PREDICTED)),
+    )
+
+
+def _mask_structure_reference(
+    precision: Precision, predicted: np.ndarray, mask: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, Slopes]:
+    """Return the loss and its derivative, with the window's mean summed pixel by pixel.
+
+    The window is larger than the image, so its mean is that of the whole mask.
+    """
+    axes = (1, 2, 3)
+    logit = 4 * (predicted - 0.5)
+    weight = 1 + 5 * np.abs(mask.mean(axes, keepdims=True) - mask)
+    total = weight.sum(axes, keepdims=True)
+    share = weight / total
+    rise = np.exp(-np.abs(logit))
+    found = np.where(logit >= 0, 1 / (1 + rise), rise / (1 + rise))
+    entropy = np.maximum(logit, 0) - logit * mask + np.log1p(rise)
+    both = (share * found * mask).sum(axes, keepdims=True) + 1 / total
+    either = (share * (found + mask - found * mask)).sum(axes, keepdims=True) + 1 / total
+    value = (share * entropy).sum(axes, keepdims=True) + 1 - both / either
+    steep = 4 * rise / np.square(1 + rise)
+    slope = share * (
+        4 * (found - mask) - steep * mask / either + both / either**2 * steep * (1 - mask)
+    )
+    # Rounding of p moves its logit four times as far.
+    moved = 4 * (np.abs(predicted) + 0.5)
+    size = (share * (entropy + moved + 2)).sum(axes) + 2
+    slope_size = share * (8 + steep * moved * (1 + 1 / either) + steep * (1 + 2 / either))
+    return value[:, 0, 0, 0], size, [(slope, slope, slope_size)]
 
 
 def _shading_l1(mask: np.ndarray, precision: Precision) -> Outcome:
