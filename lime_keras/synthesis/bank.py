@@ -57,7 +57,7 @@ def manifest(folder: Path) -> dict[str, Any]:
         )
     if not 1 <= held["size"] <= LARGEST_SIZE:
         raise ValueError(
-            f"{path} is of {held['size']} pixels, and a bank has 1 to {LARGEST_SIZE}: render it anew"
+            f"{path} is of {held['size']} pixels, a bank has 1 to {LARGEST_SIZE}: render it anew"
         )
     return dict(held)
 

@@ -34,8 +34,8 @@ def test_an_incomplete_bank_is_refused(tmp_path):
         ({"shapes": None}, "has no shapes: delete it and run"),
         ({"shapes": [{}]}, "has no names of shapes: delete it and run"),
         ({"size": "16"}, "has no size: delete it and run"),
-        ({"size": 0}, "is of 0 pixels, and a bank has 1 to 1024: render it anew"),
-        ({"size": 2**31 - 1}, "is of 2147483647 pixels, and a bank has 1 to 1024"),
+        ({"size": 0}, "is of 0 pixels, a bank has 1 to 1024: render it anew"),
+        ({"size": 2**31 - 1}, "is of 2147483647 pixels, a bank has 1 to 1024"),
     ],
 )
 def test_another_manifest_is_refused_by_name(folder, values, told):
