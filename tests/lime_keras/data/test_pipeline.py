@@ -723,14 +723,14 @@ def test_whole_shards_are_yielded_whole(shards):
 
 @pytest.mark.parametrize("count, held_out", [(2, 1), (3, 1), (19, 1), (20, 2), (35, 3)])
 def test_the_last_tenth_is_held_out(tmp_path, count, held_out):
-    write_split(tmp_path, "train", [range(0)] * count)
+    write_split(tmp_path, "train", [range(1)] * count)
     training, validation = pipeline.training_shards(tmp_path)
     assert training + validation == Split(tmp_path, "train").shard_paths()
     assert len(validation) == held_out and len(training) == count - held_out
 
 
 def test_one_shard_cannot_be_split(tmp_path):
-    write_split(tmp_path, "train", [range(0)])
+    write_split(tmp_path, "train", [range(1)])
     with pytest.raises(ValueError, match=r"1 shard.*--shard-size"):
         pipeline.training_shards(tmp_path)
 
