@@ -17,6 +17,8 @@ from typing import Any
 
 from tqdm import tqdm
 
+from lime_keras.data.corpus import SPLITS, Split
+
 from ..store import Store
 from . import machine, recommendation, timing
 from .cases import Bench, Case, is_crossed, is_whole
@@ -64,6 +66,8 @@ def measure(
     """
     if not runs or any(name in ("", "..") or name != Path(name).name for name in runs):
         raise ValueError(f"runs {sorted(runs)}: pass at least one, each named as a file may be")
+    for split in SPLITS:  # int8 is calibrated on the train split, which would be missed late
+        Split(corpus, split).shard_paths()
     load = os.getloadavg()[0]
     samples = Samples(corpus, store, camera=camera)
     opened = {name: Run(name, path, samples, store) for name, path in runs.items()}

@@ -262,3 +262,9 @@ def test_it_is_said_which_weights_to_take_for_what(first):
     assert f"- {told}; other is neither faster nor better.\n" in text
     told = "Take **fast** where time counts: 4.0 times as fast as slow, and worse by 0.100"
     assert told in text
+
+
+def test_a_missing_train_split_is_told_before_anything_is_measured(tmp_path, monkeypatch):
+    monkeypatch.setattr("lime_keras.eval.tradeoff.measure.Samples", None)
+    with pytest.raises(FileNotFoundError, match=r"train.manifest\.json is missing: `lime-render"):
+        measure({"run": tmp_path}, tmp_path, Store(tmp_path / "out"))
