@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from lime_keras import console
-from lime_keras.io import model_folder
-from lime_keras.runtime import graph_folder
+from lime_keras.io import graph_folder, model_folder
 
 if TYPE_CHECKING:
     import keras

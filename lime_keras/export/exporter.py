@@ -13,10 +13,9 @@ from lime_keras.data import pipeline, samples
 from lime_keras.data.corpus import Split
 from lime_keras.export import formats, graphs, model_card, parity, quantisation
 from lime_keras.export.formats import SERVED
-from lime_keras.io import atomic, model_folder
+from lime_keras.io import atomic, graph_folder, model_folder
 from lime_keras.networks import answers, assemble, weights
 from lime_keras.outputs import OUTPUTS
-from lime_keras.runtime import graph_folder
 from lime_keras.runtime.engine import OnnxEngine
 
 SAVED_MODEL, ONNX, WEIGHTS, GRAPHS = "savedmodel", "onnx", "weights", "graphs"

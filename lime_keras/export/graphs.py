@@ -15,11 +15,11 @@ import onnx
 from onnx import numpy_helper
 
 from lime_keras.export import formats
+from lime_keras.io import graph_folder
+from lime_keras.io.graph_folder import Description, Graph
 from lime_keras.networks import graph_weights
 from lime_keras.networks.architecture import Architecture
 from lime_keras.networks.parts import part
-from lime_keras.runtime import graph_folder
-from lime_keras.runtime.graph_folder import Description, Graph
 
 _LEAST_NARROWED = 256
 """Number of values from which on it is worth to store a constant in half the space."""

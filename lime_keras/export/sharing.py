@@ -6,8 +6,7 @@ same, as `lime-train --freeze` leaves them, would else hold each twice.
 
 import dataclasses
 
-from lime_keras.io import model_folder
-from lime_keras.runtime import graph_folder
+from lime_keras.io import graph_folder, model_folder
 
 
 def share() -> list[str]:

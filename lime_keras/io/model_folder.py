@@ -25,7 +25,7 @@ WEIGHTS = ".weights.h5"
 ALONE = "alone"
 """Folder, in that of the model, of the weights from before joined training."""
 DESCRIPTION = "graphs.json"
-"""File that describes the exported graphs, beside them (`lime_keras.runtime.graph_folder`)."""
+"""File that describes the exported graphs, beside them (`lime_keras.io.graph_folder`)."""
 
 
 def shipped() -> dict[str, Path]:

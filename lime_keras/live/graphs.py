@@ -1,6 +1,6 @@
 """The two graphs that the page runs without Python: `mask` and `material`.
 
-They are made of the graphs of a model (`lime_keras.runtime.graph_folder`). `mask` is
+They are made of the graphs of a model (`lime_keras.io.graph_folder`). `mask` is
 SegmentationNet, from `image`. `material` is all other subnetworks, from `image` and `mask`, and
 gives exactly their numbers. Both take one image at a time.
 """
@@ -13,11 +13,11 @@ import numpy as np
 import onnx
 from onnxruntime import quantization
 
+from lime_keras.io import graph_folder
+from lime_keras.io.graph_folder import Description
 from lime_keras.live import calibration
 from lime_keras.outputs import OUTPUTS
-from lime_keras.runtime import graph_folder
 from lime_keras.runtime.engine import OnnxEngine
-from lime_keras.runtime.graph_folder import Description
 
 NAMES = ("mask", "material")
 PRECISIONS = ("float32", "int8")

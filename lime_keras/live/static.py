@@ -17,9 +17,8 @@ import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
 
-from lime_keras.io import atomic, incoming, model_folder
+from lime_keras.io import atomic, graph_folder, incoming, model_folder
 from lime_keras.live import graphs
-from lime_keras.runtime import graph_folder
 from lime_keras.version import __version__
 
 RUNTIME_VERSION = "1.30.0"

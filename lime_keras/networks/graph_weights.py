@@ -49,18 +49,19 @@ def describe(graph: onnx.ModelProto, weights: Mapping[str, np.ndarray]) -> None:
     graph.metadata_props.add(key=_PROPERTY, value=json.dumps(places))
 
 
-def read(path: Path) -> dict[str, np.ndarray]:
+def read(content: bytes, path: Path) -> dict[str, np.ndarray]:
     """Return the weights in a subnetwork's graph by path, float32.
 
     Args:
-        path: ONNX file that `lime_keras.export.graphs` wrote.
+        content: the ONNX file that `lime_keras.export.graphs` wrote.
+        path: path of the file, for the error.
 
     Raises:
         ValueError: if the file is no such graph.
     """
     try:
-        # A constant whose values lie in another file has none then, and is refused.
-        graph = onnx.load(path, load_external_data=False)
+        # A constant whose values lie in another file has none here, and is refused.
+        graph = onnx.load_from_string(content)
         [text] = [prop.value for prop in graph.metadata_props if prop.key == _PROPERTY]
         constants = {constant.name: constant for constant in graph.graph.initializer}
         return {

@@ -18,10 +18,11 @@ import h5py
 import keras
 import numpy as np
 
-from lime_keras.io import atomic, incoming
+from lime_keras.io import atomic, graph_folder, incoming
 from lime_keras.io.model_folder import (
     ALONE,
     ARCHITECTURE,
+    DESCRIPTION,
     WEIGHTS,
     check_present,
     files,
@@ -97,7 +98,10 @@ def load(model: Path, *, whole: bool = True) -> tuple[Architecture, dict[str, ke
     built = build(architecture)
     subnetworks = {name: built[name] for name in paths}
     for name, path in paths.items():
-        (_read_graph if exported else _read)(path, subnetworks[name])
+        if exported:
+            _read_graph(path, name, graphs(model), subnetworks[name])
+        else:
+            _read(path, subnetworks[name])
     return architecture, subnetworks
 
 
@@ -237,11 +241,17 @@ def _check_finite(path: Path, network: keras.Model) -> None:
             )
 
 
-def _read_graph(path: Path, network: keras.Model) -> None:
+def _read_graph(path: Path, name: str, folder: Path, network: keras.Model) -> None:
     # Only models whose weights lie in graphs take the package `onnx`.
     from lime_keras.networks import graph_weights
 
-    held = graph_weights.read(path)
+    description = graph_folder.read(folder)
+    if description is None or name not in description.graphs:
+        raise ValueError(
+            f"{folder / DESCRIPTION} does not describe {path.name}, which holds the only weights: "
+            "take this folder from where it came from again"
+        )
+    held = graph_weights.read(graph_folder.checked(folder, name, description.graphs[name]), path)
     try:
         network.set_weights([held[weight.path] for weight in network.weights])
     except (LookupError, ValueError) as error:

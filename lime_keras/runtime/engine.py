@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import onnxruntime
 
+from lime_keras.io import graph_folder
+from lime_keras.io.graph_folder import Description
 from lime_keras.io.model_folder import DESCRIPTION
 from lime_keras.outputs import OUTPUTS
-from lime_keras.runtime import graph_folder
-from lime_keras.runtime.graph_folder import Description
 
 _LONGEST = 200
 """Largest number of characters of ONNX Runtime's own words that are told."""

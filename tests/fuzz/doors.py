@@ -164,8 +164,7 @@ def _graphs(folder: Path) -> None:
     import numpy as np
 
     from lime_keras.estimate.estimator import Estimator
-    from lime_keras.io import model_folder
-    from lime_keras.runtime import graph_folder
+    from lime_keras.io import graph_folder, model_folder
 
     model_folder.digest(folder)
     if graph_folder.read(model_folder.graphs(folder)):
@@ -178,7 +177,7 @@ def _graph_weights(folder: Path) -> None:
     from lime_keras.networks import graph_weights
 
     for path in sorted(model_folder.graphs(folder).glob("*.onnx")):
-        graph_weights.read(path)
+        graph_weights.read(path.read_bytes(), path)
 
 
 def _masker(folder: Path) -> None:

@@ -12,9 +12,8 @@ from onnx import numpy_helper
 
 from lime_keras.commands import export as export_cli
 from lime_keras.export import graphs, parity
-from lime_keras.io import model_folder
+from lime_keras.io import graph_folder, model_folder
 from lime_keras.networks import Architecture, build, names, weights
-from lime_keras.runtime import graph_folder
 from lime_keras.runtime.engine import OnnxEngine
 
 

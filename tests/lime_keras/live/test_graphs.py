@@ -5,10 +5,9 @@ import onnx
 import onnxruntime
 import pytest
 
-from lime_keras.io import model_folder
+from lime_keras.io import graph_folder, model_folder
 from lime_keras.live import calibration, graphs
 from lime_keras.optics import environment
-from lime_keras.runtime import graph_folder
 from lime_keras.runtime.engine import OnnxEngine
 
 SHIPPED = model_folder.graphs(model_folder.SHIPPED)

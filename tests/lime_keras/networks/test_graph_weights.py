@@ -1,5 +1,6 @@
 """Keras reads out of the graphs exactly what went into them."""
 
+import json
 import shutil
 
 import numpy as np
@@ -10,13 +11,17 @@ from onnx import numpy_helper
 from lime_keras.export import graphs
 from lime_keras.io import model_folder
 from lime_keras.networks import Architecture, build, graph_weights, weights
-from lime_keras.networks.graph_weights import describe, read
+from lime_keras.networks.graph_weights import describe
 
 
 def held(**constants):
     """A graph of these constants that computes nothing."""
     arrays = [numpy_helper.from_array(values, name) for name, values in constants.items()]
     return onnx.helper.make_model(onnx.helper.make_graph([], "none", [], [], arrays))
+
+
+def read(path):
+    return graph_weights.read(path.read_bytes(), path)
 
 
 def written(graph, path):
@@ -78,11 +83,10 @@ def test_a_graph_that_lacks_a_large_weight_holds_none(tmp_path):
         written(graph, tmp_path / "graph.onnx")
 
 
-@pytest.mark.parametrize("content", [b"", b"no graph", None])
+@pytest.mark.parametrize("content", [b"", b"no graph"])
 def test_what_is_no_graph_is_told(content, tmp_path):
     path = tmp_path / "graph.onnx"
-    if content is not None:
-        path.write_bytes(content)
+    path.write_bytes(content)
     with pytest.raises(ValueError, match=r"graph\.onnx holds no weights"):
         read(path)
 
@@ -133,16 +137,18 @@ def test_a_copy_of_weights_in_half_the_space_takes_half_the_space(tmp_path):
     wide = Architecture(size=32, unet_width=8, unet_depth=3, encoder_width=8, dense_width=32)
     for half in (True, False):
         run, copy = tmp_path / f"run {half}", tmp_path / f"copy {half}"
-        weights.save(run / "model", wide, {"albedo": build(wide, seed=1)["albedo"]}, half=half)
+        one = {"segmentation": build(wide, seed=1)["segmentation"]}
+        weights.save(run / "model", wide, one, half=half)
         expected = weights.load(run, whole=False)[1]
         graphs.write(run / "onnx", wide, expected, "digest")
-        (run / "model" / "albedo.weights.h5").unlink()
+        (run / "model" / "segmentation.weights.h5").unlink()
         weights.copy(run, copy)
-        found = weights.load(copy, whole=False)[1]["albedo"].get_weights()
-        for one, other in zip(found, expected["albedo"].get_weights(), strict=True):
+        found = weights.load(copy, whole=False)[1]["segmentation"].get_weights()
+        for one, other in zip(found, expected["segmentation"].get_weights(), strict=True):
             assert np.array_equal(one, other)
     sizes = [
-        (tmp_path / f"copy {half}" / "albedo.weights.h5").stat().st_size for half in (True, False)
+        (tmp_path / f"copy {half}" / "segmentation.weights.h5").stat().st_size
+        for half in (True, False)
     ]
     assert sizes[0] < 0.7 * sizes[1]
 
@@ -159,7 +165,46 @@ def test_a_part_of_it_is_loaded_or_told(bare):
         weights.load(bare)
 
 
+def described(run):
+    return json.loads((run / "onnx" / "graphs.json").read_text())
+
+
+def describe_anew(run, description):
+    (run / "onnx" / "graphs.json").write_text(json.dumps(description))
+
+
 def test_a_graph_of_other_layers_is_told(bare):
     shutil.copyfile(bare / "onnx" / "albedo.onnx", bare / "onnx" / "mirror.onnx")
+    description = described(bare)
+    description["graphs"]["mirror"]["sha256"] = description["graphs"]["albedo"]["sha256"]
+    describe_anew(bare, description)
     with pytest.raises(ValueError, match=r"mirror\.onnx has other layers than mirror_net"):
+        weights.load(bare)
+
+
+def test_a_graph_of_other_weights_is_told(bare):
+    path = bare / "onnx" / "mirror.onnx"
+    path.write_bytes(path.read_bytes() + b" ")
+    with pytest.raises(ValueError, match=r"mirror\.onnx is missing or damaged: it holds the only"):
+        weights.load(bare)
+
+
+def test_a_graph_of_a_set_of_another_version_is_told(bare):
+    """Where a set that was copied shares a graph with one that comes with the package."""
+    (bare / "onnx" / "segmentation.onnx").unlink()
+    description = described(bare)
+    description["graphs"]["segmentation"]["held_by"] = model_folder.DEFAULT
+    describe_anew(bare, description)
+    with pytest.raises(ValueError, match=r"graphs\.json refers to, is not the graph.*version"):
+        weights.load(bare)
+
+
+@pytest.mark.parametrize("damage", ["no JSON", "no mirror"])
+def test_weights_without_a_description_are_told(bare, damage):
+    description = described(bare)
+    del description["graphs"]["mirror"]
+    describe_anew(bare, description)
+    if damage == "no JSON":
+        (bare / "onnx" / "graphs.json").write_text("{")
+    with pytest.raises(ValueError, match=r"graphs\.json does not describe .*only weights"):
         weights.load(bare)

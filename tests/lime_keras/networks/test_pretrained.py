@@ -7,11 +7,10 @@ from keras import ops
 
 from lime_keras import Estimator
 from lime_keras.export import parity
-from lime_keras.io import model_folder
+from lime_keras.io import graph_folder, model_folder
 from lime_keras.io.model_folder import SHIPPED
 from lime_keras.networks import assemble, weights
 from lime_keras.networks.precision import computing_in
-from lime_keras.runtime import graph_folder
 from lime_keras.runtime.engine import OnnxEngine
 
 SETS = model_folder.shipped()

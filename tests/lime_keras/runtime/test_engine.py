@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from lime_keras.export import parity
-from lime_keras.io import model_folder
+from lime_keras.io import graph_folder, model_folder
 from lime_keras.networks import assemble, weights
-from lime_keras.runtime import graph_folder
 from lime_keras.runtime.engine import OnnxEngine
 
 
@@ -83,6 +82,14 @@ def test_all_sizes_of_batch_are_answered(graphs):
         np.testing.assert_allclose(part, whole[:count], atol=1e-5)
 
 
+def test_a_damaged_graph_of_a_run_is_exported_anew(tiny_model, tmp_path):
+    run = shutil.copytree(tiny_model.parent, tmp_path / "run")
+    (run / "onnx" / "specular.onnx").write_bytes(b"not a graph")
+    engine, image = opened(run / "onnx"), {"image": parity.images(32)[:1]}
+    with pytest.raises(ValueError, match=r"specular\.onnx is missing or damaged: delete .*anew"):
+        engine.run(["specular_shading"], image)
+
+
 @pytest.mark.parametrize("content", [None, b"", b"not a graph", "cut off"])
 def test_a_damaged_graph_is_told_with_the_mend(content, copy):
     path = copy / "specular.onnx"
@@ -93,7 +100,7 @@ def test_a_damaged_graph_is_told_with_the_mend(content, copy):
     engine = opened(copy)
     image = {"image": parity.images(32)[:1]}
     assert np.ptp(engine.run(["mask"], image)["mask"]) > 0
-    with pytest.raises(ValueError, match=r"specular\.onnx is missing or damaged: delete"):
+    with pytest.raises(ValueError, match=r"specular\.onnx is missing or damaged: it holds"):
         engine.run(["specular_shading"], image)
 
 

@@ -102,14 +102,25 @@ def _is_sound(description: Description) -> bool:
 def checked(folder: Path, name: str, graph: Graph) -> bytes:
     """Return the content of a graph's file.
 
+    Args:
+        folder: folder of the graphs.
+        name: name of the subnetwork.
+        graph: its graph, as the folder's description says.
+
     Raises:
         ValueError: if the file is missing or is not the one described.
     """
     file = model_folder.graph(folder, name)
     content = file.read_bytes() if file.is_file() else b""
     if hashlib.sha256(content).hexdigest() != graph.sha256:
-        raise ValueError(
-            f"{file} is missing or damaged: delete {folder}, which is then exported anew, or "
-            "install the package again if the folder came with it"
-        )
+        if file.parent != folder:
+            raise ValueError(
+                f"{file}, which {folder / DESCRIPTION} refers to, is not the graph described "
+                "there: use this model with the version of the package that it was copied from"
+            )
+        if model_folder.in_graphs(folder.parent):
+            mend = "it holds the only weights, so take this folder from where it came from again"
+        else:
+            mend = f"delete {folder}, which is then exported anew"
+        raise ValueError(f"{file} is missing or damaged: {mend}")
     return content
