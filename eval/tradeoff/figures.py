@@ -22,6 +22,8 @@ _FILLS: dict[str, Any] = {ONNX: "full", SAVED_MODEL: "left", KERAS: "none"}
 _ACROSS = 3
 _LEAST_HEIGHT = 1e-6
 """Least top of an axis of errors, for errors that are all 0."""
+_HEADROOM = 1.08
+"""Height of an axis of errors by the largest one, so that its marker is not cut off."""
 
 
 def pareto(result: Mapping[str, Any], theme: Theme = LIGHT) -> bytes:
@@ -93,7 +95,7 @@ def _panel(
     axes.set_xlabel("ms for one image, median (logarithmic)", fontsize=8)
     axes.margins(0.08)
     # From 0, or a small difference would look like a large one.
-    axes.set_ylim(0, max(axes.get_ylim()[1], _LEAST_HEIGHT))
+    axes.set_ylim(0, max(_HEADROOM * max(errors), _LEAST_HEIGHT))
     dress(axes, theme)
 
 

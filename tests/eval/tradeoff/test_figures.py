@@ -46,6 +46,14 @@ def test_a_measure_that_a_run_lacks_has_no_panel():
     assert _painted(pareto(whole), TONES[0]) > _painted(pareto(trade.ROWS), TONES[0])
 
 
+def test_the_markers_of_the_largest_errors_are_whole():
+    first = trade.row("full", 10.0, 1.0)
+    alike, apart = (
+        _painted(pareto([first, trade.row("full", 50.0, score)]), TONES[0]) for score in (0.98, 0.3)
+    )
+    assert alike > 0.97 * apart
+
+
 @pytest.mark.parametrize("rows", [trade.ROWS[:1], [trade.row("full", 1e-3, 0.0)] * 2])
 def test_a_single_point_is_drawn(rows):
     assert _painted(pareto(rows), TONES[0]) > 100
