@@ -72,7 +72,7 @@ def test_a_photo_that_is_black_all_over_is_told_as_the_reason_for_no_object():
 
 
 DOUBTED = {
-    "uncertain-mask": {"confidence": 0.849},
+    "uncertain-mask": {"confidence": 0.899},
     "small-object": {"mask": box(80, 80, 102, 150)},
     "few-pixels": {"mask": box(80, 80, 143, 143)},
     "touches-frame": {"mask": box(50, 40, 200, 160)},
@@ -93,7 +93,7 @@ def test_each_doubt_is_told_with_its_mend(code):
 
 
 BARELY = {
-    "uncertain-mask": {"confidence": 0.85},
+    "uncertain-mask": {"confidence": 0.9},
     "small-object": {"mask": box(80, 60, 101, 140)},
     "few-pixels": {"mask": box(80, 80, 144, 144)},
     "touches-frame": {"mask": box(50, 40, 197, 160)},
