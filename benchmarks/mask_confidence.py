@@ -1,4 +1,4 @@
-"""How well the confidence of a mask tells wrong masks, on the scenes that training holds out.
+"""The wrong masks that each limit of the confidence finds, on the scenes that training holds out.
 
     python benchmarks/mask_confidence.py CORPUS [--weights live]
 
