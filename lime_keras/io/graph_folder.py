@@ -113,14 +113,23 @@ def checked(folder: Path, name: str, graph: Graph) -> bytes:
     file = model_folder.graph(folder, name)
     content = file.read_bytes() if file.is_file() else b""
     if hashlib.sha256(content).hexdigest() != graph.sha256:
-        if file.parent != folder:
+        if file.parent != folder and not _comes_with_package(folder):
             raise ValueError(
                 f"{file}, which {folder / DESCRIPTION} refers to, is not the graph described "
                 "there: use this model with the version of the package that it was copied from"
             )
-        if model_folder.in_graphs(folder.parent):
-            mend = "it holds the only weights, so take this folder from where it came from again"
-        else:
-            mend = f"delete {folder}, which is then exported anew"
-        raise ValueError(f"{file} is missing or damaged: {mend}")
+        raise ValueError(f"{file} is missing or damaged: {mend(folder)}")
     return content
+
+
+def mend(folder: Path) -> str:
+    """Return what to do about a damaged folder of graphs, as the end of an error's sentence."""
+    if _comes_with_package(folder):
+        return "install the package again"
+    if model_folder.in_graphs(folder.parent):
+        return f"take {folder}, which holds the only weights, from where it came from again"
+    return f"delete {folder}, which is then exported anew"
+
+
+def _comes_with_package(folder: Path) -> bool:
+    return folder.is_relative_to(model_folder.PRETRAINED)

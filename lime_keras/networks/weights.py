@@ -248,8 +248,7 @@ def _read_graph(path: Path, name: str, folder: Path, network: keras.Model) -> No
     description = graph_folder.read(folder)
     if description is None or name not in description.graphs:
         raise ValueError(
-            f"{folder / DESCRIPTION} does not describe {path.name}, which holds the only weights: "
-            "take this folder from where it came from again"
+            f"{folder / DESCRIPTION} does not describe {path.name}: {graph_folder.mend(folder)}"
         )
     held = graph_weights.read(graph_folder.checked(folder, name, description.graphs[name]), path)
     try:

@@ -86,9 +86,8 @@ class OnnxEngine:
                 if any(words in told for words in _NO_MEMORY):
                     raise MemoryError(told) from error
                 raise ValueError(
-                    f"{self._folder / DESCRIPTION} describes {name} as it is not ({told}): delete "
-                    f"{self._folder}, which is then exported anew, or install the package again if "
-                    "the folder came with it"
+                    f"{self._folder / DESCRIPTION} describes {name} as it is not ({told}): "
+                    f"{graph_folder.mend(self._folder)}"
                 ) from error
             values |= zip(graph.outputs, found, strict=True)
         return {output: values[output] for output in outputs}

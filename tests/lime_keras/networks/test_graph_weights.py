@@ -185,18 +185,32 @@ def test_a_graph_of_other_layers_is_told(bare):
 def test_a_graph_of_other_weights_is_told(bare):
     path = bare / "onnx" / "mirror.onnx"
     path.write_bytes(path.read_bytes() + b" ")
-    with pytest.raises(ValueError, match=r"mirror\.onnx is missing or damaged: it holds the only"):
+    with pytest.raises(ValueError, match=r"mirror\.onnx is missing or damaged: take"):
         weights.load(bare)
 
 
-def test_a_graph_of_a_set_of_another_version_is_told(bare):
-    """Where a set that was copied shares a graph with one that comes with the package."""
+@pytest.fixture
+def sharing(bare):
+    """A set whose mask is that of the default set, of other weights than it describes."""
     (bare / "onnx" / "segmentation.onnx").unlink()
     description = described(bare)
     description["graphs"]["segmentation"]["held_by"] = model_folder.DEFAULT
     describe_anew(bare, description)
+    return bare
+
+
+def test_a_shared_graph_of_another_version_is_told_of_a_copied_set(sharing):
     with pytest.raises(ValueError, match=r"graphs\.json refers to, is not the graph.*version"):
-        weights.load(bare)
+        weights.load(sharing)
+
+
+def test_it_is_damage_in_a_set_that_comes_with_the_package(sharing, monkeypatch):
+    default = sharing.parent / model_folder.DEFAULT
+    shutil.copytree(sharing, default)
+    (default / "onnx" / "segmentation.onnx").write_bytes(b"no graph")
+    monkeypatch.setattr(model_folder, "PRETRAINED", sharing.parent)
+    with pytest.raises(ValueError, match=r"segmentation\.onnx is missing or damaged: install the"):
+        weights.load(sharing)
 
 
 @pytest.mark.parametrize("damage", ["no JSON", "no mirror"])
@@ -206,5 +220,5 @@ def test_weights_without_a_description_are_told(bare, damage):
     describe_anew(bare, description)
     if damage == "no JSON":
         (bare / "onnx" / "graphs.json").write_text("{")
-    with pytest.raises(ValueError, match=r"graphs\.json does not describe .*only weights"):
+    with pytest.raises(ValueError, match=r"graphs\.json does not describe .*: take .*weights"):
         weights.load(bare)
