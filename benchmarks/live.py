@@ -8,10 +8,10 @@ The server is asked over HTTP, as the page asks it, for frames of 640 × 480 of 
 mask alone, the mask and the material, the page's rhythm on a slow machine (the material with every
 third frame), and the light as well. The page captures and draws besides; `--browser` runs it in
 Chromium on a clip of the same frames, and counts the answers that it shows. So does `--static` with
-a page of `lime-live --static`, which is served elsewhere (`python3 -m http.server -d site`), in
-either precision. `--gradio` names the Python of an environment with gradio and this package, which
-serves the same model as Gradio does for pictures of a webcam: each frame as a file, each answer as
-a picture; it is asked over HTTP, too, by Gradio's own client, which does not know the stream of its
+a page of `lime-live --static`, which is served elsewhere (`python3 -m http.server -d site`).
+`--gradio` names the Python of an environment with gradio and this package, which serves the same
+model as Gradio does for pictures of a webcam: each frame as a file, each answer as a picture; it is
+asked over HTTP, too, by Gradio's own client, which does not know the stream of its
 page.
 
 Each row has, after a second of warming up, the median of the frames' times, the frames a second in
@@ -103,10 +103,8 @@ def main() -> None:
         with _command() as url:
             _tell_of_page("page in Chromium", url, frames, arguments.seconds)
     if arguments.static:
-        for precision in ("float32", "int8"):
-            url = f"{arguments.static}?precision={precision}"
-            name = f"page without Python in Chromium, {precision}"
-            _tell_of_page(name, url, frames, arguments.seconds)
+        name = "page without Python in Chromium"
+        _tell_of_page(name, arguments.static, frames, arguments.seconds)
     if arguments.gradio:
         _tell("Gradio", _by_gradio(arguments.gradio, frames[0], arguments.seconds))
     print(f"\nload after: {_load()}")
@@ -213,7 +211,9 @@ def _in_browser(url: str, frames: list[np.ndarray], seconds: float) -> tuple[lis
             page.add_init_script(_COUNT)
             page.goto(url)
             # A page without headers loads once more, for its threads.
-            page.wait_for_function("url => !url.includes('?') || crossOriginIsolated", arg=url)
+            page.wait_for_function(
+                "crossOriginIsolated || !document.querySelector('[src*=preflight]')"
+            )
             page.wait_for_selector("body[data-ready]", timeout=120_000)
             page.click("#camera")
             page.wait_for_selector("#speed:visible", timeout=120_000)

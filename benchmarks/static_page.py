@@ -1,16 +1,13 @@
-"""Size, speed and eight-bit error of the page without Python.
+"""Size and speed of the page without Python.
 
     lime-live --static site
     python benchmarks/static_page.py site
-    python benchmarks/static_page.py site --photos photographs
 
 The first table has the files' sizes, and what a host's compression leaves of them. The second has
 the page's engine in Chromium, asked for frames of 640 × 480 of the page's sample, which moves: the
 mask alone, the mask and the material, and the page's rhythm on a slow machine (the material with
 every third frame). Each row is the median of the frames' times, and the frames a second of all. The
-load of the machine is printed, for nothing here means much on a busy one. With `--photos`, the
-third has the harm of eight bits: each output's mean difference from float32 over its mean
-magnitude.
+load of the machine is printed, for nothing here means much on a busy one.
 """
 
 import argparse
@@ -22,18 +19,11 @@ import os
 import shutil
 import statistics
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
-import onnxruntime
 from playwright.sync_api import sync_playwright
 
-from lime_keras.estimate import framing
-from lime_keras.io import photo
-
-_SIZE = 128
-"""Height and width of the shipped model's images."""
 _ROWS = {"mask alone": "false", "mask, material": "true", "every third": "number % 3 === 0"}
 _MEASURED = """
 async (seconds) => {{
@@ -64,7 +54,6 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("site", type=Path, help="folder that lime-live --static has written")
-    parser.add_argument("--photos", type=Path, help="folder of PNG and JPEG photographs")
     parser.add_argument("--seconds", type=float, default=8.0, help="of each row (default: 8)")
     arguments = parser.parse_args()
     print("| | MB | compressed |\n|---|---:|---:|")
@@ -75,10 +64,6 @@ def main() -> None:
     print(f"\nload: {os.getloadavg()}\n\n| | | ms a frame | frames a second |\n|---|---|---:|---:|")
     _tell_speed(arguments.site, arguments.seconds)
     print(f"\nload: {os.getloadavg()}")
-    if arguments.photos:
-        print("\n| output | harm of int8 |\n|---|---:|")
-        for name, harm in _harm(arguments.site, arguments.photos).items():
-            print(f"| {name} | {harm:.1%} |")
 
 
 def _tell_speed(site: Path, seconds: float) -> None:
@@ -87,14 +72,13 @@ def _tell_speed(site: Path, seconds: float) -> None:
         raise SystemExit("the speed is measured in Chromium: apt-get install chromium")
     with _serving(site) as port, sync_playwright() as started:
         browser = started.chromium.launch(executable_path=program, args=["--no-sandbox"])
-        for precision in ("int8", "float32"):
-            for name, material in _ROWS.items():
-                page = browser.new_page()
-                page.goto(f"http://127.0.0.1:{port}/browser/?precision={precision}")
-                about, times = page.evaluate(_MEASURED.format(material=material), seconds)
-                rate = 1000 * len(times) / sum(times)
-                print(f"| {about} | {name} | {statistics.median(times):.0f} | {rate:.1f} |")
-                page.close()
+        for name, material in _ROWS.items():
+            page = browser.new_page()
+            page.goto(f"http://127.0.0.1:{port}/browser/")
+            about, times = page.evaluate(_MEASURED.format(material=material), seconds)
+            rate = 1000 * len(times) / sum(times)
+            print(f"| {about} | {name} | {statistics.median(times):.0f} | {rate:.1f} |")
+            page.close()
         browser.close()
 
 
@@ -116,41 +100,6 @@ def _serving(site: Path) -> Iterator[int]:
         threading.Thread(target=server.serve_forever, daemon=True).start()
         yield server.server_port
         server.shutdown()
-
-
-def _harm(site: Path, photos: Path) -> dict[str, float]:
-    """Return each output's mean difference over its mean magnitude, with the mask of int8."""
-    found: dict[str, list[tuple[float, float]]] = {}
-    engines = {name: _engine(site, name) for name in ("float32", "int8")}
-    for path in sorted(path for end in ("png", "jpg") for path in photos.glob(f"*.{end}")):
-        image = photo.read_srgb(path)
-        square = framing.whole(*image.shape[:2])
-        expected, answer = (
-            engine(framing.cut(image, square, _SIZE)[None]) for engine in engines.values()
-        )
-        for name, value in expected.items():
-            pair = np.mean(np.abs(answer[name] - value)), np.mean(np.abs(value))
-            found.setdefault(name, []).append((float(pair[0]), float(pair[1])))
-    totals = {name: np.sum(pairs, axis=0) for name, pairs in found.items()}
-    return {name: float(total[0] / total[1]) for name, total in totals.items()}
-
-
-def _engine(site: Path, precision: str) -> Callable[[np.ndarray], dict[str, np.ndarray]]:
-    """Return the answer of both graphs to images `(1, S, S, 3)`."""
-    mask, material = (
-        onnxruntime.InferenceSession(
-            site / "graphs" / f"{name}-{precision}.onnx", providers=["CPUExecutionProvider"]
-        )
-        for name in ("mask", "material")
-    )
-    names = [output.name for output in material.get_outputs()]
-
-    def answer(image: np.ndarray) -> dict[str, np.ndarray]:
-        found = mask.run(["mask"], {"image": image})[0]
-        others = material.run(names, {"image": image, "mask": found})
-        return {"mask": found, **dict(zip(names, others, strict=True))}
-
-    return answer
 
 
 if __name__ == "__main__":

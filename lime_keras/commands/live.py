@@ -80,7 +80,7 @@ def _write(options: argparse.Namespace) -> int:
     engines.load(run, "onnx")
     print(f"onnxruntime-web {static.RUNTIME_VERSION} is fetched …", file=sys.stderr)
     with static.fetched_runtime() as runtime:
-        print("the networks are written, and calibrated for eight bits …", file=sys.stderr)
+        print("the networks are written …", file=sys.stderr)
         static.write(options.static, run, runtime)
     print(
         f"{options.static} holds the page, for any web host; to try it here: "

@@ -98,8 +98,7 @@ def write(out: Path, run: Path, runtime: Path) -> None:
         (partial / _SERVICE_WORKER).rename(partial / _SERVICE_WORKER.name)
         _add_preflight(partial / "index.html")
         (partial / "graphs").mkdir()
-        for precision in graphs.PRECISIONS:
-            graphs.write(partial / "graphs", model_folder.graphs(run), precision)
+        graphs.write(partial / "graphs", model_folder.graphs(run))
         (partial / "runtime").mkdir()
         for backend in _RUNTIME.values():
             for name in backend.values():
@@ -112,13 +111,7 @@ def write(out: Path, run: Path, runtime: Path) -> None:
             "system": description.system,
             "size": description.size,
             "runtime": {name: _placed(partial, backend) for name, backend in _RUNTIME.items()},
-            "graphs": {
-                precision: {
-                    graph: _measured(partial, f"graphs/{graph}-{precision}.onnx")
-                    for graph in graphs.NAMES
-                }
-                for precision in graphs.PRECISIONS
-            },
+            "graphs": {graph: _measured(partial, f"graphs/{graph}.onnx") for graph in graphs.NAMES},
         }
         text = json.dumps(engine, indent=1) + "\n"
         (partial / _DESCRIPTION).write_text(text, encoding="utf-8")

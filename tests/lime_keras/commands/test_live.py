@@ -15,7 +15,7 @@ import static_page
 
 from lime_keras import console
 from lime_keras.commands import live
-from lime_keras.live import calibration, static
+from lime_keras.live import static
 
 
 def _run(*arguments):
@@ -79,7 +79,6 @@ def test_wrong_usage(arguments):
 def test_the_static_page_is_written(tmp_path, monkeypatch, capsys):
     runtime = static_page.stand_ins(tmp_path / "runtime")
     monkeypatch.setattr(static, "fetched_runtime", lambda: contextlib.nullcontext(runtime))
-    monkeypatch.setattr(calibration, "COUNT", 2)
     assert live.main(["--static", str(tmp_path / "site")]) == 0
     told = capsys.readouterr()
     assert f"http.server -d {tmp_path / 'site'}" in told.out

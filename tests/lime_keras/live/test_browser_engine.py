@@ -89,21 +89,20 @@ def asked(images, masks):
     }
 
 
-@pytest.mark.parametrize(("precision", "within"), [("float32", 1e-3), ("int8", 0.15)])
-def test_the_browser_answers_as_python_does(precision, within, written, page):
+def test_the_browser_answers_as_python_does(written, page, within=1e-3):
     """Framing, second look, given mask, material, fusion, cut and light, frame by frame."""
     images, masks = frames()
     with chromium.serving(written, HEADERS) as port:
-        page.goto(f"http://127.0.0.1:{port}/browser/?precision={precision}")
+        page.goto(f"http://127.0.0.1:{port}/browser/")
         found = page.evaluate(ESTIMATE, asked(images, masks))
-    assert found["about"].startswith("WebAssembly") and found["about"].endswith(precision)
+    assert found["about"].startswith("WebAssembly")
     assert any("MB" in text for text in found["told"])
     session = Session(Estimator())
     for image, mask, answer in zip(images, masks, found["answers"], strict=True):
         expected = session.answer(image, mask, Wanted())
         told = expected.numbers
         codes = [[warning["code"] for warning in told["warnings"]] for told in (answer, told)]
-        assert codes[0] == codes[1] or precision == "int8"
+        assert codes[0] == codes[1]
         same = ("found", "cut", "size")
         assert [answer[name] for name in same] == [told[name] for name in same]
         assert answer["ms"].keys() == told["ms"].keys()
@@ -137,7 +136,7 @@ def test_webassembly_gets_threads(headers, written, page):
         page.wait_for_function("document.getElementById('about').textContent.includes('thread')")
         about = page.text_content("#about")
         cores = page.evaluate("navigator.hardwareConcurrency")
-    assert f"{min(cores, 4)} thread" in about and "float32" in about
+    assert f"{min(cores, 4)} thread" in about
 
 
 def test_the_page_estimates_its_sample(written, page):
@@ -166,7 +165,7 @@ def test_without_isolation_there_is_one_thread(written, page):
     with chromium.serving(written) as port:
         page.goto(f"http://127.0.0.1:{port}/browser/")
         found = page.evaluate(ESTIMATE, asked([live_scenes.ball()], [None]))
-    assert found["about"] == "WebAssembly, 1 thread, float32"
+    assert found["about"] == "WebAssembly, 1 thread"
     assert found["answers"][0]["found"]
 
 
@@ -237,7 +236,7 @@ def test_the_faster_backend_is_used(faster, written, page):
         page.evaluate(TIMES, faster)
         first, then, numbers = page.evaluate(FASTER)
     assert first.startswith("WebAssembly") and numbers == [0, 1]
-    assert then == ("WebGPU, float32" if faster else first)
+    assert then == ("WebGPU" if faster else first)
 
 
 def test_the_page_names_the_backend_that_it_went_over_to(written, page):
@@ -278,7 +277,7 @@ CREATE = """
 async (change) => {
   const { createEngine } = await import("./engine.js");
   const config = await (await fetch("../engine.json")).json();
-  const graph = config.graphs.float32.mask;
+  const graph = config.graphs.mask;
   if (change === "missing") graph.path = "graphs/none.onnx";
   if (change === "longer") graph.bytes += 1;
   if (change === "shorter") graph.bytes -= 1;
@@ -299,13 +298,6 @@ def test_a_file_that_is_not_there_or_not_whole_is_told(change, told, written, pa
     with chromium.serving(written, HEADERS) as port:
         page.goto(f"http://127.0.0.1:{port}/browser/")
         assert told in page.evaluate(CREATE, change)
-
-
-def test_an_unknown_precision_is_told(written, page):
-    with chromium.serving(written, HEADERS) as port:
-        page.goto(f"http://127.0.0.1:{port}/?precision=int4")
-        page.wait_for_selector("#message:visible")
-        assert "float32 or int8" in page.text_content("#message")
 
 
 def test_a_page_from_a_file_says_what_to_do(written, page):

@@ -12,12 +12,7 @@ const MOST_THREADS = 4; // More threads gain networks this small nothing.
  * that was measured to be faster.
  */
 export async function createEngine(config) {
-  const precision = new URLSearchParams(location.search).get("precision") ?? "float32";
-  if (!(precision in config.graphs)) {
-    const known = Object.keys(config.graphs).join(" or ");
-    throw new EngineError(`The address asks for precision=${precision}: ask for ${known}.`);
-  }
-  const engine = new BrowserEngine(config, precision);
+  const engine = new BrowserEngine(config);
   try {
     await engine.start();
   } catch (error) {
@@ -27,10 +22,9 @@ export async function createEngine(config) {
 }
 
 class BrowserEngine {
-  constructor(config, precision) {
+  constructor(config) {
     this.name = "browser";
     this.config = config;
-    this.precision = precision;
     this.worker = null;
     this.next = null; // The worker to go over to with the next frame.
   }
@@ -43,7 +37,7 @@ class BrowserEngine {
     const threads = self.crossOriginIsolated
       ? Math.min(navigator.hardwareConcurrency || 1, MOST_THREADS)
       : 1;
-    const worker = new NetworkWorker("wasm", this.precision, threads, this.config);
+    const worker = new NetworkWorker("wasm", threads, this.config);
     try {
       await worker.ready;
     } catch (error) {
@@ -57,7 +51,7 @@ class BrowserEngine {
   /** Prepare a worker in WebGPU if it is faster than `worker`. */
   async compare(worker) {
     if (!(await hasGraphicsProcessor())) return;
-    const other = new NetworkWorker("webgpu", "float32", 1, this.config);
+    const other = new NetworkWorker("webgpu", 1, this.config);
     try {
       await within(PATIENCE, other.ready);
       const its = await within(PATIENCE, other.ask({ time: RUNS }));
@@ -98,7 +92,7 @@ class BrowserEngine {
 
 /** A worker with loaded networks, which answers one question after another. */
 class NetworkWorker {
-  constructor(backend, precision, threads, config) {
+  constructor(backend, threads, config) {
     this.waiting = [];
     this.lost = false;
     this.worker = new Worker(new URL("worker.js", import.meta.url), { type: "module" });
@@ -114,11 +108,10 @@ class NetworkWorker {
       for (const { reject } of this.waiting.splice(0)) reject(error);
     };
     const { size, runtime, graphs } = config;
-    const loaded = { base: BASE, backend, precision, threads, config: { size, runtime, graphs } };
+    const loaded = { base: BASE, backend, threads, config: { size, runtime, graphs } };
     this.ready = this.ask({ load: loaded }).then((told) => {
       const count = told.threads === 1 ? "1 thread" : `${told.threads} threads`;
-      this.about =
-        backend === "webgpu" ? `WebGPU, ${precision}` : `WebAssembly, ${count}, ${precision}`;
+      this.about = backend === "webgpu" ? "WebGPU" : `WebAssembly, ${count}`;
     });
   }
 

@@ -27,9 +27,9 @@ async function answered(data) {
 }
 
 /** Load the runtime and both graphs; `base` is the address of the page's folder. */
-async function load({ base, backend, precision, threads, config }) {
+async function load({ base, backend, threads, config }) {
   const { script, wasm, module, bytes } = config.runtime[backend];
-  const files = [{ path: wasm, bytes }, ...Object.values(config.graphs[precision])];
+  const files = [{ path: wasm, bytes }, ...Object.values(config.graphs)];
   const [binary, ...graphs] = await fetched(base, files);
   const ort = await import(new URL(script, base));
   ort.env.logLevel = "error";
@@ -37,7 +37,7 @@ async function load({ base, backend, precision, threads, config }) {
   ort.env.wasm.wasmPaths = { mjs: new URL(module, base).href };
   ort.env.wasm.wasmBinary = binary;
   const sessions = {};
-  for (const [index, name] of Object.keys(config.graphs[precision]).entries()) {
+  for (const [index, name] of Object.keys(config.graphs).entries()) {
     self.postMessage({ progress: `Opening the networks: ${name}` });
     sessions[name] = await ort.InferenceSession.create(graphs[index], {
       executionProviders: [backend],
