@@ -14,13 +14,7 @@ PRETRAINED := lime_keras/pretrained
 WEIGHTS :=
 NAME :=
 
-# `make bundle BANK="bank ..."`: a training run for a machine with JAX and a GPU, but no network.
-BANK :=
-BUNDLE := runs/bundle
-MINUTES := 22
-PRESET := live
-
-.PHONY: quickstart bundle test test-slow fuzz docs results graphs ship lint llvm clean
+.PHONY: quickstart test test-slow fuzz docs results graphs ship lint llvm clean
 .DELETE_ON_ERROR:
 
 quickstart: llvm
@@ -32,11 +26,6 @@ quickstart: llvm
 	$(BIN)/lime-export $(RUN)/exported --format onnx --weights $(RUN)
 	$(BIN)/lime-estimate $(RUN)/examples/*.png --weights $(RUN) --out $(RUN)/materials --overwrite
 	@echo "Open $(RUN)/report.html in a browser. For the commands: source .venv/bin/activate"
-
-bundle: .venv/installed
-	@test -n "$(BANK)" || { echo 'error: no bank: make bundle BANK="bank ..."'; exit 1; }
-	$(BIN)/python -m lime_keras.train.bundle $(BUNDLE) --bank $(BANK) --minutes $(MINUTES) \
-	  --preset $(PRESET)
 
 test: llvm lint
 	$(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder --durations=25

@@ -80,10 +80,8 @@ setup(
             "live/page/**/*",
             "pretrained/*.md",
             "pretrained/*/*/*",
-            "pretrained/*/*/alone/*",
         ],
         "lime_keras.eval.report": ["templates/*.html"],
-        "lime_keras.train": ["run.sh"],
     },
     # What estimates; what else a command takes is an extra (`lime_keras.console.EXTRAS`).
     install_requires=[

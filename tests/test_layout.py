@@ -155,7 +155,6 @@ def test_networks_losses_and_stages_are_written_for_any_backend():
     [
         *((module, []) for module in COMMANDS.values()),
         *(("render.cli", [name]) for name in render_cli.COMMANDS),
-        ("train.bundle", []),
     ],
 )
 def test_help_needs_neither_tensorflow_nor_mitsuba(module, arguments):
