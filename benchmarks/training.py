@@ -2,7 +2,7 @@
 
     python benchmarks/training.py [--presets smoke live] [--steps 8]
 
-The batches are random and already in memory; for the cost of reading see `benchmarks/reading.py`.
+The batches are random and already in memory, so reading costs nothing here.
 The settings of a stage take turns step by step, so that a busy moment slows all of them alike.
 Speeds follow from the median time of a step.
 """

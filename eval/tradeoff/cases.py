@@ -5,15 +5,14 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from ..store import DependsOn, Store, size
+from ..store import DependsOn, size
 from . import machine
 from .run_formats import EVERYTHING, PRECISIONS, Run
 from .runtimes import ONNX
 from .samples import LARGEST_BATCH
 from .timing import Effort, Job
-from .yardsticks import NETWORKS, Yardstick
 
-SYSTEM, SUBNETWORK, YARDSTICK = "system", "subnetwork", "yardstick"
+SYSTEM, SUBNETWORK = "system", "subnetwork"
 BATCHES = (1, 8, LARGEST_BATCH)
 
 
@@ -22,8 +21,8 @@ class Case:
     """A model in a configuration, to be timed.
 
     Attributes:
-        model: name of the run, or of the yardstick.
-        kind: `SYSTEM`, `SUBNETWORK` (a single subnetwork with noise as its input) or `YARDSTICK`.
+        model: name of the run.
+        kind: `SYSTEM`, or `SUBNETWORK`: a single subnetwork with noise as its input.
         part: for a system, the requested outputs (a key of `Run.costs["parts"]`); for a subnetwork,
             its name.
         image_size: height and width of the images.
@@ -55,41 +54,28 @@ class Bench:
 
     Args:
         runs: trained runs by name.
-        store: store that keeps the yardsticks.
     """
 
-    def __init__(self, runs: Mapping[str, Run], store: Store):
+    def __init__(self, runs: Mapping[str, Run]):
         self._runs = runs
-        sizes = sorted({run.image_size for run in runs.values()})
-        self._yardsticks = {
-            (name, side): Yardstick(name, side, store) for name in NETWORKS for side in sizes
-        }
 
     def cases(self) -> list[Case]:
         """Return all cases, each of them once.
 
         Every run is timed in each runtime and precision. Starting from ONNX Runtime in float32, one
         property at a time is then changed: batch, threads (in each precision), part and subnetwork.
-        The yardsticks follow.
         """
-        yardsticks = [
-            Case(name, YARDSTICK, EVERYTHING, side, ONNX, "float32", 1, machine.cores())
-            for name, side in self._yardsticks
-        ]
-        of_runs = (case for run in self._runs.values() for case in _cases_of(run))
-        return list(dict.fromkeys([*of_runs, *yardsticks]))
+        return list(dict.fromkeys(case for run in self._runs.values() for case in _cases_of(run)))
 
     def job(self, case: Case, effort: Effort) -> Job:
         """Return the job of a case for a process; write the model's files if they are missing."""
-        of, images = self._model(case), None
-        if isinstance(of, Yardstick):
-            path = of.path
-        elif case.kind == SUBNETWORK:
-            path = of.subnetwork(case.part)
+        run, images = self._runs[case.model], None
+        if case.kind == SUBNETWORK:
+            path = run.subnetwork(case.part)
         else:
             whole = case.part == EVERYTHING
-            path = of.path(case.runtime, case.precision) if whole else of.part(case.part)
-            images = str(of.samples.test(of.image_size))
+            path = run.path(case.runtime, case.precision) if whole else run.part(case.part)
+            images = str(run.samples.test(run.image_size))
         return Job(
             case.runtime, case.precision, str(path), images, case.batch, case.threads, effort
         )
@@ -99,7 +85,7 @@ class Bench:
         about = machine.describe()
         hardware = {name: about[name] for name in ("processor", "cores", "instructions")}
         return {
-            **self._model(case).depends_on,
+            **self._runs[case.model].depends_on,
             "case": dataclasses.asdict(case),
             "effort": dataclasses.asdict(effort),
             "machine": hardware,
@@ -107,24 +93,15 @@ class Bench:
 
     def costs(self, case: Case, job: Job) -> dict[str, float]:
         """Return `model_mib` (size on disk), `parameters`, and `gflop` for one image."""
-        of = self._model(case)
-        files = size(Path(job.path))
-        if isinstance(of, Yardstick):
-            costs = of.costs
-        else:
-            costs = of.costs["subnetworks" if case.kind == SUBNETWORK else "parts"][case.part]
-            if (case.kind, case.part) == (SYSTEM, EVERYTHING):
-                files = of.file_size(case.runtime, case.precision)
+        run, files = self._runs[case.model], size(Path(job.path))
+        costs = run.costs["subnetworks" if case.kind == SUBNETWORK else "parts"][case.part]
+        if (case.kind, case.part) == (SYSTEM, EVERYTHING):
+            files = run.file_size(case.runtime, case.precision)
         return {
             "model_mib": files / 2**20,
             "parameters": costs["parameters"],
             "gflop": costs["gflop"],
         }
-
-    def _model(self, case: Case) -> Run | Yardstick:
-        if case.kind == YARDSTICK:
-            return self._yardsticks[case.model, case.image_size]
-        return self._runs[case.model]
 
 
 def is_whole(row: Mapping[str, Any]) -> bool:
@@ -132,7 +109,7 @@ def is_whole(row: Mapping[str, Any]) -> bool:
     return (row["kind"], row["part"]) == (SYSTEM, EVERYTHING)
 
 
-def is_crossed(row: Mapping[str, Any], cores: int) -> bool:
+def compares_runtimes(row: Mapping[str, Any], cores: int) -> bool:
     """Return whether a row belongs to the full cross: a whole system, one image, all threads.
 
     The full cross is every run in every runtime and precision.

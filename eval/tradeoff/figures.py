@@ -12,7 +12,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from ..accuracy.measures import MEASURES
 from ..report.figures import DPI, TONES, dress, to_png
 from ..report.themes import LIGHT, Theme
-from .cases import is_crossed
+from .cases import compares_runtimes
 from .recommendation import FRAME_MS, front
 from .runtimes import KERAS, ONNX, SAVED_MODEL
 
@@ -32,10 +32,10 @@ def pareto(result: Mapping[str, Any], theme: Theme = LIGHT) -> bytes:
     A line joins the variants on the Pareto front. Errors start at 0; latency is logarithmic.
 
     Args:
-        result: result of `measure.measure`; only its full cross is drawn (see `is_crossed`).
+        result: result of `measure.measure`; only its full cross is drawn (see `compares_runtimes`).
         theme: colours of the page.
     """
-    rows = [row for row in result["rows"] if is_crossed(row, result["machine"]["cores"])]
+    rows = [row for row in result["rows"] if compares_runtimes(row, result["machine"]["cores"])]
     titles = {None: "score (error ÷ chance)"}
     titles |= {name: MEASURES[name].title for name in result["scored"]}
     down = math.ceil(len(titles) / _ACROSS)

@@ -21,7 +21,7 @@ from lime_keras.data.corpus import SPLITS, Split
 
 from ..store import Store
 from . import machine, recommendation, timing
-from .cases import Bench, Case, is_crossed, is_whole
+from .cases import Bench, Case, compares_runtimes, is_whole
 from .fidelity import Fidelity
 from .run_formats import INT8, PRECISIONS, Run
 from .runtimes import ONNX
@@ -72,7 +72,7 @@ def measure(
     samples = Samples(corpus, store, camera=camera)
     opened = {name: Run(name, path, samples, store) for name, path in runs.items()}
     answered = _answered(opened, store, progress)
-    rows = _timed(Bench(opened, store), store, progress)
+    rows = _timed(Bench(opened), store, progress)
     scored = recommendation.scored([one["errors"] for one in answered.values()])
     _judge(rows, answered, scored)
     alone = [row for row in rows if is_whole(row) and row["batch"] == 1]
@@ -97,7 +97,9 @@ def measure(
         "scored": scored,
         "rows": rows,
         "purposes": recommendation.for_purposes(_plain(alone)),
-        "recommendations": recommendation.for_devices(alone, machine.cores(), best_int8),
+        "recommendations": [
+            recommendation.for_this_machine(alone, machine.cores(), best_int8),
+        ],
     }
 
 
@@ -112,7 +114,7 @@ def _judge(rows: list[dict[str, Any]], answered: Mapping, scored: list[str]) -> 
     for row in filter(is_whole, rows):
         row |= answered[row["model"], row["runtime"], row["precision"]]
         row["score"] = recommendation.score(row["errors"], scored)
-    crossed = [row for row in rows if is_crossed(row, machine.cores())]
+    crossed = [row for row in rows if compares_runtimes(row, machine.cores())]
     points = [(row["latency_ms"], row["score"]) for row in crossed]
     for row, on_front in zip(crossed, recommendation.front(points), strict=True):
         row["front"] = on_front

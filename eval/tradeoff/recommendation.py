@@ -1,11 +1,10 @@
-"""The recommendation of a variant: a score, the Pareto front, and the best within a budget."""
+"""The recommendation of a variant: a score, the Pareto front, and the best of this machine."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..accuracy.measures import MEASURES
-from .runtimes import ONNX
 
 SCORED = {
     name: chance
@@ -25,14 +24,6 @@ _AS_GOOD = 0.01
 scores, so the cheaper variant is taken."""
 FRAME_MS = 1000 / 30
 """Milliseconds for a frame of video at 30 frames per second."""
-PHONE_SLOWER = 5
-"""Factor by which a phone's core is assumed to be slower than this machine's. A server's core does
-up to 64 float32 operations per cycle (two units of 512 bits), a mid-range phone's core 16 (two of
-128 bits), at similar clocks. That is a factor of 4, and a little more for the memory. It is an
-assumption until a phone is measured."""
-GPU_GFLOP = 100.0
-"""Largest arithmetic of a frame on a GPU: 30 frames per second at 3 TFLOP/s, a quarter of the peak
-of the paper's Titan Xp, which all later GPUs for computing have."""
 
 Row = Mapping[str, Any]
 
@@ -75,29 +66,6 @@ def front(points: Sequence[tuple[float, float]]) -> list[bool]:
     return [not beaten(point) for point in points]
 
 
-def best(rows: Sequence[Row], cost: Callable[[Row], float], budget: float) -> dict[str, Any]:
-    """Return the variant with the least score within a budget; of equally good ones the cheapest.
-
-    Args:
-        rows: variants with a `score`; at least one.
-        cost: function from a row to its cost.
-        budget: largest cost accepted, in the unit of `cost`.
-
-    Returns:
-        `row`, its `cost`, and `within`, whether the row meets the budget. If no row meets it, `row`
-        is the cheapest of all.
-    """
-    front([(cost(row), row["score"]) for row in rows])
-    within = [row for row in rows if cost(row) <= budget]
-    if not within:
-        cheapest = min(rows, key=cost)
-        return {"row": dict(cheapest), "cost": cost(cheapest), "within": False}
-    least = min(row["score"] for row in within)
-    as_good = [row for row in within if row["score"] <= least * (1 + _AS_GOOD)]
-    chosen = min(as_good, key=cost)
-    return {"row": dict(chosen), "cost": cost(chosen), "within": True}
-
-
 def for_purposes(rows: Sequence[Row]) -> list[dict[str, Any]]:
     """Return the models that are worth taking, the slowest first, with what each is for.
 
@@ -129,50 +97,44 @@ def for_purposes(rows: Sequence[Row]) -> list[dict[str, Any]]:
     return worth
 
 
-def for_devices(rows: Sequence[Row], cores: int, best_int8: Mapping[str, str]) -> list[dict]:
-    """Return the recommendations for a phone-class processor, for this machine and for a GPU.
+def for_this_machine(
+    rows: Sequence[Row], cores: int, best_int8: Mapping[str, str]
+) -> dict[str, Any]:
+    """Return the variant with the least score that answers 30 images a second on this machine.
+
+    Of equally good variants the fastest is taken; where none is fast enough, the fastest of all.
 
     Args:
         rows: rows of whole systems with one image at a time, with `model`, `runtime`, `precision`,
-            `threads`, `latency_ms`, `gflop` and `score`.
-        cores: number of threads on all of this machine's cores.
+            `threads`, `latency_ms` and `score`.
+        cores: number of threads on all of this machine's cores; only these rows take part.
         best_int8: eight-bit precision chosen on validation images, by model; the other eight-bit
             precision is never recommended, even if it is better on the test images.
 
     Returns:
-        For each device: `device`, `rule` in words, `budget` and its `unit`, and the result of
-        `best`.
+        `device`, `rule` in words, `budget` and its `unit`, the `row`, its `cost`, and `within`,
+        whether it meets the budget.
+
+    Raises:
+        ValueError: if a latency or a score is NaN or infinite.
     """
     chosen = [
         row
         for row in rows
-        if not row["precision"].startswith("int8") or row["precision"] == best_int8[row["model"]]
+        if row["threads"] == cores
+        and (not row["precision"].startswith("int8") or row["precision"] == best_int8[row["model"]])
     ]
-    onnx = [row for row in chosen if row["runtime"] == ONNX]
-    one_thread = [row for row in onnx if row["threads"] == 1]
-    all_threads = [row for row in chosen if row["threads"] == cores]
-    plain = [row for row in onnx if row["precision"] == "float32" and row["threads"] == cores]
-    return [
-        {
-            "device": "a phone-class CPU",
-            "rule": f"ONNX Runtime on one thread of this machine, times {PHONE_SLOWER} (assumed, "
-            f"not measured), within {FRAME_MS:.1f} ms",
-            "budget": FRAME_MS,
-            "unit": "ms",
-            **best(one_thread, lambda row: PHONE_SLOWER * row["latency_ms"], FRAME_MS),
-        },
-        {
-            "device": "this laptop",
-            "rule": f"all {cores} threads of this machine within {FRAME_MS:.1f} ms",
-            "budget": FRAME_MS,
-            "unit": "ms",
-            **best(all_threads, lambda row: row["latency_ms"], FRAME_MS),
-        },
-        {
-            "device": "a GPU",
-            "rule": f"not measured here: by arithmetic, within {GPU_GFLOP:.0f} GFLOP an image",
-            "budget": GPU_GFLOP,
-            "unit": "GFLOP",
-            **best(plain, lambda row: row["gflop"], GPU_GFLOP),
-        },
-    ]
+    front([(row["latency_ms"], row["score"]) for row in chosen])
+    within = [row for row in chosen if row["latency_ms"] <= FRAME_MS]
+    least = min((row["score"] for row in within), default=math.inf)
+    as_good = [row for row in within if row["score"] <= least * (1 + _AS_GOOD)]
+    row = min(as_good or chosen, key=lambda one: one["latency_ms"])
+    return {
+        "device": "this machine",
+        "rule": f"all {cores} threads of this machine within {FRAME_MS:.1f} ms",
+        "budget": FRAME_MS,
+        "unit": "ms",
+        "row": dict(row),
+        "cost": row["latency_ms"],
+        "within": bool(within),
+    }

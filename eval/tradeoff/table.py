@@ -8,7 +8,7 @@ from lime_keras.export.quantisation import RANGES
 
 from ..accuracy.measures import MEASURES
 from ..markdown_table import ABSENT, aligned
-from .cases import SUBNETWORK, SYSTEM, YARDSTICK, is_crossed, is_whole
+from .cases import SUBNETWORK, SYSTEM, compares_runtimes, is_whole
 from .costs import TITAN_XP
 from .runtimes import ONNX
 
@@ -42,7 +42,6 @@ _COLUMNS: dict[str, Callable[[Row], str]] = {
     "score": lambda row: f"{row['score']:.3f}",
     "parameters": lambda row: _count(row["parameters"]),
     "GFLOP": lambda row: f"{row['gflop']:.2f}",
-    "GFLOP/s": lambda row: f"{1e3 * row['gflop'] / row['latency_ms']:.0f}",
     "paper, Titan Xp ms": lambda row: _paper(row),
     "model MiB": lambda row: f"{row['model_mib']:.1f}",
     "peak MiB": lambda row: f"{row['peak_memory_mib']:.0f}",
@@ -73,7 +72,6 @@ def markdown(result: Mapping[str, Any]) -> str:
         "Batch": _batches,
         "What is asked for": _parts,
         "Subnetworks, beside the paper's": _subnetworks,
-        "Yardsticks": _yardsticks,
         "Memory, size and cold start": _resources,
     }
     texts = [f"## {title}\n\n{section(result)}" for title, section in sections.items()]
@@ -120,9 +118,9 @@ def _recommendations(result: Mapping[str, Any]) -> str:
     )
     worth = result["purposes"]
     purposes = map(_purpose, worth, [None, *worth])
-    devices = map(_recommendation, result["recommendations"])
+    machines = map(_recommendation, result["recommendations"])
     which = "Which weights, in float32 under ONNX Runtime on all threads:"
-    return "\n".join([which, "", *purposes, "", rule, "", *devices])
+    return "\n".join([which, "", *purposes, "", rule, "", *machines])
 
 
 def _purpose(one: Mapping[str, Any], slower: Mapping[str, Any] | None) -> str:
@@ -237,18 +235,6 @@ def _paper(row: Row) -> str:
     return ABSENT if milliseconds is None else f"{milliseconds:.2f}"
 
 
-def _yardsticks(result: Mapping[str, Any]) -> str:
-    rows = [row for row in result["rows"] if row["kind"] == YARDSTICK] + _systems(result)
-    rows.sort(key=lambda row: (row["image_size"], row["gflop"]))
-    about = (
-        "No network published for this very task could be had: of the paper there is neither code "
-        "nor weights. Public classifiers of known size, with random weights, exported and timed "
-        "the same way in the same rounds (ONNX Runtime, float32, one image, all threads):"
-    )
-    columns = ("run", "pixels", "parameters", "GFLOP", "ms", "GFLOP/s")
-    return f"{about}\n\n{_rows(rows, *columns)}"
-
-
 def _resources(result: Mapping[str, Any]) -> str:
     about = (
         "One image, all threads. Peak memory is the whole process's. Cold start: from the start of "
@@ -264,7 +250,7 @@ def _resources(result: Mapping[str, Any]) -> str:
 
 
 def _crossed(result: Mapping[str, Any]) -> list[Row]:
-    return [row for row in result["rows"] if is_crossed(row, result["machine"]["cores"])]
+    return [row for row in result["rows"] if compares_runtimes(row, result["machine"]["cores"])]
 
 
 def _plain(result: Mapping[str, Any]) -> list[Row]:

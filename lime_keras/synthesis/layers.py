@@ -30,7 +30,8 @@ LEVEL_ROWS = (16, 32, 64, 128)
 """Rows of the levels over which S is summed, coarsest first."""
 COARSENESS = 4.0
 """Largest (texel's height in radians)² · (s + 2) of the level that S is summed over; the lobe's own
-variance about the half vector is 1/(s + 2). `benchmarks/synthesis.py` draws error against cost."""
+variance about the half vector is 1/(s + 2). `benchmarks/synthesis_error.py` draws error against
+cost."""
 PIECE = 1024
 """Number of surfaces that are lit at once: few enough for a processor's cache."""
 _COARSEST_MIRROR = 4

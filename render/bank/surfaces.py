@@ -2,7 +2,7 @@
 
 The samples of such a pixel are parted by their mirror directions, into two groups that each vary
 little (2-means). A single normal for the whole pixel gives D, S and M with errors of 24, 30 to 80
-and 90 % in one pixel of twenty; two give 3, 6 to 20 and 27 % (`benchmarks/synthesis.py`).
+and 90 % in one pixel of twenty; two give 3, 6 to 20 and 27 % (`benchmarks/synthesis_error.py`).
 """
 
 from typing import NamedTuple

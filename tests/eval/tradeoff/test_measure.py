@@ -3,7 +3,6 @@
 import json
 import shutil
 
-import keras
 import numpy as np
 import pytest
 import sphere_corpus
@@ -11,8 +10,8 @@ import sphere_corpus
 from lime_keras.eval.accuracy import measures
 from lime_keras.eval.accuracy.evaluate import evaluate
 from lime_keras.eval.store import Store
-from lime_keras.eval.tradeoff import cases, fidelity, machine, run_formats, timing, yardsticks
-from lime_keras.eval.tradeoff.cases import SUBNETWORK, YARDSTICK, Case, is_crossed, is_whole
+from lime_keras.eval.tradeoff import fidelity, machine, run_formats, timing
+from lime_keras.eval.tradeoff.cases import SUBNETWORK, Case, compares_runtimes, is_whole
 from lime_keras.eval.tradeoff.measure import ROUNDS, measure
 from lime_keras.eval.tradeoff.recommendation import SCORED
 from lime_keras.eval.tradeoff.runtimes import KERAS, ONNX
@@ -24,12 +23,6 @@ from lime_keras.export import parity
 pytestmark = pytest.mark.slow
 
 PRECISIONS = {KERAS: ("float32", "bfloat16"), ONNX: ("float32", "int8", "int8, float heads")}
-
-
-def _classifier(weights, input_shape):
-    image = keras.Input(input_shape)
-    x = keras.layers.GlobalAveragePooling2D()(keras.layers.Conv2D(3, 3)(image))
-    return keras.Model(image, keras.layers.Dense(5)(x))
 
 
 class Counted:
@@ -113,8 +106,6 @@ def _stand_in(patched, home, made):
     patched.setattr(run_formats.quantisation, "write_int8", write_int8)
     for module in ("run_formats", "cases", "measure"):
         patched.setattr(f"lime_keras.eval.tradeoff.{module}.PRECISIONS", PRECISIONS)
-    for module in (yardsticks, cases):
-        patched.setattr(module, "NETWORKS", {"small": _classifier})
     patched.setattr(machine, "cores", lambda: 2)
 
 
@@ -148,7 +139,7 @@ def _rows(result, **wanted):
 
 def test_every_variant_is_crossed_and_the_rest_changes_one_at_a_time(first):
     result, _ = first
-    crossed = [row for row in result["rows"] if is_crossed(row, 2)]
+    crossed = [row for row in result["rows"] if compares_runtimes(row, 2)]
     names = {(row["model"], row["runtime"], row["precision"]) for row in crossed}
     every = {(runtime, name) for runtime, names in PRECISIONS.items() for name in names}
     assert names == {(model, *variant) for model in "ab" for variant in every}
@@ -159,7 +150,6 @@ def test_every_variant_is_crossed_and_the_rest_changes_one_at_a_time(first):
     parts = {row["part"] for row in _rows(result, model="b", kind="system")}
     assert parts == {"everything", "mask", "specular", "mirror", "albedo", "exponent", "diffuse"}
     assert len(_rows(result, model="b", kind=SUBNETWORK)) == 5
-    assert [row["model"] for row in _rows(result, kind=YARDSTICK)] == ["small"]
     keys = [tuple(row[name] for name in Case.__annotations__) for row in result["rows"]]
     assert len(set(keys)) == len(keys)
 
@@ -204,7 +194,7 @@ def test_the_result_is_json_and_its_tables_say_it(first):
     assert json.loads(json.dumps(result, allow_nan=False)) == result
     text = markdown(result)
     assert result["machine"]["processor"] in text and "4 test images" in text
-    for said in ("13.72", "No network published", "(assumed, not measured)", "small", "only"):
+    for said in ("13.72", "all 2 threads of this machine within 33.3 ms", "only"):
         assert said in text
     table = text.split("## The trade")[1].split("##")[0]
     lines = [line for line in table.splitlines() if line.startswith("|")][2:]
@@ -227,7 +217,7 @@ def test_a_rerun_measures_nothing_again(first, measured):
 def test_of_fewer_runs_all_is_known(first, measured):
     alone, counted = measured("a")
     assert counted.timed == [] and counted.evaluations == 0
-    assert {row["model"] for row in alone["rows"]} == {"a", "small"}
+    assert {row["model"] for row in alone["rows"]} == {"a"}
 
 
 def test_a_camera_is_another_matter_for_errors(first, measured):

@@ -6,9 +6,8 @@ import pytest
 
 from lime_keras.eval.tradeoff import recommendation
 from lime_keras.eval.tradeoff.recommendation import (
-    best,
-    for_devices,
     for_purposes,
+    for_this_machine,
     front,
     score,
     scored,
@@ -77,51 +76,29 @@ def _row(latency, score, **changes):
     } | changes
 
 
-def _cost(row):
-    return row["latency_ms"]
+def _chosen(*rows, best_int8="int8, float heads"):
+    return for_this_machine(rows, 2, {"live": best_int8})
 
 
-def test_the_best_is_the_least_score_within_the_budget():
-    rows = [_row(10, 0.6), _row(20, 0.5), _row(40, 0.1)]
-    assert best(rows, _cost, 33) == {"row": rows[1], "cost": 20, "within": True}
-    assert best(rows, _cost, 20)["row"] == rows[1]
-    assert best(rows, _cost, 40)["row"] == rows[2]
+def test_the_best_is_the_least_score_within_a_frame():
+    rows = [_row(10, 0.6), _row(33, 0.5), _row(34, 0.1)]
+    chosen = _chosen(*rows)
+    assert (chosen["row"], chosen["cost"], chosen["within"]) == (rows[1], 33, True)
+    assert (chosen["device"], chosen["unit"]) == ("this machine", "ms")
+    assert chosen["budget"] == pytest.approx(33.33, abs=0.01) and "all 2 threads" in chosen["rule"]
 
 
-def test_scores_that_are_as_good_yield_to_the_cost():
-    rows = [_row(20, 0.500), _row(10, 0.505), _row(5, 0.506)]
-    assert best(rows, _cost, 33)["cost"] == 10
+def test_of_scores_that_are_as_good_the_fastest_is_taken():
+    assert _chosen(_row(20, 0.500), _row(10, 0.505), _row(5, 0.506))["cost"] == 10
 
 
-def test_a_budget_that_nothing_meets_is_told_with_the_nearest():
-    rows = [_row(50, 0.1), _row(40, 0.9)]
-    assert best(rows, _cost, 33) == {"row": rows[1], "cost": 40, "within": False}
+def test_where_nothing_is_fast_enough_the_fastest_is_named():
+    chosen = _chosen(_row(50, 0.1), _row(40, 0.9))
+    assert (chosen["cost"], chosen["within"]) == (40, False)
 
 
-def test_a_score_that_is_no_number_is_not_compared():
-    with pytest.raises(ValueError, match="not finite"):
-        best([_row(1, 0.5), _row(2, math.nan)], _cost, 33)
-
-
-def _chosen(rows, best_int8="int8, float heads"):
-    return {one["device"]: one for one in for_devices(rows, 2, {"live": best_int8})}
-
-
-def test_each_device_looks_at_rows_of_its_own():
-    rows = [
-        _row(30, 0.3, gflop=100.0),
-        _row(8, 0.4, threads=1, precision="float16"),
-        _row(6, 0.5, threads=1),
-        _row(25, 0.2, runtime="Keras", precision="bfloat16"),
-        _row(1, 0.1, runtime="Keras", precision="float32", threads=1),
-    ]
-    chosen = _chosen(rows)
-    # 8 ms five times over is more than a frame; Keras does not run on a phone.
-    assert chosen["a phone-class CPU"]["row"] == rows[2]
-    assert chosen["a phone-class CPU"]["cost"] == pytest.approx(30)
-    assert chosen["this laptop"]["row"] == rows[3]
-    assert chosen["a GPU"]["row"] == rows[0] and chosen["a GPU"]["within"]
-    assert "not measured" in chosen["a GPU"]["rule"]
+def test_fewer_threads_than_the_machine_has_take_no_part():
+    assert _chosen(_row(20, 0.5), _row(10, 0.1, threads=1))["cost"] == 20
 
 
 def test_of_eight_bits_only_what_validation_chose_is_taken():
@@ -129,16 +106,15 @@ def test_of_eight_bits_only_what_validation_chose_is_taken():
         _row(20, 0.5),
         _row(10, 0.3, precision="int8"),
         _row(10, 0.4, precision="int8, float heads"),
-        _row(20, 0.5, threads=1),
     ]
-    assert _chosen(rows)["this laptop"]["row"] == rows[2]
-    assert _chosen(rows, "int8")["this laptop"]["row"] == rows[1]
+    assert _chosen(*rows)["row"] == rows[2]
+    assert _chosen(*rows, best_int8="int8")["row"] == rows[1]
 
 
-def test_nothing_within_a_devices_budget_is_said():
-    chosen = _chosen([_row(100, 0.5, gflop=500.0), _row(150, 0.5, threads=1)])
-    assert [one["within"] for one in chosen.values()] == [False] * 3
-    assert chosen["a phone-class CPU"]["cost"] == pytest.approx(750)
+@pytest.mark.parametrize("latency, score", [(2, math.nan), (math.inf, 0.5)])
+def test_what_is_no_number_is_not_compared(latency, score):
+    with pytest.raises(ValueError, match="not finite"):
+        _chosen(_row(1, 0.5), _row(latency, score))
 
 
 def _model(name, latency, score):
