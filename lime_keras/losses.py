@@ -147,6 +147,7 @@ def compositing_l1(
     diffuse_shading: Any,
     specular_compressed: Any,
     clipped: Any = None,
+    balance: Any = 1.0,
 ) -> Any:
     """Return the mean absolute error of the recomposed image (Eq. 5), `(B,)`, at least 0.
 
@@ -167,6 +168,7 @@ def compositing_l1(
         clipped: `(B, H, W, 3)`, above 0 where a channel was clipped. If the photo was made smaller,
             this holds for any part of the pixel. By default the channels at `colour.CLIPPED` and
             above.
+        balance: gains of the photo's channels `(B, H, W, 3)`, where its white balance errs.
 
     Example:
         A grey material under D = 1 without gloss recomposes to itself:
@@ -182,7 +184,9 @@ def compositing_l1(
     if clipped is None:
         clipped = ops.cast(image_srgb >= colour.CLIPPED, image_srgb.dtype)
     specular_shading = expand(specular_compressed)
-    composed = compose(diffuse_albedo, specular_albedo, ambient, diffuse_shading, specular_shading)
+    composed = balance * compose(
+        diffuse_albedo, specular_albedo, ambient, diffuse_shading, specular_shading
+    )
     image = colour.srgb_to_linear(image_srgb)
     error = ops.where(clipped > 0, ops.maximum(image - composed, 0.0), ops.abs(composed - image))
     full = ops.cast(mask >= 1.0, error.dtype)

@@ -11,12 +11,14 @@ from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+import keras
 import numpy as np
 
 from lime_keras.data import clutter
 from lime_keras.data.corpus import Split
 from lime_keras.synthesis import bank
 
+from . import masks
 from .config import Config, is_bank
 from .stages import Stage
 
@@ -24,6 +26,9 @@ _ORIGIN = ("seed", "index")
 """Features that identify an example: in a corpus its own, of a bank's scene seed and position."""
 _ALWAYS = ("shininess",)
 """Features that held-out batches always hold, so that all stages can share them."""
+
+SEEN_MASK = "seen_mask"
+"""Feature: the mask that the object is cut out with; losses and measures take the true one."""
 
 Batch = dict[str, Any]
 
@@ -62,14 +67,17 @@ class Data:
             self._banks = Banks(banks, config, rows)
         _check_sizes(paths, config.architecture.size)
         _check_units(paths)
+        self._masker: keras.Model | None = None
         self._kept: list[Batch] = []
         self._kept_features: set[str] = set()
 
     def training(self, stage: Stage, features: Collection[str], first_step: int) -> Iterator[Batch]:
         """Yield a stage's batches without end, from a step on.
 
-        Each batch also holds `seed` and `index`, which identify its examples.
+        Each batch also holds `seed` and `index`, which identify its examples. The feature
+        `seen_mask` is made here (`train.masks`).
         """
+        sees, features = SEEN_MASK in features, [name for name in features if name != SEEN_MASK]
         seed = zlib.crc32(f"{self._config.seed} {stage.name}".encode())
         of_banks = self._steps_of_banks(first_step)
         wanted, batches = (*features, *_ORIGIN), {}
@@ -84,18 +92,42 @@ class Data:
                 generator = np.random.default_rng((seed, step))
                 images, _ = clutter.add(batch["image"], batch["mask"], generator)
                 batch = batch | {"image": images}
+            if sees:
+                generator = np.random.default_rng((seed, step))
+                seen = masks.seen(self._masker, batch["image"], batch["mask"], generator)
+                batch = batch | {SEEN_MASK: seen}
             yield batch
+
+    def cut_out_by(self, masker: keras.Model) -> None:
+        """Let `seen_mask` be, for some of the images, what a trained SegmentationNet finds."""
+        self._masker = masker
+        for batch in self._kept:
+            batch.pop(SEEN_MASK, None)
+
+    def seen(self, stage: Stage, features: Collection[str]) -> tuple[str, ...]:
+        """Return a stage's features, with `seen_mask` if it learns on masks that are not true."""
+        sees = self._config.schedule.masks and "segmentation" not in stage.subnetworks
+        return (*features, *([SEEN_MASK] if sees else []))
 
     def held_out(self, features: Collection[str]) -> Iterator[Batch]:
         """Yield the held-out batches: equally many of each path, where it has enough.
 
-        They are read or made once, and then kept in memory.
+        They are read or made once, and then kept in memory. `seen_mask` is that of
+        `cut_out_by`'s network, or the true one if there is none.
         """
+        sees, features = SEEN_MASK in features, [name for name in features if name != SEEN_MASK]
         if not self._kept_features.issuperset(features):
             self._kept_features |= {*features, *_ALWAYS}
             self._kept = list(self._held_out(sorted(self._kept_features)))
         for batch in self._kept:
-            yield {name: batch[name] for name in features}
+            if sees and SEEN_MASK not in batch:
+                batch[SEEN_MASK] = (
+                    batch["mask"]
+                    if self._masker is None
+                    else masks.own(self._masker, batch["image"])
+                )
+            names = [*features, SEEN_MASK] if sees else features
+            yield {name: batch[name] for name in names}
 
     def blamed(self, step: int, batch: Batch, rows: Sequence[int]) -> str:
         """Return words that identify examples of a batch and say what mends them.

@@ -21,7 +21,8 @@ class StageModel(keras.Model):
     """A model of the subnetworks that one stage trains together.
 
     The input of a subnetwork is the prediction of another subnetwork of the stage if there is one,
-    else the ground truth. The object is always cut out by the true mask.
+    else the ground truth. The object is cut out by `seen_mask` of the batch, if it has one
+    (`train.masks`), else by the true mask.
 
     Args:
         subnetworks: subnetworks of the stage by name; all of them are trained.
@@ -70,6 +71,7 @@ class StageModel(keras.Model):
     def call(self, batch: Mapping[str, Any], training: bool = False) -> StageAnswer:
         """Return the predictions of the stage's subnetworks, and what they read, for a batch."""
         truths = {quantity: terms.truth(quantity, batch) for quantity in self._given}
+        truths["mask"] = batch.get("seen_mask", batch["mask"])
         graph = Wiring(self.subnetworks, truths | {"image": batch["image"]}, training=training)
         return StageAnswer(
             raw={quantity: graph.answer(quantity) for quantity in self._answered},

@@ -90,11 +90,12 @@ class StageTraining:
     ):
         self._stage, self._model, self._checkpoint, self._files = stage, model, checkpoint, files
         self._data, self._devices, self._tell = data, devices, tell
+        self._features = data.seen(stage, model.features)
 
     def measure(self) -> Cost:
         """Compile the functions of the stage, measure their time, and leave the model as it was."""
         model, before = self._model, values(self._model)
-        batches = self._data.training(self._stage, model.features, 0)
+        batches = self._data.training(self._stage, self._features, 0)
 
         def step() -> None:
             self._step(next(batches))
@@ -102,8 +103,8 @@ class StageTraining:
         step()
         seconds = sum(seconds_of(step) for _ in range(_TIMED_STEPS)) / _TIMED_STEPS
         restore(model, before)
-        look = seconds_of_evaluation(self._data.held_out(model.features), self._evaluate)
-        first = next(self._data.held_out(model.features), None)
+        look = seconds_of_evaluation(self._data.held_out(self._features), self._evaluate)
+        first = next(self._data.held_out(self._features), None)
         if first is not None and tensorboard_log.installed():
             draw = functools.partial(tensorboard_log.picture, model, first)
             draw()
@@ -140,7 +141,7 @@ class StageTraining:
         self._tell(Progress(stage, step, {}, 0.0, pace.progress(step), pace.left))
         if step == 0:
             pace.looked(0.0, self._look(0, {}, curve, board))
-        batches = self._data.training(stage, model.features, step)
+        batches = self._data.training(stage, self._features, step)
         losses, norms, waited, began = Means(), Means(), 0.0, monotonic()
         saved, first = began, step
         pace.start()
@@ -197,7 +198,7 @@ class StageTraining:
         """
         began, model, losses, first = monotonic(), self._model, Means(), None
         model.reset_measures()
-        for batch in self._data.held_out(model.features):
+        for batch in self._data.held_out(self._features):
             first = first or batch
             losses.add(self._evaluate(batch))
         measured = {} if first is None else model.measured()

@@ -63,6 +63,8 @@ class Schedule:
             read. A bank's scenes are drawn anew in every way, so neither concerns them.
         clutter: whether SegmentationNet, alone, learns from images with prints on the objects and
             other objects behind them (`lime_keras.data.clutter`).
+        masks: whether the other subnetworks, each alone, learn on masks as SegmentationNet finds
+            them and on damaged ones (`train.masks`), rather than on true masks alone.
         structure: whether SegmentationNet's loss is `losses.mask_structure`, rather than the mean
             squared error.
         optimizer: a key of `optimizer.OPTIMIZERS`.
@@ -79,6 +81,7 @@ class Schedule:
     flips: bool = False
     repaints: bool = False
     clutter: bool = False
+    masks: bool = False
     structure: bool = False
     optimizer: str = "adam"
 
@@ -101,7 +104,12 @@ class Schedule:
     def stages(self, architecture: Architecture) -> list[Stage]:
         """Return all stages of a system, in the order of training."""
         here = names(architecture)
-        rounds = {name: LEARNING[name].joined for name in here}
+        # Encoders that read no layers have nothing to be joined for.
+        rounds = {
+            name: LEARNING[name].joined
+            for name in here
+            if architecture.layers or not SUBNETWORKS[name].encoder
+        }
         out = [
             Stage(
                 (name,),
@@ -135,6 +143,7 @@ _LIVE = Schedule(
     flips=True,
     repaints=True,
     clutter=True,
+    masks=True,
     structure=True,
     optimizer="muon",
 )

@@ -14,7 +14,7 @@ from keras import ops
 
 from lime_keras import losses
 from lime_keras.metrics import MaskedRelativeError, PooledIoU, WithinBins
-from lime_keras.optics import shininess
+from lime_keras.optics import camera_law, shininess
 from lime_keras.optics.dynamic_range import compress
 from lime_keras.optics.masking import masked_mean
 from lime_keras.optics.reflectance_map import disc, true_reflectance_map
@@ -151,8 +151,9 @@ def _compositing(batch: Batch, answer: StageAnswer) -> Any:
         albedos[:, 3:],
         batch["ambient"],
         batch["diffuse_shading"],
-        answer.seen["specular_shading"],
+        answer.seen.get("specular_shading", compress(batch["specular_shading"])),
         batch["clipped"],
+        camera_law.balance(batch["cast"], camera_law.places(batch["image"].shape[1])),
     )
 
 

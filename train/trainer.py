@@ -30,7 +30,7 @@ from lime_keras.io import atomic, locking
 from lime_keras.networks import SUBNETWORKS, Architecture, build, weights
 from lime_keras.networks.precision import computing_in
 
-from . import hosts, initial_weights
+from . import backbone, hosts, initial_weights
 from .budget import SAVING, Budget, Plan
 from .config import Config, check, claim, config_path
 from .data import Data
@@ -140,6 +140,8 @@ def train(
         hosts.agree({"--start-from": start_from is not None})
         if config.begun_from is not None:
             begun, alone = initial_weights.load(run, subnetworks, record=split.leads)
+        if config.architecture.pretrained and "segmentation" not in begun:
+            backbone.begin(subnetworks["segmentation"])
         _freeze(config, subnetworks, begun)
     parts = _parts(run, config, stages, subnetworks, split, only, reuse)
     hosts.agree({"checkpoints or --stages": [[part.stage.name, *part.mark] for part in parts]})
@@ -173,6 +175,8 @@ def train(
             write()
 
     so_far = set(begun)
+    if "segmentation" in so_far:
+        data.cut_out_by(subnetworks["segmentation"])
     for part in parts:
         name = part.stage.name
         so_far |= set(part.stage.subnetworks)
@@ -184,6 +188,8 @@ def train(
             prepared(part).run(Count(part.stage.steps), keep)
         else:
             timetable.run(keep)
+        if name == "segmentation":
+            data.cut_out_by(subnetworks[name])
         if name in SUBNETWORKS and SUBNETWORKS[name].encoder:
             alone[name] = subnetworks[name].get_weights()
     if parts:

@@ -1,7 +1,7 @@
 """The camera augmentation: a photo of a rendered scene, as a consumer camera would take it.
 
-Light → exposure → defocus → noise → clipping → sRGB → 8 bits → JPEG, inside a `tf.data` graph.
-White balance stays as it is, because section 4 of the paper assumes white-balanced photos.
+Light → exposure → defocus → white balance → noise → clipping → sRGB → 8 bits → JPEG, inside a
+`tf.data` graph.
 """
 
 import numpy as np
@@ -40,8 +40,8 @@ def photograph(
 
     Returns:
         The example with a new `image`, sRGB in multiples of 1/255; with `clipped` `(S, S, 3)`, 1
-        where the light, without the noise, saturates the sensor; and with its light scaled by the
-        exposure.
+        where the light, without the noise, saturates the sensor; with `cast` `(4,)`, the error of
+        the white balance (`camera_law.cast`); and with its light scaled by the exposure.
     """
     if seed is None:
         seed = tf.stack([example["seed"], example["index"]])
@@ -52,7 +52,11 @@ def photograph(
     for name in camera_law.LIT:
         if name in example:
             out[name] = example[name] * exposure
+    drawn = tf.random.stateless_uniform((1, 4), tf.random.split(seed, 3)[2])
+    cast = camera_law.cast(drawn)
     light = _defocused(_radiance(out, exposure), defocus)
+    light *= _balance(cast, tf.shape(light)[0])
+    out["cast"] = cast[0]
     out["clipped"] = tf.cast(light >= camera_law.SATURATED, tf.float32)
     levels = _sensed(light, camera_law.full_well(well), seeds[1])
     pixels = tf.cond(
@@ -109,6 +113,12 @@ def _defocused(light: tf.Tensor, strength: tf.Tensor) -> tf.Tensor:
         return tf.nn.depthwise_conv2d(padded[None], kernel, (1, 1, 1, 1), "VALID")[0]
 
     return tf.cond(radius <= 0.5, lambda: light, blurred)
+
+
+def _balance(cast: tf.Tensor, size: tf.Tensor) -> tf.Tensor:
+    """Return the gains `(S, S, 3)` of a photo with a cast `(1, 4)`."""
+    place = (tf.range(size, dtype=tf.float32) + 0.5) * (2 / size) - 1
+    return camera_law.balance(cast, place, tnp)[0]
 
 
 def _sensed(light: tf.Tensor, full_well: tf.Tensor, seed: tf.Tensor) -> tf.Tensor:

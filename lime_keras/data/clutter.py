@@ -1,22 +1,35 @@
-"""The clutter augmentation: prints on the objects, and other objects behind them.
+"""The clutter augmentation: objects in many colours, prints, shadows, and other things behind them.
 
-It is for SegmentationNet alone. Photographed objects bear labels, letters and stains, and stand
-among others; their mask is that of the whole object, and of no other. The remaining subnetworks
-learn from scenes of the model, which has one material for each object.
+It is for SegmentationNet alone. Photographed objects bear labels and paint, are made of several
+materials, and stand among others; their mask is that of the whole object, and of no other. The
+remaining subnetworks learn from scenes of the model, which has one material for each object.
 """
 
 import numpy as np
 
-_PRINTED = 0.5
+_TEXTURED = 0.2
+"""Share of the objects that wear another scene's image as their colours."""
+_PARTED = 0.2
+"""Share of the objects that are of two or three materials."""
+_PRINTED = 0.4
 """Share of the objects that bear prints."""
+_CAMOUFLAGED = 0.1
+"""Share of the scenes whose background has the object's own colour."""
+_STUDIO = 0.1
+"""Share of the scenes before white, black or grey paper."""
+_SHADED = 0.2
+"""Share of the scenes with a shadow across them."""
 _ACCOMPANIED = 0.4
 """Share of the scenes that show another object behind theirs."""
 _LARGEST = 0.5
 """Largest visible part of another object, in areas of the scene's own object."""
 _BRIGHTEST = 3.0
 """Largest factor from the object's shading to a print's, sRGB."""
-_CELLS = (2, 24)
-"""Smallest and largest number of cells of the noise along an image that prints are cut from."""
+_DARKEST = 0.25
+"""Least factor of a shadow, sRGB."""
+_CELLS, _COARSE = (2, 24), (1, 4)
+"""Smallest and largest number of cells along an image of the noise that prints, and parts and
+shadows, are cut from."""
 _SHARPNESS = 12.0
 """Slope of a print's edge, per standard deviation of the noise."""
 
@@ -26,8 +39,8 @@ def add(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Put clutter into a batch of images.
 
-    A print has a colour of its own and the object's shading, brighter or darker. The object of the
-    next example in the batch, shifted, is pasted behind the scene's own.
+    An object's new colours keep its shading: the largest of R, G and B at each pixel. The object of
+    the next example in the batch, shifted, is pasted behind the scene's own.
 
     Args:
         images: `(B, S, S, 3)` sRGB in [0, 1].
@@ -39,13 +52,13 @@ def add(
         object was pasted into it, `(B,)` bools.
     """
     images, masks = np.asarray(images, np.float32), np.asarray(masks, np.float32)
-    printed = np.stack(
-        [
-            _printed(image, mask, generator) if generator.random() < _PRINTED else image
-            for image, mask in zip(images, masks, strict=True)
-        ]
-    )
-    out, pasted = printed.copy(), np.zeros(len(images), bool)
+    out = np.empty_like(images)
+    for index, (image, mask) in enumerate(zip(images, masks, strict=True)):
+        out[index] = image + mask * (_painted(image, images[index - 1], generator) - image)
+    painted, pasted = out.copy(), np.zeros(len(images), bool)
+    for index, mask in enumerate(masks):
+        behind = _behind(painted[index], mask, generator)
+        out[index] = behind + mask * (painted[index] - behind)
     for index in np.flatnonzero(generator.random(len(images)) < _ACCOMPANIED):
         size = images.shape[1]
         down, right = (int(n) for n in generator.integers(-size // 2, size // 2 + 1, 2))
@@ -53,30 +66,92 @@ def add(
         share = _shifted(masks[other], down, right) * (1 - masks[index])
         if 0 < share.sum() <= _LARGEST * masks[index].sum():
             pasted[index] = True
-            out[index] += share * (_shifted(printed[other], down, right) - printed[index])
+            out[index] += share * (_shifted(painted[other], down, right) - out[index])
+    for index in np.flatnonzero(generator.random(len(images)) < _SHADED):
+        shadow = pattern(images.shape[1], generator, generator.uniform(-0.5, 1.0), _COARSE)
+        out[index] *= 1 - shadow * np.float32(generator.uniform(0, 1 - _DARKEST))
     return out, pasted
 
 
-def _printed(image: np.ndarray, mask: np.ndarray, generator: np.random.Generator) -> np.ndarray:
-    """Return an image `(S, S, 3)` whose object bears one to three prints."""
+def pattern(
+    size: int,
+    generator: np.random.Generator,
+    level: float,
+    cells: tuple[int, int] = _CELLS,
+) -> np.ndarray:
+    """Return where smooth noise is above a level, `(size, size, 1)` float32 in [0, 1].
+
+    Args:
+        size: height and width in pixels.
+        generator: source of all random numbers.
+        level: the level, in standard deviations of the noise's nodes.
+        cells: smallest and largest number of the noise's cells along the image.
+    """
+    noise = smooth_noise(size, generator, cells)
+    return np.clip(_SHARPNESS * (noise - level) + 0.5, 0, 1).astype(np.float32)
+
+
+def smooth_noise(
+    size: int, generator: np.random.Generator, cells: tuple[int, int] = _CELLS
+) -> np.ndarray:
+    """Return noise between standard normal nodes, linear in each cell, `(size, size, 1)`.
+
+    Args:
+        size: height and width in pixels.
+        generator: source of all random numbers.
+        cells: smallest and largest number of cells along the image.
+    """
+    low, high = np.log(cells)
+    rows, columns = np.exp(generator.uniform(low, high, 2)).astype(int)
+    noise = generator.standard_normal((rows + 1, columns + 1)).astype(np.float32)
+    return (_between(size, rows) @ noise @ _between(size, columns).T)[..., None]
+
+
+def _painted(image: np.ndarray, other: np.ndarray, generator: np.random.Generator) -> np.ndarray:
+    """Return an image `(S, S, 3)` painted all over; only the object's part of it counts."""
     shade = image.max(axis=-1, keepdims=True)
     out = image
-    for _ in range(generator.integers(1, 4)):
-        gain = np.exp(generator.uniform(0, np.log(_BRIGHTEST)))
-        colour = generator.uniform(0, 1, 3).astype(np.float32)
-        painted = np.minimum(shade * np.float32(gain), 1) * colour
-        out = out + mask * _pattern(len(image), generator) * (painted - out)
+    if generator.random() < _TEXTURED:
+        out = np.minimum(shade * np.float32(generator.uniform(1, 1.5)), 1) * _turned(
+            other, generator
+        )
+    if generator.random() < _PARTED:
+        for _ in range(generator.integers(1, 3)):
+            part = pattern(len(image), generator, generator.uniform(-0.3, 0.6), _COARSE)
+            out = out + part * (_coloured(shade, generator) - out)
+    if generator.random() < _PRINTED:
+        for _ in range(generator.integers(1, 4)):
+            part = pattern(len(image), generator, generator.uniform(-0.5, 1.0))
+            out = out + part * (_coloured(shade, generator) - out)
     return out
 
 
-def _pattern(size: int, generator: np.random.Generator) -> np.ndarray:
-    """Return where a print is, `(size, size, 1)` in [0, 1]: noise, cut at a random level."""
-    low, high = np.log(_CELLS)
-    rows, columns = np.exp(generator.uniform(low, high, 2)).astype(int)
-    noise = generator.standard_normal((rows + 1, columns + 1)).astype(np.float32)
-    smooth = _between(size, rows) @ noise @ _between(size, columns).T
-    level = generator.uniform(-0.5, 1.0)
-    return np.clip(_SHARPNESS * (smooth - level) + 0.5, 0, 1)[..., None].astype(np.float32)
+def _coloured(shade: np.ndarray, generator: np.random.Generator) -> np.ndarray:
+    """Return shading `(S, S, 1)` brightened at random, in a random colour, `(S, S, 3)`."""
+    gain = np.exp(generator.uniform(0, np.log(_BRIGHTEST)))
+    colour = generator.uniform(0, 1, 3).astype(np.float32)
+    return np.minimum(shade * np.float32(gain), 1) * colour
+
+
+def _behind(image: np.ndarray, mask: np.ndarray, generator: np.random.Generator) -> np.ndarray:
+    """Return the background of an image `(S, S, 3)`, which may be another."""
+    chance = generator.random()
+    if chance < _CAMOUFLAGED:
+        own = (image * mask).sum((0, 1)) / max(mask.sum(), 1)
+        shade = image.mean(axis=-1, keepdims=True)
+        gain = generator.uniform(0.5, 1.5) * own / max(own.max(), 1e-3)
+        return np.minimum(shade * gain.astype(np.float32) * 1.5, 1)
+    if chance < _CAMOUFLAGED + _STUDIO:
+        paper = generator.choice([0.0, 1.0, generator.uniform()])
+        lit = 0.05 * smooth_noise(len(image), generator, _COARSE) if paper else 0.0
+        return np.clip(paper + lit + generator.normal(0, 0.01, image.shape), 0, 1)
+    return image
+
+
+def _turned(image: np.ndarray, generator: np.random.Generator) -> np.ndarray:
+    """Return an image `(S, S, 3)` turned by quarters and mirrored at random."""
+    turned = np.rot90(image, generator.integers(4))
+    return turned[:, ::-1] if generator.random() < 0.5 else turned
 
 
 def _between(size: int, cells: int) -> np.ndarray:

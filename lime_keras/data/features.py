@@ -10,6 +10,7 @@ LEARNT_FROM = (
     "specular_albedo",
     "ambient",
     "clipped",
+    "cast",
     "exponent_bin",
 )
 """Features that the losses need. Strings, which other backends do not take, are left out.

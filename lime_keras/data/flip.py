@@ -27,6 +27,8 @@ def flip(example: dict[str, tf.Tensor]) -> dict[str, tf.Tensor]:
     if "environment" in example:
         # Longitude runs from −z through +x, so reversing the columns changes the sign of x.
         out["environment"] = tf.reverse(example["environment"], [1])
+    if "cast" in example:
+        out["cast"] = example["cast"] * [1.0, 1.0, -1.0, 1.0]
     if "camera" in example:
         fx, fy, cx, cy = tf.unstack(example["camera"])
         width = tf.cast(tf.shape(out["mask"])[1], tf.float32)

@@ -28,7 +28,7 @@ from lime_keras.data.relight import has_several_lights, relight
 from lime_keras.data.repaint import repaint
 from lime_keras.optics import colour, material_law, shininess
 
-FEATURES = (*records.FEATURES, "clipped", "exponent_bin")
+FEATURES = (*records.FEATURES, "clipped", "cast", "exponent_bin")
 """Features that a batch can hold."""
 
 _SHUFFLE = 2048
@@ -37,7 +37,7 @@ _AHEAD = 256
 """Number of serialised examples read ahead, while the next epoch fills its buffer: some 50 MB."""
 _LAYERS = ("diffuse_shading", "specular_shading", "mirror", "normal")
 _CHANNELS = {"image": 3, "clipped": 3, "mask": 1} | dict.fromkeys(_LAYERS, 1) | {"normal": 3}
-_SOURCES = {"clipped": "image", "exponent_bin": "shininess"}
+_SOURCES = {"clipped": "image", "cast": "mask", "exponent_bin": "shininess"}
 """Stored feature from which each feature that is not stored is computed."""
 
 
@@ -397,6 +397,8 @@ def _prepare(
             )
         if camera:
             example = photograph(example, seed)
+        else:
+            example["cast"] = tf.zeros(4)
         example = resize(example, size)
         if flips:
             drawn = tf.random.stateless_uniform((), tf.random.split(seed, 3)[2])

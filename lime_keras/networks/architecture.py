@@ -37,6 +37,12 @@ class Architecture:
             estimates a reflectance map first and the material from the map.
         mirror: whether the system has a MirrorNet, whose prediction ExponentNet reads beside S.
         exponent: `classification` of the exponent into eight bins, or `regression` of log10 s.
+        pretrained: whether SegmentationNet's encoder is EfficientNet-Lite0
+            (`networks.efficientnet`), rather than that of a U-Net.
+        dichromatic: whether SpecularNet, AlbedoNet and ExponentNet see the split of the colours
+            into diffuse and grey light (`optics.dichromatic`).
+        layers: whether AlbedoNet reads S, and ExponentNet S and M, as in the paper. Without them
+            both read the image, and a material needs no U-Net but the mask's.
 
     Raises:
         ValueError: if a name is unknown, two settings exclude each other, or the size cannot be
@@ -51,6 +57,9 @@ class Architecture:
     system: str = "lime"
     mirror: bool = True
     exponent: str = "classification"
+    pretrained: bool = False
+    dichromatic: bool = False
+    layers: bool = True
 
     def __post_init__(self) -> None:
         """Raise ValueError if the settings describe no system."""
@@ -65,10 +74,11 @@ class Architecture:
                 f"no system {self.system} with exponent {self.exponent}: there are "
                 f"{', '.join(SYSTEMS)} and {', '.join(EXPONENTS)}"
             )
-        if self.system != "lime" and (not self.mirror or self.exponent != "classification"):
+        ablated = not self.mirror or self.exponent != "classification" or not self.layers
+        if self.system != "lime" and (ablated or self.dichromatic):
             raise ValueError(
-                "the reflectance-map baseline has no MirrorNet to leave out and no ExponentNet: "
-                "take one ablation at a time"
+                "the reflectance-map baseline has no MirrorNet to leave out, no ExponentNet and no "
+                "dichromatic split: take one ablation at a time"
             )
         multiple = 2 ** max(ENCODER_BLOCKS, self.unet_depth)
         if self.size < 1 or self.size % multiple:
@@ -84,17 +94,44 @@ class Architecture:
             return "the reflectance-map baseline"
         without = [] if self.mirror else ["without MirrorNet"]
         regresses = ["with its exponent by regression"] if self.exponent == "regression" else []
-        return " ".join(["LIME", *without, *regresses])
+        splits = ["with the dichromatic split"] if self.dichromatic else []
+        return " ".join(["LIME", *splits, *without, *regresses])
 
 
 PRESETS = {
     # Small enough that all eight stages train in minutes on two cores.
-    "smoke": Architecture(size=128, unet_width=12, unet_depth=4, encoder_width=16, dense_width=64),
+    "smoke": Architecture(
+        size=128,
+        unet_width=12,
+        unet_depth=4,
+        encoder_width=16,
+        dense_width=64,
+        dichromatic=True,
+        layers=False,
+    ),
     # For every frame of a fast camera: in ONNX Runtime a quarter of the time of `live`, so more
     # than 100 frames a second on two cores. Encoders cost little at any width.
-    "nano": Architecture(size=64, unet_width=8, unet_depth=4, encoder_width=16, dense_width=128),
+    "nano": Architecture(
+        size=64,
+        unet_width=8,
+        unet_depth=4,
+        encoder_width=16,
+        dense_width=128,
+        pretrained=True,
+        dichromatic=True,
+        layers=False,
+    ),
     # For video (docs/explanation/decisions.md).
-    "live": Architecture(size=128, unet_width=16, unet_depth=4, encoder_width=16, dense_width=128),
+    "live": Architecture(
+        size=128,
+        unet_width=16,
+        unet_depth=4,
+        encoder_width=24,
+        dense_width=128,
+        pretrained=True,
+        dichromatic=True,
+        layers=False,
+    ),
     # The figures that show the paper's layer sizes are lost. Its run times bound the sizes: a U-Net
     # takes at most 28 GFLOP.
     "paper": Architecture(size=256, unet_width=32, unet_depth=4, encoder_width=32, dense_width=256),

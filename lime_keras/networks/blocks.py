@@ -5,21 +5,23 @@ from typing import Any
 from keras import KerasTensor, layers, ops
 
 from lime_keras.networks.architecture import ENCODER_BLOCKS
-from lime_keras.optics.hue import with_hue_of_pixels
+from lime_keras.networks.efficientnet import features
+from lime_keras.optics.dichromatic import with_hue
+
+_PRETRAINED_WIDTHS = (16, 32, 64, 96, 128)
+"""Channels of the decoder behind EfficientNet-Lite0 at strides 1, 2, 4, 8 and 16."""
+
+
+def _convolution(x: KerasTensor, width: int, name: str) -> KerasTensor:
+    """Apply a 3×3 convolution with ReLU, zero padding and He initialisation."""
+    return layers.Conv2D(
+        width, 3, padding="same", activation="relu", kernel_initializer="he_normal", name=name
+    )(x)
 
 
 def convolutions(x: KerasTensor, width: int, name: str) -> KerasTensor:
-    """Apply two 3×3 convolutions with ReLU, zero padding and He initialisation."""
-    for index in (1, 2):
-        x = layers.Conv2D(
-            width,
-            3,
-            padding="same",
-            activation="relu",
-            kernel_initializer="he_normal",
-            name=f"{name}_conv{index}",
-        )(x)
-    return x
+    """Apply two 3×3 convolutions with ReLU."""
+    return _convolution(_convolution(x, width, f"{name}_conv1"), width, f"{name}_conv2")
 
 
 def unet(x: KerasTensor, *, width: int, depth: int, channels: int) -> KerasTensor:
@@ -52,6 +54,25 @@ def unet(x: KerasTensor, *, width: int, depth: int, channels: int) -> KerasTenso
     return layers.Conv2D(channels, 1, dtype="float32", name="head")(x)
 
 
+def pretrained_unet(image: KerasTensor, *, channels: int) -> KerasTensor:
+    """Apply a U-Net whose encoder is EfficientNet-Lite0, with one convolution a level behind it.
+
+    Args:
+        image: sRGB in [0, 1], `(B, H, W, 3)`; H and W divisible by 32.
+        channels: number of output channels.
+
+    Returns:
+        `(B, H, W, channels)`, linear (no activation function), float32; 0 before training.
+    """
+    stem = _convolution(image, 16, "stem")
+    *skips, x = [stem, *features(image)]
+    for level, width in reversed(list(enumerate(_PRETRAINED_WIDTHS))):
+        x = layers.UpSampling2D(interpolation="nearest", name=f"up{level}")(x)
+        x = layers.Concatenate(name=f"skip{level}")([x, skips[level]])
+        x = _convolution(x, width, f"up{level}_conv")
+    return layers.Conv2D(channels, 1, kernel_initializer="zeros", dtype="float32", name="head")(x)
+
+
 def encoder(x: KerasTensor, *, width: int, dense_width: int) -> KerasTensor:
     """Apply five blocks of convolution, ReLU and max-pooling, then two dense layers with ReLU.
 
@@ -65,14 +86,7 @@ def encoder(x: KerasTensor, *, width: int, dense_width: int) -> KerasTensor:
         `(B, dense_width)` features. The caller adds the last dense layer, the head.
     """
     for block in range(ENCODER_BLOCKS):
-        x = layers.Conv2D(
-            width * min(2**block, 8),
-            3,
-            padding="same",
-            activation="relu",
-            kernel_initializer="he_normal",
-            name=f"block{block}_conv",
-        )(x)
+        x = _convolution(x, width * min(2**block, 8), f"block{block}_conv")
         x = layers.MaxPooling2D(name=f"block{block}_pool")(x)
     x = layers.Flatten(name="flatten")(x)
     for index in (1, 2):
@@ -91,7 +105,7 @@ class HueOfPixels(layers.Layer):
     def call(self, inputs: list[Any]) -> Any:
         """Return the albedos `(B, 4)`, m_d turned."""
         albedos, masked_image = inputs
-        diffuse = with_hue_of_pixels(albedos[:, :3], masked_image)
+        diffuse = with_hue(albedos[:, :3], masked_image, ops.ones_like(masked_image[..., :1]))
         return ops.concatenate([diffuse, albedos[:, 3:]], axis=-1)
 
 
@@ -119,12 +133,5 @@ def decoder(features: KerasTensor, *, size: int, width: int, channels: int) -> K
     x = layers.Reshape((side, side, widths[-1]), name="decoder_reshape")(x)
     for block in reversed(range(ENCODER_BLOCKS)):
         x = layers.UpSampling2D(interpolation="nearest", name=f"decoder{block}_up")(x)
-        x = layers.Conv2D(
-            widths[block],
-            3,
-            padding="same",
-            activation="relu",
-            kernel_initializer="he_normal",
-            name=f"decoder{block}_conv",
-        )(x)
+        x = _convolution(x, widths[block], f"decoder{block}_conv")
     return layers.Conv2D(channels, 1, dtype="float32", name="head")(x)

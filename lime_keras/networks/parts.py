@@ -13,7 +13,7 @@ from typing import Any
 import keras
 from keras import layers
 
-from lime_keras.networks.registry import QUANTITIES, READINGS, answered
+from lime_keras.networks.registry import DERIVED, QUANTITIES, READINGS, answered
 from lime_keras.networks.wiring import Wiring
 
 
@@ -63,7 +63,7 @@ class _Alone(Wiring):
         self.inputs: dict[str, keras.KerasTensor] = {}
 
     def _fed(self, quantity: str) -> Any:
-        if quantity == "masked_image" or quantity in self._answering:
+        if quantity in DERIVED or quantity in self._answering:
             return super()._fed(quantity)
         name = _exchanged(quantity)
         channels = 3 if quantity == "image" else QUANTITIES[quantity].channels

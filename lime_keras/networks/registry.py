@@ -31,6 +31,7 @@ from lime_keras.networks.subnetworks import (
     segmentation_net,
     specular_net,
 )
+from lime_keras.optics.dichromatic import channels
 from lime_keras.optics.dynamic_range import compress, expand
 from lime_keras.optics.reflectance_map import disc
 from lime_keras.optics.shininess import LOG_HIGH, LOG_LOW
@@ -47,7 +48,7 @@ class Subnetwork:
 
     Attributes:
         build: function that builds the model for an architecture. The model's inputs are named
-            after the quantities that the subnetwork reads, or `image` or `masked_image`.
+            after the quantities that the subnetwork reads, a row of `DERIVED`, or `image`.
         answers: names of the quantities that it predicts, in the order of the model's outputs.
         part_of: function that says whether a system of an architecture has this subnetwork.
         encoder: whether it predicts numbers of the material (True) or images (False).
@@ -62,8 +63,8 @@ class Subnetwork:
 
 
 Seen = Callable[[str], Any]
-"""Function from the name of a quantity, or `image` or `masked_image`, to the value that subnetworks
-read (`Wiring.seen`)."""
+"""Function from the name of a quantity, of a row of `DERIVED`, or `image`, to the value that
+subnetworks read (`Wiring.seen`)."""
 
 
 def _as_it_is(value: Any, seen: Seen) -> Any:
@@ -132,6 +133,12 @@ SUBNETWORKS = {
     ),
 }
 """Row of each subnetwork by name, in the order of `system.build`."""
+
+DERIVED: dict[str, Callable[[Seen], Any]] = {
+    "masked_image": lambda seen: seen("image") * seen("mask"),
+    "dichromatic": lambda seen: channels(seen("image"), seen("mask")),
+}
+"""Function of each value that no subnetwork predicts and all may read, by name."""
 
 QUANTITIES = {
     "mask": Quantity(

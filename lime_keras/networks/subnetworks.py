@@ -1,10 +1,15 @@
-"""The five subnetworks of section 5; their inputs are named after the quantities they read."""
+"""The five subnetworks of section 5; their inputs are named after the quantities they read.
+
+The paper's wiring is that of an architecture with `layers` and without `dichromatic`; without
+`layers`, AlbedoNet and ExponentNet read the image in place of S and M.
+"""
 
 import keras
 from keras import layers
 
 from lime_keras.networks.architecture import Architecture
-from lime_keras.networks.blocks import HueOfPixels, encoder, unet
+from lime_keras.networks.blocks import HueOfPixels, encoder, pretrained_unet, unet
+from lime_keras.optics.dichromatic import CHANNELS
 from lime_keras.optics.shininess import BIN_COUNT, LOG_HIGH, LOG_LOW
 
 
@@ -14,39 +19,45 @@ def segmentation_net(architecture: Architecture) -> keras.Model:
     The output is not yet clipped to [0, 1]. The head is linear: under the paper's ℓ2 loss a sigmoid
     saturated within the first steps and did not recover (docs/explanation/decisions.md).
     """
-    size = architecture.size
-    image = keras.Input((size, size, 3), name="image")
-    mask = _unet(image, architecture, channels=1)
+    image = keras.Input((architecture.size, architecture.size, 3), name="image")
+    if architecture.pretrained:
+        mask = pretrained_unet(image, channels=1)
+    else:
+        mask = _unet(image, architecture, channels=1)
     return keras.Model(image, mask, name="segmentation_net")
 
 
 def specular_net(architecture: Architecture) -> keras.Model:
-    """Build SpecularNet: `masked_image` `(B, S, S, 3)` sRGB → `(B, S, S, 1)` compressed S."""
-    size = architecture.size
-    masked_image = keras.Input((size, size, 3), name="masked_image")
-    shading = _unet(masked_image, architecture, channels=1)
-    return keras.Model(masked_image, shading, name="specular_net")
+    """Build SpecularNet: `masked_image` `(B, S, S, 3)` sRGB → `(B, S, S, 1)` compressed S.
+
+    With `dichromatic`, it reads the split, too.
+    """
+    inputs = _inputs(architecture, "masked_image", *_split(architecture))
+    shading = _unet(_joined(inputs), architecture, channels=1)
+    return keras.Model(_one_or_all(inputs), shading, name="specular_net")
 
 
 def mirror_net(architecture: Architecture) -> keras.Model:
     """Build MirrorNet: compressed `specular_shading` `(B, S, S, 1)` → compressed M, same shape."""
-    size = architecture.size
-    shading = keras.Input((size, size, 1), name="specular_shading")
-    mirror = _unet(shading, architecture, channels=1)
-    return keras.Model(shading, mirror, name="mirror_net")
+    [shading] = _inputs(architecture, "specular_shading")
+    return keras.Model(shading, _unet(shading, architecture, channels=1), name="mirror_net")
 
 
 def exponent_net(architecture: Architecture) -> keras.Model:
     """Build ExponentNet: compressed S and M, each `(B, S, S, 1)` → `(B, 8)` logits of the bins.
 
     The registry turns the logits into probabilities by softmax; the loss needs the logits. In a
-    system without MirrorNet the input is S alone. With regression the output is log10 s, `(B, 1)`.
+    system without MirrorNet the input is S alone, without `layers` `masked_image`; with
+    `dichromatic`, both of them and the split. With regression the output is log10 s, `(B, 1)`.
     """
-    size = architecture.size
-    names = ["specular_shading", "mirror"] if architecture.mirror else ["specular_shading"]
-    inputs = [keras.Input((size, size, 1), name=name) for name in names]
-    seen = layers.Concatenate(name="layers")(inputs) if architecture.mirror else inputs[0]
-    features = encoder(seen, width=architecture.encoder_width, dense_width=architecture.dense_width)
+    layers_read = ("specular_shading", *(["mirror"] if architecture.mirror else []))
+    names = layers_read if architecture.layers else ()
+    if architecture.dichromatic or not architecture.layers:
+        names = ("masked_image", *_split(architecture), *names)
+    inputs = _inputs(architecture, *names)
+    features = encoder(
+        _joined(inputs), width=architecture.encoder_width, dense_width=architecture.dense_width
+    )
     if architecture.exponent == "regression":
         # Training starts from the middle of the range: a bias of 0 is the dullest material.
         middle = keras.initializers.Constant((LOG_LOW + LOG_HIGH) / 2)
@@ -55,25 +66,47 @@ def exponent_net(architecture: Architecture) -> keras.Model:
         )
     else:
         answer = layers.Dense(BIN_COUNT, dtype="float32", name="logits")(features)
-    return keras.Model(inputs, answer, name="exponent_net")
+    return keras.Model(_one_or_all(inputs), answer, name="exponent_net")
 
 
 def albedo_net(architecture: Architecture) -> keras.Model:
     """Build AlbedoNet: `masked_image` `(B, S, S, 3)` and compressed S `(B, S, S, 1)` → m_d, m_s.
 
-    The output is `(B, 4)`: linear RGB diffuse albedo, in the hue of the object's pixels, then
-    specular albedo, not yet clipped to [0, 1].
+    Without `layers` it does not read S; with `dichromatic` it reads the split, too. The output is
+    `(B, 4)`: linear RGB diffuse albedo, in the hue of the object's pixels, then specular albedo,
+    not yet clipped to [0, 1].
     """
-    size = architecture.size
-    masked_image = keras.Input((size, size, 3), name="masked_image")
-    shading = keras.Input((size, size, 1), name="specular_shading")
-    four_channels = layers.Concatenate(name="layers")([masked_image, shading])
+    names = ("specular_shading",) if architecture.layers else ()
+    inputs = _inputs(architecture, "masked_image", *_split(architecture), *names)
     features = encoder(
-        four_channels, width=architecture.encoder_width, dense_width=architecture.dense_width
+        _joined(inputs), width=architecture.encoder_width, dense_width=architecture.dense_width
     )
     albedos = layers.Dense(4, dtype="float32", name="albedos")(features)
-    albedos = HueOfPixels(dtype="float32", name="hue")([albedos, masked_image])
-    return keras.Model([masked_image, shading], albedos, name="albedo_net")
+    albedos = HueOfPixels(dtype="float32", name="hue")([albedos, inputs[0]])
+    return keras.Model(_one_or_all(inputs), albedos, name="albedo_net")
+
+
+_CHANNELS = {"masked_image": 3, "dichromatic": CHANNELS, "specular_shading": 1, "mirror": 1}
+"""Number of channels of what the subnetworks read."""
+
+
+def _inputs(architecture: Architecture, *names: str) -> list[keras.KerasTensor]:
+    size = architecture.size
+    return [keras.Input((size, size, _CHANNELS[name]), name=name) for name in names]
+
+
+def _split(architecture: Architecture) -> tuple[str, ...]:
+    return ("dichromatic",) if architecture.dichromatic else ()
+
+
+def _joined(inputs: list[keras.KerasTensor]) -> keras.KerasTensor:
+    """Return the channels of all inputs, one after another."""
+    return layers.Concatenate(name="layers")(inputs) if len(inputs) > 1 else inputs[0]
+
+
+def _one_or_all(inputs: list[keras.KerasTensor]) -> keras.KerasTensor | list[keras.KerasTensor]:
+    """Return the inputs as `keras.Model` takes them: one alone, several as a list."""
+    return inputs if len(inputs) > 1 else inputs[0]
 
 
 def _unet(x: keras.KerasTensor, architecture: Architecture, channels: int) -> keras.KerasTensor:

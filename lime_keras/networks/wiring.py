@@ -5,7 +5,7 @@ from typing import Any
 
 import keras
 
-from lime_keras.networks.registry import QUANTITIES, READINGS, answered
+from lime_keras.networks.registry import DERIVED, QUANTITIES, READINGS, answered
 
 
 def quantities(subnetworks: Mapping[str, keras.Model]) -> dict[str, str]:
@@ -69,7 +69,7 @@ class Wiring:
     def seen(self, quantity: str) -> Any:
         """Return a quantity in the form that subnetworks read: given if it is, else predicted.
 
-        `quantity` may also be `image` or `masked_image`.
+        `quantity` may also be `image`, or a row of `DERIVED`.
         """
         if quantity not in self._seen:
             self._seen[quantity] = self._fed(quantity)
@@ -81,8 +81,8 @@ class Wiring:
         return row.read(self._estimate(row.quantity))
 
     def _fed(self, quantity: str) -> Any:
-        if quantity == "masked_image":
-            return self.seen("image") * self.seen("mask")
+        if quantity in DERIVED:
+            return DERIVED[quantity](self.seen)
         if quantity in self._given:
             return QUANTITIES[quantity].given(self._given[quantity], self.seen)
         return self._estimate(quantity)

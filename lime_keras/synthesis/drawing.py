@@ -27,7 +27,7 @@ _ALL_FIRST = -1e3  # of the field: its smooth step is 0
 _GAIN = -0.7, 0.4  # stops of brightness of a texture; corpora show theirs as they are
 _ROOM_GAIN = -1.0, 1.0  # stops; at 0 the surroundings are as bright as they light the object
 _TINT, _ROOM_TINT = 0.08, 0.2  # standard deviations of each channel's log gain; light is grey
-_UNIFORM = 24
+_UNIFORM = 28
 
 
 Draws = dict[str, np.ndarray | np.generic]
@@ -60,8 +60,8 @@ def draw(
           0 … 1;
         - the distractor (`backdrop.compose`): `accompanied`, 0 or 1; `offset` `(2,)` int32, rows
           and columns, up to S/2 either way; `mirrored` int32, 0 or 1;
-        - the camera (`photograph.photograph`): `exposure`; `defocus`, 0 … 1; `full_well`;
-          `quality`, whole; `compressed`, 0 or 1; `grain` `(n,)` int32, n so that n ·
+        - the camera (`photograph.photograph`): `exposure`; `defocus`, 0 … 1; `full_well`; `cast`
+          `(4,)`; `quality`, whole; `compressed`, 0 or 1; `grain` `(n,)` int32, n so that n ·
           `GRAIN_LENGTH` numbers suffice for an image.
 
     Raises:
@@ -109,6 +109,7 @@ def draw(
         "full_well": np.float32(camera_law.full_well(share[21])),
         "quality": np.float32(round(camera_law.quality(share[22]))),
         "compressed": np.float32(share[23] >= camera_law.NEVER_COMPRESSED),
+        "cast": camera_law.cast(uniform[24:28]).astype(np.float32),
         "grain": rng.integers(camera_law.GRAIN_ROWS, size=rows, dtype=np.int32),
     }
 

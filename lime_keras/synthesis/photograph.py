@@ -30,8 +30,8 @@ def photograph(
 
     Returns:
         The scene with `image`, sRGB in multiples of 1/255, and `clipped`, 1 where the light,
-        without the noise, saturates the sensor, both `(B, S, S, 3)`; and with its light
-        (`camera_law.LIT`) scaled by the exposure.
+        without the noise, saturates the sensor, both `(B, S, S, 3)`; with `cast` `(B, 4)`; and
+        with its light (`camera_law.LIT`) scaled by the exposure.
 
     Raises:
         ValueError: if there are draws and S is no multiple of 16.
@@ -39,12 +39,15 @@ def photograph(
     out = dict(scene)
     if draws is None:
         light = radiance
+        out["cast"] = ops.zeros((light.shape[0], 4))
         levels = _levels(ops.clip(light, 0.0, 1.0))
     else:
         exposure = draws["exposure"]
         for name in filter(out.__contains__, camera_law.LIT):
             out[name] = out[name] * _each(exposure, len(out[name].shape))
         light = _defocused(radiance * _each(exposure), draws["defocus"])
+        light = light * camera_law.balance(draws["cast"], camera_law.places(light.shape[1]))
+        out["cast"] = draws["cast"]
         levels = _sensed(light, draws["full_well"], draws["grain"])
         photo = jpeg.compressed(levels, draws["quality"])
         levels = ops.where(_each(draws["compressed"]) > 0, photo, levels)

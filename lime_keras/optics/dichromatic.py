@@ -1,0 +1,212 @@
+"""The split of an object's colours into diffuse and grey light: Eq. 4 in closed form.
+
+In grey light m_a, m_s and S are grey, so each pixel of an object is m_d · D plus something grey.
+The chroma of a pixel, which is left of a colour when its mean over R, G and B is taken away, is
+therefore D times the chroma of m_d (the dichromatic reflection model; Shafer 1985):
+
+- its direction, the same for all pixels, is the hue of m_d;
+- its length d is D up to one factor;
+- mean(I) − k · d is m_s · S + m_a, for one unknown k: the mean of m_d over the length of its
+  chroma;
+- since S and m_a are not negative, k is at most the least of mean(I) / d over the pixels. The most
+  saturated patch attains it where S and m_a are small.
+
+A grey object shows nothing of this; then the hue and d are 0. The functions take NumPy arrays or
+Keras tensors, and compute in single precision at least.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lime_keras.arrays import namespace
+from lime_keras.optics import colour
+
+CHANNELS = 4
+"""Number of channels of `channels`."""
+
+_PATCH = 4
+"""Height and width, in pixels, of the patches whose saturation is compared: JPEG blurs chroma."""
+_QUANTILE = 0.95
+"""Quantile of the patches' saturation that is taken for the largest: a mask lets others in."""
+_DARK = 2e-3
+"""Radiance that is added to the mean of a patch: in the dark, noise is saturated."""
+_GREY = 2e-2
+"""Saturation that is added to the largest: of a grey object all light then counts as grey."""
+_COVERED = 0.75
+"""Least coverage of a patch, over that of the fullest, from which on its saturation counts."""
+_LEAST_CHROMA = 1e-3
+"""Least chroma, linear radiance, over which a mean has a direction: a quarter of an 8-bit level."""
+_LEAST_SQUARE = 1e-20
+_ROOT = 1e-4
+"""Radiance added below the root of the grey light, which has no gradient at 0."""
+
+
+class Split(NamedTuple):
+    """The parts of an object's light; zeros where the object is grey, black, clipped or missing.
+
+    Attributes:
+        hue: direction of the chroma of m_d, `(B, 3)`, of length 1.
+        saturation: length of the chroma over the mean of the most saturated patch, `(B, 1)`, at
+            least 0: the inverse of the largest k that the pixels allow.
+        diffuse: mean(m_d) · D where k is the largest, linear radiance `(B, H, W, 1)`, at least 0; D
+            up to one factor.
+        grey: m_s · S + m_a where k is the largest, linear radiance `(B, H, W, 1)`, at least 0.
+        second: share of the chroma that has another direction than the hue, `(B, 1)` in [0, 1]:
+            large under coloured light, and for objects of several colours.
+        trusted: whether the object's colour is strong enough to be split, `(B, 1)`, 0 or 1.
+    """
+
+    hue: Any
+    saturation: Any
+    diffuse: Any
+    grey: Any
+    second: Any
+    trusted: Any
+
+
+def split(
+    image: Any,
+    mask: Any,
+    *,
+    patch: int = _PATCH,
+    quantile: float = _QUANTILE,
+    dark: float = _DARK,
+    grey: float = _GREY,
+) -> Split:
+    """Split the light of objects into diffuse and grey light.
+
+    The result is exact for an image without noise with a pixel of S = m_a = 0, for `patch` 1,
+    `quantile` 1, `dark` 0 and `grey` 0. The defaults are for photographs.
+
+    Args:
+        image: photos `(B, H, W, 3)`, sRGB in [0, 1].
+        mask: coverage of the objects `(B, H, W, 1)` in [0, 1].
+        patch: height and width in pixels of the patches whose saturation is compared.
+        quantile: quantile of the saturation that is taken for the largest, in [0, 1].
+        dark: linear radiance added to the mean of a patch.
+        grey: saturation added to the largest where it divides.
+    """
+    xp = namespace(image, mask)
+    linear, weight = _usable(image, mask, xp)
+    mean = xp.mean(linear, axis=-1, keepdims=True)
+    chroma = linear - mean
+    hue, known = _direction(chroma, weight, xp)
+    along = xp.sum(chroma * xp.reshape(hue, (-1, 1, 1, 3)), axis=-1, keepdims=True)
+    length = xp.maximum(along, np.float32(0))
+    saturation = known * _largest(length, mean, weight, patch, quantile, dark, xp)
+    inside = xp.where(mask > 0, np.float32(1), np.float32(0))
+    factor = xp.reshape(saturation + np.float32(grey), (-1, 1, 1, 1))
+    least = np.float32(_LEAST_SQUARE)
+    diffuse = inside * length / xp.maximum(factor, least)
+    aside = xp.sum(weight * _length(chroma - along * xp.reshape(hue, (-1, 1, 1, 3)), xp), (1, 2))
+    whole = xp.sum(weight * _length(chroma, xp), (1, 2))
+    return Split(
+        hue=hue,
+        saturation=saturation,
+        diffuse=diffuse,
+        grey=inside * xp.maximum(mean - diffuse, np.float32(0)),
+        second=known * xp.minimum(aside / xp.maximum(whole, np.float32(1e-6)), np.float32(1)),
+        trusted=known,
+    )
+
+
+def channels(image: Any, mask: Any) -> Any:
+    """Return what the subnetworks see of the split, `(B, H, W, 4)`, each 0 outside the mask.
+
+    The root of the grey light; the saturation of each pixel over the largest; the largest, the same
+    for all pixels; and whether a channel of the pixel is clipped, in which case its split is false.
+
+    Args:
+        image: photos `(B, H, W, 3)`, sRGB in [0, 1].
+        mask: coverage of the objects `(B, H, W, 1)` in [0, 1].
+    """
+    xp = namespace(image, mask)
+    parts = split(image, mask)
+    inside = xp.where(mask > 0, np.float32(1), np.float32(0))
+    root = xp.sqrt(parts.grey + np.float32(_ROOT)) - np.float32(_ROOT**0.5)
+    whole = parts.diffuse + parts.grey
+    relative = parts.diffuse / (whole + np.float32(_DARK))
+    largest = xp.reshape(parts.saturation, (-1, 1, 1, 1)) * inside
+    brightest = xp.max(image, axis=-1, keepdims=True)
+    clipped = xp.where(brightest >= colour.CLIPPED, inside, np.float32(0))
+    return xp.concatenate([root, relative, largest, clipped], axis=-1)
+
+
+def with_hue(diffuse_albedo: Any, image: Any, mask: Any) -> Any:
+    """Return albedos turned to the hue of the object's pixels; grey part and saturation stay.
+
+    An albedo stays as it is if the pixels are grey, if there are none, or if all are clipped.
+
+    Args:
+        diffuse_albedo: estimated m_d, linear RGB `(B, 3)`, finite.
+        image: photos `(B, H, W, 3)`, sRGB in [0, 1].
+        mask: coverage of the objects `(B, H, W, 1)` in [0, 1].
+
+    Returns:
+        m_d, linear RGB `(B, 3)`. The turned chroma may leave the range of the albedo.
+    """
+    xp = namespace(diffuse_albedo, image, mask)
+    linear, weight = _usable(image, mask, xp)
+    hue, known = _direction(linear - xp.mean(linear, axis=-1, keepdims=True), weight, xp)
+    own = diffuse_albedo - xp.mean(diffuse_albedo, axis=-1, keepdims=True)
+    turned = diffuse_albedo - own + _length(own, xp) * hue
+    return xp.where(known > 0, turned, diffuse_albedo)
+
+
+def _usable(image: Any, mask: Any, xp: Any) -> tuple[Any, Any]:
+    """Return linear radiance `(B, H, W, 3)`, and the weight of each pixel `(B, H, W, 1)`.
+
+    A pixel with a clipped channel, whose hue is false, has no weight.
+    """
+    brightest = xp.max(image, axis=-1, keepdims=True)
+    usable = xp.logical_and(brightest > 0, brightest < colour.CLIPPED)
+    # Single precision: the pixels of a large mask sum to more than float16's largest number.
+    weight = xp.where(usable, xp.multiply(mask, np.float32(1)), np.float32(0))
+    return colour.srgb_to_linear(xp.multiply(image, np.float32(1)), xp), weight
+
+
+def _direction(chroma: Any, weight: Any, xp: Any) -> tuple[Any, Any]:
+    """Return the direction of the mean chroma `(B, 3)`, or 0, and 1 or 0 for this `(B, 1)`."""
+    count = xp.sum(weight, axis=(1, 2))
+    mean = xp.sum(weight * chroma, axis=(1, 2)) / xp.maximum(count, np.float32(1e-6))
+    length = _length(mean, xp)
+    known = xp.where(length > np.float32(_LEAST_CHROMA), np.float32(1), np.float32(0))
+    return known * mean / xp.maximum(length, np.float32(_LEAST_CHROMA)), known
+
+
+def _largest(
+    length: Any, mean: Any, weight: Any, patch: int, quantile: float, dark: float, xp: Any
+) -> Any:
+    """Return a quantile of the saturation of the patches that the object fills, `(B, 1)`."""
+    covered, coloured, bright = (
+        _sums(values, patch, xp) for values in (weight, weight * length, weight * mean)
+    )
+    least = xp.maximum(xp.max(covered, axis=1, keepdims=True) * np.float32(_COVERED), 1e-6)
+    counts = covered >= least
+    patch_saturation = coloured / xp.maximum(bright + covered * np.float32(dark), 1e-6)
+    ordered = xp.sort(xp.where(counts, patch_saturation, np.float32(-1)), axis=1)
+    number = xp.sum(xp.where(counts, np.float32(1), np.float32(0)), axis=1, keepdims=True)
+    # Patches that do not count come first; the quantile is that of the others.
+    last = ordered.shape[1] - 1
+    place = last - xp.floor(xp.maximum(number - 1, np.float32(0)) * np.float32(1 - quantile))
+    found = xp.take_along_axis(ordered, _whole(place, xp), axis=1)
+    return xp.maximum(found, np.float32(0))
+
+
+def _sums(values: Any, patch: int, xp: Any) -> Any:
+    """Return the sums over whole patches, `(B, N)`."""
+    rows, columns = (size // patch for size in values.shape[1:3])
+    cut = values[:, : rows * patch, : columns * patch, 0]
+    blocks = xp.reshape(cut, (-1, rows, patch, columns, patch))
+    return xp.reshape(xp.sum(blocks, axis=(2, 4)), (-1, rows * columns))
+
+
+def _whole(values: Any, xp: Any) -> Any:
+    return values.astype(np.int32) if xp is np else xp.cast(values, "int32")
+
+
+def _length(vector: Any, xp: Any) -> Any:
+    # At 0 the root has no gradient.
+    least = np.float32(_LEAST_SQUARE)
+    return xp.sqrt(xp.maximum(xp.sum(xp.square(vector), axis=-1, keepdims=True), least))
