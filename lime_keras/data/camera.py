@@ -117,8 +117,8 @@ def _defocused(light: tf.Tensor, strength: tf.Tensor) -> tf.Tensor:
 
 def _balance(cast: tf.Tensor, size: tf.Tensor) -> tf.Tensor:
     """Return the gains `(S, S, 3)` of a photo with a cast `(1, 4)`."""
-    place = (tf.range(size, dtype=tf.float32) + 0.5) * (2 / size) - 1
-    return camera_law.balance(cast, place, tnp)[0]
+    place = (tf.range(size, dtype=tf.float32) + 0.5) * (2.0 / tf.cast(size, tf.float32)) - 1.0
+    return tf.cast(camera_law.balance(cast, place, tnp)[0], tf.float32)
 
 
 def _sensed(light: tf.Tensor, full_well: tf.Tensor, seed: tf.Tensor) -> tf.Tensor:
