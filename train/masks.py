@@ -18,6 +18,8 @@ _BLUR = (1, 4)
 """
 _MOVED = 0.35
 """Standard deviation of the level that an edge is cut at, about one half, along the edge."""
+_SHARPNESS = 8.0
+"""Slope of a damaged mask's edge over the coverage of its blur."""
 _BITTEN = 0.3
 """Share of the damaged masks that lack a piece, and share of those that let a piece in."""
 
@@ -60,7 +62,7 @@ def damaged(mask: np.ndarray, generator: np.random.Generator) -> np.ndarray:
     radius = max(1, round(generator.uniform(*_BLUR) * size / 128))
     blurred = _blurred(mask, radius)
     level = 0.5 + _MOVED * clutter.smooth_noise(size, generator)
-    out = np.clip((blurred - np.clip(level, 0.05, 0.95)) * 2 * radius + 0.5, 0, 1)
+    out = np.clip(_SHARPNESS * (blurred - np.clip(level, 0.1, 0.9)) + 0.5, 0, 1)
     if generator.random() < _BITTEN:
         out *= 1 - clutter.pattern(size, generator, 1.2)
     if generator.random() < _BITTEN:
