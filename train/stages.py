@@ -104,12 +104,9 @@ class Schedule:
     def stages(self, architecture: Architecture) -> list[Stage]:
         """Return all stages of a system, in the order of training."""
         here = names(architecture)
-        # Encoders that read no layers have nothing to be joined for.
-        rounds = {
-            name: LEARNING[name].joined
-            for name in here
-            if architecture.layers or not SUBNETWORKS[name].encoder
-        }
+        rounds = {name: LEARNING[name].joined for name in here}
+        if not architecture.layers:
+            del rounds["material"]  # It reads no other's prediction.
         out = [
             Stage(
                 (name,),

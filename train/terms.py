@@ -255,7 +255,9 @@ LEARNING = {
     "exponent": Learning(("exponent", "log_exponent"), _EXPONENT, joined=2),
     "reflectance_map": Learning(("reflectance_map",), joined=1),
     "material": Learning(
-        ("diffuse_albedo", "specular_albedo", "exponent"), (*_EXPONENT, *_ALBEDOS), joined=1
+        ("diffuse_albedo", "specular_albedo", "compositing", "exponent", "log_exponent"),
+        (*_EXPONENT, *_ALBEDOS),
+        joined=1,
     ),
 }
 """Row of each subnetwork by name, in the order in which subnetworks are trained alone."""

@@ -39,10 +39,10 @@ class Architecture:
         exponent: `classification` of the exponent into eight bins, or `regression` of log10 s.
         pretrained: whether SegmentationNet's encoder is EfficientNet-Lite0
             (`networks.efficientnet`), rather than that of a U-Net.
-        dichromatic: whether SpecularNet, AlbedoNet and ExponentNet see the split of the colours
-            into diffuse and grey light (`optics.dichromatic`).
-        layers: whether AlbedoNet reads S, and ExponentNet S and M, as in the paper. Without them
-            both read the image, and a material needs no U-Net but the mask's.
+        dichromatic: whether SpecularNet and the encoders see the split of the colours into diffuse
+            and grey light (`optics.dichromatic`).
+        layers: whether AlbedoNet reads S, and ExponentNet S and M, as in the paper. Without it, one
+            MaterialNet reads the image, and a material needs no U-Net but the mask's.
 
     Raises:
         ValueError: if a name is unknown, two settings exclude each other, or the size cannot be

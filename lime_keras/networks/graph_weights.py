@@ -15,8 +15,9 @@ from onnx import numpy_helper
 
 _PROPERTY = "keras_weights"
 _ORDERS: Mapping[int, Sequence[tuple[int, ...]]] = {
-    # Kernels of convolutions: (out, in, height, width) there, (height, width, in, out) in Keras.
-    4: ((2, 3, 1, 0), (0, 1, 2, 3)),
+    # Kernels of convolutions: (out, in, height, width) there, (height, width, in, out) in Keras;
+    # of depthwise ones (channels, 1, height, width) and (height, width, channels, 1).
+    4: ((2, 3, 1, 0), (2, 3, 0, 1), (0, 1, 2, 3)),
     2: ((0, 1), (1, 0)),
 }
 """Orders of a constant's axes that are tried, by their number; the identity for all others."""

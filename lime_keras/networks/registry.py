@@ -23,10 +23,11 @@ import keras
 from keras import ops
 
 from lime_keras.networks.architecture import Architecture
-from lime_keras.networks.baseline import material_net, reflectance_map_net
+from lime_keras.networks.baseline import reflectance_map_net
 from lime_keras.networks.subnetworks import (
     albedo_net,
     exponent_net,
+    material_net,
     mirror_net,
     segmentation_net,
     specular_net,
@@ -107,6 +108,10 @@ def _lime(architecture: Architecture) -> bool:
     return architecture.system == "lime"
 
 
+def _layered(architecture: Architecture) -> bool:
+    return _lime(architecture) and architecture.layers
+
+
 def _baseline(architecture: Architecture) -> bool:
     return architecture.system == "reflectance-map"
 
@@ -118,18 +123,18 @@ SUBNETWORKS = {
     "exponent": Subnetwork(
         exponent_net,
         ("exponent_bin_probabilities",),
-        _lime,
+        _layered,
         encoder=True,
         heads=("logits", "log_exponent"),
     ),
-    "albedo": Subnetwork(albedo_net, ("albedos",), _lime, encoder=True, heads=("albedos",)),
+    "albedo": Subnetwork(albedo_net, ("albedos",), _layered, encoder=True, heads=("albedos",)),
     "reflectance_map": Subnetwork(reflectance_map_net, ("reflectance_map",), _baseline),
     "material": Subnetwork(
         material_net,
         ("exponent_bin_probabilities", "albedos"),
-        _baseline,
+        lambda one: not _layered(one),
         encoder=True,
-        heads=("albedos", "logits"),
+        heads=("albedos", "logits", "log_exponent"),
     ),
 }
 """Row of each subnetwork by name, in the order of `system.build`."""
@@ -179,12 +184,14 @@ READINGS = {
 def answered(name: str, network: keras.Model) -> tuple[str, ...]:
     """Return the names of the quantities that a subnetwork predicts.
 
-    They are the `answers` of its row, but `log_exponent` for an ExponentNet that regresses log10 s.
+    They are the `answers` of its row, but `log_exponent` in place of probabilities where a network
+    regresses log10 s.
 
     Args:
         name: name of the subnetwork.
         network: the subnetwork, as its row builds it.
     """
-    if name == "exponent" and network.output_shape[-1] == 1:
-        return ("log_exponent",)
-    return SUBNETWORKS[name].answers
+    answers = SUBNETWORKS[name].answers
+    if answers[0] == "exponent_bin_probabilities" and network.outputs[0].shape[-1] == 1:
+        return ("log_exponent", *answers[1:])
+    return answers

@@ -1,7 +1,7 @@
-"""The five subnetworks of section 5; their inputs are named after the quantities they read.
+"""The subnetworks of section 5; their inputs are named after the quantities they read.
 
 The paper's wiring is that of an architecture with `layers` and without `dichromatic`; without
-`layers`, AlbedoNet and ExponentNet read the image in place of S and M.
+`layers`, MaterialNet reads the image in place of AlbedoNet and ExponentNet, which read S and M.
 """
 
 import keras
@@ -47,46 +47,78 @@ def exponent_net(architecture: Architecture) -> keras.Model:
     """Build ExponentNet: compressed S and M, each `(B, S, S, 1)` → `(B, 8)` logits of the bins.
 
     The registry turns the logits into probabilities by softmax; the loss needs the logits. In a
-    system without MirrorNet the input is S alone, without `layers` `masked_image`; with
-    `dichromatic`, both of them and the split. With regression the output is log10 s, `(B, 1)`.
+    system without MirrorNet the input is S alone; with `dichromatic` it reads `masked_image` and
+    the split, too. With regression the output is log10 s, `(B, 1)`.
     """
-    layers_read = ("specular_shading", *(["mirror"] if architecture.mirror else []))
-    names = layers_read if architecture.layers else ()
-    if architecture.dichromatic or not architecture.layers:
-        names = ("masked_image", *_split(architecture), *names)
+    names = ["specular_shading", *(["mirror"] if architecture.mirror else [])]
+    if architecture.dichromatic:
+        names = ["masked_image", "dichromatic", *names]
     inputs = _inputs(architecture, *names)
-    features = encoder(
-        _joined(inputs), width=architecture.encoder_width, dense_width=architecture.dense_width
-    )
-    if architecture.exponent == "regression":
-        # Training starts from the middle of the range: a bias of 0 is the dullest material.
-        middle = keras.initializers.Constant((LOG_LOW + LOG_HIGH) / 2)
-        answer = layers.Dense(1, dtype="float32", bias_initializer=middle, name="log_exponent")(
-            features
-        )
-    else:
-        answer = layers.Dense(BIN_COUNT, dtype="float32", name="logits")(features)
+    answer = _exponent_head(_encoded(inputs, architecture), architecture)
     return keras.Model(_one_or_all(inputs), answer, name="exponent_net")
 
 
 def albedo_net(architecture: Architecture) -> keras.Model:
     """Build AlbedoNet: `masked_image` `(B, S, S, 3)` and compressed S `(B, S, S, 1)` → m_d, m_s.
 
-    Without `layers` it does not read S; with `dichromatic` it reads the split, too. The output is
-    `(B, 4)`: linear RGB diffuse albedo, in the hue of the object's pixels, then specular albedo,
-    not yet clipped to [0, 1].
+    With `dichromatic`, it reads the split, too. The output is `(B, 4)`: linear RGB diffuse albedo,
+    in the hue of the object's pixels, then specular albedo, not yet clipped to [0, 1].
     """
-    names = ("specular_shading",) if architecture.layers else ()
-    inputs = _inputs(architecture, "masked_image", *_split(architecture), *names)
-    features = encoder(
-        _joined(inputs), width=architecture.encoder_width, dense_width=architecture.dense_width
-    )
-    albedos = layers.Dense(4, dtype="float32", name="albedos")(features)
-    albedos = HueOfPixels(dtype="float32", name="hue")([albedos, inputs[0]])
+    inputs = _inputs(architecture, "masked_image", *_split(architecture), "specular_shading")
+    albedos = _albedo_head(_encoded(inputs, architecture), inputs[0])
     return keras.Model(_one_or_all(inputs), albedos, name="albedo_net")
 
 
-_CHANNELS = {"masked_image": 3, "dichromatic": CHANNELS, "specular_shading": 1, "mirror": 1}
+def material_net(architecture: Architecture) -> keras.Model:
+    """Build MaterialNet: an image of the object → logits of the exponent's bins, and albedos.
+
+    One encoder in place of AlbedoNet and ExponentNet. In a system without `layers` it reads
+    `masked_image` `(B, S, S, 3)` and, with `dichromatic`, the split; in the reflectance-map
+    baseline the compressed `reflectance_map` `(B, S, S, 3)`.
+
+    The outputs are those of ExponentNet and of AlbedoNet.
+    """
+    is_baseline = architecture.system != "lime"
+    names = ["reflectance_map"] if is_baseline else ["masked_image", *_split(architecture)]
+    inputs = _inputs(architecture, *names)
+    features = _encoded(inputs, architecture)
+    if is_baseline:
+        albedos = layers.Dense(4, dtype="float32", name="albedos")(features)
+    else:
+        albedos = _albedo_head(features, inputs[0])
+    # Files of weights number the layers in the order of the outputs.
+    answers = [_exponent_head(features, architecture), albedos]
+    return keras.Model(_one_or_all(inputs), answers, name="material_net")
+
+
+def _encoded(inputs: list[keras.KerasTensor], architecture: Architecture) -> keras.KerasTensor:
+    return encoder(
+        _joined(inputs), width=architecture.encoder_width, dense_width=architecture.dense_width
+    )
+
+
+def _exponent_head(features: keras.KerasTensor, architecture: Architecture) -> keras.KerasTensor:
+    """Return the logits of the bins `(B, 8)`, or log10 s `(B, 1)`."""
+    if architecture.exponent == "classification":
+        return layers.Dense(BIN_COUNT, dtype="float32", name="logits")(features)
+    # Training starts from the middle of the range: a bias of 0 is the dullest material.
+    middle = keras.initializers.Constant((LOG_LOW + LOG_HIGH) / 2)
+    return layers.Dense(1, dtype="float32", bias_initializer=middle, name="log_exponent")(features)
+
+
+def _albedo_head(features: keras.KerasTensor, masked_image: keras.KerasTensor) -> keras.KerasTensor:
+    """Return the albedos `(B, 4)`, m_d in the hue of the masked image."""
+    albedos = layers.Dense(4, dtype="float32", name="albedos")(features)
+    return HueOfPixels(dtype="float32", name="hue")([albedos, masked_image])
+
+
+_CHANNELS = {
+    "masked_image": 3,
+    "dichromatic": CHANNELS,
+    "specular_shading": 1,
+    "mirror": 1,
+    "reflectance_map": 3,
+}
 """Number of channels of what the subnetworks read."""
 
 
