@@ -157,6 +157,17 @@ def _compositing(batch: Batch, answer: StageAnswer) -> Any:
     )
 
 
+def _exponent(weight: float) -> Term:
+    return Term(
+        weight,
+        "exponent_bin_probabilities",
+        lambda batch, answer: losses.exponent_cross_entropy(
+            batch["exponent_bin"], answer.raw["exponent_bin_probabilities"]
+        ),
+        ("shininess",),
+    )
+
+
 TERMS = {
     "mask": Term(
         1.0, "mask", lambda batch, answer: losses.mask_l2(batch["mask"], answer.raw["mask"])
@@ -166,14 +177,9 @@ TERMS = {
     ),
     "specular": Term(1.0, "specular_shading", _shading("specular_shading")),
     "mirror": Term(1.0, "mirror", _shading("mirror")),
-    "exponent": Term(
-        0.1,
-        "exponent_bin_probabilities",
-        lambda batch, answer: losses.exponent_cross_entropy(
-            batch["exponent_bin"], answer.raw["exponent_bin_probabilities"]
-        ),
-        ("shininess",),
-    ),
+    "exponent": _exponent(0.1),
+    # In an encoder that also answers albedos, the gradient of the exponent would be lost in theirs.
+    "shared_exponent": _exponent(0.4),
     "log_exponent": Term(
         0.3,
         "log_exponent",
@@ -255,7 +261,7 @@ LEARNING = {
     "exponent": Learning(("exponent", "log_exponent"), _EXPONENT, joined=2),
     "reflectance_map": Learning(("reflectance_map",), joined=1),
     "material": Learning(
-        ("diffuse_albedo", "specular_albedo", "compositing", "exponent", "log_exponent"),
+        ("diffuse_albedo", "specular_albedo", "compositing", "shared_exponent", "log_exponent"),
         (*_EXPONENT, *_ALBEDOS),
         joined=1,
     ),

@@ -6,7 +6,7 @@ from keras import KerasTensor, layers, ops
 
 from lime_keras.networks.architecture import ENCODER_BLOCKS
 from lime_keras.networks.efficientnet import features
-from lime_keras.optics.dichromatic import with_hue
+from lime_keras.optics.dichromatic import with_hue_of_pixels
 
 _PRETRAINED_WIDTHS = (16, 32, 64, 96, 128)
 """Channels of the decoder behind EfficientNet-Lite0 at strides 1, 2, 4, 8 and 16."""
@@ -99,13 +99,13 @@ def encoder(x: KerasTensor, *, width: int, dense_width: int) -> KerasTensor:
 class HueOfPixels(layers.Layer):
     """A layer that turns m_d, the first three of `(B, 4)` albedos, to the hue of a masked image.
 
-    Its inputs are the albedos and the image `(B, H, W, 3)`, sRGB (`optics.hue`).
+    Its inputs are the albedos and the image `(B, H, W, 3)`, sRGB (`optics.dichromatic`).
     """
 
     def call(self, inputs: list[Any]) -> Any:
         """Return the albedos `(B, 4)`, m_d turned."""
         albedos, masked_image = inputs
-        diffuse = with_hue(albedos[:, :3], masked_image, ops.ones_like(masked_image[..., :1]))
+        diffuse = with_hue_of_pixels(albedos[:, :3], masked_image)
         return ops.concatenate([diffuse, albedos[:, 3:]], axis=-1)
 
 

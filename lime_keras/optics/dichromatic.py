@@ -27,8 +27,6 @@ CHANNELS = 4
 
 _PATCH = 4
 """Height and width, in pixels, of the patches whose saturation is compared: JPEG blurs chroma."""
-_QUANTILE = 0.95
-"""Quantile of the patches' saturation that is taken for the largest: a mask lets others in."""
 _DARK = 2e-3
 """Radiance that is added to the mean of a patch: in the dark, noise is saturated."""
 _GREY = 2e-2
@@ -70,31 +68,30 @@ def split(
     mask: Any,
     *,
     patch: int = _PATCH,
-    quantile: float = _QUANTILE,
     dark: float = _DARK,
     grey: float = _GREY,
 ) -> Split:
     """Split the light of objects into diffuse and grey light.
 
     The result is exact for an image without noise with a pixel of S = m_a = 0, for `patch` 1,
-    `quantile` 1, `dark` 0 and `grey` 0. The defaults are for photographs.
+    `dark` 0 and `grey` 0. The defaults are for photographs. Taking a quantile of the saturation for
+    the largest was worse under every flaw of a photograph (benchmarks/dichromatic.py).
 
     Args:
         image: photos `(B, H, W, 3)`, sRGB in [0, 1].
         mask: coverage of the objects `(B, H, W, 1)` in [0, 1].
         patch: height and width in pixels of the patches whose saturation is compared.
-        quantile: quantile of the saturation that is taken for the largest, in [0, 1].
         dark: linear radiance added to the mean of a patch.
         grey: saturation added to the largest where it divides.
     """
     xp = namespace(image, mask)
     linear, weight = _usable(image, mask, xp)
     mean = xp.mean(linear, axis=-1, keepdims=True)
-    chroma = linear - mean
+    chroma = _chroma(linear, xp)
     hue, known = _direction(chroma, weight, xp)
     along = xp.sum(chroma * xp.reshape(hue, (-1, 1, 1, 3)), axis=-1, keepdims=True)
     length = xp.maximum(along, np.float32(0))
-    saturation = known * _largest(length, mean, weight, patch, quantile, dark, xp)
+    saturation = known * _largest(length, mean, weight, patch, dark, xp)
     inside = xp.where(mask > 0, np.float32(1), np.float32(0))
     factor = xp.reshape(saturation + np.float32(grey), (-1, 1, 1, 1))
     least = np.float32(_LEAST_SQUARE)
@@ -133,23 +130,22 @@ def channels(image: Any, mask: Any) -> Any:
     return xp.concatenate([root, relative, largest, clipped], axis=-1)
 
 
-def with_hue(diffuse_albedo: Any, image: Any, mask: Any) -> Any:
+def with_hue_of_pixels(diffuse_albedo: Any, masked_image: Any) -> Any:
     """Return albedos turned to the hue of the object's pixels; grey part and saturation stay.
 
     An albedo stays as it is if the pixels are grey, if there are none, or if all are clipped.
 
     Args:
         diffuse_albedo: estimated m_d, linear RGB `(B, 3)`, finite.
-        image: photos `(B, H, W, 3)`, sRGB in [0, 1].
-        mask: coverage of the objects `(B, H, W, 1)` in [0, 1].
+        masked_image: photos times the object's coverage `(B, H, W, 3)`, sRGB in [0, 1].
 
     Returns:
         m_d, linear RGB `(B, 3)`. The turned chroma may leave the range of the albedo.
     """
-    xp = namespace(diffuse_albedo, image, mask)
-    linear, weight = _usable(image, mask, xp)
-    hue, known = _direction(linear - xp.mean(linear, axis=-1, keepdims=True), weight, xp)
-    own = diffuse_albedo - xp.mean(diffuse_albedo, axis=-1, keepdims=True)
+    xp = namespace(diffuse_albedo, masked_image)
+    linear, weight = _usable(masked_image, np.float32(1), xp)
+    hue, known = _direction(_chroma(linear, xp), weight, xp)
+    own = _chroma(diffuse_albedo, xp)
     turned = diffuse_albedo - own + _length(own, xp) * hue
     return xp.where(known > 0, turned, diffuse_albedo)
 
@@ -175,23 +171,15 @@ def _direction(chroma: Any, weight: Any, xp: Any) -> tuple[Any, Any]:
     return known * mean / xp.maximum(length, np.float32(_LEAST_CHROMA)), known
 
 
-def _largest(
-    length: Any, mean: Any, weight: Any, patch: int, quantile: float, dark: float, xp: Any
-) -> Any:
-    """Return a quantile of the saturation of the patches that the object fills, `(B, 1)`."""
+def _largest(length: Any, mean: Any, weight: Any, patch: int, dark: float, xp: Any) -> Any:
+    """Return the largest saturation of the patches that the object fills, `(B, 1)`."""
     covered, coloured, bright = (
         _sums(values, patch, xp) for values in (weight, weight * length, weight * mean)
     )
-    least = xp.maximum(xp.max(covered, axis=1, keepdims=True) * np.float32(_COVERED), 1e-6)
-    counts = covered >= least
-    patch_saturation = coloured / xp.maximum(bright + covered * np.float32(dark), 1e-6)
-    ordered = xp.sort(xp.where(counts, patch_saturation, np.float32(-1)), axis=1)
-    number = xp.sum(xp.where(counts, np.float32(1), np.float32(0)), axis=1, keepdims=True)
-    # Patches that do not count come first; the quantile is that of the others.
-    last = ordered.shape[1] - 1
-    place = last - xp.floor(xp.maximum(number - 1, np.float32(0)) * np.float32(1 - quantile))
-    found = xp.take_along_axis(ordered, _whole(place, xp), axis=1)
-    return xp.maximum(found, np.float32(0))
+    least = xp.max(covered, axis=1, keepdims=True) * np.float32(_COVERED)
+    size = xp.maximum(bright + covered * np.float32(dark), np.float32(1e-6))
+    saturation = xp.where(covered >= least, coloured / size, np.float32(0))
+    return xp.max(saturation, axis=1, keepdims=True)
 
 
 def _sums(values: Any, patch: int, xp: Any) -> Any:
@@ -202,8 +190,8 @@ def _sums(values: Any, patch: int, xp: Any) -> Any:
     return xp.reshape(xp.sum(blocks, axis=(2, 4)), (-1, rows * columns))
 
 
-def _whole(values: Any, xp: Any) -> Any:
-    return values.astype(np.int32) if xp is np else xp.cast(values, "int32")
+def _chroma(rgb: Any, xp: Any) -> Any:
+    return rgb - xp.mean(rgb, axis=-1, keepdims=True)
 
 
 def _length(vector: Any, xp: Any) -> Any:

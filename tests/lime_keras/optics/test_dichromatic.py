@@ -1,0 +1,178 @@
+"""The split: by Eq. 4, the chroma of an object's pixels in grey light is D times that of m_d."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from keras import ops
+
+from lime_keras.optics import colour, dichromatic
+from lime_keras.optics.compositing import compose
+from lime_keras.optics.dichromatic import with_hue_of_pixels
+
+SHAPE = (3, 8, 9, 1)
+
+
+def chroma(rgb):
+    rgb = np.asarray(rgb, float)
+    return rgb - rgb.mean(axis=-1, keepdims=True)
+
+
+def scene(albedo, seed=0, brightness=0.3, specular=0.2):
+    """Photos of objects of these albedos `(3, 3)` on all pixels."""
+    rng = np.random.default_rng(seed)
+    diffuse, glossy = rng.uniform(0.05, 1, (2, *SHAPE)) * brightness
+    linear = compose(
+        np.asarray(albedo, float), np.full(3, specular), np.full(3, 0.01), diffuse, glossy
+    )
+    return colour.linear_to_srgb(linear).astype(np.float32)
+
+
+def albedos(seed, low=0.0):
+    return np.random.default_rng(seed).uniform(low, 1, (3, 3)).astype(np.float32)
+
+
+@given(st.integers(0, 2**31))
+def test_the_hue_is_that_of_the_true_albedo(seed):
+    true, estimate = albedos(seed), albedos(seed + 1)
+    along, across = chroma(with_hue_of_pixels(estimate, scene(true, seed))), chroma(true)
+    cosine = (along * across).sum(-1)
+    np.testing.assert_allclose(
+        cosine, np.linalg.norm(along, axis=-1) * np.linalg.norm(across, axis=-1), atol=1e-3
+    )
+
+
+def test_a_true_albedo_stays():
+    true = albedos(1)
+    np.testing.assert_allclose(with_hue_of_pixels(true, scene(true)), true, atol=2e-5)
+
+
+def test_grey_part_and_saturation_stay():
+    estimate = albedos(2)
+    found = with_hue_of_pixels(estimate, scene(albedos(3)))
+    assert np.abs(found - estimate).max() > 0.1
+    np.testing.assert_allclose(found.mean(-1), estimate.mean(-1), atol=1e-6)
+    lengths = [np.linalg.norm(chroma(rgb), axis=-1) for rgb in (found, estimate)]
+    np.testing.assert_allclose(*lengths, atol=1e-6)
+
+
+def test_grey_pixels_no_pixels_and_clipped_pixels_tell_nothing():
+    estimate, image = albedos(4), scene(albedos(5))
+    grey = scene([[0.5, 0.5, 0.5]] * 3)
+    for seen in (grey, 0 * image, 0 * image + 1, np.where([True, False, False], 1, image)):
+        np.testing.assert_array_equal(with_hue_of_pixels(estimate, seen), estimate)
+
+
+def test_clipped_pixels_and_pixels_outside_the_object_do_not_count():
+    estimate, image = albedos(6), scene(albedos(7))
+    expected = with_hue_of_pixels(estimate, image[:, 3:])
+    for colour_there in ([1.0, 0.1, 0.1], [0.0, 0.0, 0.0]):
+        partly = image.copy()
+        partly[:, :3] = colour_there
+        np.testing.assert_allclose(with_hue_of_pixels(estimate, partly), expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("tint", [0.0, 1e-6, 0.01, 1.0])
+@pytest.mark.parametrize("level", [0.0, 1e-30, 1e-6, 0.04045, 0.5, 0.9989, 1.0])
+def test_extremes_stay_finite(tint, level):
+    image = np.full((3, 4, 4, 3), level, np.float32)
+    image[..., 0] *= 1 - tint
+    for estimate in (np.zeros((3, 3)), np.ones((3, 3)), np.full((3, 3), 1e6), albedos(8)):
+        found = with_hue_of_pixels(estimate.astype(np.float32), image)
+        assert np.isfinite(found).all()
+        if not np.ptp(estimate):  # what is grey has no hue to turn
+            np.testing.assert_allclose(found, estimate, rtol=1e-6, atol=1e-9)
+
+
+def test_tensors_as_arrays(differentiate):
+    image, estimate = scene(albedos(9)), albedos(10)
+    tensors = [ops.convert_to_tensor(value) for value in (estimate, image)]
+    found = ops.convert_to_numpy(with_hue_of_pixels(*tensors))
+    np.testing.assert_allclose(found, with_hue_of_pixels(estimate, image), atol=1e-6)
+    for value in (estimate, np.full((3, 3), 0.5, np.float32), np.zeros((3, 3), np.float32)):
+        _, [gradient] = differentiate(
+            lambda albedo: ops.sum(with_hue_of_pixels(albedo, image)), value
+        )
+        assert np.isfinite(gradient).all()
+
+
+EXACT = {"patch": 1, "dark": 0.0, "grey": 0.0}
+
+
+@given(
+    st.tuples(*[st.floats(0.02, 1.0)] * 3).filter(lambda rgb: max(rgb) - min(rgb) > 0.05),
+    st.floats(0.0, 1.0),
+    st.integers(0, 2**31),
+)
+def test_a_pixel_without_gloss_gives_diffuse_and_grey_light_back(albedo, specular, seed):
+    rng = np.random.default_rng(seed)
+    shade, gloss = rng.uniform(0.2, 1.0, (2, 1, 8, 8, 1)) * 0.4
+    gloss[0, 3, 5] = 0
+    m_d, m_s = np.array([albedo]), np.array([specular])
+    image = colour.linear_to_srgb(compose(m_d, m_s, np.zeros(1), shade, gloss))
+    parts = dichromatic.split(image, np.ones((1, 8, 8, 1)), **EXACT)
+    np.testing.assert_allclose(parts.grey, specular * gloss, atol=1e-5)
+    np.testing.assert_allclose(parts.diffuse, m_d.mean() * shade, atol=1e-5)
+    np.testing.assert_allclose(parts.hue, chroma(m_d) / np.linalg.norm(chroma(m_d)), atol=1e-5)
+    assert parts.trusted.item() == 1 and parts.second.item() < 1e-5
+
+
+def test_what_lies_outside_the_mask_does_not_matter():
+    image = scene(albedos(11))
+    mask = np.ones(SHAPE, np.float32)
+    mask[:, :, 4:] = 0
+    other = np.where(mask > 0, image, [0.7, 0, 0]).astype(np.float32)
+    for one, two in zip(
+        dichromatic.split(image, mask), dichromatic.split(other, mask), strict=True
+    ):
+        np.testing.assert_array_equal(one, two)
+    assert not dichromatic.channels(image, mask)[:, :, 4:].any()
+
+
+@pytest.mark.parametrize("dtype", [np.float16, np.float32, np.float64])
+@pytest.mark.parametrize("level", [0.0, 1e-6, 0.5, 1.0])
+def test_without_colour_there_are_zeros_and_a_flag(dtype, level):
+    image, mask = np.full((2, 8, 8, 3), level, dtype), np.ones((2, 8, 8, 1), dtype)
+    mask[1] = 0
+    parts = dichromatic.split(image, mask)
+    for name in ("hue", "saturation", "diffuse", "second", "trusted"):
+        assert not getattr(parts, name).any(), name
+    assert np.isfinite(parts.grey).all() and not parts.grey[1].any()
+    assert np.isfinite(dichromatic.channels(image, mask)).all()
+
+
+def test_one_pixel_is_enough_and_a_clipped_one_is_not():
+    mask = np.zeros((2, 8, 8, 1), np.float32)
+    mask[:, 2, 3] = 1
+    image = np.full((2, 8, 8, 3), 0.5, np.float32)
+    image[0, 2, 3], image[1, 2, 3] = [0.6, 0.4, 0.2], [1.0, 0.4, 0.2]
+    parts = dichromatic.split(image, mask)
+    assert parts.trusted[:, 0].tolist() == [1, 0]
+    assert parts.diffuse[0, 2, 3] > 0.1 and np.isfinite(parts.grey).all()
+    assert dichromatic.channels(image, mask)[1, 2, 3].tolist()[1:] == [0, 0, 1]
+
+
+def test_light_of_a_second_colour_is_seen():
+    rng = np.random.default_rng(3)
+    shade, gloss = rng.uniform(0.1, 0.5, (2, 1, 32, 32, 1))
+    for tint, coloured in ((0.0, False), (0.5, True)):
+        light = np.array([1 + tint, 1.0, 1 - tint])
+        linear = np.array([0.2, 0.5, 0.3]) * shade + 0.5 * gloss * light
+        image = colour.linear_to_srgb(np.minimum(linear, 0.99))
+        second = dichromatic.split(image, np.ones((1, 32, 32, 1))).second.item()
+        assert (second > 0.2) == coloured
+
+
+@pytest.mark.parametrize("level", [0.0, 1e-6, 0.5, 0.9989, 1.0])
+@pytest.mark.parametrize("covered", [0.0, 1e-6, 0.5, 1.0])
+def test_channels_of_tensors_and_their_gradients(differentiate, level, covered):
+    rng = np.random.default_rng(5)
+    image = (level * rng.uniform(0.9, 1, (2, 8, 8, 3))).astype(np.float32)
+    mask = np.full((2, 8, 8, 1), covered, np.float32)
+    found, gradients = differentiate(
+        lambda photo, cut: ops.sum(dichromatic.channels(photo, cut)), image, mask
+    )
+    assert np.isclose(found, dichromatic.channels(image, mask).sum(), rtol=1e-4, atol=1e-3)
+    assert all(np.isfinite(gradient).all() for gradient in gradients)
+    half = dichromatic.channels(*(ops.convert_to_tensor(np.float16(one)) for one in (image, mask)))
+    assert np.isfinite(ops.convert_to_numpy(half)).all()
