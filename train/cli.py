@@ -17,37 +17,17 @@ _MATERIALS = ("uniform", "natural")  # `material_law.LAWS`, without NumPy
 _EXAMPLE = """
 examples:
   lime-train corpus --out runs/first --preset smoke
-  lime-train corpus --out runs/paper --preset paper --precision bfloat16
-  lime-train corpus --out runs/paper --resume
-  lime-train meshes procedural --out runs/both --preset live
+  lime-train corpus --out runs/first --resume
+  lime-train meshes procedural --out runs/both --preset live --precision bfloat16
   lime-train bank --out runs/bank --preset live --minutes 22 --batch-size 64
-  KERAS_BACKEND=jax lime-train bank --out runs/jax --preset live
-  KERAS_BACKEND=jax lime-train bank --out shared/run --preset paper --hosts 2 --host 0 \\
-    --coordinator node0:12345      (and on the other machine the same with --host 1)
-  lime-train corpus --out runs/64 --preset live --size 64 --stages segmentation specular mirror
-  lime-train corpus --out runs/live --preset live --start-from runs/64
-  lime-train bank --out runs/natural --preset live --start-from live --materials natural \\
-    --stages specular+mirror+exponent+albedo --freeze specular mirror
   lime-train corpus --out runs/no-mirror --preset paper --without mirror --reuse runs/paper
-  tensorboard --logdir runs
 
-A bank (`lime-render bank`) makes every scene anew where the training runs. Under JAX, runs from
-banks alone need no TensorFlow. Named together, corpora and banks take turns batch by batch, in
-proportion to the number of paths of each.
+The stages: segmentation, specular, mirror, albedo and exponent, each subnetwork alone on true
+inputs; then specular+mirror, specular+mirror+exponent and specular+mirror+exponent+albedo, joined.
+An interrupted command, run again, goes on from its last checkpoint, at most a minute back.
+`tensorboard --logdir runs` shows the curves; KERAS_BACKEND=jax trains under JAX.
 
---hosts: under JAX, each process is started with the same command but its own --host, and trains on
-its part of each batch; --batch-size is that of all together. Process 0 alone writes to OUT, which
-all processes see. If one ends, all end, and the same commands go on from the last checkpoint.
-
-Stages: the five subnetworks alone on truth (segmentation, specular, mirror, albedo, exponent), then
-specular+mirror, specular+mirror+exponent and specular+mirror+exponent+albedo joined. An interrupted
-command, run again, goes on from its last checkpoint, at most a minute back. The last tenth of
-each train split's files, and a tenth of each bank's shapes and lights, is held out for validation.
-
---minutes: all stages are first compiled and measured. Then each gets a share of the time left, in
-proportion to the preset's batches times the seconds of a batch, and its learning rate falls to 0 in
-that time. OUT/model is written every two minutes. A resumed run goes on with the time that was left
-at its last checkpoint; its weights are not the same bit for bit.
+More: docs/how-to/training.md, docs/how-to/banks.md, docs/how-to/machines.md.
 """
 
 
@@ -55,19 +35,36 @@ def parser() -> argparse.ArgumentParser:
     """Return the parser of the command's options."""
     out = argparse.ArgumentParser(
         prog="lime-train",
-        description="Train the subnetworks of LIME on corpora and banks of `lime-render`.",
+        usage="lime-train PATH [PATH ...] --out RUN (--preset NAME | --resume) [options]",
+        description="Train the networks on corpora and banks of lime-render.",
         epilog=_EXAMPLE,
         formatter_class=console.Help,
     )
-    out.add_argument(
+    data = out.add_argument_group("input")
+    data.add_argument(
         "paths",
         nargs="+",
         type=Path,
         metavar="PATH",
-        help="corpus or bank that lime-render wrote; of several all are learnt from together",
+        help="corpus or bank that lime-render wrote; several are learnt from together",
     )
-    out.add_argument("--out", type=Path, required=True, metavar="RUN", help="folder of the run")
-    begun = out.add_mutually_exclusive_group(required=True)
+    data.add_argument(
+        "--camera",
+        action=argparse.BooleanOptionalAction,
+        help="photograph each image anew every time it is seen: exposure, defocus, noise, clipping "
+        "and JPEG of consumer cameras (default: on)",
+    )
+    data.add_argument(
+        "--materials",
+        nargs="+",
+        choices=_MATERIALS,
+        metavar="LAW",
+        help="laws of the albedos: `uniform`, the paper's; `natural`, as common objects have them; "
+        "or both in turns (default: uniform). The held-out scenes of a corpus keep their own",
+    )
+    written = out.add_argument_group("output")
+    written.add_argument("--out", type=Path, required=True, metavar="RUN", help="folder of the run")
+    begun = written.add_mutually_exclusive_group(required=True)
     begun.add_argument(
         "--preset",
         choices=_PRESETS,
@@ -77,133 +74,120 @@ def parser() -> argparse.ArgumentParser:
     begun.add_argument(
         "--resume",
         action="store_true",
-        help="go on with the run that is there, as it was begun; an option that says otherwise is "
-        "refused with the difference",
+        help="go on with the run in RUN. An option that differs from its own is refused",
     )
-    length = out.add_mutually_exclusive_group()
-    length.add_argument(
-        "--scale-steps",
-        type=console.positive,
-        metavar="FACTOR",
-        help="train each stage for so many times the preset's batches (default: 1)",
-    )
-    length.add_argument(
-        "--minutes",
-        type=console.positive,
-        metavar="M",
-        help="train within so many minutes of wall-clock time, start-up and evaluation included",
-    )
-    out.add_argument(
-        "--scale-rate",
-        type=console.positive,
-        metavar="FACTOR",
-        help="multiply the preset's learning rates; a quarter suits weights of --start-from that "
-        "are well trained, which the full rate first makes worse (default: 1)",
-    )
-    out.add_argument(
-        "--batch-size",
-        type=console.count,
-        metavar="EXAMPLES",
-        help="in a batch; more make better use of a large GPU (default: the preset's)",
-    )
-    out.add_argument(
-        "--width",
-        type=console.count,
-        metavar="CHANNELS",
-        help="of the U-Nets' first level (default: the preset's)",
-    )
-    out.add_argument(
+    networks = out.add_argument_group("networks")
+    networks.add_argument(
         "--size",
         type=console.count,
         metavar="PIXELS",
         help="of the networks' images, a multiple of 32 (default: the preset's)",
     )
-    out.add_argument(
-        "--without",
-        nargs="+",
-        choices=("perceptual", "mirror"),
-        metavar="PART",
-        help="the paper's ablations: `perceptual`, no Eq. 5 in AlbedoNet's loss; `mirror`, no "
-        "MirrorNet, the exponent from S alone",
+    networks.add_argument(
+        "--width",
+        type=console.count,
+        metavar="CHANNELS",
+        help="of the U-Nets' first level (default: the preset's)",
     )
-    out.add_argument(
+    networks.add_argument(
         "--exponent",
         choices=("classification", "regression"),
         help="eight bins, or log10 s (default: classification)",
     )
-    out.add_argument(
+    networks.add_argument(
+        "--without",
+        nargs="+",
+        choices=("perceptual", "mirror"),
+        metavar="PART",
+        help="the paper's ablations. perceptual: AlbedoNet's loss without Eq. 5; mirror: no "
+        "MirrorNet, the exponent from S alone",
+    )
+    networks.add_argument(
         "--baseline",
         choices=("reflectance-map",),
-        help="in place of LIME: estimate a reflectance map and read the material from it; its "
-        "stages are segmentation, reflectance_map, material and reflectance_map+material",
+        help="in place of LIME, estimate a reflectance map and read the material from it. Stages: "
+        "segmentation, reflectance_map, material, reflectance_map+material",
     )
-    out.add_argument(
+    schedule = out.add_argument_group("schedule")
+    length = schedule.add_mutually_exclusive_group()
+    length.add_argument(
+        "--scale-steps",
+        type=console.positive,
+        metavar="FACTOR",
+        help="multiply the batches of each stage of the preset (default: 1)",
+    )
+    length.add_argument(
+        "--minutes",
+        type=console.positive,
+        metavar="M",
+        help="end within M minutes of wall-clock time, start-up and evaluation included",
+    )
+    schedule.add_argument(
+        "--scale-rate",
+        type=console.positive,
+        metavar="FACTOR",
+        help="multiply the preset's learning rates (default: 1); 0.25 suits --start-from with "
+        "well-trained weights, which the full rate first makes worse",
+    )
+    schedule.add_argument(
+        "--batch-size",
+        type=console.count,
+        metavar="EXAMPLES",
+        help="in a batch; a large one fills a large GPU (default: the preset's)",
+    )
+    schedule.add_argument(
         "--stages",
         nargs="+",
         metavar="STAGE",
-        help="train only these; of the others, finished ones give their weights (default: all)",
+        help="train only these; the finished ones of the others give their weights (default: all)",
     )
-    out.add_argument(
-        "--reuse",
-        type=Path,
-        metavar="RUN",
-        help="take over another run's finished stages where they are the same, as for ablations",
+    schedule.add_argument(
+        "--freeze",
+        nargs="+",
+        metavar="NAME",
+        help="subnetworks that keep the weights of --start-from while joined stages train the "
+        "others",
     )
-    out.add_argument(
+    schedule.add_argument(
         "--start-from",
         type=model_folder.find,
         metavar="RUN",
-        help="begin with the weights of another run, or of a set that comes with the package, of "
-        "those subnetworks that it has trained and that have the same layers: to train on, or to "
-        "begin at a smaller --size, where U-Nets learn the coarse things in half the time",
+        help="begin with the weights of another run, or of a set that comes with the package: of "
+        "the trained subnetworks with the same layers",
     )
-    out.add_argument(
+    schedule.add_argument(
+        "--reuse",
+        type=Path,
+        metavar="RUN",
+        help="copy finished stages of another run where they are the same, as for ablations",
+    )
+    schedule.add_argument("--seed", type=int, help="of weights, order and photos (default: 0)")
+    speed = out.add_argument_group("speed")
+    speed.add_argument(
         "--precision",
         choices=_PRECISIONS,
-        help="of the networks' inner layers; bfloat16 is faster on processors and GPUs that know "
-        "it, and slower on others (default: float32)",
+        help="of the inner layers; bfloat16 is faster on processors and GPUs that have it, and "
+        "slower on others (default: float32)",
     )
-    out.add_argument(
+    speed.add_argument(
         "--devices",
         type=int,
         default=1,
         metavar="N",
-        help="split each batch between so many GPUs of each process (default: 1)",
+        help="GPUs of each process that share a batch (default: 1)",
     )
-    out.add_argument(
+    speed.add_argument(
         "--hosts",
         type=console.count,
         metavar="N",
-        help="train by so many processes, such as one on each machine (default: 1)",
+        help="processes that train together under JAX, such as one on each machine (default: 1)",
     )
-    out.add_argument("--host", type=int, metavar="K", help="number of this process, from 0")
-    out.add_argument(
+    speed.add_argument("--host", type=int, metavar="K", help="number of this process, from 0")
+    speed.add_argument(
         "--coordinator",
         metavar="HOST:PORT",
         help="address of process 0 with a free port there, the same for all processes",
     )
-    out.add_argument(
-        "--camera",
-        action=argparse.BooleanOptionalAction,
-        help="photograph each image anew every time it is seen: exposure, defocus, noise, clipping "
-        "and JPEG of consumer cameras (default: on)",
-    )
-    out.add_argument(
-        "--materials",
-        nargs="+",
-        choices=_MATERIALS,
-        metavar="LAW",
-        help="draw the albedos by the law `uniform`, the paper's, or `natural`, as common objects "
-        "have them, or both in turns (default: uniform; a corpus' held-out scenes keep their own)",
-    )
-    out.add_argument(
-        "--freeze",
-        nargs="+",
-        metavar="NAME",
-        help="subnetworks that keep the weights of --start-from, while joined stages train the "
-        "others: several sets can then share U-Nets",
-    )
-    out.add_argument("--seed", type=int, help="of weights, order and photos (default: 0)")
     out.add_argument("--version", action="version", version=__version__)
     return out
 
