@@ -1,9 +1,10 @@
 """`lime-train`: run the training stages."""
 
 import argparse
+import operator
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,26 @@ from lime_keras.version import __version__
 _PRESETS = ("smoke", "nano", "live", "paper")
 _PRECISIONS = ("float32", "bfloat16", "float16")
 _MATERIALS = ("uniform", "natural")  # `material_law.LAWS`, without NumPy
+_PARTS = {"perceptual": "compositing", "mirror": "architecture.mirror"}
+"""What `--without` leaves out, and the field of the config that says whether it is there."""
+_OPTIONS = {
+    "preset": "preset",
+    "scale_steps": "steps_scale",
+    "scale_rate": "rate_scale",
+    "size": "architecture.size",
+    "width": "architecture.unet_width",
+    "baseline": "architecture.system",
+    "exponent": "architecture.exponent",
+    "batch_size": "schedule.batch_size",
+    "seed": "seed",
+    "camera": "camera",
+    "precision": "precision",
+    "minutes": "minutes",
+    "materials": "materials",
+    "freeze": "frozen",
+}
+"""The field of the config that takes an option's value."""
+_FIELDS = (*_OPTIONS.values(), *_PARTS.values(), "begun_from")
 _EXAMPLE = """
 examples:
   lime-train corpus --out runs/first --preset smoke
@@ -97,7 +118,7 @@ def parser() -> argparse.ArgumentParser:
     networks.add_argument(
         "--without",
         nargs="+",
-        choices=("perceptual", "mirror"),
+        choices=tuple(_PARTS),
         metavar="PART",
         help="the paper's ablations. perceptual: AlbedoNet's loss without Eq. 5; mirror: no "
         "MirrorNet, the exponent from S alone",
@@ -292,74 +313,60 @@ def _import_tensorflow(paths: Sequence[Path]) -> None:
 
 def config_of(options: argparse.Namespace) -> Any:
     """Return the config: from the options, else from the resumed run, else from the defaults."""
-    import dataclasses
-
     from lime_keras.networks import PRESETS
 
-    from . import initial_weights
     from .config import Config, corpus_sha256
     from .stages import SCHEDULES
 
-    held = Config.read(options.out) if options.resume else None
-
-    def chosen(asked: Any, of_held: Any, default: Any) -> Any:
-        if asked is not None:
-            return asked
-        return default if held is None else of_held(held)
-
-    preset = chosen(options.preset, lambda c: c.preset, None)
-    sizes, schedule = PRESETS[preset], SCHEDULES[preset]
+    asked = _asked(options)
+    if options.resume:
+        held = Config.read(options.out)
+        asked = {field: operator.attrgetter(field)(held) for field in _FIELDS} | asked
+    preset = asked["preset"]
+    schedule = SCHEDULES[preset]
     _check_materials(options, schedule.repaints)
-    scale = chosen(options.scale_steps, lambda c: c.steps_scale, 1.0)
-    rate_scale = chosen(options.scale_rate, lambda c: c.rate_scale, 1.0)
-    without = options.without
-    return Config(
+    fresh = Config(
         preset=preset,
-        steps_scale=scale,
-        architecture=dataclasses.replace(
-            sizes,
-            size=chosen(options.size, lambda c: c.architecture.size, sizes.size),
-            unet_width=chosen(options.width, lambda c: c.architecture.unet_width, sizes.unet_width),
-            system=chosen(options.baseline, lambda c: c.architecture.system, "lime"),
-            mirror=chosen(
-                None if without is None else "mirror" not in without,
-                lambda c: c.architecture.mirror,
-                True,
-            ),
-            exponent=chosen(options.exponent, lambda c: c.architecture.exponent, "classification"),
-        ),
-        schedule=dataclasses.replace(
-            schedule.scaled(scale, rate_scale),
-            batch_size=chosen(
-                options.batch_size, lambda c: c.schedule.batch_size, schedule.batch_size
-            ),
-        ),
-        seed=chosen(options.seed, lambda c: c.seed, 0),
+        steps_scale=1.0,
+        architecture=PRESETS[preset],
+        schedule=schedule.scaled(asked.get("steps_scale", 1.0), asked.get("rate_scale", 1.0)),
+        seed=0,
         corpus_sha256=corpus_sha256(options.paths),
-        camera=chosen(options.camera, lambda c: c.camera, True),
-        compositing=chosen(
-            None if without is None else "perceptual" not in without,
-            lambda c: c.compositing,
-            True,
-        ),
-        precision=chosen(options.precision, lambda c: c.precision, "float32"),
-        begun_from=chosen(
-            None if options.start_from is None else initial_weights.sha256(options.start_from),
-            lambda c: c.begun_from,
-            None,
-        ),
-        minutes=chosen(options.minutes, lambda c: c.minutes, None),
-        materials=chosen(
-            None if options.materials is None else tuple(options.materials),
-            lambda c: c.materials,
-            None,
-        ),
-        frozen=chosen(
-            None if options.freeze is None else tuple(options.freeze),
-            lambda c: c.frozen,
-            None,
-        ),
-        rate_scale=rate_scale,
+        camera=True,
+    )
+    return _with(fresh, asked)
+
+
+def _asked(options: argparse.Namespace) -> dict[str, Any]:
+    """Return the fields of the config that the options set, by their dotted names."""
+    from . import initial_weights
+
+    given = {field: getattr(options, option) for option, field in _OPTIONS.items()}
+    if options.without is not None:
+        given |= {field: part not in options.without for part, field in _PARTS.items()}
+    if options.start_from is not None:
+        given["begun_from"] = initial_weights.sha256(options.start_from)
+    return {
+        field: tuple(value) if isinstance(value, list) else value
+        for field, value in given.items()
+        if value is not None
+    }
+
+
+def _with(config: Any, values: Mapping[str, Any]) -> Any:
+    """Return a dataclass with other values of some fields, given by their dotted names."""
+    import dataclasses
+
+    inner: dict[str, dict[str, Any]] = {}
+    for path, value in values.items():
+        name, _, rest = path.partition(".")
+        inner.setdefault(name, {})[rest] = value
+    return dataclasses.replace(
+        config,
+        **{
+            name: fields[""] if "" in fields else _with(getattr(config, name), fields)
+            for name, fields in inner.items()
+        },
     )
 
 
