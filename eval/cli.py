@@ -11,49 +11,19 @@ from lime_keras.version import __version__
 
 _EPILOG = """\
 examples:
-  lime-eval corpus --weights runs/full
-  lime-eval corpus --table1 runs/full runs/no-mirror runs/no-perceptual --out results
-  lime-eval corpus --weights nano --out results
-  lime-eval corpus --tradeoff --out results
-  lime-eval corpus --tradeoff runs/smoke live --out results
-  lime-eval --stability --out results
-  lime-eval --photos photos/ --weights runs/before runs/after --out results
-  lime-eval corpus --predictions answers/ --table1 live --out results
+  lime-eval corpus --weights runs/mine
+  lime-eval corpus --table1 runs/full runs/no-mirror runs/no-perceptual
+  lime-eval corpus --predictions answers/ --table1 live
+  lime-eval corpus --tradeoff
+  lime-eval --photos photos/ --weights runs/before runs/after
 
-All of one --out fill one report, which may be mailed: report.html. Besides it
-  --weights    metrics.json    every number, with intervals; encoders on true layers, paper,
-                               chance and floor
-               table1.md       the paper's Table 1 with this run's column
-               confusion.png   which exponent bin is taken for which
-               images.csv      what was found of every test image, and how wrong it is
-               examples/       the photos of the report's examples, to try lime-estimate on
-  --table1, --predictions
-               comparison.md, comparison.json, confusions.png
-  --tradeoff   tradeoff.md, tradeoff.json, pareto.png
-  --photos     photos.json     every number of the tables, and the answers for every photo
-               photos.csv      the answers for every photo
-               photos-1.jpg …  the photos with their answers, sorted by gloss
+DIR/report.html shows the results of all commands with the same --out; tables also go to standard
+output. What was measured on a CORPUS is kept in DIR: a command that is repeated, or was
+interrupted, measures only what is missing.
 
-Photos have no true material, but show whether it is glossy, and of which hue. Their folder may hold
-masks (cup_mask.png for cup.jpg; 1mask.png for 1input.png) and labels.csv, with the columns
-  photo        path below the folder, with its suffix
-  finish       glossy or matte, as one sees it; may be empty
-  dielectric   1 if the object is of no metal, so that its specular albedo is known: 0.04
-  pair         photos of the same name here are also compared with one another alone
-  note         any text
-Without labels there are the colours, the masks and the pictures.
-
-A folder of --predictions holds another system's answers for what lime-render images writes, each
-file named after its image. All of them may be missing; docs/reference/benchmark.md tells of units.
-  00000.json                  diffuse_albedo, specular_albedo, exponent,
-                              exponent_bin_probabilities
-  00000-mask.png              white where the object is
-  00000-specular_shading.exr, 00000-mirror.exr
-                              linear radiance, one channel
-
-What was measured on a CORPUS is kept in OUT, so a command that is run again, or was interrupted,
-goes on where it stopped. Tables also go to standard output, progress to standard error.
 Exit status: 0 done, 1 something failed, 2 wrong usage, 130 interrupted.
+
+More: docs/how-to/evaluate.md, docs/how-to/photographs.md, docs/reference/benchmark.md.
 """
 
 
@@ -61,77 +31,82 @@ def parser() -> argparse.ArgumentParser:
     """Return the argument parser of `lime-eval`."""
     command = argparse.ArgumentParser(
         prog="lime-eval",
-        description="Measure trained runs on the test split of a corpus: the paper's Table 1, "
-        "speed against accuracy, numerical stability; or on photos; and write a report of it all.",
+        usage="lime-eval [CORPUS] [what to measure] [--out DIR] [options]",
+        description="Measure trained models: on the test split of a corpus (the paper's Table 1, "
+        "speed against accuracy), on photos, and at numerical extremes. Write one report.",
         epilog=_EPILOG,
         formatter_class=console.Help,
     )
-    command.add_argument(
+    given = command.add_argument_group("input")
+    given.add_argument(
         "corpus",
         type=Path,
         metavar="CORPUS",
         nargs="?",
-        help="folder of lime-render; --stability and --photos need none",
+        help="corpus that lime-render wrote; --stability and --photos need none",
     )
-    command.add_argument(
+    given.add_argument(
+        "--camera",
+        action="store_true",
+        help="show photos of the scenes instead of clean images: exposure, defocus, noise, "
+        "clipping and JPEG of a consumer camera",
+    )
+    measured = command.add_argument_group(
+        "what to measure",
+        "RUN is a run of lime-train, a folder with its model, or the name of a set that comes with "
+        f"the package: {', '.join(model_folder.shipped())}.",
+    )
+    measured.add_argument(
         "--weights",
         type=model_folder.find,
         nargs="+",
         action="extend",
         metavar="RUN",
-        help="run of lime-train, a folder with its model, or name of a set that comes with the "
-        f"package ({', '.join(model_folder.shipped())}), to be measured; --photos takes several, "
-        "side by side (default, for --photos and for a CORPUS with nothing else asked for: "
-        f"{model_folder.DEFAULT})",
+        help="the errors of one model; with --photos, of several side by side (default, if nothing "
+        f"else is asked for: {model_folder.DEFAULT})",
     )
-    command.add_argument(
+    measured.add_argument(
         "--table1",
         type=model_folder.find,
         nargs="+",
         metavar="RUN",
-        help="put several runs side by side: the full approach, its ablations, the baseline",
+        help="several models side by side: the full approach, its ablations, the baseline",
     )
-    command.add_argument(
+    measured.add_argument(
         "--predictions",
         type=Path,
         nargs="+",
         metavar="DIR",
-        help="put the answers of other systems, a folder each, into that table, beside the runs of "
-        "--table1 or the one of --weights, or alone",
+        help="the answers of other systems, a folder each, in the same table as --table1 or "
+        "--weights, or alone",
     )
-    command.add_argument(
+    measured.add_argument(
         "--tradeoff",
         type=model_folder.find,
         nargs="*",
         metavar="RUN",
-        help="measure latency, throughput, memory and size against every error, for each run, "
-        "runtime, precision, batch, number of threads and sub-graph (without a RUN: for all sets "
-        "that come with the package)",
+        help="time, memory and size against every error, in each runtime and precision (default: "
+        "all sets that come with the package)",
     )
-    command.add_argument(
+    measured.add_argument(
         "--stability",
         action="store_true",
-        help="drive every numeric part to its extremes, the networks of --weights among them",
+        help="every numeric part at its extremes, and the networks of --weights",
     )
-    command.add_argument(
+    measured.add_argument(
         "--photos",
         type=Path,
         metavar="DIR",
-        help="tell how well photos in a folder, at any depth, are answered whose materials nobody "
-        "measured: order of gloss, specular albedo of dielectrics, colour, masks",
+        help="photos, in a folder at any depth: the order of their gloss, the specular albedo of "
+        "dielectrics, colours, masks",
     )
-    command.add_argument(
+    written = command.add_argument_group("output")
+    written.add_argument(
         "--out",
         type=Path,
         metavar="DIR",
-        help="folder for the results (default: RUN/eval, of a RUN that did not come with the "
-        "package)",
-    )
-    command.add_argument(
-        "--camera",
-        action="store_true",
-        help="show the systems photos of the scenes, with a consumer camera's exposure, defocus, "
-        "noise, clipping and JPEG, instead of clean images",
+        help="folder of the results (default: RUN/eval for one run of your own, results/NAME for "
+        "one set that comes with the package, else results)",
     )
     command.add_argument("--version", action="version", version=__version__)
     return command
@@ -172,17 +147,23 @@ def _checked(command: argparse.ArgumentParser, arguments: list[str]) -> argparse
         command.error("a CORPUS takes --weights, --table1, --tradeoff or --predictions")
     if len(weights) > 1 and (options.corpus is not None or not options.photos or options.stability):
         command.error("several --weights are for --photos alone; on a CORPUS pass them to --table1")
-    if options.out is None and len(weights) != 1:
-        command.error("pass --out: without one --weights there is no run's folder to write to")
-    if options.out is None and weights[0] in model_folder.shipped().values():
-        command.error(f"pass --out: {weights[0].name} came with the package, which is kept")
+    options.out = options.out or _default_out(weights)
     return options
+
+
+def _default_out(weights: list[Path]) -> Path:
+    """Return the folder of the results where `--out` names none."""
+    if len(weights) != 1:
+        return Path("results")
+    (run,) = weights
+    shipped = run in model_folder.shipped().values()
+    return Path("results", run.name) if shipped else run / "eval"
 
 
 def _evaluate(options: argparse.Namespace, command: str) -> int:
     """Compute the requested results, write the report, print the tables, return the status."""
     weights = options.weights or []
-    out = options.out or weights[0] / "eval"
+    out = options.out
     console.check_folder(out, "--out")
     if options.corpus or options.stability:
         console.require("lime-eval", *console.EXTRAS["train"])

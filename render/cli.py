@@ -25,16 +25,19 @@ other commands, each with a --help of its own:
   lime-render layers CORPUS INDEX   write one example as OpenEXR layers
   lime-render images CORPUS OUT     write the images of the test split, for other systems
   lime-render views HDRIS OUT       take pictures inside HDR maps, for --backgrounds
-A corpus that is called like one of them is rendered by its path: ./verify.
+For a corpus with one of these names, write its path: ./verify.
 
 examples:
   lime-render corpus --split train --count 512
   lime-render corpus --split test --count 128
   lime-render corpus --split train --count 10000 --shapes meshes/ --environments hdris/
+  lime-render corpus --split train --count 4000 --size 128 --materials natural
   lime-render verify corpus
 
-An interrupted command, run again, goes on where it stopped; the same seed gives the same bytes
+An interrupted command, run again, goes on where it stopped. The same seed gives the same bytes,
 whatever the number of workers.
+
+More: docs/how-to/corpus.md, docs/how-to/banks.md, docs/how-to/machines.md.
 """
 
 
@@ -50,60 +53,46 @@ def parser() -> argparse.ArgumentParser:
         formatter_class=console.Help,
     )
     out.add_argument("out", type=Path, metavar="OUT", help="folder of the corpus")
-    _add_contents(out, "examples")
-    out.add_argument(
-        "--shapes",
-        type=Path,
-        metavar="DIR",
-        help="folder of meshes (OBJ, PLY, STL, GLB) instead of the built-in shapes, of which there "
-        "are 400 for training and 100 for test",
+    contents = _add_contents(out, "examples")
+    contents.add_argument(
+        "--size", type=_size, default=256, help="height and width in pixels (default: 256)"
     )
-    out.add_argument(
-        "--environments",
-        type=Path,
-        metavar="DIR",
-        help="folder of environment maps (HDR, EXR; equirectangular) instead of the built-in rooms "
-        "(40 for training, 12 for test); "
-        "of both folders a fifth of the files is kept for the test split, or the subfolders train "
-        "and test are used if there are such",
-    )
-    out.add_argument(
-        "--lights",
-        type=console.count,
-        default=1,
-        metavar="L",
-        help="store each scene under so many lights, which training mixes anew each time; images "
-        "show the first (default: 1)",
-    )
-    out.add_argument(
+    contents.add_argument(
         "--materials",
         choices=_MATERIALS,
         default=_MATERIALS[0],
         help="law of the materials: the paper's, or as common objects have them (default: uniform)",
     )
-    out.add_argument(
+    contents.add_argument(
         "--quality",
         choices=tuple(QUALITIES),
         default="fast",
         help="reference converges, and takes many times as long (default: fast)",
     )
-    out.add_argument(
+    contents.add_argument(
         "--shading",
         choices=("furnace", "literal"),
         default="furnace",
         help="normalise shading to the white furnace, or store Eqs. 2 and 3 as printed; a model "
         "gives specular albedos in the unit of its corpus (default: furnace)",
     )
-    out.add_argument(
-        "--size", type=_size, default=256, help="height and width in pixels (default: 256)"
-    )
-    out.add_argument(
-        "--shard-size",
+    contents.add_argument(
+        "--lights",
         type=console.count,
-        metavar="N",
-        help="examples in a file (default: a twentieth of the count, at most 512)",
+        default=1,
+        metavar="L",
+        help="store each scene under L lights, which training mixes anew each time; images show "
+        "the first (default: 1)",
     )
-    machines = out.add_mutually_exclusive_group()
+    _add_inputs(
+        out,
+        shapes="meshes (OBJ, PLY, STL, GLB) instead of the built-in shapes: 400 for training, 100 "
+        "for test",
+        environments="environment maps (HDR, EXR; equirectangular) instead of the built-in rooms: "
+        "40 for training, 12 for test",
+    )
+    speed = out.add_argument_group("speed")
+    machines = speed.add_mutually_exclusive_group()
     machines.add_argument(
         "--workers",
         type=console.count,
@@ -113,8 +102,14 @@ def parser() -> argparse.ArgumentParser:
     machines.add_argument(
         "--ray",
         metavar="ADDRESS",
-        help="render on the Ray cluster at this address (HOST:PORT, or auto) instead, whose nodes "
-        "must share OUT and the folders above",
+        help="render on the Ray cluster at this address (HOST:PORT, or auto); its nodes must share "
+        "OUT and the input folders",
+    )
+    speed.add_argument(
+        "--shard-size",
+        type=console.count,
+        metavar="N",
+        help="examples in a file (default: a twentieth of the count, at most 512)",
     )
     out.add_argument("--version", action="version", version=__version__)
     return out
@@ -158,8 +153,8 @@ def commands() -> argparse.ArgumentParser:
         "preview",
         _preview,
         "Draw CORPUS/SPLIT/preview.png, a contact sheet, and histograms.png, what was sampled "
-        "beside what should have been; or BANK/preview.png, 100 G-buffers of a bank, its lights "
-        "and its textures, and preview-lights.png, what lights are drawn from it.",
+        "beside what should have been. Of a bank, draw BANK/preview.png, 100 G-buffers with lights "
+        "and textures, and preview-lights.png, lights drawn from it.",
         "  lime-render preview corpus\n  lime-render preview corpus --split test\n"
         "  lime-render preview bank --out sheet.png",
     )
@@ -175,9 +170,7 @@ def commands() -> argparse.ArgumentParser:
         command.add_argument(
             "corpus", type=Path, metavar="CORPUS|BANK", help="folder of the corpus or the bank"
         )
-        command.add_argument(
-            "--split", choices=SPLITS, help="of a corpus; default: all that there are"
-        )
+        command.add_argument("--split", choices=SPLITS, help="of a corpus (default: both)")
     preview.add_argument(
         "--out", type=Path, metavar="PNG", help="of a bank (default: BANK/preview.png)"
     )
@@ -192,8 +185,8 @@ def commands() -> argparse.ArgumentParser:
     images = add(
         "images",
         _images,
-        "Write the images of the test split, 00000.png and so on, and nothing of the truth: what "
-        "another system sees, for lime-eval --predictions.",
+        "Write the images of the test split, 00000.png and so on, without the truth, for another "
+        "system to answer (lime-eval --predictions).",
         "  lime-render images corpus images/\n"
         "  lime-eval corpus --predictions answers/ --out results",
         "the same command goes on with the images that are missing",
@@ -203,8 +196,8 @@ def commands() -> argparse.ArgumentParser:
     views = add(
         "views",
         _views,
-        "Look into HDR maps of the train split: pictures for lime-render --backgrounds. The same "
-        "maps give the same pictures.",
+        "Take pictures inside the HDR maps of the train split, for lime-render --backgrounds. The "
+        "same maps give the same pictures.",
         "  lime-render views hdris/ views/",
         "run again, it writes all of the pictures anew",
     )
@@ -212,14 +205,15 @@ def commands() -> argparse.ArgumentParser:
         "maps", type=Path, metavar="HDRIS", help="folder of maps, as of lime-render --environments"
     )
     views.add_argument("out", type=Path, metavar="OUT", help="folder of the pictures")
-    views.add_argument("--count", type=console.count, default=16, help="of each map (default: 16)")
+    views.add_argument(
+        "--count", type=console.count, default=16, help="pictures of each map (default: 16)"
+    )
     _add_bank_options(
         add(
             "bank",
             _bank,
-            "Render a bank: G-buffers of objects, compressed, in random pose, size and crop, each "
-            "deformed anew; lights; and textures. Training makes scenes without end from it, where "
-            "it runs.",
+            "Render a bank: compressed G-buffers of objects in random pose, size and crop, each "
+            "deformed anew; lights; and textures. Training makes new scenes from it as it runs.",
             "  lime-render bank bank --split train --count 4000\n"
             "  lime-render bank bank --split train --count 20000 --shapes meshes/ "
             "--environments hdris/\n"
@@ -232,9 +226,8 @@ def commands() -> argparse.ArgumentParser:
     scenes = add(
         "scenes",
         _scenes,
-        "Make scenes of a bank once, as training makes them anew each time, and store them as the "
-        "train split of a corpus. On processors, training reads them ten times as fast as it makes "
-        "them.",
+        "Make scenes of a bank, as training does, and store them as the train split of a corpus. "
+        "On a processor, reading them is ten times as fast as making them.",
         "  lime-render scenes bank corpus --count 20000\n"
         "  lime-train corpus --out runs/live --preset live",
         "the same command goes on with what is missing",
@@ -278,59 +271,63 @@ def main(argv: list[str] | None = None) -> int:
 
 def _add_bank_options(bank: argparse.ArgumentParser) -> None:
     bank.add_argument("out", type=Path, metavar="OUT", help="folder of the bank")
-    _add_contents(bank, "G-buffers")
-    bank.add_argument(
-        "--shapes",
-        type=Path,
-        metavar="DIR",
-        help="folder of meshes (OBJ, PLY, STL, GLB), which half of the G-buffers show; the others, "
-        "and without a folder all, show procedural shapes without end",
-    )
-    bank.add_argument(
-        "--environments",
-        type=Path,
-        metavar="DIR",
-        help="folder of environment maps (HDR, EXR; equirectangular) beside the built-in rooms "
-        "and skies (88 for training, 24 for test); "
-        "of both folders a fifth of the files is kept for the test split, or the subfolders train "
-        "and test are used if there are such",
-    )
-    bank.add_argument(
+    _add_contents(bank, "G-buffers").add_argument(
         "--size", type=_bank_size, default=128, help="height and width in pixels (default: 128)"
     )
-    bank.add_argument(
-        "--shard-size",
-        type=console.count,
-        metavar="N",
-        help="G-buffers in a file (default: a twentieth of the count, at most 256)",
+    _add_inputs(
+        bank,
+        shapes="meshes (OBJ, PLY, STL, GLB) for half of the G-buffers; the others, and without a "
+        "folder all, show procedural shapes, each a new one",
+        environments="environment maps (HDR, EXR; equirectangular) beside the built-in rooms and "
+        "skies: 88 for training, 24 for test",
     )
-    bank.add_argument(
+    speed = bank.add_argument_group("speed")
+    speed.add_argument(
         "--workers",
         type=console.count,
         default=os.cpu_count(),
         help="processes (default: all cores)",
     )
+    speed.add_argument(
+        "--shard-size",
+        type=console.count,
+        metavar="N",
+        help="G-buffers in a file (default: a twentieth of the count, at most 256)",
+    )
 
 
-def _add_contents(out: argparse.ArgumentParser, unit: str) -> None:
-    """Add the options that a corpus and a bank share: how much of what, drawn from which seed."""
-    out.add_argument("--split", choices=SPLITS, required=True, help="which half of the data")
-    out.add_argument(
+def _add_contents(out: argparse.ArgumentParser, unit: str) -> "argparse._ArgumentGroup":
+    """Add and return the group of options that say how much is drawn, from which seed."""
+    contents = out.add_argument_group("contents")
+    contents.add_argument("--split", choices=SPLITS, required=True, help="which half of the data")
+    contents.add_argument(
         "--count", type=console.count, required=True, help=f"number of {unit} to render"
     )
-    out.add_argument("--seed", type=_seed, default=0, help="of everything random (default: 0)")
-    out.add_argument(
+    contents.add_argument("--seed", type=_seed, default=0, help="of everything random (default: 0)")
+    return contents
+
+
+def _add_inputs(out: argparse.ArgumentParser, *, shapes: str, environments: str) -> None:
+    """Add the folders that a corpus and a bank are made from; the texts say what they replace."""
+    given = out.add_argument_group(
+        "input",
+        "A fifth of the files of --shapes and --environments is kept for the test split. Folders "
+        "with subfolders train and test are split by these.",
+    )
+    given.add_argument("--shapes", type=Path, metavar="DIR", help=shapes)
+    given.add_argument("--environments", type=Path, metavar="DIR", help=environments)
+    given.add_argument(
         "--backgrounds",
         type=Path,
         metavar="DIR",
-        help="folder of pictures to put behind the objects instead of random textures",
+        help="pictures to put behind the objects instead of random textures",
     )
-    out.add_argument(
+    given.add_argument(
         "--unusable",
         choices=("refuse", "skip"),
         default="refuse",
-        help="what to do about files of these folders that cannot be used; they are told by name, "
-        "with the reason (default: refuse to begin)",
+        help="what to do about files of these folders that cannot be used; each is named with the "
+        "reason (default: refuse to begin)",
     )
 
 

@@ -170,9 +170,10 @@ def test_the_docs_that_code_names_exist():
                 assert (ROOT / place).is_file(), f"{named(path)}: {place}"
 
 
-def told(command, *arguments):
+def told(command, *arguments, width=88):
     """The text of a command's help."""
-    return script(DOCS / "_extensions" / "command_help.py").text(COMMANDS[command], [*arguments])
+    help_of = script(DOCS / "_extensions" / "command_help.py").text
+    return help_of(COMMANDS[command], [*arguments], columns=width)
 
 
 @pytest.fixture(scope="module")
@@ -181,6 +182,22 @@ def options():
     out = {name: told(name) for name in COMMANDS}
     out["lime-render"] += "".join(told("lime-render", name) for name in render_cli.COMMANDS)
     return {name: set(re.findall(r"--[a-z][\w-]*", text)) for name, text in out.items()}
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_the_help_of_a_command_fits_two_screens(name):
+    """Of 48 lines; the options in groups, then five examples, then the pages with the rest."""
+    text = told(name, width=100)
+    assert len(text.splitlines()) <= 96
+    titles = re.findall(r"^([a-z][a-z ]+):$", text, re.MULTILINE)
+    assert {"options", "examples"} < set(titles) and len(titles) >= 5
+    options, examples = text.split("\nexamples:\n")
+    loose = options.split("\noptions:\n")[1].split("\n\n")[0]
+    assert set(re.findall(r"^  (-\S+)", loose, re.MULTILINE)) == {"-h,", "--version"}
+    assert len(re.match(r"(?:  lime-.*\n)+", examples).group().splitlines()) == 5
+    pages = examples.replace("\n", " ").split("More: ")[1]
+    assert all((ROOT / page).is_file() for page in re.findall(r"[^ ,]+\.md", pages))
+    assert re.fullmatch(r"(docs/[\w/-]+\.md(, |\. *$))+", pages)
 
 
 @pytest.mark.parametrize("page", TEXTS, ids=named)

@@ -1,9 +1,10 @@
 """`lime-train`: run the training stages."""
 
 import argparse
+import operator
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,40 +15,47 @@ from lime_keras.version import __version__
 _PRESETS = ("smoke", "nano", "live", "paper")
 _PRECISIONS = ("float32", "bfloat16", "float16")
 _MATERIALS = ("uniform", "natural")  # `material_law.LAWS`, without NumPy
+_PARTS = {
+    "perceptual": "compositing",
+    "mirror": "architecture.mirror",
+    "dichromatic": "architecture.dichromatic",
+    "layers": "architecture.layers",
+    "pretrained": "architecture.pretrained",
+}
+"""What `--with` and `--without` name, and the field of the config that says whether it is there."""
+_OPTIONS = {
+    "preset": "preset",
+    "scale_steps": "steps_scale",
+    "scale_rate": "rate_scale",
+    "size": "architecture.size",
+    "width": "architecture.unet_width",
+    "baseline": "architecture.system",
+    "exponent": "architecture.exponent",
+    "batch_size": "schedule.batch_size",
+    "seed": "seed",
+    "camera": "camera",
+    "precision": "precision",
+    "minutes": "minutes",
+    "materials": "materials",
+    "freeze": "frozen",
+}
+"""The field of the config that takes an option's value."""
+_FIELDS = (*_OPTIONS.values(), *_PARTS.values(), "begun_from")
 _EXAMPLE = """
 examples:
   lime-train corpus --out runs/first --preset smoke
-  lime-train corpus --out runs/paper --preset paper --precision bfloat16
-  lime-train corpus --out runs/paper --resume
-  lime-train meshes procedural --out runs/both --preset live
+  lime-train corpus --out runs/first --resume
+  lime-train meshes procedural --out runs/both --preset live --precision bfloat16
   lime-train bank --out runs/bank --preset live --minutes 22 --batch-size 64
-  KERAS_BACKEND=jax lime-train bank --out runs/jax --preset live
-  KERAS_BACKEND=jax lime-train bank --out shared/run --preset paper --hosts 2 --host 0 \\
-    --coordinator node0:12345      (and on the other machine the same with --host 1)
-  lime-train corpus --out runs/64 --preset live --size 64 --stages segmentation specular mirror
-  lime-train corpus --out runs/live --preset live --start-from runs/64
-  lime-train bank --out runs/natural --preset live --start-from live --materials natural \\
-    --stages specular+mirror+exponent+albedo --freeze specular mirror
   lime-train corpus --out runs/no-mirror --preset paper --without mirror --reuse runs/paper
-  tensorboard --logdir runs
 
-A bank (`lime-render bank`) makes every scene anew where the training runs. Under JAX, runs from
-banks alone need no TensorFlow. Named together, corpora and banks take turns batch by batch, in
-proportion to the number of paths of each.
+The stages: segmentation, specular, mirror and material, each subnetwork alone; then
+specular+mirror, joined. In the preset paper albedo and exponent in place of material, and at last
+specular+mirror+exponent and specular+mirror+exponent+albedo.
+An interrupted command, run again, goes on from its last checkpoint, at most a minute back.
+`tensorboard --logdir runs` shows the curves; KERAS_BACKEND=jax trains under JAX.
 
---hosts: under JAX, each process is started with the same command but its own --host, and trains on
-its part of each batch; --batch-size is that of all together. Process 0 alone writes to OUT, which
-all processes see. If one ends, all end, and the same commands go on from the last checkpoint.
-
-Stages: the five subnetworks alone on truth (segmentation, specular, mirror, albedo, exponent), then
-specular+mirror, specular+mirror+exponent and specular+mirror+exponent+albedo joined. An interrupted
-command, run again, goes on from its last checkpoint, at most a minute back. The last tenth of
-each train split's files, and a tenth of each bank's shapes and lights, is held out for validation.
-
---minutes: all stages are first compiled and measured. Then each gets a share of the time left, in
-proportion to the preset's batches times the seconds of a batch, and its learning rate falls to 0 in
-that time. OUT/model is written every two minutes. A resumed run goes on with the time that was left
-at its last checkpoint; its weights are not the same bit for bit.
+More: docs/how-to/training.md, docs/how-to/banks.md, docs/how-to/machines.md.
 """
 
 
@@ -55,19 +63,36 @@ def parser() -> argparse.ArgumentParser:
     """Return the parser of the command's options."""
     out = argparse.ArgumentParser(
         prog="lime-train",
-        description="Train the subnetworks of LIME on corpora and banks of `lime-render`.",
+        usage="lime-train PATH [PATH ...] --out RUN (--preset NAME | --resume) [options]",
+        description="Train the networks on corpora and banks of lime-render.",
         epilog=_EXAMPLE,
         formatter_class=console.Help,
     )
-    out.add_argument(
+    data = out.add_argument_group("input")
+    data.add_argument(
         "paths",
         nargs="+",
         type=Path,
         metavar="PATH",
-        help="corpus or bank that lime-render wrote; of several all are learnt from together",
+        help="corpus or bank that lime-render wrote; several are learnt from together",
     )
-    out.add_argument("--out", type=Path, required=True, metavar="RUN", help="folder of the run")
-    begun = out.add_mutually_exclusive_group(required=True)
+    data.add_argument(
+        "--camera",
+        action=argparse.BooleanOptionalAction,
+        help="photograph each image anew every time it is seen: exposure, defocus, noise, clipping "
+        "and JPEG of consumer cameras (default: on)",
+    )
+    data.add_argument(
+        "--materials",
+        nargs="+",
+        choices=_MATERIALS,
+        metavar="LAW",
+        help="laws of the albedos: `uniform`, the paper's; `natural`, as common objects have them; "
+        "or both in turns (default: uniform). The held-out scenes of a corpus keep their own",
+    )
+    written = out.add_argument_group("output")
+    written.add_argument("--out", type=Path, required=True, metavar="RUN", help="folder of the run")
+    begun = written.add_mutually_exclusive_group(required=True)
     begun.add_argument(
         "--preset",
         choices=_PRESETS,
@@ -77,133 +102,123 @@ def parser() -> argparse.ArgumentParser:
     begun.add_argument(
         "--resume",
         action="store_true",
-        help="go on with the run that is there, as it was begun; an option that says otherwise is "
-        "refused with the difference",
+        help="go on with the run in RUN. An option that differs from its own is refused",
     )
-    length = out.add_mutually_exclusive_group()
-    length.add_argument(
-        "--scale-steps",
-        type=console.positive,
-        metavar="FACTOR",
-        help="train each stage for so many times the preset's batches (default: 1)",
-    )
-    length.add_argument(
-        "--minutes",
-        type=console.positive,
-        metavar="M",
-        help="train within so many minutes of wall-clock time, start-up and evaluation included",
-    )
-    out.add_argument(
-        "--scale-rate",
-        type=console.positive,
-        metavar="FACTOR",
-        help="multiply the preset's learning rates; a quarter suits weights of --start-from that "
-        "are well trained, which the full rate first makes worse (default: 1)",
-    )
-    out.add_argument(
-        "--batch-size",
-        type=console.count,
-        metavar="EXAMPLES",
-        help="in a batch; more make better use of a large GPU (default: the preset's)",
-    )
-    out.add_argument(
-        "--width",
-        type=console.count,
-        metavar="CHANNELS",
-        help="of the U-Nets' first level (default: the preset's)",
-    )
-    out.add_argument(
+    networks = out.add_argument_group("networks")
+    networks.add_argument(
         "--size",
         type=console.count,
         metavar="PIXELS",
         help="of the networks' images, a multiple of 32 (default: the preset's)",
     )
-    out.add_argument(
-        "--without",
-        nargs="+",
-        choices=("perceptual", "mirror"),
-        metavar="PART",
-        help="the paper's ablations: `perceptual`, no Eq. 5 in AlbedoNet's loss; `mirror`, no "
-        "MirrorNet, the exponent from S alone",
+    networks.add_argument(
+        "--width",
+        type=console.count,
+        metavar="CHANNELS",
+        help="of the U-Nets' first level (default: the preset's)",
     )
-    out.add_argument(
+    networks.add_argument(
         "--exponent",
         choices=("classification", "regression"),
         help="eight bins, or log10 s (default: classification)",
     )
-    out.add_argument(
+    networks.add_argument(
+        "--without",
+        nargs="+",
+        choices=tuple(_PARTS),
+        metavar="PART",
+        help="leave out: perceptual, Eq. 5 in the loss; mirror, MirrorNet; dichromatic, the split "
+        "of colours; layers, S and M as inputs of the encoders; pretrained, the mask's encoder",
+    )
+    networks.add_argument(
+        "--with", nargs="+", choices=tuple(_PARTS), metavar="PART", help="put in, of the same"
+    )
+    networks.add_argument(
         "--baseline",
         choices=("reflectance-map",),
-        help="in place of LIME: estimate a reflectance map and read the material from it; its "
-        "stages are segmentation, reflectance_map, material and reflectance_map+material",
+        help="in place of LIME, estimate a reflectance map and read the material from it. Stages: "
+        "segmentation, reflectance_map, material, reflectance_map+material",
     )
-    out.add_argument(
+    schedule = out.add_argument_group("schedule")
+    length = schedule.add_mutually_exclusive_group()
+    length.add_argument(
+        "--scale-steps",
+        type=console.positive,
+        metavar="FACTOR",
+        help="multiply the batches of each stage of the preset (default: 1)",
+    )
+    length.add_argument(
+        "--minutes",
+        type=console.positive,
+        metavar="M",
+        help="end within M minutes of wall-clock time, start-up and evaluation included",
+    )
+    schedule.add_argument(
+        "--scale-rate",
+        type=console.positive,
+        metavar="FACTOR",
+        help="multiply the preset's learning rates (default: 1); 0.25 suits --start-from with "
+        "well-trained weights, which the full rate first makes worse",
+    )
+    schedule.add_argument(
+        "--batch-size",
+        type=console.count,
+        metavar="EXAMPLES",
+        help="in a batch; a large one fills a large GPU (default: the preset's)",
+    )
+    schedule.add_argument(
         "--stages",
         nargs="+",
         metavar="STAGE",
-        help="train only these; of the others, finished ones give their weights (default: all)",
+        help="train only these; the finished ones of the others give their weights (default: all)",
     )
-    out.add_argument(
-        "--reuse",
-        type=Path,
-        metavar="RUN",
-        help="take over another run's finished stages where they are the same, as for ablations",
+    schedule.add_argument(
+        "--freeze",
+        nargs="+",
+        metavar="NAME",
+        help="subnetworks that keep the weights of --start-from while joined stages train the "
+        "others",
     )
-    out.add_argument(
+    schedule.add_argument(
         "--start-from",
         type=model_folder.find,
         metavar="RUN",
-        help="begin with the weights of another run, or of a set that comes with the package, of "
-        "those subnetworks that it has trained and that have the same layers: to train on, or to "
-        "begin at a smaller --size, where U-Nets learn the coarse things in half the time",
+        help="begin with the weights of another run, or of a set that comes with the package: of "
+        "the trained subnetworks with the same layers",
     )
-    out.add_argument(
+    schedule.add_argument(
+        "--reuse",
+        type=Path,
+        metavar="RUN",
+        help="copy finished stages of another run where they are the same, as for ablations",
+    )
+    schedule.add_argument("--seed", type=int, help="of weights, order and photos (default: 0)")
+    speed = out.add_argument_group("speed")
+    speed.add_argument(
         "--precision",
         choices=_PRECISIONS,
-        help="of the networks' inner layers; bfloat16 is faster on processors and GPUs that know "
-        "it, and slower on others (default: float32)",
+        help="of the inner layers; bfloat16 is faster on processors and GPUs that have it, and "
+        "slower on others (default: float32)",
     )
-    out.add_argument(
+    speed.add_argument(
         "--devices",
         type=int,
         default=1,
         metavar="N",
-        help="split each batch between so many GPUs of each process (default: 1)",
+        help="GPUs of each process that share a batch (default: 1)",
     )
-    out.add_argument(
+    speed.add_argument(
         "--hosts",
         type=console.count,
         metavar="N",
-        help="train by so many processes, such as one on each machine (default: 1)",
+        help="processes that train together under JAX, such as one on each machine (default: 1)",
     )
-    out.add_argument("--host", type=int, metavar="K", help="number of this process, from 0")
-    out.add_argument(
+    speed.add_argument("--host", type=int, metavar="K", help="number of this process, from 0")
+    speed.add_argument(
         "--coordinator",
         metavar="HOST:PORT",
         help="address of process 0 with a free port there, the same for all processes",
     )
-    out.add_argument(
-        "--camera",
-        action=argparse.BooleanOptionalAction,
-        help="photograph each image anew every time it is seen: exposure, defocus, noise, clipping "
-        "and JPEG of consumer cameras (default: on)",
-    )
-    out.add_argument(
-        "--materials",
-        nargs="+",
-        choices=_MATERIALS,
-        metavar="LAW",
-        help="draw the albedos by the law `uniform`, the paper's, or `natural`, as common objects "
-        "have them, or both in turns (default: uniform; a corpus' held-out scenes keep their own)",
-    )
-    out.add_argument(
-        "--freeze",
-        nargs="+",
-        metavar="NAME",
-        help="subnetworks that keep the weights of --start-from, while joined stages train the "
-        "others: several sets can then share U-Nets",
-    )
-    out.add_argument("--seed", type=int, help="of weights, order and photos (default: 0)")
     out.add_argument("--version", action="version", version=__version__)
     return out
 
@@ -308,74 +323,62 @@ def _import_tensorflow(paths: Sequence[Path]) -> None:
 
 def config_of(options: argparse.Namespace) -> Any:
     """Return the config: from the options, else from the resumed run, else from the defaults."""
-    import dataclasses
-
     from lime_keras.networks import PRESETS
 
-    from . import initial_weights
     from .config import Config, corpus_sha256
     from .stages import SCHEDULES
 
-    held = Config.read(options.out) if options.resume else None
-
-    def chosen(asked: Any, of_held: Any, default: Any) -> Any:
-        if asked is not None:
-            return asked
-        return default if held is None else of_held(held)
-
-    preset = chosen(options.preset, lambda c: c.preset, None)
-    sizes, schedule = PRESETS[preset], SCHEDULES[preset]
+    asked = _asked(options)
+    if options.resume:
+        held = Config.read(options.out)
+        asked = {field: operator.attrgetter(field)(held) for field in _FIELDS} | asked
+    preset = asked["preset"]
+    schedule = SCHEDULES[preset]
     _check_materials(options, schedule.repaints)
-    scale = chosen(options.scale_steps, lambda c: c.steps_scale, 1.0)
-    rate_scale = chosen(options.scale_rate, lambda c: c.rate_scale, 1.0)
-    without = options.without
-    return Config(
+    fresh = Config(
         preset=preset,
-        steps_scale=scale,
-        architecture=dataclasses.replace(
-            sizes,
-            size=chosen(options.size, lambda c: c.architecture.size, sizes.size),
-            unet_width=chosen(options.width, lambda c: c.architecture.unet_width, sizes.unet_width),
-            system=chosen(options.baseline, lambda c: c.architecture.system, "lime"),
-            mirror=chosen(
-                None if without is None else "mirror" not in without,
-                lambda c: c.architecture.mirror,
-                True,
-            ),
-            exponent=chosen(options.exponent, lambda c: c.architecture.exponent, "classification"),
-        ),
-        schedule=dataclasses.replace(
-            schedule.scaled(scale, rate_scale),
-            batch_size=chosen(
-                options.batch_size, lambda c: c.schedule.batch_size, schedule.batch_size
-            ),
-        ),
-        seed=chosen(options.seed, lambda c: c.seed, 0),
+        steps_scale=1.0,
+        architecture=PRESETS[preset],
+        schedule=schedule.scaled(asked.get("steps_scale", 1.0), asked.get("rate_scale", 1.0)),
+        seed=0,
         corpus_sha256=corpus_sha256(options.paths),
-        camera=chosen(options.camera, lambda c: c.camera, True),
-        compositing=chosen(
-            None if without is None else "perceptual" not in without,
-            lambda c: c.compositing,
-            True,
-        ),
-        precision=chosen(options.precision, lambda c: c.precision, "float32"),
-        begun_from=chosen(
-            None if options.start_from is None else initial_weights.sha256(options.start_from),
-            lambda c: c.begun_from,
-            None,
-        ),
-        minutes=chosen(options.minutes, lambda c: c.minutes, None),
-        materials=chosen(
-            None if options.materials is None else tuple(options.materials),
-            lambda c: c.materials,
-            None,
-        ),
-        frozen=chosen(
-            None if options.freeze is None else tuple(options.freeze),
-            lambda c: c.frozen,
-            None,
-        ),
-        rate_scale=rate_scale,
+        camera=True,
+    )
+    return _with(fresh, asked)
+
+
+def _asked(options: argparse.Namespace) -> dict[str, Any]:
+    """Return the fields of the config that the options set, by their dotted names."""
+    from . import initial_weights
+
+    given = {field: getattr(options, option) for option, field in _OPTIONS.items()}
+    given |= {_PARTS[part]: True for part in getattr(options, "with") or ()}
+    given |= {_PARTS[part]: False for part in options.without or ()}
+    if options.baseline is not None:
+        given |= {_PARTS["dichromatic"]: False, _PARTS["layers"]: True}
+    if options.start_from is not None:
+        given["begun_from"] = initial_weights.sha256(options.start_from)
+    return {
+        field: tuple(value) if isinstance(value, list) else value
+        for field, value in given.items()
+        if value is not None
+    }
+
+
+def _with(config: Any, values: Mapping[str, Any]) -> Any:
+    """Return a dataclass with other values of some fields, given by their dotted names."""
+    import dataclasses
+
+    inner: dict[str, dict[str, Any]] = {}
+    for path, value in values.items():
+        name, _, rest = path.partition(".")
+        inner.setdefault(name, {})[rest] = value
+    return dataclasses.replace(
+        config,
+        **{
+            name: fields[""] if "" in fields else _with(getattr(config, name), fields)
+            for name, fields in inner.items()
+        },
     )
 
 

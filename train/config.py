@@ -88,14 +88,6 @@ class Config:
             ) from error
 
 
-_DEFAULTS = {
-    field.name: field.default
-    for field in dataclasses.fields(Config)
-    if field.default is not dataclasses.MISSING
-}
-"""Settings that the record of a run of an earlier version may lack, as such a run has them."""
-
-
 def config_path(run: Path) -> Path:
     """Return the path of a run's record."""
     return run / "config.json"
@@ -127,7 +119,7 @@ def check(run: Path, config: Config) -> None:
     if not path.is_file():
         return
     try:
-        held = _DEFAULTS | incoming.read_json(path)["config"]
+        held = {**incoming.read_json(path)["config"]}
     except (KeyError, TypeError, ValueError) as error:
         raise ValueError(
             f"{path} is no record of a run ({error}): pass another --out, or remove {run}"

@@ -16,7 +16,7 @@ from .optimizer import gradient_norms
 from .pace import Pace
 from .stage_model import StageModel
 from .stages import Stage
-from .state import Checkpoint, Curve, Mark, Means, restore, values
+from .state import Checkpoint, Curve, Means, Position, restore, values
 from .tensorboard_log import Board
 
 _SECONDS_BETWEEN_CHECKPOINTS = 60
@@ -123,8 +123,8 @@ class StageTraining:
                 a single one causes it.
             ValueError: if a record is damaged.
         """
-        mark = self._checkpoint.mark()
-        step = 0 if mark is None else mark.step
+        position = self._checkpoint.position()
+        step = 0 if position is None else position.step
         if step:
             self._checkpoint.restore(self._model)
         curve = Curve(self._files.curve, step)
@@ -140,7 +140,7 @@ class StageTraining:
         stage, model = self._stage, self._model
         self._tell(Progress(stage, step, {}, 0.0, pace.progress(step), pace.left))
         if step == 0:
-            pace.looked(0.0, self._look(0, {}, curve, board))
+            pace.looked(0.0, self._evaluate_held_out(0, {}, curve, board))
         batches = self._data.training(stage, self._features, step)
         losses, norms, waited, began = Means(), Means(), 0.0, monotonic()
         saved, first = began, step
@@ -168,12 +168,12 @@ class StageTraining:
             self._tell(Progress(stage, step, losses.means(), share, progress, pace.left))
             if pace.looks(step, progress):
                 rates = {"steps a second": (step - first) / elapsed, "data wait": waited / elapsed}
-                pace.looked(progress, self._look(step, losses.means(), curve, board))
+                pace.looked(progress, self._evaluate_held_out(step, losses.means(), curve, board))
                 board.scalars(step, {"gradient norm": norms.means(), "throughput": rates})
                 losses, norms, waited, began, first = Means(), Means(), 0.0, monotonic(), step
             if progress >= 1 or monotonic() - saved > _SECONDS_BETWEEN_CHECKPOINTS:
                 if self._devices.leads:
-                    self._checkpoint.save(model, Mark(step, **pace.state(progress)))
+                    self._checkpoint.save(model, Position(step, **pace.state(progress)))
                 saved = monotonic()
             if progress >= 1:
                 return
@@ -190,7 +190,9 @@ class StageTraining:
         seen, weights = devices.split(devices.part(batch)), devices.weights(batch)
         return self._model.test_on_batch(seen, sample_weight=weights, return_dict=True)
 
-    def _look(self, step: int, training: dict[str, float], curve: Curve, board: Board) -> float:
+    def _evaluate_held_out(
+        self, step: int, training: dict[str, float], curve: Curve, board: Board
+    ) -> float:
         """Evaluate on the held-out examples and record their losses with the training losses.
 
         Returns:

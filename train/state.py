@@ -14,7 +14,7 @@ from lime_keras.io import atomic
 from .stage_model import StageModel
 
 
-class Mark(NamedTuple):
+class Position(NamedTuple):
     """The point of a stage at which a checkpoint was written.
 
     Attributes:
@@ -42,7 +42,7 @@ class Checkpoint:
         self.path = path
         self._signature = signature
 
-    def mark(self, refuse: bool = True) -> Mark | None:
+    def position(self, refuse: bool = True) -> Position | None:
         """Return the point at which the checkpoint was written; None if there is no file.
 
         Args:
@@ -56,9 +56,10 @@ class Checkpoint:
             return None
         try:
             with np.load(self.path) as stored:
-                signature, mark = str(stored["signature"]), Mark(int(stored["step"]))
+                signature, position = str(stored["signature"]), Position(int(stored["step"]))
                 if "progress" in stored:
-                    mark = Mark(mark.step, float(stored["progress"]), float(stored["spent"]))
+                    progress, spent = float(stored["progress"]), float(stored["spent"])
+                    position = Position(position.step, progress, spent)
         except Exception as error:  # NumPy and zipfile raise whatever a byte leads them to
             raise ValueError(
                 f"{self.path} cannot be read: {error}; delete it to train the stage again"
@@ -70,11 +71,11 @@ class Checkpoint:
                 f"{self.path} was trained from other weights than an earlier stage now has: delete "
                 "it to train the stage again"
             )
-        return mark
+        return position
 
-    def save(self, model: StageModel, mark: Mark) -> None:
+    def save(self, model: StageModel, position: Position) -> None:
         """Write the state of a model at a point of its stage."""
-        point = mark._asdict() if mark.progress is not None else {"step": mark.step}
+        point = position._asdict() if position.progress is not None else {"step": position.step}
         with atomic.replacing(self.path) as partial:
             np.savez(partial, *values(model), signature=self._signature, **point)
 

@@ -27,10 +27,7 @@ def table(run: Path) -> str:
         stage = path.stem.partition("-")[2]
         batches, minutes = last["step"], f"{float(last['seconds']) / 60:.1f}"
         for column in _columns(first):
-            # Rows that an earlier version wrote have no measures.
-            before, after = (
-                f"{float(row[column]):.4f}" if row[column] else "" for row in (first, last)
-            )
+            before, after = (f"{float(row[column]):.4f}" for row in (first, last))
             name = column.removeprefix(_LOSS).removeprefix(_MEASURE)
             rows.append((stage, batches, minutes, name, before, after))
             stage = batches = minutes = ""

@@ -41,26 +41,27 @@ from .pace import Clock, Count
 from .stage_model import StageModel
 from .stage_training import Files, Progress, StageTraining, Tell
 from .stages import WARM_UP, Stage
-from .state import Checkpoint, Mark
+from .state import Checkpoint, Position
 from .terms import TERMS
 
 _SECONDS_BETWEEN_MODELS = 120
 
 
-def _alone(function: Callable[..., list[str]]) -> Callable[..., list[str]]:
+def _locked(function: Callable[..., list[str]]) -> Callable[..., list[str]]:
     """Let a function lead one run's folder at a time; of joined processes, the first locks it."""
 
     @functools.wraps(function)
     def locked(paths: Sequence[Path], run: Path, *arguments: Any, **options: Any) -> list[str]:
-        leads = hosts.place()[0] == 0
-        lock = locking.alone(run, "lime-train is training") if leads else contextlib.nullcontext()
+        lock: contextlib.AbstractContextManager = contextlib.nullcontext()
+        if hosts.place()[0] == 0:
+            lock = locking.lock_folder(run, "lime-train is training")
         with lock:
             return function(paths, run, *arguments, **options)
 
     return locked
 
 
-@_alone
+@_locked
 def train(
     paths: Sequence[Path],
     run: Path,
@@ -108,12 +109,31 @@ def train(
         RuntimeError: if a loss or a gradient is not finite, or another process is training the run.
     """
     began = monotonic() if began is None else began
-    stages = stages_of(config)
-    if unknown := sorted(set(only or ()) - {stage.name for stage in stages}):
-        raise ValueError(
-            f"no stage {', '.join(unknown)}: this run has {', '.join(s.name for s in stages)}"
-        )
-    process, processes = hosts.place()
+    _refuse(config, only, reuse, devices)
+    # Open: what is there agrees with the config, and among the processes.
+    place = hosts.place()
+    data = Data(paths, config, place)
+    check(run, config)
+    hosts.agree({"options or data": dataclasses.asdict(config), "--devices": devices})
+    if config.minutes is None and place[0] == 0:
+        claim(run, paths, config)
+    opened = _Run(run, config, data, Devices(devices), tell, only, reuse, start_from)
+    # Measure: a run is claimed when its minutes are known to be enough.
+    timetable = None
+    if config.minutes is not None and opened.left:
+        timetable = opened.measured(began)
+        claim(run, paths, config)
+    opened.learn(timetable)
+    opened.evaluate()
+    return opened.untrained
+
+
+def _refuse(config: Config, only: Collection[str] | None, reuse: Path | None, devices: int) -> None:
+    """Raise an error for options that contradict each other, whatever the folders hold."""
+    names = [stage.name for stage in stages_of(config)]
+    if unknown := sorted(set(only or ()) - set(names)):
+        raise ValueError(f"no stage {', '.join(unknown)}: this run has {', '.join(names)}")
+    processes = hosts.place()[1]
     if devices < 1 or config.schedule.batch_size % (devices * processes):
         raise ValueError(
             f"batches of {config.schedule.batch_size} cannot be split between "
@@ -125,79 +145,137 @@ def train(
         raise ValueError("--reuse takes over stages of a number of batches: leave out --minutes")
     if reuse is not None and not (reuse / "stages").is_dir():
         raise FileNotFoundError(f"{reuse} holds no stages of a run to take over: check --reuse")
-    data = Data(paths, config, (process, processes))
-    check(run, config)
-    hosts.agree({"options or data": dataclasses.asdict(config), "--devices": devices})
-    if config.minutes is None and process == 0:
-        claim(run, paths, config)  # with minutes, when they are known to be enough
-    begun: list[str] = []
-    alone: dict[str, list[np.ndarray]] = {}
-    split = Devices(devices)
-    with split.scope():
-        subnetworks = _build(config)
-        if start_from is not None and split.leads:
-            initial_weights.keep(start_from, run)
-        hosts.agree({"--start-from": start_from is not None})
-        if config.begun_from is not None:
-            begun, alone = initial_weights.load(run, subnetworks, record=split.leads)
-        if config.architecture.pretrained and "segmentation" not in begun:
-            backbone.begin(subnetworks["segmentation"])
-        _freeze(config, subnetworks, begun)
-    parts = _parts(run, config, stages, subnetworks, split, only, reuse)
-    hosts.agree({"checkpoints or --stages": [[part.stage.name, *part.mark] for part in parts]})
-    left = [part for part in parts if not part.finished]
-    known = {*begun, *(name for part in parts for name in part.stage.subnetworks)}
-    untrained = [name for name in subnetworks if name not in known]
-    evaluation = None if untrained else SystemEvaluation(subnetworks, data, split)
 
-    def prepared(part: _Part) -> StageTraining:
+
+class _Run:
+    """A run whose subnetworks are built and whose stages are known: to learn, then to evaluate.
+
+    Attributes:
+        left: stages that are not finished.
+        untrained: names of the subnetworks for which there are no trained weights, also at the end.
+
+    Args:
+        folder, config, data, tell, only, reuse, start_from: as `train` takes them.
+        split: devices that each batch is split between.
+
+    Raises:
+        ValueError: as `train` does of what the folders hold.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        config: Config,
+        data: Data,
+        split: Devices,
+        tell: Tell,
+        only: Collection[str] | None,
+        reuse: Path | None,
+        start_from: Path | None,
+    ):
+        self._folder, self._config, self._data = folder, config, data
+        self._split, self._tell = split, tell
+        self._before_joining: dict[str, list[np.ndarray]] = {}
+        # The subnetworks, fresh or begun with.
+        begun: list[str] = []
         with split.scope():
-            _compile(part.model, part.stage, config)
-        return StageTraining(part.stage, part.model, part.checkpoint, part.files, data, split, tell)
+            self._subnetworks = _build(config)
+            if start_from is not None and split.leads:
+                initial_weights.keep(start_from, folder)
+            hosts.agree({"--start-from": start_from is not None})
+            if config.begun_from is not None:
+                begun, self._before_joining = initial_weights.load(
+                    folder, self._subnetworks, record=split.leads
+                )
+            if config.architecture.pretrained and "segmentation" not in begun:
+                backbone.begin(self._subnetworks["segmentation"])
+            _freeze(config, self._subnetworks, begun)
+        if "segmentation" in begun:
+            data.cut_out_by(self._subnetworks["segmentation"])
+        self._trained = set(begun)
+        # The stages, as far as their checkpoints stand.
+        self._parts = _parts(folder, config, self._subnetworks, split, only, reuse)
+        positions = [[part.stage.name, *part.position] for part in self._parts]
+        hosts.agree({"checkpoints or --stages": positions})
+        self.left = [part for part in self._parts if not part.finished]
+        learnt = (name for part in self._parts for name in part.stage.subnetworks)
+        known = {*begun, *learnt}
+        self.untrained = [name for name in self._subnetworks if name not in known]
+        self._evaluation = (
+            None if self.untrained else SystemEvaluation(self._subnetworks, data, split)
+        )
+        self._written = 0.0
 
-    timetable = None
-    if config.minutes is not None and left:
-        spent = max(part.mark.spent for part in parts)
-        budget = Budget(config.minutes, began, spent)
-        timetable = _Timetable(budget, left, prepared, evaluation, tell)
-        claim(run, paths, config)
-    written = monotonic()
+    def measured(self, began: float) -> "_Timetable":
+        """Compile and measure the stages that are left, and return their timetable.
 
-    def write() -> None:
-        nonlocal written
-        trained = {name: one for name, one in subnetworks.items() if name in so_far}
-        with split.alone():
-            _write_model(run, config, trained, alone)
-        written = monotonic()
+        Args:
+            began: `time.monotonic()` from which on the time of this command counts.
 
-    def keep() -> None:
-        if timetable is not None and monotonic() - written > _SECONDS_BETWEEN_MODELS:
-            write()
+        Raises:
+            ValueError: if the config's minutes are too few for a batch of each stage.
+        """
+        spent = max(part.position.spent for part in self._parts)
+        budget = Budget(self._config.minutes or 0.0, began, spent)
+        return _Timetable(budget, self.left, self._prepared, self._evaluation, self._tell)
 
-    so_far = set(begun)
-    if "segmentation" in so_far:
-        data.cut_out_by(subnetworks["segmentation"])
-    for part in parts:
-        name = part.stage.name
-        so_far |= set(part.stage.subnetworks)
-        if part.finished:
-            part.checkpoint.restore(part.model)
-            seconds_left = None if part.mark.progress is None else 0.0
-            tell(Progress(part.stage, part.mark.step, {}, 0.0, left=seconds_left))
-        elif timetable is None:
-            prepared(part).run(Count(part.stage.steps), keep)
-        else:
-            timetable.run(keep)
-        if name == "segmentation":
-            data.cut_out_by(subnetworks[name])
-        if name in SUBNETWORKS and SUBNETWORKS[name].encoder:
-            alone[name] = subnetworks[name].get_weights()
-    if parts:
-        if split.leads:
-            write()
-        if evaluation is not None and (left or not evaluation_path(run).is_file()):
-            evaluation.write(run)
-    return untrained
+    def learn(self, timetable: "_Timetable | None") -> None:
+        """Load the finished stages, train the others in order, and write the model."""
+        self._written = monotonic()
+
+        def keep() -> None:
+            if timetable and monotonic() - self._written > _SECONDS_BETWEEN_MODELS:
+                self._write()
+
+        for part in self._parts:
+            self._trained |= set(part.stage.subnetworks)
+            if part.finished:
+                self._load(part)
+            elif timetable is None:
+                self._prepared(part).run(Count(part.stage.steps), keep)
+            else:
+                timetable.run(keep)
+            name = part.stage.name
+            if name == "segmentation":
+                self._data.cut_out_by(self._subnetworks[name])
+            if name in SUBNETWORKS and SUBNETWORKS[name].encoder:
+                self._before_joining[name] = self._subnetworks[name].get_weights()
+        if self._parts and self._split.leads:
+            self._write()
+
+    def evaluate(self) -> None:
+        """Evaluate the whole system, if all of it is trained and something of it is new."""
+        news = self.left or not evaluation_path(self._folder).is_file()
+        if self._parts and self._evaluation is not None and news:
+            self._evaluation.write(self._folder)
+
+    def _load(self, part: "_Part") -> None:
+        part.checkpoint.restore(part.model)
+        seconds_left = None if part.position.progress is None else 0.0
+        self._tell(Progress(part.stage, part.position.step, {}, 0.0, left=seconds_left))
+
+    def _prepared(self, part: "_Part") -> StageTraining:
+        with self._split.scope():
+            _compile(part.model, part.stage, self._config)
+        return StageTraining(
+            part.stage,
+            part.model,
+            part.checkpoint,
+            part.files,
+            self._data,
+            self._split,
+            self._tell,
+        )
+
+    def _write(self) -> None:
+        """Write what is trained so far with a copy of the run's record, in place of the earlier."""
+        trained = {n: one for n, one in self._subnetworks.items() if n in self._trained}
+        architecture = self._config.architecture
+        with self._split.alone(), atomic.replacing(self._folder / "model") as partial:
+            before_joining = _changed_since(self._before_joining, trained, architecture)
+            weights.save(partial, architecture, trained, before_joining)
+            atomic.write(partial / "training.json", config_path(self._folder).read_bytes())
+        self._written = monotonic()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -208,13 +286,13 @@ class _Part:
     model: StageModel
     checkpoint: Checkpoint
     files: Files
-    mark: Mark
+    position: Position
 
     @property
     def finished(self) -> bool:
-        if self.mark.progress is None:
-            return self.mark.step == self.stage.steps
-        return self.mark.progress >= 1
+        if self.position.progress is None:
+            return self.position.step == self.stage.steps
+        return self.position.progress >= 1
 
 
 def stages_of(config: Config) -> list[Stage]:
@@ -242,7 +320,6 @@ def _freeze(config: Config, subnetworks: Mapping[str, keras.Model], begun: Colle
 def _parts(
     run: Path,
     config: Config,
-    stages: Sequence[Stage],
     subnetworks: Mapping[str, keras.Model],
     split: Devices,
     only: Collection[str] | None,
@@ -251,7 +328,7 @@ def _parts(
     """Return the stages that are finished or to be trained, in order."""
     parts: list[_Part] = []
     trained: dict[str, str] = {}
-    for number, stage in enumerate(stages, 1):
+    for number, stage in enumerate(stages_of(config), 1):
         with split.scope():
             model = StageModel(
                 {part: subnetworks[part] for part in stage.subnetworks},
@@ -266,7 +343,7 @@ def _parts(
             if split.leads:
                 _take_over(reuse, stage, signature, files)
             hosts.agree({"--reuse": stage.name})
-        part = _Part(stage, model, checkpoint, files, checkpoint.mark() or Mark(0))
+        part = _Part(stage, model, checkpoint, files, checkpoint.position() or Position(0))
         if part.finished or only is None or stage.name in only:
             parts.append(part)
             trained |= dict.fromkeys(stage.subnetworks, signature)
@@ -303,7 +380,7 @@ class _Timetable:
         for number, part in enumerate(parts, 1):
             self._trainings.append(prepared(part))
             cost = self._trainings[-1].measure()
-            self._plans.append(Plan(part.stage.steps, cost, part.mark.progress or 0.0))
+            self._plans.append(Plan(part.stage.steps, cost, part.position.progress or 0.0))
             if evaluation is not None and number == 1:
                 self._last += evaluation.measure()
             budget.check([plan.cost for plan in self._plans], len(parts), self._last)
@@ -314,19 +391,6 @@ class _Timetable:
         seconds = self._budget.share(self._plans, self._last)
         plan, training = self._plans.pop(0), self._trainings.pop(0)
         training.run(Clock(self._budget, seconds, plan.cost.look, plan.done), keep)
-
-
-def _write_model(
-    run: Path,
-    config: Config,
-    subnetworks: Mapping[str, keras.Model],
-    alone: Mapping[str, list[np.ndarray]],
-) -> None:
-    """Write the trained subnetworks with a copy of the run's record, in place of earlier ones."""
-    with atomic.replacing(run / "model") as partial:
-        before_joining = _changed_since(alone, subnetworks, config.architecture)
-        weights.save(partial, config.architecture, subnetworks, before_joining)
-        atomic.write(partial / "training.json", config_path(run).read_bytes())
 
 
 def _build(config: Config) -> dict[str, keras.Model]:
@@ -380,7 +444,8 @@ def _learning_rates(stage: Stage) -> Any:
 
 def _signature(config: Config, stage: Stage, model: StageModel, trained: Mapping[str, str]) -> str:
     """Return a hash of all that a stage's weights follow from: its settings and earlier stages."""
-    follows_from: dict[str, Any] = {
+    schedule = config.schedule
+    follows_from = {
         "stage": dataclasses.asdict(stage),
         "layers": {
             name: [
@@ -391,29 +456,20 @@ def _signature(config: Config, stage: Stage, model: StageModel, trained: Mapping
         },
         "size": config.architecture.size,
         "terms": {term: TERMS[term].weight for term in model.terms},
-        "batch_size": config.schedule.batch_size,
+        "batch_size": schedule.batch_size,
+        "flips": schedule.flips,
+        "repaints": schedule.repaints,
+        "clutter": schedule.clutter and stage.subnetworks == ("segmentation",),
         "seed": config.seed,
         "corpus": config.corpus_sha256,
         "camera": config.camera,
+        "materials": config.materials,
         "precision": config.precision,
+        "minutes": config.minutes,
+        "begun_from": config.begun_from,
+        "frozen": config.frozen,
         "earlier": {name: trained.get(name) for name in stage.subnetworks},
     }
-    if config.minutes is not None:
-        follows_from["minutes"] = config.minutes
-    if config.begun_from is not None:
-        follows_from["begun_from"] = config.begun_from
-    if stage.optimizer == "adam":  # as runs recorded it that knew no other
-        follows_from["stage"].pop("optimizer")
-    if config.schedule.flips:
-        follows_from["flips"] = True
-    if config.schedule.repaints:
-        follows_from["repaints"] = True
-    if config.schedule.clutter and stage.subnetworks == ("segmentation",):
-        follows_from["clutter"] = True
-    if config.materials is not None:
-        follows_from["materials"] = config.materials
-    if config.frozen is not None:
-        follows_from["frozen"] = config.frozen
     return hashlib.sha256(json.dumps(follows_from, sort_keys=True).encode()).hexdigest()
 
 
@@ -425,8 +481,8 @@ def _take_over(reuse: Path, stage: Stage, signature: str, files: Files) -> None:
     if files.checkpoint.is_file():
         return
     for path in (reuse / "stages").glob(f"[0-9]-{stage.name}.npz"):
-        mark = Checkpoint(path, signature).mark(refuse=False)
-        if mark is not None and mark.step == stage.steps:
+        position = Checkpoint(path, signature).position(refuse=False)
+        if position is not None and position.step == stage.steps:
             other = Files(reuse, path.stem)
             for source, target in ((other.curve, files.curve), (path, files.checkpoint)):
                 with atomic.replacing(target) as partial:

@@ -11,20 +11,21 @@ from docutils import nodes
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-_COLUMNS = "88"
+_COLUMNS = 88
 """Width in characters: a page of furo holds as many without a scroll bar."""
 
 
-def text(module: str, arguments: list[str]) -> str:
+def text(module: str, arguments: list[str], columns: int = _COLUMNS) -> str:
     """Return the help of a command.
 
     Args:
         module: module of the command, which has a function `main`.
         arguments: what stands before `--help`, such as a subcommand.
+        columns: width of the text in characters.
     """
     main = importlib.import_module(module).main
     out = io.StringIO()
-    plain = {"COLUMNS": _COLUMNS, "NO_COLOR": "1"}
+    plain = {"COLUMNS": str(columns), "NO_COLOR": "1"}
     with mock.patch.dict(os.environ, plain), contextlib.redirect_stdout(out):
         with contextlib.suppress(SystemExit):
             main([*arguments, "--help"])

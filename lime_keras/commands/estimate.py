@@ -26,48 +26,21 @@ _OF_A_FRAME = ("mask", "albedo", "exponent")
 
 _EXAMPLE = """
 examples:
-  lime-estimate photo.jpg
-  lime-estimate turntable.mp4
-  lime-estimate camera:0 --out live
+  lime-estimate cup.jpg
+  lime-estimate cup.jpg --mask mask.png --weights runs/mine
+  lime-estimate cup.jpg --clone-onto teapot.ply --shadow
   lime-estimate photos/ --out materials --only albedo,exponent
-  lime-estimate photo.jpg --mask mask.png --weights runs/mine
-  lime-estimate photo.jpg --clone-onto teapot.ply
+  lime-estimate turntable.mp4               (or camera:0, until Ctrl-C)
 
-Photos: JPEG, PNG, HEIC, TIFF, WebP, OpenEXR, Radiance and more, up to 50 million pixels.
-The object is looked for in the whole photo and, if it is small, once more from near. A photo with
-transparency brings its own mask, and NAME_mask.png beside a photo NAME.* is its mask, white where
-the object is (--mask comes first). A file that cannot be read is told by name; the rest is done.
-The networks run in ONNX Runtime. A RUN is exported for it once, to RUN/onnx, which takes half a
-minute and TensorFlow; --engine keras runs it as it was trained.
+DIR/NAME.json has the numbers of a photo and says what may make them wrong. Beside it are the
+layers, a preview, and the material for Blender (glTF), OBJ and Mitsuba; of a video, a table and a
+clip. DIR/index.html shows all results. Run again, the command keeps the results that would come out
+the same, and goes on where it stopped.
 
-Of a photo without an object there is no material, and the status is 1. What makes an estimate
-doubtful (a mask that is uncertain, small, in parts or cut off by the frame; an object of few
-pixels, dark or burnt out) is told, and stands under `warnings` in the JSON and in the preview.
+Exit status: 0 done; 1 a file cannot be read or shows no object (standard error names it; the others
+are done); 2 wrong usage; 130 interrupted.
 
---masker runs a mask network of your own, such as u2net.onnx, u2netp.onnx, silueta.onnx, or with its
-family before a colon birefnet:BiRefNet.onnx, isnet:isnet-general-use.onnx. It takes one picture
-(1, 3, h, w), normalised as its family's are, and answers the coverage, or its logits, first.
-
-Folders are searched with all folders below them, which are kept in OUT; files that this command
-wrote are no photos. OUT/index.html shows all results in OUT, OUT/materials.csv lists them. A result
-that is there and would come out the same (of the same photo, weights and options) is kept, so an
-interrupted run goes on where it was; one that would come out otherwise is refused before anything
-is done, unless --overwrite is given. Then it is replaced with all its files.
-
-Each photo's numbers go to standard output, one line of JSON for each, and to OUT/NAME.json, which
-also says what it was made of and with. They go into OUT/NAME.mtl (Wavefront),
-NAME.gltf (glTF 2.0, on a sphere) and NAME-mitsuba.json (a scene for mitsuba.load_dict); its layers,
-of the photo's size, to NAME-LAYER.png and, of linear radiance (specular shading, mirror image; of
-the baseline, its reflectance map), NAME-LAYER.exr; all in one picture is NAME-preview.png.
-
---normals also writes the light that the photo was taken under, OUT/NAME-environment.exr (64×128,
-linear radiance, camera space). --clone-onto puts the material, under that light, onto a mesh in the
-object's place: OUT/NAME-clone.png; without --normals they are guessed, roughly, from the mask.
-
-Videos (MP4, MOV, MKV, WebM, AVI and more) and cameras (`camera:0`, until Ctrl-C) are estimated
-frame by frame and fused by a median over five frames and a decaying average, which scene cuts and
-lost objects restart: OUT/NAME.csv has a row for each frame; OUT/NAME-overlay.mp4 shows them. The
-fused material of each scene is left as that of a photo, named NAME-scene-2 if there are several.
+More: docs/how-to/photos.md, docs/how-to/folders.md, docs/how-to/videos.md, docs/how-to/light.md.
 """
 
 
@@ -75,87 +48,100 @@ def parser() -> argparse.ArgumentParser:
     """Return the parser of the command's options."""
     out = argparse.ArgumentParser(
         prog="lime-estimate",
-        description="Estimate mask, specular shading, mirror image, albedos and shininess of the "
-        "one object in each photo or video.",
+        usage="lime-estimate PHOTO [PHOTO ...] [options]",
+        description="Estimate the material of the one object in each photo or video: its mask, "
+        "colour and gloss, its highlights and mirror image.",
         epilog=_EXAMPLE,
         formatter_class=console.Help,
     )
-    out.add_argument(
+    given = out.add_argument_group("input")
+    given.add_argument(
         "sources",
         nargs="+",
         metavar="PHOTO",
-        help="picture, video, camera, or folder of pictures and videos",
+        help="picture, video, camera, or folder of pictures and videos at any depth",
     )
-    model_option.add(out)
-    out.add_argument(
+    given.add_argument(
+        "--mask",
+        type=Path,
+        metavar="FILE",
+        help="picture of the photo's size, white where the object is; for several photos, a folder "
+        "with one of the same name for each. NAME_mask.png beside a photo, or its transparency, "
+        "also counts as its mask",
+    )
+    given.add_argument(
+        "--masker",
+        metavar="[FAMILY:]FILE",
+        help="ONNX file of another network that finds the object, and its family: "
+        f"{', '.join(_FAMILIES)} (default: {_FAMILIES[0]}); nothing is downloaded",
+    )
+    estimated = out.add_argument_group("what is estimated")
+    model_option.add(estimated)
+    estimated.add_argument(
+        "--only",
+        type=console.names(tuple(NEEDED)),
+        metavar="NAMES",
+        help=f"comma-separated: {', '.join(NEEDED)}; only the subnetworks that these need are run "
+        "(default: all)",
+    )
+    estimated.add_argument(
+        "--full-size",
+        action="store_true",
+        help="let the edges of mask and layers follow those of the photo; by default the 128 "
+        "pixels of the networks are interpolated",
+    )
+    output = out.add_argument_group("output")
+    output.add_argument(
+        "--out",
+        type=Path,
+        default=Path("materials"),
+        metavar="DIR",
+        help="folder of the results (default: materials)",
+    )
+    output.add_argument(
+        "--folders",
+        action="store_true",
+        help="give each photo's files a folder of their own, DIR/NAME/",
+    )
+    output.add_argument(
+        "--overwrite",
+        action="store_true",
+        help="make all results again, and replace those of other photos, weights or options, which "
+        "are else refused",
+    )
+    light = out.add_argument_group("light and clone")
+    light.add_argument(
+        "--normals",
+        type=Path,
+        metavar="FILE",
+        help="the object's normals in camera space (x right, y up, z towards the camera), of the "
+        "photo's size: OpenEXR, or PNG of (n + 1) / 2; for several photos, a folder as for --mask. "
+        "The light is then written as DIR/NAME-environment.exr",
+    )
+    light.add_argument(
+        "--clone-onto",
+        type=Path,
+        metavar="MESH",
+        help="OBJ, PLY, STL or GLB to render in the object's place: DIR/NAME-clone.png; without "
+        "--normals they are guessed from the mask",
+    )
+    light.add_argument(
+        "--up",
+        choices=("y", "z"),
+        help="axis that points up in the mesh of --clone-onto (default: y)",
+    )
+    light.add_argument(
+        "--shadow",
+        action="store_true",
+        help="let the mesh of --clone-onto cast a shadow on the ground it stands on",
+    )
+    speed = out.add_argument_group("speed")
+    speed.add_argument(
         "--engine",
         choices=_ENGINES,
         default=_ENGINES[0],
         help="what runs the networks: ONNX Runtime, for which a RUN is exported once, or Keras "
         "(default: onnx)",
-    )
-    out.add_argument(
-        "--out", type=Path, default=Path("materials"), metavar="DIR", help="(default: materials)"
-    )
-    out.add_argument(
-        "--only",
-        type=console.names(tuple(NEEDED)),
-        metavar="NAMES",
-        help=f"comma-separated: {', '.join(NEEDED)}; only the subnetworks it takes are run "
-        "(default: all that RUN can estimate)",
-    )
-    out.add_argument(
-        "--mask",
-        type=Path,
-        metavar="FILE",
-        help="picture of the photo's size, white where the object is, in place of looking for it; "
-        "for several photos, a folder with one of the same name for each",
-    )
-    out.add_argument(
-        "--masker",
-        metavar="[FAMILY:]FILE",
-        help=f"ONNX file of a network that finds the object in place of SegmentationNet, and what "
-        f"family it is of: {', '.join(_FAMILIES)} (default: {_FAMILIES[0]}); nothing is downloaded",
-    )
-    out.add_argument(
-        "--normals",
-        type=Path,
-        metavar="FILE",
-        help="the object's normals in camera space (x right, y up, z towards the camera), of the "
-        "photo's size: OpenEXR, or PNG of (n + 1) / 2; for several photos, a folder as for --mask",
-    )
-    out.add_argument(
-        "--clone-onto",
-        type=Path,
-        metavar="MESH",
-        help="OBJ, PLY, STL or GLB to render in the object's place",
-    )
-    out.add_argument(
-        "--up",
-        choices=("y", "z"),
-        help="axis that points up in the mesh of --clone-onto (default: y)",
-    )
-    out.add_argument(
-        "--shadow",
-        action="store_true",
-        help="let the mesh of --clone-onto cast a shadow on the ground it stands on",
-    )
-    out.add_argument(
-        "--full-size",
-        action="store_true",
-        help="let the edges of mask and layers follow those of the photo; by default what the "
-        "networks see, 128 pixels, is interpolated",
-    )
-    out.add_argument(
-        "--folders",
-        action="store_true",
-        help="give each photo's files a folder of their own, OUT/NAME/",
-    )
-    out.add_argument(
-        "--overwrite",
-        action="store_true",
-        help="replace results of other photos, weights or options, and make all of them again; by "
-        "default results that are there and would be the same are kept, and others refused",
     )
     out.add_argument("--version", action="version", version=__version__)
     return out

@@ -13,35 +13,25 @@ _PRECISIONS = ("float32", "float16", "int8")
 
 _EXAMPLE = """
 examples:
-  lime-export exported --format onnx --weights runs/quickstart
-  lime-export exported --format onnx --weights runs/quickstart --precision int8 --corpus corpus
-  lime-export exported --format savedmodel --weights runs/quickstart --only mask
-  lime-export small --format weights --weights runs/quickstart
+  lime-export exported --format savedmodel
+  lime-export exported --format onnx --weights runs/mine
+  lime-export exported --format onnx --precision int8 --corpus corpus
+  lime-export exported --format onnx --only mask,diffuse_albedo
+  lime-export small --format weights --weights runs/mine
 
-What is written takes `image` (B, S, S, 3), sRGB in [0, 1], any B, and answers the named outputs:
-  OUT/lime.onnx, OUT/lime-float16.onnx, OUT/lime-int8.onnx
-      with the version, architecture, colour space, units and bins as the file's properties;
-  OUT/saved_model/1/
-      with the same in assets.extra/lime.json. The signature serving_default answers everything, and
-      each output has one of its own name, which computes no more than it needs.
-  OUT/model/
-      the weights in float16, half as large, for --weights OUT of every command.
-  OUT/onnx/
-      --format graphs: an ONNX file for each subnetwork. lime-estimate runs them where OUT is RUN,
-      and makes them itself where they are missing or of other weights.
-With --only, the outputs are in the name: OUT/lime-mask.onnx, OUT/saved_model-mask/1/. So it takes
-the place of no fuller model.
+Every file takes `image` (B, S, S, 3), sRGB in [0, 1], any B, and returns the outputs by name. The
+command compares it with Keras on images that it was not made with, and prints the differences: in
+float32 the largest one of each output (relative above 1), else the mean one over the output's mean
+magnitude. Where they are too large, no file is written.
 
-It is run on fresh images, extremes among them, and compared with Keras: what is printed is the
-largest difference of each output (above 1 relative) in float32, and the mean difference over the
-output's mean magnitude otherwise. It is kept only if that is small.
+  format      writes                 for
+  savedmodel  OUT/saved_model/1/     TensorFlow, TensorFlow Serving
+  onnx        OUT/lime.onnx          ONNX Runtime; with --precision, OUT/lime-float16.onnx and so on
+  weights     OUT/model/             --weights OUT of every command: float16, half the size
+  graphs      OUT/onnx/              lime-estimate, where OUT is RUN: one ONNX file a subnetwork
+With --only, the outputs are in the name: OUT/lime-mask.onnx.
 
-TensorFlow Serving loads the SavedModel, and answers POST requests to
-http://localhost:8501/v1/models/lime:predict such as {"signature_name": "mask", "instances": [...]}:
-  tensorflow_model_server --rest_api_port=8501 --model_name=lime \\
-      --model_base_path=$PWD/exported/saved_model
-  docker run -p 8501:8501 -v $PWD/exported/saved_model:/models/lime -e MODEL_NAME=lime \\
-      tensorflow/serving
+More: docs/how-to/exporting.md.
 """
 
 
@@ -49,32 +39,42 @@ def parser() -> argparse.ArgumentParser:
     """Return the parser of the command's options."""
     out = argparse.ArgumentParser(
         prog="lime-export",
+        usage="lime-export OUT --format {savedmodel,onnx,weights,graphs} [options]",
         description="Write a trained model as TensorFlow SavedModel, as ONNX, as weights of half "
-        "the size, or as the graphs that lime-estimate runs, and prove it equal.",
+        "the size, or as the graphs that lime-estimate runs, and check that it gives the same "
+        "answers.",
         epilog=_EXAMPLE,
         formatter_class=console.Help,
     )
-    out.add_argument("out", type=Path, metavar="OUT", help="folder to write to")
-    out.add_argument("--format", choices=("savedmodel", "onnx", "weights", "graphs"), required=True)
-    model_option.add(out)
-    out.add_argument(
+    given = out.add_argument_group("input")
+    model_option.add(given)
+    given.add_argument(
+        "--corpus",
+        type=Path,
+        metavar="CORPUS",
+        help="corpus of lime-render: 64 pictures of its test split are compared, too; 64 of its "
+        "train split calibrate int8, which needs them",
+    )
+    written = out.add_argument_group("output")
+    written.add_argument("out", type=Path, metavar="OUT", help="folder to write to")
+    written.add_argument(
+        "--format",
+        choices=("savedmodel", "onnx", "weights", "graphs"),
+        required=True,
+        help="see the table below",
+    )
+    written.add_argument(
         "--only",
         type=console.names(tuple(OUTPUTS)),
         metavar="NAMES",
         help=f"comma-separated outputs: {', '.join(OUTPUTS)} (default: all that RUN has)",
     )
-    out.add_argument(
+    speed = out.add_argument_group("speed")
+    speed.add_argument(
         "--precision",
         choices=_PRECISIONS,
-        help="of an ONNX model's weights and layers; images and answers are float32 in any case "
-        "(default: float32; of --format weights, float16)",
-    )
-    out.add_argument(
-        "--corpus",
-        type=Path,
-        metavar="CORPUS",
-        help="of lime-render: compare on 64 pictures of its test split, too; 64 of its train split "
-        "calibrate int8, which needs them",
+        help="of the weights and layers of an ONNX model; images and answers stay float32 "
+        "(default: float32)",
     )
     out.add_argument("--version", action="version", version=__version__)
     return out

@@ -16,20 +16,20 @@ _EXAMPLE = f"""
 examples:
   lime-live
   lime-live --camera
-  lime-live --photo vase.jpg
+  lime-live --photo cup.jpg
   lime-live --video turntable.mp4 --weights runs/mine
-  lime-live --port 9000 --no-browser
   lime-live --static site
 
-The page opens in the browser, at http://127.0.0.1:{_PORT}/: on one side the camera's picture, a
-photo (chosen, dropped or pasted) or a video, with the object's outline, specular shading, mirror
-image and numbers; on the other a virtual object in the same material, under the light that was
-found. The browser asks before it uses the camera. Nothing leaves this computer: the networks run
-here, as for lime-estimate, and no other computer can reach the page. Ctrl-C ends it.
+The page opens in the browser at http://127.0.0.1:{_PORT}/. On one side it shows the camera's
+picture, a photo or a video, with the object's outline, its layers and numbers. On the other side it
+shows a virtual object in the same material, under the estimated light. The networks run on this
+computer, and no other computer can reach the page. Ctrl-C ends it.
 
---static OUT writes the same page as files for any web host: the networks then run in the visitor's
-browser, and no Python is needed. It takes the extra `web` and, once, 33 MB from the npm registry.
-To try it: python3 -m http.server -d OUT, then http://localhost:8000/ in the browser.
+--static writes the page as files for any web host; the networks then run in the visitor's browser.
+It needs the extra `web`, and fetches 33 MB from the npm registry. To try it:
+  python3 -m http.server -d site          (then open http://localhost:8000/)
+
+More: docs/how-to/live.md.
 """
 
 
@@ -37,26 +37,30 @@ def parser() -> argparse.ArgumentParser:
     """Return the parser of the command's options."""
     out = argparse.ArgumentParser(
         prog="lime-live",
-        description="Show, live in the browser, the material of the object before the camera, on a "
+        usage="lime-live [--camera | --photo FILE | --video FILE | --static OUT] [options]",
+        description="Show in the browser, live, the material of the object before the camera, on a "
         "virtual object under the same light.",
         epilog=_EXAMPLE,
         formatter_class=console.Help,
     )
-    start = out.add_mutually_exclusive_group()
+    start = out.add_argument_group("start").add_mutually_exclusive_group()
     start.add_argument("--camera", action="store_true", help="begin with the camera")
     start.add_argument("--photo", type=Path, metavar="FILE", help="begin with this photo")
     start.add_argument("--video", type=Path, metavar="FILE", help="begin with this video")
     start.add_argument(
         "--static", type=Path, metavar="OUT", help="write the page for a web host, and end"
     )
-    out.add_argument(
+    model_option.add(out.add_argument_group("model"))
+    page = out.add_argument_group("page")
+    page.add_argument(
         "--port",
         type=_port,
         default=_PORT,
-        help=f"port on this computer; 0 for any free one (default: {_PORT})",
+        help=f"port on this computer; 0 takes any free one (default: {_PORT})",
     )
-    out.add_argument("--no-browser", action="store_true", help="open no browser; say the address")
-    model_option.add(out)
+    page.add_argument(
+        "--no-browser", action="store_true", help="open no browser; print the address"
+    )
     out.add_argument("--version", action="version", version=__version__)
     return out
 

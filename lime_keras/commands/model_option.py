@@ -1,12 +1,14 @@
-"""The option `--weights`, by which a command is told its model."""
+"""The option `--weights`: the model that a command runs."""
 
 import argparse
 
 from lime_keras.io import model_folder
 
 
-def add(parser: argparse.ArgumentParser) -> None:
-    """Add the option to a command; its value is the folder of a model, or None if it is left out.
+def add(parser: "argparse.ArgumentParser | argparse._ArgumentGroup") -> None:
+    """Add the option to a command or a group of its options.
+
+    Its value is the folder of a model, or None if it is left out.
 
     Whether the folder holds a model is not checked (`model_folder.find`).
     """
@@ -14,6 +16,6 @@ def add(parser: argparse.ArgumentParser) -> None:
         "--weights",
         type=model_folder.find,
         metavar="RUN",
-        help="run of lime-train, or name of a set that comes with the package "
+        help="run of lime-train, or the name of a set that comes with the package "
         f"({', '.join(model_folder.shipped())}; default: {model_folder.DEFAULT})",
     )

@@ -8,7 +8,7 @@ from pathlib import Path
 
 
 @contextlib.contextmanager
-def alone(folder: Path, work: str) -> Iterator[None]:
+def lock_folder(folder: Path, work: str) -> Iterator[None]:
     """Lock a folder against a second process; the lock ends with this process, if it is killed.
 
     Missing folders are made, and removed at the end if nothing was written there.

@@ -71,7 +71,7 @@ def render_bank(
     if held is None and not skip_unusable:
         inputs.refuse(findings)
     job = dataclasses.replace(job, usable=inputs.usable(findings))
-    with locking.alone(job.out, "lime-render is rendering"):
+    with locking.lock_folder(job.out, "lime-render is rendering"):
         claim.write_json(job.description_path, job.recorded())
         inputs.write(job.inputs_path, findings)
         claim.remove_partials(job.out, job.parts, job.parts / "rooms", job.shard_path(0).parent)

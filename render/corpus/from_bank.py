@@ -82,7 +82,7 @@ def make_split(
         materials=(materials,),
     )
     split.folder.mkdir(parents=True, exist_ok=True)
-    with locking.alone(split.folder, "lime-render is rendering"):
+    with locking.lock_folder(split.folder, "lime-render is rendering"):
         claim.write_json(split.description_path, description)
         claim.write_json(split.inputs_path, {})
         claim.remove_partials(split.folder)

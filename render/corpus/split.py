@@ -75,7 +75,7 @@ def render_split(
         renderers = cluster.Cluster(ray, worker.PACKAGES, worker.start, job)
     else:
         renderers = Workers(workers, worker.start, job)
-    with locking.alone(split.folder, "lime-render is rendering"):
+    with locking.lock_folder(split.folder, "lime-render is rendering"):
         claim.write_json(split.description_path, job.recorded())
         inputs.write(split.inputs_path, findings)
         manifest = _render_missing(job, renderers, findings, on_room, on_example)

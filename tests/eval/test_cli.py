@@ -493,7 +493,7 @@ def test_the_trade_without_runs_is_of_all_sets(corpus, sets, tmp_path, monkeypat
 
 
 def test_a_set_is_measured_by_its_name_and_nothing_is_written_into_it(
-    corpus, sets, tmp_path, monkeypatch, capsys
+    corpus, sets, tmp_path, monkeypatch
 ):
     package, measured = sets("live", "nano"), []
     monkeypatch.setattr(
@@ -501,10 +501,10 @@ def test_a_set_is_measured_by_its_name_and_nothing_is_written_into_it(
     )
     assert cli.main([str(corpus), "--weights", "nano", "--out", str(tmp_path / "out")]) == 0
     assert measured == [package / "nano"]
-    with pytest.raises(SystemExit) as stopped:
-        cli.main([str(corpus), "--weights", "nano"])
-    assert stopped.value.code == 2
-    assert "pass --out: nano came with the package" in capsys.readouterr().err
+    monkeypatch.chdir(tmp_path)
+    assert cli.main([str(corpus), "--weights", "nano"]) == 0
+    assert (tmp_path / "results" / "nano" / "report.html").is_file()
+    assert not (package / "nano" / "eval").exists()
 
 
 def test_an_interrupt_leaves_a_short_line_and_status_130(corpus, run, monkeypatch, capsys):

@@ -29,31 +29,6 @@ def test_held_out_losses_before_and_after_each_stage(tmp_path):
     ]
 
 
-def test_a_stage_begun_before_there_were_measures(tmp_path):
-    path = tmp_path / "curves" / "1-segmentation.csv"
-    path.parent.mkdir()
-    path.write_text(
-        "step,seconds,validation_loss,validation_mask,train_loss,train_mask\n"
-        "0,0.0,0.5,0.5,,\n5,60.0,0.3,0.3,0.4,0.4\n9,90.0,0.2,0.2,0.3,0.3\n",
-        encoding="utf-8",
-    )
-    assert len(table(tmp_path).splitlines()) == 2
-    resumed = Curve(path, 5)
-    resumed.add(7, {}, {"loss": 0.25, "mask": 0.25}, {"mask_iou_pooled": 0.5})
-    header, first, second = (line.split("  ") for line in table(tmp_path).splitlines())
-    cells = [[cell.strip() for cell in line if cell.strip()] for line in (first, second)]
-    assert cells == [
-        ["segmentation", "7", "1.0", "mask", "0.5000", "0.2500"],
-        ["mask_iou_pooled", "0.5000"],
-    ]
-    # What was measured stands under "after".
-    assert table(tmp_path).splitlines()[2].index("0.5000") == "  ".join(header).index("after")
-
-
-def test_no_curves_no_table(tmp_path):
-    assert table(tmp_path) == "" and evaluation(tmp_path) == ""
-
-
 def test_measures_of_the_whole_system(tmp_path):
     found = {"examples": 48, "measures": {"mask_iou_pooled": 0.75, "exponent_exact": None}}
     evaluation_path(tmp_path).write_text(json.dumps(found), encoding="utf-8")

@@ -31,7 +31,7 @@ from lime_keras.train import (
 from lime_keras.train.config import Config, check, claim, config_path, corpus_sha256
 from lime_keras.train.data import Data
 from lime_keras.train.stages import SCHEDULES, Schedule, Stage
-from lime_keras.train.state import Mark, Means
+from lime_keras.train.state import Means, Position
 
 TINY = Architecture(size=32, unet_width=2, unet_depth=1, encoder_width=2, dense_width=4)
 BRIEF = Schedule(
@@ -196,7 +196,7 @@ class Nudge:
     def _end(self, stage, model, checkpoint):
         for network in model.subnetworks.values():
             network.set_weights([value + 1 for value in network.get_weights()])
-        checkpoint.save(model, Mark(stage.steps))
+        checkpoint.save(model, Position(stage.steps))
 
 
 @pytest.fixture
@@ -508,7 +508,7 @@ def test_a_checkpoint_cut_off_is_named(corpus, config, finished, tmp_path):
 
 def test_a_run_that_another_process_trains_is_refused(corpus, config, tmp_path):
     with (
-        locking.alone(tmp_path / "run", "lime-train is training"),
+        locking.lock_folder(tmp_path / "run", "lime-train is training"),
         pytest.raises(RuntimeError, match=r"another lime-train is training .*run: wait for it"),
     ):
         trainer.train([corpus], tmp_path / "run", config, _ignore)
@@ -689,17 +689,19 @@ def brief_smoke(monkeypatch):
     monkeypatch.setitem(SCHEDULES, "smoke", BRIEF)
 
 
-def test_the_record_of_an_earlier_version_lacks_what_was_added_since(tmp_path, brief_smoke, corpus):
+def test_the_record_of_another_version_is_refused_by_name(tmp_path, brief_smoke, corpus):
     begun = [str(corpus), "--out", str(tmp_path), "--preset", "smoke"]
     config = cli.config_of(cli.parser().parse_args(begun))
     claim(tmp_path, [corpus], config)
     record = json.loads(config_path(tmp_path).read_text())
     del record["config"]["rate_scale"]
     config_path(tmp_path).write_text(json.dumps(record))
-    check(tmp_path, config)
-    assert Config.read(tmp_path) == config
-    with pytest.raises(ValueError, match=r"rate_scale 1\.0 there, 0\.5 asked"):
-        check(tmp_path, dataclasses.replace(config, rate_scale=0.5))
+    with pytest.raises(ValueError, match=r"another run: rate_scale None there, 1\.0 asked"):
+        check(tmp_path, config)
+    record["config"]["lens"] = "wide"
+    config_path(tmp_path).write_text(json.dumps(record))
+    with pytest.raises(ValueError, match=r"is not of this version .*lens"):
+        Config.read(tmp_path)
 
 
 def test_the_command_trains_some_stages_and_resumes(corpus, tmp_path, brief_smoke, capsys):

@@ -96,11 +96,17 @@ def test_the_results_lie_beside_the_only_run(photos, models, tmp_path):
     assert (run / "eval" / "photos.json").is_file()
 
 
+def test_the_results_of_several_models_lie_in_the_folder_results(
+    photos, models, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["--photos", str(photos), "--weights", "live", "natural"]) == 0
+    assert (tmp_path / "results" / "photos.json").is_file()
+
+
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        (["--photos", "p"], "pass --out"),
-        (["--photos", "p", "--weights", "a", "b"], "pass --out"),
         (["--photos", "p", "--weights", "a", "b", "--stability", "--out", "o"], "--photos alone"),
         (["c", "--weights", "a", "b", "--out", "o"], "pass them to --table1"),
         (["c", "--photos", "p", "--out", "o"], "a CORPUS takes --weights"),

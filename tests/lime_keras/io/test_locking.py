@@ -11,7 +11,7 @@ HOLDS = """
 import sys, time
 from pathlib import Path
 from lime_keras.io import locking
-with locking.alone(Path(sys.argv[1]), "program is training"):
+with locking.lock_folder(Path(sys.argv[1]), "program is training"):
     print("locked", flush=True)
     time.sleep(60)
 """
@@ -25,24 +25,24 @@ def test_a_second_process_is_refused_until_the_first_ends_or_is_killed(tmp_path)
         assert first.stdout.readline() == "locked\n"
         with (
             pytest.raises(RuntimeError, match=r"another program is training .*mine: wait for it"),
-            locking.alone(run, "program is training"),
+            locking.lock_folder(run, "program is training"),
         ):
             pass
         first.kill()
         first.wait()
-    with locking.alone(run, "program is training"):
+    with locking.lock_folder(run, "program is training"):
         pass
 
 
 def test_folders_in_which_nothing_was_written_are_removed(tmp_path):
-    with locking.alone(tmp_path / "a" / "b", "x"):
+    with locking.lock_folder(tmp_path / "a" / "b", "x"):
         assert (tmp_path / "a" / "b").is_dir()
     assert not list(tmp_path.iterdir())
-    with locking.alone(tmp_path / "a" / "b", "x"):
+    with locking.lock_folder(tmp_path / "a" / "b", "x"):
         (tmp_path / "a" / "kept").touch()
     assert [path.name for path in (tmp_path / "a").iterdir()] == ["kept"]
     (tmp_path / "there").mkdir()
-    with locking.alone(tmp_path / "there", "x"):
+    with locking.lock_folder(tmp_path / "there", "x"):
         pass
     assert (tmp_path / "there").is_dir()
 
@@ -52,5 +52,5 @@ def test_a_file_system_that_cannot_lock_is_no_error(tmp_path, monkeypatch):
         raise OSError(95, "Operation not supported")
 
     monkeypatch.setattr(locking.fcntl, "flock", unable)
-    with locking.alone(tmp_path, "x"):
+    with locking.lock_folder(tmp_path, "x"):
         pass
