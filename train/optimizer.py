@@ -85,7 +85,7 @@ class _Watched:
 
 
 def _is_pretrained(variable: keras.Variable) -> bool:
-    return variable.path.split("/")[-2].startswith(PREFIX)
+    return f"/{variable.path}".rpartition("/")[0].rpartition("/")[2].startswith(PREFIX)
 
 
 class WatchedAdam(_Watched, keras.optimizers.Adam):

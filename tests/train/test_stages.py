@@ -10,8 +10,14 @@ from lime_keras.train.stages import SCHEDULES
 PAPER = PRESETS["paper"]
 
 
+def changed(preset, **changes):
+    if "system" in changes:
+        changes |= {"dichromatic": False, "layers": True}
+    return dataclasses.replace(PRESETS[preset], **changes)
+
+
 def stage_names(preset, **changes):
-    stages = SCHEDULES[preset].stages(dataclasses.replace(PRESETS[preset], **changes))
+    stages = SCHEDULES[preset].stages(changed(preset, **changes))
     return [stage.name for stage in stages]
 
 
@@ -56,6 +62,17 @@ def test_without_a_mirror_nothing_is_joined_with_it():
     ]
 
 
+@pytest.mark.parametrize("preset", ["smoke", "nano", "live"])
+def test_a_material_net_is_trained_alone(preset):
+    assert stage_names(preset) == [
+        "segmentation",
+        "specular",
+        "mirror",
+        "material",
+        "specular+mirror",
+    ]
+
+
 def test_the_baseline_is_trained_alone_and_then_end_to_end():
     assert stage_names("paper", system="reflectance-map") == [
         "segmentation",
@@ -72,7 +89,7 @@ def test_the_baseline_is_trained_alone_and_then_end_to_end():
     ids=["full", "no mirror", "regression", "baseline"],
 )
 def test_each_subnetwork_is_trained_alone_first(preset, changes):
-    architecture = dataclasses.replace(PRESETS[preset], **changes)
+    architecture = changed(preset, **changes)
     found = stage_names(preset, **changes)
     assert sorted(name for name in found if "+" not in name) == sorted(names(architecture))
     joined = [name for name in found if "+" in name]

@@ -26,6 +26,8 @@ def perfect(monkeypatch):
     monkeypatch.setattr(camera_law, "CONFUSION", 0.0)
     monkeypatch.setattr(camera_law, "FULL_WELL", (1e12, 1e12))
     monkeypatch.setattr(camera_law, "NEVER_COMPRESSED", 1.0)
+    for error in ("CAST", "TINT", "UNEVEN"):
+        monkeypatch.setattr(camera_law, error, 0.0)
 
 
 def photo(scene, seed):
@@ -190,6 +192,8 @@ def test_without_noise_every_level_comes_back():
 
 
 def test_noise_differs_between_photos(monkeypatch):
+    for error in ("CAST", "TINT", "UNEVEN"):
+        monkeypatch.setattr(camera_law, error, 0.0)
     monkeypatch.setattr(camera_law, "NEVER_COMPRESSED", 1.0)
     scene = flat(0.3)
     first, other = (photo(scene, seed)["image"] - 0.5 for seed in (0, 1))
@@ -297,7 +301,7 @@ def test_a_graph_takes_the_same_photo(sphere):
 def test_the_scene_alone_suffices(sphere):
     scene = {name: sphere[name] for name in camera.SCENE}
     found = photo(scene, 3)
-    assert set(found) == {*camera.SCENE, "clipped"}
+    assert set(found) == {*camera.SCENE, "clipped", "cast"}
     np.testing.assert_array_equal(found["image"], photo(sphere, 3)["image"])
 
 

@@ -132,9 +132,8 @@ def answer(network, image):
 # Sizes.
 
 
-@pytest.mark.parametrize("preset", PRESETS)
-def test_presets_have_the_layers_of_the_documentation(preset):
-    architecture, subnetworks = PRESETS[preset], build(PRESETS[preset])
+def test_the_paper_has_the_layers_of_the_documentation():
+    architecture, subnetworks = PRESETS["paper"], build(PRESETS["paper"])
     size = architecture.size
     assert set(subnetworks) == set(CHANNELS)
     for name, network in subnetworks.items():
@@ -151,6 +150,28 @@ def test_presets_have_the_layers_of_the_documentation(preset):
         ]
         shape = {"exponent": (8,), "albedo": (4,)}.get(name, (size, size, 1))
         assert network.output_shape == (None, *shape)
+
+
+@pytest.mark.parametrize("preset", ["smoke", "nano", "live"])
+def test_other_presets_read_the_split(preset):
+    architecture, subnetworks = PRESETS[preset], build(PRESETS[preset])
+    read = {name: [x.name for x in network.inputs] for name, network in subnetworks.items()}
+    assert read == {
+        "segmentation": ["image"],
+        "specular": ["masked_image", "dichromatic"],
+        "mirror": ["specular_shading"],
+        "material": ["masked_image", "dichromatic"],
+    }
+    for name in ("specular", "mirror"):
+        channels = {"specular": 7, "mirror": 1}[name]
+        layers = unet_convolutions(architecture, channels)
+        expected = sum((k * k * below + 1) * width for k, below, width, _ in layers)
+        assert subnetworks[name].count_params() == expected
+    material = subnetworks["material"].count_params()
+    assert material == encoder_parameters(architecture, 7, 12)
+    size = (None, architecture.size, architecture.size, 1)
+    assert subnetworks["segmentation"].output_shape == size
+    assert subnetworks["material"].output_shape == [(None, 8), (None, 4)]
 
 
 def test_the_papers_u_nets_keep_to_the_bound_of_its_run_times():

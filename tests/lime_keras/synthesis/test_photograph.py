@@ -48,6 +48,9 @@ def drawn(seed, size):
         "full_well": camera_law.full_well(well),
         "quality": np.round(camera_law.quality(quality)),
         "compressed": float(kept >= camera_law.NEVER_COMPRESSED),
+        "cast": camera_law.cast(
+            tf.random.stateless_uniform((1, 4), tf.random.split(seed, 3)[2]).numpy()[0]
+        ),
         "grain": grain.numpy(),
     }
     return {name: tf.constant(np.asarray(value)[None]) for name, value in draws.items()}
@@ -58,9 +61,11 @@ def still(count=1, size=SIZE, **changes):
     rows = -(-size * size * 3 // camera_law.GRAIN_LENGTH)
     draws = {"exposure": 1, "defocus": 0, "full_well": 1e12, "quality": 98, "compressed": 0}
     out = {
-        name: np.broadcast_to(np.float32(value), count) for name, value in (draws | changes).items()
+        name: np.float32(value) if name == "cast" else np.broadcast_to(np.float32(value), count)
+        for name, value in (draws | changes).items()
     }
     rng = np.random.default_rng(3)
+    out.setdefault("cast", np.zeros((count, 4), np.float32))
     return out | {"grain": rng.integers(camera_law.GRAIN_ROWS, size=(count, rows), dtype=np.int32)}
 
 
@@ -92,6 +97,20 @@ def test_without_noise_the_photo_is_eq_4_to_a_level():
     expected = colour.linear_to_srgb(np.minimum(exposed, 1))
     np.testing.assert_allclose(found["image"], expected, atol=0.51 / 255)
     np.testing.assert_array_equal(found["clipped"], exposed >= camera_law.SATURATED)
+
+
+def test_a_cast_multiplies_the_channels():
+    cast = np.float32([[0.1, 0.0, 0.05, 0.0], [0.0, 0.03, 0.0, -0.05]])
+    light = np.full((2, SIZE, SIZE, 3), 0.2, np.float32)
+    found = photograph(light, {}, still(2, cast=cast))
+    gains = camera_law.balance(cast, camera_law.places(SIZE))
+    expected = colour.linear_to_srgb(light * gains)
+    np.testing.assert_allclose(found["image"], expected, atol=0.51 / 255)
+    np.testing.assert_allclose(np.log(gains).sum(-1), 0, atol=1e-6)
+    warm = np.log(gains[..., 0] / gains[..., 2])
+    np.testing.assert_allclose(warm[0].mean(), 0.1, atol=1e-6)
+    assert warm[0, 0, -1] > warm[0, 0, 0] and warm[1, -1, 0] < warm[1, 0, 0]
+    np.testing.assert_array_equal(found["cast"], cast)
 
 
 def test_without_a_camera_light_is_clipped_and_rounded():
