@@ -14,7 +14,7 @@ PRETRAINED := lime_keras/pretrained
 WEIGHTS :=
 NAME :=
 
-.PHONY: quickstart test test-slow fuzz docs results graphs ship lint llvm clean
+.PHONY: quickstart test test-slow fuzz stability docs results graphs ship lint llvm clean
 .DELETE_ON_ERROR:
 
 quickstart: llvm
@@ -37,6 +37,11 @@ test-slow: .venv/development
 fuzz: MINUTES := 10
 fuzz: .venv/development
 	$(BIN)/python -m tests.fuzz --minutes $(MINUTES)
+
+# Every numeric part at its extremes, with WEIGHTS as the system, if given; see tests/stability.
+stability: OUT := runs/stability
+stability: .venv/development
+	$(BIN)/python -m tests.stability $(if $(WEIGHTS),--weights $(WEIGHTS)) --out $(OUT)
 
 # The graphs of the weights that come with the package, which hold these weights, anew; after every
 # change of what connects the subnetworks. Where nothing has changed, not a byte of them does.
