@@ -14,7 +14,7 @@ PRETRAINED := lime_keras/pretrained
 WEIGHTS :=
 NAME :=
 
-.PHONY: quickstart test test-slow fuzz stability docs results graphs ship lint llvm clean
+.PHONY: quickstart test test-slow fuzz stability docs pictures results graphs ship lint llvm clean
 .DELETE_ON_ERROR:
 
 quickstart: llvm
@@ -63,6 +63,12 @@ ship: .venv/installed
 # The site, in docs/_build/index.html. What Sphinx warns of is an error.
 docs: .venv/development
 	$(BIN)/python -m sphinx --builder html --fail-on-warning --keep-going --quiet docs docs/_build
+
+# The pictures and clips of README and docs, from the weights that ship:
+# `make pictures PICTURES="--photos photos/ --mesh teapot.ply"`.
+PICTURES :=
+pictures: llvm .venv/development
+	$(BIN)/python docs/pictures $(PICTURES)
 
 # Which tables of the docs are older than what they depend on.
 results: .venv/installed
