@@ -60,9 +60,11 @@ ship: .venv/installed
 	rm -rf $(PRETRAINED)/$(NAME)/model/alone
 	$(BIN)/python -m lime_keras.export.sharing
 
-# The site, in docs/_build/index.html. What Sphinx warns of is an error.
+# The site, in docs/_build/index.html, with the demo in docs/_build/live. What Sphinx warns of is an
+# error.
 docs: .venv/development
 	$(BIN)/python -m sphinx --builder html --fail-on-warning --keep-going --quiet docs docs/_build
+	$(BIN)/python docs/demo.py docs/_build/live
 
 # The pictures and clips of README and docs, from the weights that ship:
 # `make pictures PICTURES="--photos photos/ --mesh teapot.ply"`.

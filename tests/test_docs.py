@@ -293,19 +293,6 @@ def test_all_pictures_of_the_docs_are_made(tmp_path):
     assert sizes["photographs.webp"][1] > 200 * rows
 
 
-@pytest.mark.slow
-def test_the_site_is_built_without_a_warning(tmp_path):
-    command = [sys.executable, "-m", "sphinx", "--builder", "html", "--fail-on-warning"]
-    answer = subprocess.run(
-        [*command, "--keep-going", "--doctree-dir", tmp_path / "trees", DOCS, tmp_path / "site"],
-        capture_output=True,
-        text=True,
-    )
-    assert answer.returncode == 0, answer.stderr
-    assert "usage: lime-estimate" in read(tmp_path / "site" / "reference" / "commands.html")
-    assert "<math" in read(tmp_path / "site" / "explanation" / "scene-model.html")
-
-
 RIDDLES = re.compile(
     r"(As|By|Every|For|From|How|In|It|Of|Such|That|Those|To|What|Where|Whether|Which|Who|With) "
 )
