@@ -14,7 +14,7 @@ PRETRAINED := lime_keras/pretrained
 WEIGHTS :=
 NAME :=
 
-.PHONY: quickstart test test-slow fuzz docs results graphs ship lint llvm clean
+.PHONY: quickstart test test-slow fuzz stability docs pictures results graphs ship lint llvm clean
 .DELETE_ON_ERROR:
 
 quickstart: llvm
@@ -38,6 +38,11 @@ fuzz: MINUTES := 10
 fuzz: .venv/development
 	$(BIN)/python -m tests.fuzz --minutes $(MINUTES)
 
+# Every numeric part at its extremes, with WEIGHTS as the system, if given; see tests/stability.
+stability: OUT := runs/stability
+stability: .venv/development
+	$(BIN)/python -m tests.stability $(if $(WEIGHTS),--weights $(WEIGHTS)) --out $(OUT)
+
 # The graphs of the weights that come with the package, which hold these weights, anew; after every
 # change of what connects the subnetworks. Where nothing has changed, not a byte of them does.
 graphs: .venv/installed
@@ -55,9 +60,17 @@ ship: .venv/installed
 	rm -rf $(PRETRAINED)/$(NAME)/model/alone
 	$(BIN)/python -m lime_keras.export.sharing
 
-# The site, in docs/_build/index.html. What Sphinx warns of is an error.
+# The site, in docs/_build/index.html, with the demo in docs/_build/live. What Sphinx warns of is an
+# error.
 docs: .venv/development
 	$(BIN)/python -m sphinx --builder html --fail-on-warning --keep-going --quiet docs docs/_build
+	$(BIN)/python docs/demo.py docs/_build/live
+
+# The pictures and clips of README and docs, from the weights that ship:
+# `make pictures PICTURES="--photos photos/ --mesh teapot.ply"`.
+PICTURES :=
+pictures: llvm .venv/development
+	$(BIN)/python docs/pictures $(PICTURES)
 
 # Which tables of the docs are older than what they depend on.
 results: .venv/installed

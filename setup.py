@@ -30,7 +30,6 @@ EXTRAS = {
         "matplotlib>=3.9,<4",
         "jinja2>=3.1,<4",
         "markdown-it-py>=3,<5",
-        "mpmath>=1.3,<2",
         "threadpoolctl>=3.5,<4",
     ],
     # Corpora, and clones in photos. TFRecords take `train` as well.
@@ -113,8 +112,9 @@ setup(
             "pytest>=8,<10",
             "pytest-timeout>=2.3,<3",
             "pytest-xdist>=3.8,<4",
-            # What measures are held against.
+            # What measures, and formulas at their extremes, are compared with.
             "scikit-learn>=1.5,<2",
+            "mpmath>=1.3,<2",
             "hypothesis>=6.100,<7",
             # The live page in a browser, where there is one.
             "playwright>=1.50,<2",

@@ -54,7 +54,6 @@ autodoc_mock_imports = [
     "manifold3d",
     "matplotlib",
     "mitsuba",
-    "mpmath",
     "onnx",
     "ray",
     "scipy",

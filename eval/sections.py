@@ -11,7 +11,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,6 +23,9 @@ from .photos.answers import answer
 from .report import contact_sheet, page
 from .report.themes import LIGHT
 from .store import Store
+
+if TYPE_CHECKING:
+    from .stability.verdicts import Case
 
 _TITLES = {
     "evaluation": "Accuracy",
@@ -158,15 +161,15 @@ def photographs(out: Path, taken: Path, runs: Sequence[Path], *, command: str) -
     return text
 
 
-def drive_to_extremes(out: Path, run: Path | None, *, command: str) -> tuple[str, bool]:
-    """Run the stability suite and write its files.
+def stability(out: Path, cases: "Sequence[Case]", *, command: str) -> tuple[str, bool]:
+    """Run cases of the stability suite, and write their files and their section.
 
     Returns:
         The tables in Markdown, and whether every check passed.
     """
     from .stability import suite
 
-    verdicts = suite.run(run)
+    verdicts = suite.run(cases)
     text = suite.markdown(verdicts)
     _write_json(out / "stability.json", suite.to_json(verdicts))
     write(out / "stability.md", text)

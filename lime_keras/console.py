@@ -21,7 +21,7 @@ EXTRAS = {
     "web": ("onnx",),
     "train": (
         *("tensorflow", "keras", "tensorboard", "onnx", "tf2onnx", "matplotlib"),
-        *("jinja2", "markdown_it", "mpmath", "threadpoolctl"),
+        *("jinja2", "markdown_it", "threadpoolctl"),
     ),
     "render": ("mitsuba", "trimesh", "manifold3d", "scipy", "skimage", "matplotlib"),
     "cluster": ("ray",),

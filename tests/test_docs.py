@@ -10,12 +10,12 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
+import sphere_corpus
 import yaml
+from PIL import Image
 
 from lime_keras import Estimator
-from lime_keras.io import photo
 from lime_keras.render import cli as render_cli
 from lime_keras.version import __version__
 
@@ -63,10 +63,8 @@ def desk(tmp_path, monkeypatch, tiny_model):
     monkeypatch.chdir(tmp_path)
     _, *others = Estimator.__init__.__defaults__
     monkeypatch.setattr(Estimator.__init__, "__defaults__", (tiny_model, *others))
-    rng = np.random.default_rng(0)
-    for name, shape in (("photo.jpg", (40, 60, 3)), ("other.png", (30, 30, 3))):
-        photo.write(tmp_path / name, rng.uniform(size=shape))
-    photo.write(tmp_path / "mask.png", np.ones((30, 30, 1)))
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    sphere_corpus.write_split(tmp_path / "corpus", "test", [range(1)], size=32)
 
 
 @pytest.mark.parametrize("code", [*examples()])
@@ -273,17 +271,26 @@ def test_the_examples_of_docstrings_are_right(name):
     assert not doctest.testmod(importlib.import_module(name)).failed
 
 
+def made(pictures, folder):
+    """Make pictures of the docs in a folder; return their sizes by name."""
+    command = [sys.executable, DOCS / "pictures", "--out", folder, "--only", *pictures]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    found = [path for path in folder.rglob("*") if path.suffix in (".webp", ".png")]
+    return {path.name: Image.open(path).size for path in found}
+
+
+def test_the_picture_of_the_first_material_is_made(tmp_path):
+    (size,) = made(["first-material"], tmp_path).values()
+    assert size[0] > 3 * size[1] > 300
+
+
 @pytest.mark.slow
-def test_the_site_is_built_without_a_warning(tmp_path):
-    command = [sys.executable, "-m", "sphinx", "--builder", "html", "--fail-on-warning"]
-    answer = subprocess.run(
-        [*command, "--keep-going", "--doctree-dir", tmp_path / "trees", DOCS, tmp_path / "site"],
-        capture_output=True,
-        text=True,
-    )
-    assert answer.returncode == 0, answer.stderr
-    assert "usage: lime-estimate" in read(tmp_path / "site" / "reference" / "commands.html")
-    assert "<math" in read(tmp_path / "site" / "explanation" / "scene-model.html")
+def test_all_pictures_of_the_docs_are_made(tmp_path):
+    sizes = made(["layers", "photographs"], tmp_path)
+    assert sizes.keys() == {"layers.webp", "exponents.webp", "photographs.webp"}
+    rows = len([*(ROOT / "examples" / "photos").glob("*.png")])
+    assert sizes["photographs.webp"][1] > 200 * rows
 
 
 RIDDLES = re.compile(

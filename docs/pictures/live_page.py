@@ -1,14 +1,8 @@
 """The picture and the clip of the live page: a photographed object, seen by a page that runs.
 
-lime-live --no-browser
-python docs/pictures/live_page.py http://127.0.0.1:8337/ PHOTO MASK FOLDER
-
-writes live.png (the photo, opened) and live.webp (its object, cut out by the mask and moved before
+live.png shows the photo, opened. In live.webp its object is cut out by the mask and moved before
 its own blurred surroundings, as the camera, with a second object of its material in the picture;
-then the light is turned, then the shininess changed) into a folder, and prints the frames that were
-answered and the last numbers. With the address of a page of `lime-live --static` the same runs with
-the browser's own engine. The clip plays as fast as the page ran. The photographs do not come with
-the project.
+then the light is turned, then the shininess changed. The clip plays as fast as the page ran.
 """
 
 import base64
@@ -16,7 +10,6 @@ import io
 import json
 import os
 import shutil
-import sys
 import tempfile
 import time
 from itertools import pairwise
@@ -38,7 +31,15 @@ LONG = 120_000
 
 
 def main(url: str, photo: Path, mask: Path, folder: Path) -> None:
-    """Write live.png and live.webp into a folder."""
+    """Write live.png and live.webp into a folder.
+
+    Args:
+        url: address of a page of `lime-live`; one of `lime-live --static` runs the browser's own
+            engine.
+        photo: photo of one object.
+        mask: its mask, white where the object is.
+        folder: folder of the two files.
+    """
     program = shutil.which("chromium") or shutil.which("google-chrome")
     if program is None:
         raise SystemExit("the page is shown in Chromium: apt-get install chromium")
@@ -172,7 +173,3 @@ def _write(path: Path, frames: list[np.ndarray]) -> None:
             ]
             planes = [16 + luma * (219 / 255), *halves]
             file.write(b"FRAME\n" + b"".join(np.rint(p).astype(np.uint8).tobytes() for p in planes))
-
-
-if __name__ == "__main__":
-    main(sys.argv[1], *map(Path, sys.argv[2:5]))

@@ -1,28 +1,51 @@
-"""The picture of README.md: photographs, what the weights see in them, and the material elsewhere.
-
-lime-estimate PHOTOS --clone-onto teapot.ply --shadow --out materials
-python docs/pictures/photographs.py materials NAME...
-
-Each NAME is that of a photo in `materials`. The photographs do not come with the project.
-"""
+"""The picture of README.md: photographs, the answers of the weights, and the material elsewhere."""
 
 import json
-import sys
+import tempfile
 from pathlib import Path
 
+import numpy as np
+import trimesh
 from PIL import Image, ImageDraw, ImageFont
 
+from lime_keras.commands import estimate
 from lime_keras.estimate import preview
 from lime_keras.estimate.framing import Square
+from lime_keras.render.shapes import lathe
 
-HERE = Path(__file__).parent
+VASE = 8
+"""Seed of the built-in shape that takes the materials."""
 TILE, GAP, LINE = 200, 8, 26
 SHOWN = {0: "photo, mask", 3: "specular shading S", 4: "mirror image M", 5: "the material"}
 """Titles of the preview's pictures that are shown, by their place in it."""
 
 
-def main(folder: Path, names: list[str]) -> None:
-    """Write photographs.webp beside this file, a row for each name."""
+def main(photos: list[Path], mesh: Path | None, out: Path) -> None:
+    """Write photographs.webp into a folder, a row for each photo.
+
+    Args:
+        photos: photographs of one object each.
+        mesh: shape that takes their materials, or None for a built-in vase.
+        out: folder of the picture.
+    """
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch)
+        shape = mesh or _vase(folder / "vase.ply")
+        options = ["--clone-onto", str(shape), "--shadow", "--out", str(folder / "materials")]
+        if status := estimate.main([*map(str, photos), *options]):
+            raise SystemExit(status)
+        _page(folder / "materials", [photo.stem for photo in photos]).save(
+            out / "photographs.webp", quality=86
+        )
+
+
+def _vase(path: Path) -> Path:
+    shape = lathe.sample(np.random.default_rng(VASE))
+    trimesh.Trimesh(shape.vertices, shape.faces, process=False).export(path)
+    return path
+
+
+def _page(folder: Path, names: list[str]) -> Image.Image:
     titles = [*SHOWN.values(), "on another shape"]
     width = len(titles) * (TILE + GAP) - GAP
     page = Image.new("RGB", (width, LINE + len(names) * (TILE + GAP + LINE)), "white")
@@ -36,7 +59,7 @@ def main(folder: Path, names: list[str]) -> None:
                 tile.resize((TILE, TILE), Image.Resampling.LANCZOS), (column * (TILE + GAP), top)
             )
         pen.text((0, top + TILE + 4), _numbers(folder, name), fill=(60, 60, 60), font=font)
-    page.save(HERE / "photographs.webp", quality=86)
+    return page
 
 
 def _tiles(folder: Path, name: str) -> list[Image.Image]:
@@ -56,7 +79,3 @@ def _numbers(folder: Path, name: str) -> str:
         f"m_d {red:.2f} {green:.2f} {blue:.2f}    m_s {content['specular_albedo']:.2f}    "
         f"s {content['exponent']:.0f}"
     )
-
-
-if __name__ == "__main__":
-    main(Path(sys.argv[1]), sys.argv[2:])

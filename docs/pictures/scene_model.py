@@ -1,7 +1,5 @@
 """Pictures for docs/explanation/scene-model.md: the layers of Eq. 4, and S for three exponents.
 
-python docs/pictures/scene_model.py
-
 One example of the built-in shapes and rooms is rendered. S for other exponents is a direct sum over
 the light of its record (`lime_keras.optics.shading`). Needs the extras `render` and `train`.
 """
@@ -16,7 +14,6 @@ from lime_keras.optics import colour, shading
 from lime_keras.render.corpus.drawing import Sources, render_example
 from lime_keras.render.mitsuba_setup import variants
 
-HERE = Path(__file__).parent
 SEED, INDEX, TILE = 0, 33, 192
 EXPONENTS = 5, 50, 500
 
@@ -59,8 +56,8 @@ def sheet(tiles: dict[str, np.ndarray]) -> Image.Image:
     return page
 
 
-def main() -> None:
-    """Write layers.webp and exponents.webp beside this file."""
+def main(out: Path) -> None:
+    """Write layers.webp and exponents.webp into a folder."""
     features = example()
     light = features["environment"][..., 0]
     diffuse = features["diffuse_albedo"] * features["diffuse_shading"]
@@ -74,8 +71,8 @@ def main() -> None:
     }
     exponents = {f"S, s = {s}": seen(specular(features, s)) for s in EXPONENTS}
     exponents |= {"M": seen(features["mirror"]), "n": (features["normal"] + 1) / 2}
-    sheet(layers).save(HERE / "layers.webp", quality=88)
-    sheet(exponents).save(HERE / "exponents.webp", quality=88)
+    sheet(layers).save(out / "layers.webp", quality=88)
+    sheet(exponents).save(out / "exponents.webp", quality=88)
     numbers = {
         "m_d": features["diffuse_albedo"],
         "m_s": features["specular_albedo"],
@@ -83,7 +80,3 @@ def main() -> None:
         "mean of the light": light.mean(),
     }
     print(*(f"{name}: {np.round(value, 3)}" for name, value in numbers.items()), sep="\n")
-
-
-if __name__ == "__main__":
-    main()

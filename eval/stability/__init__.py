@@ -1,1 +1,1 @@
-"""Numerical stability: the library's parts with extreme inputs and in several precisions."""
+"""Numerical stability: a whole system with extreme images, in every precision and format."""

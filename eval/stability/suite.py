@@ -1,9 +1,9 @@
-"""The stability suite: every numeric part at its extremes, compared with a reference.
+"""The stability suite of whole systems: each at its extremes, compared with a reference.
 
 Example:
     from lime_keras.eval.stability import suite
 
-    print(suite.markdown(suite.run()))
+    print(suite.markdown(suite.run(suite.cases())))
 """
 
 import dataclasses
@@ -15,31 +15,8 @@ import keras
 from tqdm import tqdm
 
 from ..markdown_table import ABSENT, aligned
-from .cases import (
-    camera,
-    colour,
-    compositing,
-    directions,
-    environment,
-    exponent,
-    hue,
-    layers,
-    light_law,
-    losses,
-    materials,
-    metrics,
-    mixtures,
-    networks,
-    orthogonal,
-    page,
-    photos,
-    records,
-    reflectance,
-    reflectance_map,
-    runtime,
-    shading,
-)
-from .trials.verdicts import Case, Verdict
+from . import networks, runtime
+from .verdicts import Case, Verdict
 
 HEADER = (
     "Case",
@@ -62,58 +39,43 @@ def cases(model_dir: Path | None = None) -> list[Case]:
         model_dir: run of `lime-train`, or folder of `lime_keras.networks.weights.save`, with the
             networks to try in every precision and format; by default small networks with fresh
             weights.
-    """
-    modules = (
-        reflectance,
-        shading,
-        environment,
-        reflectance_map,
-        colour,
-        compositing,
-        losses,
-        exponent,
-        metrics,
-        photos,
-        records,
-        materials,
-        light_law,
-        mixtures,
-        directions,
-        layers,
-        camera,
-        hue,
-        orthogonal,
-        page,
-    )
-    out = [case for module in modules for case in module.cases()]
-    # A model of the user's own is tried in the formats that `networks` has.
-    return out + networks.cases(model_dir) + ([] if model_dir else runtime.cases())
-
-
-def run(model_dir: Path | None = None, progress: bool = True) -> list[Verdict]:
-    """Run all cases and return their verdicts.
-
-    This takes about half a minute with fresh weights, and longer with a large trained model.
-
-    Args:
-        model_dir: folder of the networks to try (see `cases`).
-        progress: whether to show a progress bar on standard error.
 
     Raises:
         FileNotFoundError: if `model_dir` holds no trained model.
-        ValueError: if the model cannot be read, or if Keras' backend is not TensorFlow, which the
-            suite needs for derivatives.
+        ValueError: if the model cannot be read.
+    """
+    if model_dir is None:
+        return networks.cases() + runtime.cases()
+    # A missing model would make every case fail for the same reason.
+    networks.check(model_dir)
+    return networks.cases(model_dir)
+
+
+def skipped(model_dir: Path | None) -> list[str]:
+    """Return what `cases` leaves out, and why, in words."""
+    if model_dir is None:
+        return []
+    return [f"{len(runtime.cases())} checks of the runtime: they take small networks, no RUN"]
+
+
+def run(cases: Sequence[Case], progress: bool = True) -> list[Verdict]:
+    """Run cases and return their verdicts.
+
+    With fresh weights this takes seconds, and longer with a large trained model.
+
+    Args:
+        cases: cases to run, of `cases` or others.
+        progress: whether to show a progress bar on standard error.
+
+    Raises:
+        ValueError: if Keras' backend is not TensorFlow, which takes the derivatives.
     """
     if keras.backend.backend() != "tensorflow":
         raise ValueError(
             f"Keras computes with {keras.backend.backend()}, but derivatives are taken by "
             "TensorFlow here: unset KERAS_BACKEND"
         )
-    if model_dir is not None:
-        # A missing model would make every case of the networks fail for the same reason.
-        networks.check(model_dir)
-    tried = cases(model_dir)
-    with tqdm(tried, desc="stability", unit="check", disable=not progress) as bar:
+    with tqdm(cases, desc="stability", unit="check", disable=not progress) as bar:
         return [case.judge() for case in bar]
 
 

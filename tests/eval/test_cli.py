@@ -507,6 +507,22 @@ def test_a_set_is_measured_by_its_name_and_nothing_is_written_into_it(
     assert not (package / "nano" / "eval").exists()
 
 
+@pytest.mark.parametrize("passed", [True, False])
+def test_the_extremes_take_weights_and_say_what_is_skipped(
+    passed, run, tmp_path, monkeypatch, capsys
+):
+    def stability(out, cases, *, command):
+        assert {case.part for case in cases} == {"trained system"}
+        return "tables\n", passed
+
+    monkeypatch.setattr(sections, "stability", stability)
+    arguments = ["--stability", "--weights", str(run), "--out", str(tmp_path)]
+    assert cli.main(arguments) == (0 if passed else 1)
+    said = capsys.readouterr()
+    assert said.out == "tables\n"
+    assert re.search(r"^skipped: \d+ checks of the runtime", said.err, re.MULTILINE)
+
+
 def test_an_interrupt_leaves_a_short_line_and_status_130(corpus, run, monkeypatch, capsys):
     def interrupted(*_, **__):
         raise KeyboardInterrupt

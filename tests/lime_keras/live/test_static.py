@@ -136,3 +136,7 @@ def test_without_a_network_what_npm_packed_is_taken(expected_archive, tmp_path, 
 def test_the_example_has_the_release_of_the_page():
     package = json.loads((static_page.EXAMPLES / "package.json").read_text(encoding="utf-8"))
     assert package["dependencies"]["onnxruntime-web"] == static.RUNTIME_VERSION
+    lock = json.loads((static_page.EXAMPLES / "package-lock.json").read_text(encoding="utf-8"))
+    locked = lock["packages"]["node_modules/onnxruntime-web"]
+    assert locked["version"] == static.RUNTIME_VERSION
+    assert locked["integrity"] == f"sha512-{static._SHA512}"

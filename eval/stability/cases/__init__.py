@@ -1,1 +1,0 @@
-"""The cases of the stability suite, with one module for each area of the library."""

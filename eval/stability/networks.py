@@ -1,0 +1,183 @@
+"""Cases for whole systems with extreme images: precisions, batches, exported formats, refusals.
+
+Outputs are compared with `double_precision`. Its random rounding errors of each precision determine
+the tolerance.
+"""
+
+import functools
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lime_keras.networks import weights
+
+from .photos import extreme_photos
+from .precisions import BRAIN, HALF, SINGLE, TENSORS, Precision
+from .systems import BATCH, FRESH, Answers, TrialSystem
+from .verdicts import Case, Compared, Outcome, joined, refusal
+
+FORMATS = {"savedmodel": "SavedModel", "onnx": "ONNX"}
+_SQUARABLE = 1e15
+"""Largest derivative accepted, so that the optimiser can square it in single precision."""
+_IN_A_BATCH = f"all images, in a batch of {BATCH} that ends in NaN"
+_UNSOUND: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "a NaN pixel": lambda image: _with_pixel(image, np.nan),
+    "an infinite pixel": lambda image: _with_pixel(image, np.inf),
+    "a pixel of -0.1": lambda image: _with_pixel(image, -0.1),
+    "levels up to 255": lambda image: 255 * image,
+    "no colours": lambda image: image[..., 0],
+    "an alpha channel": lambda image: np.concatenate([image, image[..., :1]], axis=-1),
+    "no pixels": lambda image: image[:0],
+}
+
+
+def cases(model_dir: Path | None = None) -> list[Case]:
+    """Return the cases of whole systems.
+
+    Args:
+        model_dir: folder of a trained system; by default the systems of `systems.FRESH`.
+    """
+    if model_dir is not None:
+        system = TrialSystem(model_dir)
+        return _cases("trained system", system) + _exports("trained system", system)
+    systems = {f"fresh {name}": TrialSystem(a) for name, a in FRESH.items()}
+    # The baseline has the same kinds of layers, so compiling and exporting one system is enough.
+    out = _cases("fresh LIME", systems["fresh LIME"])
+    out += _cases("fresh baseline", systems["fresh baseline"], (SINGLE, HALF, BRAIN))
+    return out + _exports("fresh LIME", systems["fresh LIME"])
+
+
+def check(model_dir: Path) -> None:
+    """Raise an error if a folder holds no readable model.
+
+    Raises:
+        FileNotFoundError: if the folder holds no model.
+        ValueError: if the model cannot be read.
+    """
+    weights.load(model_dir)
+
+
+def _cases(part: str, system: TrialSystem, precisions: Sequence[Precision] = TENSORS) -> list[Case]:
+    out = []
+
+    def add(name: str, precision: Precision, measure: Callable[..., Outcome], *more: Any) -> None:
+        measure = functools.partial(measure, system, *more)
+        out.append(Case(part, name, precision.name, measure))
+
+    for precision in precisions:
+        for image in extreme_photos(2):
+            add(image, precision, _alone, precision, image)
+        add(_IN_A_BATCH, precision, _in_a_batch, precision)
+        if not precision.compiled:
+            add("derivatives by the weights, all images", precision, _derivatives, precision)
+    for image in extreme_photos(2):
+        add(f"{image}, estimated", SINGLE, _estimated, image)
+    for name, spoil in _UNSOUND.items():
+        add(f"{name}, refused", SINGLE, _refused, spoil)
+    return out
+
+
+def _exports(part: str, system: TrialSystem) -> list[Case]:
+    out = []
+    for model_format, title in FORMATS.items():
+        measures = {
+            image: functools.partial(_exported, system, model_format, image)
+            for image in extreme_photos(2)
+        }
+        measures["an image alone"] = functools.partial(_exported_alone, system, model_format)
+        measures[_IN_A_BATCH] = functools.partial(_exported_batch, system, model_format)
+        out += [Case(part, name, title, measure) for name, measure in measures.items()]
+    return out
+
+
+def _alone(system: TrialSystem, precision: Precision, image: str) -> Outcome:
+    """Try an image in a batch of one."""
+    found = system.answers(precision, system.images[image][None])
+    tolerance = system.tolerance(image, precision.epsilon)
+    return Outcome(_compared(found, system.exact(image), tolerance))
+
+
+def _derivatives(system: TrialSystem, precision: Precision) -> Outcome:
+    """Try the derivatives by the weights: the optimiser must be able to square them."""
+    steepest = system.steepest(precision)
+    return Outcome(gradient=Compared(steepest, 0.0, _SQUARABLE, 0.0))
+
+
+def _in_a_batch(system: TrialSystem, precision: Precision) -> Outcome:
+    """Try all images in one batch: position and other images must not change an output."""
+    return _every(system, system.answers(precision, system.batch[1]), precision)
+
+
+def _exported_batch(system: TrialSystem, model_format: str) -> Outcome:
+    return _every(system, system.served_batch(model_format), SINGLE)
+
+
+def _every(system: TrialSystem, found: Answers, precision: Precision) -> Outcome:
+    parts = []
+    for position, image in enumerate(system.batch[0]):
+        tolerance = system.tolerance(image, precision.epsilon)
+        parts.append(_compared(_at(position, found), system.exact(image), tolerance))
+    return Outcome(joined(parts))
+
+
+def _at(position: int, found: Answers) -> Answers:
+    """Return the outputs of one image in a batch."""
+    return {name: x[position : position + 1] for name, x in found.items()}
+
+
+def _exported(system: TrialSystem, model_format: str, image: str) -> Outcome:
+    """Compare an exported model on a batch with Keras on one image; both may have errors."""
+    position = system.batch[0].index(image)
+    return _beside_keras(system, image, _at(position, system.served_batch(model_format)))
+
+
+def _exported_alone(system: TrialSystem, model_format: str) -> Outcome:
+    image = "in steps of 16 bits"
+    return _beside_keras(system, image, system.served(model_format, system.images[image][None]))
+
+
+def _beside_keras(system: TrialSystem, image: str, found: Answers) -> Outcome:
+    right = system.answers(SINGLE, system.images[image][None])
+    twice = {name: 2 * x for name, x in system.tolerance(image, SINGLE.epsilon).items()}
+    return Outcome(_compared(found, right, twice))
+
+
+def _estimated(system: TrialSystem, image: str) -> Outcome:
+    """Try the public interface: its outputs must be correct and within their ranges."""
+    material = system.estimator.estimate(system.images[image])
+    found: Answers = {name: np.asarray(layer)[None] for name, layer in material.layers.items()}
+    # Where no object is found, nothing else is estimated.
+    if material.mask_coverage:
+        found["diffuse_albedo"] = np.asarray(material.diffuse_albedo)[None]
+        found["specular_albedo"] = np.array([[material.specular_albedo]])
+    exact, tolerance = system.exact(image), system.tolerance(image, SINGLE.epsilon)
+    shared = found.keys() & exact.keys()
+    parts = [_compared(*({name: x[name] for name in shared} for x in (found, exact, tolerance)))]
+    if "diffuse" in found:
+        parts.append(Compared(found["diffuse"], 0.0, 1.0, 0.0))
+    parts.append(Compared(np.array(material.mask_coverage), 0.0, 1.0, 0.0))
+    if material.mask_coverage:
+        parts.append(Compared(np.array(material.exponent), 1.0, 1000.0, 1e-3))
+    return Outcome(joined(parts))
+
+
+def _refused(system: TrialSystem, spoil: Callable[[np.ndarray], np.ndarray]) -> Outcome:
+    photo = spoil(system.images["in steps of 16 bits"])
+    return refusal(lambda: system.estimator.estimate(photo), "photo")
+
+
+def _with_pixel(image: np.ndarray, value: float) -> np.ndarray:
+    out = image.copy()
+    out[1, 2, 0] = value
+    return out
+
+
+def _compared(
+    found: Mapping[str, np.ndarray], right: Mapping[str, np.ndarray], tolerance: Answers
+) -> Compared:
+    """Compare all outputs with their references, joined into one comparison."""
+    if set(found) != set(right):
+        raise ValueError(f"answers {sorted(found)}, expected {sorted(right)}")
+    return joined([Compared(found[name], x, x, tolerance[name]) for name, x in right.items()])

@@ -1,1 +1,0 @@
-"""The tools of the cases: precisions, references, extreme inputs and verdicts."""

@@ -1,0 +1,55 @@
+"""The cases of plain functions, a module for each part of the package."""
+
+from lime_keras.eval.stability.verdicts import Case
+
+from . import (
+    camera,
+    colour,
+    compositing,
+    directions,
+    environment,
+    exponent,
+    hue,
+    layers,
+    light_law,
+    losses,
+    materials,
+    metrics,
+    mixtures,
+    orthogonal,
+    page,
+    photos,
+    records,
+    reflectance,
+    reflectance_map,
+    shading,
+)
+
+_MODULES = (
+    reflectance,
+    shading,
+    environment,
+    reflectance_map,
+    colour,
+    compositing,
+    losses,
+    exponent,
+    metrics,
+    photos,
+    records,
+    materials,
+    light_law,
+    mixtures,
+    directions,
+    layers,
+    camera,
+    hue,
+    orthogonal,
+    page,
+)
+"""The modules in the order of the tables."""
+
+
+def of_functions() -> list[Case]:
+    """Return the cases of all plain functions, without computing anything."""
+    return [case for module in _MODULES for case in module.cases()]

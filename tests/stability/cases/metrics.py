@@ -1,0 +1,93 @@
+"""Cases for the measures of Table 1 with empty masks, black layers, or exponents of 0."""
+
+import functools
+
+import numpy as np
+
+from lime_keras import metrics
+from lime_keras.eval.stability.precisions import NUMPY_DOUBLE, NUMPY_SINGLE, Precision
+from lime_keras.eval.stability.verdicts import Case, Outcome
+
+_SHAPE = (2, 6, 5, 1)
+_EMPTY, _FULL = np.zeros(_SHAPE), np.ones(_SHAPE)
+_ONE = np.zeros(_SHAPE)
+_ONE[:, 2, 3] = 1.0
+# True mask, predicted mask, intersection over union.
+_MASKS = {
+    "both masks empty": (_EMPTY, _EMPTY, 1.0),
+    "both masks full": (_FULL, _FULL, 1.0),
+    "both masks one pixel": (_ONE, _ONE, 1.0),
+    "empty mask, one pixel found": (_EMPTY, _ONE, 0.0),
+    "one-pixel mask, nothing found": (_ONE, _EMPTY, 0.0),
+    "one-pixel mask, all found": (_ONE, _FULL, 1 / 30),
+    "mask of exactly one half": (0.5 * _FULL, _FULL, 1.0),
+}
+# Mask, shading, prediction, Σ|prediction − shading| / Σ shading; None where there is no error.
+_LAYERS = {
+    "empty mask": (_EMPTY, _FULL, 2 * _FULL, None),
+    "one pixel": (_ONE, _FULL, 1.5 * _FULL, 0.5),
+    "radiance 1e-8": (_FULL, 1e-8 * _FULL, 2e-8 * _FULL, 1.0),
+    "radiance 65504": (_FULL, 65504 * _FULL, 0 * _FULL, 1.0),
+    "radiance 1e30": (_FULL, 1e30 * _FULL, 0 * _FULL, 1.0),
+    "black layer, answered with black": (_FULL, _EMPTY, _EMPTY, None),
+    "black layer, answered with 1": (_FULL, _EMPTY, _FULL, None),
+    "black layer, answered with 1e30": (_FULL, _EMPTY, 1e30 * _FULL, None),
+    "radiance 1e-20, answered with 1": (_FULL, 1e-20 * _FULL, _FULL, None),
+}
+# True exponent, log10 of the prediction, their distance in log10.
+_EXPONENTS = {
+    "s = 0": (0.0, 1.5, np.inf),
+    "s = 1": (1.0, 0.0, 0.0),
+    "s = 1e6, answer 1": (1e6, 0.0, 6.0),
+}
+
+
+def cases() -> list[Case]:
+    """Return the cases of the measures."""
+    out = []
+    for precision in (NUMPY_SINGLE, NUMPY_DOUBLE):
+        for name, masks in _MASKS.items():
+            measure = functools.partial(_overlap, *masks, precision)
+            out.append(Case("measures", f"overlap of masks, {name}", precision.name, measure))
+        for name, layer in _LAYERS.items():
+            measure = functools.partial(_relative, *layer, precision)
+            out.append(Case("measures", f"relative error, {name}", precision.name, measure))
+        for name, exponent in _EXPONENTS.items():
+            measure = functools.partial(_log_error, *exponent, precision)
+            out.append(Case("measures", f"error of log s, {name}", precision.name, measure))
+    return out
+
+
+def _overlap(
+    mask: np.ndarray, predicted: np.ndarray, right: float, precision: Precision
+) -> Outcome:
+    found, _ = precision.evaluate(metrics.intersection_over_union, mask, predicted)
+    return Outcome(precision.compare(found, right, right, right))
+
+
+def _relative(
+    mask: np.ndarray,
+    shading: np.ndarray,
+    predicted: np.ndarray,
+    error: float | None,
+    precision: Precision,
+) -> Outcome:
+    """Try the mean of an example and of another, whose error is 0.5 and alone may count."""
+
+    def mean(*images: np.ndarray) -> np.ndarray:
+        errors, lit = metrics.masked_relative_error(*images)
+        return metrics.mean_where_lit(np.mean(errors), np.mean(lit))
+
+    with_another = (
+        np.concatenate(pair) for pair in ((shading, _FULL), (predicted, 1.5 * _FULL), (mask, _FULL))
+    )
+    found, _ = precision.evaluate(mean, *with_another)
+    right = 0.5 if error is None else (error + 0.5) / 2
+    return Outcome(precision.compare(found, right, right, right, terms=mask[0].size))
+
+
+def _log_error(exponent: float, answer: float, right: float, precision: Precision) -> Outcome:
+    found, _ = precision.evaluate(
+        metrics.log_exponent_error, np.full(2, exponent), np.full(2, answer)
+    )
+    return Outcome(precision.compare(found, right, right, np.nan_to_num(right, posinf=0.0)))

@@ -1,0 +1,316 @@
+"""The extremes: every verdict, that the suite turns when something breaks, and the command."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from keras import ops
+
+from lime_keras import losses, metrics
+from lime_keras.data import records
+from lime_keras.eval.stability import suite
+from lime_keras.eval.stability.verdicts import Case, Compared, Outcome
+from lime_keras.io import photo
+from lime_keras.optics import (
+    colour,
+    dynamic_range,
+    environment,
+    masking,
+    shading,
+    shininess,
+)
+from lime_keras.optics.compositing import compose
+from tests.stability import __main__ as command
+from tests.stability import page_modules
+from tests.stability.cases import of_functions, page
+
+CASES = [*of_functions(), *suite.cases()]
+COMPILED = {"XLA float32", "SavedModel", "ONNX", "ONNX float16"}
+"""Precisions of graphs that are compiled or exported first, which takes most of the time."""
+SKIPPED = () if page_modules.node() else (page.JAVASCRIPT,)
+RUN = [case for case in CASES if case.precision not in SKIPPED]
+EAGER = [case for case in RUN if case.precision not in COMPILED]
+
+
+@pytest.fixture(scope="module")
+def verdicts():
+    return {case.id: case.judge() for case in EAGER}
+
+
+@pytest.fixture(scope="module")
+def all_verdicts():
+    return {verdict.id: verdict for verdict in suite.run(RUN, progress=False)}
+
+
+@pytest.mark.parametrize("name", [case.id for case in CASES if case.precision not in COMPILED])
+def test_each_part_holds_at_its_extremes(name, verdicts):
+    if name not in verdicts:
+        pytest.skip("there is no node: install Node.js 20 or newer")
+    assert verdicts[name].passed, verdicts[name]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [case.id for case in CASES if case.precision in COMPILED])
+def test_compiled_and_exported_parts_hold_too(name, all_verdicts):
+    assert all_verdicts[name].passed, all_verdicts[name]
+
+
+@pytest.mark.slow
+def test_the_suite_judges_every_case(all_verdicts):
+    assert list(all_verdicts) == [case.id for case in RUN]
+
+
+def test_no_case_is_told_twice():
+    names = [case.id for case in CASES]
+    assert len(set(names)) == len(names)
+
+
+def test_verdicts_have_numbers_or_a_refusal(verdicts):
+    for verdict in verdicts.values():
+        numbers = (verdict.reference, verdict.error, verdict.tolerance)
+        if "refused" in verdict.case:
+            assert numbers == (None,) * 3 and verdict.value is None
+            assert verdict.note.startswith("refused: ") and len(verdict.note) > 20
+        else:
+            assert None not in numbers
+            assert not math.isnan(verdict.error) and verdict.tolerance >= 0
+            assert verdict.passed == (verdict.error <= verdict.tolerance)
+
+
+def test_every_precision_format_and_derivative_is_there(verdicts):
+    found = {case.precision for case in CASES}
+    assert found >= {"float32", "float16", "bfloat16", "XLA float32", "SavedModel", "ONNX"}
+    differentiated = {v.part for v in verdicts.values() if v.gradient is not None}
+    assert differentiated >= {
+        "normaliser",
+        "sRGB to linear",
+        "compress",
+        "expand",
+        "Eq. 4",
+        "masked mean",
+        "compositing loss",
+        "cross-entropy",
+        "reflectance map",
+        "fresh LIME",
+    }
+
+
+def number(found):
+    return Case("lobe", f"{found:g}", "float32", lambda: Outcome(Compared(found, 1.0, 1.0, 0.0)))
+
+
+@pytest.fixture
+def quick(monkeypatch, tmp_path):
+    """The command with one case of a function, and without Node."""
+
+    def run(found, *arguments):
+        scripted = Case("page", "colour", page.JAVASCRIPT, lambda: pytest.fail("without Node"))
+        monkeypatch.setattr("tests.stability.cases.of_functions", lambda: [number(found), scripted])
+        monkeypatch.setattr(suite, "cases", lambda folder: [number(1.0)] if folder else [])
+        monkeypatch.setattr(page_modules, "node", lambda: None)
+        return command.main([*arguments, "--out", str(tmp_path)])
+
+    return run
+
+
+def test_the_command_writes_the_tables_and_says_what_it_skips(quick, tmp_path, capsys):
+    assert quick(1.0) == 0
+    said = capsys.readouterr()
+    assert said.out == (tmp_path / "stability.md").read_text(encoding="utf-8")
+    assert "skipped: 1 checks of the live page: there is no Node.js\n" in said.err
+    assert "runtime" not in said.err and "report.html" in said.err
+    [row] = json.loads((tmp_path / "stability.json").read_text(encoding="utf-8"))
+    assert row["part"] == "lobe" and row["passed"] is True
+    assert (tmp_path / "report.html").is_file()
+
+
+def test_the_command_tries_a_run_and_says_that_the_runtime_is_skipped(quick, tmp_path, capsys):
+    assert quick(1.0, "--weights", "nano") == 0
+    assert f"skipped: {of_runtime()} checks of the runtime" in capsys.readouterr().err
+    assert len(json.loads((tmp_path / "stability.json").read_text(encoding="utf-8"))) == 2
+
+
+def of_runtime():
+    return len([case for case in CASES if case.part == "runtime"])
+
+
+def test_the_command_fails_where_a_check_fails(quick, capsys):
+    assert quick(2.0) == 1
+    assert "FAILED" in capsys.readouterr().out
+
+
+# The suite can fail. Each of these is a mistake that could be made, and the part that it breaks.
+
+
+def lobe_without_a_horizon(normal, view, exponent, light, energy):
+    half = light + view
+    half /= np.maximum(np.linalg.norm(half, axis=-1, keepdims=True), 1e-6)
+    return np.abs(np.sum(half * normal, axis=-1)) ** exponent * shading.normaliser(exponent)
+
+
+def lobe_by_squares(normal, view, exponent, light, energy):
+    """As it was: what is below 1e-19 loses its digits when squared."""
+    half = np.sum((light + view) * normal, axis=-1) ** 2
+    half /= np.maximum(2 + 2 * np.sum(light * view, axis=-1), 1e-12)
+    lit = (np.sum(light * normal, axis=-1) > 0) & (np.sum((light + view) * normal, axis=-1) > 0)
+    return lit * np.clip(half, 1e-37, 1) ** (exponent / 2) * shading.normaliser(exponent)
+
+
+def cancelling_normaliser(exponent):
+    return (exponent + 2) / (8 * math.pi * (1 - 2 ** (-exponent / 2)))
+
+
+def srgb_without_a_select_before_the_power(srgb):
+    high = ((srgb + 0.055) / 1.055) ** 2.4
+    return ops.where(srgb <= 0.04045, srgb / 12.92, high)
+
+
+def srgb_with_another_power(srgb):
+    high = ((ops.maximum(srgb, 0.04045) + 0.055) / 1.055) ** 2.2
+    return ops.where(srgb <= 0.04045, srgb / 12.92, high)
+
+
+def texels_that_pass_over_nan(radiance):
+    energy = (radiance * environment.solid_angles(*radiance.shape)).reshape(-1)
+    return environment.directions(*radiance.shape).reshape(-1, 3)[energy > 0], energy[energy > 0]
+
+
+def look_up_without_a_seam(radiance, direction):
+    height, width = radiance.shape
+    x, y, z = np.moveaxis(direction, -1, 0)
+    column = np.arctan2(x, -z) / (2 * np.pi) % 1 * width - 0.5
+    row = np.clip(np.arctan2(np.hypot(x, z), y) / np.pi * height - 0.5, 0, height - 1)
+    left = np.clip(column, 0, width - 2).astype(int)
+    top = np.minimum(row.astype(int), height - 2)
+    a, b = column - left, row - top
+    upper = radiance[top, left] * (1 - a) + radiance[top, left + 1] * a
+    return upper * (1 - b) + b * (
+        radiance[top + 1, left] * (1 - a) + radiance[top + 1, left + 1] * a
+    )
+
+
+def masked_mean_of_nothing(values, mask):
+    weight = ops.sum(mask, axis=(1, 2, 3)) * values.shape[-1]
+    return ops.sum(ops.where(mask > 0, values, 0.0) * mask, axis=(1, 2, 3)) / weight
+
+
+def masked_mean_of_nan(values, mask):
+    weight = ops.sum(mask, axis=(1, 2, 3)) * values.shape[-1]
+    return ops.sum(values * mask, axis=(1, 2, 3)) / ops.maximum(weight, 1e-6)
+
+
+def masked_mean_in_half(values, mask):
+    """As it was: float16 adds up to no more than 65,504."""
+    weight = ops.sum(mask, axis=(1, 2, 3)) * values.shape[-1]
+    inside = ops.where(mask > 0, values, ops.zeros_like(values))
+    return ops.sum(inside * mask, axis=(1, 2, 3)) / ops.maximum(weight, 1e-6)
+
+
+def loss_over_the_whole_image(shading, predicted, mask):
+    return ops.mean(ops.abs(predicted - dynamic_range.compress(shading)) * mask, axis=(1, 2, 3))
+
+
+def two_sided_compositing(image, mask, m_d, m_s, m_a, diffuse, compressed, clipped=None):
+    composed = compose(m_d, m_s, m_a, diffuse, dynamic_range.expand(compressed))
+    error = ops.abs(composed - colour.srgb_to_linear(image))
+    return masking.masked_mean(error, ops.cast(mask >= 1, error.dtype))
+
+
+def cross_entropy_of_probabilities(exponent_bin, logits):
+    """As it was: a probability below 1e-7 taught nothing."""
+    chosen = ops.take_along_axis(ops.softmax(logits), exponent_bin[:, None], axis=-1)[:, 0]
+    return -ops.log(ops.maximum(chosen, 1e-7))
+
+
+def bins_without_slack(exponent):
+    log = np.log10(np.maximum(np.asarray(exponent, np.float64), 1))
+    return np.clip(np.floor(log / 0.375), 0, 7).astype(int)
+
+
+def overlap_of_nothing(mask, predicted):
+    true, found = mask >= 0.5, predicted >= 0.5
+    union = np.sum(true | found, axis=(1, 2, 3))
+    return np.sum(true & found, axis=(1, 2, 3)) / np.maximum(union, 1)
+
+
+class NumPy:
+    """NumPy for one module, with a function of it replaced."""
+
+    def __init__(self, **replaced):
+        self.__dict__.update(replaced)
+
+    def __getattr__(self, name):
+        return getattr(np, name)
+
+
+BROKEN = {
+    "a lobe without a horizon": ("lobe: ", shading, "specular", lobe_without_a_horizon),
+    "a lobe by squares": ("lobe: ", shading, "specular", lobe_by_squares),
+    "a normaliser that cancels": ("normaliser: ", shading, "normaliser", cancelling_normaliser),
+    "NaN taken for darkness": ("map: ", shading, "texels", texels_that_pass_over_nan),
+    "a map with a seam": ("M: ", environment, "lookup", look_up_without_a_seam),
+    "a power of what is negative": (
+        "sRGB to linear: ",
+        colour,
+        "srgb_to_linear",
+        srgb_without_a_select_before_the_power,
+    ),
+    "sRGB with another power": (
+        "sRGB to linear: ",
+        colour,
+        "srgb_to_linear",
+        srgb_with_another_power,
+    ),
+    "compression by log": (
+        "compress: ",
+        dynamic_range,
+        "compress",
+        lambda x: ops.log(1 + ops.maximum(x, 0.0)),
+    ),
+    "no ceiling": ("expand: ", dynamic_range, "expand", lambda x: ops.expm1(ops.maximum(x, 0.0))),
+    "a mean of nothing": ("masked mean: ", masking, "masked_mean", masked_mean_of_nothing),
+    "a mean of NaN": ("masked mean: ", masking, "masked_mean", masked_mean_of_nan),
+    "a loss over the image": (
+        "loss on shading: ",
+        losses,
+        "shading_l1",
+        loss_over_the_whole_image,
+    ),
+    "two-sided compositing": (
+        "compositing loss: ",
+        losses,
+        "compositing_l1",
+        two_sided_compositing,
+    ),
+    "cross-entropy of probabilities": (
+        "cross-entropy: ",
+        losses,
+        "exponent_cross_entropy",
+        cross_entropy_of_probabilities,
+    ),
+    "bins without slack": ("bins: ", shininess, "bin_of", bins_without_slack),
+    "an overlap of nothing": ("measures: ", metrics, "intersection_over_union", overlap_of_nothing),
+    "records unchecked": ("records: ", records, "_check", lambda example: None),
+    "photos unchecked": ("photo read: ", photo, "np", NumPy(isfinite=np.ones_like)),
+}
+
+
+@pytest.mark.parametrize("beginning, module, name, broken", BROKEN.values(), ids=BROKEN)
+def test_a_mistake_turns_verdicts(beginning, module, name, broken, monkeypatch):
+    monkeypatch.setattr(module, name, broken)
+    assert suite.failures(judged(beginning, ("float32", "NumPy float32")))
+
+
+def test_a_sum_in_half_precision_turns_verdicts(monkeypatch):
+    monkeypatch.setattr(masking, "masked_mean", masked_mean_in_half)
+    assert suite.failures(judged("masked mean: ", ("float16",)))
+    assert not suite.failures(judged("masked mean: ", ("float32",)))
+
+
+def judged(beginning, precisions):
+    """Verdicts on the cases whose id begins like this."""
+    chosen = [c for c in CASES if c.id.startswith(beginning)]
+    chosen = [case for case in chosen if case.precision in precisions]
+    assert chosen
+    return [case.judge() for case in chosen]
