@@ -14,10 +14,10 @@ import tensorflow as tf
 from keras import layers
 
 from lime_keras.networks.blocks import HueOfPixels
-from lime_keras.networks.registry import MASK_CONTRAST
-from lime_keras.optics import reflectance_map
+from lime_keras.networks.registry import MASK_CONTRAST, SUBNETWORKS
+from lime_keras.optics.dichromatic import channels, with_hue_of_pixels
 from lime_keras.optics.dynamic_range import HIGHEST_COMPRESSED
-from lime_keras.optics.hue import with_hue_of_pixels
+from lime_keras.optics.reflectance_map import disc
 from lime_keras.optics.shininess import LOG_HIGH, LOG_LOW
 
 
@@ -66,24 +66,23 @@ def answers(
     """
     images = np.asarray(images, np.float64)
 
-    def run(name: str, *inputs: np.ndarray) -> Any:
-        return _run(subnetworks[name], inputs, rounding)
+    def run(name: str) -> Any:
+        network = subnetworks[name]
+        return _run(network, [seen[tensor.name] for tensor in network.inputs], rounding)
 
-    mask = np.clip(MASK_CONTRAST * (run("segmentation", images) - 0.5) + 0.5, 0, 1)
+    seen = {"image": images}
+    mask = np.clip(MASK_CONTRAST * (run("segmentation") - 0.5) + 0.5, 0, 1)
+    seen |= {"masked_image": images * mask, "dichromatic": channels(images, mask)}
     out = {"mask": mask}
+    shapes = {"specular": mask, "mirror": mask, "reflectance_map": disc(images.shape[1])}
+    for name in filter(subnetworks.__contains__, shapes):
+        [quantity] = SUBNETWORKS[name].answers
+        seen[quantity] = run(name) * shapes[name]
+        out[quantity] = _expanded(seen[quantity])
     if "material" in subnetworks:
-        sphere = run("reflectance_map", images * mask)
-        sphere = sphere * reflectance_map.disc(images.shape[1])
-        out["reflectance_map"] = _expanded(sphere)
-        exponent, albedos = run("material", sphere)
+        exponent, albedos = run("material")
     else:
-        specular = run("specular", images * mask) * mask
-        seen = [specular]
-        out["specular_shading"] = _expanded(specular)
-        if "mirror" in subnetworks:
-            seen.append(run("mirror", specular) * mask)
-            out["mirror"] = _expanded(seen[1])
-        albedos, exponent = run("albedo", images * mask, specular), run("exponent", *seen)
+        exponent, albedos = run("exponent"), run("albedo")
     albedos = np.clip(albedos, 0, 1)
     out |= {"diffuse_albedo": albedos[:, :3], "specular_albedo": albedos[:, 3:]}
     if exponent.shape[-1] == 1:
@@ -111,7 +110,13 @@ def _run(model: keras.Model, inputs: Collection[np.ndarray], rounding: Rounding)
 
 def _convolution(layer: layers.Conv2D, x: np.ndarray, rounding: Rounding) -> np.ndarray:
     kernel, bias = _weights(layer, rounding)
-    return _activated(layer, tf.nn.conv2d(x, kernel, 1, "SAME").numpy() + bias)
+    return _activated(layer, tf.nn.conv2d(x, kernel, layer.strides, "SAME").numpy() + bias)
+
+
+def _depthwise(layer: layers.DepthwiseConv2D, x: np.ndarray, rounding: Rounding) -> np.ndarray:
+    kernel, bias = _weights(layer, rounding)
+    strides = (1, *layer.strides, 1)
+    return _activated(layer, tf.nn.depthwise_conv2d(x, kernel, strides, "SAME").numpy() + bias)
 
 
 def _dense(layer: layers.Dense, x: np.ndarray, rounding: Rounding) -> np.ndarray:
@@ -126,7 +131,8 @@ def _weights(layer: keras.Layer, rounding: Rounding) -> tuple[np.ndarray, np.nda
 
 def _activated(layer: Any, x: np.ndarray) -> np.ndarray:
     name = layer.activation.__name__
-    return {"relu": lambda: np.maximum(x, 0), "linear": lambda: x}[name]()
+    limits = {"relu": (0, None), "relu6": (0, 6), "linear": (None, None)}
+    return np.clip(x, *limits[name])
 
 
 def _turned(
@@ -142,13 +148,16 @@ def _pooled(layer: layers.MaxPooling2D, x: np.ndarray, rounding: Rounding) -> np
 
 
 _LAYERS: dict[type, Callable[..., np.ndarray]] = {
+    layers.Add: lambda layer, one, other, rounding: one + other,
     layers.Conv2D: _convolution,
+    layers.DepthwiseConv2D: _depthwise,
     layers.Dense: _dense,
     HueOfPixels: _turned,
     layers.MaxPooling2D: _pooled,
     layers.UpSampling2D: lambda layer, x, rounding: x.repeat(2, 1).repeat(2, 2),
     layers.Concatenate: lambda layer, *xs: np.concatenate(xs[:-1], axis=-1),
     layers.Flatten: lambda layer, x, rounding: x.reshape(len(x), -1),
+    layers.Rescaling: lambda layer, x, rounding: x * layer.scale + layer.offset,
     layers.Reshape: lambda layer, x, rounding: x.reshape(len(x), *layer.target_shape),
 }
 """Functions that compute each kind of layer in the networks, by class of the layer."""

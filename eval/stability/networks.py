@@ -46,6 +46,8 @@ def cases(model_dir: Path | None = None) -> list[Case]:
     # The baseline has the same kinds of layers, so compiling and exporting one system is enough.
     out = _cases("fresh LIME", systems["fresh LIME"])
     out += _cases("fresh baseline", systems["fresh baseline"], (SINGLE, HALF, BRAIN))
+    split = "fresh LIME with the split"
+    out += _cases(split, systems[split], (SINGLE, HALF, BRAIN))
     return out + _exports("fresh LIME", systems["fresh LIME"])
 
 

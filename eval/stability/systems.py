@@ -22,7 +22,13 @@ from .photos import extreme_photos
 from .precisions import ROUNDINGS, Precision
 
 _SMALL = Architecture(size=32, unet_width=4, unet_depth=1, encoder_width=4, dense_width=8)
-FRESH = {"LIME": _SMALL, "baseline": dataclasses.replace(_SMALL, system="reflectance-map")}
+FRESH = {
+    "LIME": _SMALL,
+    "baseline": dataclasses.replace(_SMALL, system="reflectance-map"),
+    "LIME with the split": dataclasses.replace(
+        _SMALL, pretrained=True, dichromatic=True, layers=False
+    ),
+}
 """Architectures small enough to be tried in seconds, by name."""
 
 BATCH = 64

@@ -14,7 +14,7 @@ from lime_keras.eval.stability.precisions import (
     Precision,
 )
 from lime_keras.eval.stability.verdicts import Case, Compared, Outcome
-from lime_keras.optics import colour, hue
+from lime_keras.optics import colour, dichromatic
 
 from .. import srgb_standard
 
@@ -69,7 +69,7 @@ def cases() -> list[Case]:
 
 
 def _with_hue(albedo: Any, image: Any) -> Any:
-    return hue.with_hue_of_pixels(albedo, image)
+    return dichromatic.with_hue_of_pixels(albedo, image)
 
 
 def _turned(image: np.ndarray, albedo: tuple[float, ...], precision: Precision) -> Outcome:
