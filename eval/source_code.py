@@ -22,7 +22,7 @@ def code_of(*modules: str, alone: bool = False) -> str:
         modules: dotted names of modules of this package.
         alone: hash these modules without their imports, for a result that no other code makes.
     """
-    folders = _folders()
+    folders = folders_of_packages()
     files = {name: _file(name, folders) for name in modules} if alone else {}
     for name in () if alone else modules:
         files |= imported(name, folders)
@@ -63,7 +63,7 @@ def imported(module: str, folders: Mapping[str, Path]) -> dict[str, Path]:
         path = _file(name, folders)
         if path is not None and name not in files:
             files[name] = path
-            waiting += _imports(name, path, folders)
+            waiting += imports(name, path, folders)
     return files
 
 
@@ -82,7 +82,7 @@ class _Essence(ast.NodeTransformer):
         return None if is_text else node
 
 
-def _imports(module: str, path: Path, folders: Mapping[str, Path]) -> Iterator[str]:
+def imports(module: str, path: Path, folders: Mapping[str, Path]) -> Iterator[str]:
     """Yield the dotted names of the modules that a file imports."""
     package = module if path.name == "__init__.py" else module.rpartition(".")[0]
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
@@ -108,7 +108,7 @@ def _file(module: str, folders: Mapping[str, Path]) -> Path | None:
 
 
 @functools.cache
-def _folders() -> dict[str, Path]:
+def folders_of_packages() -> dict[str, Path]:
     """Return the folders of the library, the renderer, training and evaluation, by dotted name."""
     specs = {name: importlib.util.find_spec(name) for name in _PACKAGES}
     return {
