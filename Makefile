@@ -14,7 +14,7 @@ PRETRAINED := lime_keras/pretrained
 WEIGHTS :=
 NAME :=
 
-.PHONY: quickstart test test-slow fuzz stability docs pictures results graphs ship lint llvm clean
+.PHONY: quickstart test test-slow fuzz stability rooms docs pictures results graphs ship lint llvm clean
 .DELETE_ON_ERROR:
 
 quickstart: llvm
@@ -71,6 +71,10 @@ docs: .venv/development
 PICTURES :=
 pictures: llvm .venv/development
 	$(BIN)/python docs/pictures $(PICTURES)
+
+# The picture of the rooms in CONTRIBUTING.md, from the imports.
+rooms: .venv/installed
+	$(BIN)/python docs/pictures/rooms.py
 
 # Which tables of the docs are older than what they depend on.
 results: .venv/installed

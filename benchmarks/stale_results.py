@@ -2,16 +2,21 @@
 
 python benchmarks/stale_results.py
 
-A comment `<!-- measured: COMMIT PATH PATH ... -->` stands above each figure. It is stale if a file
-below one of the paths has changed since that commit. Not every such change moves a figure, and one
-that lies elsewhere may: this says where to look, and no more.
+A comment `<!-- measured: COMMIT PATH PATH ... -->` stands above each figure. It is stale if what
+lies below one of the paths has changed since that commit. No figure follows from the comments,
+docstrings, layout and imports of a Python file, nor from its place among these paths: they do not
+count. Not every other change moves a figure, and one that lies elsewhere may: this says where to
+look, and no more.
 """
 
 import re
 import subprocess
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+
+from lime_keras.eval.source_code import essence
 
 ROOT = Path(__file__).parent.parent
 MARK = re.compile(r"<!-- measured: (?P<commit>\w+) (?P<paths>.+?) -->")
@@ -47,21 +52,42 @@ def figures() -> Iterator[Figure]:
 
 
 def changes(figure: Figure) -> list[str]:
-    """Return the files that a figure depends on and that have changed since its commit.
+    """Return the files that a figure follows from and that have changed since its commit.
 
     Files that are changed but not committed count, too.
 
     Raises:
         ValueError: if the commit is not in the history.
     """
-    command = ["git", "diff", "--name-only", figure.commit, "--", *figure.paths]
+    command = ["git", "diff", "--name-only", "--no-renames", figure.commit, "--", *figure.paths]
     answer = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
     if answer.returncode:
         raise ValueError(
             f"{figure.page}, {figure.title}: git does not know {figure.commit}: fetch the whole "
             f"history, or measure again ({answer.stderr.strip()})"
         )
-    return answer.stdout.splitlines()
+    then = {name: _at_commit(figure.commit, name) for name in answer.stdout.splitlines()}
+    now = {name: _at_present(name) for name in then}
+    changed = [name for name in then if then[name] != now[name]]
+    # A file that was moved is on both sides, under two names.
+    gone, come = (Counter(side[name] for name in changed) for side in (then, now))
+    gone, come = gone - come, come - gone
+    return [name for name in changed if then[name] in gone or now[name] in come]
+
+
+def _at_commit(commit: str, name: str) -> str | bytes:
+    """Return what figures may follow from in a file at a commit; nothing if it was not there."""
+    command = ["git", "show", f"{commit}:{name}"]
+    return _essence(name, subprocess.run(command, cwd=ROOT, capture_output=True).stdout)
+
+
+def _at_present(name: str) -> str | bytes:
+    path = ROOT / name
+    return _essence(name, path.read_bytes() if path.is_file() else b"")
+
+
+def _essence(name: str, content: bytes) -> str | bytes:
+    return essence(content.decode(), imports=False) if name.endswith(".py") else content
 
 
 def main() -> None:

@@ -190,7 +190,7 @@ def write_report(out: Path) -> Path:
 
 
 def names(runs: Sequence[Path]) -> dict[str, Path]:
-    """Return the runs by the names of their folders, those of one name with their parents' before.
+    """Return the runs by name: the folder's, or `PARENT-FOLDER` where two folders have one name.
 
     Raises:
         ValueError: if two runs still have the same name.
@@ -205,7 +205,7 @@ def names(runs: Sequence[Path]) -> dict[str, Path]:
     }
     if len(named) < len(runs):
         raise ValueError(
-            f"runs are told by their folders' names, which must differ: {', '.join(map(str, runs))}"
+            f"two runs have the same name: rename a folder of {', '.join(map(str, runs))}"
         )
     return named
 

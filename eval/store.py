@@ -1,14 +1,11 @@
 """A cache of results on disk: each result is kept with its key, and made again if the key changes.
 
-A result may depend on any line of this package and on any package that it computes with. Every key
-therefore holds a hash of the source and the versions of these packages, beside the inputs that the
-caller names (weights, data, options). An edit so discards also results that it does not affect,
-timings among them: measuring again is slow, but reusing an outdated number is wrong.
+A key holds all that a result follows from: the inputs that the caller names (weights, data,
+options), the code that makes it (`source_code`), and the versions of the packages that compute.
 """
 
 import functools
 import hashlib
-import importlib.util
 import json
 import re
 import zipfile
@@ -27,14 +24,13 @@ DependsOn = Mapping[str, Any]
 
 _COMPUTING = ("train", "render")
 """Extras of the installation whose packages compute."""
-_PACKAGES = ("lime_keras", "lime_keras.render", "lime_keras.train", "lime_keras.eval")
 
 
 class Store:
     """A folder of cached results, each of them complete or absent.
 
-    Every result is kept with its inputs (`depends_on`) and with the `code` that made it:
-    `source_hash()` and `package_versions()`. The result is reused while all of them are the same.
+    Every result is kept with its inputs (`depends_on`), with the hash of the `code` that made it,
+    and with `package_versions()`. The result is reused while all of them are the same.
 
     Args:
         folder: folder of the results; it is created with the first of them.
@@ -42,44 +38,59 @@ class Store:
 
     def __init__(self, folder: Path):
         self._folder = folder
-        self._code = {"source": source_hash(), "packages": package_versions()}
 
-    def value(self, name: str, depends_on: DependsOn, make: Callable[[], Any]) -> Any:
-        """Return a JSON result: read from `folder/name.json`, or made by `make` and kept there."""
+    def value(self, name: str, depends_on: DependsOn, make: Callable[[], Any], *, code: str) -> Any:
+        """Return a JSON result: read from `folder/name.json`, or made by `make` and kept there.
+
+        Args:
+            name: path below the store's folder, without its suffix.
+            depends_on: inputs of the result.
+            make: function that makes the result.
+            code: hash of the source that `make` runs (`source_code.code_of`).
+        """
         path = self._folder / f"{name}.json"
+        key = _key(depends_on, code)
         known = _read(path)
-        if known is not None and self._is_of(known, depends_on):
+        if known is not None and _is_of(known, key):
             return known["result"]
         result = make()
-        _write(path, {**self._key(depends_on), "result": result})
+        _write(path, {**key, "result": result})
         return _as_read(result)
 
-    def file(self, name: str, depends_on: DependsOn, make: Callable[[Path], None]) -> Path:
+    def file(
+        self, name: str, depends_on: DependsOn, make: Callable[[Path], None], *, code: str
+    ) -> Path:
         """Return the path of `folder/name`, a file or folder that `make` writes if it is not kept.
 
         Args:
             name: path below the store's folder.
             depends_on: inputs of the result.
             make: function that writes the file or folder to the path that it is given.
+            code: hash of the source that `make` runs.
         """
         path = self._folder / name
-        record = _record(path)
+        record, key = _record(path), _key(depends_on, code)
         known = _read(record)
-        if path.exists() and known is not None and self._is_of(known, depends_on):
+        if path.exists() and known is not None and _is_of(known, key):
             return path
         with atomic.replacing(path) as partial:
             make(partial)
             # The old record goes before the new file comes, so no record describes a wrong file.
             record.unlink(missing_ok=True)
-        _write(record, self._key(depends_on))
+        _write(record, key)
         return path
 
     def arrays(
-        self, name: str, depends_on: DependsOn, make: Callable[[], Mapping[str, np.ndarray]]
+        self,
+        name: str,
+        depends_on: DependsOn,
+        make: Callable[[], Mapping[str, np.ndarray]],
+        *,
+        code: str,
     ) -> dict[str, np.ndarray]:
         """Return arrays by name, read from `folder/name.npz`, or made by `make` and kept there.
 
-        The arrays hold numbers, truth values or text.
+        The arrays hold numbers, truth values or text. The arguments are those of `value`.
         """
 
         def write(path: Path) -> None:
@@ -87,20 +98,19 @@ class Store:
             with path.open("wb") as file:
                 np.savez(file, **arrays)
 
-        path = self.file(f"{name}.npz", depends_on, write)
+        path = self.file(f"{name}.npz", depends_on, write, code=code)
         try:
             return _read_arrays(path)
         except (OSError, EOFError, ValueError, zipfile.BadZipFile):
             # The file was damaged after it was written.
             _record(path).unlink()
-            return _read_arrays(self.file(f"{name}.npz", depends_on, write))
+            return _read_arrays(self.file(f"{name}.npz", depends_on, write, code=code))
 
-    def _key(self, depends_on: DependsOn) -> dict[str, Any]:
-        return {"depends_on": depends_on, "code": self._code}
 
-    def _is_of(self, known: Mapping[str, Any], depends_on: DependsOn) -> bool:
-        key = _as_read(self._key(depends_on))
-        return all(known.get(part) == value for part, value in key.items())
+def files_of(path: Path) -> list[Path]:
+    """Return a file, or all files of a folder, sorted."""
+    inside = path.rglob("*") if path.is_dir() else [path]
+    return sorted(file for file in inside if file.is_file())
 
 
 def sha256(*paths: Path) -> str:
@@ -113,8 +123,7 @@ def sha256(*paths: Path) -> str:
 
 def size(path: Path) -> int:
     """Return the number of bytes in a file, or in all files of a folder."""
-    inside = path.rglob("*") if path.is_dir() else [path]
-    return sum(file.stat().st_size for file in inside if file.is_file())
+    return sum(file.stat().st_size for file in files_of(path))
 
 
 @functools.cache
@@ -129,38 +138,15 @@ def package_versions() -> dict[str, str | None]:
     return installed(names)
 
 
-@functools.cache
-def source_hash() -> str:
-    """Return `hash_of_source` of this package: library, renderer, training and evaluation."""
-    specs = {name: importlib.util.find_spec(name) for name in _PACKAGES}
-    return hash_of_source(
-        {
-            name: Path(place)
-            for name, spec in specs.items()
-            if spec
-            for place in spec.submodule_search_locations or ()
-        }
-    )
-
-
-def hash_of_source(folders: Mapping[str, Path]) -> str:
-    """Return one hash of the names and contents of all Python files of some packages.
-
-    A wheel has the same hash as the checkout it was built from, although the wheel holds the other
-    packages inside the folder of `lime_keras`.
-
-    Args:
-        folders: folders of the packages, by dotted name.
-    """
-    files = {
-        f"{package.replace('.', '/')}/{path.relative_to(folder).as_posix()}": path
-        for package, folder in folders.items()
-        for path in folder.rglob("*.py")
+def _key(depends_on: DependsOn, code: str) -> dict[str, Any]:
+    return {
+        "depends_on": depends_on,
+        "code": {"source": code, "packages": package_versions()},
     }
-    digest = hashlib.sha256()
-    for name in sorted(files):
-        digest.update(f"{name}\0{sha256(files[name])}\n".encode())
-    return digest.hexdigest()
+
+
+def _is_of(known: Mapping[str, Any], key: Mapping[str, Any]) -> bool:
+    return all(known.get(part) == value for part, value in _as_read(key).items())
 
 
 def _record(path: Path) -> Path:

@@ -50,7 +50,7 @@ ROWS = {
         ("cli",),
     ),
     "eval": (
-        ("store", "markdown_table"),
+        ("store", "source_code", "markdown_table"),
         ("accuracy", "stability", "photos"),
         ("report",),
         ("tradeoff",),

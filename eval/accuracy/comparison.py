@@ -30,7 +30,7 @@ COLUMNS = (
     "relighting_psnr",
     "relighting_psnr_unseen",
 )
-"""Measures of the table; those that the paper prints come first."""
+"""Measures of the table, the paper's first."""
 
 FULL = "full approach"
 PAPER: dict[str, dict[str, float]] = {

@@ -28,7 +28,7 @@ from lime_keras.networks.wiring import needed
 from lime_keras.optics import environment, shininess
 from lime_keras.optics.reflectance_map import true_reflectance_map
 
-from . import flip, relighting
+from . import flip_error, relighting
 from .predictions import Answers, Predictions
 
 _AT_ONCE = 16
@@ -104,6 +104,7 @@ def evaluate(
         ValueError: if the split is empty, damaged or of a size that the model cannot take, or if
             an output of the model is not finite.
     """
+    # The model and its images.
     architecture, subnetworks = weights.load(model_dir)
     split = Split(corpus, "test")
     shards = pipeline.whole_shards(split)
@@ -114,11 +115,14 @@ def evaluate(
             f"model's {architecture.size}: render a corpus with --size {architecture.size} or a "
             "multiple of it"
         )
+
+    # The system and its oracle. Joint training adapts the encoders to estimated layers; on true
+    # layers the weights from before it are better.
     system = answer or assemble(subnetworks).predict_on_batch
-    # Joint training adapts the encoders to estimated layers; on true layers the weights from before
-    # it are better.
     alone = weights.load_alone(model_dir, subnetworks)
     oracle_of = _from_true_layers(subnetworks | alone)
+
+    # Rows, batch by batch.
     rows: list[dict[str, np.ndarray]] = []
     oracle: list[dict[str, np.ndarray]] = []
     dataset = pipeline.evaluation(
@@ -143,6 +147,8 @@ def evaluate(
             )
             if answer is None:
                 oracle.append(of_true_layers | relit["oracle"])
+
+    # All rows, which must be finite.
     joined = _joined(rows)
     of_oracle = _joined(oracle) if oracle else {}
     evaluation = Evaluation(joined, of_oracle, confusion(joined), architecture, tuple(alone))
@@ -310,7 +316,7 @@ def _layers_flip(
     """Return `specular_shading_flip` and `mirror_flip`, `(B,)`, of the layers in `estimate`."""
     return {
         f"{name}_flip": np.array(
-            list(pool.map(flip.layer_flip, example[name], estimate[name], example["mask"]))
+            list(pool.map(flip_error.layer_flip, example[name], estimate[name], example["mask"]))
         )
         for name in ("specular_shading", "mirror")
         if name in estimate

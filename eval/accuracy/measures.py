@@ -220,10 +220,10 @@ def summarise(evaluation: Evaluation) -> dict[str, Any]:
 
     Returns:
         Each of `MEASURES` that the system has, by name, shares in [0, 1]; `count` of the examples;
-        `counted`, by measure the number of those that it counts if it leaves some out; `system`,
-        its description; and, by measure where they exist, `interval` (95 % bootstrap,
-        `[low, high]`), `oracle`, `paper`, `chance`, `floor` and `constant` (the best prediction
-        that is the same for every image of this split). If there is an oracle, also
+        `counted`, the number of examples that a measure counts, by each measure that leaves some
+        out; `system`, its description; and, by measure where they exist, `interval` (95 %
+        bootstrap, `[low, high]`), `oracle`, `paper`, `chance`, `floor` and `constant` (the best
+        prediction that is the same for every image of this split). If there is an oracle, also
         `oracle_title` and `oracle_is`, its title and its description.
     """
     measured = values(evaluation.rows)

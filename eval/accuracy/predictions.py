@@ -37,7 +37,7 @@ _SUM_WITHIN = 1e-3
 _SHOWN = 3
 """Number of files left out that are named."""
 _LONGEST = 60
-"""Largest number of characters of a wrong value that are told."""
+"""Largest number of characters of a wrong value in a message."""
 
 
 @dataclass(frozen=True)

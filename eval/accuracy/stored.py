@@ -11,6 +11,7 @@ from lime_keras.data.corpus import Split
 from lime_keras.io import model_folder
 from lime_keras.networks import Architecture
 
+from ..source_code import code_of
 from ..store import DependsOn, Store, sha256
 from .evaluate import Evaluation, evaluate, evaluate_predictions
 from .predictions import Predictions
@@ -41,6 +42,7 @@ def evaluation(store: Store, model_dir: Path, corpus: Path, *, camera: bool = Fa
         _name(depends_on),
         depends_on,
         lambda: _as_arrays(evaluate(model_dir, corpus, camera=camera)),
+        code=code_of(__name__),
     )
     return _from_arrays(arrays)
 
@@ -60,7 +62,12 @@ def predictions(store: Store, found: Predictions, corpus: Path) -> dict[str, np.
     split = Split(corpus, "test")
     split.shard_paths()  # Raises if the split is incomplete.
     depends_on = {"predictions": found.digest(), "manifest": sha256(split.manifest_path)}
-    return store.arrays(_name(depends_on), depends_on, lambda: evaluate_predictions(found, corpus))
+    return store.arrays(
+        _name(depends_on),
+        depends_on,
+        lambda: evaluate_predictions(found, corpus),
+        code=code_of(__name__),
+    )
 
 
 def _name(depends_on: DependsOn) -> str:

@@ -1,1 +1,1 @@
-"""The answers for photos whose materials nobody measured, and what can be told of them."""
+"""Answers for photos whose materials nobody measured, and how good they are."""

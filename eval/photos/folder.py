@@ -26,13 +26,13 @@ _SEPARATORS = " _-."
 
 @dataclass(frozen=True)
 class Photo:
-    """A photo with what is known of it.
+    """A photo and its labels.
 
     Attributes:
         name: path below the folder of photos, with `/`.
         path: path of the file.
         mask: path of its mask, if it has one.
-        finish: `glossy` or `matte`; None if nobody has told.
+        finish: `glossy` or `matte`; None without a label.
         dielectric: whether the object is known to be of no metal, so that its specular share is
             that of a dielectric.
         pair: name of the photos that this one is to be compared with, if there are any.

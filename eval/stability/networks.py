@@ -5,7 +5,7 @@ the tolerance.
 """
 
 import functools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -97,8 +97,7 @@ def _exports(part: str, system: TrialSystem) -> list[Case]:
 def _alone(system: TrialSystem, precision: Precision, image: str) -> Outcome:
     """Try an image in a batch of one."""
     found = system.answers(precision, system.images[image][None])
-    tolerance = system.tolerance(image, precision.epsilon)
-    return Outcome(_compared(found, system.exact(image), tolerance))
+    return Outcome(system.compared(image, found, precision.epsilon))
 
 
 def _derivatives(system: TrialSystem, precision: Precision) -> Outcome:
@@ -117,11 +116,12 @@ def _exported_batch(system: TrialSystem, model_format: str) -> Outcome:
 
 
 def _every(system: TrialSystem, found: Answers, precision: Precision) -> Outcome:
-    parts = []
-    for position, image in enumerate(system.batch[0]):
-        tolerance = system.tolerance(image, precision.epsilon)
-        parts.append(_compared(_at(position, found), system.exact(image), tolerance))
-    return Outcome(joined(parts))
+    return Outcome(
+        joined(
+            system.compared(image, _at(position, found), precision.epsilon)
+            for position, image in enumerate(system.batch[0])
+        )
+    )
 
 
 def _at(position: int, found: Answers) -> Answers:
@@ -142,8 +142,11 @@ def _exported_alone(system: TrialSystem, model_format: str) -> Outcome:
 
 def _beside_keras(system: TrialSystem, image: str, found: Answers) -> Outcome:
     right = system.answers(SINGLE, system.images[image][None])
-    twice = {name: 2 * x for name, x in system.tolerance(image, SINGLE.epsilon).items()}
-    return Outcome(_compared(found, right, twice))
+    if set(found) != set(right):
+        raise ValueError(f"answers {sorted(found)}, expected {sorted(right)}")
+    tolerance = system.tolerance(image, SINGLE.epsilon)
+    parts = (Compared(found[name], x, x, 2 * tolerance[name]) for name, x in right.items())
+    return Outcome(joined(parts))
 
 
 def _estimated(system: TrialSystem, image: str) -> Outcome:
@@ -155,8 +158,10 @@ def _estimated(system: TrialSystem, image: str) -> Outcome:
         found["diffuse_albedo"] = np.asarray(material.diffuse_albedo)[None]
         found["specular_albedo"] = np.array([[material.specular_albedo]])
     exact, tolerance = system.exact(image), system.tolerance(image, SINGLE.epsilon)
-    shared = found.keys() & exact.keys()
-    parts = [_compared(*({name: x[name] for name in shared} for x in (found, exact, tolerance)))]
+    parts = [
+        Compared(found[name], exact[name], exact[name], tolerance[name])
+        for name in exact.keys() & found.keys()
+    ]
     if "diffuse" in found:
         parts.append(Compared(found["diffuse"], 0.0, 1.0, 0.0))
     parts.append(Compared(np.array(material.mask_coverage), 0.0, 1.0, 0.0))
@@ -174,12 +179,3 @@ def _with_pixel(image: np.ndarray, value: float) -> np.ndarray:
     out = image.copy()
     out[1, 2, 0] = value
     return out
-
-
-def _compared(
-    found: Mapping[str, np.ndarray], right: Mapping[str, np.ndarray], tolerance: Answers
-) -> Compared:
-    """Compare all outputs with their references, joined into one comparison."""
-    if set(found) != set(right):
-        raise ValueError(f"answers {sorted(found)}, expected {sorted(right)}")
-    return joined([Compared(found[name], x, x, tolerance[name]) for name, x in right.items()])

@@ -20,6 +20,7 @@ from lime_keras.networks.precision import computing_in
 from . import double_precision
 from .photos import extreme_photos
 from .precisions import ROUNDINGS, Precision
+from .verdicts import Compared, joined
 
 _SMALL = Architecture(size=32, unet_width=4, unet_depth=1, encoder_width=4, dense_width=8)
 FRESH = {
@@ -121,6 +122,17 @@ class TrialSystem:
             formula = ROUNDINGS * 2.0**-23 * (1 + np.abs(right))
             out[name] = _MARGIN * moved + formula
         return out
+
+    def compared(self, image: str, found: Mapping[str, np.ndarray], epsilon: float) -> Compared:
+        """Compare all outputs for one of `images` with those in double precision, joined into one.
+
+        Raises:
+            ValueError: if these are other outputs.
+        """
+        exact, tolerance = self.exact(image), self.tolerance(image, epsilon)
+        if set(found) != set(exact):
+            raise ValueError(f"answers {sorted(found)}, expected {sorted(exact)}")
+        return joined(Compared(found[name], x, x, tolerance[name]) for name, x in exact.items())
 
     def steepest(self, precision: Precision) -> np.ndarray:
         """Return the largest absolute derivative of the mean outputs by each weight tensor, `(W,)`.

@@ -5,10 +5,11 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from ..store import DependsOn, size
-from . import machine
+from ..source_code import code_of
+from ..store import DependsOn, files_of, sha256, size
+from . import machine, runtimes, timing
 from .run_formats import EVERYTHING, PRECISIONS, Run
-from .runtimes import ONNX
+from .runtimes import KERAS, ONNX
 from .samples import LARGEST_BATCH
 from .timing import Effort, Job
 
@@ -80,16 +81,30 @@ class Bench:
             case.runtime, case.precision, str(path), images, case.batch, case.threads, effort
         )
 
-    def depends_on(self, case: Case, effort: Effort) -> DependsOn:
-        """Return the inputs of a case's times, for the store: model, case, effort and machine."""
+    def depends_on(self, case: Case, job: Job) -> DependsOn:
+        """Return the inputs of a case's times, for the store: model, case, effort and machine.
+
+        A model is what its files hold: one that was written again, the same, keeps its times.
+        """
         about = machine.describe()
         hardware = {name: about[name] for name in ("processor", "cores", "instructions")}
+        if case.runtime == KERAS:
+            # The folder of the weights may hold more than these.
+            model = self._runs[case.model].depends_on
+        else:
+            model = {"model": sha256(*files_of(Path(job.path)))}
         return {
-            **self._runs[case.model].depends_on,
+            **model,
             "case": dataclasses.asdict(case),
-            "effort": dataclasses.asdict(effort),
+            "effort": dataclasses.asdict(job.effort),
             "machine": hardware,
         }
+
+    def code(self, case: Case) -> str:
+        """Return the hash of the code that times a case; with Keras, the networks' among it."""
+        if case.runtime == KERAS:
+            return code_of(timing.__name__)
+        return code_of(timing.__name__, runtimes.__name__, alone=True)
 
     def costs(self, case: Case, job: Job) -> dict[str, float]:
         """Return `model_mib` (size on disk), `parameters`, and `gflop` for one image."""

@@ -10,6 +10,7 @@ from lime_keras.networks.precision import POLICIES
 
 from ..accuracy import measures
 from ..accuracy.evaluate import evaluate
+from ..source_code import code_of
 from ..store import Store
 from . import machine
 from .run_formats import Run
@@ -47,7 +48,8 @@ class Fidelity:
             return parity.compare(dict(self._of_keras[reference]), answer)
 
         key = self._depends_on(runtime, precision) | {"images": _COMPARED}
-        return self._store.value(f"differences/{self._name(runtime, precision)}", key, compare)
+        name = f"differences/{self._name(runtime, precision)}"
+        return self._store.value(name, key, compare, code=code_of(__name__))
 
     def errors(self, runtime: str, precision: str) -> dict[str, Any]:
         """Return the errors on the whole test split.
@@ -81,7 +83,8 @@ class Fidelity:
             }
 
         key = self._depends_on(runtime, precision)
-        return self._store.value(f"errors/{self._name(runtime, precision)}", key, measure)
+        name = f"errors/{self._name(runtime, precision)}"
+        return self._store.value(name, key, measure, code=code_of(__name__))
 
     def _depends_on(self, runtime: str, precision: str) -> dict[str, Any]:
         """Return the inputs of a variant's outputs, for the store.

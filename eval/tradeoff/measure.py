@@ -147,9 +147,10 @@ def _timed(bench: Bench, store: Store, progress: bool) -> list[dict[str, Any]]:
     rounds: dict[Case, list] = {case: [] for case in cases}
     turns = [(number, case) for number in range(1, ROUNDS + 1) for case in cases]
     for number, case in tqdm(turns, "times", disable=not progress):
-        key = {**bench.depends_on(case, EFFORT), "round": number}
+        key = {**bench.depends_on(case, jobs[case]), "round": number}
         run = functools.partial(timing.measure, jobs[case])
-        rounds[case].append(store.value(f"times/{case.name}-round{number}", key, run))
+        name = f"times/{case.name}-round{number}"
+        rounds[case].append(store.value(name, key, run, code=bench.code(case)))
     return [
         {
             **dataclasses.asdict(case),

@@ -77,7 +77,7 @@ def for_purposes(rows: Sequence[Row]) -> list[dict[str, Any]]:
 
     Returns:
         For each model that is worth it: `model`, `latency_ms` and `score`; and, under `beaten`, the
-        names of those that it makes superfluous.
+        names of the models that it makes superfluous.
     """
     on = front([(row["latency_ms"], row["score"]) for row in rows])
     worth = [

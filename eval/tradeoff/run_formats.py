@@ -18,6 +18,7 @@ from lime_keras.networks import answers, assemble, weights
 from lime_keras.networks.precision import POLICIES, computing_in
 from lime_keras.outputs import available
 
+from ..source_code import code_of
 from ..store import DependsOn, Store, sha256, size
 from . import runtimes
 from .costs import flop
@@ -67,7 +68,9 @@ class Run:
         each with its `parameters` and its `gflop` for one image. A part is a choice of
         `lime-estimate --only`, or `everything`; it also has the `outputs` that it needs.
         """
-        return self._store.value(f"costs/{self.name}", self.depends_on, self._count_costs)
+        return self._store.value(
+            f"costs/{self.name}", self.depends_on, self._count_costs, code=code_of(__name__)
+        )
 
     @property
     def image_size(self) -> int:
@@ -130,8 +133,12 @@ class Run:
         The error is `quantisation.harm`: the mean difference from float32 over the mean magnitude.
         """
         prepared = self._file("prepared.onnx", self._write_prepared)
-        key = self._calibrated()
-        return self._store.value(f"int8/{self.name}", key, lambda: self._judge_int8(prepared))
+        return self._store.value(
+            f"int8/{self.name}",
+            self._calibrated(),
+            lambda: self._judge_int8(prepared),
+            code=code_of(__name__),
+        )
 
     def best_ranges(self, precision: str) -> str:
         """Return the name of `quantisation.RANGES` with the least mean error on validation images.
@@ -169,7 +176,12 @@ class Run:
     def _file(
         self, name: str, write: Callable[[Path], None], depends_on: DependsOn | None = None
     ) -> Path:
-        return self._store.file(f"models/{self.name}-{name}", depends_on or self.depends_on, write)
+        return self._store.file(
+            f"models/{self.name}-{name}",
+            depends_on or self.depends_on,
+            write,
+            code=code_of(__name__),
+        )
 
     def _write_saved_model(self, precision: str, path: Path) -> None:
         with computing_in(precision):

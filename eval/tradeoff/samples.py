@@ -7,6 +7,7 @@ import numpy as np
 from lime_keras.data import pipeline, samples
 from lime_keras.data.corpus import Split
 
+from ..source_code import code_of
 from ..store import DependsOn, Store, sha256
 
 LARGEST_BATCH = 32
@@ -41,7 +42,7 @@ class Samples:
                 np.save(file, images)
 
         key = {**self.depends_on("test"), "size": size, "count": LARGEST_BATCH}
-        return self._store.file(f"images/{size}.npy", key, write)
+        return self._store.file(f"images/{size}.npy", key, write, code=code_of(__name__))
 
     def calibration(self, size: int) -> np.ndarray:
         """Read images that the networks were trained on, to calibrate quantisation."""

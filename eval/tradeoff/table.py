@@ -271,7 +271,7 @@ def _shown(rows: Sequence[Row]) -> list[str]:
 
 
 def _change(row: Row, plain: Row, name: str) -> str:
-    """Return a measure of float32 with half its interval, or another precision's change of it."""
+    """Return a measure of float32 with half its interval, or how another precision changes it."""
     if name not in row["errors"]:
         return ABSENT
     unit = MEASURES[name].unit

@@ -2,13 +2,11 @@
 
 import functools
 import json
-import shutil
 
 import numpy as np
 import pytest
-import source_copies
 
-from lime_keras.eval.store import Store, hash_of_source, package_versions, sha256, size, source_hash
+from lime_keras.eval.store import Store, files_of, package_versions, sha256, size
 
 
 class Counted:
@@ -27,40 +25,40 @@ class Counted:
 @pytest.mark.parametrize("key", [{"a": 1}, {"a": (1, 2)}, {"a": {"b": None}}, {}])
 def test_a_value_is_made_once_for_each_key(tmp_path, key):
     make = Counted()
-    assert Store(tmp_path).value("x/y", key, make) == {"calls": 1}
-    assert Store(tmp_path).value("x/y", key, make) == {"calls": 1}
-    assert Store(tmp_path).value("x/y", key | {"more": 0}, make) == {"calls": 2}
-    assert Store(tmp_path).value("x/y", key, make) == {"calls": 3}
+    assert Store(tmp_path).value("x/y", key, make, code="c") == {"calls": 1}
+    assert Store(tmp_path).value("x/y", key, make, code="c") == {"calls": 1}
+    assert Store(tmp_path).value("x/y", key | {"more": 0}, make, code="c") == {"calls": 2}
+    assert Store(tmp_path).value("x/y", key, make, code="c") == {"calls": 3}
     [kept] = (tmp_path / "x").iterdir()
     assert json.loads(kept.read_text(encoding="utf-8"))["result"] == {"calls": 3}
 
 
 def test_the_first_answer_is_what_later_ones_will_be(tmp_path):
-    first = Store(tmp_path).value("x", {}, lambda: {"pair": (1, 2)})
-    assert first == Store(tmp_path).value("x", {}, Counted()) == {"pair": [1, 2]}
+    first = Store(tmp_path).value("x", {}, lambda: {"pair": (1, 2)}, code="c")
+    assert first == Store(tmp_path).value("x", {}, Counted(), code="c") == {"pair": [1, 2]}
 
 
 @pytest.mark.parametrize("text", ["", "{", "\x00"])
 def test_a_record_that_cannot_be_read_is_made_again(tmp_path, text):
     make = Counted()
-    Store(tmp_path).value("x", {}, make)
+    Store(tmp_path).value("x", {}, make, code="c")
     (tmp_path / "x.json").write_text(text, encoding="utf-8")
-    assert Store(tmp_path).value("x", {}, make) == {"calls": 2}
+    assert Store(tmp_path).value("x", {}, make, code="c") == {"calls": 2}
 
 
 def test_a_number_that_is_none_is_not_kept(tmp_path):
     with pytest.raises(ValueError, match="JSON"):
-        Store(tmp_path).value("x", {}, lambda: {"error": float("nan")})
+        Store(tmp_path).value("x", {}, lambda: {"error": float("nan")}, code="c")
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_file_is_made_once_for_each_key(tmp_path):
     make = Counted()
     for key, calls in (({"a": 1}, 1), ({"a": 1}, 1), ({"a": 2}, 2), ({"a": 1}, 3)):
-        path = Store(tmp_path).file("models/x.onnx", key, make)
+        path = Store(tmp_path).file("models/x.onnx", key, make, code="c")
         assert path.name == "x.onnx" and path.read_text(encoding="utf-8") == str(calls)
     path.unlink()
-    assert Store(tmp_path).file("models/x.onnx", {"a": 1}, make).is_file()
+    assert Store(tmp_path).file("models/x.onnx", {"a": 1}, make, code="c").is_file()
     assert make.calls == 4
 
 
@@ -73,9 +71,10 @@ def test_a_folder_replaces_the_last_one_whole(tmp_path):
         return make
 
     store = Store(tmp_path)
-    store.file("model", {"a": 1}, write("old"))
-    path = store.file("model", {"a": 2}, write("new"))
+    store.file("model", {"a": 1}, write("old"), code="c")
+    path = store.file("model", {"a": 2}, write("new"), code="c")
     assert [file.name for file in path.iterdir()] == ["new"]
+    assert files_of(path) == [path / "new"] == files_of(path / "new")
     assert size(path) == size(path / "new") == 5
 
 
@@ -88,23 +87,23 @@ def test_an_interruption_leaves_the_last_whole_one(tmp_path, error):
         raise error
 
     store, make = Store(tmp_path), Counted()
-    store.value("x", {"a": 1}, make)
-    path = store.file("y", {"a": 1}, make)
+    store.value("x", {"a": 1}, make, code="c")
+    path = store.file("y", {"a": 1}, make, code="c")
     for attempt in (
-        lambda: store.value("x", {"a": 2}, interrupted),
-        lambda: store.file("y", {"a": 2}, interrupted),
+        lambda: store.value("x", {"a": 2}, interrupted, code="c"),
+        lambda: store.file("y", {"a": 2}, interrupted, code="c"),
     ):
         with pytest.raises(error):
             attempt()
     assert sorted(file.name for file in tmp_path.iterdir()) == ["x.json", "y", "y.json"]
-    assert store.value("x", {"a": 1}, interrupted) == {"calls": 1}
-    assert store.file("y", {"a": 1}, interrupted) == path
+    assert store.value("x", {"a": 1}, interrupted, code="c") == {"calls": 1}
+    assert store.file("y", {"a": 1}, interrupted, code="c") == path
 
 
 def test_no_record_vouches_for_a_file_that_was_exchanged(tmp_path, monkeypatch):
     """Stopped between the new file and its record, neither key takes the file for its own."""
     store, make = Store(tmp_path), Counted()
-    store.file("y", {"a": 1}, make)
+    store.file("y", {"a": 1}, make, code="c")
 
     def stopped(path, content):
         raise KeyboardInterrupt
@@ -112,8 +111,8 @@ def test_no_record_vouches_for_a_file_that_was_exchanged(tmp_path, monkeypatch):
     with monkeypatch.context() as patched:
         patched.setattr("lime_keras.eval.store._write", stopped)
         with pytest.raises(KeyboardInterrupt):
-            store.file("y", {"a": 2}, make)
-    assert store.file("y", {"a": 1}, make).read_text(encoding="utf-8") == "3"
+            store.file("y", {"a": 2}, make, code="c")
+    assert store.file("y", {"a": 1}, make, code="c").read_text(encoding="utf-8") == "3"
 
 
 def test_a_hash_tells_files_and_their_order_apart(tmp_path):
@@ -135,86 +134,41 @@ def test_arrays_are_made_once_for_each_key_and_anew_where_they_are_damaged(tmp_p
     calls: list[int] = []
     make = functools.partial(_arrays, calls)
     for key in ({"a": 1}, {"a": 1}):
-        found = Store(tmp_path).arrays("x", key, make)
+        found = Store(tmp_path).arrays("x", key, make, code="c")
         assert found.keys() == {"calls", "names", "text"} and found["calls"].tolist() == [1]
         assert found["names"].tolist() == [b"a", b"bc"] and str(found["text"]) == "text"
-    assert Store(tmp_path).arrays("x", {"a": 2}, make)["calls"].tolist() == [1, 2]
+    assert Store(tmp_path).arrays("x", {"a": 2}, make, code="c")["calls"].tolist() == [1, 2]
     path = tmp_path / "x.npz"
     for kept in (0, 10, path.stat().st_size - 10):
         path.write_bytes(path.read_bytes()[:kept])
-        assert Store(tmp_path).arrays("x", {"a": 2}, make)["calls"].tolist() == calls
+        assert Store(tmp_path).arrays("x", {"a": 2}, make, code="c")["calls"].tolist() == calls
     assert len(calls) == 5 and not list(tmp_path.glob("partial-*"))
 
 
 # What the code decides.
 
 
-@pytest.fixture(scope="module")
-def copies(tmp_path_factory):
-    """The package's source, in folders of its own."""
-    return source_copies.write(tmp_path_factory.mktemp("source"))
-
-
-def test_the_same_source_has_the_same_hash_wherever_it_lies(copies, tmp_path):
-    assert hash_of_source(copies) == source_hash()
-    # In a wheel the three others lie in the library's folder.
-    wheel = tmp_path / "lime_keras"
-    shutil.copytree(copies["lime_keras"], wheel)
-    inside = {"lime_keras": wheel}
-    for name in ("render", "train", "eval"):
-        inside[f"lime_keras.{name}"] = wheel / name
-        shutil.copytree(copies[f"lime_keras.{name}"], wheel / name)
-    assert hash_of_source(inside) == source_hash()
-
-
-@pytest.mark.parametrize(
-    "package, file, constant",
-    [
-        ("lime_keras", "networks/registry.py", "MASK_CONTRAST"),
-        ("lime_keras", "optics/camera_law.py", "READ_NOISE"),
-        ("lime_keras.render", "scene/quality.py", "import"),
-        ("lime_keras.train", "stages.py", "import"),
-        ("lime_keras.eval", "accuracy/tone.py", "_WHITE_PERCENTILE"),
-    ],
-)
-def test_any_line_of_any_folder_is_in_every_key(
-    package, file, constant, copies, tmp_path, monkeypatch
-):
+def test_other_code_makes_all_anew(tmp_path):
     make = Counted()
-    Store(tmp_path).value("x", {}, make)
-    Store(tmp_path).file("y", {}, make)
-    with source_copies.edited(copies, package, file, constant):
-        edited = hash_of_source(copies)
-        assert edited != source_hash()
-        with monkeypatch.context() as patched:
-            patched.setattr("lime_keras.eval.store.source_hash", lambda: edited)
-            assert Store(tmp_path).value("x", {}, make) == {"calls": 3}
-            Store(tmp_path).file("y", {}, make)
-    assert make.calls == 4 and hash_of_source(copies) == source_hash()
-    assert Store(tmp_path).value("x", {}, make) == {"calls": 5}
-
-
-def test_a_moved_or_missing_file_is_other_source(copies):
-    path = copies["lime_keras"] / "optics" / "colour.py"
-    moved = path.rename(path.with_name("color.py"))
-    assert hash_of_source(copies) != source_hash()
-    moved.rename(path)
-    assert hash_of_source(copies) == source_hash()
+    for code, calls in (("a", 1), ("a", 1), ("b", 3), ("b", 3), ("a", 5)):
+        Store(tmp_path).value("x", {}, make, code=code)
+        Store(tmp_path).file("y", {}, make, code=code)
+        assert make.calls == calls + 1
 
 
 def test_other_versions_of_what_computes_are_in_every_key(tmp_path, monkeypatch):
     make = Counted()
-    Store(tmp_path).value("x", {}, make)
+    Store(tmp_path).value("x", {}, make, code="c")
     versions = package_versions()
     assert versions.keys() >= {"tensorflow", "keras", "numpy", "onnxruntime", "OpenImageIO"}
     assert not versions.keys() & {"ruff", "pytest", "ray"}
     newer = versions | {"onnxruntime": "99"}
     monkeypatch.setattr("lime_keras.eval.store.package_versions", lambda: newer)
-    assert Store(tmp_path).value("x", {}, make) == {"calls": 2}
+    assert Store(tmp_path).value("x", {}, make, code="c") == {"calls": 2}
 
 
 def test_what_an_earlier_version_kept_is_made_again(tmp_path):
     """Its records hold no code."""
     earlier = {"depends_on": {"a": 1}, "result": {"calls": 9}}
     (tmp_path / "x.json").write_text(json.dumps(earlier), encoding="utf-8")
-    assert Store(tmp_path).value("x", {"a": 1}, Counted()) == {"calls": 1}
+    assert Store(tmp_path).value("x", {"a": 1}, Counted(), code="c") == {"calls": 1}

@@ -10,7 +10,8 @@ import sphere_corpus
 
 from lime_keras.eval.accuracy import stored
 from lime_keras.eval.accuracy.evaluate import evaluate
-from lime_keras.eval.store import Store, hash_of_source
+from lime_keras.eval.source_code import digest, imported
+from lime_keras.eval.store import Store
 from lime_keras.networks import weights
 
 
@@ -98,8 +99,8 @@ def test_a_constant_of_the_networks_that_changed_is_measured_anew(
     changed = re.sub(r"^MASK_CONTRAST = .*$", "MASK_CONTRAST = 7.0", source, flags=re.MULTILINE)
     for text, evaluated in ((source, 1), (source, 1), (changed, 2), (changed, 2), (source, 3)):
         path.write_text(text, encoding="utf-8")
-        now = hash_of_source(copies)
-        monkeypatch.setattr("lime_keras.eval.store.source_hash", lambda now=now: now)
+        now = digest(imported(stored.__name__, copies))
+        monkeypatch.setattr(stored, "code_of", lambda *_, now=now: now)
         stored.evaluation(Store(tmp_path / "kept"), tiny_model, corpus)
         assert len(counted) == evaluated
     assert changed != source

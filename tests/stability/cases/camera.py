@@ -241,7 +241,7 @@ def _reduce(precision: Precision) -> dict[str, np.ndarray]:
 
 
 def _reduced(precision: Precision, mask: str, radiance: float, row: int) -> Outcome:
-    """Try layers averaged over what is covered: an even layer stays what it is, and no NaN."""
+    """Try layers averaged over covered pixels: an even layer keeps its value; none is NaN."""
     means = np.asarray(_masks()[mask], np.float64).reshape(4, 4, 4, 4, 1).mean((1, 3))
     layer = np.where(means > 0, float(np.float32(radiance)), 0.0)
     right = np.stack([means, layer])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lime_keras.eval.accuracy.flip import layer_flip
+from lime_keras.eval.accuracy.flip_error import layer_flip
 
 
 @pytest.fixture(scope="module")
