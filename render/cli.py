@@ -76,14 +76,6 @@ def parser() -> argparse.ArgumentParser:
         help="normalise shading to the white furnace, or store Eqs. 2 and 3 as printed; a model "
         "gives specular albedos in the unit of its corpus (default: furnace)",
     )
-    contents.add_argument(
-        "--lights",
-        type=console.count,
-        default=1,
-        metavar="L",
-        help="store each scene under L lights, which training mixes anew each time; images show "
-        "the first (default: 1)",
-    )
     _add_inputs(
         out,
         shapes="meshes (OBJ, PLY, STL, GLB) instead of the built-in shapes: 400 for training, 100 "
@@ -572,7 +564,6 @@ def _render(options: argparse.Namespace) -> int:
         quality=options.quality,
         shading=options.shading,
         variant=choice.variant,
-        lights=options.lights,
         materials=options.materials,
         **_folders(options),
     )

@@ -80,7 +80,7 @@ class Split:
         """
         paths: list[Path] = []
         shards = self._recorded("shards", int)
-        if "shard_size" in self._description and shards != -(-self.count // self.shard_size):
+        if shards != -(-self.count // self.shard_size):
             raise ValueError(
                 f"{self.manifest_path} contradicts itself: {self.count} examples do not make "
                 f"{shards} shards of {self.shard_size}; render the split again"
@@ -121,20 +121,14 @@ class Split:
         return max(1, self._checked(self._description.get("shard_size"), int))
 
     @property
-    def size(self) -> int | None:
-        """The height and width of the images in pixels; None if the manifest does not record it."""
-        size = self._description.get("size")
-        return size if size is None else self._checked(size, int)
-
-    @property
-    def lights(self) -> int:
-        """The number of lights that each record holds its scene under."""
-        return self._checked(self._description.get("lights", 1), int)
+    def size(self) -> int:
+        """The height and width of the images in pixels."""
+        return self._checked(self._description.get("size"), int)
 
     @property
     def shading(self) -> str:
         """The normalisation of D and S: `furnace`, or `literal` as printed in Eqs. 2 and 3."""
-        return self._checked(self._description.get("shading", "furnace"), str)
+        return self._checked(self._description.get("shading"), str)
 
     @property
     def is_literal(self) -> bool:
@@ -143,7 +137,13 @@ class Split:
 
     @property
     def _description(self) -> dict[str, Any]:
-        return self._checked(self._checked(self.manifest, dict).get("description", {}), dict)
+        found = self._recorded("description", dict)
+        if found.get("lights", 1) != 1:
+            raise ValueError(
+                f"{self.folder} was rendered with --lights {found['lights']}, which is no longer "
+                "read: render it again without, or make scenes of a bank by `lime-render scenes`"
+            )
+        return found
 
     def _recorded(self, name: str, kind: type) -> Any:
         return self._checked(self._checked(self.manifest, dict).get(name), kind)

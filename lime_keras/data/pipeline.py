@@ -24,7 +24,6 @@ from lime_keras.data.corpus import Split
 from lime_keras.data.features import LEARNT_FROM
 from lime_keras.data.flip import flip
 from lime_keras.data.recomposition import recompose
-from lime_keras.data.relight import has_several_lights, relight
 from lime_keras.data.repaint import repaint
 from lime_keras.optics import colour, material_law, shininess
 
@@ -118,9 +117,7 @@ def training(
 ) -> tf.data.Dataset:
     """Return an endless dataset of shuffled batches; a seed determines it, from any step on.
 
-    Every epoch holds each example once, in an order of its own. A batch may span two epochs. A
-    scene whose record holds several lights is seen in a new mixture of them each time
-    (`relight.relight`); the numbers of lights may differ between the records.
+    Every epoch holds each example once, in an order of its own. A batch may span two epochs.
 
     Args:
         shards: paths of the shards to read.
@@ -147,7 +144,7 @@ def training(
     epochs = tf.data.Dataset.range(first // count, tf.int64.max)
     dataset = epochs.flat_map(lambda epoch: _epoch(paths, tf.stack([seed, epoch])))
     dataset = dataset.skip(first % count).enumerate(first).prefetch(_AHEAD)
-    prepare = _prepare(size, features, camera, flips, repaints, materials, relights=True)
+    prepare = _prepare(size, features, camera, flips, repaints, materials)
 
     def prepared(position: tf.Tensor, serialized: tf.Tensor) -> dict[str, tf.Tensor]:
         return prepare(serialized, tf.stack([tf.constant(seed, tf.int64), position]))
@@ -324,7 +321,7 @@ def _check_records(path: Path) -> int:
     count = 0
     try:
         for serialized in tf.data.TFRecordDataset(str(path)):
-            _refuse_non_finite(records.parse_whole(serialized))
+            _refuse_non_finite(records.parse(serialized))
             count += 1
     except records.DAMAGED as error:
         raise _broken(path, count, records.words(error)) from error
@@ -359,12 +356,11 @@ def _prepare(
     flips: bool = False,
     repaints: bool = False,
     materials: tuple[str, ...] = (material_law.UNIFORM,),
-    relights: bool = False,
 ) -> Callable[..., dict[str, tf.Tensor]]:
     """Return the function from a serialised example and a seed to its features at `size`.
 
-    The seed determines the photo, the flip, the paint and the light. Without a seed, the photo
-    and the paint depend on the example's own seed and index; flips and relights need a seed.
+    The seed determines the photo, the flip and the paint. Without a seed, the photo and the paint
+    depend on the example's own seed and index; flips need a seed.
     """
     if unknown := sorted(set(features) - set(FEATURES)):
         raise ValueError(f"a batch can hold no {', '.join(unknown)}, but {', '.join(FEATURES)}")
@@ -372,29 +368,14 @@ def _prepare(
     wanted = {"mask", *(_SOURCES.get(name, name) for name in features)}
     if camera or repaints:
         wanted |= {"seed", "index", *SCENE}
-    recomposes = repaints or (relights and "image" in wanted)
-    if recomposes:
-        wanted |= {*SCENE}
-    if relights:
-        wanted |= {records.FURTHER[name] for name in records.LIT if name in wanted}
 
     def prepare(serialized: tf.Tensor, seed: tf.Tensor | None = None) -> dict[str, tf.Tensor]:
-        stored = example = records.parse(serialized, wanted)
-        # The camera uses parts 0 and 1 of the seed, the flip part 2, the paint 3, the light 4.
-        if relights:
-            example = relight(stored, tf.random.split(seed, 5)[4])
-        example = _refuse_non_finite(example)
+        example = stored = _refuse_non_finite(records.parse(serialized, wanted))
+        # The camera uses parts 0 and 1 of the seed, the flip part 2, the paint part 3.
         if repaints:
             own = tf.stack([example["seed"], example["index"]]) if seed is None else seed
             example = repaint(example, tf.random.split(own, 4)[3], materials)
             example["image"] = recompose(example, stored)
-        elif recomposes:
-            changed = example
-            example["image"] = tf.cond(
-                has_several_lights(stored),
-                lambda: recompose(changed, stored),
-                lambda: stored["image"],
-            )
         if camera:
             example = photograph(example, seed)
         else:

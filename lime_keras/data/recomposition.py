@@ -1,4 +1,4 @@
-"""The image of a scene that was lit or painted anew, recomposed by Eq. 4."""
+"""The image of a scene that was painted anew, recomposed by Eq. 4."""
 
 import numpy as np
 import tensorflow as tf
@@ -18,7 +18,7 @@ def recompose(example: dict[str, tf.Tensor], stored: dict[str, tf.Tensor]) -> tf
     stored image is clipped there, this is only a lower bound.
 
     Args:
-        example: the stored example with other albedos, D or S.
+        example: the stored example with other albedos.
         stored: example from `records.parse`, with the features of `camera.SCENE` at least.
 
     Returns:

@@ -13,18 +13,6 @@
 | shape, light | () | names of the mesh and the environment map |
 | seed, index | () | seed of the corpus and number of the example: enough to render it again |
 
-A record may hold its scene under L lights. The features above are those under the first light, a
-whole example for a reader that knows of one light only. A record of one light has none of these:
-
-| feature | shape | content |
-|---|---|---|
-| further_diffuse_shading, further_specular_shading, further_mirror | (L − 1, S, S, 1) | layers |
-| further_environment | (L − 1, 64, 128, 1) | further lights |
-| further_light | (L − 1,) | their names |
-
-D, S, M and the environment are linear in the light (Eqs. 2 and 3), so every non-negative mixture of
-the lights, its layers mixed alike, is a scene as well (see `lime_keras.data.relight`).
-
 The bits of half floats are stored as a 16-bit PNG. This is lossless and decoded inside the
 `tf.data` graph. It is smaller than a deflated tensor, because PNG filters suit smooth images.
 """
@@ -39,7 +27,7 @@ import tensorflow as tf
 from lime_keras.optics.environment import STORED_SHAPE
 
 SCHEMA_VERSION = 1
-"""Version of the schema, which further lights do not change: readers may leave them out."""
+"""Version of the schema."""
 LARGEST_HALF = 65504.0
 COMPRESSION = 4
 """zlib's compression level, 0…9: a third faster than the usual 6, and files 1 % larger."""
@@ -69,11 +57,6 @@ FEATURES = (
     *_INTEGERS,
 )
 
-LIT = ("diffuse_shading", "specular_shading", "mirror", "environment")
-"""Features that are linear in the light."""
-FURTHER = {name: f"further_{name}" for name in (*LIT, "light")}
-"""Features of further lights, by the feature of the first light that they correspond to."""
-
 
 def encode(example: Mapping[str, Any]) -> bytes:
     """Serialise one example.
@@ -81,8 +64,7 @@ def encode(example: Mapping[str, Any]) -> bytes:
     Radiance above 65,504, the limit of half precision, is stored as 65,504.
 
     Args:
-        example: a value for each of `FEATURES`, with the shapes and ranges of the tables above;
-            if there are further lights, also for each of `FURTHER`.
+        example: a value for each of `FEATURES`, with the shapes and ranges of the table above.
 
     Raises:
         ValueError: if a feature is missing or unknown, has a wrong shape, is not finite, or lies
@@ -99,12 +81,6 @@ def encode(example: Mapping[str, Any]) -> bytes:
         features[name] = _floats(np.asarray(example[name], np.float32).reshape(-1))
     for name in _STRINGS:
         features[name] = _bytes(str(example[name]).encode())
-    if len(example.get(FURTHER["light"], ())):
-        for name in LIT:
-            features[FURTHER[name]] = _bytes(*map(_half_png, example[FURTHER[name]]))
-        features[FURTHER["light"]] = _bytes(
-            *(str(name).encode() for name in example[FURTHER["light"]])
-        )
     for name in _INTEGERS:
         features[name] = _integers([int(example[name])])
     message = tf.train.Example(features=tf.train.Features(feature=features))
@@ -116,21 +92,18 @@ def parse(serialized: Any, features: Collection[str] = FEATURES) -> dict[str, tf
 
     Args:
         serialized: scalar string tensor or bytes.
-        features: names of the features to decode, of `FEATURES` and of the values of `FURTHER`;
-            the images take most of the time.
+        features: names of the features to decode; the images take most of the time.
 
     Returns:
-        Tensors with the names, shapes and units of the tables above, as float32; strings and
-        integers keep their types. The images of further lights are not decoded: they are PNGs
-        `(L − 1,)` for `decode`, because a mixture may leave some of them out.
+        Tensors with the names, shapes and units of the table above, as float32; strings and
+        integers keep their types.
 
     Raises:
         ValueError: if a feature is unknown.
         tf.errors.InvalidArgumentError: if the bytes are no example or have another schema version.
     """
-    known = (*FEATURES, *FURTHER.values())
-    if unknown := sorted(set(features) - set(known)):
-        raise ValueError(f"records hold no {', '.join(unknown)}, but {', '.join(known)}")
+    if unknown := sorted(set(features) - set(FEATURES)):
+        raise ValueError(f"records hold no {', '.join(unknown)}, but {', '.join(FEATURES)}")
     types: dict[str, Any] = dict.fromkeys((*_BYTE_IMAGES, *_HALF_IMAGES, *_STRINGS), tf.string)
     types |= dict.fromkeys((*_VECTORS, *_SCALARS), tf.float32)
     types |= dict.fromkeys(_INTEGERS, tf.int64)
@@ -139,12 +112,7 @@ def parse(serialized: Any, features: Collection[str] = FEATURES) -> dict[str, tf
         for name in FEATURES
         if name in features
     }
-    further = {
-        name: tf.io.FixedLenSequenceFeature((), tf.string, allow_missing=True)
-        for name in FURTHER.values()
-        if name in features
-    }
-    example = _stored(serialized, spec | further)
+    example = _stored(serialized, spec)
     for name in filter(spec.__contains__, _BYTE_IMAGES):
         pixels = tf.io.decode_png(example[name], _BYTE_IMAGES[name])
         example[name] = tf.cast(pixels, tf.float32) / 255.0
@@ -189,46 +157,11 @@ def _stored(serialized: Any, spec: Mapping[str, Any]) -> dict[str, tf.Tensor]:
         return {name: tf.identity(value) for name, value in example.items()}
 
 
-@tf.function(input_signature=[tf.TensorSpec((None,), tf.string)])
-def decode(pngs: tf.Tensor) -> tf.Tensor:
-    """Decode images of further lights.
-
-    Args:
-        pngs: `(N,)` strings from `parse`, all of one feature.
-
-    Returns:
-        Linear radiance `(N, H, W, 1)` float32; of no PNGs, an empty tensor.
-
-    Raises:
-        tf.errors.InvalidArgumentError: if a string is no PNG, or the sizes differ.
-    """
-    return tf.cond(
-        tf.size(pngs) > 0,
-        lambda: tf.map_fn(
-            lambda png: _decoded(png, 1),
-            pngs,
-            fn_output_signature=tf.TensorSpec((None, None, 1), tf.float32),
-        ),
-        lambda: tf.zeros((0, 0, 0, 1)),
-    )
-
-
-def parse_whole(serialized: Any) -> dict[str, tf.Tensor]:
-    """Decode one example with all its lights; arguments and errors are those of `parse`.
-
-    Returns:
-        Tensors for all of `FEATURES` and `FURTHER`, with the shapes of the tables above.
-    """
-    example = parse(serialized, (*FEATURES, *FURTHER.values()))
-    return example | {FURTHER[name]: decode(example[FURTHER[name]]) for name in LIT}
-
-
 def _check(example: Mapping[str, Any]) -> None:
     """Raise ValueError if an example does not fit the schema."""
     where = f"seed {example.get('seed')}, index {example.get('index')}"
-    needed = {*FEATURES, *(FURTHER.values() if set(FURTHER.values()) & set(example) else ())}
-    if set(example) != needed:
-        missing, unknown = needed - set(example), set(example) - needed
+    if set(example) != set(FEATURES):
+        missing, unknown = set(FEATURES) - set(example), set(example) - set(FEATURES)
         raise ValueError(
             f"an example needs exactly the features of records.FEATURES: missing "
             f"{sorted(missing)}, unknown {sorted(unknown)} ({where})"
@@ -238,9 +171,6 @@ def _check(example: Mapping[str, Any]) -> None:
         name: (size, size, channels) for name, channels in (_BYTE_IMAGES | _HALF_IMAGES).items()
     }
     expected["environment"] = (*STORED_SHAPE, 1)
-    if FURTHER["light"] in example:
-        count = len(example[FURTHER["light"]])
-        expected |= {FURTHER[name]: (count, *expected[name]) for name in LIT}
     expected |= _VECTORS | dict.fromkeys(_SCALARS, ())
     for name, shape in expected.items():
         value = np.asarray(example[name])

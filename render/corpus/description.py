@@ -13,9 +13,6 @@ from ..scene import environments
 from ..shapes import procedural
 from . import inputs, sources
 
-UNRECORDED = {"lights": 1, "materials": UNIFORM}
-"""Values that a description does not record."""
-
 
 @dataclasses.dataclass(frozen=True)
 class Description:
@@ -33,7 +30,6 @@ class Description:
         environments: folder of environment maps, or None for the built-in rooms.
         backgrounds: folder of pictures, or None for random textures.
         variant: variant of Mitsuba.
-        lights: number of lights under which each scene is stored.
         materials: name of the law of the materials (see `material_law.LAWS`).
     """
 
@@ -48,7 +44,6 @@ class Description:
     environments: str | None
     backgrounds: str | None
     variant: str
-    lights: int = 1
     materials: str = UNIFORM
 
     @property
@@ -82,12 +77,8 @@ class Job:
     )
 
     def recorded(self) -> dict[str, Any]:
-        """Return the description as it is stored in JSON; see `recorded`.
-
-        The values of `UNRECORDED` are not, as splits of earlier versions have no such entries.
-        """
-        record = recorded(self.description)
-        return {name: v for name, v in record.items() if UNRECORDED.get(name) != v}
+        """Return the description as it is stored in JSON; see `recorded`."""
+        return recorded(self.description)
 
     def files(self) -> dict[str, list[Path]]:
         """Return the user's files for this split, by kind; see `files`."""

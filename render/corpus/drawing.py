@@ -80,8 +80,7 @@ class Example:
     """A rendered example.
 
     Attributes:
-        features: value of each of `lime_keras.data.records.FEATURES`, before quantisation; of
-            several lights, also of each of `FURTHER`.
+        features: value of each of `lime_keras.data.records.FEATURES`, before quantisation.
         record: these features, serialised as in a shard.
         failures: one entry for each earlier attempt that could not be used: index, attempt, shape,
             light and error.
@@ -101,13 +100,9 @@ def render_example(
     quality: Quality = FAST,
     literal: bool = False,
     shard_size: int = 512,
-    lights: int = 1,
     materials: str = UNIFORM,
 ) -> Example:
     """Draw shape, light, pose, material and background of an example, and render it.
-
-    Further lights are drawn after all else. So the scene under the first light, and its image, are
-    the same whatever the number of lights.
 
     A corpus of the same seed, sources and options has the same example at this index. Mitsuba must
     be active (`mitsuba_setup.variants.activate`) before TensorFlow is imported.
@@ -120,7 +115,6 @@ def render_example(
         quality: quality of the layers.
         literal: whether D and S are stored as Eqs. 2 and 3 are printed.
         shard_size: number of examples in a shard; these draw from the same 64 shapes and 64 lights.
-        lights: number of lights under which the scene is rendered, each drawn as the first one.
         materials: name of the law of the materials, one of `material_law.LAWS`.
 
     Raises:
@@ -143,13 +137,9 @@ def render_example(
             sample_material(rng, materials),
             sources.backgrounds.sample(rng, size),
         )
-        further = []
-        for _ in range(lights - 1):
-            other = sources.light(light_names[rng.integers(len(light_names))], quality)
-            further.append((other, sample_light_rotation(rng, other.strong_direction)))
         names = {"shape": shape, "light": light.name}
         try:
-            rendered = example.render(tracer, light, *scene, literal=literal, further=further)
+            rendered = example.render(tracer, light, *scene, literal=literal)
             features = rendered | names | {"seed": seed, "index": index}
             return Example(features, records.encode(features), failures)
         except ValueError as error:  # the object is too small, or a value is not finite

@@ -14,7 +14,7 @@ from lime_keras.io import locking
 
 from ..mitsuba_setup import variants
 from . import claim, cluster, inputs, worker
-from .description import UNRECORDED, Description, Job
+from .description import Description, Job
 from .processes import Workers
 
 
@@ -54,9 +54,7 @@ def render_split(
     job = Job(out.absolute(), description, choice)
     split = Split(out, description.split)
     held = claim.held(split.description_path)
-    claim.refuse_another(
-        split.folder, "split", held and UNRECORDED | held, UNRECORDED | job.recorded()
-    )
+    claim.refuse_another(split.folder, "split", held, job.recorded())
     # Inputs are checked first, so that an unusable file fails before the split's folder is made.
     pool = Workers(workers)
 

@@ -44,7 +44,6 @@ class Worker:
             quality=QUALITIES[description.quality],
             literal=description.shading == "literal",
             shard_size=description.shard_size,
-            lights=description.lights,
             materials=description.materials,
         )
 

@@ -22,7 +22,6 @@ from . import contact_sheet, histograms, quantities
 _SHOWN = 24
 _PICTURED = 2000
 """Largest number of examples whose images are decoded: enough for a histogram, quick to read."""
-_RECORDED = (*quantities.RECORDED, records.FURTHER["light"])
 
 
 @dataclass
@@ -32,7 +31,7 @@ class Gathered:
     Attributes:
         columns: values of each quantity, one for each example that has the quantity.
         shapes: number of uses of each shape.
-        lights: number of uses of each light, further lights of a scene included.
+        lights: number of uses of each light.
         pictured: number of examples whose images were decoded.
         shown: records for the contact sheet, in NumPy.
     """
@@ -95,7 +94,7 @@ def _gather(split: Split, on_example: Callable[[int, int], None]) -> Gathered:
     paths, count = split.shard_paths(), split.count
     dataset = tf.data.TFRecordDataset([str(path) for path in paths])
     dataset = dataset.map(
-        lambda serialized: (records.parse(serialized, _RECORDED), serialized),
+        lambda serialized: (records.parse(serialized, quantities.RECORDED), serialized),
         num_parallel_calls=tf.data.AUTOTUNE,
     )
     shown, pictured = _spread(count, _SHOWN), _spread(count, _PICTURED)
@@ -104,8 +103,7 @@ def _gather(split: Split, on_example: Callable[[int, int], None]) -> Gathered:
     for position, (example, serialized) in enumerate(examples):
         example = _in_numpy(example)
         gathered.shapes[example["shape"].decode()] += 1
-        used = (example["light"], *example[records.FURTHER["light"]])
-        gathered.lights.update(name.decode() for name in used)
+        gathered.lights[example["light"].decode()] += 1
         row = quantities.of_record(example)
         if position in shown:
             gathered.shown.append(_in_numpy(records.parse(serialized)))

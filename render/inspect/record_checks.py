@@ -3,12 +3,11 @@
 Letters as in the paper: n normal, o direction to the viewer, D, S and M; m_d, m_s, s and m_a.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from lime_keras.data import records
 from lime_keras.optics import shading, shininess
 from lime_keras.optics.environment import STORED_SHAPE
 from lime_keras.optics.material_law import AMBIENT
@@ -55,7 +54,6 @@ class Expected:
     literal: bool
     shapes: frozenset[str]
     lights: frozenset[str]
-    light_count: int
     brightest_background: float
 
 
@@ -63,23 +61,17 @@ def faults(example: Mapping[str, np.ndarray], expected: Expected) -> list[tuple[
     """Return the faults of a record, each as its kind and a text of what was found and expected.
 
     Args:
-        example: parsed record (see `records.parse_whole`) in NumPy.
+        example: parsed record (see `records.parse`) in NumPy.
         expected: values that the split's manifest prescribes.
     """
-    found = [*_origin(example, expected), *_light_counts(example, expected.light_count)]
-    if any(kind == "lights" for kind, _ in found):
-        return found
-    under_each = [example, *_under_further_lights(example)]
-    found += _told_of_each(under_each, lambda lit: _name(lit, "light", expected.lights))
+    found = [*_origin(example, expected), *_name(example, "light", expected.lights)]
     square = expected.size, expected.size
-    lit_sizes = dict.fromkeys(_LAYERS, square) | {"environment": STORED_SHAPE}
-    found += _sizes(example, dict.fromkeys(("image", "mask", "normal"), square))
-    found += _told_of_each(under_each, lambda lit: _sizes(lit, lit_sizes))
+    sizes = dict.fromkeys(("image", "mask", "normal", *_LAYERS), square)
+    found += _sizes(example, sizes | {"environment": STORED_SHAPE})
     if any(kind == "size" for kind, _ in found):
         return found
-    found += [*_material(example), *_camera(example)]
-    found += _told_of_each(under_each, _layer_values)
-    found += _mask(example)
+    for check in (_material, _camera, _layer_values, _mask):
+        found += check(example)
     if any(kind in ("mask", "layer", "camera", "material") for kind, _ in found):
         # The checks below would only repeat such a fault.
         return found
@@ -88,31 +80,8 @@ def faults(example: Mapping[str, np.ndarray], expected: Expected) -> list[tuple[
     if (misfit := recomposition.misfit(example, expected.brightest_background)) is not None:
         found.append(("recomposition", misfit))
     if not normals:
-        found += _told_of_each(under_each, lambda lit: _shading_sums(lit, expected.literal))
+        found += _shading_sums(example, expected.literal)
     return found
-
-
-def _light_counts(example: Mapping, count: int) -> Iterator[tuple[str, str]]:
-    for name, further in records.FURTHER.items():
-        if (held := 1 + len(example[further])) != count:
-            yield "lights", f"{name} is held for {held} lights, expected {count}"
-
-
-def _under_further_lights(example: Mapping) -> list[Mapping]:
-    """Return the record as it would be with each of its further lights as the first."""
-    return [
-        {**example, **{name: example[of][light] for name, of in records.FURTHER.items()}}
-        for light in range(len(example[records.FURTHER["light"]]))
-    ]
-
-
-def _told_of_each(
-    under_each: list[Mapping], check: Callable[[Mapping], Iterable[tuple[str, str]]]
-) -> Iterator[tuple[str, str]]:
-    """Yield the faults that a check finds under each light, further lights told by number."""
-    for light, lit in enumerate(under_each, 1):
-        for kind, what in check(lit):
-            yield kind, f"light {light}: {what}" if light > 1 else what
 
 
 def _origin(example: Mapping, expected: Expected) -> Iterator[tuple[str, str]]:

@@ -69,7 +69,6 @@ def verify(corpus: Path, split: str, on_example: Callable[[int, int], None]) -> 
         literal=files.is_literal,
         shapes=frozenset(manifest["shapes"]),
         lights=frozenset(manifest["lights"]),
-        light_count=files.lights,
         brightest_background=math.inf if "bank" in manifest["description"] else 1.0,
     )
     with ThreadPoolExecutor(os.cpu_count()) as threads:
@@ -246,7 +245,7 @@ def _check_record(
 
 @tf.function(input_signature=[tf.TensorSpec([], tf.string)])
 def _parse(serialized: tf.Tensor) -> dict[str, tf.Tensor]:
-    return records.parse_whole(serialized)
+    return records.parse(serialized)
 
 
 def _gather(checked: Future, path: Path, indices: range, record: int, faults: Faults) -> None:

@@ -1,6 +1,5 @@
 """Rendering of a scene to a training example, with the features of `lime_keras.data.records`."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -28,7 +27,6 @@ def render(
     background_srgb: np.ndarray,
     *,
     literal: bool = False,
-    further: Sequence[tuple[Light, np.ndarray]] = (),
 ) -> dict[str, Any]:
     """Render the images and numbers of a record, all features but shape, light, seed and index.
 
@@ -41,10 +39,9 @@ def render(
         background_srgb: background, `(S, S, 3)` sRGB in [0, 1].
         literal: whether D and S are stored as Eqs. 2 and 3 are printed, without furnace
             normalisation. The environment is then 1/π as bright, so that D keeps its size.
-        further: further lights with their rotations, whose layers are rendered as well.
 
     Returns:
-        The features by name, as in `lime_keras.data.records`; of further lights, also their names.
+        The features by name, as in `lime_keras.data.records`.
 
     Raises:
         ValueError: if the object covers less than `LEAST_COVERAGE` of the image.
@@ -64,7 +61,7 @@ def render(
     background = colour.srgb_to_linear(background_srgb)
     # The sensor clips the sum of object and background in each pixel.
     linear = np.clip(coverage * composed + (1 - coverage) * background, 0, 1)
-    features = {
+    return {
         "image": np.clip(colour.linear_to_srgb(linear), 0, 1),
         "mask": coverage,
         **lit,
@@ -75,11 +72,6 @@ def render(
         "shininess": material.exponent,
         "ambient": material.ambient,
     }
-    if further:
-        others = [_lit(gbuffer, *other, material.exponent, literal) for other in further]
-        features |= {f"further_{name}": np.stack([other[name] for other in others]) for name in lit}
-        features["further_light"] = [other.name for other, _ in further]
-    return features
 
 
 def _lit(

@@ -202,23 +202,19 @@ def clips(folder: Path) -> None:
 
 
 def corpora(folder: Path) -> None:
-    """Write a corpus of spheres with two shards of one record, and one under two lights."""
+    """Write a corpus of spheres with two shards of one record."""
     import sphere_corpus
 
-    for name, lights in (("spheres", 1), ("lights", 2)):
-        shards = [range(1), range(1, 2)]
-        sphere_corpus.write_split(folder / name, "train", shards, size=SIZE, lights=lights)
+    sphere_corpus.write_split(folder / "spheres", "train", [range(1), range(1, 2)], size=SIZE)
 
 
 def records(folder: Path) -> None:
-    """Write the shards of corpora without anything beside them."""
+    """Write the shard of a corpus without anything beside it."""
     import sphere_corpus
 
-    for name, lights in (("sphere", 1), ("lights", 2)):
-        (folder / name).mkdir(parents=True)
-        example = sphere_corpus.example(0, size=SIZE)
-        sphere_corpus.write_shard(folder / name, 0, [sphere_corpus.under_lights(example, lights)])
-        (folder / name / "00000.json").unlink()
+    (folder / "sphere").mkdir(parents=True)
+    sphere_corpus.write_shard(folder / "sphere", 0, [sphere_corpus.example(0, size=SIZE)])
+    (folder / "sphere" / "00000.json").unlink()
 
 
 def banks(folder: Path) -> None:

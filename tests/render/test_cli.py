@@ -57,7 +57,6 @@ def test_the_options_reach_the_renderer(render, monkeypatch, tmp_path):
     status, printed, progress = render(
         *("--count", 9, "--seed", 3, "--size", 64, "--shard-size", 4, "--shading", "literal"),
         *("--shapes", "meshes", "--workers", 8, "--quality", "reference", "--unusable", "skip"),
-        *("--lights", 3),
     )
     assert status == 0 and printed == f"9 examples in {tmp_path / 'corpus' / 'train'}\n"
     assert "replaced: example 4: the object covers" in progress
@@ -67,8 +66,8 @@ def test_the_options_reach_the_renderer(render, monkeypatch, tmp_path):
     assert out == tmp_path / "corpus"
     assert options == {"workers": 8, "ray": None, "skip_unusable": True}
     expected = ("train", 9, 3, 64, 4, "reference", "literal", str(tmp_path / "meshes"), None, None)
-    assert tuple(vars(description).values())[:-3] == expected
-    assert (description.lights, description.materials) == (3, "uniform")
+    assert tuple(vars(description).values())[:-2] == expected
+    assert description.materials == "uniform"
 
 
 @pytest.mark.parametrize("kind", ["shapes", "environments", "backgrounds"])

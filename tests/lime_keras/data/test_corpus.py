@@ -6,14 +6,16 @@ import pytest
 
 from lime_keras.data.corpus import SPLITS, Split
 
+DESCRIPTION = {"size": 64, "shard_size": 1, "shading": "furnace"}
+
 
 def write(folder, split, count, **manifest):
     (folder / split).mkdir()
     written = Split(folder, split)
     for shard in range(count):
         written.shard_path(shard).touch()
-    text = json.dumps({"shards": count, "seed": 0} | manifest)
-    written.manifest_path.write_text(text, encoding="utf-8")
+    whole = {"shards": count, "examples": count, "description": DESCRIPTION} | manifest
+    written.manifest_path.write_text(json.dumps(whole), encoding="utf-8")
     return written
 
 
@@ -30,7 +32,7 @@ def test_the_files_lie_where_the_documentation_says(tmp_path):
 def test_a_complete_split_is_listed_in_order(tmp_path, count):
     paths = write(tmp_path, "train", count).shard_paths()
     assert [path.name for path in paths] == [f"{shard:05d}.tfrecord" for shard in range(count)]
-    assert Split(tmp_path, "train").manifest == {"shards": count, "seed": 0}
+    assert Split(tmp_path, "train").manifest["shards"] == count
 
 
 def test_files_that_the_manifest_does_not_know_are_left_out(tmp_path):
@@ -63,9 +65,14 @@ def test_the_last_shard_may_be_short(tmp_path, examples):
     assert len(split.shard_paths()) == 2
 
 
-def test_a_split_that_does_not_describe_itself_is_of_the_default_shading(tmp_path):
-    split = write(tmp_path, "train", 1)
-    assert split.size is None and split.shading == "furnace" and not split.is_literal
+def test_a_split_under_several_lights_is_refused_by_name(tmp_path):
+    split = write(tmp_path, "train", 2, description=DESCRIPTION | {"lights": 3})
+    refused = rf"{split.folder} was rendered with --lights 3, .*`lime-render scenes`"
+    for read in (split.shard_paths, lambda: split.size, lambda: split.is_literal):
+        with pytest.raises(ValueError, match=refused):
+            read()
+    one = write(tmp_path, "test", 2, description=DESCRIPTION | {"lights": 1})
+    assert len(one.shard_paths()) == 2
 
 
 def test_a_split_without_its_manifest_names_the_command(tmp_path):
@@ -101,8 +108,7 @@ def test_what_is_no_manifest_is_named(tmp_path, content, message):
 
 
 def test_a_billion_shards_are_not_waited_for(tmp_path):
-    split = write(tmp_path, "test", 1)
-    split.manifest_path.write_text('{"shards": 1000000000}', encoding="utf-8")
+    split = write(tmp_path, "test", 1, shards=10**9, examples=10**9)
     with pytest.raises(FileNotFoundError, match=r"00001\.tfrecord is missing"):
         split.shard_paths()
 

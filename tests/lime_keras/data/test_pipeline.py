@@ -6,14 +6,12 @@ import json
 import numpy as np
 import pytest
 import tensorflow as tf
-from sphere_corpus import example, under_lights, write_split
+from sphere_corpus import example, write_split
 
 from lime_keras.data import camera, pipeline, records
 from lime_keras.data.corpus import Split
 from lime_keras.data.features import LEARNT_FROM
-from lime_keras.data.relight import draw_weights
 from lime_keras.optics import colour, material_law, shading, shininess
-from lime_keras.optics.compositing import compose
 
 SIZE = 16
 COUNT = 12
@@ -300,149 +298,6 @@ def test_paint_needs_no_more_features_than_are_asked_for(shards):
     [whole] = pipeline.training(shards, **options, features=pipeline.FEATURES).take(1)
     assert set(batch) == {"image"}
     np.testing.assert_array_equal(batch["image"], whole["image"])
-
-
-# Several lights.
-
-
-@pytest.fixture(scope="module")
-def several(tmp_path_factory):
-    """Three shards of four examples each, under one, two and three lights."""
-    folder = tmp_path_factory.mktemp("several")
-    return [
-        write_shard(
-            folder / f"{lights:05d}.tfrecord",
-            [under_lights(example(4 * lights + k, size=SIZE), lights) for k in range(-4, 0)],
-        )
-        for lights in (1, 2, 3)
-    ]
-
-
-def by_index(batches):
-    """The rows of batches in the order of their examples, epoch by epoch."""
-    return [
-        {name: value[row] for name, value in batch.items()}
-        for batch in batches
-        for row in np.argsort(batch["index"])
-    ]
-
-
-def test_each_scene_is_seen_in_mixtures_of_its_own_lights(several):
-    """Of all numbers of lights in one run; the weights are those of the example's position."""
-    options = {"size": SIZE, "batch_size": COUNT, "features": pipeline.FEATURES}
-    [stored] = pipeline.evaluation(several, **options).as_numpy_iterator()
-    data = pipeline.training(several, **options, seed=3, camera=False).take(4)
-    changes = np.zeros((4, COUNT), bool)
-    for step, batch in enumerate(data.as_numpy_iterator()):
-        for row, index in enumerate(batch["index"]):
-            lights = 1 + index // 4
-            features = under_lights(example(index, size=SIZE), lights)
-            seed = tf.constant([3, COUNT * step + row], tf.int64)
-            weights = draw_weights(tf.constant(lights), tf.random.split(seed, 5)[4]).numpy()
-            for name in records.LIT:
-                others = features.get(records.FURTHER[name], ())
-                each = np.array([features[name], *others], np.float16).astype(np.float32)
-                expected = np.tensordot(weights, each, 1)
-                np.testing.assert_allclose(batch[name][row], expected, rtol=2e-3, atol=1e-5)
-            changes[step, index] = weights[0] < 1
-            if not changes[step, index]:  # recomposed of the same layers, which are rounded
-                apart = np.abs(batch["image"][row] - stored["image"][index]).max()
-                assert apart < 1.01 / 255 and (lights > 1 or apart == 0)
-    assert not changes[:, :4].any()
-    assert changes[:, 4:8].any() and changes[:, 8:].any()
-    assert not changes[:, 4:].all()
-
-
-@pytest.mark.parametrize("repaints", [False, True])
-def test_a_mixture_recomposes_to_its_image(several, repaints):
-    options = {"size": SIZE, "batch_size": COUNT, "features": pipeline.FEATURES, "camera": False}
-    data = pipeline.training(several, **options, seed=1, repaints=repaints).take(4)
-    for batch in data.as_numpy_iterator():
-        composed = compose(
-            batch["diffuse_albedo"],
-            batch["specular_albedo"],
-            batch["ambient"],
-            batch["diffuse_shading"],
-            batch["specular_shading"],
-        )
-        known = (batch["mask"] == 1) & (batch["image"] < 1)
-        apart = np.abs(batch["image"] - colour.linear_to_srgb(np.clip(composed, 0, 1)))
-        assert known.mean() > 0.2 and apart[known].max() < 1 / 255
-
-
-def test_paint_is_the_same_in_every_light(several):
-    """And the light is the same under any paint: their seeds are parted."""
-    options = {"size": SIZE, "batch_size": COUNT, "features": pipeline.FEATURES, "camera": False}
-    one = [several[0]]
-    [plain], [painted] = (
-        pipeline.training(several, **options, seed=1, repaints=repaints).take(1)
-        for repaints in (False, True)
-    )
-    [alone] = pipeline.training(one, **options, seed=1, repaints=True).take(1)
-    for name in records.LIT:
-        np.testing.assert_array_equal(plain[name], painted[name], err_msg=name)
-    for name in PAINT:
-        np.testing.assert_array_equal(painted[name], alone[name], err_msg=name)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("camera", [False, True])
-def test_a_mixture_in_a_mirror_is_a_mixture(several, camera):
-    options = {"size": SIZE, "batch_size": COUNT, "features": pipeline.FEATURES, "camera": camera}
-    plain, flipped = (
-        pipeline.training(several, **options, seed=2, flips=flips).take(3).as_numpy_iterator()
-        for flips in (False, True)
-    )
-    turned = 0
-    for one, other in zip(by_index(plain), by_index(flipped), strict=True):
-        is_turned = not np.array_equal(one["mirror"], other["mirror"])
-        turned += is_turned
-        for name in ("image", "mask", *records.LIT):
-            expected = one[name][:, ::-1] if is_turned else one[name]
-            np.testing.assert_array_equal(other[name], expected, err_msg=name)
-    assert 8 < turned < 28
-
-
-@pytest.mark.slow
-def test_resuming_mixes_as_an_uninterrupted_run(several):
-    whole = photos(several, 8, repaints=True, flips=True)
-    assert_same(photos(several, 5, first_step=3, repaints=True, flips=True), whole[3:])
-    assert_same(photos(several, 8, repaints=True, flips=True), whole)
-
-
-def test_evaluation_sees_the_first_light(several):
-    options = {"size": SIZE, "batch_size": COUNT, "features": pipeline.FEATURES}
-    [found] = pipeline.evaluation(several, **options)
-    for index in range(COUNT):
-        stored = records.parse(records.encode(example(index, size=SIZE)))
-        for name in records.FEATURES:
-            np.testing.assert_array_equal(found[name][index], stored[name], err_msg=name)
-
-
-@pytest.mark.parametrize(
-    "name",
-    [
-        "image",
-        "clipped",
-        *(pytest.param(name, marks=pytest.mark.slow) for name in ("mirror", "mask", "environment")),
-    ],
-)
-def test_a_mixed_feature_asked_for_alone_is_the_same(several, name):
-    options = {"size": SIZE, "batch_size": COUNT, "seed": 5, "camera": False}
-    [whole] = pipeline.training(several, **options, features=pipeline.FEATURES).take(1)
-    [alone] = pipeline.training(several, **options, features=(name,)).take(1)
-    assert set(alone) == {name}
-    np.testing.assert_array_equal(alone[name], whole[name])
-
-
-def test_a_damaged_further_light_is_named(several, tmp_path):
-    copies = [tmp_path / path.name for path in several]
-    for path, copy in zip(several, copies, strict=True):
-        copy.write_bytes(path.read_bytes())
-    break_png(copies[2], 1, "further_mirror")
-    dataset = pipeline.training(copies, size=8, batch_size=3, seed=0)
-    with pytest.raises(ValueError, match=r"00003\.tfrecord is broken: record 1 .*lime-render"):
-        list(pipeline.naming_damage(dataset.take(10 * COUNT), copies))
 
 
 def test_evaluation_photographs_only_if_asked_and_always_alike(shards):

@@ -6,7 +6,7 @@ import tensorflow as tf
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from sphere_corpus import example, under_lights
+from sphere_corpus import example
 
 from lime_keras.data import records
 from lime_keras.optics import environment
@@ -136,55 +136,6 @@ def test_parsing_inside_tf_data_is_the_same(sphere):
         np.testing.assert_array_equal(graph[name], value, err_msg=name)
 
 
-# Several lights.
-
-
-def test_further_lights_come_back_in_their_order(sphere):
-    several = under_lights(sphere, 4)
-    found = records.parse_whole(records.encode(several))
-    for name in records.LIT:
-        further = several[records.FURTHER[name]]
-        assert further.shape == (3, *np.shape(sphere[name]))
-        assert not np.array_equal(further[0], further[1])
-        kept = further.astype(np.float32).astype(np.float16).astype(np.float32)
-        np.testing.assert_array_equal(found[records.FURTHER[name]], kept, err_msg=name)
-    assert found["further_light"].numpy().tolist() == [b"lamp"] * 3
-
-
-@pytest.mark.parametrize("lights", [2, 4])
-def test_without_its_further_lights_a_record_is_that_of_one_light(sphere, lights):
-    """A reader that knows nothing of them reads the very example."""
-
-    def forget(features):
-        for name in records.FURTHER.values():
-            del features[name]
-
-    serialized = records.encode(under_lights(sphere, lights))
-    assert altered(serialized, forget) == records.encode(sphere)
-    for name, value in parsed(sphere).items():
-        np.testing.assert_array_equal(records.parse(serialized)[name], value, err_msg=name)
-
-
-def test_a_record_of_one_light_holds_no_trace_of_others(sphere):
-    serialized = records.encode(sphere)
-    assert records.encode(under_lights(sphere, 1)) == serialized
-    none = {records.FURTHER[name]: np.zeros((0, *np.shape(sphere[name]))) for name in records.LIT}
-    assert records.encode(sphere | none | {"further_light": []}) == serialized
-    held = tf.train.Example.FromString(serialized).features.feature
-    assert set(held) == {*records.FEATURES, "schema"}
-    found = records.parse_whole(serialized)
-    assert set(found) == {*records.FEATURES, *records.FURTHER.values()}
-    assert all(len(found[name]) == 0 for name in records.FURTHER.values())
-
-
-def test_parsing_further_lights_inside_tf_data_is_the_same(sphere):
-    for lights in (1, 3):
-        serialized = records.encode(under_lights(sphere, lights))
-        [graph] = tf.data.Dataset.from_tensors(serialized).map(records.parse_whole)
-        for name, value in records.parse_whole(serialized).items():
-            np.testing.assert_array_equal(graph[name], value, err_msg=name)
-
-
 # Refusals.
 
 
@@ -283,35 +234,3 @@ def test_a_map_of_another_size_is_refused(sphere):
 
     with pytest.raises((tf.errors.InvalidArgumentError, ValueError)):
         records.parse(altered(records.encode(sphere), shrink))
-
-
-@pytest.mark.parametrize("name", records.FURTHER.values())
-def test_a_missing_feature_of_further_lights_is_named(name, sphere):
-    several = under_lights(sphere, 3)
-    del several[name]
-    refused(several, f"missing ['{name}']", "seed 0, index 3")
-
-
-@pytest.mark.parametrize("name", [records.FURTHER[name] for name in records.LIT])
-def test_wrong_values_of_further_lights_are_named(name, sphere):
-    several = under_lights(sphere, 3)
-    refused(several | {name: several[name][:1]}, f"{name} has shape (1, ", "expected (2, ")
-    for value, what in ((np.nan, "is not finite"), (np.inf, "is not finite"), (-0.5, "lies in")):
-        broken = several[name].copy()
-        broken[1, 3, 3] = value
-        refused(several | {name: broken}, f"{name} {what}", "seed 0, index 3")
-
-
-def test_further_images_that_are_none_or_of_two_sizes_are_refused(sphere):
-    serialized = records.encode(under_lights(sphere, 3))
-
-    def replace(by):
-        def change(features):
-            features["further_mirror"].bytes_list.value[1] = by
-
-        return change
-
-    small = tf.io.encode_png(np.zeros((4, 4, 1), np.uint16)).numpy()
-    for by in (b"no picture", small):
-        with pytest.raises(tf.errors.InvalidArgumentError):
-            records.parse_whole(altered(serialized, replace(by)))

@@ -5,7 +5,6 @@ import pytest
 from render_scenes import write_inputs
 
 from lime_keras.data import records
-from lime_keras.optics import environment
 from lime_keras.optics.material_law import sample_material
 from lime_keras.render.corpus import drawing
 from lime_keras.render.corpus.drawing import Sources, render_example
@@ -81,32 +80,6 @@ def test_a_scene_is_drawn_in_the_order_that_the_bytes_of_corpora_depend_on(sourc
     outside = features["mask"][..., 0] == 0
     difference = np.abs(features["image"] - background)[outside]
     assert outside.any() and difference.max() < 1e-5
-
-
-def test_further_lights_are_drawn_after_all_else_and_the_strong_one_is_in_front(sources):
-    one = render_example(0, 3, sources, **SMALL)
-    several = render_example(0, 3, sources, **SMALL, lights=3)
-    rng = generator(0, "train", "example", 3, 0)
-    rng.integers(len(sources.shape_names))
-    rng.integers(len(sources.light_names))
-    sample_pose(rng, sources.mesh(one.features["shape"], 64, FAST)[0].vertices, 64)
-    light = sources.light(one.features["light"], FAST)
-    sample_light_rotation(rng, light.strong_direction)
-    sample_material(rng)
-    sources.backgrounds.sample(rng, 64)
-    found = records.parse_whole(several.record)
-    for name, value in records.parse(one.record).items():
-        np.testing.assert_array_equal(found[name], value, err_msg=name)
-    assert found["further_light"].shape == (2,)
-    for number in range(2):
-        name = sources.light_names[rng.integers(len(sources.light_names))]
-        assert found["further_light"][number] == name
-        light = sources.light(name, FAST)
-        turn = sample_light_rotation(rng, light.strong_direction)
-        assert (turn @ light.strong_direction)[2] > 0
-        expected = environment.rotate(light.coarse(), turn, *environment.STORED_SHAPE)
-        stored = found["further_environment"][number, ..., 0]
-        np.testing.assert_allclose(stored, expected, rtol=2**-11, atol=2**-25)
 
 
 def test_a_shard_draws_from_a_part_of_many_files_and_the_split_from_all(sources, monkeypatch):

@@ -22,7 +22,6 @@ from lime_keras.data.corpus import SPLITS, Split
 from lime_keras.render.corpus import processes, split
 from lime_keras.render.corpus.description import Description, Job
 from lime_keras.render.corpus.drawing import Sources, render_example
-from lime_keras.render.inspect import verification
 
 
 @pytest.fixture(autouse=True)
@@ -107,34 +106,6 @@ def test_a_split_is_whole_and_its_manifest_tells_all(rendered, description):
     assert not [name for name in names if name.startswith("partial")]
 
 
-def test_one_light_is_described_as_before_there_were_several(rendered):
-    """Folders that were begun then can be completed."""
-    assert "lights" not in rendered[1]["description"]
-    assert Split(rendered[0], "train").lights == 1
-
-
-def test_a_split_of_several_lights_is_told_sound_and_completed(
-    rendered, description, mitsuba_choice, tmp_path
-):
-    several = dataclasses.replace(description, lights=2, count=2)
-    manifest = render(tmp_path, several, mitsuba_choice)
-    assert manifest["description"]["lights"] == 2 == Split(tmp_path, "train").lights
-    faults = verification.verify(tmp_path, "train", nothing)
-    assert (faults.lines(), faults.examples) == ([], 2)
-    shard = Split(tmp_path, "train").shard_path(0)
-    [one] = tf.data.TFRecordDataset(str(rendered[0] / "train" / shard.name)).take(1)
-    [two] = tf.data.TFRecordDataset(str(shard)).take(1)
-    for name, value in records.parse(one).items():
-        np.testing.assert_array_equal(records.parse(two)[name], value, err_msg=name)
-    before = contents(tmp_path)
-    for gone in ("00000.tfrecord", "00000.json", "manifest.json"):
-        (tmp_path / "train" / gone).unlink()
-    assert render(tmp_path, several, mitsuba_choice) == manifest
-    assert contents(tmp_path) == before
-    with pytest.raises(ValueError, match="lights 2 there, 1 asked"):
-        render(tmp_path, dataclasses.replace(several, lights=1), mitsuba_choice)
-
-
 def test_examples_are_in_order_and_tell_where_they_come_from(rendered):
     out, manifest, _ = rendered
     data = tf.data.TFRecordDataset([str(path) for path in Split(out, "train").shard_paths()])
@@ -214,7 +185,7 @@ def test_a_finished_split_is_left_alone(rendered, description, mitsuba_choice):
         ({"seed": 1}, "seed 0 there, 1 asked"),
         ({"shading": "literal", "size": 32}, "shading furnace .* literal .* size 64 there, 32"),
         ({"shapes": None}, "shapes shapes there, None asked"),
-        ({"lights": 2}, "lights 1 there, 2 asked"),
+        ({"materials": "natural"}, "materials uniform there, natural asked"),
     ],
 )
 def test_other_options_in_the_same_folder_are_refused(

@@ -63,15 +63,6 @@ def test_its_channels_are_the_record_bit_for_bit(path, record):
     assert not light
 
 
-def test_of_several_lights_the_first_is_exported(record, tmp_path):
-    corpus = sphere_corpus.write_split(tmp_path, "test", [range(4)], seed=2**40, lights=3)
-    path = layers.export(corpus, "test", INDEX, tmp_path / "example.exr")
-    channels, _ = read(path)
-    np.testing.assert_array_equal(channels["mirror.Y"], record["mirror"][..., 0])
-    channels, _ = read(layers.environment_path(path))
-    np.testing.assert_array_equal(channels["Y"], record["environment"][..., 0])
-
-
 def test_radiance_is_stored_in_half_and_what_is_finer_in_float(path):
     _, spec = read(path)
     kinds = dict(zip(spec.channelnames, map(str, spec.channelformats), strict=True))

@@ -137,15 +137,6 @@ def test_images_of_a_large_split_are_sampled(corpus, figures, monkeypatch):
     assert "7 examples (3 for what is marked *)" in figures["histograms.png"].get_suptitle()
 
 
-def test_further_lights_are_used_too(figures, tmp_path):
-    corpus = sphere_corpus.write_split(tmp_path, "test", [range(2)], lights=3)
-    preview.preview(corpus, "test", lambda *_: None)
-    [used] = panel(figures["histograms.png"], "uses of 1 lights").patches
-    assert used.get_height() == 6
-    [used] = panel(figures["histograms.png"], "uses of 1 shapes").patches
-    assert used.get_height() == 2
-
-
 def test_quantities_are_those_of_the_scene():
     rng = np.random.default_rng(1)
     size, camera = 64, np.array([100.0, 100.0, 20.0, 50.0])

@@ -167,42 +167,6 @@ def test_literal_shading_is_printed_equations_in_a_dimmer_world(tracer, light, t
     np.testing.assert_allclose(literal["specular_shading"], expected, rtol=2e-3, atol=1e-6)
 
 
-@pytest.mark.parametrize("literal", [False, True])
-def test_each_further_light_shades_as_it_would_alone(tracer, light, turn, literal):
-    others = [lights.prepare(f"other-{seed}", photographed(128, seed)) for seed in (1, 2)]
-    turned = [(other, turn if number else np.eye(3)) for number, other in enumerate(others)]
-    place = POSE, turn, MATERIAL, BACKGROUND
-    one = render(tracer, light, *place, literal=literal)
-    several = render(tracer, light, *place, literal=literal, further=turned)
-    assert set(several) - set(one) == set(records.FURTHER.values())
-    for name, value in one.items():
-        np.testing.assert_array_equal(several[name], value, err_msg=name)
-    assert several["further_light"] == ["other-1", "other-2"]
-    for number, (other, rotation) in enumerate(turned):
-        place = POSE, rotation, MATERIAL, BACKGROUND
-        alone = render(tracer, other, *place, literal=literal)
-        for name in records.LIT:
-            found = several[records.FURTHER[name]][number]
-            np.testing.assert_array_equal(found, alone[name], err_msg=name)
-
-
-def test_a_mixture_of_lights_is_shaded_by_the_mixed_map(tracer, turn):
-    """Up to the sums' own errors: each map is cut into other texels."""
-    maps = [photographed(128, seed) for seed in (0, 1)]
-    one, other = (lights.prepare("map", radiance, 0.4) for radiance in maps)
-    mixed_map = 0.3 * one.radiance + 0.7 * other.radiance
-    mixed = lights.prepare("mixed", mixed_map, environment.spherical_mean(mixed_map))
-    place = POSE, turn, MATERIAL, BACKGROUND
-    stored = render(tracer, one, *place, further=[(other, turn)])
-    expected = render(tracer, mixed, *place)
-    tolerances = {"diffuse_shading": 1e-4, "specular_shading": 0.02, "mirror": 1e-4}
-    for name, tolerance in tolerances.items():
-        found = 0.3 * stored[name] + 0.7 * stored[records.FURTHER[name]][0]
-        inside = stored["mask"] > 0
-        errors = np.abs(found - expected[name])[inside] / expected[name][inside]
-        assert np.median(errors) < tolerance, name
-
-
 def test_the_material_and_the_camera_are_stored(example):
     np.testing.assert_allclose(example["camera"], POSE.camera)
     np.testing.assert_allclose(example["diffuse_albedo"], MATERIAL.diffuse_albedo, rtol=1e-6)
