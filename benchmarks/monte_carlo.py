@@ -20,9 +20,8 @@ import numpy as np
 import trimesh
 
 from lime_keras.optics.shading import normaliser
-from lime_keras.render.corpus import sources
 from lime_keras.render.mitsuba_setup import variants
-from lime_keras.render.scene import integrals, lights, sampling
+from lime_keras.render.scene import integrals, lights, sampling, sources
 from lime_keras.render.scene.quality import FAST, QUALITIES, Quality
 from lime_keras.render.shapes import meshes
 

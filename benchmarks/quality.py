@@ -23,9 +23,8 @@ from tqdm import tqdm
 from lime_keras import console
 from lime_keras.material import BlinnPhong
 from lime_keras.optics import shading, shininess
-from lime_keras.render.corpus import sources
 from lime_keras.render.mitsuba_setup import variants
-from lime_keras.render.scene import example, lights, sampling
+from lime_keras.render.scene import example, lights, sampling, sources
 from lime_keras.render.scene.quality import FAST, QUALITIES, Quality
 
 LOBES = {"dull": 2.4, "middle": 42.0, "shiny": 650.0}
@@ -86,7 +85,7 @@ def _scenes(arguments: argparse.Namespace) -> list[Scene]:
     shapes = sources.ShapeSource(arguments.shapes, "train", 0)
     maps = sources.LightSource(arguments.environments, "train", 0, arguments.out / "rooms")
     rng = np.random.default_rng(0)
-    names = sources.some(rng, maps.names(), arguments.maps)
+    names = sources.random_subset(rng, maps.names(), arguments.maps)
     out = []
     for name in tqdm(names, "scenes"):
         mesh = shapes.load(shapes.names()[rng.integers(len(shapes.names()))])

@@ -22,9 +22,8 @@ from tqdm import tqdm
 from lime_keras import console
 from lime_keras.optics import environment, octahedral, shininess
 from lime_keras.render.bank.entries import quantised
-from lime_keras.render.corpus import sources
 from lime_keras.render.mitsuba_setup import variants
-from lime_keras.render.scene import environments, example, lights, sampling
+from lime_keras.render.scene import environments, example, lights, sampling, sources
 from lime_keras.render.scene.gbuffer import Tracer
 from lime_keras.render.scene.quality import FAST, QUALITIES
 
@@ -90,7 +89,7 @@ def _scenes(arguments: argparse.Namespace) -> Any:
     maps = sources.LightSource(arguments.environments, "train", 0, arguments.out / "rooms")
     reference = QUALITIES["reference"]
     rng = np.random.default_rng(0)
-    for name in tqdm(sources.some(rng, maps.names(), arguments.maps), "scenes"):
+    for name in tqdm(sources.random_subset(rng, maps.names(), arguments.maps), "scenes"):
         mesh = shapes.load(shapes.names()[rng.integers(len(shapes.names()))])
         fast_light = maps.load(name)
         light = lights.prepare(name, fast_light.radiance, quality=reference)

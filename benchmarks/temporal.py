@@ -22,9 +22,8 @@ from tqdm import tqdm
 
 from lime_keras import console
 from lime_keras.optics import material_law, shininess
-from lime_keras.render.corpus import sources
 from lime_keras.render.mitsuba_setup import variants
-from lime_keras.render.scene import example, sampling
+from lime_keras.render.scene import example, sampling, sources
 from lime_keras.render.scene.gbuffer import Tracer
 from lime_keras.video import cuts
 from lime_keras.video.fusion import Fusion

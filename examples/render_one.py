@@ -15,7 +15,7 @@ import numpy as np
 
 from lime_keras.io import photo
 from lime_keras.optics import colour
-from lime_keras.render.corpus.drawing import Sources, render_example
+from lime_keras.render.corpus.random_example import Sources, render_example
 from lime_keras.render.mitsuba_setup import variants
 
 out, index = Path(sys.argv[1]), int(sys.argv[2])

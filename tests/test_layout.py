@@ -45,8 +45,9 @@ ROWS = {
     "render": (
         ("mitsuba_setup", "shapes", "rooms"),
         ("scene",),
-        ("corpus", "inspect", "cloning", "cards"),
-        ("room_views", "bank"),
+        ("jobs", "inspect", "cloning", "cards"),
+        ("corpus", "bank"),
+        ("commands",),
         ("cli",),
     ),
     "eval": (

@@ -15,8 +15,8 @@ from lime_keras.eval import cli as eval_cli
 from lime_keras.io import photo
 from lime_keras.networks import PRESETS, Architecture
 from lime_keras.render import cli as render_cli
-from lime_keras.render.corpus import processes
 from lime_keras.render.corpus import split as rendering
+from lime_keras.render.jobs import processes
 from lime_keras.train import cli as train_cli
 from lime_keras.train import stages
 
@@ -48,7 +48,7 @@ def run(request, tmp_path_factory):
         for name in processes.THREAD_VARIABLES:
             patch.setenv(name, "1")
         # Processes are tested in tests/render/corpus.
-        patch.setattr(rendering, "Workers", InProcess)
+        patch.setattr(rendering, "Pool", InProcess)
         patch.setitem(stages.SCHEDULES, "smoke", BRIEF)
         patch.setitem(PRESETS, "smoke", SMALL)
         run = tmp_path_factory.mktemp("quickstart")

@@ -11,7 +11,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from lime_keras.optics import colour, shading
-from lime_keras.render.corpus.drawing import Sources, render_example
+from lime_keras.render.corpus.random_example import Sources, render_example
 from lime_keras.render.mitsuba_setup import variants
 
 SEED, INDEX, TILE = 0, 33, 192

@@ -18,11 +18,11 @@ from lime_keras.optics import octahedral
 from lime_keras.optics.shading import view_directions
 from lime_keras.synthesis import geometry
 
-from ..corpus.sources import generator
 from ..scene.example import LEAST_COVERAGE
 from ..scene.gbuffer import GBuffer, Tracer, lifted
 from ..scene.quality import FAST
 from ..scene.sampling import Pose, sample_pose
+from ..scene.sources import generator
 from ..shapes.deformation import deformed
 from ..shapes.endless import endless
 from ..shapes.meshes import Mesh

@@ -8,9 +8,9 @@ from lime_keras.io import atomic
 from lime_keras.optics import environment
 from lime_keras.synthesis.lights import LISTED, RADIANCE, SHAPE
 
-from ..corpus.sources import generator
 from ..scene import environments
 from ..scene.lights import Light, prepare
+from ..scene.sources import generator
 from .description import Job
 
 _LARGEST = 2.0**15

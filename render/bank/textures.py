@@ -5,8 +5,8 @@ import numpy as np
 from lime_keras.io import atomic
 from lime_keras.synthesis import bank
 
-from ..corpus.sources import generator
 from ..scene import backgrounds
+from ..scene.sources import generator
 from .description import Job
 
 COUNT, A_TASK = 256, 32

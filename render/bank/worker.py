@@ -9,8 +9,8 @@ import numpy as np
 from lime_keras.io import atomic
 from lime_keras.synthesis import geometry
 
-from ..corpus import claim, nodes
-from ..corpus.processes import Ticks
+from ..jobs import nodes, resuming
+from ..jobs.processes import Ticks
 from ..mitsuba_setup import variants
 from . import entries, lights, textures
 from .description import Job
@@ -57,7 +57,7 @@ def render_shard(worker: Worker, shard: int) -> None:
     Raises:
         RuntimeError: if the shard cannot be written, for example because the disk is full.
     """
-    path = worker.job.shard_path(shard)
+    path, beside, sidecar_path = worker.job.shard_files(shard)
     failures: list[dict[str, Any]] = []
     data: list[bytes] = []
     table = np.zeros(len(worker.job.description.indices(shard)), geometry.INDEX)
@@ -69,7 +69,6 @@ def render_shard(worker: Worker, shard: int) -> None:
         data.append(entry.data)
         failures += entry.failures
         worker.ticks.put(1)
-    beside = path.with_suffix(".npy")
     try:
         atomic.write(path, b"".join(data))
         with atomic.replacing(beside) as partial, partial.open("wb") as file:
@@ -84,7 +83,7 @@ def render_shard(worker: Worker, shard: int) -> None:
             "failures": failures,
             "packages": nodes.versions(PACKAGES),
         }
-        claim.write_json(path.with_suffix(".json"), sidecar)
+        resuming.write_json(sidecar_path, sidecar)
     except OSError as error:
         raise RuntimeError(
             f"{path} cannot be written ({error}): make room or mend the folder. Finished shards "

@@ -13,16 +13,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tensorflow as tf
 
 from lime_keras.data import records
 from lime_keras.data.corpus import Split
-from lime_keras.io import atomic, locking
+from lime_keras.io import locking
 from lime_keras.optics import material_law
 from lime_keras.synthesis import bank
 from lime_keras.synthesis.scenes import Scenes
 
-from . import claim, nodes
+from ..jobs import nodes, resuming
+from . import shards
 
 _PACKAGES = ("tensorflow", "keras", "numpy")
 _BATCH = 16
@@ -61,6 +61,7 @@ def make_split(
     """
     if shard_size % 2:
         raise ValueError(f"scenes stand in pairs: choose an even --shard-size, not {shard_size}")
+    # Describe.
     held = bank.manifest(folder)
     description = {
         "split": "train",
@@ -73,7 +74,8 @@ def make_split(
         "materials": materials,
     }
     split = Split(out, "train")
-    claim.refuse_another(split.folder, "split", claim.held(split.description_path), description)
+    begun = resuming.held(split.description_path)
+    resuming.refuse_another(split.folder, "split", begun, description)
     scenes = Scenes(
         folder,
         size=held["size"],
@@ -81,18 +83,20 @@ def make_split(
         features={*records.FEATURES},
         materials=(materials,),
     )
-    split.folder.mkdir(parents=True, exist_ok=True)
+    # Make what is missing.
     with locking.lock_folder(split.folder, "lime-render is rendering"):
-        claim.write_json(split.description_path, description)
-        claim.write_json(split.inputs_path, {})
-        claim.remove_partials(split.folder)
-        digests = []
+        resuming.write_json(split.description_path, description)
+        resuming.write_json(split.inputs_path, {})
+        resuming.remove_partials(split.folder)
         for shard, first in enumerate(range(0, count, shard_size)):
             indices = range(first, min(first + shard_size, count))
             tell(first, count)
             if not split.sidecar_path(shard).is_file():
-                _write(split, shard, _examples(scenes, seed, indices, tell, count))
-            digests.append(json.loads(split.sidecar_path(shard).read_text("utf-8"))["sha256"])
+                examples = _examples(scenes, seed, indices, tell, count)
+                shards.write(split, shard, examples, _PACKAGES)
+        # Record that all is there.
+        paths = map(split.sidecar_path, range(-(-count // shard_size)))
+        digests = [resuming.sidecar(path)["sha256"] for path in paths]
         manifest = {
             "packages": nodes.versions(_PACKAGES),
             "description": description,
@@ -106,7 +110,7 @@ def make_split(
             "skipped": {},
             "repaired": [],
         }
-        claim.write_json(split.manifest_path, manifest)
+        resuming.write_json(split.manifest_path, manifest)
     tell(count, count)
     return manifest
 
@@ -124,23 +128,3 @@ def _examples(
             examples = [{name: made[name][k] for name in records.FEATURES} for k in here]
             yield from threads.map(records.encode, examples)
             tell(first + len(here), total)
-
-
-def _write(split: Split, shard: int, examples: Iterator[bytes]) -> None:
-    """Write a shard, and last its sidecar, which marks it as complete."""
-    path, written = split.shard_path(shard), 0
-    with atomic.replacing(path) as partial:
-        with tf.io.TFRecordWriter(str(partial)) as writer:
-            for example in examples:
-                writer.write(example)
-                written += 1
-        digest = hashlib.sha256(partial.read_bytes()).hexdigest()
-    claim.write_json(
-        split.sidecar_path(shard),
-        {
-            "examples": written,
-            "sha256": digest,
-            "failures": [],
-            "packages": nodes.versions(_PACKAGES),
-        },
-    )

@@ -1,19 +1,16 @@
 """The work of a rendering process: its sources, the rendering of one room or one shard."""
 
-import hashlib
-import json
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
 from lime_keras import console
-from lime_keras.io import atomic
 
+from ..jobs.processes import Ticks
 from ..mitsuba_setup import variants
 from ..scene.quality import QUALITIES
-from . import nodes
 from .description import Job
-from .drawing import Example, Sources, render_example
-from .processes import Ticks
+from .random_example import Example, Sources, render_example
 
 PACKAGES = ("mitsuba", "drjit", "numpy", "OpenImageIO", "tensorflow")
 """Packages on whose versions the bytes of a shard may depend."""
@@ -67,31 +64,16 @@ def render_shard(worker: Worker, shard: int) -> None:
     Raises:
         RuntimeError: if the shard cannot be written, for example because the disk is full.
     """
-    import tensorflow as tf
+    # It imports TensorFlow, which must come after Mitsuba.
+    from . import shards
 
-    indices = worker.job.description.indices(shard)
-    path = worker.job.split.shard_path(shard)
     failures: list[dict[str, Any]] = []
-    try:
-        # `shared`: a node that was taken for lost may still be writing the same shard.
-        with atomic.replacing(path, shared=True) as partial:
-            with tf.io.TFRecordWriter(str(partial)) as writer:
-                for index in indices:
-                    example = worker.example(index)
-                    writer.write(example.record)
-                    failures += example.failures
-                    worker.ticks.put(1)
-            digest = hashlib.sha256(partial.read_bytes()).hexdigest()
-        sidecar = {
-            "examples": len(indices),
-            "sha256": digest,
-            "failures": failures,
-            "packages": nodes.versions(PACKAGES),
-        }
-        beside = worker.job.split.sidecar_path(shard)
-        atomic.write(beside, json.dumps(sidecar, indent=1) + "\n", shared=True)
-    except (tf.errors.OpError, OSError) as error:
-        raise RuntimeError(
-            f"{path} cannot be written ({error}): make room or mend the folder. Finished shards "
-            "are kept, and the same command goes on"
-        ) from error
+
+    def records() -> Iterator[bytes]:
+        for index in worker.job.description.indices(shard):
+            example = worker.example(index)
+            yield example.record
+            failures.extend(example.failures)
+            worker.ticks.put(1)
+
+    shards.write(worker.job.split, shard, records(), PACKAGES, failures)

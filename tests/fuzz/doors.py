@@ -193,7 +193,7 @@ def _masker(folder: Path) -> None:
 
 def _run_file(folder: Path) -> None:
     """Read a JSON file of a run or a rendering with what reads a file of that name."""
-    from lime_keras.render.corpus import claim, inputs
+    from lime_keras.render.jobs import inputs, resuming
     from lime_keras.train import config, initial_weights, summary
 
     folder = folder / "run"
@@ -211,9 +211,9 @@ def _run_file(folder: Path) -> None:
         inputs.unusable(found)
         inputs.digests(found), inputs.repairs(found)
     elif path.name == "description.json":
-        claim.held(path)
+        resuming.held(path)
     else:
-        claim.sidecar(path)
+        resuming.sidecar(path)
 
 
 def _predictions(folder: Path) -> None:

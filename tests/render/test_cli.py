@@ -15,8 +15,9 @@ from lime_keras.data.corpus import SPLITS
 from lime_keras.render import cli
 from lime_keras.render.bank import light_histograms
 from lime_keras.render.bank import rendering as bank_rendering
+from lime_keras.render.commands import corpus
 from lime_keras.render.corpus import split as rendering
-from lime_keras.render.corpus.processes import THREAD_VARIABLES
+from lime_keras.render.jobs.processes import THREAD_VARIABLES
 from lime_keras.render.mitsuba_setup import variants
 
 
@@ -24,7 +25,7 @@ from lime_keras.render.mitsuba_setup import variants
 def render(monkeypatch, capsys, mitsuba_choice, tmp_path):
     """Runs the command; gives exit status, standard output and standard error."""
     monkeypatch.setattr(variants, "choose", lambda: mitsuba_choice)
-    monkeypatch.setattr(rendering, "Workers", InProcess)
+    monkeypatch.setattr(rendering, "Pool", InProcess)
     for name in THREAD_VARIABLES:
         monkeypatch.setenv(name, "1")
 
@@ -230,9 +231,7 @@ def test_looking_at_nothing_is_an_error(tmp_path, capsys):
         (["--count", "1", "--size", "large"], "invalid"),
         (["--count", "1", "--split", "valid"], "invalid choice"),
         ([], "required: --count"),
-        (["--verify"], "--verify is no option but a command: lime-render verify --help"),
-        (["--layers=3"], "--layers is no option but a command: lime-render layers --help"),
-        (["--preview"], "--preview is no option but a command: lime-render preview --help"),
+        (["--count", "1", "--verify"], "unrecognized arguments: --verify"),
     ],
 )
 def test_wrong_usage_ends_with_2(capsys, options, message):
@@ -270,7 +269,7 @@ def test_wrong_usage_of_each_command_ends_with_2(capsys, arguments, message):
 
 def test_a_corpus_that_is_called_like_a_command_is_rendered_by_its_path(monkeypatch):
     rendered = []
-    monkeypatch.setattr(cli, "_render", lambda options: rendered.append(options.out) or 0)
+    monkeypatch.setattr(corpus, "run", lambda options: rendered.append(options.out) or 0)
     assert cli.main(["./verify", "--split", "test", "--count", "1"]) == 0
     assert cli.main(["--split", "test", "--count", "1", "verify"]) == 0
     assert [str(out) for out in rendered] == ["verify", "verify"]

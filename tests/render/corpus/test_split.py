@@ -19,9 +19,10 @@ from render_scenes import write_inputs
 
 from lime_keras.data import records
 from lime_keras.data.corpus import SPLITS, Split
-from lime_keras.render.corpus import processes, split
+from lime_keras.render.corpus import split
 from lime_keras.render.corpus.description import Description, Job
-from lime_keras.render.corpus.drawing import Sources, render_example
+from lime_keras.render.corpus.random_example import Sources, render_example
+from lime_keras.render.jobs import processes
 
 
 @pytest.fixture(autouse=True)
@@ -61,7 +62,7 @@ def render(out, description, choice, workers=0, on_example=nothing, **options):
     """In worker processes, or without any in this one."""
     with pytest.MonkeyPatch.context() as patch:
         if not workers:
-            patch.setattr(split, "Workers", InProcess)
+            patch.setattr(split, "Pool", InProcess)
         return split.render_split(
             out,
             description,

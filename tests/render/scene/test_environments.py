@@ -8,8 +8,7 @@ import OpenImageIO as oiio
 import pytest
 
 from lime_keras.optics.environment import solid_angles
-from lime_keras.render.corpus import sources
-from lime_keras.render.scene import environments, lights
+from lime_keras.render.scene import environments, lights, sources
 
 
 def integral(radiance):

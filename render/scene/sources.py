@@ -16,10 +16,10 @@ from lime_keras.data.corpus import SPLITS
 from lime_keras.io import photo
 
 from ..rooms import sampling
-from ..scene import backgrounds, environments
-from ..scene.lights import Light, prepare
-from ..scene.quality import FAST, Quality
 from ..shapes import procedural
+from . import backgrounds, environments
+from .lights import Light, prepare
+from .quality import FAST, Quality
 
 TEST_SHARE = 0.2
 PROCEDURAL_SHAPES = {"train": 400, "test": 100}
@@ -46,7 +46,7 @@ def generator(seed: int, split: str, kind: str, *indices: int) -> np.random.Gene
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
 
 
-def some(rng: np.random.Generator, names: list[str], most: int) -> list[str]:
+def random_subset(rng: np.random.Generator, names: list[str], most: int) -> list[str]:
     """Return all names, or a random choice of `most` of them, in their order."""
     if len(names) <= most:
         return names

@@ -17,8 +17,9 @@ import pytest
 from render_scenes import write_inputs
 
 from lime_keras.render import cli
-from lime_keras.render.corpus import claim, cluster, inputs, nodes, processes, split, worker
+from lime_keras.render.corpus import split, worker
 from lime_keras.render.corpus.description import Description, Job
+from lime_keras.render.jobs import cluster, inputs, nodes, processes, resuming
 from lime_keras.render.mitsuba_setup import variants
 
 ray = pytest.importorskip("ray", reason="Ray is in the extra `cluster`")
@@ -93,7 +94,7 @@ def job(tmp_path, description):
     own = dataclasses.replace(description, **folders)
     job = Job(tmp_path / "corpus", own, variants.Choice(variants.SLOW, None))
     job.split.folder.mkdir(parents=True)
-    claim.write_json(job.split.description_path, job.recorded())
+    resuming.write_json(job.split.description_path, job.recorded())
     found = {kind: [inputs.check(kind, path) for path in job.files()[kind]] for kind in job.files()}
     inputs.write(job.split.inputs_path, found)
     return job
@@ -259,7 +260,7 @@ def test_a_node_with_other_packages_is_refused_by_name(head, pair, job, monkeypa
 
 
 def test_a_node_that_sees_other_files_is_refused(job):
-    """As what a node sees is what this process sees, the files are changed after the claim."""
+    """As what a node sees is what this process sees, the files are changed after the resuming."""
     nodes._refuse_other_files(job)
     mesh, description = job.files()["shapes"][0], job.split.folder / "description.json"
     claimed = description.read_text()

@@ -1,4 +1,4 @@
-"""A folder that one rendering has claimed: its description, which must not change."""
+"""Resuming: the description with which a folder was begun, and the shards that are finished."""
 
 import json
 from pathlib import Path
@@ -75,6 +75,6 @@ def remove_partials(*folders: Path) -> None:
             partial.unlink(missing_ok=True)
 
 
-def write_json(path: Path, value: Any) -> None:
-    """Write a JSON file completely or not at all."""
-    atomic.write(path, json.dumps(value, indent=1) + "\n")
+def write_json(path: Path, value: Any, *, shared: bool = False) -> None:
+    """Write a JSON file completely or not at all; `shared` as for `atomic.replacing`."""
+    atomic.write(path, json.dumps(value, indent=1) + "\n", shared=shared)

@@ -11,7 +11,8 @@ import OpenImageIO as oiio
 import pytest
 import trimesh
 
-from lime_keras.render.corpus import inputs, sources
+from lime_keras.render.jobs import inputs
+from lime_keras.render.scene import sources
 
 
 def in_turn(function, items):

@@ -34,7 +34,7 @@ _SETTINGS = 4
 
 
 class Cluster:
-    """A Ray cluster, to be used like `processes.Workers`.
+    """A Ray cluster, to be used like `processes.Pool`.
 
     Args:
         address: address for `ray.init`: `host:port`, or `auto` for the cluster of this machine.
@@ -50,7 +50,7 @@ class Cluster:
     """
 
     def __init__(
-        self, address: str, packages: Iterable[str], start: Callable[[Job, Ticks], Any], job: Job
+        self, address: str, packages: Iterable[str], start: Callable[[Any, Ticks], Any], job: Job
     ):
         # Ray reads this variable when it is imported.
         os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
@@ -74,7 +74,7 @@ class Cluster:
         total: int,
         tell: Callable[[int, int], None],
     ) -> None:
-        """Run `task` on each item, in any order, and wait for all; see `processes.Workers.run`.
+        """Run `task` on each item, in any order, and wait for all; see `processes.Pool.run`.
 
         Raises:
             RuntimeError: if the cluster cannot be used, a task lost its process too often, or a

@@ -12,8 +12,14 @@ from ..scene.gbuffer import Tracer
 from ..scene.lights import Light
 from ..scene.quality import FAST, Quality
 from ..scene.sampling import sample_light_rotation, sample_pose
+from ..scene.sources import (
+    BackgroundSource,
+    LightSource,
+    ShapeSource,
+    generator,
+    random_subset,
+)
 from ..shapes.meshes import Mesh
-from .sources import BackgroundSource, LightSource, ShapeSource, generator, some
 
 _TRIES = 20
 _SHAPES_PER_SHARD, _LIGHTS_PER_SHARD = 64, 64
@@ -63,8 +69,8 @@ class Sources:
         """Return the names of the shapes and the names of the lights that a shard draws from."""
         rng = generator(seed, self.split, "shard", shard)
         return (
-            some(rng, self.shape_names, _SHAPES_PER_SHARD),
-            some(rng, self.light_names, _LIGHTS_PER_SHARD),
+            random_subset(rng, self.shape_names, _SHAPES_PER_SHARD),
+            random_subset(rng, self.light_names, _LIGHTS_PER_SHARD),
         )
 
     def _mesh(self, name: str, size: int, quality: Quality) -> tuple[Mesh, Tracer]:

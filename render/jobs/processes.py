@@ -27,8 +27,8 @@ class Ticks(Protocol):
         """Report that `count` more things are done."""
 
 
-class Workers:
-    """A pool of processes that report their progress; the death of a process is an error.
+class Pool:
+    """Processes that report their progress; the death of a process is an error.
 
     Args:
         count: number of processes.

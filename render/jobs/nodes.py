@@ -39,7 +39,7 @@ _begun: tuple[_Ticks, Any] | None = None
 def work(
     wanted: dict[str, str],
     like: list[str],
-    start: Callable[[Job, Ticks], Any],
+    start: Callable[[Any, Ticks], Any],
     job: Job,
     task: Callable,
     board: Any,
@@ -99,7 +99,7 @@ def _refuse_other_versions(wanted: dict[str, str]) -> None:
 
 
 def _refuse_other_files(job: Job) -> None:
-    path = job.split.description_path
+    path = job.description_path
     if not path.is_file():
         raise RuntimeError(
             f"{path} is not seen there: the corpus must be in a folder that all nodes share, under "
@@ -113,7 +113,7 @@ def _refuse_other_files(job: Job) -> None:
     try:
         inputs.inspect(
             job.files(),
-            inputs.read(job.split.inputs_path),
+            inputs.read(job.inputs_path),
             lambda check, files: [check(file) for file in files],
         )
     except ValueError as error:

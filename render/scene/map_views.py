@@ -6,7 +6,6 @@ Only those maps are used that `lime-render --environments hdris/` assigns to the
 picture has its own exposure: its geometric mean becomes 18 % grey, up to one stop more or less.
 """
 
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -16,8 +15,7 @@ import OpenImageIO as oiio
 from lime_keras.io import photo
 from lime_keras.optics import colour, environment, shading
 
-from .corpus import sources
-from .scene import backgrounds, environments
+from . import backgrounds, environments, sources
 
 HEIGHT, WIDTH = 288, 384
 GREY, LARGEST = 0.18, 1e4
@@ -66,7 +64,3 @@ def write_views(
         for index in range(count):
             photo.write(out / f"{path.stem}-{index:02d}.png", view(maps, rng))
             on_picture(number * count + index + 1, len(paths) * count)
-
-
-if __name__ == "__main__":
-    sys.exit("this is a command now: lime-render views HDRIS OUT")

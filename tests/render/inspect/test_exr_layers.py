@@ -9,7 +9,7 @@ import tensorflow as tf
 from lime_keras.data import records
 from lime_keras.data.corpus import Split
 from lime_keras.optics import colour
-from lime_keras.render.inspect import layers
+from lime_keras.render.inspect import exr_layers
 
 INDEX = 3
 
@@ -29,7 +29,7 @@ def record():
 
 @pytest.fixture(scope="module")
 def path(corpus):
-    return layers.export(corpus, "test", INDEX, layers.default_path(corpus, "test", INDEX))
+    return exr_layers.export(corpus, "test", INDEX, exr_layers.default_path(corpus, "test", INDEX))
 
 
 def read(path):
@@ -43,7 +43,7 @@ def read(path):
 def test_it_lies_beside_its_shard(path, corpus):
     assert path == corpus / "test" / "example-000003.exr" and path.is_file()
     environment = corpus / "test" / "example-000003-environment.exr"
-    assert layers.environment_path(path) == environment and environment.is_file()
+    assert exr_layers.environment_path(path) == environment and environment.is_file()
 
 
 def test_its_channels_are_the_record_bit_for_bit(path, record):
@@ -58,7 +58,7 @@ def test_its_channels_are_the_record_bit_for_bit(path, record):
     for name in ("mask", "diffuse_shading", "specular_shading", "mirror"):
         np.testing.assert_array_equal(channels.pop(f"{name}.Y"), record[name][..., 0])
     assert not channels
-    light, _ = read(layers.environment_path(path))
+    light, _ = read(exr_layers.environment_path(path))
     np.testing.assert_array_equal(light.pop("Y"), record["environment"][..., 0])
     assert not light
 
@@ -93,7 +93,7 @@ def test_only_its_own_shard_is_opened(corpus, tmp_path, monkeypatch):
     monkeypatch.setattr(
         tf.data, "TFRecordDataset", lambda path: opened.append(path) or reader(path)
     )
-    layers.export(corpus, "test", 4, tmp_path / "last.exr")
+    exr_layers.export(corpus, "test", 4, tmp_path / "last.exr")
     assert opened == [str(Split(corpus, "test").shard_path(2))]
     assert read(tmp_path / "last.exr")[1].getattribute("index") == 4
 
@@ -101,34 +101,34 @@ def test_only_its_own_shard_is_opened(corpus, tmp_path, monkeypatch):
 @pytest.mark.parametrize("index", [-1, 5])
 def test_an_index_out_of_range_is_told_with_the_range(corpus, tmp_path, index):
     with pytest.raises(ValueError, match=rf"test has no example {index}: pass one of 0 … 4$"):
-        layers.export(corpus, "test", index, tmp_path / "none.exr")
+        exr_layers.export(corpus, "test", index, tmp_path / "none.exr")
     assert not list(tmp_path.iterdir())
 
 
 def test_an_incomplete_split_is_told_with_how_to_complete_it(corpus, tmp_path):
     with pytest.raises(FileNotFoundError, match=r"lime-render .* --split train .*completes it"):
-        layers.export(corpus, "train", 0, tmp_path / "none.exr")
+        exr_layers.export(corpus, "train", 0, tmp_path / "none.exr")
     sphere_corpus.write_split(tmp_path, "test", [range(2)])
     Split(tmp_path, "test").shard_path(0).unlink()
     with pytest.raises(FileNotFoundError, match=r"00000.tfrecord is missing: run the same"):
-        layers.export(tmp_path, "test", 0, tmp_path / "none.exr")
+        exr_layers.export(tmp_path, "test", 0, tmp_path / "none.exr")
 
 
 def test_a_shard_of_other_examples_is_refused(tmp_path):
     sphere_corpus.write_split(tmp_path, "test", [range(2), range(7, 9)])
     with pytest.raises(ValueError, match=r"record 1 is not example 3.*lime-render verify"):
-        layers.export(tmp_path, "test", 3, tmp_path / "none.exr")
+        exr_layers.export(tmp_path, "test", 3, tmp_path / "none.exr")
 
 
 def test_a_file_that_cannot_be_written_is_told(corpus, tmp_path):
     with pytest.raises(OSError, match=r"example.nothing cannot be written: "):
-        layers.export(corpus, "test", 0, tmp_path / "example.nothing")
+        exr_layers.export(corpus, "test", 0, tmp_path / "example.nothing")
     (tmp_path / "example.exr").mkdir()
     with pytest.raises(IsADirectoryError, match=r"example.exr"):
-        layers.export(corpus, "test", 0, tmp_path / "example.exr")
+        exr_layers.export(corpus, "test", 0, tmp_path / "example.exr")
     assert [path.name for path in tmp_path.iterdir()] == ["example.exr"]
 
 
 def test_the_folder_is_made(corpus, tmp_path):
-    layers.export(corpus, "test", 0, tmp_path / "new" / "example.exr")
+    exr_layers.export(corpus, "test", 0, tmp_path / "new" / "example.exr")
     assert (tmp_path / "new" / "example.exr").stat().st_size > 1000

@@ -8,8 +8,8 @@ import OpenImageIO as oiio
 import pytest
 import trimesh
 
-from lime_keras.render.corpus import sources
 from lime_keras.render.rooms import renderer
+from lime_keras.render.scene import sources
 
 EXTENSIONS = (".obj", ".ply")
 

@@ -6,11 +6,11 @@ from render_scenes import write_inputs
 
 from lime_keras.data import records
 from lime_keras.optics.material_law import sample_material
-from lime_keras.render.corpus import drawing
-from lime_keras.render.corpus.drawing import Sources, render_example
-from lime_keras.render.corpus.sources import BackgroundSource, LightSource, ShapeSource, generator
+from lime_keras.render.corpus import random_example
+from lime_keras.render.corpus.random_example import Sources, render_example
 from lime_keras.render.scene.quality import FAST
 from lime_keras.render.scene.sampling import sample_light_rotation, sample_pose
+from lime_keras.render.scene.sources import BackgroundSource, LightSource, ShapeSource, generator
 
 SMALL = {"size": 64, "shard_size": 2}
 
@@ -26,7 +26,7 @@ def sources(tmp_path_factory):
 
 
 def test_a_scene_that_fails_is_drawn_anew_and_told(sources, monkeypatch):
-    usable, calls = drawing.example.render, []
+    usable, calls = random_example.example.render, []
 
     def fails_once(*arguments, **options):
         calls.append(arguments)
@@ -34,21 +34,21 @@ def test_a_scene_that_fails_is_drawn_anew_and_told(sources, monkeypatch):
             raise ValueError("the object covers 0.1% of the image")
         return usable(*arguments, **options)
 
-    monkeypatch.setattr(drawing.example, "render", fails_once)
+    monkeypatch.setattr(random_example.example, "render", fails_once)
     example = render_example(0, 3, sources, **SMALL)
     assert int(records.parse(example.record)["index"]) == 3 and len(calls) == 2
     [failure] = example.failures
     assert failure.pop("shape") in sources.shape_names
     assert failure.pop("light") in sources.light_names
     assert failure == {"index": 3, "attempt": 0, "error": "the object covers 0.1% of the image"}
-    monkeypatch.setattr(drawing, "_TRIES", 1)
+    monkeypatch.setattr(random_example, "_TRIES", 1)
     calls.clear()
     with pytest.raises(RuntimeError, match=r"example 3 of seed 0 failed 1 times, last of .*0\.1%"):
         render_example(0, 3, sources, **SMALL)
 
 
 def test_an_example_that_no_record_can_hold_is_drawn_anew_and_told(sources, monkeypatch):
-    usable, calls = drawing.example.render, []
+    usable, calls = random_example.example.render, []
 
     def not_finite_once(*arguments, **options):
         calls.append(arguments)
@@ -57,7 +57,7 @@ def test_an_example_that_no_record_can_hold_is_drawn_anew_and_told(sources, monk
             features["mirror"][5, 5] = float("nan")
         return features
 
-    monkeypatch.setattr(drawing.example, "render", not_finite_once)
+    monkeypatch.setattr(random_example.example, "render", not_finite_once)
     example = render_example(0, 3, sources, **SMALL)
     [failure] = example.failures
     assert "mirror is not finite" in failure["error"]
@@ -87,7 +87,7 @@ def test_a_shard_draws_from_a_part_of_many_files_and_the_split_from_all(sources,
     monkeypatch.setattr(sources, "shape_names", many)
     drawn = [sources.of_shard(0, shard)[0] for shard in range(30)]
     for names in drawn:
-        assert len(set(names)) == drawing._SHAPES_PER_SHARD and names == sorted(names)
+        assert len(set(names)) == random_example._SHAPES_PER_SHARD and names == sorted(names)
     assert set().union(*drawn) == set(many)
     assert sources.of_shard(0, 7)[0] == drawn[7] != drawn[8]
     assert sources.of_shard(0, 0)[1] == sources.light_names  # few: all of them

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 import worker_tasks
 
-from lime_keras.render.corpus import processes
+from lime_keras.render.jobs import processes
 
 ROOT = Path(__file__).parents[3]
 
@@ -27,7 +27,7 @@ def nothing(done, total):
 
 
 def test_a_file_that_kills_its_checker_is_named():
-    pool = processes.Workers(1)
+    pool = processes.Pool(1)
     with pytest.raises(RuntimeError, match=r"a process died, .* at one of .*huge\.png"):
         pool.map(worker_tasks.die, [("backgrounds", "huge.png")], nothing)
 
@@ -37,7 +37,7 @@ def test_an_interruption_ends_the_processes(tmp_path):
         raise InterruptedError("in the middle")
 
     paths = [tmp_path / "one", tmp_path / "other"]
-    pool = processes.Workers(2, worker_tasks.begin)
+    pool = processes.Pool(2, worker_tasks.begin)
     with pytest.raises(InterruptedError):
         pool.run(worker_tasks.tell_and_wait, paths, 0, 2, interrupt)
     signed = [path.read_text() for path in paths if path.exists()]
@@ -51,7 +51,7 @@ KILLING = """
 import os, signal, time
 from multiprocessing import resource_tracker
 import worker_tasks
-from lime_keras.render.corpus.processes import Workers
+from lime_keras.render.jobs.processes import Pool
 
 def kill(done, total):
     tracker = resource_tracker._resource_tracker
@@ -60,7 +60,7 @@ def kill(done, total):
         time.sleep(0.01)
 
 if __name__ == "__main__":
-    print(Workers(1).map(worker_tasks.same, ["one", "two"], kill))
+    print(Pool(1).map(worker_tasks.same, ["one", "two"], kill))
 """
 
 
@@ -80,7 +80,7 @@ def test_pythons_own_helper_may_be_killed_without_a_word(tmp_path):
 def test_processes_are_replaced_without_waiting_for_ever(tmp_path, monkeypatch):
     monkeypatch.setattr(processes, "TASKS_PER_PROCESS", 2)
     paths = [tmp_path / str(number) for number in range(5)]
-    processes.Workers(1).run(worker_tasks.sign, paths, 0, 5, nothing)
+    processes.Pool(1).run(worker_tasks.sign, paths, 0, 5, nothing)
     signed = [path.read_text() for path in paths]
     assert sorted(Counter(signed).values()) == [1, 2, 2]
     assert str(os.getpid()) not in signed

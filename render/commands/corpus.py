@@ -1,0 +1,106 @@
+"""`lime-render OUT`: render one split of a corpus."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from lime_keras import console
+from lime_keras.data.corpus import Split
+
+from ..scene.quality import QUALITIES
+from . import options as shared
+
+INTERRUPTED = "the same command goes on with the shards that are missing"
+
+
+def add_options(out: argparse.ArgumentParser) -> None:
+    """Add the options for rendering."""
+    out.add_argument("out", type=Path, metavar="OUT", help="folder of the corpus")
+    contents = shared.add_contents(out, "examples")
+    contents.add_argument(
+        "--size", type=shared.size, default=256, help="height and width in pixels (default: 256)"
+    )
+    contents.add_argument(
+        "--materials",
+        choices=shared.MATERIALS,
+        default=shared.MATERIALS[0],
+        help="law of the materials: the paper's, or as common objects have them (default: uniform)",
+    )
+    contents.add_argument(
+        "--quality",
+        choices=tuple(QUALITIES),
+        default="fast",
+        help="reference converges, and takes many times as long (default: fast)",
+    )
+    contents.add_argument(
+        "--shading",
+        choices=("furnace", "literal"),
+        default="furnace",
+        help="normalise shading to the white furnace, or store Eqs. 2 and 3 as printed; a model "
+        "gives specular albedos in the unit of its corpus (default: furnace)",
+    )
+    shared.add_inputs(
+        out,
+        shapes="meshes (OBJ, PLY, STL, GLB) instead of the built-in shapes: 400 for training, 100 "
+        "for test",
+        environments="environment maps (HDR, EXR; equirectangular) instead of the built-in rooms: "
+        "40 for training, 12 for test",
+    )
+    speed = out.add_argument_group("speed")
+    machines = speed.add_mutually_exclusive_group()
+    shared.add_workers(machines)
+    machines.add_argument(
+        "--ray",
+        metavar="ADDRESS",
+        help="render on the Ray cluster at this address (HOST:PORT, or auto); its nodes must share "
+        "OUT and the input folders",
+    )
+    shared.add_shard_size(speed, "examples", " (default: a twentieth of the count, at most 512)")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Render the split and return the exit status."""
+    console.check_folder(options.out, "OUT")
+    console.require("lime-render", *console.EXTRAS["render"], "tensorflow")
+    from .. import cards
+    from ..corpus.description import Description
+    from ..corpus.split import held_variant, render_split
+    from ..mitsuba_setup import variants
+
+    choice = variants.choose()
+    if held_variant(Split(options.out, options.split)) == variants.SLOW:
+        # The split was begun without a libLLVM: its other shards need the same variant.
+        choice = variants.Choice(variants.SLOW, None)
+    print(choice.explain(), file=sys.stderr)
+    description = Description(
+        split=options.split,
+        count=options.count,
+        seed=options.seed,
+        size=options.size,
+        shard_size=options.shard_size or min(512, -(-options.count // 20)),
+        quality=options.quality,
+        shading=options.shading,
+        variant=choice.variant,
+        materials=options.materials,
+        **shared.folders(options),
+    )
+    with (
+        console.Bar("files", "file") as checked,
+        console.Bar("rooms", "room") as rooms,
+        console.Bar(options.split, "example") as rendered,
+    ):
+        manifest = render_split(
+            options.out,
+            description,
+            choice,
+            workers=options.workers,
+            ray=options.ray,
+            skip_unusable=options.unusable == "skip",
+            on_input=checked.move,
+            on_room=rooms.move,
+            on_example=rendered.move,
+        )
+    cards.write(options.out)
+    shared.tell(manifest, "example")
+    print(f"{manifest['examples']} examples in {options.out / options.split}")
+    return 0

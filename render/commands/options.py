@@ -1,0 +1,141 @@
+"""What the commands of `lime-render` share: options, kinds of numbers, and what is printed."""
+
+import argparse
+import os
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from lime_keras import console
+from lime_keras.data.corpus import SPLITS
+
+MATERIALS = ("uniform", "natural")  # `material_law.LAWS`, without NumPy
+GOES_ON = "the same command goes on with what is missing"
+"""The message after Ctrl-C of a command that can be resumed."""
+
+
+def add_command(
+    subparsers: Any,
+    name: str,
+    run: Callable[[argparse.Namespace], int],
+    description: str,
+    examples: str,
+    interrupted: str = "nothing of the corpus was changed",
+) -> argparse.ArgumentParser:
+    """Add a command and return its parser.
+
+    Args:
+        subparsers: what `ArgumentParser.add_subparsers` returns.
+        name: first argument of the command.
+        run: function that takes the options and returns the exit status.
+        description: what the command does, in a few sentences.
+        examples: indented lines of commands.
+        interrupted: message after Ctrl-C.
+    """
+    command = subparsers.add_parser(
+        name,
+        description=description,
+        epilog=f"examples:\n{examples}",
+        formatter_class=console.Help,
+    )
+    command.set_defaults(run=run, interrupted=interrupted)
+    return command
+
+
+def add_contents(out: argparse.ArgumentParser, unit: str) -> "argparse._ArgumentGroup":
+    """Add and return the group of options that say how much is drawn, from which seed."""
+    contents = out.add_argument_group("contents")
+    contents.add_argument("--split", choices=SPLITS, required=True, help="which half of the data")
+    contents.add_argument(
+        "--count", type=console.count, required=True, help=f"number of {unit} to render"
+    )
+    contents.add_argument("--seed", type=seed, default=0, help="of everything random (default: 0)")
+    return contents
+
+
+def add_inputs(out: argparse.ArgumentParser, *, shapes: str, environments: str) -> None:
+    """Add the folders that a corpus and a bank are made from; the texts say what they replace."""
+    given = out.add_argument_group(
+        "input",
+        "A fifth of the files of --shapes and --environments is kept for the test split. Folders "
+        "with subfolders train and test are split by these.",
+    )
+    given.add_argument("--shapes", type=Path, metavar="DIR", help=shapes)
+    given.add_argument("--environments", type=Path, metavar="DIR", help=environments)
+    given.add_argument(
+        "--backgrounds",
+        type=Path,
+        metavar="DIR",
+        help="pictures to put behind the objects instead of random textures",
+    )
+    given.add_argument(
+        "--unusable",
+        choices=("refuse", "skip"),
+        default="refuse",
+        help="what to do about files of these folders that cannot be used; each is named with the "
+        "reason (default: refuse to begin)",
+    )
+
+
+def add_workers(out: Any) -> None:
+    """Add the number of processes to a parser or a group."""
+    out.add_argument(
+        "--workers",
+        type=console.count,
+        default=os.cpu_count(),
+        help="processes (default: all cores)",
+    )
+
+
+def add_shard_size(out: Any, unit: str, default: str) -> None:
+    """Add the number of things in a file to a parser or a group."""
+    out.add_argument(
+        "--shard-size",
+        type=console.count,
+        metavar="N",
+        help=f"{unit} in a file{default}",
+    )
+
+
+def folders(options: argparse.Namespace) -> dict[str, str | None]:
+    """Return the user's folders by kind; None for a built-in kind."""
+    return {
+        name: str(folder.resolve()) if (folder := getattr(options, name)) else None
+        for name in ("shapes", "environments", "backgrounds")
+    }
+
+
+def tell(manifest: Mapping[str, Any], unit: str) -> None:
+    """Print what was repaired, skipped and replaced."""
+    for repair in manifest["repaired"]:
+        print(f"repaired: {repair}", file=sys.stderr)
+    for kind, skipped in manifest["skipped"].items():
+        for name, reason in skipped.items():
+            print(f"skipped: {kind}: {name}: {reason}", file=sys.stderr)
+    for failure in manifest["failures"]:
+        print(f"replaced: {unit} {failure['index']}: {failure['error']}", file=sys.stderr)
+
+
+def index(text: str) -> int:
+    """Return the number of an example, at least 0."""
+    value = int(text)
+    if value < 0:
+        raise argparse.ArgumentTypeError(f"{text} is not at least 0")
+    return value
+
+
+def seed(text: str) -> int:
+    """Return a seed, in 0 … 2^63 − 1."""
+    value = int(text)
+    if not 0 <= value < 2**63:
+        raise argparse.ArgumentTypeError(f"{text} is not in 0 … 2^63 − 1")
+    return value
+
+
+def size(text: str) -> int:
+    """Return a number of pixels, a multiple of 32."""
+    value = int(text)
+    if value < 32 or value % 32:
+        raise argparse.ArgumentTypeError(f"{text} is not a multiple of 32")
+    return value

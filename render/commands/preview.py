@@ -1,0 +1,61 @@
+"""`lime-render preview`: draw what a corpus or a bank holds."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from lime_keras import console
+
+from . import begun
+from . import options as shared
+
+
+def add(subparsers: Any) -> None:
+    """Add the command's parser."""
+    command = shared.add_command(
+        subparsers,
+        "preview",
+        run,
+        "Draw CORPUS/SPLIT/preview.png, a contact sheet, and histograms.png, what was sampled "
+        "beside what should have been. Of a bank, draw BANK/preview.png, 100 G-buffers with lights "
+        "and textures, and preview-lights.png, lights drawn from it.",
+        "  lime-render preview corpus\n  lime-render preview corpus --split test\n"
+        "  lime-render preview bank --out sheet.png",
+    )
+    begun.add_options(command)
+    command.add_argument(
+        "--out", type=Path, metavar="PNG", help="of a bank (default: BANK/preview.png)"
+    )
+
+
+def run(options: argparse.Namespace) -> int:
+    """Draw the pictures and return the exit status."""
+    if begun.is_bank(options):
+        return _bank(options.corpus, options.out or options.corpus / "preview.png")
+    if options.out:
+        raise ValueError(f"{options.corpus} is no bank: --out is for the preview of a bank")
+    console.import_tensorflow()
+    from ..inspect import preview
+
+    for split in begun.splits(options.corpus, options.split):
+        with console.Bar(f"preview {split.name}", "example") as bar:
+            paths = preview.preview(options.corpus, split.name, bar.move)
+        for path in paths:
+            print(path)
+    return 0
+
+
+def _bank(folder: Path, out: Path) -> int:
+    from lime_keras.io import atomic
+    from lime_keras.synthesis.lights import LightBank
+
+    from ..bank import light_histograms, preview
+
+    preview.preview(folder, out)
+    print(out)
+    histograms = out.with_name(f"{out.stem}-lights.png")
+    with console.Bar("lights", "light") as bar, atomic.replacing(histograms) as partial:
+        figure = light_histograms.light_histograms(LightBank(folder), bar.move)
+        figure.savefig(partial, format="png")
+    print(histograms)
+    return 0

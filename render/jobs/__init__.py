@@ -1,0 +1,1 @@
+"""What the jobs of rendering have in common: inputs, resumption, processes and clusters."""

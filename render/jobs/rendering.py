@@ -1,0 +1,123 @@
+"""The course of every job: its inputs are checked, its folder is claimed, what is missing is made.
+
+What is written depends on the job's description alone, not on the number of workers, nor on
+interruptions. What is finished is never made again.
+"""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
+
+from lime_keras.io import locking
+
+from . import cluster, inputs, resuming
+from .description import Job
+from .processes import Pool
+
+Tell = Callable[[int, int], None]
+"""A function that is called with (done, total) as work goes on."""
+_Job = TypeVar("_Job", bound=Job)
+
+
+def begin(
+    job: _Job, pool: Pool, *, skip_unusable: bool, tell: Tell
+) -> tuple[_Job, inputs.Findings]:
+    """Check a job's inputs before its folder is made, so that an unusable file leaves nothing.
+
+    Args:
+        job: the job.
+        pool: processes that read the files.
+        skip_unusable: whether unusable files are left out; else they are an error.
+        tell: called as files are checked.
+
+    Returns:
+        The job with its usable files, and the findings.
+
+    Raises:
+        ValueError: if the folder was begun with another description, or an input is unusable.
+    """
+    begun = resuming.held(job.description_path)
+    resuming.refuse_another(job.folder, job.kind, begun, job.recorded())
+    known = None if begun is None else inputs.read(job.inputs_path)
+    findings = _inspected(job, pool, known, tell)
+    if begun is None and not skip_unusable:
+        inputs.refuse(findings)
+    return dataclasses.replace(job, usable=inputs.usable(findings)), findings
+
+
+def complete(
+    job: Job,
+    findings: inputs.Findings,
+    pool: Pool,
+    render: Callable[[], dict[str, Any]],
+    tell: Tell,
+) -> dict[str, Any]:
+    """Claim a job's folder, render what is missing, and write the manifest.
+
+    Args:
+        job: the job, from `begin`.
+        findings: findings of its inputs, from `begin`.
+        pool: processes that read the files.
+        render: renders what is missing, and returns the manifest.
+        tell: called as files are checked once more.
+
+    Returns:
+        The manifest.
+
+    Raises:
+        ValueError: if an input has changed meanwhile.
+        RuntimeError: if another process renders into this folder.
+    """
+    with locking.lock_folder(job.folder, "lime-render is rendering"):
+        resuming.write_json(job.description_path, job.recorded())
+        inputs.write(job.inputs_path, findings)
+        manifest = render()
+        # A file that changed meanwhile may be in some shards only.
+        _inspected(job, pool, findings, tell)
+        resuming.write_json(job.manifest_path, manifest)
+    return manifest
+
+
+def render_shards(
+    job: Job, renderers: Pool | cluster.Cluster, task: Callable[[Any, int], None], tell: Tell
+) -> None:
+    """Render the missing shards by a task; what finished shards hold counts from the start."""
+    count, missing = job.description.count, job.missing()
+    done = count - sum(len(job.description.indices(shard)) for shard in missing)
+    tell(done, count)
+    if missing:
+        renderers.run(task, missing, done, count, tell)
+
+
+def sidecars(job: Job) -> list[dict[str, Any]]:
+    """Return the sidecars of all shards; ValueError is raised if one vouches for no shard."""
+    return [resuming.sidecar(job.shard_files(n)[-1]) for n in range(job.description.shards)]
+
+
+def packages(vouched: Sequence[dict[str, Any]]) -> dict[str, str]:
+    """Return the versions of packages that shards were rendered with, by name.
+
+    Shards may have different versions, if the software was changed in between.
+    """
+    return {
+        name: ", ".join(sorted({sidecar["packages"][name] for sidecar in vouched}))
+        for name in vouched[0]["packages"]
+    }
+
+
+def failures(vouched: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return what was replaced in all shards."""
+    return [failure for sidecar in vouched for failure in sidecar["failures"]]
+
+
+def of_inputs(findings: inputs.Findings) -> dict[str, Any]:
+    """Return what a manifest tells of the user's files."""
+    return {
+        "inputs": inputs.digests(findings),
+        "skipped": inputs.unusable(findings),
+        "repaired": inputs.repairs(findings),
+    }
+
+
+def _inspected(job: Job, pool: Pool, known: inputs.Findings | None, tell: Tell) -> inputs.Findings:
+    return inputs.inspect(job.files(), known, lambda task, items: pool.map(task, items, tell))
