@@ -70,7 +70,7 @@ def main() -> None:
     console.import_tensorflow()
     arguments.out.mkdir(parents=True, exist_ok=True)
     scenes = list(_scenes(arguments))
-    from lime_keras.synthesis.layers import COARSENESS
+    from lime_keras.synthesis.shading import COARSENESS
 
     rows: dict[tuple[float, bool], tuple[float, float, dict]] = {}
     for coarseness in COARSENESSES:
@@ -127,7 +127,7 @@ def _measured(scenes: list[Scene], coarseness: float, two: bool) -> tuple[float,
     import tensorflow as tf
 
     from lime_keras.synthesis.geometry import ONE_SURFACE, variance_of
-    from lime_keras.synthesis.layers import LEVEL_ROWS, layers, pieces, rows_for
+    from lime_keras.synthesis.shading import LEVEL_ROWS, layers, pieces, rows_for
 
     compiled = tf.function(layers, jit_compile=True, autograph=False)
     errors: dict = {}

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-Answer = Callable[[np.ndarray], Mapping[str, np.ndarray]]
+Predict = Callable[[np.ndarray], Mapping[str, np.ndarray]]
 """A loaded model: maps images `(B, S, S, 3)`, sRGB in [0, 1], to outputs by name.
 
 The outputs are those of `lime_keras.networks.assemble`.

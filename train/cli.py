@@ -68,6 +68,17 @@ def parser() -> argparse.ArgumentParser:
         epilog=_EXAMPLE,
         formatter_class=console.Help,
     )
+    _add_data(out)
+    _add_run(out)
+    _add_networks(out)
+    _add_schedule(out)
+    _add_speed(out)
+    out.add_argument("--version", action="version", version=__version__)
+    return out
+
+
+def _add_data(out: argparse.ArgumentParser) -> None:
+    """Add the options of the data, and how it is seen."""
     data = out.add_argument_group("input")
     data.add_argument(
         "paths",
@@ -90,6 +101,10 @@ def parser() -> argparse.ArgumentParser:
         help="laws of the albedos: `uniform`, the paper's; `natural`, as common objects have them; "
         "or both in turns (default: uniform). The held-out scenes of a corpus keep their own",
     )
+
+
+def _add_run(out: argparse.ArgumentParser) -> None:
+    """Add the options of the run's folder, and how it begins."""
     written = out.add_argument_group("output")
     written.add_argument("--out", type=Path, required=True, metavar="RUN", help="folder of the run")
     begun = written.add_mutually_exclusive_group(required=True)
@@ -104,6 +119,10 @@ def parser() -> argparse.ArgumentParser:
         action="store_true",
         help="go on with the run in RUN. An option that differs from its own is refused",
     )
+
+
+def _add_networks(out: argparse.ArgumentParser) -> None:
+    """Add the options of the sizes and parts of the networks."""
     networks = out.add_argument_group("networks")
     networks.add_argument(
         "--size",
@@ -139,6 +158,10 @@ def parser() -> argparse.ArgumentParser:
         help="in place of LIME, estimate a reflectance map and read the material from it. Stages: "
         "segmentation, reflectance_map, material, reflectance_map+material",
     )
+
+
+def _add_schedule(out: argparse.ArgumentParser) -> None:
+    """Add the options of the stages, their lengths and initial weights."""
     schedule = out.add_argument_group("schedule")
     length = schedule.add_mutually_exclusive_group()
     length.add_argument(
@@ -193,6 +216,10 @@ def parser() -> argparse.ArgumentParser:
         help="copy finished stages of another run where they are the same, as for ablations",
     )
     schedule.add_argument("--seed", type=int, help="of weights, order and photos (default: 0)")
+
+
+def _add_speed(out: argparse.ArgumentParser) -> None:
+    """Add the options of precision, devices and processes."""
     speed = out.add_argument_group("speed")
     speed.add_argument(
         "--precision",
@@ -219,8 +246,6 @@ def parser() -> argparse.ArgumentParser:
         metavar="HOST:PORT",
         help="address of process 0 with a free port there, the same for all processes",
     )
-    out.add_argument("--version", action="version", version=__version__)
-    return out
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -80,7 +80,7 @@ class Board:
     def close(self) -> None:
         """Finish the event file."""
         if self._writer is not None:
-            with atomic.naming(self._path):
+            with atomic.naming_writer(self._path):
                 self._writer.close()
 
     def _add(self, step: int, summary: Any) -> None:
@@ -90,7 +90,7 @@ class Board:
         self._put(event)
 
     def _put(self, event: Any) -> None:
-        with atomic.naming(self._path):
+        with atomic.naming_writer(self._path):
             self._writer.write(event.SerializeToString())
             self._writer.flush()
 

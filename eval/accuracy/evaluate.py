@@ -19,7 +19,7 @@ from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
 from lime_keras import metrics
-from lime_keras.arrays import Answer
+from lime_keras.arrays import Predict
 from lime_keras.data import pipeline, records
 from lime_keras.data.corpus import Split
 from lime_keras.material import BlinnPhong
@@ -86,7 +86,7 @@ def evaluate(
     *,
     batch_size: int = _AT_ONCE,
     camera: bool = False,
-    answer: Answer | None = None,
+    answer: Predict | None = None,
 ) -> Evaluation:
     """Measure a trained system on a corpus' test split, with progress on standard error.
 

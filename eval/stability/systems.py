@@ -11,7 +11,7 @@ import keras
 import numpy as np
 import tensorflow as tf
 
-from lime_keras.arrays import Answer
+from lime_keras.arrays import Predict
 from lime_keras.estimate.estimator import Estimator
 from lime_keras.export import exporter, formats
 from lime_keras.networks import Architecture, assemble, build, weights
@@ -168,7 +168,7 @@ class TrialSystem:
         return tf.function(lambda batch: network(batch, training=False), jit_compile=True)
 
     @functools.cache  # noqa: B019 - as above
-    def _exported(self, model_format: str) -> Answer:
+    def _exported(self, model_format: str) -> Predict:
         """Export the model to a format, load it, and return the function that runs it."""
         exporter.export(self._scratch, model_format, self.folder)
         path = exporter.target(self._scratch, model_format)

@@ -11,7 +11,7 @@ import keras
 import numpy as np
 import onnx.utils
 
-from lime_keras.arrays import Answer
+from lime_keras.arrays import Predict
 from lime_keras.export import formats, quantisation
 from lime_keras.io import model_folder
 from lime_keras.networks import answers, assemble, weights
@@ -122,7 +122,7 @@ class Run:
             lambda path: formats.write_onnx(self._subnetworks[name], path),
         )
 
-    def answer(self, runtime: str, precision: str) -> Answer:
+    def answer(self, runtime: str, precision: str) -> Predict:
         """Load the model into this process; return the function that runs it on images."""
         return runtimes.open_answer(runtime, self.path(runtime, precision), precision)
 
@@ -230,7 +230,7 @@ class Run:
         }
 
 
-def _answers(answer: Answer, images: np.ndarray) -> dict[str, np.ndarray]:
+def _answers(answer: Predict, images: np.ndarray) -> dict[str, np.ndarray]:
     """Compute the outputs for images one at a time, so that memory stays that of one image."""
     each = [answer(image[None]) for image in images]
     return {name: np.concatenate([one[name] for one in each]) for name in each[0]}

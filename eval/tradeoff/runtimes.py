@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lime_keras.arrays import Answer
+from lime_keras.arrays import Predict
 
 if TYPE_CHECKING:
     import onnxruntime
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 KERAS, SAVED_MODEL, ONNX = "Keras", "SavedModel", "ONNX Runtime"
 
 
-def open_answer(runtime: str, path: Path, precision: str, threads: int | None = None) -> Answer:
+def open_answer(runtime: str, path: Path, precision: str, threads: int | None = None) -> Predict:
     """Load a model, and return the function from images to the outputs of the assembled system.
 
     Args:
@@ -64,7 +64,7 @@ def session(path: Path, threads: int | None = None) -> "onnxruntime.InferenceSes
     return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
 
 
-def _keras(folder: Path, precision: str) -> Answer:
+def _keras(folder: Path, precision: str) -> Predict:
     from lime_keras.networks import assemble, weights
     from lime_keras.networks.precision import computing_in
 
@@ -73,7 +73,7 @@ def _keras(folder: Path, precision: str) -> Answer:
     return assemble(subnetworks).predict_on_batch
 
 
-def _saved_model(path: Path) -> Answer:
+def _saved_model(path: Path) -> Predict:
     import tensorflow as tf
 
     # The signature alone does not keep the loaded model and its variables in memory.
@@ -86,7 +86,7 @@ def _saved_model(path: Path) -> Answer:
     return answer
 
 
-def _onnx(path: Path, threads: int | None) -> Answer:
+def _onnx(path: Path, threads: int | None) -> Predict:
     opened = session(path, threads)
     names = [output.name for output in opened.get_outputs()]
 

@@ -183,7 +183,7 @@ def _estimate(options: argparse.Namespace) -> int:
     try:
         if photos:
             estimator = _estimator(options, options.only)
-            with atomic.naming(options.out):
+            with atomic.naming_writer(options.out):
                 options.out.mkdir(parents=True, exist_ok=True)
             batch = Batch(
                 estimator,

@@ -22,7 +22,7 @@ from lime_keras.data import records
 from lime_keras.data.camera import SCENE, photograph
 from lime_keras.data.corpus import Split
 from lime_keras.data.features import LEARNT_FROM
-from lime_keras.data.flip import flip
+from lime_keras.data.mirrored import flip
 from lime_keras.data.recomposition import recompose
 from lime_keras.data.repaint import repaint
 from lime_keras.optics import colour, material_law, shininess
@@ -127,7 +127,7 @@ def training(
         first_step: number of batches to skip, to resume training. The pipeline reads nothing of
             whole epochs that it skips, and decodes no example that it skips.
         camera: whether to take a new photo of a scene each time (`camera.photograph`).
-        flips: whether to flip a scene with probability one half each time (`flip.flip`).
+        flips: whether to flip a scene with probability one half each time (`mirrored.flip`).
         repaints: whether to draw new albedos for a scene each time (`repaint.repaint`).
         materials: laws that the new albedos follow, of `material_law.LAWS`.
         features: names of the features in a batch; others are decoded only if these need them.

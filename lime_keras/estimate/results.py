@@ -97,7 +97,7 @@ class Results:
         """
         target = self.json(name)
         partial = target.with_name(f"partial-{target.stem}")
-        with atomic.naming(target):
+        with atomic.naming_writer(target):
             atomic.remove(partial)
             partial.mkdir(parents=True)
         try:
@@ -107,7 +107,7 @@ class Results:
             numbers = json.loads((partial / target.name).read_text(encoding="utf-8"))
             result_json.write(partial / target.name, numbers, made, files)
             # The numbers come last: with them, the result counts as complete.
-            with atomic.naming(target):
+            with atomic.naming_writer(target):
                 for file in sorted(files, key=target.name.__eq__):
                     os.replace(partial / file, target.with_name(file))
         except OSError as error:

@@ -8,7 +8,7 @@ from pathlib import Path
 import keras
 import numpy as np
 
-from lime_keras.arrays import Answer
+from lime_keras.arrays import Predict
 from lime_keras.data import pipeline, samples
 from lime_keras.data.corpus import Split
 from lime_keras.export import formats, graphs, model_card, parity, quantisation
@@ -144,7 +144,7 @@ def _check(
         raise ValueError(f"{model_format} are of a whole model: leave out what is to be answered")
 
 
-def _joined(folder: Path) -> Answer:
+def _joined(folder: Path) -> Predict:
     """Return the answer of a folder of graphs."""
     description = graph_folder.read(folder)
     if description is None:
@@ -179,7 +179,7 @@ def _write_onnx(network: keras.Model, path: Path, precision: str, corpus: Path |
 
 def _check_parity(
     network: keras.Model,
-    signatures: Mapping[str, Answer],
+    signatures: Mapping[str, Predict],
     images: Mapping[str, np.ndarray],
     precision: str,
 ) -> dict[str, dict[str, float]]:

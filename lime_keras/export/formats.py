@@ -12,7 +12,7 @@ import onnx
 import onnxruntime
 import tensorflow as tf
 
-from lime_keras.arrays import Answer
+from lime_keras.arrays import Predict
 
 SERVED = "serving_default"
 """Name of the signature with every output; each output also has a signature with its own name."""
@@ -42,12 +42,12 @@ def describe_saved_model(path: Path, card: Mapping[str, Any]) -> None:
     (path / _CARD).write_text(json.dumps(card, indent=2) + "\n", encoding="utf-8")
 
 
-def open_saved_model(path: Path) -> dict[str, Answer]:
+def open_saved_model(path: Path) -> dict[str, Predict]:
     """Load a SavedModel folder and return its signatures by name."""
     # The signatures alone do not keep the loaded model, and its variables, alive.
     loaded = tf.saved_model.load(str(path))
 
-    def opened(name: str) -> Answer:
+    def opened(name: str) -> Predict:
         def answer(images: np.ndarray) -> dict[str, np.ndarray]:
             found = loaded.signatures[name](image=tf.constant(images))
             return {output: value.numpy() for output, value in found.items()}
@@ -87,7 +87,7 @@ def describe_onnx(path: Path, card: Mapping[str, Any]) -> None:
     onnx.save(model, path)
 
 
-def open_onnx(path: Path) -> Answer:
+def open_onnx(path: Path) -> Predict:
     """Load an ONNX model with ONNX Runtime on the processor."""
     session = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
     names = [output.name for output in session.get_outputs()]

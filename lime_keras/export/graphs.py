@@ -85,6 +85,7 @@ def _settle(model: onnx.ModelProto) -> None:
     A node comes after those that it reads, in the order in which the outputs ask for them; names
     count in this order. Of equal constants one is kept, and of what nothing reads none.
     """
+    # Visit: what the outputs ask for, in order.
     graph = model.graph
     made_by = {output: node for node in graph.node for output in node.output}
     constants = {constant.name: constant for constant in graph.initializer}
@@ -107,6 +108,7 @@ def _settle(model: onnx.ModelProto) -> None:
 
     for output in sorted(tensor.name for tensor in graph.output):
         visit(output)
+    # Rebuild: kept nodes and constants by their new names.
     settled = onnx.GraphProto(
         name=graph.name, node=nodes.values(), input=graph.input, output=graph.output
     )

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 import tensorflow as tf
 
-from lime_keras.arrays import Answer
+from lime_keras.arrays import Predict
 from lime_keras.export.quantisation import harm
 
 TOLERANCE = 1e-3
@@ -53,7 +53,7 @@ def _ball(size: int, exponent: float) -> np.ndarray:
     return np.clip(np.where(z[..., None] > 0, ball, stripes), 0, 1).astype(np.float32)
 
 
-def answers(answer: Answer, images: np.ndarray) -> dict[str, np.ndarray]:
+def answers(answer: Predict, images: np.ndarray) -> dict[str, np.ndarray]:
     """Return a model's outputs for all images: for the first alone, then in batches of several."""
     found = [answer(batch) for batch in np.split(images, range(1, len(images), _BATCH))]
     return {name: np.concatenate([np.array(one[name]) for one in found]) for name in found[0]}

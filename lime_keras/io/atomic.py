@@ -63,7 +63,7 @@ def replacing(path: Path, *, shared: bool = False) -> Iterator[Path]:
 
 
 @contextlib.contextmanager
-def naming(path: Path) -> Iterator[None]:
+def naming_writer(path: Path) -> Iterator[None]:
     """Name the file in the errors of a block that writes to it, for files that grow in place.
 
     Raises:

@@ -1,7 +1,7 @@
 """Behind the object: backgrounds cut from textures, the surroundings out of focus, and distractors.
 
 Batches of scenes in `keras.ops`, on the device that trains. All that is random comes as the draws
-of `drawing.draw`, each with a leading axis of B; so each background follows from its own draws.
+of `scene_draws.draw`, each with a leading axis of B; so each background follows from its own draws.
 """
 
 import functools
@@ -39,7 +39,7 @@ def background(
         rotation: rotations `(B, 3, 3)` from the map's frame to camera space.
         camera: fx, fy, cx, cy in pixels, `(B, 4)`.
         size: S, height and width in pixels, at most T.
-        draws: the background's draws (`drawing.draw`).
+        draws: the background's draws (`scene_draws.draw`).
     """
     first, second = _cropped(textures, size, draws)
     rooms = _surroundings(radiance, rotation, camera, size, draws["sharpness"])
@@ -135,7 +135,7 @@ def compose(
         radiance: linear radiance of the objects, Eq. 4, `(B, S, S, 3)`, at least 0 and finite.
         coverage: share of each pixel that the object covers, `(B, S, S, 1)` in [0, 1].
         behind: the backgrounds, linear radiance `(B, S, S, 3)`.
-        draws: the distractors' draws (`drawing.draw`); by default no scene is accompanied.
+        draws: the distractors' draws (`scene_draws.draw`); by default no scene is accompanied.
 
     Raises:
         ValueError: if there are draws, and B is odd.

@@ -109,6 +109,7 @@ def decode(data: bytes, size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, 
         raw = np.frombuffer(zlib.decompress(data, -15), np.uint8)
     except zlib.error as error:
         raise ValueError(f"the bytes cannot be decompressed ({error})") from error
+    # Split the bytes: one part after another, each as long as what is covered.
     start = -(-pixels // 8)
     covered = np.flatnonzero(np.unpackbits(raw[:start]))
     count = len(covered)
@@ -122,9 +123,11 @@ def decode(data: bytes, size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, 
     large = np.flatnonzero(small == _LARGE)
     if len(raw) != end + 2 * len(large) or (count and covered[-1] >= pixels):
         raise ValueError(f"the bytes are no G-buffer of {size}×{size} pixels")
+    # Undo the prediction of normals.
     folded = small.astype(np.uint16)
     folded[large] = raw[end:].view("<u2")
     residual = ((folded >> 1) ^ -(folded & 1)).astype(np.int16).astype(np.uint32)
+    # Spread everything over the image.
     coverage, share = np.zeros(pixels, np.uint8), np.full(pixels, ONE_SURFACE, np.uint8)
     coverage[covered], share[covered] = coverage_there, share_there
     spread = np.zeros((2, pixels), np.uint8)

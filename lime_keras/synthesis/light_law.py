@@ -239,6 +239,7 @@ def _lamps(
 ) -> np.ndarray:
     """Return the lamps of a batch, `(B, LAMPS, 15)` float32, whose powers add up to `share`."""
     kind, size, ratio, height, turn, roll, power, rounding, soft, side, *window_numbers = numbers
+    # Shape: kind, size and edge of each lamp.
     kind = _chosen(kind, _KINDS_OF[setting][:, None])
     small, large, low, high, thin, thick, round_share, soft_edge, bar_share = np.moveaxis(
         _KINDS[kind], -1, 0
@@ -252,6 +253,7 @@ def _lamps(
     # A window lies or stands; anything else may hang at any angle.
     roll = np.where(window, np.where(roll < 0.5, 0.0, math.pi / 2), roll * math.pi)
 
+    # Power, the lamps behind limited to a rim.
     present = np.arange(LAMPS) < count[:, None]
     power = _divided(power, present)
     behind = (side < _BEHIND) & (np.arange(LAMPS) > 0)
@@ -263,7 +265,7 @@ def _lamps(
     total = np.sum(power, axis=1, keepdims=True)
     power *= share[:, None] / np.where(total > 0, total, 1.0)
 
-    # Uniform over the sphere's zone.
+    # Place: uniform over the zone of the sphere.
     low, high = np.sin(np.radians(low)), np.sin(np.radians(high))
     up = low + height * (high - low)
     polar = np.arccos(up)
@@ -275,11 +277,13 @@ def _lamps(
     upright = np.stack([-up * side_on, around, -up * ahead], axis=-1)
     across = np.cos(roll)[..., None] * level + np.sin(roll)[..., None] * upright
 
+    # Bars of windows.
     barred, many, thickness = window_numbers
     bar = half * (_BARS[0] + thickness * (_BARS[1] - _BARS[0]))
     bar = np.where(barred < bar_share, bar, _NO_BARS)
     # One bar in the middle, or two, each way.
     two = np.stack([many < 0.5, many % 0.5 < 0.25], axis=-1)
+    # Put together.
     lamps = np.zeros((*kind.shape, 15), np.float32)
     halves = np.stack([half, width], axis=-1)
     for name, values in {

@@ -1,7 +1,7 @@
 """Photos of composed scenes, as `lime_keras.data.camera` takes them of stored ones.
 
 Batches of scenes in `keras.ops`, on the device that trains. What is random was drawn before
-(`drawing.draw`), so each photo follows from its own scene's draws.
+(`scene_draws.draw`), so each photo follows from its own scene's draws.
 """
 
 import math
@@ -25,8 +25,8 @@ def photograph(
             `(B, S, S, 3)` float32; from `backdrop.compose`. S is a multiple of 16 if there are
             draws.
         scene: features of the batch, as in `lime_keras.data.pipeline`.
-        draws: draws of the camera, of `drawing.draw`, each with a leading axis of B; by default the
-            camera only clips and rounds, as in the records of a corpus.
+        draws: draws of the camera, of `scene_draws.draw`, each with a leading axis of B; by default
+            the camera only clips and rounds, as in the records of a corpus.
 
     Returns:
         The scene with `image`, sRGB in multiples of 1/255, and `clipped`, 1 where the light,

@@ -1,7 +1,7 @@
 """Scenes of a bank: drawn on the host, lit, composed and photographed on the device that trains.
 
 A scene is a G-buffer of the bank in the light of `light_law`, with a material, a background and a
-camera of `drawing`. It follows from the bank, a seed and its position alone.
+camera of `scene_draws`. It follows from the bank, a seed and its position alone.
 """
 
 import zlib
@@ -16,14 +16,14 @@ from lime_keras.arrays import compiled
 from lime_keras.optics import environment, material_law, octahedral, shininess
 from lime_keras.optics.compositing import compose
 
-from . import backdrop, bank, drawing, light_law, panorama
+from . import backdrop, bank, light_law, panorama, scene_draws
 from .geometry import GeometryBank, variance_of
-from .layers import layers, pieces
 from .lights import LightBank
 from .mixing import mixed
 from .photograph import photograph
 from .reduction import reduced
-from .turning import turned
+from .shading import layers, pieces
+from .symmetries import turned
 
 _HELD_OUT = 10
 """One of so many shapes and maps is held out from training."""
@@ -103,9 +103,9 @@ class Scenes:
         light = light_law.draw(generators, self._lights, self._maps)
         side = self._geometry.size
         drawn = [
-            drawing.draw(rng, side, self._textures.shape, self._materials) for rng in generators
+            scene_draws.draw(rng, side, self._textures.shape, self._materials) for rng in generators
         ]
-        draws: dict[str, Any] = drawing.batched(drawn)
+        draws: dict[str, Any] = scene_draws.batched(drawn)
         gbuffer = turned(self._geometry.read(entries), draws.pop("turn"))
         coverage, share = gbuffer["coverage"], gbuffer["share"]
         there = np.stack([coverage > 0, (coverage > 0) & (share < _COVERED)], axis=1)
@@ -143,8 +143,10 @@ class Scenes:
 
     def _made(self, maps: Any, textures: Any, given: Mapping[str, Any]) -> dict[str, Any]:
         draws, light, gbuffer = given["draws"], given["light"], given["gbuffer"]
+        # Decode.
         normal = octahedral.decode(gbuffer["normal"])
         variance = ops.take(variance_of(np.arange(16)), ops.cast(gbuffer["spread"], "int32"))
+        # Light.
         radiance = mixed(maps, light)
         camera, rotation = gbuffer["camera"], light.rotation
         coverage = ops.cast(gbuffer["coverage"], "float32")[..., None] / _COVERED
@@ -152,6 +154,7 @@ class Scenes:
         diffuse, specular, mirror = layers(
             normal, variance, share, camera, radiance, rotation, draws["shininess"], given["work"]
         )
+        # Compose before the background.
         composed = compose(
             draws["diffuse_albedo"], draws["specular_albedo"], draws["ambient"], diffuse, specular
         )
@@ -173,6 +176,7 @@ class Scenes:
             scene["normal"] = normal[:, 0] * ops.cast(coverage > 0, "float32")
         if "environment" in self._features:
             scene["environment"] = _in_camera_space(radiance, rotation)
+        # Photograph.
         taken = photograph(image, scene, draws if self._camera else None)
         wanted = self._features | {"mask"}
         return reduced({name: value for name, value in taken.items() if name in wanted}, self._size)

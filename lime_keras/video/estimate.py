@@ -194,19 +194,19 @@ class _Table:
 
     def __init__(self, path: Path):
         self._path = path
-        with atomic.naming(path):
+        with atomic.naming_writer(path):
             self._file = path.open("w", newline="", buffering=1, encoding="utf-8")
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        with atomic.naming(self._path):
+        with atomic.naming_writer(self._path):
             self._file.close()
 
     def write(self, cells: Iterable[str]) -> None:
         """Append a row."""
-        with atomic.naming(self._path):
+        with atomic.naming_writer(self._path):
             csv.writer(self._file).writerow(cells)
 
 

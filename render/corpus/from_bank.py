@@ -76,12 +76,9 @@ def make_split(
     split = Split(out, "train")
     begun = resuming.held(split.description_path)
     resuming.refuse_another(split.folder, "split", begun, description)
+    features = {*records.FEATURES}
     scenes = Scenes(
-        folder,
-        size=held["size"],
-        camera=False,
-        features={*records.FEATURES},
-        materials=(materials,),
+        folder, size=held["size"], camera=False, features=features, materials=(materials,)
     )
     # Make what is missing.
     with locking.lock_folder(split.folder, "lime-render is rendering"):
@@ -94,25 +91,30 @@ def make_split(
             if not split.sidecar_path(shard).is_file():
                 examples = _examples(scenes, seed, indices, tell, count)
                 shards.write(split, shard, examples, _PACKAGES)
-        # Record that all is there.
-        paths = map(split.sidecar_path, range(-(-count // shard_size)))
-        digests = [resuming.sidecar(path)["sha256"] for path in paths]
-        manifest = {
-            "packages": nodes.versions(_PACKAGES),
-            "description": description,
-            "shards": len(digests),
-            "examples": count,
-            "sha256": digests,
-            "failures": [],
-            "shapes": scenes.shapes,
-            "lights": scenes.lights,
-            "inputs": {},
-            "skipped": {},
-            "repaired": [],
-        }
+        manifest = _manifest(split, description, scenes)
         resuming.write_json(split.manifest_path, manifest)
     tell(count, count)
     return manifest
+
+
+def _manifest(split: Split, description: dict[str, Any], scenes: Scenes) -> dict[str, Any]:
+    """Return the manifest of a complete split, put together from the sidecars of its shards."""
+    count = description["count"]
+    paths = map(split.sidecar_path, range(-(-count // description["shard_size"])))
+    digests = [resuming.sidecar(path)["sha256"] for path in paths]
+    return {
+        "packages": nodes.versions(_PACKAGES),
+        "description": description,
+        "shards": len(digests),
+        "examples": count,
+        "sha256": digests,
+        "failures": [],
+        "shapes": scenes.shapes,
+        "lights": scenes.lights,
+        "inputs": {},
+        "skipped": {},
+        "repaired": [],
+    }
 
 
 def _examples(

@@ -55,6 +55,7 @@ def read(path: str | Path) -> tuple[np.ndarray, tuple[str, ...]]:
 
 
 def _read(path: Path) -> tuple[np.ndarray, tuple[str, ...]]:
+    # Open: kind, size and layout of the file.
     image = oiio.ImageBuf(str(path))
     if image.has_error:
         raise _unreadable(path, image)
@@ -78,6 +79,7 @@ def _read(path: Path) -> tuple[np.ndarray, tuple[str, ...]]:
             f"{path}: is {width}x{height}, expected twice as wide as high; "
             f"convert it to an equirectangular panorama of the whole sphere."
         )
+    # Repair: what is not a number of light takes the largest that is.
     largest, broken = 0.0, 0
     for texels in _bands(image, channels, path):
         sound = np.isfinite(texels) & (texels >= 0)
@@ -89,6 +91,7 @@ def _read(path: Path) -> tuple[np.ndarray, tuple[str, ...]]:
     )
     if not radiance.any():
         raise ValueError(f"{path}: is black everywhere, expected some light; use another map.")
+    # Note what was left out.
     notes = []
     if broken:
         notes.append(f"repaired {broken} texels that were negative or not finite")

@@ -6,17 +6,20 @@ from scipy import ndimage
 
 from lime_keras.optics import colour, environment
 from lime_keras.optics.shading import view_directions
-from lime_keras.synthesis import backdrop, drawing, panorama
+from lime_keras.synthesis import backdrop, panorama, scene_draws
 
 SIZE = 32
 TEXTURES = np.random.default_rng(9).integers(0, 256, (5, 40, 40, 3), dtype=np.uint8)
 
 
 def draws(count=4, seed=0, **changes):
-    plain = {"blend": np.full((drawing.LATTICE,) * 2, -1e3), "tint": np.ones((2, 3))}
+    plain = {"blend": np.full((scene_draws.LATTICE,) * 2, -1e3), "tint": np.ones((2, 3))}
     plain |= {"surrounded": 0, "accompanied": 1} | changes
-    drawn = drawing.batched(
-        [drawing.draw(np.random.default_rng([seed, k]), SIZE, TEXTURES.shape) for k in range(count)]
+    drawn = scene_draws.batched(
+        [
+            scene_draws.draw(np.random.default_rng([seed, k]), SIZE, TEXTURES.shape)
+            for k in range(count)
+        ]
     )
     for name, value in plain.items():
         drawn[name] = np.broadcast_to(value, drawn[name].shape).astype(drawn[name].dtype)
@@ -71,7 +74,7 @@ def test_a_field_blends_two_textures_smoothly():
     drawn = draws(1)
     first, second = (colour.srgb_to_linear(crop(drawn, 0, part) / 255) for part in (0, 1))
     np.testing.assert_allclose(backgrounds(draws(1, blend=1e3))[0], second, rtol=1e-5, atol=1e-7)
-    halves = np.repeat([-20.0, 20.0], drawing.LATTICE // 2)
+    halves = np.repeat([-20.0, 20.0], scene_draws.LATTICE // 2)
     found = backgrounds(draws(1, blend=halves))[0]
     np.testing.assert_allclose(found[:, :10], first[:, :10], atol=1e-3)
     np.testing.assert_allclose(found[:, -10:], second[:, -10:], atol=1e-3)
@@ -102,7 +105,7 @@ def test_surroundings_are_what_the_cameras_rays_see(rows, sharpness):
 
 
 def test_huge_surroundings_are_white_beside_a_texture():
-    drawn = draws(1, surrounded=1, blend=np.repeat([-40.0, 40.0], drawing.LATTICE // 2))
+    drawn = draws(1, surrounded=1, blend=np.repeat([-40.0, 40.0], scene_draws.LATTICE // 2))
     found = backgrounds(drawn, np.full((1, 16, 32), 1e30, np.float32))[0]
     np.testing.assert_array_equal(found[:, :8], 1)
     second = colour.srgb_to_linear(crop(drawn, 0, 1) / 255)

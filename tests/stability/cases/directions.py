@@ -9,8 +9,8 @@ import numpy as np
 from lime_keras.eval.stability.precisions import NUMPY_SINGLE, SINGLE, Precision
 from lime_keras.eval.stability.verdicts import Case, Compared, Outcome, refusal
 from lime_keras.optics import octahedral
-from lime_keras.synthesis import turning
-from lime_keras.synthesis.turning import SYMMETRIES
+from lime_keras.synthesis import symmetries
+from lime_keras.synthesis.symmetries import SYMMETRIES
 
 from ..lights import unit
 
@@ -96,7 +96,7 @@ def _gbuffer() -> dict[str, np.ndarray]:
 def _turned(which: int) -> Outcome:
     """Try one symmetry: pixels, the x and y of normals, and the camera must move together."""
     given = _gbuffer()
-    found = turning.turned(given, np.array([which]))
+    found = symmetries.turned(given, np.array([which]))
     normal = np.asarray(octahedral.decode(given["normal"][0]), np.float64)
     coverage = given["coverage"][0]
     fx, fy, cx, cy = given["camera"][0]
@@ -121,8 +121,8 @@ def _back(which: int) -> Outcome:
     """Try a symmetry and its inverse: quarter turns are each other's, the rest their own."""
     given = _gbuffer()
     inverse = {5: 6, 6: 5}.get(which, which)
-    there = turning.turned(given, np.array([which]))
-    found = turning.turned(there, np.array([inverse]))
+    there = symmetries.turned(given, np.array([which]))
+    found = symmetries.turned(there, np.array([inverse]))
     names = ("coverage", "normal", "camera")
     answers, right = (
         np.concatenate([np.asarray(part[name], np.float64).ravel() for name in names])

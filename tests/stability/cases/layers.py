@@ -14,7 +14,7 @@ import tensorflow as tf
 from lime_keras.eval.stability.precisions import ROUNDINGS, SINGLE, XLA, Precision
 from lime_keras.eval.stability.verdicts import Case, Compared, Outcome
 from lime_keras.optics import environment, shading
-from lime_keras.synthesis import layers
+from lime_keras.synthesis import shading as synthesis_shading
 
 from ..lights import unit
 from .shading import slow_specular
@@ -109,12 +109,12 @@ def _found(precision: Precision) -> dict[tuple[str, str], np.ndarray]:
         np.asarray([_lights()[light] for light, _ in names], np.float32),
         np.tile(np.eye(3, dtype=np.float32), (count, 1, 1)),
         exponent,
-        *layers.pieces(there, exponent),
+        *synthesis_shading.pieces(there, exponent),
     )
 
     def lit(*given: Any) -> Any:
-        arguments = [*given[:7], layers.Pieces(*given[7:])]
-        return layers.layers(*arguments)
+        arguments = [*given[:7], synthesis_shading.Pieces(*given[7:])]
+        return synthesis_shading.layers(*arguments)
 
     run = tf.function(lit, jit_compile=True) if precision.compiled else lit
     images = np.asarray([np.asarray(image) for image in run(*map(tf.constant, arrays))], np.float64)

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from lime_keras.optics import environment, shading
-from lime_keras.synthesis import layers as synthesis_layers
-from lime_keras.synthesis.layers import LEVEL_ROWS, PIECE, layers, pieces, rows_for
+from lime_keras.synthesis import shading as synthesis_shading
+from lime_keras.synthesis.shading import LEVEL_ROWS, PIECE, layers, pieces, rows_for
 
 SIZE = 16
 ROWS = 128
@@ -203,4 +203,4 @@ def test_levels_are_finer_for_sharper_lobes():
     assert levels[0] == 0 and levels[-1] == len(LEVEL_ROWS) - 1
     extents = np.pi / np.array(LEVEL_ROWS)[levels[:5]]
     assert (extents**2 * (np.array([0.0, 10.0, 100.0, 300.0, 1000.0]) + 2) <= 4.001).all()
-    assert synthesis_layers.COARSENESS == 4.0
+    assert synthesis_shading.COARSENESS == 4.0

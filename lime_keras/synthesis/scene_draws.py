@@ -11,7 +11,7 @@ import numpy as np
 
 from lime_keras.optics import camera_law
 from lime_keras.optics.material_law import UNIFORM, sample_material
-from lime_keras.synthesis.turning import SYMMETRIES
+from lime_keras.synthesis.symmetries import SYMMETRIES
 
 BLENDED = 0.4
 """Share of the backgrounds that blend two textures (or a texture and the surroundings)."""
@@ -53,7 +53,7 @@ def draw(
 
         - the material (`optics.material_law`): `diffuse_albedo` `(3,)`, `specular_albedo`,
           `shininess`, `ambient`;
-        - `turn` int32, 0 … 7, the symmetry of the G-buffer (`turning.turned`);
+        - `turn` int32, 0 … 7, the symmetry of the G-buffer (`symmetries.turned`);
         - the background (`backdrop.background`): `texture` `(2,)` int32; `corner` `(2, 2)` int32,
           row and column of each crop; `texture_turn` `(2,)` int32, 0 … 7; `blend`
           `(LATTICE, LATTICE)`; `tint` `(2, 3)`, linear gains; `surrounded`, 0 or 1; `sharpness`,
@@ -73,10 +73,12 @@ def draw(
             f"backgrounds of {size}×{size} pixels cannot be cut from {count} textures of "
             f"{side}×{side}: render the bank with textures at least as large as its images"
         )
+    # Material.
     law = materials[rng.integers(len(materials))] if len(materials) > 1 else materials[0]
     material = sample_material(rng, law)
     uniform = rng.random(_UNIFORM)
     share = uniform.tolist()
+    # Background.
     surrounded = share[0] < SURROUNDED
     gain, deviation = (_ROOM_GAIN, _ROOM_TINT) if surrounded else (_GAIN, _TINT)
     stops = np.array([[_between(gain, share[1])], [_between(_GAIN, share[2])]])
@@ -86,6 +88,7 @@ def draw(
         blend = rng.normal(0.0, math.exp(low + (high - low) * share[4]), (LATTICE, LATTICE))
     else:
         blend = np.full((LATTICE, LATTICE), _ALL_FIRST)
+    # Distractor and camera.
     reach = size // 2
     rows = -(-size * size * 3 // camera_law.GRAIN_LENGTH)
     return {

@@ -6,7 +6,7 @@ from scipy import stats
 
 from lime_keras.optics import camera_law
 from lime_keras.optics.material_law import sample_material
-from lime_keras.synthesis import drawing
+from lime_keras.synthesis import scene_draws
 
 PLAUSIBLE = 1e-3  # p-value, at fixed seeds
 SIZE, TEXTURES = 32, (7, 40, 40, 3)
@@ -15,7 +15,7 @@ SIZE, TEXTURES = 32, (7, 40, 40, 3)
 @pytest.fixture(scope="module")
 def draws():
     rng = np.random.default_rng(0)
-    return drawing.batched([drawing.draw(rng, SIZE, TEXTURES) for _ in range(3000)])
+    return scene_draws.batched([scene_draws.draw(rng, SIZE, TEXTURES) for _ in range(3000)])
 
 
 def uniform(values, low, high):
@@ -39,7 +39,7 @@ def test_the_camera_is_drawn_by_its_law(draws):
 
 def test_the_material_is_drawn_by_its_law():
     material = sample_material(np.random.default_rng(4))
-    draws = drawing.draw(np.random.default_rng(4), SIZE, TEXTURES)
+    draws = scene_draws.draw(np.random.default_rng(4), SIZE, TEXTURES)
     np.testing.assert_allclose(draws["diffuse_albedo"], material.diffuse_albedo, rtol=1e-6)
     assert draws["specular_albedo"] == pytest.approx(material.specular_albedo)
     assert draws["shininess"] == pytest.approx(material.exponent)
@@ -57,7 +57,7 @@ def test_every_choice_is_as_likely(draws, name, count):
 
 
 def test_distractors_are_shifted_by_half_the_side_at_most(draws):
-    assert draws["accompanied"].mean() == pytest.approx(drawing.ACCOMPANIED, abs=0.03)
+    assert draws["accompanied"].mean() == pytest.approx(scene_draws.ACCOMPANIED, abs=0.03)
     assert draws["mirrored"].mean() == pytest.approx(0.5, abs=0.03)
     for values in draws["offset"].T:
         counts = np.bincount(values + SIZE // 2)
@@ -66,8 +66,8 @@ def test_distractors_are_shifted_by_half_the_side_at_most(draws):
 
 def test_some_backgrounds_are_blended_and_some_are_surroundings(draws):
     blended = draws["blend"].reshape(len(draws["blend"]), -1).max(axis=1) > -100
-    assert blended.mean() == pytest.approx(drawing.BLENDED, abs=0.03)
-    assert draws["surrounded"].mean() == pytest.approx(drawing.SURROUNDED, abs=0.03)
+    assert blended.mean() == pytest.approx(scene_draws.BLENDED, abs=0.03)
+    assert draws["surrounded"].mean() == pytest.approx(scene_draws.SURROUNDED, abs=0.03)
     assert uniform(draws["sharpness"], 0, 1)
     rooms = draws["surrounded"] == 1
     levels = np.log2(draws["tint"]).mean(axis=2)
@@ -77,7 +77,7 @@ def test_some_backgrounds_are_blended_and_some_are_surroundings(draws):
 
 def test_a_scene_is_a_function_of_the_generator():
     first, again, other = (
-        drawing.draw(np.random.default_rng(k), SIZE, TEXTURES) for k in (0, 0, 1)
+        scene_draws.draw(np.random.default_rng(k), SIZE, TEXTURES) for k in (0, 0, 1)
     )
     for name, value in first.items():
         assert value.dtype in (np.float32, np.int32), name
@@ -88,18 +88,18 @@ def test_a_scene_is_a_function_of_the_generator():
 @pytest.mark.parametrize("textures", [(0, 64, 64, 3), (4, 31, 31, 3)])
 def test_textures_that_are_missing_or_too_small_are_refused(textures):
     with pytest.raises(ValueError, match="backgrounds of 32×32 pixels cannot be cut"):
-        drawing.draw(np.random.default_rng(0), SIZE, textures)
+        scene_draws.draw(np.random.default_rng(0), SIZE, textures)
 
 
 def test_textures_of_the_images_size_are_enough():
-    draws = drawing.draw(np.random.default_rng(0), SIZE, (1, SIZE, SIZE, 3))
+    draws = scene_draws.draw(np.random.default_rng(0), SIZE, (1, SIZE, SIZE, 3))
     assert not draws["texture"].any() and not draws["corner"].any()
 
 
 def test_materials_follow_any_of_the_laws_asked_for():
     def specular(*laws):
         rng = np.random.default_rng(2)
-        return [drawing.draw(rng, SIZE, TEXTURES, laws)["specular_albedo"] for _ in range(400)]
+        return [scene_draws.draw(rng, SIZE, TEXTURES, laws)["specular_albedo"] for _ in range(400)]
 
     dull = np.mean(np.array(specular("natural")) < 0.15)
     both = np.mean(np.array(specular("uniform", "natural")) < 0.15)

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from lime_keras.data.flip import flip
+from lime_keras.data.mirrored import flip
 from lime_keras.optics import octahedral
 from lime_keras.optics.shading import view_directions
-from lime_keras.synthesis.turning import SYMMETRIES, turned
+from lime_keras.synthesis.symmetries import SYMMETRIES, turned
 
 SIZE = 6
 EVERY = range(SYMMETRIES)

@@ -128,9 +128,11 @@ def layers(
         D, S and M, each `(B, S, S, 1)` float32, 0 where a pixel sees no surface.
     """
     batch, _, size, _, _ = normal.shape
+    # Light: levels for S, mip maps for M.
     levels = _pyramid(radiance)
     mips = _mips(levels)
     to_map = ops.transpose(rotation, (0, 2, 1))
+    # Surfaces: only what is covered, in pieces.
     known = ops.concatenate([ops.reshape(normal, (-1, 3)), ops.reshape(variance, (-1, 1))], axis=1)
     known = ops.transpose(ops.take(known, work.surfaces, axis=0))
     out = ops.zeros((3, known.shape[1]), "float32")
@@ -159,6 +161,7 @@ def layers(
             return piece < limit
 
         first, out = ops.while_loop(more, step, (first, out))
+    # Images: each pixel mixes its two surfaces.
     nothing = ops.zeros((3, 1), "float32")
     found = ops.take(ops.concatenate([out, nothing], axis=1), work.places, axis=1)
     found = ops.reshape(found, (3, batch, 2, size, size, 1))

@@ -6,7 +6,7 @@ import tensorflow as tf
 from sphere_corpus import example
 
 from lime_keras.data import records
-from lime_keras.data.flip import flip
+from lime_keras.data.mirrored import flip
 from lime_keras.optics import shading
 
 SIZE = 12
