@@ -48,7 +48,6 @@ stability: .venv/development
 graphs: .venv/installed
 	for set in $(wildcard $(PRETRAINED)/*/); do \
 	  $(BIN)/lime-export $$set --format graphs --weights $$set || exit 1; done
-	$(BIN)/python -m lime_keras.export.sharing
 
 # Written in float16, then as graphs, which hold the same weights, so that those alone stay.
 ship: .venv/installed
@@ -58,7 +57,6 @@ ship: .venv/installed
 	$(BIN)/lime-export $(PRETRAINED)/$(NAME) --format graphs --weights $(PRETRAINED)/$(NAME)
 	rm $(PRETRAINED)/$(NAME)/model/*.weights.h5
 	rm -rf $(PRETRAINED)/$(NAME)/model/alone
-	$(BIN)/python -m lime_keras.export.sharing
 
 # The site, in docs/_build/index.html, with the demo in docs/_build/live. What Sphinx warns of is an
 # error.

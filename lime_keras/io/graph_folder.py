@@ -27,14 +27,11 @@ class Graph:
         inputs: names of what it reads (see `lime_keras.networks.parts`).
         outputs: names of what it answers.
         sha256: checksum of its file.
-        held_by: name of the set, of those that come with the package, that holds the file for this
-            one as well (`io.model_folder.graph`); None if it lies in this folder.
     """
 
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     sha256: str
-    held_by: str | None = None
 
 
 @dataclass(frozen=True)
@@ -69,19 +66,12 @@ def read(folder: Path) -> Description | None:
         if held["layout"] != LAYOUT:
             return None
         graphs = {
-            name: Graph(
-                tuple(row["inputs"]), tuple(row["outputs"]), row["sha256"], row.get("held_by")
-            )
+            name: Graph(tuple(row["inputs"]), tuple(row["outputs"]), row["sha256"])
             for name, row in held["graphs"].items()
         }
         description = Description(held["weights"], held["size"], held["system"], graphs)
         return description if _is_sound(description) else None
-    except (
-        AttributeError,
-        LookupError,
-        TypeError,
-        ValueError,
-    ):
+    except (AttributeError, LookupError, TypeError, ValueError):
         # Without a description that can be read, the graphs are exported anew.
         return None
 
@@ -91,7 +81,7 @@ def _is_sound(description: Description) -> bool:
     told = (description.weights, description.system, *description.graphs)
     answered: set[str] = set()
     for graph in description.graphs.values():
-        told += (*graph.inputs, *graph.outputs, graph.sha256, graph.held_by or "")
+        told += (*graph.inputs, *graph.outputs, graph.sha256)
         if not set(graph.inputs) <= {"image", "mask"} | answered:
             return False
         answered |= set(graph.outputs)
@@ -113,23 +103,14 @@ def checked(folder: Path, name: str, graph: Graph) -> bytes:
     file = model_folder.graph(folder, name)
     content = file.read_bytes() if file.is_file() else b""
     if hashlib.sha256(content).hexdigest() != graph.sha256:
-        if file.parent != folder and not _comes_with_package(folder):
-            raise ValueError(
-                f"{file}, which {folder / DESCRIPTION} refers to, is not the graph described "
-                "there: use this model with the version of the package that it was copied from"
-            )
         raise ValueError(f"{file} is missing or damaged: {mend(folder)}")
     return content
 
 
 def mend(folder: Path) -> str:
     """Return what to do about a damaged folder of graphs, as the end of an error's sentence."""
-    if _comes_with_package(folder):
+    if folder.is_relative_to(model_folder.PRETRAINED):
         return "install the package again"
     if model_folder.in_graphs(folder.parent):
         return f"take {folder}, which holds the only weights, from where it came from again"
     return f"delete {folder}, which is then exported anew"
-
-
-def _comes_with_package(folder: Path) -> bool:
-    return folder.is_relative_to(model_folder.PRETRAINED)

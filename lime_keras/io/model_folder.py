@@ -63,18 +63,11 @@ def graphs(run: Path) -> Path:
 def graph(graphs: Path, name: str) -> Path:
     """Return the path of a subnetwork's exported graph, which need not be there.
 
-    Of sets that come with the package and have a graph in common, one holds it, and the description
-    of the others names that set (`lime_keras.export.sharing`).
-
     Args:
         graphs: folder of the graphs (see `graphs`).
         name: name of the subnetwork.
     """
-    own = graphs / f"{name}.onnx"
-    if own.is_file():
-        return own
-    holder = shipped().get(_described(graphs).get(name, ""))
-    return own if holder is None else holder / "onnx" / own.name
+    return graphs / f"{name}.onnx"
 
 
 def in_graphs(run: Path) -> bool:
@@ -143,16 +136,12 @@ def _holds_model(run: Path) -> bool:
     return (folder(run) / ARCHITECTURE).is_file()
 
 
-def _described(graphs: Path) -> dict[str, str]:
-    """Return the names of the described graphs, each with the set that holds it, "" for this one.
-
-    There is none if the folder has no description of graphs, or a damaged one.
-    """
+def _described(graphs: Path) -> list[str]:
+    """Return the names of the described graphs; none without a description that can be read."""
     try:
-        described = incoming.read_json(graphs / DESCRIPTION)["graphs"]
-        return {name: str(row.get("held_by") or "") for name, row in described.items()}
-    except (OSError, ValueError, LookupError, TypeError, AttributeError):
-        return {}
+        return list(incoming.read_json(graphs / DESCRIPTION)["graphs"])
+    except (OSError, ValueError, LookupError, TypeError):
+        return []
 
 
 def _described_digest(description: Path) -> str:

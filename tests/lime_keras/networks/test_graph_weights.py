@@ -189,28 +189,11 @@ def test_a_graph_of_other_weights_is_told(bare):
         weights.load(bare)
 
 
-@pytest.fixture
-def sharing(bare):
-    """A set whose mask is that of the default set, of other weights than it describes."""
-    (bare / "onnx" / "segmentation.onnx").unlink()
-    description = described(bare)
-    description["graphs"]["segmentation"]["held_by"] = model_folder.DEFAULT
-    describe_anew(bare, description)
-    return bare
-
-
-def test_a_shared_graph_of_another_version_is_told_of_a_copied_set(sharing):
-    with pytest.raises(ValueError, match=r"graphs\.json refers to, is not the graph.*version"):
-        weights.load(sharing)
-
-
-def test_it_is_damage_in_a_set_that_comes_with_the_package(sharing, monkeypatch):
-    default = sharing.parent / model_folder.DEFAULT
-    shutil.copytree(sharing, default)
-    (default / "onnx" / "segmentation.onnx").write_bytes(b"no graph")
-    monkeypatch.setattr(model_folder, "PRETRAINED", sharing.parent)
+def test_damage_in_a_set_that_comes_with_the_package_is_mended_by_installing(bare, monkeypatch):
+    monkeypatch.setattr(model_folder, "PRETRAINED", bare.parent)
+    (bare / "onnx" / "segmentation.onnx").write_bytes(b"no graph")
     with pytest.raises(ValueError, match=r"segmentation\.onnx is missing or damaged: install the"):
-        weights.load(sharing)
+        weights.load(bare)
 
 
 @pytest.mark.parametrize("damage", ["no JSON", "no mirror"])
