@@ -34,22 +34,8 @@ class Description(base.Description):
 class Job(base.Job):
     """The job of rendering a bank, as a worker needs it."""
 
+    kind, manifest = "bank", bank.MANIFEST
     description: Description
-
-    @property
-    def kind(self) -> str:
-        """What is rendered, in a word."""
-        return "bank"
-
-    @property
-    def folder(self) -> Path:
-        """The folder of the bank."""
-        return self.out
-
-    @property
-    def manifest_path(self) -> Path:
-        """The file that is written last, when everything is rendered."""
-        return self.out / bank.MANIFEST
 
     def recorded(self) -> dict[str, Any]:
         """Return the description as it is stored in JSON, with the version of the format."""

@@ -111,7 +111,7 @@ def _manifest(job: Job, findings: inputs.Findings) -> dict[str, Any]:
         "shards": job.description.shards,
         "files": files,
         "shapes": entries.Bodies(job).names,
-        "failures": rendering.failures(sidecars),
+        "failures": [failure for sidecar in sidecars for failure in sidecar["failures"]],
         "packages": rendering.packages(sidecars),
         **rendering.of_inputs(findings),
     }

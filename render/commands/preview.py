@@ -6,7 +6,6 @@ from typing import Any
 
 from lime_keras import console
 
-from . import begun
 from . import options as shared
 
 
@@ -22,7 +21,7 @@ def add(subparsers: Any) -> None:
         "  lime-render preview corpus\n  lime-render preview corpus --split test\n"
         "  lime-render preview bank --out sheet.png",
     )
-    begun.add_options(command)
+    shared.add_folder(command)
     command.add_argument(
         "--out", type=Path, metavar="PNG", help="of a bank (default: BANK/preview.png)"
     )
@@ -30,14 +29,14 @@ def add(subparsers: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Draw the pictures and return the exit status."""
-    if begun.is_bank(options):
+    if shared.is_bank(options):
         return _bank(options.corpus, options.out or options.corpus / "preview.png")
     if options.out:
         raise ValueError(f"{options.corpus} is no bank: --out is for the preview of a bank")
     console.import_tensorflow()
     from ..inspect import preview
 
-    for split in begun.splits(options.corpus, options.split):
+    for split in shared.splits(options.corpus, options.split):
         with console.Bar(f"preview {split.name}", "example") as bar:
             paths = preview.preview(options.corpus, split.name, bar.move)
         for path in paths:

@@ -6,7 +6,6 @@ from typing import Any
 
 from lime_keras import console
 
-from . import begun
 from . import options as shared
 
 
@@ -23,12 +22,12 @@ def add(subparsers: Any) -> None:
         "  lime-render verify corpus\n  lime-render verify corpus --split test\n"
         "  lime-render verify bank",
     )
-    begun.add_options(command)
+    shared.add_folder(command)
 
 
 def run(options: argparse.Namespace) -> int:
     """Check what the folder holds and return the exit status: 1 if anything is wrong."""
-    if begun.is_bank(options):
+    if shared.is_bank(options):
         from ..bank import verification as of_bank
 
         with console.Bar("verify", "entry") as bar:
@@ -38,7 +37,7 @@ def run(options: argparse.Namespace) -> int:
     from ..inspect import verification
 
     status = 0
-    for split in begun.splits(options.corpus, options.split):
+    for split in shared.splits(options.corpus, options.split):
         with console.Bar(f"verify {split.name}", "example") as bar:
             faults = verification.verify(options.corpus, split.name, bar.move)
         status = max(status, _told(faults, "examples", split.folder))

@@ -37,6 +37,7 @@ class Description(base.Description):
 class Job(base.Job):
     """The job of rendering a split, as a worker needs it."""
 
+    kind, manifest = "split", "manifest.json"
     description: Description
 
     @property
@@ -45,19 +46,9 @@ class Job(base.Job):
         return Split(self.out, self.description.split)
 
     @property
-    def kind(self) -> str:
-        """What is rendered, in a word."""
-        return "split"
-
-    @property
     def folder(self) -> Path:
         """The folder of the split."""
         return self.split.folder
-
-    @property
-    def manifest_path(self) -> Path:
-        """The file that is written last, when everything is rendered."""
-        return self.split.manifest_path
 
     def shard_files(self, shard: int) -> tuple[Path, ...]:
         """Return the path of a shard's records, and that of its sidecar."""

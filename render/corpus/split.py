@@ -118,7 +118,7 @@ def _manifest(job: Job, findings: inputs.Findings) -> dict[str, Any]:
         "shards": job.description.shards,
         "examples": job.description.count,
         "sha256": [sidecar["sha256"] for sidecar in sidecars],
-        "failures": rendering.failures(sidecars),
+        "failures": [failure for sidecar in sidecars for failure in sidecar["failures"]],
         "shapes": job.shapes.names(),
         "lights": job.lights.names(),
         **rendering.of_inputs(findings),

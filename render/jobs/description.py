@@ -4,7 +4,7 @@ import abc
 import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from ..mitsuba_setup import variants
 from ..scene import environments, sources
@@ -81,12 +81,17 @@ class Job(abc.ABC):
     """A job of rendering, as a worker needs it.
 
     Attributes:
+        kind: what is rendered, in a word.
+        manifest: name of the manifest's file.
         out: folder of the corpus or bank.
         description: description of what is rendered.
         choice: variant and library of Mitsuba.
         usable: names of the user's files to use, by kind; None if the folder is to be listed, or if
             the kind is built in.
     """
+
+    kind: ClassVar[str]
+    manifest: ClassVar[str]
 
     out: Path
     description: Description
@@ -96,23 +101,18 @@ class Job(abc.ABC):
     )
 
     @property
-    @abc.abstractmethod
-    def kind(self) -> str:
-        """What is rendered, in a word."""
-
-    @property
-    @abc.abstractmethod
     def folder(self) -> Path:
         """The folder that the job claims, and in which it records what it does."""
-
-    @property
-    @abc.abstractmethod
-    def manifest_path(self) -> Path:
-        """The file that is written last, when everything is rendered."""
+        return self.out
 
     @abc.abstractmethod
     def shard_files(self, shard: int) -> tuple[Path, ...]:
         """Return the paths of a shard's files; the last is its sidecar, which is written last."""
+
+    @property
+    def manifest_path(self) -> Path:
+        """The file that is written last, when everything is rendered."""
+        return self.folder / self.manifest
 
     @property
     def description_path(self) -> Path:
@@ -134,10 +134,6 @@ class Job(abc.ABC):
     def recorded(self) -> dict[str, Any]:
         """Return the description as it is stored in JSON."""
         return self.description.recorded()
-
-    def files(self) -> dict[str, list[Path]]:
-        """Return the user's files for the split, by kind; an empty list for a built-in kind."""
-        return self.description.files()
 
     def missing(self) -> list[int]:
         """Return the numbers of the shards of which a file is missing."""

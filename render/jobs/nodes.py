@@ -112,7 +112,7 @@ def _refuse_other_files(job: Job) -> None:
         )
     try:
         inputs.inspect(
-            job.files(),
+            job.description.files(),
             inputs.read(job.inputs_path),
             lambda check, files: [check(file) for file in files],
         )

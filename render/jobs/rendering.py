@@ -105,11 +105,6 @@ def packages(vouched: Sequence[dict[str, Any]]) -> dict[str, str]:
     }
 
 
-def failures(vouched: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return what was replaced in all shards."""
-    return [failure for sidecar in vouched for failure in sidecar["failures"]]
-
-
 def of_inputs(findings: inputs.Findings) -> dict[str, Any]:
     """Return what a manifest tells of the user's files."""
     return {
@@ -120,4 +115,6 @@ def of_inputs(findings: inputs.Findings) -> dict[str, Any]:
 
 
 def _inspected(job: Job, pool: Pool, known: inputs.Findings | None, tell: Tell) -> inputs.Findings:
-    return inputs.inspect(job.files(), known, lambda task, items: pool.map(task, items, tell))
+    return inputs.inspect(
+        job.description.files(), known, lambda task, items: pool.map(task, items, tell)
+    )

@@ -95,7 +95,10 @@ def job(tmp_path, description):
     job = Job(tmp_path / "corpus", own, variants.Choice(variants.SLOW, None))
     job.split.folder.mkdir(parents=True)
     resuming.write_json(job.split.description_path, job.recorded())
-    found = {kind: [inputs.check(kind, path) for path in job.files()[kind]] for kind in job.files()}
+    found = {
+        kind: [inputs.check(kind, path) for path in job.description.files()[kind]]
+        for kind in job.description.files()
+    }
     inputs.write(job.split.inputs_path, found)
     return job
 
@@ -262,7 +265,7 @@ def test_a_node_with_other_packages_is_refused_by_name(head, pair, job, monkeypa
 def test_a_node_that_sees_other_files_is_refused(job):
     """As what a node sees is what this process sees, the files are changed after the resuming."""
     nodes._refuse_other_files(job)
-    mesh, description = job.files()["shapes"][0], job.split.folder / "description.json"
+    mesh, description = job.description.files()["shapes"][0], job.split.folder / "description.json"
     claimed = description.read_text()
     mesh.write_bytes(mesh.read_bytes() + b" ")
     with pytest.raises(RuntimeError, match=rf"^{mesh.name} changed .*; all nodes must share"):
