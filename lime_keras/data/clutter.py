@@ -7,9 +7,9 @@ remaining subnetworks learn from scenes of the model, which has one material for
 
 import numpy as np
 
-_TEXTURED = 0.2
+_TEXTURED = 0.3
 """Share of the objects that wear another scene's image as their colours."""
-_PARTED = 0.2
+_PARTED = 0.4
 """Share of the objects that are of two or three materials."""
 _PRINTED = 0.4
 """Share of the objects that bear prints."""
