@@ -1,0 +1,201 @@
+"""How the answer gets worse: accuracy over what the person with the camera can control.
+
+    python benchmarks/degradation.py CORPUS --weights live uniform --out degradation
+
+CORPUS has a test split. Of the same scenes, each knob makes ten photos: the size of the object in
+the photo, JPEG quality, exposure, white balance, and the error of a given mask. Prints a table, and
+writes degradation.md and degradation.png. The first column of a knob is the photo at its best.
+"""
+
+import argparse
+import dataclasses
+import io
+from collections.abc import Callable
+from pathlib import Path
+
+import matplotlib
+import matplotlib.pyplot as plt
+import numpy as np
+from PIL import Image
+from tqdm import tqdm
+
+from lime_keras import Estimator, console
+from lime_keras.data import pipeline
+from lime_keras.data.corpus import Split
+from lime_keras.metrics import intersection_over_union
+from lime_keras.optics import camera_law, colour
+from lime_keras.train import masks
+
+matplotlib.use("Agg")
+
+MEASURES = ("log10 s", "right or neighbouring bin", "m_d", "m_s", "IoU")
+_PIXELS = 128
+
+
+@dataclasses.dataclass(frozen=True)
+class Photo:
+    """A photo of a scene.
+
+    Attributes:
+        image: linear radiance `(H, W, 3)`, not clipped.
+        mask: true coverage `(H, W, 1)`.
+        given: mask that is given to the estimator, or None.
+        quality: JPEG quality, or None.
+    """
+
+    image: np.ndarray
+    mask: np.ndarray
+    given: np.ndarray | None = None
+    quality: int | None = None
+
+
+def smaller(photo: Photo, share: float) -> Photo:
+    """Return the photo in the middle of a larger one, mirrored at its edges: seen from afar."""
+    size = len(photo.image)
+    around = round(size * (1 / share - 1) / 2)
+    edges = ((around, around), (around, around), (0, 0))
+    image = np.pad(photo.image, edges, "symmetric")
+    mask = np.pad(photo.mask, edges)
+    if around:  # mirrored objects would be others: only the frame's edge goes on
+        rows = np.clip(np.arange(-around, size + around), 0, size - 1)
+        image = photo.image[rows][:, rows]
+    small = [np.asarray(_resized(one, size)) for one in (image, np.broadcast_to(mask, image.shape))]
+    return dataclasses.replace(photo, image=small[0], mask=small[1][..., :1])
+
+
+def _resized(image: np.ndarray, size: int) -> np.ndarray:
+    channels = [
+        Image.fromarray(np.ascontiguousarray(image[..., k], np.float32)).resize(
+            (size, size), Image.Resampling.BOX
+        )
+        for k in range(3)
+    ]
+    return np.stack([np.asarray(channel) for channel in channels], axis=-1)
+
+
+def tinted(photo: Photo, cast: float) -> Photo:
+    """Return the photo with red over blue off by a share."""
+    logarithms = np.array([[np.log1p(cast), 0.0, 0.0, 0.0]])
+    gains = camera_law.balance(logarithms, camera_law.places(len(photo.image)))[0]
+    return dataclasses.replace(photo, image=photo.image * gains)
+
+
+def moved(photo: Photo, pixels: float) -> Photo:
+    """Return the photo with a given mask: the true one, with its edge moved by some pixels."""
+    if pixels == 0:
+        return dataclasses.replace(photo, given=photo.mask)
+    radius = int(np.ceil(abs(pixels)))
+    blurred = masks.blurred(photo.mask, radius)
+    level = 0.5 - 0.5 * pixels / (radius + 0.5)
+    return dataclasses.replace(photo, given=np.float32(blurred >= level))
+
+
+KNOBS: dict[str, tuple[Callable[[Photo, float], Photo], tuple[float, ...]]] = {
+    "object's share of the frame": (smaller, (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.15)),
+    "JPEG quality": (
+        lambda photo, quality: dataclasses.replace(photo, quality=round(quality)),
+        (98, 95, 90, 85, 80, 70, 60, 45, 30, 15),
+    ),
+    "exposure, stops": (
+        lambda photo, stops: dataclasses.replace(photo, image=photo.image * 2.0**stops),
+        (0, -3, -2, -1.5, -1, -0.5, 0.5, 1, 1.5, 2),
+    ),
+    "cast, red over blue": (
+        tinted,
+        (0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.125, 0.15, 0.175, 0.2),
+    ),
+    "given mask's edge, pixels": (moved, (0, -4, -3, -2, -1, 1, 2, 3, 4, 6)),
+}
+"""By the name of a knob, a function that turns it, and its ten settings, the best first."""
+
+
+def main() -> None:
+    """Print and write the tables, and draw the figure."""
+    options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    options.add_argument("corpus", type=Path)
+    options.add_argument("--weights", nargs="+", default=["live"])
+    options.add_argument("--count", type=console.count, default=160)
+    options.add_argument("--out", type=Path, default=Path("degradation"))
+    arguments = options.parse_args()
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    shards = pipeline.whole_shards(Split(arguments.corpus, "test"))
+    dataset = pipeline.evaluation(shards, size=_PIXELS, batch_size=1).take(arguments.count)
+    scenes = list(dataset.as_numpy_iterator())
+    found = {
+        (weights, knob, setting): _measured(Estimator(weights), scenes, turn, setting)
+        for weights in arguments.weights
+        for knob, (turn, settings) in KNOBS.items()
+        for setting in tqdm(settings, desc=f"{weights}, {knob}", unit="setting")
+    }
+    text = "\n\n".join(
+        _table(found, weights, knob) for weights in arguments.weights for knob in KNOBS
+    )
+    (arguments.out / "degradation.md").write_text(text + "\n", encoding="utf-8")
+    print(text)
+    _draw(found, arguments.weights, arguments.out / "degradation.png")
+
+
+def _measured(
+    estimator: Estimator,
+    scenes: list[dict[str, np.ndarray]],
+    turn: Callable[[Photo, float], Photo],
+    setting: float,
+) -> np.ndarray:
+    """Return the mean of each measure over the scenes in which an object was found."""
+    rows = []
+    for scene in scenes:
+        # A stored image is clipped; what is left of it is what a camera has.
+        linear = colour.srgb_to_linear(scene["image"][0])
+        photo = turn(Photo(linear, scene["mask"][0]), setting)
+        levels = np.round(colour.linear_to_srgb(np.clip(photo.image, 0, 1)) * 255).astype(np.uint8)
+        if photo.quality is not None:
+            file = io.BytesIO()
+            Image.fromarray(levels).save(file, "JPEG", quality=photo.quality)
+            levels = np.asarray(Image.open(file))
+        material = estimator.estimate(levels, photo.given)
+        if material.exponent is None:
+            continue
+        log, true = np.log10(material.exponent), np.log10(scene["shininess"][0])
+        edge = 3 / 8
+        rows.append(
+            (
+                abs(log - true),
+                abs(np.clip(log // edge, 0, 7) - np.clip(true // edge, 0, 7)) <= 1,
+                np.abs(np.asarray(material.diffuse_albedo) - scene["diffuse_albedo"][0]).mean(),
+                abs(material.specular_albedo - float(np.ravel(scene["specular_albedo"])[0])),
+                intersection_over_union(photo.mask[None], material.layers["mask"][None])[0],
+            )
+        )
+    return np.mean(np.asarray(rows, float), axis=0)
+
+
+def _table(found: dict[tuple[str, str, float], np.ndarray], weights: str, knob: str) -> str:
+    lines = [f"| `{weights}`, {knob} | {' | '.join(MEASURES)} |", "|---|" + "---:|" * len(MEASURES)]
+    for setting in KNOBS[knob][1]:
+        cells = " | ".join(f"{value:.3f}" for value in found[weights, knob, setting])
+        lines.append(f"| {setting:g} | {cells} |")
+    return "\n".join(lines)
+
+
+def _draw(found: dict[tuple[str, str, float], np.ndarray], sets: list[str], path: Path) -> None:
+    figure, axes = plt.subplots(
+        len(MEASURES), len(KNOBS), figsize=(13, 10), sharex="col", sharey="row", squeeze=False
+    )
+    for column, (knob, (_, settings)) in enumerate(KNOBS.items()):
+        ordered = sorted(settings)
+        for row, measure in enumerate(MEASURES):
+            axis = axes[row, column]
+            for weights in sets:
+                values = [found[weights, knob, setting][row] for setting in ordered]
+                axis.plot(ordered, values, marker="o", markersize=3, label=weights)
+            axis.grid(alpha=0.3)
+            if column == 0:
+                axis.set_ylabel(measure)
+        axes[-1, column].set_xlabel(knob)
+    axes[0, 0].legend()
+    figure.tight_layout()
+    figure.savefig(path, dpi=110)
+
+
+if __name__ == "__main__":
+    main()
