@@ -201,9 +201,9 @@ def _paper(row: Row) -> str:
 def _resources(result: Mapping[str, Any]) -> str:
     about = (
         "One image, all threads. Peak memory is the whole process's. Cold start: from the start of "
-        "the process to its first answer, with the files in the system's cache; of it the import "
-        "of the runtime, the loading of the model and the first answer. Spread: of the rounds' "
-        "medians. Busy: processor seconds a second."
+        "the process to its first answer, with the files in the system's cache; its parts are the "
+        "import of the runtime, the loading of the model and the first answer. Spread: of the "
+        "rounds' medians. Busy: processor seconds a second."
     )
     columns = (
         *("run", "runtime", "precision", "model MiB", "peak MiB", "cold start s", "import", "load"),
