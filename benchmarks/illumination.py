@@ -27,8 +27,8 @@ from tqdm import tqdm
 
 from lime_keras import console
 from lime_keras.lighting import illumination
-from lime_keras.material import BlinnPhong
 from lime_keras.optics import colour, compositing, environment, shading, shininess
+from lime_keras.optics.blinn_phong import BlinnPhong
 
 _BLUR = 2 * math.pi / environment.STORED_SHAPE[0]
 _BATCH = 10

@@ -36,8 +36,9 @@ from tqdm import tqdm
 
 from lime_keras.estimate import interchange
 from lime_keras.io import photo
-from lime_keras.material import BlinnPhong, Material
+from lime_keras.material import Material
 from lime_keras.optics import colour, environment, material_law, microfacets, shading, studio_light
+from lime_keras.optics.blinn_phong import BlinnPhong
 from lime_keras.render.mitsuba_setup import variants
 from lime_keras.render.scene import environments, lights
 

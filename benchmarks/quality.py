@@ -21,8 +21,8 @@ import numpy as np
 from tqdm import tqdm
 
 from lime_keras import console
-from lime_keras.material import BlinnPhong
 from lime_keras.optics import shading, shininess
+from lime_keras.optics.blinn_phong import BlinnPhong
 from lime_keras.render.mitsuba_setup import variants
 from lime_keras.render.scene import example, lights, sampling, sources
 from lime_keras.render.scene.quality import FAST, QUALITIES, Quality

@@ -94,8 +94,8 @@ def main() -> None:
     """Print what is stale."""
     for figure in figures():
         changed = changes(figure)
-        told = f"stale: {len(changed)} changed, such as {changed[0]}" if changed else "current"
-        print(f"{figure.page}: {figure.title} ({figure.commit}): {told}")
+        state = f"stale: {len(changed)} changed, such as {changed[0]}" if changed else "current"
+        print(f"{figure.page}: {figure.title} ({figure.commit}): {state}")
 
 
 if __name__ == "__main__":

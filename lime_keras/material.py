@@ -1,25 +1,13 @@
-"""Data classes of a material: the three quantities of the model, and an estimate of them."""
+"""An estimate of a material, and the reasons to distrust it."""
 
+import math
 from dataclasses import asdict, dataclass, field
+from typing import Any
 
 import numpy as np
 
-
-@dataclass(frozen=True)
-class BlinnPhong:
-    """A complete Blinn–Phong material, as Eq. 4 takes it.
-
-    Attributes:
-        diffuse_albedo: m_d, `(3,)` linear RGB in [0, 1].
-        specular_albedo: m_s in [0, 1], the factor of the furnace-normalised S.
-        exponent: shininess s, at least 0.
-        ambient: m_a, radiance; the same in all three channels.
-    """
-
-    diffuse_albedo: np.ndarray
-    specular_albedo: float
-    exponent: float
-    ambient: float = 0.0
+from lime_keras.optics import colour, gloss, microfacets
+from lime_keras.optics.blinn_phong import BlinnPhong
 
 
 @dataclass(frozen=True)
@@ -40,6 +28,7 @@ class Material:
     """An estimate of a material and its layers; a quantity that was not estimated is None.
 
     Where no object was found nothing is estimated: `mask_coverage` is 0, and `warnings` say so.
+    What follows from the numbers, such as `exponent_interval` and `gloss`, are properties.
 
     Attributes:
         diffuse_albedo: m_d, `(3,)` linear RGB in [0, 1].
@@ -59,7 +48,8 @@ class Material:
             none is known.
         layers: images by name. At the photo's size: `mask` `(H, W, 1)` in [0, 1];
             `specular_shading` and `mirror` `(H, W, 1)` linear radiance; `diffuse` `(H, W, 3)`
-            linear radiance, the photo minus m_s · S inside the mask; `recomposed` `(H, W, 3)`
+            linear radiance, the photo minus m_s · S inside the mask and, where a highlight hides
+            it, what is around (`lime_keras.optics.highlights`); `recomposed` `(H, W, 3)`
             linear radiance, Eq. 4 of the estimate with the grey D that fits the photo best. From
             the baseline `reflectance_map` `(S, S, 3)` instead of S and M: linear radiance of a
             sphere of the material, 0 beside the sphere.
@@ -76,6 +66,35 @@ class Material:
     warnings: tuple[Caution, ...] = ()
     layers: dict[str, np.ndarray] = field(default_factory=dict)
 
+    @property
+    def exponent_interval(self) -> tuple[float, float] | None:
+        """The exponents between which s lies with probability 0.8 (`lime_keras.optics.gloss`).
+
+        None without probabilities of the classes.
+        """
+        if self.exponent_bin_probabilities is None:
+            return None
+        return gloss.interval(self.exponent_bin_probabilities)
+
+    @property
+    def gloss(self) -> str | None:
+        """The gloss in words, such as `satin`, or `uncertain: matte to glossy`."""
+        if self.exponent is None:
+            return None
+        return gloss.in_words(self.exponent, self.exponent_interval)
+
+    @property
+    def roughness(self) -> float | None:
+        """The roughness √α in (0, 0.78] of the GGX lobe nearest to s, as engines have it."""
+        if self.exponent is None:
+            return None
+        return math.sqrt(float(microfacets.ggx_alpha(self.exponent)))
+
+    @property
+    def diffuse_srgb_hex(self) -> str | None:
+        """The diffuse albedo as sRGB, `#rrggbb`."""
+        return None if self.diffuse_albedo is None else srgb_hex(self.diffuse_albedo)
+
     def whole(self) -> BlinnPhong | None:
         """Return the complete material, or None if one of its quantities was not estimated."""
         if self.diffuse_albedo is None or self.specular_albedo is None or self.exponent is None:
@@ -89,12 +108,31 @@ class Material:
         """
         numbers = {name: getattr(self, name) for name in self.__dataclass_fields__}
         del numbers["layers"], numbers["warnings"]
-        known: dict[str, object] = {
-            name: [_rounded(x) for x in value] if np.ndim(value) else _rounded(value)
-            for name, value in numbers.items()
-            if value is not None
-        }
+        numbers |= {name: getattr(self, name) for name in _DERIVED}
+        known = {name: _plain(value) for name, value in numbers.items() if value is not None}
         return known | {"warnings": [asdict(caution) for caution in self.warnings]}
+
+
+_DERIVED = ("exponent_interval", "gloss", "roughness", "diffuse_srgb_hex")
+"""Properties that `Material.to_json` writes after the fields."""
+
+
+def srgb_hex(linear: Any) -> str:
+    """Return a colour `(3,)`, linear RGB, clipped to [0, 1], as sRGB `#rrggbb`.
+
+    Example:
+        >>> srgb_hex([1.0, 0.2140, 0.0])
+        '#ff7f00'
+    """
+    srgb = colour.linear_to_srgb(np.clip(np.asarray(linear, np.float64), 0, 1))
+    return "#" + "".join(f"{round(255 * float(value)):02x}" for value in srgb)
+
+
+def _plain(value: Any) -> object:
+    """Return a number, text or sequence of numbers as JSON has it."""
+    if isinstance(value, str):
+        return value
+    return [_rounded(x) for x in value] if np.ndim(value) else _rounded(value)
 
 
 def _rounded(value: float) -> float:

@@ -15,8 +15,9 @@ from scipy import ndimage
 
 from lime_keras.estimate import framing
 from lime_keras.estimate.framing import Square
-from lime_keras.material import BlinnPhong, Material
+from lime_keras.material import Material
 from lime_keras.optics import colour, environment, shading
+from lime_keras.optics.blinn_phong import BlinnPhong
 from lime_keras.optics.compositing import compose
 
 from .scene import contact_shadow, lights

@@ -31,8 +31,9 @@ COMMANDS = {
 # not know each other.
 ROWS = {
     "lime_keras": (
-        ("version", "arrays", "console", "material", "outputs"),
+        ("version", "arrays", "console", "outputs"),
         ("optics",),
+        ("material",),
         ("io",),
         ("data", "losses", "metrics", "synthesis"),
         ("networks", "lighting", "runtime"),

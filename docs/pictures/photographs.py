@@ -16,7 +16,7 @@ from lime_keras.render.shapes import lathe
 VASE = 8
 """Seed of the built-in shape that takes the materials."""
 TILE, GAP, LINE = 200, 8, 26
-SHOWN = {0: "photo, mask", 3: "specular shading S", 4: "mirror image M", 5: "the material"}
+SHOWN = {0: "photo, mask", 4: "specular shading S", 5: "mirror image M", 1: "the material"}
 """Titles of the preview's pictures that are shown, by their place in it."""
 
 
@@ -65,7 +65,7 @@ def _page(folder: Path, names: list[str]) -> Image.Image:
 def _tiles(folder: Path, name: str) -> list[Image.Image]:
     content = json.loads((folder / f"{name}.json").read_text())
     with Image.open(folder / f"{name}-preview.png") as sheet:
-        pictures = preview.pictures_of(sheet.convert("RGB"))
+        pictures = preview.pictures_of(sheet.convert("RGB"), 1 + max(SHOWN))
     square = Square(*content["square"])
     box = (square.left, square.top, square.left + square.side, square.top + square.side)
     with Image.open(folder / f"{name}-clone.png") as clone:

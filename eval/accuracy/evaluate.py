@@ -22,10 +22,10 @@ from lime_keras import metrics
 from lime_keras.arrays import Predict
 from lime_keras.data import pipeline, records
 from lime_keras.data.corpus import Split
-from lime_keras.material import BlinnPhong
 from lime_keras.networks import SUBNETWORKS, Architecture, assemble, weights
 from lime_keras.networks.wiring import needed
 from lime_keras.optics import environment, shininess
+from lime_keras.optics.blinn_phong import BlinnPhong
 from lime_keras.optics.reflectance_map import true_reflectance_map
 
 from . import flip_error, relighting

@@ -178,25 +178,25 @@ def _names() -> str:
 def _numbers(path: Path) -> dict[str, np.ndarray]:
     """Return the numbers of a JSON by output, float32 `(K,)`; other keys are not read."""
     try:
-        held = incoming.read_json(path)
+        content = incoming.read_json(path)
     except ValueError as error:
         raise ValueError(
             f"{path} is no answer ({error}): write one JSON object, or delete the file"
         ) from error
-    found = {name: _checked(path, name, held[name]) for name in _VALUES if name in held}
+    found = {name: _checked(path, name, content[name]) for name in _VALUES if name in content}
     if "exponent" in found:
         found["log_exponent"] = np.log10(found.pop("exponent"))
     return found
 
 
-def _checked(path: Path, name: str, held: Any) -> np.ndarray:
+def _checked(path: Path, name: str, given: Any) -> np.ndarray:
     """Return the values of a key as float32 `(K,)`; raise ValueError if one is wrong."""
     count, low, high = _VALUES[name]
-    values = held if isinstance(held, list) else [held]
+    values = given if isinstance(given, list) else [given]
     are_numbers = all(type(value) in (int, float) and low <= value <= high for value in values)
-    if len(values) != count or isinstance(held, list) != (count > 1) or not are_numbers:
+    if len(values) != count or isinstance(given, list) != (count > 1) or not are_numbers:
         raise ValueError(
-            f"{path}: {name} is {json.dumps(held)[:_LONGEST]}, and not "
+            f"{path}: {name} is {json.dumps(given)[:_LONGEST]}, and not "
             f"{'a number' if count == 1 else f'{count} numbers'} in [{low}, {high}]: clip it, or "
             "leave it out where there is no answer"
         )

@@ -10,8 +10,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from lime_keras.material import BlinnPhong
 from lime_keras.optics import colour, shading, shininess, studio_light
+from lime_keras.optics.blinn_phong import BlinnPhong
 from lime_keras.optics.compositing import compose
 
 PIXELS = 128

@@ -11,7 +11,8 @@ from lime_keras.console import Bar
 from lime_keras.estimate import engines, preview
 from lime_keras.estimate.estimator import Estimator
 from lime_keras.io import photo as photo_files
-from lime_keras.material import BlinnPhong, Material
+from lime_keras.material import Material
+from lime_keras.optics.blinn_phong import BlinnPhong
 from lime_keras.outputs import available
 
 from . import measures

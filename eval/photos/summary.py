@@ -35,7 +35,7 @@ class Measure:
         more_is_better: whether a higher value is better; None if neither direction is.
         counted: name of the column `(N,)` that says which photos count; None for all.
         value: function from the columns of these photos to the measure, NaN if there is none.
-        samples: function from the same columns to 1,000 bootstrap samples of it, `(1000,)`.
+        samples: function from the same columns to its 1,000 bootstrap samples, `(1000,)`.
     """
 
     title: str

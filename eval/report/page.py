@@ -17,7 +17,7 @@ from .themes import DARK, LIGHT, Theme
 
 _TEMPLATES = Path(__file__).parent / "templates"
 _VERSIONS = {"tensorflow": "TensorFlow", "keras": "Keras", "onnxruntime": "ONNX Runtime"}
-"""Packages whose versions a section tells, with their names in words."""
+"""Packages whose versions a section names, with their names in words."""
 
 
 @dataclass(frozen=True)
@@ -35,16 +35,16 @@ class Picture:
     caption: str
 
 
-def measured(title: str, text: str, pictures_of_it: Sequence[Picture], *, command: str) -> str:
+def measured(title: str, text: str, pictures: Sequence[Picture], *, command: str) -> str:
     """Return a section of figures and Markdown as HTML.
 
     Args:
         title: heading of the section.
         text: Markdown below the figures; its tables become sortable.
-        pictures_of_it: figures of the section.
+        pictures: figures of the section.
         command: command that made the section, as typed.
     """
-    drawn = [(both_themes(p.draw), p.alt, p.caption) for p in pictures_of_it]
+    drawn = [(both_themes(p.draw), p.alt, p.caption) for p in pictures]
     html = MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
     html = html.replace("<table>", '<div class="wide"><table>')
     return rendered(

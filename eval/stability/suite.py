@@ -115,7 +115,7 @@ def _state(verdict: Verdict) -> str:
 
 
 def _counted(verdicts: Sequence[Verdict]) -> tuple[str, ...]:
-    """Count all verdicts, those that passed (or were refused), and those that failed."""
+    """Return the numbers of all verdicts, of passed or refused ones, and of failed ones."""
     failed = len(failures(verdicts))
     return tuple(map(str, (len(verdicts), len(verdicts) - failed, failed)))
 

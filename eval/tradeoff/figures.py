@@ -16,7 +16,7 @@ from .cases import compares_runtimes
 from .recommendation import FRAME_MS, front
 from .runtimes import KERAS, ONNX, SAVED_MODEL
 
-_MARKERS = {"float32": "o", "bfloat16": "s", "float16": "D", "int8": "v", "int8, float heads": "^"}
+_MARKERS = {"float32": "o", "bfloat16": "s", "float16": "D", "int8": "v"}
 _FILLS: dict[str, Any] = {ONNX: "full", SAVED_MODEL: "left", KERAS: "none"}
 """Fill style of a marker by runtime."""
 _ACROSS = 3

@@ -23,7 +23,7 @@ from ..store import Store
 from . import machine, recommendation, timing
 from .cases import Bench, Case, compares_runtimes, is_whole
 from .fidelity import Fidelity
-from .run_formats import INT8, PRECISIONS, Run
+from .run_formats import PRECISIONS, Run
 from .runtimes import ONNX
 from .samples import Samples
 
@@ -50,8 +50,8 @@ def measure(
 
     Returns:
         As JSON: `machine`, `date`, `load` (average number of running processes at the start),
-        `corpus`, `camera`, `count` of test images, `rounds`, `runs` (`costs`, `int8_harm`,
-        `best_ranges` and `best_int8` of each run), `scored` (the measures in the score), `rows`,
+        `corpus`, `camera`, `count` of test images, `rounds`, `runs` (`costs` of
+        each run), `scored` (the measures in the score), `rows`,
         `purposes` (what each run is for) and `recommendations`. A row holds the attributes of a
         `Case`, the times of `timing.pooled`, `model_mib`, `parameters` and `gflop`. The row of a
         whole system also holds its `errors` with their `interval` and `count`, the runtime that
@@ -76,7 +76,6 @@ def measure(
     scored = recommendation.scored([one["errors"] for one in answered.values()])
     _judge(rows, answered, scored)
     alone = [row for row in rows if is_whole(row) and row["batch"] == 1]
-    best_int8 = {name: run.best_int8 for name, run in opened.items()}
     return {
         "machine": machine.describe(),
         "date": datetime.datetime.now().astimezone().isoformat(timespec="minutes"),
@@ -85,21 +84,11 @@ def measure(
         "camera": camera,
         "count": alone[0]["count"],
         "rounds": ROUNDS,
-        "runs": {
-            name: {
-                "costs": run.costs,
-                "int8_harm": run.int8_harm,
-                "best_ranges": {precision: run.best_ranges(precision) for precision in INT8},
-                "best_int8": run.best_int8,
-            }
-            for name, run in opened.items()
-        },
+        "runs": {name: {"costs": run.costs} for name, run in opened.items()},
         "scored": scored,
         "rows": rows,
         "purposes": recommendation.for_purposes(_plain(alone)),
-        "recommendations": [
-            recommendation.for_this_machine(alone, machine.cores(), best_int8),
-        ],
+        "recommendations": [recommendation.for_this_machine(alone, machine.cores())],
     }
 
 

@@ -97,34 +97,21 @@ def for_purposes(rows: Sequence[Row]) -> list[dict[str, Any]]:
     return worth
 
 
-def for_this_machine(
-    rows: Sequence[Row], cores: int, best_int8: Mapping[str, str]
-) -> dict[str, Any]:
+def for_this_machine(rows: Sequence[Row], cores: int) -> dict[str, Any]:
     """Return the variant with the least score that answers 30 images a second on this machine.
 
     Of equally good variants the fastest is taken; where none is fast enough, the fastest of all.
 
     Args:
-        rows: rows of whole systems with one image at a time, with `model`, `runtime`, `precision`,
-            `threads`, `latency_ms` and `score`.
+        rows: rows of whole systems with one image at a time, with `threads`, `latency_ms` and
+            `score`, all of them finite.
         cores: number of threads on all of this machine's cores; only these rows take part.
-        best_int8: eight-bit precision chosen on validation images, by model; the other eight-bit
-            precision is never recommended, even if it is better on the test images.
 
     Returns:
         `device`, `rule` in words, `budget` and its `unit`, the `row`, its `cost`, and `within`,
         whether it meets the budget.
-
-    Raises:
-        ValueError: if a latency or a score is NaN or infinite.
     """
-    chosen = [
-        row
-        for row in rows
-        if row["threads"] == cores
-        and (not row["precision"].startswith("int8") or row["precision"] == best_int8[row["model"]])
-    ]
-    front([(row["latency_ms"], row["score"]) for row in chosen])
+    chosen = [row for row in rows if row["threads"] == cores]
     within = [row for row in chosen if row["latency_ms"] <= FRAME_MS]
     least = min((row["score"] for row in within), default=math.inf)
     as_good = [row for row in within if row["score"] <= least * (1 + _AS_GOOD)]

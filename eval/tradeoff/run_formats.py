@@ -2,17 +2,15 @@
 
 import dataclasses
 import functools
-import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import keras
-import numpy as np
 import onnx.utils
 
 from lime_keras.arrays import Predict
-from lime_keras.export import formats, quantisation
+from lime_keras.export import exporter, formats, quantisation
 from lime_keras.io import model_folder
 from lime_keras.networks import answers, assemble, weights
 from lime_keras.networks.precision import POLICIES, computing_in
@@ -25,13 +23,11 @@ from .costs import flop
 from .runtimes import KERAS, ONNX, SAVED_MODEL
 from .samples import Samples
 
-INT8 = {"int8": False, "int8, float heads": True}
-"""Eight-bit precisions by name, and whether the subnetworks' last layers stay in float32."""
 PRECISIONS = {
     KERAS: tuple(POLICIES),
     SAVED_MODEL: tuple(POLICIES),
     # ONNX Runtime has no bfloat16 convolution on processors.
-    ONNX: ("float32", "float16", *INT8),
+    ONNX: exporter.PRECISIONS[exporter.ONNX],
 }
 """Precisions of each runtime."""
 EVERYTHING = "everything"
@@ -95,7 +91,9 @@ class Run:
         if precision == "float16":
             write_float16 = functools.partial(quantisation.write_float16, prepared)
             return self._file("float16.onnx", write_float16)
-        return self._int8(prepared, precision)
+        calibrated = {**self.depends_on, "calibration": self.samples.depends_on("train")}
+        write_int8 = functools.partial(self._write_int8, prepared)
+        return self._file("int8.onnx", write_int8, calibrated)
 
     def file_size(self, runtime: str, precision: str) -> int:
         """Return the number of bytes in the files that a runtime needs."""
@@ -125,35 +123,6 @@ class Run:
     def answer(self, runtime: str, precision: str) -> Predict:
         """Load the model into this process; return the function that runs it on images."""
         return runtimes.open_answer(runtime, self.path(runtime, precision), precision)
-
-    @functools.cached_property
-    def int8_harm(self) -> Mapping[str, Mapping[str, Mapping[str, float]]]:
-        """The error of eight bits on validation images, by precision, ranges and output.
-
-        The error is `quantisation.harm`: the mean difference from float32 over the mean magnitude.
-        """
-        prepared = self._file("prepared.onnx", self._write_prepared)
-        return self._store.value(
-            f"int8/{self.name}",
-            self._calibrated(),
-            lambda: self._judge_int8(prepared),
-            code=code_of(__name__),
-        )
-
-    def best_ranges(self, precision: str) -> str:
-        """Return the name of `quantisation.RANGES` with the least mean error on validation images.
-
-        Args:
-            precision: name of an eight-bit precision (see `INT8`).
-        """
-        harm = self.int8_harm[precision]
-        return min(harm, key=lambda ranges: _mean(harm[ranges]))
-
-    @property
-    def best_int8(self) -> str:
-        """The name of the eight-bit precision with the least mean error on validation images."""
-        harm = self.int8_harm
-        return min(harm, key=lambda name: _mean(harm[name][self.best_ranges(name)]))
 
     @functools.cached_property
     def _subnetworks(self) -> dict[str, keras.Model]:
@@ -194,51 +163,9 @@ class Run:
     def _write_prepared(self, path: Path) -> None:
         quantisation.prepare(self.path(ONNX, "float32"), path)
 
-    def _int8(self, prepared: Path, precision: str) -> Path:
-        ranges = self.best_ranges(precision)
-
-        def write(path: Path) -> None:
-            images = self.samples.calibration(self.image_size)
-            quantisation.write_int8(
-                prepared, path, images, ranges=ranges, float_heads=INT8[precision]
-            )
-
-        slug = precision.replace(", ", "-").replace(" ", "-")
-        return self._file(f"{slug}.onnx", write, self._calibrated(ranges=ranges))
-
-    def _calibrated(self, **more: str) -> DependsOn:
-        return {**self.depends_on, "calibration": self.samples.depends_on("train"), **more}
-
-    def _judge_int8(self, prepared: Path) -> dict[str, dict[str, dict[str, float]]]:
-        """Compare every eight-bit precision and every choice of ranges with float32."""
-        calibration = self.samples.calibration(self.image_size)
-        validation = self.samples.validation(self.image_size)
-        expected = _answers(self.answer(ONNX, "float32"), validation)
-
-        def judged(ranges: str, float_heads: bool) -> dict[str, float]:
-            with tempfile.TemporaryDirectory() as folder:
-                path = Path(folder) / "int8.onnx"
-                quantisation.write_int8(
-                    prepared, path, calibration, ranges=ranges, float_heads=float_heads
-                )
-                answer = runtimes.open_answer(ONNX, path, "int8")
-                return quantisation.harm(expected, _answers(answer, validation))
-
-        return {
-            precision: {ranges: judged(ranges, float_heads) for ranges in quantisation.RANGES}
-            for precision, float_heads in INT8.items()
-        }
-
-
-def _answers(answer: Predict, images: np.ndarray) -> dict[str, np.ndarray]:
-    """Compute the outputs for images one at a time, so that memory stays that of one image."""
-    each = [answer(image[None]) for image in images]
-    return {name: np.concatenate([one[name] for one in each]) for name in each[0]}
+    def _write_int8(self, prepared: Path, path: Path) -> None:
+        quantisation.write_int8(prepared, path, self.samples.calibration(self.image_size))
 
 
 def _costs(network: keras.Model) -> dict[str, float]:
     return {"parameters": network.count_params(), "gflop": 1e-9 * flop(network)}
-
-
-def _mean(harm: Mapping[str, float]) -> float:
-    return float(np.mean(list(harm.values())))

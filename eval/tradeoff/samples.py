@@ -47,7 +47,3 @@ class Samples:
     def calibration(self, size: int) -> np.ndarray:
         """Read images that the networks were trained on, to calibrate quantisation."""
         return samples.calibration(self.corpus, size, camera=self.camera)
-
-    def validation(self, size: int) -> np.ndarray:
-        """Read images of the train split that training held out."""
-        return samples.validation(self.corpus, size, camera=self.camera)

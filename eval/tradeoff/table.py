@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from lime_keras.export.parity import TOLERANCE
-from lime_keras.export.quantisation import RANGES
 
 from ..accuracy.measures import MEASURES
 from ..markdown_table import ABSENT, aligned
@@ -53,7 +52,7 @@ _COLUMNS: dict[str, Callable[[Row], str]] = {
     "spread": lambda row: f"{100 * row['spread']:.0f} %",
     "busy": lambda row: f"{row['busy']:.1f}",
 }
-_TEXTS = ("", "run", "runtime", "precision", "only", "ranges", "measured on")
+_TEXTS = ("", "run", "runtime", "precision", "only", "measured on")
 """Names of the text columns, which are flush left."""
 
 
@@ -67,7 +66,6 @@ def markdown(result: Mapping[str, Any]) -> str:
         "The trade": _cross,
         "Recommendations": _recommendations,
         "What a precision does": _precisions,
-        "Eight bits": _int8,
         "Threads": _threads,
         "Batch": _batches,
         "What is asked for": _parts,
@@ -112,10 +110,7 @@ def _cross(result: Mapping[str, Any]) -> str:
 
 
 def _recommendations(result: Mapping[str, Any]) -> str:
-    rule = (
-        "The least score within the budget, and of those within 1 % of it the cheapest. Of the "
-        "eight-bit precisions only the one that held-out training images chose takes part."
-    )
+    rule = "The least score within the budget, and of those within 1 % of it the cheapest."
     worth = result["purposes"]
     purposes = map(_purpose, worth, [None, *worth])
     machines = map(_recommendation, result["recommendations"])
@@ -165,38 +160,6 @@ def _precisions(result: Mapping[str, Any]) -> str:
     return f"{about}\n\n{_table(['run', 'precision', 'measured on', *map(_title, shown)], lines)}"
 
 
-def _int8(result: Mapping[str, Any]) -> str:
-    harms = [
-        (name, precision, ranges, harm)
-        for name, run in result["runs"].items()
-        for precision, by_ranges in run["int8_harm"].items()
-        for ranges, harm in by_ranges.items()
-    ]
-    outputs = list(dict.fromkeys(output for *_, harm in harms for output in harm))
-    lines = [
-        [
-            *key,
-            *(f"{100 * harm[output]:.2f}" if output in harm else ABSENT for output in outputs),
-            f"{100 * sum(harm.values()) / len(harm):.2f}",
-            _taken(result["runs"][key[0]], *key[1:]),
-        ]
-        for *key, harm in harms
-    ]
-    about = (
-        "Mean difference from float32 over mean magnitude, in per cent, on training images that "
-        "were held out; calibrated on others of them. Ranges: what a scale covers, the "
-        f"{' or the '.join(RANGES)} of the calibration images' ranges. ✓: the better ranges; ✓✓: "
-        "and the better precision."
-    )
-    return f"{about}\n\n{_table(['run', 'precision', 'ranges', *outputs, 'mean', 'taken'], lines)}"
-
-
-def _taken(run: Mapping[str, Any], precision: str, ranges: str) -> str:
-    if run["best_ranges"][precision] != ranges:
-        return ""
-    return "✓✓" if precision == run["best_int8"] else "✓"
-
-
 def _threads(result: Mapping[str, Any]) -> str:
     rows = [r for r in result["rows"] if is_whole(r) and r["runtime"] == ONNX and r["batch"] == 1]
     rows.sort(key=lambda row: (row["model"], row["precision"], row["threads"]))
@@ -238,9 +201,9 @@ def _paper(row: Row) -> str:
 def _resources(result: Mapping[str, Any]) -> str:
     about = (
         "One image, all threads. Peak memory is the whole process's. Cold start: from the start of "
-        "the process to its first answer, with the files in the system's cache; of it the import "
-        "of the runtime, the loading of the model and the first answer. Spread: of the rounds' "
-        "medians. Busy: processor seconds a second."
+        "the process to its first answer, with the files in the system's cache; its parts are the "
+        "import of the runtime, the loading of the model and the first answer. Spread: of the "
+        "rounds' medians. Busy: processor seconds a second."
     )
     columns = (
         *("run", "runtime", "precision", "model MiB", "peak MiB", "cold start s", "import", "load"),

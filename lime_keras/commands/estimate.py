@@ -4,8 +4,9 @@ import argparse
 import functools
 import os
 import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from lime_keras import console
 from lime_keras.commands import model_option
@@ -97,6 +98,11 @@ def parser() -> argparse.ArgumentParser:
         default=Path("materials"),
         metavar="DIR",
         help="folder of the results (default: materials)",
+    )
+    output.add_argument(
+        "--json",
+        action="store_true",
+        help="print a line of JSON for each photo at a terminal, too, as a pipe gets it",
     )
     output.add_argument(
         "--folders",
@@ -192,6 +198,7 @@ def _estimate(options: argparse.Namespace) -> int:
                 light=bool(options.normals or options.clone_onto),
                 normals=options.normals,
                 clone=clone,
+                for_people=_for_people(options),
             )
             finished = batch.finished
             batch.run(dict(zip(names, photos, strict=False)))
@@ -200,7 +207,9 @@ def _estimate(options: argparse.Namespace) -> int:
         if videos:
             estimator = _estimator(options, options.only or _OF_A_FRAME)
             for source, name in zip(videos, names[len(photos) :], strict=True):
-                done = _estimate_video(estimator, source, results, name)
+                done = _estimate_video(
+                    estimator, source, results, name, for_people=_for_people(options)
+                )
                 finished += [name] if done else []
                 failed += not done
     finally:
@@ -302,19 +311,32 @@ def _masker(text: str) -> tuple[str, Path]:
     return (family, Path(file)) if family in _FAMILIES and file else (_FAMILIES[0], Path(text))
 
 
-def _estimate_video(estimator: "Estimator", source: str, results: "Results", name: str) -> bool:
+def _for_people(options: argparse.Namespace) -> bool:
+    """Return whether the answers are read by a person, not by a program."""
+    return sys.stdout.isatty() and not options.json
+
+
+def _estimate_video(
+    estimator: "Estimator", source: str, results: "Results", name: str, *, for_people: bool
+) -> bool:
     """Estimate a video, print its material, and return whether an object was found."""
     import json
 
-    from lime_keras.estimate import files
+    from lime_keras.estimate import files, terminal
     from lime_keras.io import result_json
     from lime_keras.video.estimate import estimate_video
 
     target = results.json(name)
+
+    def tell(content: dict[str, Any], more: Sequence[str] = ()) -> None:
+        colour = terminal.takes_colour(sys.stdout)
+        words = terminal.answer(content, target.parent, more, colour=colour) if for_people else ""
+        print(words or json.dumps(content))
+
     try:
         made = _made(results, source)
         if found := results.standing(name, made):
-            print(json.dumps(found))
+            tell(found)
             print(f"{source}: there already, {target}", file=sys.stderr)
             return bool(found["found"])
         ends = (".csv", "-overlay.mp4", ".json", ".mtl", ".gltf", "-mitsuba.json", "-preview.png")
@@ -329,17 +351,19 @@ def _estimate_video(estimator: "Estimator", source: str, results: "Results", nam
         print(f"error: {error}", file=sys.stderr)
         return False
     numbers = {"video": source} | summary.to_json()
-    print(json.dumps(result_json.write(target, numbers, made, [*summary.files, target.name])))
+    content = result_json.write(target, numbers, made, [*summary.files, target.name])
+    bright = {scene.number: files.remark(scene.material) for scene in summary.scenes}
+    tell(content, [f"scene {number}: {said}" for number, said in bright.items() if said])
     for remark in summary.remarks:
         print(f"warning: {remark}", file=sys.stderr)
-    for scene in summary.scenes:
-        bright = files.remark(scene.material)
-        told = [caution.message for caution in scene.material.warnings] + [bright] * bool(bright)
-        for message in told:
-            print(f"warning: {source}, scene {scene.number}: {message}", file=sys.stderr)
-    if not summary.scenes:
-        for caution in summary.material.warnings:
-            print(f"warning: {source}: {caution.message}", file=sys.stderr)
+    if not for_people:
+        for scene in summary.scenes:
+            cautions = [caution.message for caution in scene.material.warnings]
+            for message in filter(None, [*cautions, bright[scene.number]]):
+                print(f"warning: {source}, scene {scene.number}: {message}", file=sys.stderr)
+        if not summary.scenes:
+            for caution in summary.material.warnings:
+                print(f"warning: {source}: {caution.message}", file=sys.stderr)
     print(
         f"{source}: {summary.frames} frames, an object in {summary.found} of them, "
         f"{summary.cuts} scene cuts; {summary.table}, {summary.overlay}",

@@ -1,7 +1,7 @@
-"""Small sets of images from a corpus, for calibration and validation.
+"""Small sets of images from a corpus.
 
-Both sets come from the train split: the calibration set from the shards for training, the
-validation set from the shards that training holds out. The test split is only for reported results.
+Images for calibration come from the shards of the train split that networks are trained on; the
+test split is only for reported results.
 """
 
 from pathlib import Path
@@ -10,7 +10,7 @@ import numpy as np
 
 from lime_keras.data import pipeline
 
-_CALIBRATION, _VALIDATION = 64, 64
+_CALIBRATION = 64
 
 
 def calibration(corpus: Path, size: int, *, camera: bool) -> np.ndarray:
@@ -30,15 +30,6 @@ def calibration(corpus: Path, size: int, *, camera: bool) -> np.ndarray:
     """
     shards, _ = pipeline.training_shards(corpus)
     return first(shards, size, _CALIBRATION, camera=camera)
-
-
-def validation(corpus: Path, size: int, *, camera: bool) -> np.ndarray:
-    """Return held-out images, which no network was trained on, for validation.
-
-    Arguments, result and errors are those of `calibration`.
-    """
-    _, shards = pipeline.training_shards(corpus)
-    return first(shards, size, _VALIDATION, camera=camera)
 
 
 def first(shards: list[Path], size: int, count: int, *, camera: bool) -> np.ndarray:

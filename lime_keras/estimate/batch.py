@@ -5,17 +5,17 @@ import os
 import sys
 import time
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from tqdm import tqdm
 
-from lime_keras.estimate import files
+from lime_keras.estimate import files, terminal
 from lime_keras.estimate.estimator import Estimator
 from lime_keras.estimate.results import Results
-from lime_keras.io import photo, result_json
+from lime_keras.io import photo
 from lime_keras.io.sources import mask_beside
 from lime_keras.material import Material
 
@@ -38,6 +38,8 @@ class Batch:
         normals: file with the normals of the only photo, or folder with a file of the same name for
             each photo; None to guess the normals.
         clone: renderer of another shape in the object's place; used only with `light`.
+        for_people: whether standard output gets an answer in words (`terminal.answer`) in place of
+            a line of JSON; warnings are then a part of it, else they go to standard error.
 
     Attributes:
         finished: names of the photos that have a result, from this run or an earlier one.
@@ -55,9 +57,11 @@ class Batch:
         light: bool = False,
         normals: Path | None = None,
         clone: "Clone | None" = None,
+        for_people: bool = False,
     ):
         self._estimator, self._results, self._masks = estimator, results, masks
         self._light, self._normals, self._clone = light, normals, clone
+        self._for_people = for_people
         self._seconds = {"reading": 0.0, "networks": 0.0, "writing": 0.0}
         self._masks_looked_for = self._done = self._there = 0
         self.finished: list[str] = []
@@ -66,8 +70,7 @@ class Batch:
     def run(self, photos: Mapping[str, Path]) -> None:
         """Estimate photos and write their files, unless they are there already.
 
-        The numbers go to standard output, one line of JSON a photo, the progress and the errors to
-        standard error.
+        The numbers go to standard output, the progress and the errors to standard error.
 
         Args:
             photos: path of each photo, by the name for its files, which may begin with folders.
@@ -81,7 +84,7 @@ class Batch:
             del left[name]
             self.finished.append(name)
             self.empty += not found.get("mask_coverage")
-            print(json.dumps(found))
+            self._tell(name, found)
         self._there = len(self.finished)
         with tqdm(total=len(left), unit="photo", delay=2) as bar:
             for batch in self._batches(left):
@@ -215,9 +218,9 @@ class Batch:
         alpha: np.ndarray | None,
     ) -> None:
         try:
-            with self._results.writing(name, self._made(path)) as folder:
-                stem = Path(name).name
-                files.write(folder, stem, path, image, material)
+            with self._results.writing(name, self._made(path)) as draft:
+                folder, stem = draft.folder, Path(name).name
+                draft.numbers = files.write(folder, stem, path, image, material)
                 if self._light and material.mask_coverage:
                     # SciPy and scikit-image are large, and only the light needs them.
                     from lime_keras.lighting import files as lighting_files
@@ -236,13 +239,22 @@ class Batch:
             self._tell_failure(path, error)
             return
         self.finished.append(name)
-        tqdm.write(json.dumps(result_json.read(self._results.json(name))))
         self._done += 1
-        if remark := files.remark(material):
-            tqdm.write(f"warning: {path}: {remark}", file=sys.stderr)
         self.empty += not material.mask_coverage
-        for caution in material.warnings:
-            tqdm.write(f"warning: {path}: {caution.message}", file=sys.stderr)
+        remark = files.remark(material)
+        self._tell(name, draft.numbers, [remark] if remark else [])
+        if self._for_people:
+            return
+        for message in filter(None, [remark, *(caution.message for caution in material.warnings)]):
+            tqdm.write(f"warning: {path}: {message}", file=sys.stderr)
+
+    def _tell(self, name: str, content: dict[str, Any], more: Sequence[str] = ()) -> None:
+        """Print a result, given as the content of its JSON."""
+        told = json.dumps(content)
+        if self._for_people:
+            colour = terminal.takes_colour(sys.stdout)
+            told = terminal.answer(content, self._results.json(name).parent, more, colour=colour)
+        tqdm.write(told)
 
     def _tell_failure(self, path: Path, error: Exception) -> None:
         self.failed += 1

@@ -20,7 +20,7 @@ from lime_keras.estimate.pictures import Picture, mask_of, photo_of
 from lime_keras.io import model_folder
 from lime_keras.io.model_folder import SHIPPED
 from lime_keras.material import Material
-from lime_keras.optics import colour, compositing, shininess
+from lime_keras.optics import colour, compositing, highlights, shininess
 from lime_keras.outputs import NEEDED, OUTPUTS, available
 
 _PIXELS_AT_ONCE = 1 << 18
@@ -350,17 +350,32 @@ def _recomposed(
     image_srgb: np.ndarray, mask: np.ndarray, shading: np.ndarray, answer: dict[str, np.ndarray]
 ) -> dict[str, np.ndarray]:
     """Return the layers `diffuse`, the photo's diffuse part, and `recomposed`, Eq. 4 of the fit."""
-    diffuse_albedo = answer["diffuse_albedo"]
+    diffuse_albedo, specular_albedo = answer["diffuse_albedo"], answer["specular_albedo"]
     layers = {name: np.empty(image_srgb.shape, np.float32) for name in ("diffuse", "recomposed")}
+    hidden = np.empty(image_srgb.shape[:2], bool)
     # Row by row: a large photo's intermediate images would take more memory than its layers.
     height = max(1, _PIXELS_AT_ONCE // mask.shape[1])
-    for top in range(0, len(mask), height):
-        part = slice(top, top + height)
-        specular = answer["specular_albedo"] * shading[part]
+    parts = [slice(top, top + height) for top in range(0, len(mask), height)]
+
+    # What the highlights leave.
+    for part in parts:
+        specular = specular_albedo * shading[part]
         linear = colour.srgb_to_linear(image_srgb[part])
-        diffuse = np.maximum(linear - specular, 0) * mask[part]
+        layers["diffuse"][part] = np.maximum(linear - specular, 0) * mask[part]
+        hidden[part] = highlights.hidden(image_srgb[part], specular)
+
+    # Where they leave nothing that can be read, what is around; never more than is seen.
+    inside = mask[..., 0] >= framing.THRESHOLD
+    hidden &= inside
+    if hidden.any():
+        likely = highlights.closed(layers["diffuse"], inside & ~hidden, hidden)
+        seen = colour.srgb_to_linear(image_srgb[hidden]) * mask[hidden]
+        layers["diffuse"][hidden] = np.minimum(likely, seen)
+
+    # The grey shading that fits the diffuse part, and the highlights on it.
+    for part in parts:
         # The D of a black material is NaN. It does not matter: m_d · D is 0 for every D.
-        shade = np.nan_to_num(compositing.diffuse_shading(diffuse, diffuse_albedo))
-        layers["diffuse"][part] = diffuse
+        shade = np.nan_to_num(compositing.diffuse_shading(layers["diffuse"][part], diffuse_albedo))
+        specular = specular_albedo * shading[part]
         layers["recomposed"][part] = shade * diffuse_albedo + specular * mask[part]
     return layers

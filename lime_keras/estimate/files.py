@@ -24,8 +24,10 @@ _LONGEST = 200
 """Largest number of bytes of a stem: a file's name has at most 255."""
 
 
-def write(folder: Path, name: str, source: Path, image_srgb: np.ndarray, material: Material) -> str:
-    """Write the files of an estimate, `NAME.json` with its numbers last.
+def write(
+    folder: Path, name: str, source: Path, image_srgb: np.ndarray, material: Material
+) -> dict[str, object]:
+    """Write the files of an estimate, all but `NAME.json`, and return its numbers.
 
     Each layer becomes `NAME-LAYER.png`, 8 bits; a layer of linear radiance also becomes
     `NAME-LAYER.exr`, half floats. `NAME-preview.png` shows the estimate. A complete material also
@@ -34,12 +36,12 @@ def write(folder: Path, name: str, source: Path, image_srgb: np.ndarray, materia
     Args:
         folder: existing folder for the files.
         name: beginning of the files' names.
-        source: path of the photo, recorded in `NAME.json`.
+        source: path of the photo, recorded among the numbers.
         image_srgb: photo `(H, W, 3)`, sRGB in [0, 1].
         material: estimate from the photo.
 
     Returns:
-        The text of `NAME.json`.
+        The numbers of `NAME.json`, to which `Results.writing` adds what they were made of.
 
     Raises:
         OSError: if a file cannot be written.
@@ -47,9 +49,7 @@ def write(folder: Path, name: str, source: Path, image_srgb: np.ndarray, materia
     _write_layers(folder, name, material)
     photo.write(folder / f"{name}-preview.png", preview.sheet(image_srgb, material))
     write_formats(folder, name, material)
-    numbers = json.dumps({"photo": str(source)} | material.to_json(), indent=1, allow_nan=False)
-    atomic.write(folder / f"{name}.json", numbers + "\n")
-    return numbers
+    return {"photo": str(source)} | material.to_json()
 
 
 def write_formats(folder: Path, name: str, material: Material) -> list[str]:
@@ -75,7 +75,7 @@ def write_formats(folder: Path, name: str, material: Material) -> list[str]:
 
 
 def remark(material: Material) -> str | None:
-    """Return what to tell of the material's files beside it, or None."""
+    """Return a warning of what the files of other tools cannot hold of a material, or None."""
     if material.whole() is None or not material.mask_coverage:
         return None
     return interchange.warning(material)

@@ -16,18 +16,19 @@ from string import Template
 from typing import Any
 from urllib.parse import quote
 
-import numpy as np
 from PIL import Image
 
 from lime_keras.estimate import preview
 from lime_keras.io import atomic, incoming, result_json
-from lime_keras.optics import colour
+from lime_keras.material import srgb_hex
+from lime_keras.optics import gloss
 
 PAGE, TABLE = "index.html", "materials.csv"
 COLUMNS = (
     *("json", "source", "scene", "diffuse_r", "diffuse_g", "diffuse_b", "colour"),
     *("specular_albedo", "exponent", "exponent_entropy"),
     *("mask_coverage", "mask_confidence", "warnings"),
+    *("exponent_low", "exponent_high", "gloss", "roughness"),
 )
 """Columns of the table. Albedos are linear; `colour` is the diffuse one, sRGB, as #rrggbb."""
 _MARK = '<meta name="generator" content="lime-estimate">'
@@ -120,13 +121,10 @@ def _rows(path: str, content: dict[str, Any]) -> Iterator[dict[str, Any]]:
         row["warnings"] = " ".join(warning["code"] for warning in scene.get("warnings", ()))
         if diffuse is not None:
             row |= dict(zip(("diffuse_r", "diffuse_g", "diffuse_b"), diffuse, strict=True))
-            row["colour"] = "#" + "".join(f"{level:02x}" for level in _levels(diffuse))
+            row["colour"] = srgb_hex(diffuse)
+        low, high = scene.get("exponent_interval", (None, None))
+        row |= {"exponent_low": low, "exponent_high": high}
         yield row
-
-
-def _levels(linear: list[float]) -> list[int]:
-    srgb = colour.linear_to_srgb(np.clip(linear, 0, 1))
-    return [round(255 * float(value)) for value in srgb]
 
 
 def _card(out: Path, row: dict[str, Any], content: dict[str, Any]) -> str:
@@ -167,9 +165,8 @@ def _keys(row: dict[str, Any]) -> dict[str, float | str]:
     if row["exponent"] is not None:
         keys["gloss"] = row["exponent"]
     if row["diffuse_r"] is not None:
-        hue, saturation, value = colorsys.rgb_to_hsv(
-            *(level / 255 for level in _levels([row[f"diffuse_{c}"] for c in "rgb"]))
-        )
+        levels = bytes.fromhex(row["colour"].removeprefix("#"))
+        hue, saturation, value = colorsys.rgb_to_hsv(*(level / 255 for level in levels))
         # Greys, whose hue means nothing, come first, from dark to light.
         keys["colour"] = round(value - 1 if saturation < 0.1 else hue, 4)
     if row["exponent_entropy"] is not None:
@@ -185,9 +182,8 @@ def _told(row: dict[str, Any]) -> Iterator[str]:
         red, green, blue = (row[f"diffuse_{channel}"] for channel in "rgb")
         yield f"m_d {red:.2f} {green:.2f} {blue:.2f}  m_s {row['specular_albedo']:.2f}"
     if row["exponent"] is not None:
-        entropy = row["exponent_entropy"]
-        doubt = "" if entropy is None else f"  entropy {entropy:.1f} of {_MOST_ENTROPY:.0f} bits"
-        yield f"s {row['exponent']:.3g}{doubt}"
+        ends = row["exponent_low"], row["exponent_high"]
+        yield gloss.sentence(row["exponent"], None if None in ends else ends)
     if row["mask_coverage"] is not None:
         sure = row["mask_confidence"]
         mask = f"mask {sure:.0%} sure, " if sure is not None else ""
@@ -201,12 +197,12 @@ def _thumbnails(path: Path, row: dict[str, Any]) -> dict[str, str]:
     try:
         incoming.check(path, "a preview")
         with incoming.naming(path, "a preview"), Image.open(path) as page:
-            tiles = preview.pictures_of(page.convert("RGB"))
+            tiles = preview.pictures_of(page.convert("RGB"), 2)
     except ValueError:
         return {}
     pictures = {"photo and mask": tiles[0]}
     if row["diffuse_r"] is not None and row["exponent"] is not None:
-        pictures["sphere of the material"] = tiles[-1]
+        pictures["sphere of the material"] = tiles[1]
     urls = {}
     for said, tile in pictures.items():
         encoded = io.BytesIO()

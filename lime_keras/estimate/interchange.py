@@ -134,67 +134,65 @@ def gltf(material: Material, name: str) -> str:
     Raises:
         ValueError: if the material has no albedos or no exponent.
     """
+    # The sphere, whose positions are its normals.
     positions, triangles = _sphere()
     vertices, indices = positions.astype("<f4").tobytes(), triangles.astype("<u2").tobytes()
     buffer = base64.b64encode(vertices + indices).decode()
-    roughness = math.sqrt(microfacets.ggx_alpha(_exponent(material)))
+    views = [
+        {"buffer": 0, "byteLength": len(vertices), "target": _VERTICES, "byteOffset": 0},
+        {
+            "buffer": 0,
+            "byteLength": len(indices),
+            "target": _INDICES,
+            "byteOffset": len(vertices),
+        },
+    ]
+    accessors = [
+        {
+            "bufferView": 0,
+            "componentType": _FLOAT,
+            "count": len(positions),
+            "type": "VEC3",
+            "min": positions.min(0).tolist(),
+            "max": positions.max(0).tolist(),
+        },
+        {
+            "bufferView": 1,
+            "componentType": _UNSIGNED_SHORT,
+            "count": triangles.size,
+            "type": "SCALAR",
+        },
+    ]
+    triangle_list = {"attributes": {"POSITION": 0, "NORMAL": 0}, "indices": 1, "material": 0}
+
+    # The material.
+    surface = {
+        "name": name,
+        "pbrMetallicRoughness": {
+            "baseColorFactor": [*_numbers(base_colour(material)), 1.0],
+            "metallicFactor": 0.0,
+            "roughnessFactor": _number(math.sqrt(microfacets.ggx_alpha(_exponent(material)))),
+        },
+        "extensions": {
+            "KHR_materials_specular": {
+                "specularFactor": _number(lobe_reflectance(material)),
+                "specularColorFactor": [_MOST_BRIGHT] * 3,
+            }
+        },
+        "extras": {"albedo_scale": _number(albedo_scale(material))},
+    }
+
+    # The file.
     whole = {
         "asset": {"version": "2.0", "generator": f"lime_keras {__version__}"},
         "extensionsUsed": ["KHR_materials_specular"],
         "scene": 0,
         "scenes": [{"nodes": [0]}],
         "nodes": [{"mesh": 0, "name": name}],
-        "meshes": [
-            {
-                "name": name,
-                "primitives": [
-                    # On a unit sphere, positions are normals.
-                    {"attributes": {"POSITION": 0, "NORMAL": 0}, "indices": 1, "material": 0}
-                ],
-            }
-        ],
-        "materials": [
-            {
-                "name": name,
-                "pbrMetallicRoughness": {
-                    "baseColorFactor": [*_numbers(base_colour(material)), 1.0],
-                    "metallicFactor": 0.0,
-                    "roughnessFactor": _number(roughness),
-                },
-                "extensions": {
-                    "KHR_materials_specular": {
-                        "specularFactor": _number(lobe_reflectance(material)),
-                        "specularColorFactor": [_MOST_BRIGHT] * 3,
-                    }
-                },
-                "extras": {"albedo_scale": _number(albedo_scale(material))},
-            }
-        ],
-        "accessors": [
-            {
-                "bufferView": 0,
-                "componentType": _FLOAT,
-                "count": len(positions),
-                "type": "VEC3",
-                "min": positions.min(0).tolist(),
-                "max": positions.max(0).tolist(),
-            },
-            {
-                "bufferView": 1,
-                "componentType": _UNSIGNED_SHORT,
-                "count": triangles.size,
-                "type": "SCALAR",
-            },
-        ],
-        "bufferViews": [
-            {"buffer": 0, "byteLength": len(vertices), "target": _VERTICES, "byteOffset": 0},
-            {
-                "buffer": 0,
-                "byteLength": len(indices),
-                "target": _INDICES,
-                "byteOffset": len(vertices),
-            },
-        ],
+        "meshes": [{"name": name, "primitives": [triangle_list]}],
+        "materials": [surface],
+        "accessors": accessors,
+        "bufferViews": views,
         "buffers": [
             {
                 "byteLength": len(vertices) + len(indices),

@@ -9,12 +9,16 @@ from PIL import Image, ImageDraw, ImageFont
 from lime_keras.estimate import framing
 from lime_keras.estimate.framing import Square
 from lime_keras.material import Material
-from lime_keras.optics import colour, studio_light
+from lime_keras.optics import colour, gloss, studio_light
 from lime_keras.optics.compositing import compose
 from lime_keras.optics.reflectance_map import disc, sphere_shading
 
-_TILE = 256
-_MARGIN, _TITLE = 12, 24
+_TILE, _COLUMNS = 320, 3
+_MARGIN, _TITLE = 10, 26
+_WIDTH = _MARGIN + _COLUMNS * (_TILE + _MARGIN)
+"""Width of a page: it is read on a screen of 1,000 pixels without being made smaller."""
+_ROOM = 14
+"""Pixels around the sphere in its tile."""
 _PAPER, _INK = (250, 250, 251), (29, 36, 48)
 _BACKGROUND = 0.16
 """Linear radiance of the grey behind the sphere."""
@@ -73,17 +77,45 @@ def _shaded(log_exponent: float, size: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def sheet(image_srgb: np.ndarray, material: Material) -> np.ndarray:
-    """Draw all parts of an estimate side by side, with its numbers and warnings below.
+    """Draw all parts of an estimate, three in a row, with its numbers and warnings below.
 
     Args:
         image_srgb: photo `(H, W, 3)`, sRGB in [0, 1].
         material: estimate from the photo, with the layer `mask`.
 
     Returns:
-        Picture `(h, w, 3)` float32, sRGB in [0, 1].
+        Picture `(h, 1000, 3)` float32, sRGB in [0, 1].
     """
-    told = [caution.message for caution in material.warnings]
-    return _side_by_side(tiles(image_srgb, material), caption(material), told)
+    shown = tiles(image_srgb, material)
+    cautions = [
+        ("! " if first else "  ") + line
+        for caution in material.warnings
+        for first, line in _lines(caution.message, _WIDTH - 2 * _MARGIN)
+    ]
+    written = [(_INK, line) for line in caption(material)]
+    written += [(_CAUTION, line) for line in cautions]
+
+    # The tiles, row by row, each below its title.
+    below = _MARGIN + math.ceil(len(shown) / _COLUMNS) * (_TITLE + _TILE)
+    height = below + _MARGIN + len(written) * _LINE + _MARGIN
+    page = Image.new("RGB", (_WIDTH, height), _PAPER)
+    pen = ImageDraw.Draw(page)
+    for index, (title, tile) in enumerate(shown.items()):
+        left, top = _place(index)
+        pen.text((left, top - _TITLE + 4), title, fill=_INK, font=_font())
+        levels = np.round(np.clip(tile, 0, 1) * 255).astype(np.uint8)
+        page.paste(Image.fromarray(levels), (left, top))
+
+    # The numbers, then the warnings.
+    for index, (ink, line) in enumerate(written):
+        pen.text((_MARGIN, below + _MARGIN + index * _LINE), line, fill=ink, font=_font())
+    return np.asarray(page, np.float32) / 255
+
+
+def _place(index: int) -> tuple[int, int]:
+    """Return the left column and the top row of a tile on a page."""
+    row, column = divmod(index, _COLUMNS)
+    return _MARGIN + column * (_TILE + _MARGIN), _MARGIN + row * (_TITLE + _TILE) + _TITLE
 
 
 def tiles(image_srgb: np.ndarray, material: Material) -> dict[str, np.ndarray]:
@@ -94,29 +126,36 @@ def tiles(image_srgb: np.ndarray, material: Material) -> dict[str, np.ndarray]:
         material: estimate from the photo, with the layer `mask`.
 
     Returns:
-        Pictures `(256, 256, 3)`, sRGB in [0, 1], of the square that the networks saw: the photo
-        with the mask's outline and the layers that there are; if the material is whole, a sphere.
+        Pictures `(320, 320, 3)`, sRGB in [0, 1]: the photo with the mask's outline, of the square
+        that the networks saw; if the material is whole, a sphere of it; and the layers that there
+        are. What lies beyond the photo has the colour of the page.
     """
     shown = {_TITLES["photo"]: _with_outline(image_srgb, material)}
+    if material.whole() is not None:
+        shown["in a studio"] = _sphere_tile(material)
     for name, title in list(_TITLES.items())[1:]:
         if name in material.layers:
             tile = _seen(material.layers[name], material)
             # S and M are far brighter than white, so their bright parts are compressed.
             linear = tile / (1 + tile) if tile.shape[-1] == 1 else np.clip(tile, 0, 1)
-            shown[title] = np.broadcast_to(colour.linear_to_srgb(linear), (_TILE, _TILE, 3))
+            shown[title] = _framed(colour.linear_to_srgb(linear), material, image_srgb)
     if "reflectance_map" in material.layers:
         shown["reflectance map"] = _enlarged(
             colour.linear_to_srgb(np.clip(material.layers["reflectance_map"], 0, 1))
         )
-    if material.whole() is not None:
-        shown["in a studio"] = sphere(material, _TILE)
     return shown
 
 
-def pictures_of(page: Image.Image) -> list[Image.Image]:
-    """Return the pictures on a page of `sheet`, from left to right, of 256 × 256 pixels each."""
-    lefts = range(_MARGIN, page.width - _TILE, _TILE + _MARGIN)
-    return [page.crop((left, _TITLE, left + _TILE, _TITLE + _TILE)) for left in lefts]
+def pictures_of(page: Image.Image, count: int) -> list[Image.Image]:
+    """Return the first pictures on a page of `sheet`, in the order of `tiles`.
+
+    Raises:
+        ValueError: if the page is none of `sheet`'s, such as one of an earlier version.
+    """
+    if page.width != _WIDTH:
+        raise ValueError(f"a preview is {_WIDTH} pixels wide, got {page.width}: estimate anew")
+    corners = map(_place, range(count))
+    return [page.crop((left, top, left + _TILE, top + _TILE)) for left, top in corners]
 
 
 def rim(inside: np.ndarray, width: int = 1) -> np.ndarray:
@@ -134,27 +173,38 @@ def rim(inside: np.ndarray, width: int = 1) -> np.ndarray:
     return inside & ~core
 
 
-def caption(material: Material) -> str:
-    """Return the estimated numbers in one line of text."""
+def caption(material: Material) -> list[str]:
+    """Return the estimated numbers in lines of text: the material, then the mask."""
     parts = []
     if material.diffuse_albedo is not None:
         red, green, blue = material.diffuse_albedo
         parts += [f"m_d {red:.2f} {green:.2f} {blue:.2f}", f"m_s {material.specular_albedo:.2f}"]
     if material.exponent is not None:
-        parts.append(f"s {material.exponent:.3g}")
-    if material.exponent_entropy is not None:
-        parts.append(f"entropy {material.exponent_entropy:.1f} of 3 bits")
-    parts.append(f"covers {material.mask_coverage or 0:.0%}")
+        parts.append(gloss.sentence(material.exponent, material.exponent_interval))
+    mask = [f"covers {material.mask_coverage or 0:.0%}"]
     if material.mask_confidence is not None:
-        parts.append(f"mask confidence {material.mask_confidence:.2f}")
-    return "    ".join(parts)
+        mask.append(f"mask confidence {material.mask_confidence:.2f}")
+    return ["    ".join(line) for line in (parts, mask) if line]
 
 
 def _with_outline(image_srgb: np.ndarray, material: Material) -> np.ndarray:
     """Return the photo's square as a tile, with the outline of the mask."""
     edge = rim(_seen(material.layers["mask"], material)[..., 0] >= framing.THRESHOLD)
     photo = framing.cut(*_thinned(image_srgb, _square(material, image_srgb)), _TILE)
-    return np.where(edge[..., None], _OUTLINE, photo)
+    return _framed(np.where(edge[..., None], _OUTLINE, photo), material, image_srgb)
+
+
+def _sphere_tile(material: Material) -> np.ndarray:
+    """Return a sphere of the material with some of its background around it, as a tile."""
+    tile = np.full((_TILE, _TILE, 3), colour.linear_to_srgb(_BACKGROUND), np.float32)
+    tile[_ROOM:-_ROOM, _ROOM:-_ROOM] = sphere(material, _TILE - 2 * _ROOM)
+    return tile
+
+
+def _framed(tile: np.ndarray, material: Material, image: np.ndarray) -> np.ndarray:
+    """Return a tile with the colour of the page where the square lies beyond the photo."""
+    inside = framing.inside(_square(material, image), *image.shape[:2], _TILE)
+    return np.where(inside, tile, np.array(_PAPER, np.float32) / 255)
 
 
 def _seen(layer: np.ndarray, material: Material) -> np.ndarray:
@@ -174,28 +224,6 @@ def _square(material: Material, image: np.ndarray) -> Square:
 
 def _enlarged(tile: np.ndarray) -> np.ndarray:
     return framing.cut(tile.astype(np.float32), framing.whole(*tile.shape[:2]), _TILE)
-
-
-def _side_by_side(tiles: dict[str, np.ndarray], numbers: str, told: list[str]) -> np.ndarray:
-    width = _MARGIN + len(tiles) * (_TILE + _MARGIN)
-    lines = [
-        ("! " if first else "  ") + line
-        for message in told
-        for first, line in _lines(message, width - 2 * _MARGIN)
-    ]
-    height = _TITLE + _TILE + 2 * _TITLE + len(lines) * _LINE
-    page = Image.new("RGB", (width, height), _PAPER)
-    pen = ImageDraw.Draw(page)
-    for index, (title, tile) in enumerate(tiles.items()):
-        left = _MARGIN + index * (_TILE + _MARGIN)
-        pen.text((left, 4), title, fill=_INK, font=_font())
-        levels = np.round(np.clip(tile, 0, 1) * 255).astype(np.uint8)
-        page.paste(Image.fromarray(levels), (left, _TITLE))
-    pen.text((_MARGIN, _TITLE + _TILE + 8), numbers, fill=_INK, font=_font())
-    for index, line in enumerate(lines):
-        top = 2 * _TITLE + _TILE + 8 + index * _LINE
-        pen.text((_MARGIN, top), line, fill=_CAUTION, font=_font())
-    return np.asarray(page, np.float32) / 255
 
 
 def _lines(text: str, width: int) -> list[tuple[bool, str]]:

@@ -7,9 +7,9 @@ moved to their places together, the JSON last: a result is there completely, or 
 
 import contextlib
 import hashlib
-import json
 import os
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,19 @@ from lime_keras.version import __version__
 _MEND = "pass --overwrite to replace it, or another folder to --out"
 _DIGITS = 16
 """Number of hexadecimal digits that are kept of a digest: enough to tell all files apart."""
+
+
+@dataclass
+class Draft:
+    """A result that is being written.
+
+    Attributes:
+        folder: empty folder for its files.
+        numbers: numbers for its JSON; once the result is in place, the whole content of that.
+    """
+
+    folder: Path
+    numbers: dict[str, Any] = field(default_factory=dict)
 
 
 class Results:
@@ -84,11 +97,11 @@ class Results:
         return found if is_whole and not found["made"].get("unfinished") else None
 
     @contextlib.contextmanager
-    def writing(self, name: str, made: Mapping[str, Any]) -> Iterator[Path]:
-        """Yield an empty folder, and at the end move the result that was written there into place.
+    def writing(self, name: str, made: Mapping[str, Any]) -> Iterator[Draft]:
+        """Yield a draft, and at the end move the result that was written there into place.
 
-        The block writes all files of the result, `NAME.json` among them. If it fails, nothing is
-        left. Of an earlier result of this name, all files are removed.
+        The block writes the files of the result but `NAME.json`, and sets its numbers. If it fails,
+        nothing is left. Of an earlier result of this name, all files are removed.
 
         Raises:
             ValueError: if another file has the name of one of the result's, and nothing may be
@@ -101,11 +114,11 @@ class Results:
             atomic.remove(partial)
             partial.mkdir(parents=True)
         try:
-            yield partial
-            files = sorted(path.name for path in partial.iterdir())
+            draft = Draft(partial)
+            yield draft
+            files = sorted([*(path.name for path in partial.iterdir()), target.name])
             self.clear(name, files)
-            numbers = json.loads((partial / target.name).read_text(encoding="utf-8"))
-            result_json.write(partial / target.name, numbers, made, files)
+            draft.numbers = result_json.write(partial / target.name, draft.numbers, made, files)
             # The numbers come last: with them, the result counts as complete.
             with atomic.naming_writer(target):
                 for file in sorted(files, key=target.name.__eq__):

@@ -29,8 +29,6 @@ PRECISIONS = {
 
 _VERSION = "1"  # TensorFlow Serving expects a subfolder with a version number
 _PICTURES = 64
-# With heads in float32, the smallest error on held-out pictures of four settings that were tried.
-_RANGES = "widest"
 
 
 def export(
@@ -174,7 +172,7 @@ def _write_onnx(network: keras.Model, path: Path, precision: str, corpus: Path |
             quantisation.write_float16(prepared, path)
         elif corpus is not None:
             pictures = samples.calibration(corpus, network.input_shape[1], camera=True)
-            quantisation.write_int8(prepared, path, pictures, ranges=_RANGES, float_heads=True)
+            quantisation.write_int8(prepared, path, pictures)
 
 
 def _check_parity(

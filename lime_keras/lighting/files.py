@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from lime_keras.io import normal_map, photo
-from lime_keras.lighting import guessed_normals, illumination
+from lime_keras.lighting import guessed_light, illumination
 from lime_keras.material import Material
 from lime_keras.optics import colour
 
@@ -39,7 +39,7 @@ def write(
         image_srgb: photo `(H, W, 3)`, sRGB in [0, 1].
         material: estimate from the photo, with all layers.
         normals: file of the object's normals at the photo's size (`normal_map.read`); None to guess
-            the normals from the mask (`guessed_normals.normals`).
+            the normals from the mask (`guessed_light.estimate`).
         clone: renderer of clones; None to write no clone.
         alpha: the photo's own transparency, `(H, W, 1)` in [0, 1]; None if it has none.
 
@@ -51,8 +51,11 @@ def write(
     mask = material.layers["mask"]
     if material.mask_coverage == 0:
         raise ValueError("no object was found that could show the light: pass --mask")
-    normal = guessed_normals.normals(mask) if normals is None else _read(normals, mask)
-    light = illumination.estimate(illumination.from_material(material, normal))
+    if normals is None:
+        light = guessed_light.estimate(image_srgb, material)
+    else:
+        normal = _read(normals, mask)
+        light = illumination.estimate(illumination.from_material(material, normal))
     photo.write(folder / f"{name}-environment.exr", light[..., None])
     seen = colour.linear_to_srgb(light / (1 + light))
     photo.write(folder / f"{name}-environment.png", seen[..., None])

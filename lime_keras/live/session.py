@@ -10,7 +10,7 @@ import numpy as np
 from lime_keras.estimate import framing
 from lime_keras.estimate.cautions import NO_OBJECT
 from lime_keras.estimate.estimator import Estimator, View
-from lime_keras.lighting import guessed_normals, illumination
+from lime_keras.lighting import guessed_light
 from lime_keras.material import Material
 from lime_keras.optics import shading
 from lime_keras.video.fusion import Fusion
@@ -76,6 +76,7 @@ class Session:
         Raises:
             ValueError: if the frame cannot be estimated.
         """
+        # The object, and its material.
         watch = _Watch()
         view = self._estimator.view(image_srgb, None if mask is None else mask / np.float32(255))
         watch.lap("framing_and_mask")
@@ -83,10 +84,14 @@ class Session:
         if wanted.material and is_found(material):
             material = self._estimator.read(view)
             watch.lap("material")
+
+        # What is known of it since the last cut.
         step = self._tracker.step(image_srgb, material)
         fused = material_of(step.fused)
         if step.cut or np.isnan(step.fused).all():
             self._light.restart()
+
+        # The layers, the light and what may be wrong with them.
         told = material.warnings if is_found(material) else (NO_OBJECT,)
         warnings = [dataclasses.asdict(caution) for caution in told]
         arrays = {"mask": np.rint(255 * view.mask[..., 0]).astype(np.uint8)}
@@ -99,6 +104,7 @@ class Session:
             except ValueError as error:
                 warnings.append({"code": "no-light", "message": f"no light was found: {error}"})
             watch.lap("light")
+
         numbers = {
             "found": step.found,
             "cut": step.cut,
@@ -124,8 +130,7 @@ class Session:
         seen = dataclasses.replace(material, layers=material.layers | {"mask": mask})
         focal, _, x, y = shading.assumed_camera(height, width)
         camera = np.array([focal, focal, x - left, y - top]) * (size / side)
-        normal = guessed_normals.normals(mask)
-        light = illumination.estimate(illumination.from_material(seen, normal, camera))
+        light = guessed_light.estimate(view.image, seen, camera)
         return _plain(self._light.update(light) if fusion else light)
 
 

@@ -25,8 +25,8 @@ import math
 
 import numpy as np
 
-from lime_keras.material import BlinnPhong
 from lime_keras.optics import colour, shininess
+from lime_keras.optics.blinn_phong import BlinnPhong
 
 AMBIENT = (0.0, 0.05)
 """Range of m_a, linear radiance."""

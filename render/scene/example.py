@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from lime_keras.material import BlinnPhong
 from lime_keras.optics import colour, environment
+from lime_keras.optics.blinn_phong import BlinnPhong
 from lime_keras.optics.compositing import compose
 from lime_keras.optics.shading import literal_scale
 

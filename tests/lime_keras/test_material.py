@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from lime_keras import Material
+from lime_keras.estimate import interchange
 from lime_keras.material import Caution
 
 
@@ -32,6 +33,10 @@ def test_json_holds_every_number_and_no_layer(material):
         "exponent_bin_probabilities": [0.125] * 8,
         "mask_coverage": 0.0,
         "exponent_entropy": 3.0,
+        "exponent_interval": [1.99526, 501.187],
+        "gloss": "uncertain: matte to mirror-like",
+        "roughness": 0.538449,
+        "diffuse_srgb_hex": "#bc8900",
         "warnings": [],
     }
     told = dataclasses.replace(material, warnings=(Caution("too-dark", "light it"),))
@@ -50,7 +55,15 @@ def test_a_regressed_exponent_has_no_probabilities_in_json(material):
         material, exponent_bin_probabilities=None, exponent_entropy=None
     )
     numbers = {"diffuse_albedo", "specular_albedo", "exponent", "mask_coverage", "warnings"}
-    assert set(regressed.to_json()) == numbers
+    derived = {"gloss", "roughness", "diffuse_srgb_hex"}
+    assert set(regressed.to_json()) == numbers | derived
+    assert regressed.gloss == "satin"
+
+
+def test_the_roughness_is_that_of_the_gltf_file(material):
+    document = json.loads(interchange.gltf(material, "a"))
+    told = document["materials"][0]["pbrMetallicRoughness"]["roughnessFactor"]
+    assert material.to_json()["roughness"] == told
 
 
 def test_materials_cannot_be_changed_and_share_no_layers(material):

@@ -25,6 +25,12 @@ export function toLevel(value) {
   return LEVELS[Math.round(Math.sqrt(Math.min(Math.max(value, 0), 1)) * STEPS)];
 }
 
+/** Linear RGB, clipped, as sRGB #rrggbb. */
+export function hex(linear) {
+  const levels = linear.map((value) => Math.round(255 * toSrgb(value)));
+  return "#" + levels.map((level) => level.toString(16).padStart(2, "0")).join("");
+}
+
 /** Linear RGB as a CSS colour. */
 export function css(linear) {
   return `rgb(${linear.map((value) => Math.round(255 * toSrgb(value))).join(" ")})`;

@@ -1,9 +1,10 @@
 // The page: sources on one side, the engine in the middle, what it found on both sides.
 
-import { css } from "./colour.js";
+import { css, hex } from "./colour.js";
 import { loadEngine } from "./engine.js";
 import { EngineError } from "./errors.js";
-import { download, gltf } from "./exports.js";
+import { download, gltf, gltfMaterial } from "./exports.js";
+import { inNumbers, interval, inWords } from "./gloss.js";
 import { parse } from "./meshes.js";
 import { picture, studio, turned } from "./panorama.js";
 import { Renderer, TABLE } from "./renderer.js";
@@ -13,6 +14,7 @@ import { drawLayer, levels, View } from "./view.js";
 import { words } from "./warnings.js";
 
 const SHAPES = { sphere, teapot, knot };
+const SAMPLES = ["sample.jpg", "samples/fox.jpg", "samples/helmet.jpg", "samples/hat.jpg"];
 const PATIENT = 45; // ms that a whole frame may take before materials follow every third
 const SOME = 3;
 const LIGHT_EVERY = 600; // ms between two lights of a moving picture
@@ -34,6 +36,7 @@ let cost = 0; // ms of a whole frame, averaged
 const NOTHING = { source: null, material: null, fused: null, light: null, answer: null };
 let last = { ...NOTHING }; // what is shown, and of which source
 let pictures = 0; // grows with each picture that is estimated once: only the newest is shown
+let tried = 0; // samples that the button has shown
 let edits = {}; // what the sliders changed: diffuse, specular, logExponent
 let lit = { kind: "found", turn: 0, stops: 0, studio: studio() };
 
@@ -338,7 +341,9 @@ function showNumbers() {
   $("swatch").style.background = found ? css(found.diffuse_albedo) : "";
   $("diffuse").textContent = found ? found.diffuse_albedo.map(digits).join("  ") : "–";
   $("specular-albedo").textContent = found ? digits(found.specular_albedo) : "–";
-  $("exponent").textContent = found ? gloss(found.exponent) : "–";
+  const ends = interval(last.material?.exponent_bin_probabilities);
+  $("gloss").textContent = found ? inWords(found.exponent, ends) : "–";
+  $("exponent").textContent = found ? inNumbers(found.exponent, ends) : "–";
   showBins(last.material?.exponent_bin_probabilities ?? []);
   if (!found) for (const id of ["specular", "mirror"]) $(id).width = 128; // which empties it
   showSliders();
@@ -384,7 +389,15 @@ function showSliders() {
 function numbersText() {
   const { source: seen, material, fused, answer } = last;
   const { square, mask_coverage } = answer;
-  const whole = { ...material, mask_coverage, square };
+  const { exponent, exponent_bin_probabilities: probabilities } = material;
+  const ends = interval(probabilities);
+  const derived = {
+    exponent_interval: ends,
+    gloss: inWords(exponent, ends),
+    roughness: gltfMaterial(material).pbrMetallicRoughness.roughnessFactor,
+    diffuse_srgb_hex: hex(material.diffuse_albedo),
+  };
+  const whole = { ...material, ...derived, mask_coverage, square };
   if (fused && fusion) whole.fused = fused;
   if (Object.keys(edits).length) whole.edited = current();
   return JSON.stringify({ picture: seen.name, ...whole }, null, 1) + "\n";
@@ -663,7 +676,13 @@ function wire() {
   navigator.mediaDevices?.addEventListener?.("devicechange", () => source?.deviceId && listCameras());
   $("cameras").onchange = () => startCamera($("cameras").value);
   file.onchange = () => file.files[0] && startFile(file.files[0]).finally(() => (file.value = ""));
-  $("sample").onclick = () => startUrl("sample.jpg", "sample.jpg");
+  $("sample").onclick = () => {
+    const path = SAMPLES[tried++ % SAMPLES.length];
+    startUrl(path, path.split("/").at(-1));
+  };
+  for (const button of document.querySelectorAll("[data-sample]")) {
+    button.onclick = () => startUrl(button.dataset.sample, button.dataset.sample.split("/").at(-1));
+  }
   $("freeze").onclick = () => freeze(!frozen);
   $("outline").onclick = () => {
     view.outlined = !view.outlined;

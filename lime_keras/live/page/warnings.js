@@ -12,6 +12,10 @@ const WORDS = {
     "The outline falls into parts, and all are taken for one object of one material: show one, or mend the mask.",
   "too-dark": "The object is nearly black: turn on a light, or expose the picture longer.",
   clipped: "Much of the object is burnt out to white: take less light, or expose the picture shorter.",
+  "burnt-highlight": "Highlights are burnt out to white: take less light, or expose the picture shorter.",
+  grey: "The picture shows no colour of the object, which helps to tell its highlights: take one in colour.",
+  "second-colour":
+    "The object has a second colour: the light is strongly coloured, or it is a coloured metal or has several colours.",
   "no-light": "No light was found from it: the virtual object keeps the one that it has.",
 };
 

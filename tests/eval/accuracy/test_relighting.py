@@ -7,8 +7,8 @@ from skimage.metrics import peak_signal_noise_ratio
 
 from lime_keras.eval.accuracy import relighting
 from lime_keras.eval.accuracy.relighting import HIGHEST_PSNR, Lit
-from lime_keras.material import BlinnPhong
 from lime_keras.optics import colour, shading
+from lime_keras.optics.blinn_phong import BlinnPhong
 from lime_keras.optics.compositing import compose
 
 

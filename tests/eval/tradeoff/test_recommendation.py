@@ -76,8 +76,8 @@ def _row(latency, score, **changes):
     } | changes
 
 
-def _chosen(*rows, best_int8="int8, float heads"):
-    return for_this_machine(rows, 2, {"live": best_int8})
+def _chosen(*rows):
+    return for_this_machine(rows, 2)
 
 
 def test_the_best_is_the_least_score_within_a_frame():
@@ -99,22 +99,6 @@ def test_where_nothing_is_fast_enough_the_fastest_is_named():
 
 def test_fewer_threads_than_the_machine_has_take_no_part():
     assert _chosen(_row(20, 0.5), _row(10, 0.1, threads=1))["cost"] == 20
-
-
-def test_of_eight_bits_only_what_validation_chose_is_taken():
-    rows = [
-        _row(20, 0.5),
-        _row(10, 0.3, precision="int8"),
-        _row(10, 0.4, precision="int8, float heads"),
-    ]
-    assert _chosen(*rows)["row"] == rows[2]
-    assert _chosen(*rows, best_int8="int8")["row"] == rows[1]
-
-
-@pytest.mark.parametrize("latency, score", [(2, math.nan), (math.inf, 0.5)])
-def test_what_is_no_number_is_not_compared(latency, score):
-    with pytest.raises(ValueError, match="not finite"):
-        _chosen(_row(1, 0.5), _row(latency, score))
 
 
 def _model(name, latency, score):

@@ -12,7 +12,7 @@ from onnx import numpy_helper
 from lime_keras.data import pipeline
 from lime_keras.eval.store import Store
 from lime_keras.eval.tradeoff import runtimes
-from lime_keras.eval.tradeoff.run_formats import EVERYTHING, INT8, PRECISIONS, Run
+from lime_keras.eval.tradeoff.run_formats import EVERYTHING, PRECISIONS, Run
 from lime_keras.eval.tradeoff.runtimes import KERAS, ONNX, SAVED_MODEL
 from lime_keras.eval.tradeoff.samples import Samples
 from lime_keras.export import parity, quantisation
@@ -80,8 +80,7 @@ def test_kernels_have_the_bits_that_the_precision_says(run):
 
     # Beside the kernels there are a few shapes and constants.
     assert size("float32") == pytest.approx(2 * size("float16"), rel=0.01)
-    assert size("float32") == pytest.approx(4 * size("int8"), rel=0.01)
-    assert size("int8") < size("int8, float heads") < size("float16")
+    assert size("float32") / 4 < size("int8") < size("float16")
 
 
 @pytest.mark.slow
@@ -105,9 +104,8 @@ def _kernels(path):
     }
 
 
-def test_heads_stay_in_floating_point_where_they_are_to(run):
-    bits = {precision: list(_kernels(run.path(ONNX, precision)).values()) for precision in INT8}
-    assert bits == {"int8": [8] * 5, "int8, float heads": [32] * 5}
+def test_heads_stay_in_floating_point(run):
+    assert list(_kernels(run.path(ONNX, "int8")).values()) == [32] * 5
 
 
 def test_a_part_answers_what_is_asked_of_it_and_no_more(run, images, of_keras):
@@ -141,41 +139,10 @@ def test_an_ablation_has_the_parts_that_it_can_answer(ablation, ablation_model, 
     assert run.costs["architecture"] == dataclasses.asdict(ablation)
 
 
-def test_calibration_images_are_trained_on_and_the_judging_ones_are_held_out(run, corpus):
-    trained, held_out = pipeline.training_shards(corpus)
-    for images, shards in (
-        (run.samples.calibration(32), trained),
-        (run.samples.validation(32), held_out),
-    ):
-        [expected] = pipeline.evaluation(shards, size=32, batch_size=9).as_numpy_iterator()
-        np.testing.assert_array_equal(images, expected["image"])
-
-
-def test_every_way_to_eight_bits_is_judged_and_the_least_harm_is_taken(run):
-    harm = run.int8_harm
-    assert {name: set(by_ranges) for name, by_ranges in harm.items()} == {
-        name: set(quantisation.RANGES) for name in INT8
-    }
-    of = {
-        (name, ranges): np.mean(list(outputs.values()))
-        for name, by_ranges in harm.items()
-        for ranges, outputs in by_ranges.items()
-    }
-    assert 0 < min(of.values()) < max(of.values())
-    best = min(of, key=of.get)
-    assert (run.best_int8, run.best_ranges(run.best_int8)) == best
-
-
-@pytest.mark.parametrize("ranges", quantisation.RANGES)
-@pytest.mark.parametrize("precision", INT8)
-def test_the_choice_follows_the_harm(monkeypatch, run, ranges, precision):
-    harm = {
-        name: {other: {"mask": 0.3, "mirror": 0.1} for other in quantisation.RANGES}
-        for name in INT8
-    }
-    harm[precision][ranges] = {"mask": 0.0, "mirror": 0.2}
-    monkeypatch.setitem(vars(run), "int8_harm", harm)
-    assert run.best_int8 == precision and run.best_ranges(precision) == ranges
+def test_calibration_images_are_trained_on(run, corpus):
+    trained, _ = pipeline.training_shards(corpus)
+    [expected] = pipeline.evaluation(trained, size=32, batch_size=9).as_numpy_iterator()
+    np.testing.assert_array_equal(run.samples.calibration(32), expected["image"])
 
 
 def test_other_weights_are_another_run(run, tiny_model, tmp_path):

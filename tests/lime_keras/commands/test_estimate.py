@@ -59,6 +59,24 @@ def test_a_folder_is_all_its_pictures(folder, tiny_model, tmp_path, capsys):
     assert "(segmentation, specular, mirror, exponent, albedo)" in told.err
 
 
+def test_at_a_terminal_a_person_is_answered(folder, tiny_model, tmp_path, capsys, monkeypatch):
+    """In words, warnings among them; in JSON if asked for; also of a result that is there."""
+    photo, out = folder / "a.png", tmp_path / "out"
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    monkeypatch.setenv("NO_COLOR", "1")
+    for _ in range(2):
+        assert run(photo, weights_folder=tiny_model, out=out) == 0
+        told = capsys.readouterr()
+        first, material, *others = told.out.splitlines()
+        assert first == str(photo) and material.startswith("  #") and "gloss uncertain" in material
+        assert any(line.startswith("  ! ") for line in others)
+        assert others[-1].startswith(f"  {out}{os.sep}: a-preview.png, a.gltf")
+        assert "warning: " not in told.err
+    assert run(photo, "--json", weights_folder=tiny_model, out=out) == 0
+    numbers = json.loads(capsys.readouterr().out)
+    assert numbers == json.loads((out / "a.json").read_text(encoding="utf-8"))
+
+
 def test_files_that_fail_are_told_and_the_rest_is_done(folder, tiny_model, tmp_path, capsys):
     (folder / "broken.jpg").write_bytes(b"\xff\xd8\xff\xe0 and then nothing")
     (folder / "empty.png").write_bytes(b"")

@@ -7,6 +7,7 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from lime_keras import Material
 from lime_keras.estimate import files, gallery
@@ -41,9 +42,8 @@ def add(out, name, **fields):
     path.parent.mkdir(parents=True, exist_ok=True)
     values = {"diffuse_albedo": np.array([0.5, 0.2, 0.1]), "specular_albedo": 0.4, "exponent": 30.0}
     material = Material(**values | fields, mask_coverage=1.0, layers={"mask": MASK})
-    files.write(path.parent, path.stem, out / "photo.png", PHOTO, material)
-    written = sorted(file.name for file in path.parent.glob(f"{path.stem}*"))
-    numbers = json.loads(path.read_text(encoding="utf-8"))
+    numbers = files.write(path.parent, path.stem, out / "photo.png", PHOTO, material)
+    written = [path.name, *sorted(file.name for file in path.parent.glob(f"{path.stem}*"))]
     result_json.write(path, numbers, {"source": name}, written)
 
 
@@ -67,6 +67,26 @@ def test_page_and_table_show_each_result(tmp_path):
     # Grey stands before all hues.
     assert float(page.cards[1]["data-colour"]) < 0 < float(page.cards[0]["data-colour"])
     assert len(page.pictures) == 4 and "2 materials" in page.text
+
+
+def test_the_gloss_is_told_with_how_sure_it_is(tmp_path):
+    add(tmp_path, "flat", exponent_bin_probabilities=np.full(8, 0.125))
+    add(tmp_path, "sure", exponent_bin_probabilities=np.eye(8)[3])
+    gallery.update(tmp_path, ["flat", "sure"])
+    flat, sure = rows(tmp_path)
+    assert flat["gloss"] == "uncertain: matte to mirror-like" and sure["gloss"] == "satin"
+    assert [float(flat[f"exponent_{end}"]) for end in ("low", "high")] == [1.99526, 501.187]
+    assert float(sure["roughness"]) == pytest.approx(0.42, abs=0.01)
+    text = Page(tmp_path / "index.html").text
+    assert "gloss uncertain: matte to mirror-like, s 2.0 to 501" in text
+    assert "satin, s 30 (15 to 29)" in text
+
+
+def test_a_preview_of_an_earlier_version_has_no_thumbnails(tmp_path):
+    add(tmp_path, "a")
+    Image.new("RGB", (1620, 300)).save(tmp_path / "a-preview.png")
+    gallery.update(tmp_path, ["a"])
+    assert Page(tmp_path / "index.html").pictures == []
 
 
 def test_the_page_holds_its_pictures_and_its_links_lead_to_files(tmp_path):

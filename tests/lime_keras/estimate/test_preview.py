@@ -4,8 +4,8 @@ import dataclasses
 
 import numpy as np
 import pytest
+from PIL import Image
 
-from lime_keras import Estimator
 from lime_keras.estimate import preview
 from lime_keras.material import Caution, Material
 from lime_keras.optics import colour, shading, studio_light
@@ -62,29 +62,71 @@ def test_half_a_material_has_no_sphere(fields):
         preview.sphere(Material(**fields), 16)
 
 
-def test_all_layers_are_shown(tiny_model):
-    photo = np.random.default_rng(0).uniform(size=(40, 90, 3)).astype(np.float32)
-    found = preview.sheet(photo, Estimator(tiny_model).estimate(photo))
-    assert found.shape[1] == 6 * 256 + 7 * 12
-    only = preview.sheet(photo, Estimator(tiny_model, ["mask"]).estimate(photo))
-    assert only.shape[1] == 256 + 2 * 12
+def blob(size=64):
+    mask = np.zeros((size, size, 1), np.float32)
+    mask[size // 4 : 3 * size // 4, size // 4 : 3 * size // 4] = 1
+    return mask
+
+
+def layered(**fields):
+    """Return a whole material with all layers, each of one colour."""
+    mask = blob()
+    grey, colours = 0.25 * mask, 0.5 * mask * np.array([0.9, 0.5, 0.2], np.float32)
+    layers = {"mask": mask, "specular_shading": grey, "mirror": grey, "diffuse": colours}
+    return material([0.5, 0.3, 0.1], 0.1, 50.0, layers=layers | {"recomposed": colours}, **fields)
+
+
+def test_all_parts_are_shown_on_a_page_for_a_small_screen():
+    """Six tiles in two rows of three, none reaching over the page's edge or another."""
+    photo = np.random.default_rng(0).uniform(size=(64, 64, 3)).astype(np.float32)
+    whole = layered(mask_coverage=0.25)
+    shown = preview.tiles(photo, whole)
+    assert list(shown)[:2] == ["photo and mask", "in a studio"] and len(shown) == 6
+    page = preview.sheet(photo, whole)
+    assert page.shape[1] == 1000
+    picture = Image.fromarray(np.uint8(np.rint(255 * page)))
+    for tile, found in zip(shown.values(), preview.pictures_of(picture, 6), strict=True):
+        assert np.abs(np.asarray(found) / 255 - tile).max() < 0.005
+    only = preview.sheet(photo, Material(layers={"mask": blob()}))
+    assert only.shape[1] == 1000 and len(only) < len(page) - 300
+
+
+def test_the_sphere_has_room_around_it():
+    tile = preview.tiles(np.zeros((64, 64, 3), np.float32), layered())["in a studio"]
+    assert tile.shape == (320, 320, 3)
+    border = np.concatenate([tile[:10].ravel(), tile[-10:].ravel(), tile[:, :10].ravel()])
+    assert np.ptp(border) < 1e-6
+
+
+def test_beyond_the_photo_there_is_the_page():
+    """A photo twice as wide as high: a quarter of each tile above, and one below."""
+    photo = np.random.default_rng(0).uniform(size=(40, 80, 3)).astype(np.float32)
+    mask = np.ones((40, 80, 1), np.float32)
+    layers = {"mask": mask, "mirror": 0 * mask}
+    for tile in preview.tiles(photo, Material(layers=layers)).values():
+        paper = np.array(preview._PAPER) / 255
+        assert np.abs(tile[:78] - paper).max() < 0.005 and np.abs(tile[-78:] - paper).max() < 0.005
+        assert np.abs(tile[84:-84] - paper).max() > 0.5
+
+
+def test_a_page_of_an_earlier_version_is_refused():
+    with pytest.raises(ValueError, match="estimate anew"):
+        preview.pictures_of(Image.new("RGB", (1620, 300)), 2)
 
 
 def test_warnings_stand_below_the_numbers():
-    mask = np.zeros((64, 64, 1), np.float32)
-    mask[16:48, 16:48] = 1
-    photo, plain = np.zeros((64, 64, 3), np.float32), Material(layers={"mask": mask})
-    long = "a sentence that is too long for one line of so narrow a page, with its mend"
+    photo, plain = np.zeros((64, 64, 3), np.float32), Material(layers={"mask": blob()})
+    long = "a sentence that is too long for one line of a page, whose mend is told with it " * 3
     told = dataclasses.replace(plain, warnings=(Caution("a", "short"), Caution("b", long)))
     before, after = preview.sheet(photo, plain), preview.sheet(photo, told)
-    numbers = 2 * 24 + 256
+    numbers = len(before) - preview._MARGIN
     np.testing.assert_array_equal(after[:numbers], before[:numbers])
     lines = (len(after) - len(before)) // 20
     assert lines >= 3 and len(after) == len(before) + 20 * lines
     reddish = after[numbers:, :, 0] - after[numbers:, :, 2] > 0.3
     for line in range(lines):
-        assert reddish[8 + 20 * line : 28 + 20 * line].any()
-    assert not reddish[:, -12:].any() and not reddish[:, :12].any()
+        assert reddish[20 * line : 20 * line + 20].any()
+    assert not reddish[:, -10:].any() and not reddish[:, :10].any()
 
 
 def test_a_warning_longer_than_the_page_keeps_its_words():
@@ -94,21 +136,21 @@ def test_a_warning_longer_than_the_page_keeps_its_words():
 
 
 def test_the_mask_is_outlined():
-    mask = np.zeros((64, 64, 1), np.float32)
-    mask[16:48, 16:48] = 1
-    found = preview.sheet(np.zeros((64, 64, 3), np.float32), Material(layers={"mask": mask}))
-    tile = found[24 : 24 + 256, 12 : 12 + 256]
-    red = tile[..., 0] > 0.5
+    tile = preview.tiles(np.zeros((64, 64, 3), np.float32), Material(layers={"mask": blob()}))
+    red = tile["photo and mask"][..., 0] > 0.5
     rows, columns = np.nonzero(red)
-    assert abs(rows.min() - 64) <= 2 and abs(rows.max() - 191) <= 2
-    assert abs(columns.min() - 64) <= 2 and abs(columns.max() - 191) <= 2
-    assert not red[100:150, 100:150].any()
+    assert abs(rows.min() - 80) <= 2 and abs(rows.max() - 239) <= 2
+    assert abs(columns.min() - 80) <= 2 and abs(columns.max() - 239) <= 2
+    assert not red[125:190, 125:190].any()
 
 
 def test_the_caption_leaves_out_what_is_not_known():
-    assert preview.caption(Material(mask_coverage=0.25)) == "covers 25%"
-    whole = material([0.1, 0.2, 0.3], 0.5, 123.4, exponent_entropy=1.0, mask_coverage=0.5)
-    expected = "m_d 0.10 0.20 0.30    m_s 0.50    s 123    entropy 1.0 of 3 bits    covers 50%"
-    assert preview.caption(whole) == expected
-    found = dataclasses.replace(whole, mask_confidence=0.914)
-    assert preview.caption(found) == f"{expected}    mask confidence 0.91"
+    assert preview.caption(Material(mask_coverage=0.25)) == ["covers 25%"]
+    whole = material([0.1, 0.2, 0.3], 0.5, 123.4, mask_coverage=0.5)
+    first = "m_d 0.10 0.20 0.30    m_s 0.50    glossy, s 123"
+    assert preview.caption(whole) == [first, "covers 50%"]
+    found = dataclasses.replace(
+        whole, mask_confidence=0.914, exponent_bin_probabilities=np.full(8, 0.125)
+    )
+    first = "m_d 0.10 0.20 0.30    m_s 0.50    gloss uncertain: matte to mirror-like, s 2.0 to 501"
+    assert preview.caption(found) == [first, "covers 50%    mask confidence 0.91"]

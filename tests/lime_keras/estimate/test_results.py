@@ -19,18 +19,20 @@ def results(tmp_path, weights="w" * 64, overwrite=False, **options):
 
 
 def write(found, photo, name="sub/a", files=("a-mask.png", "a.mtl"), beside=()):
-    with found.writing(name, found.made(photo, dict(beside))) as folder:
+    with found.writing(name, found.made(photo, dict(beside))) as draft:
         for file in files:
-            (folder / file).write_text(name)
-        (folder / f"{name.split('/')[-1]}.json").write_text(json.dumps({"exponent": 3.0}))
+            (draft.folder / file).write_text(name)
+        draft.numbers = {"exponent": 3.0}
+    return draft.numbers
 
 
 def test_what_would_be_the_same_is_kept(tmp_path, photo):
     found = results(tmp_path, only=["mask"])
     assert found.standing("sub/a", found.made(photo, {})) is None
-    write(found, photo)
+    told = write(found, photo)
     again = results(tmp_path, only=["mask"], shadow=False)
     kept = again.standing("sub/a", again.made(photo, {}))
+    assert kept == told
     assert kept["exponent"] == 3 and kept["files"] == ["a-mask.png", "a.json", "a.mtl"]
     assert {path.name for path in (tmp_path / "out" / "sub").iterdir()} == set(kept["files"])
     # A photo that was moved is the same photo.
@@ -124,9 +126,9 @@ def test_what_fails_leaves_nothing_and_keeps_what_was(tmp_path, photo):
     before = {path.name: path.read_text() for path in (tmp_path / "out" / "sub").iterdir()}
     with (
         pytest.raises(KeyboardInterrupt),
-        found.writing("sub/a", found.made(photo, {})) as folder,
+        found.writing("sub/a", found.made(photo, {})) as draft,
     ):
-        (folder / "a-mask.png").write_text("half")
+        (draft.folder / "a-mask.png").write_text("half")
         raise KeyboardInterrupt
     after = {path.name: path.read_text() for path in (tmp_path / "out" / "sub").iterdir()}
     assert after == before

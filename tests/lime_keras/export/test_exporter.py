@@ -144,7 +144,7 @@ def test_eight_bits_are_calibrated_on_what_was_trained_on(
 ):
     seen = []
 
-    def write_int8(prepared, path, images, **options):
+    def write_int8(prepared, path, images):
         seen.append(images)
         path.write_bytes(prepared.read_bytes())
 

@@ -45,8 +45,7 @@ def write(precision, prepared, path):
     if precision == "float16":
         quantisation.write_float16(prepared, path)
     else:
-        images = parity.images(32)[:4]
-        quantisation.write_int8(prepared, path, images, ranges="widest", float_heads=True)
+        quantisation.write_int8(prepared, path, parity.images(32)[:4])
 
 
 BITS = {"float16": 16, "int8": 8}

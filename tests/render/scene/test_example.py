@@ -5,8 +5,8 @@ import pytest
 from render_scenes import photographed, sphere
 
 from lime_keras.data import records
-from lime_keras.material import BlinnPhong
 from lime_keras.optics import colour, environment, shading
+from lime_keras.optics.blinn_phong import BlinnPhong
 from lime_keras.optics.compositing import compose
 from lime_keras.optics.shading import normaliser
 from lime_keras.render.scene import gbuffer, lights, sampling

@@ -11,6 +11,10 @@ const LARGEST_PART = 0.9;
 const [ON_FRAME, NEAR_FRAME] = [0.01, 1 / 128];
 const DARKEST = 0.05;
 const CLIPPED = 0.15;
+const BURNT = 0.01;
+const [GREY, GREY_SHARE] = [2, 0.99];
+const SECOND_COLOUR = 0.15;
+const LEAST_CHROMA = 1e-3;
 const WHITE = 254;
 const JUDGED = 20_000;
 const LUMINANCE = [0.2126, 0.7152, 0.0722];
@@ -35,7 +39,9 @@ export function codes(photo, inside, maskConfidence) {
   const { width, height } = photo;
   const count = inside.reduce((sum, value) => sum + (value ? 1 : 0), 0);
   if (!count) return ["no-object"];
-  const [bright, white] = brightness(photo, inside, count);
+  const pixels = judged(photo, inside, count);
+  const white = share(pixels, (levels) => Math.min(...levels) >= WHITE);
+  const grey = share(pixels, (levels) => Math.max(...levels) - Math.min(...levels) <= GREY);
   const searched = maskConfidence !== null;
   const found = {
     "uncertain-mask": searched && maskConfidence < CONFIDENT,
@@ -43,8 +49,11 @@ export function codes(photo, inside, maskConfidence) {
     "few-pixels": extent(inside, width, height) < FEWEST_PIXELS,
     "touches-frame": onFrame(inside, width, height) > ON_FRAME,
     "many-parts": largestPart(inside, width, height) / count < LARGEST_PART,
-    "too-dark": bright < DARKEST,
+    "too-dark": brightTenth(pixels) < DARKEST,
     clipped: white > CLIPPED,
+    "burnt-highlight": white > BURNT && white <= CLIPPED,
+    grey: grey >= GREY_SHARE,
+    "second-colour": grey < GREY_SHARE && secondColour(pixels) > SECOND_COLOUR,
   };
   return Object.keys(found).filter((code) => found[code]);
 }
@@ -113,20 +122,45 @@ function largestPart(inside, width, height) {
   return most;
 }
 
-/** The luminance that a tenth of the object exceeds, and the share of it that is white. */
-function brightness({ data }, inside, count) {
+/** The levels [R, G, B] of `JUDGED` of the object's pixels, about. */
+function judged({ data }, inside, count) {
   const step = Math.max(1, Math.floor(count / JUDGED));
-  const luminances = [];
-  let [seen, white] = [0, 0];
-  for (let at = 0; at < inside.length; at++) {
+  const pixels = [];
+  for (let at = 0, seen = 0; at < inside.length; at++) {
     if (!inside[at] || seen++ % step) continue;
-    const levels = [data[4 * at], data[4 * at + 1], data[4 * at + 2]];
-    luminances.push(levels.reduce((sum, level, k) => sum + LUMINANCE[k] * LINEAR[level], 0));
-    if (Math.min(...levels) >= WHITE) white++;
+    pixels.push([data[4 * at], data[4 * at + 1], data[4 * at + 2]]);
   }
+  return pixels;
+}
+
+const share = (pixels, is) => pixels.reduce((sum, levels) => sum + (is(levels) ? 1 : 0), 0) / pixels.length;
+
+/** The luminance that a tenth of the pixels exceeds. */
+function brightTenth(pixels) {
+  const luminances = pixels.map((levels) =>
+    levels.reduce((sum, level, k) => sum + LUMINANCE[k] * LINEAR[level], 0),
+  );
   luminances.sort((a, b) => a - b);
   const place = 0.9 * (luminances.length - 1);
   const below = luminances[Math.floor(place)];
   const above = luminances[Math.ceil(place)];
-  return [below + (above - below) * (place % 1), white / luminances.length];
+  return below + (above - below) * (place % 1);
+}
+
+const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+
+/** How much colour the object has beside its own, over its brightness; 0 for one colour. */
+export function secondColour(pixels) {
+  const linear = pixels
+    .filter((levels) => Math.max(...levels) < WHITE)
+    .map((levels) => levels.map((level) => LINEAR[level]));
+  const greys = linear.map(([r, g, b]) => (r + g + b) / 3);
+  const brightness = greys.reduce((sum, grey) => sum + grey, 0) / linear.length;
+  if (!(brightness > 0)) return 0;
+  const chroma = linear.map((colour, at) => colour.map((value) => value - greys[at]));
+  const mean = [0, 1, 2].map((k) => chroma.reduce((sum, one) => sum + one[k], 0) / chroma.length);
+  const length = Math.hypot(...mean);
+  const direction = length > LEAST_CHROMA ? mean.map((value) => value / length) : [0, 0, 0];
+  const squares = chroma.reduce((sum, one) => sum + dot(one, one) - dot(one, direction) ** 2, 0);
+  return Math.sqrt(Math.max(squares, 0) / chroma.length) / brightness;
 }

@@ -3,6 +3,7 @@
 
 import { toLinear } from "../colour.js";
 import * as cautions from "./cautions.js";
+import { withContrast } from "./contrast.js";
 import * as framing from "./framing.js";
 import * as lighting from "./light.js";
 import { normals } from "./normals.js";
@@ -10,6 +11,7 @@ import { Fusion, Tracker } from "./tracking.js";
 
 const BIN_WIDTH = 0.375; // Decades of s.
 const BLACK = 1e-4; // Squared length of m_d up to which its diffuse layer is only noise.
+const [HIDING, WHITE] = [0.5, 254 / 255]; // `highlights`
 const FOCAL = 1.2; // Focal length over the photo's longer side: `shading.ASSUMED_FOCAL`.
 
 export class Session {
@@ -132,7 +134,9 @@ export class Session {
 
   /** The light in camera space; null if it cannot be estimated. */
   lit(view, inside, layers, { width, height }) {
-    if (["mirror", "specular_shading", "diffuse_albedo"].some((name) => !layers[name])) return null;
+    const material = materialOf(layers);
+    if (!layers.mirror || !layers.specular_shading) return null;
+    if (Object.values(material).slice(0, 3).includes(null)) return null;
     const { size } = this;
     const { top, left, side } = view.square;
     // What lies beyond the photo was not seen.
@@ -142,24 +146,40 @@ export class Session {
       ...[focal, focal],
       ...[((width / 2 - left) * size) / side, ((height / 2 - top) * size) / side],
     ];
-    return lighting.estimated(
-      normals(mask, size, size),
-      layers.mirror,
-      diffuseShading(view, layers),
-      mask,
-      size,
-      camera,
-    );
+    const normal = normals(mask, size, size);
+    // M is nowhere below S on the average: S is M, blurred. MirrorNet makes lamps too weak.
+    const mirror = layers.mirror.map((value, at) => Math.max(value, layers.specular_shading[at]));
+    const shading = diffuseShading(view, layers);
+    const light = lighting.estimated(normal, mirror, shading, mask, size, camera);
+    if (light === null) return null;
+    const object = [...mask.keys()].filter((at) => mask[at] >= framing.THRESHOLD);
+    const faces = Float32Array.from({ length: 3 * object.length }, (_, at) => {
+      return normal[3 * object[Math.floor(at / 3)] + (at % 3)];
+    });
+    const brightness = object.map((at) => greyOf(view.seen, at));
+    return withContrast(light, faces, brightness, material);
   }
 }
 
-/** D, NaN if m_d is black: what is left of the picture without m_s · S, over m_d. */
+/** The mean of linear R, G and B of a pixel. */
+function greyOf(seen, at) {
+  return (toLinear(seen[3 * at]) + toLinear(seen[3 * at + 1]) + toLinear(seen[3 * at + 2])) / 3;
+}
+
+/** Whether the diffuse part of a pixel cannot be read: lime_keras/optics/highlights.py. */
+function isHidden(seen, at, specular) {
+  const clipped = Math.max(seen[3 * at], seen[3 * at + 1], seen[3 * at + 2]) >= WHITE;
+  return clipped || specular > HIDING * greyOf(seen, at);
+}
+
+/** D, NaN if m_d is black or it is hidden: the picture without m_s · S, over m_d. */
 function diffuseShading({ seen, mask }, layers) {
   const albedo = layers.diffuse_albedo;
   const square = albedo.reduce((sum, value) => sum + value * value, 0);
   return layers.specular_shading.map((shading, at) => {
     if (!(square > BLACK)) return NaN;
     const specular = layers.specular_albedo[0] * shading;
+    if (isHidden(seen, at, specular)) return NaN;
     let sum = 0;
     for (let channel = 0; channel < 3; channel++) {
       const diffuse = Math.max(toLinear(seen[3 * at + channel]) - specular, 0) * mask[at];

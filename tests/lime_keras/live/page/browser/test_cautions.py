@@ -18,7 +18,8 @@ def drawn(rng):
         centre = rng.uniform(0, 1, 2) * (height, width)
         mask |= np.hypot(y - centre[0], x - centre[1]) < rng.uniform(0, 0.7) * min(height, width)
     level = rng.choice([30, 60, 160, 300])
-    photo = np.clip(rng.normal(level, 30, (height, width, 3)), 0, 255).astype(np.uint8)
+    noise = rng.normal(level, 30, (height, width, rng.choice([1, 3])))
+    photo = np.repeat(np.clip(noise, 0, 255).astype(np.uint8), 3 // noise.shape[-1], axis=-1)
     return photo, mask, float(rng.uniform(0.7, 1)) if rng.uniform() < 0.7 else None
 
 
@@ -26,7 +27,10 @@ def test_what_is_told_of_a_photo_is_what_python_tells():
     rng = np.random.default_rng(0)
     good = np.zeros((120, 100), bool)
     good[20:90, 30:70] = True
-    photos = [(np.full((120, 100, 3), 90, np.uint8), good, 0.9)]
+    plain = np.broadcast_to(np.uint8([90, 80, 70]), (120, 100, 3)).copy()
+    burnt = plain.copy()
+    burnt[40:50, 40:50] = 255
+    photos = [(plain, good, 0.9), (burnt, good, None)]
     photos += [drawn(rng) for _ in range(PHOTOS)]
     found = javascript.run(
         """
@@ -53,8 +57,9 @@ def test_what_is_told_of_a_photo_is_what_python_tells():
     assert told == {
         *("no-object", "uncertain-mask", "small-object", "few-pixels"),
         *("touches-frame", "many-parts", "too-dark", "clipped"),
+        *("burnt-highlight", "grey", "second-colour"),
     }
-    assert found[0] == []
+    assert found[:2] == [[], ["burnt-highlight"]]
 
 
 def test_the_confidence_is_that_of_python():

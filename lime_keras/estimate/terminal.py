@@ -1,0 +1,75 @@
+"""An answer for a person at a terminal, in place of a line of JSON."""
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import IO, Any
+
+from lime_keras.material import srgb_hex
+from lime_keras.optics import gloss
+
+_SWATCH = 4
+"""Width of the colour in letters."""
+_FORMATS = (".gltf", ".mtl", "-mitsuba.json", "-clone.png", "-overlay.mp4", ".csv", ".json")
+"""Ends of the files that are named; the layers lie beside them."""
+
+
+def takes_colour(stream: IO[str]) -> bool:
+    """Return whether a stream is a terminal that shows colours (https://no-color.org)."""
+    plain = os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb"
+    return stream.isatty() and not plain
+
+
+def answer(
+    content: Mapping[str, Any], folder: Path, more: Sequence[str] = (), *, colour: bool
+) -> str:
+    """Return the lines of one result: its source, its material, its warnings and its files.
+
+    Args:
+        content: content of the result's JSON (`lime_keras.io.result_json`).
+        folder: folder of the result's files.
+        more: further messages, after the warnings.
+        colour: whether the diffuse albedo is shown as a swatch, by ANSI true colour.
+    """
+    lines = [str(content.get("photo", content.get("video")))]
+    scenes = content.get("scenes", ())
+    if len(scenes) > 1:
+        for scene in scenes:
+            lines.append(f"  scene {scene['scene']}  {material(scene, colour=colour)}")
+            lines += [f"  ! {said}" for said in _messages(scene)]
+    else:
+        lines.append(f"  {material(content, colour=colour)}")
+        lines += [f"  ! {said}" for said in _messages(content)]
+    lines += [f"  ! {said}" for said in more]
+    lines.append(f"  {_places(content['files'], folder)}")
+    return "\n".join(lines)
+
+
+def material(numbers: Mapping[str, Any], *, colour: bool) -> str:
+    """Return the numbers of a material in one line; what was not estimated is left out."""
+    parts = []
+    diffuse = numbers.get("diffuse_albedo")
+    if diffuse is not None:
+        said = srgb_hex(diffuse)
+        red, green, blue = (int(said[at : at + 2], 16) for at in (1, 3, 5))
+        swatch = f"\x1b[48;2;{red};{green};{blue}m{' ' * _SWATCH}\x1b[0m " if colour else ""
+        parts.append(f"{swatch}{said}")
+    if numbers.get("exponent") is not None:
+        parts.append(gloss.sentence(numbers["exponent"], numbers.get("exponent_interval")))
+    if numbers.get("specular_albedo") is not None:
+        parts.append(f"specular {numbers['specular_albedo']:.2f}")
+    return "   ".join(parts) or "no material"
+
+
+def _messages(numbers: Mapping[str, Any]) -> Iterator[str]:
+    for warning in numbers.get("warnings", ()):
+        yield warning["message"]
+
+
+def _places(files: Sequence[str], folder: Path) -> str:
+    """Return where the files are: the preview first, then the formats."""
+    previews = [file for file in files if file.endswith("-preview.png")]
+    formats = [file for end in _FORMATS for file in files if file.endswith(end)]
+    named = list(dict.fromkeys([*previews, *formats]))
+    rest = len(files) - len(named)
+    return f"{folder}{os.sep}: {', '.join(named)}" + (f" and {rest} more" if rest else "")

@@ -1,0 +1,92 @@
+"""The pixels whose diffuse part a highlight hides, and the diffuse part that is likely there.
+
+Where a channel is clipped, or the highlight is most of what is seen, the photo less m_s · S says
+little of m_d · D: an error of S leaves a dark hole there. D is smooth, so the hole is closed from
+around it.
+"""
+
+import math
+
+import numpy as np
+
+from lime_keras.optics import colour
+
+SHARE = 0.5
+"""Share of a pixel's radiance from which its specular part hides the diffuse one."""
+_WHITE = 254 / 255
+"""sRGB level from which a channel counts as clipped; JPEG leaves it one below the highest."""
+_GRID = 256
+"""Longer side of the grid on which holes are closed, in cells; highlights are larger."""
+_DRAW = 0.01
+"""Covered share of a cell at which it counts as much as what is around it."""
+
+
+def hidden(image_srgb: np.ndarray, specular: np.ndarray) -> np.ndarray:
+    """Return where the diffuse part cannot be read, bool `(H, W)`.
+
+    Args:
+        image_srgb: photo `(H, W, 3)`, sRGB in [0, 1].
+        specular: m_s · S, linear radiance `(H, W, 1)`, at least 0.
+    """
+    clipped = image_srgb.max(axis=-1) >= _WHITE
+    seen = colour.srgb_to_linear(image_srgb).mean(axis=-1)
+    return clipped | (specular[..., 0] > SHARE * seen)
+
+
+def closed(values: np.ndarray, known: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Return values where they are wanted, as likely as those known around make them.
+
+    Known values are averaged over ever larger cells until there are some, then brought back,
+    smoothed, to the cells that lack them (pull and push).
+
+    Args:
+        values: `(H, W, C)`, finite where they are known.
+        known: where the values are known, bool `(H, W)`.
+        wanted: where values are wanted, bool `(H, W)`.
+
+    Returns:
+        Values `(N, C)` of the N wanted pixels, row by row; 0 if nothing is known.
+    """
+    step = math.ceil(max(known.shape) / _GRID)
+    sums, counts = [], []
+    for top in range(0, len(known), step):
+        # Cell row by cell row: the product of a large photo would take much memory.
+        part = known[top : top + step, :, None]
+        sums.append(np.sum(values[top : top + step], axis=0, where=part, dtype=np.float32))
+        counts.append(np.sum(part, axis=0, dtype=np.float32))
+    starts = np.arange(0, known.shape[1], step)
+    totals, weights = (
+        np.add.reduceat(np.stack(rows), starts, axis=1) / step**2 for rows in (sums, counts)
+    )
+    grid = _pulled(totals, weights)
+    rows, columns = np.nonzero(wanted)
+    return _between(grid, (rows + 0.5) / step - 0.5, (columns + 0.5) / step - 0.5)
+
+
+def _pulled(totals: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Return the values `(h, w, C)` of all cells, of weighted sums and weights `(h, w, 1)`."""
+    if max(weights.shape) == 1:
+        return totals / np.maximum(weights, _DRAW)
+    halves = []
+    for sums in (totals, weights):
+        pairs = np.add.reduceat(sums, np.arange(0, sums.shape[0], 2), axis=0)
+        halves.append(np.add.reduceat(pairs, np.arange(0, sums.shape[1], 2), axis=1))
+    # A cell that is known in part counts as known.
+    excess = np.maximum(halves[1], 1)
+    coarse = _pulled(halves[0] / excess, halves[1] / excess)
+    rows, columns = (np.arange(side) / 2 - 0.25 for side in weights.shape[:2])
+    at = np.meshgrid(rows, columns, indexing="ij")
+    around = _between(coarse, at[0].ravel(), at[1].ravel()).reshape(totals.shape)
+    return (totals + _DRAW * around) / (weights + _DRAW)
+
+
+def _between(grid: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """Return values `(N, C)` between the cells of a grid `(h, w, C)`, interpolated linearly."""
+    rows = np.clip(rows, 0, len(grid) - 1)
+    columns = np.clip(columns, 0, grid.shape[1] - 1)
+    top, left = rows.astype(np.int64), columns.astype(np.int64)
+    bottom, right = np.minimum(top + 1, len(grid) - 1), np.minimum(left + 1, grid.shape[1] - 1)
+    down, across = (rows - top)[:, None], (columns - left)[:, None]
+    above = grid[top, left] * (1 - across) + grid[top, right] * across
+    below = grid[bottom, left] * (1 - across) + grid[bottom, right] * across
+    return above * (1 - down) + below * down
