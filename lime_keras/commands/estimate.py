@@ -405,7 +405,7 @@ def _sorted(given: list[str]) -> tuple[list[Path], list[str], list[Path]]:
             continue
         held = list(inside(path))
         if not held:
-            raise ValueError(f"{path} holds no pictures: {', '.join(SUFFIXES)} are looked for")
+            raise ValueError(f"{path} has no pictures: their names end in {', '.join(SUFFIXES)}")
         for file in held:
             if is_video(str(file)):
                 videos[str(file)] = file.relative_to(path)
