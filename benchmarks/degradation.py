@@ -1,4 +1,4 @@
-"""How the answer gets worse: accuracy over what the person with the camera can control.
+"""Accuracy over what the person with the camera can control: how the answer gets worse.
 
     python benchmarks/degradation.py CORPUS --weights live uniform --out degradation
 
