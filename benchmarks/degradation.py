@@ -87,7 +87,7 @@ def moved(photo: Photo, pixels: float) -> Photo:
     radius = int(np.ceil(abs(pixels)))
     blurred = masks.blurred(photo.mask, radius)
     level = 0.5 - 0.5 * pixels / (radius + 0.5)
-    return dataclasses.replace(photo, given=np.float32(blurred >= level))
+    return dataclasses.replace(photo, given=np.asarray(blurred >= level, np.float32))
 
 
 KNOBS: dict[str, tuple[Callable[[Photo, float], Photo], tuple[float, ...]]] = {
