@@ -1,4 +1,4 @@
-"""How the answer gets worse: accuracy over what the person with the camera can control.
+"""Accuracy over what the person with the camera can control: how the answer gets worse.
 
     python benchmarks/degradation.py CORPUS --weights live uniform --out degradation
 
@@ -87,7 +87,7 @@ def moved(photo: Photo, pixels: float) -> Photo:
     radius = int(np.ceil(abs(pixels)))
     blurred = masks.blurred(photo.mask, radius)
     level = 0.5 - 0.5 * pixels / (radius + 0.5)
-    return dataclasses.replace(photo, given=(blurred >= level).astype(np.float32))
+    return dataclasses.replace(photo, given=np.asarray(blurred >= level, np.float32))
 
 
 KNOBS: dict[str, tuple[Callable[[Photo, float], Photo], tuple[float, ...]]] = {

@@ -74,7 +74,7 @@ def read(folder: Path, out: Path) -> list[Photo]:
     masks = [path for path in pictures if path.stem.casefold().endswith(_MASK)]
     photos = [path for path in pictures if path not in set(masks)]
     if not photos:
-        raise ValueError(f"{folder} holds no photos: {', '.join(SUFFIXES)} are looked for")
+        raise ValueError(f"{folder} has no photos: their names end in {', '.join(SUFFIXES)}")
     mask_of = _assigned(masks, photos)
     labels = _labels(folder / LABELS) if (folder / LABELS).is_file() else {}
     names = {path.relative_to(folder).as_posix(): path for path in photos}

@@ -55,7 +55,23 @@ def parser() -> argparse.ArgumentParser:
         epilog=_EXAMPLE,
         formatter_class=console.Help,
     )
-    given = out.add_argument_group("input")
+    _add_input(out.add_argument_group("input"))
+    _add_estimated(out.add_argument_group("what is estimated"))
+    _add_output(out.add_argument_group("output"))
+    _add_light(out.add_argument_group("light and clone"))
+    speed = out.add_argument_group("speed")
+    speed.add_argument(
+        "--engine",
+        choices=_ENGINES,
+        default=_ENGINES[0],
+        help="what runs the networks: ONNX Runtime, for which a RUN is exported once, or Keras "
+        "(default: onnx)",
+    )
+    out.add_argument("--version", action="version", version=__version__)
+    return out
+
+
+def _add_input(given: argparse._ArgumentGroup) -> None:
     given.add_argument(
         "sources",
         nargs="+",
@@ -76,7 +92,9 @@ def parser() -> argparse.ArgumentParser:
         help="ONNX file of another network that finds the object, and its family: "
         f"{', '.join(_FAMILIES)} (default: {_FAMILIES[0]}); nothing is downloaded",
     )
-    estimated = out.add_argument_group("what is estimated")
+
+
+def _add_estimated(estimated: argparse._ArgumentGroup) -> None:
     model_option.add(estimated)
     estimated.add_argument(
         "--only",
@@ -91,7 +109,9 @@ def parser() -> argparse.ArgumentParser:
         help="let the edges of mask and layers follow those of the photo; by default the 128 "
         "pixels of the networks are interpolated",
     )
-    output = out.add_argument_group("output")
+
+
+def _add_output(output: argparse._ArgumentGroup) -> None:
     output.add_argument(
         "--out",
         type=Path,
@@ -115,7 +135,9 @@ def parser() -> argparse.ArgumentParser:
         help="make all results again, and replace those of other photos, weights or options, which "
         "are else refused",
     )
-    light = out.add_argument_group("light and clone")
+
+
+def _add_light(light: argparse._ArgumentGroup) -> None:
     light.add_argument(
         "--normals",
         type=Path,
@@ -141,16 +163,6 @@ def parser() -> argparse.ArgumentParser:
         action="store_true",
         help="let the mesh of --clone-onto cast a shadow on the ground it stands on",
     )
-    speed = out.add_argument_group("speed")
-    speed.add_argument(
-        "--engine",
-        choices=_ENGINES,
-        default=_ENGINES[0],
-        help="what runs the networks: ONNX Runtime, for which a RUN is exported once, or Keras "
-        "(default: onnx)",
-    )
-    out.add_argument("--version", action="version", version=__version__)
-    return out
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -405,7 +417,7 @@ def _sorted(given: list[str]) -> tuple[list[Path], list[str], list[Path]]:
             continue
         held = list(inside(path))
         if not held:
-            raise ValueError(f"{path} holds no pictures: {', '.join(SUFFIXES)} are looked for")
+            raise ValueError(f"{path} has no pictures: their names end in {', '.join(SUFFIXES)}")
         for file in held:
             if is_video(str(file)):
                 videos[str(file)] = file.relative_to(path)

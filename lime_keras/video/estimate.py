@@ -179,6 +179,7 @@ class _Run:
             material=replace(
                 material_of(self._last),
                 mask_confidence=last.mask_confidence,
+                exponent_bin_probabilities=last.exponent_bin_probabilities,
                 warnings=last.warnings,
             ),
             remarks=tuple(remarks),

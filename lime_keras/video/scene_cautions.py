@@ -1,4 +1,6 @@
-"""The reasons to distrust a scene of a video, gathered from its frames."""
+"""How sure the estimate of a scene of a video is, gathered from its frames."""
+
+import numpy as np
 
 from lime_keras.estimate.cautions import NO_OBJECT
 from lime_keras.material import Caution, Material
@@ -16,6 +18,7 @@ class SceneCautions:
     def __init__(self) -> None:
         self._found = 0
         self._confidences: list[float] = []
+        self._probabilities: list[np.ndarray] = []
         self._seen: dict[str, list[str]] = {}
 
     def add(self, material: Material) -> None:
@@ -25,6 +28,8 @@ class SceneCautions:
         self._found += 1
         if material.mask_confidence is not None:
             self._confidences.append(material.mask_confidence)
+        if material.exponent_bin_probabilities is not None:
+            self._probabilities.append(material.exponent_bin_probabilities)
         for caution in material.warnings:
             self._seen.setdefault(caution.code, []).append(caution.message)
 
@@ -34,6 +39,13 @@ class SceneCautions:
         if not self._confidences:
             return None
         return sum(self._confidences) / len(self._confidences)
+
+    @property
+    def exponent_bin_probabilities(self) -> np.ndarray | None:
+        """The mean probabilities of the eight classes `(8,)`; None if no frame has any."""
+        if not self._probabilities:
+            return None
+        return np.mean(self._probabilities, axis=0)
 
     @property
     def warnings(self) -> tuple[Caution, ...]:

@@ -76,6 +76,7 @@ class _Running:
             material_of(self.fused),
             mask_coverage=seen.mask_coverage,
             mask_confidence=self.cautions.mask_confidence,
+            exponent_bin_probabilities=self.cautions.exponent_bin_probabilities,
             warnings=self.cautions.warnings,
             square=seen.square,
             layers={name: layer for name, layer in seen.layers.items() if name == "mask"},

@@ -1,4 +1,4 @@
-"""What the commands of `lime-render` share: options, kinds of numbers, and what is printed."""
+"""Options, kinds of numbers and messages that the commands of `lime-render` share."""
 
 import argparse
 import os

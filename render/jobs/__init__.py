@@ -1,1 +1,1 @@
-"""What the jobs of rendering have in common: inputs, resumption, processes and clusters."""
+"""Parts of every job of rendering: inputs, resumption, processes and clusters."""

@@ -1,4 +1,4 @@
-"""What the descriptions of corpora and banks have in common, and the jobs of rendering them."""
+"""The base of the descriptions of corpora and banks, and of the jobs that render them."""
 
 import abc
 import dataclasses

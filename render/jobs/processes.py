@@ -84,7 +84,7 @@ class Pool:
                                 tell(done, total)
             except BrokenProcessPool as error:
                 raise RuntimeError(
-                    "a worker died: killed, out of memory, or a crash told above. Finished shards "
+                    "a worker died: killed, out of memory, or a crash (see above). Finished shards "
                     "are kept; the same command goes on, with --workers 1 if need be"
                 ) from error
         tell(total, total)

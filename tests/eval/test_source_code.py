@@ -1,11 +1,18 @@
 """What a result follows from: its module and all that it imports, but no word about them."""
 
 import shutil
+from pathlib import Path
 
 import pytest
 import source_copies
 
-from lime_keras.eval.source_code import code_of, digest, essence, imported
+from lime_keras.eval.source_code import (
+    code_of,
+    digest,
+    essence,
+    folders_of_packages,
+    imported,
+)
 from lime_keras.eval.tradeoff import timing
 
 SOURCE = {
@@ -56,6 +63,7 @@ OTHER = {
     "a number": "def f(x):\n    return 3 * x",
     "a text that is used": 'def f(x):\n    return "2" * x',
     "a name": "def g(x):\n    return 2 * x",
+    "a call for its effect": "def f(x):\n    print(x)\n    return 2 * x",
 }
 
 
@@ -109,4 +117,6 @@ def test_a_result_does_not_follow_from_what_has_no_part_in_it(tmp_path):
 
 def test_modules_alone_are_hashed_without_their_imports():
     alone = code_of(timing.__name__, alone=True)
-    assert alone != code_of(timing.__name__) and alone == code_of(timing.__name__, alone=True)
+    assert alone == digest({timing.__name__: Path(timing.__file__)})
+    whole = imported(timing.__name__, folders_of_packages())
+    assert code_of(timing.__name__) == digest(whole) != alone

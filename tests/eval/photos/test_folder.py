@@ -73,7 +73,7 @@ def test_photos_come_in_order_from_any_depth_and_hidden_files_do_not(photos, rea
 
 def test_without_photos_there_is_an_error(photos, read, tmp_path):
     place = photos("notes.txt", labels="photo,finish\n")
-    with pytest.raises(ValueError, match=rf"{place} holds no photos: \.jpg"):
+    with pytest.raises(ValueError, match=rf"{place} has no photos: their names end in \.jpg"):
         read(place)
     with pytest.raises(ValueError, match=r"notes\.txt is no folder"):
         read(place / "notes.txt")

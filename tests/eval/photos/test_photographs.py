@@ -150,5 +150,5 @@ def test_runs_of_one_name_are_told_by_their_parents(tmp_path):
     assert list(sections.names(runs)) == ["a-live", "b-live", "nano"]
     assert list(sections.names(runs[:1])) == ["live"]
     for same in ([runs[0], runs[0]], [runs[0], tmp_path / "c" / "a" / "live"]):
-        with pytest.raises(ValueError, match="must differ"):
+        with pytest.raises(ValueError, match="rename a folder of"):
             sections.names(same)

@@ -137,7 +137,7 @@ def test_a_full_disk_is_told_in_a_line(folder, tiny_model, tmp_path, capsys):
 def test_a_folder_without_pictures_is_told(tmp_path, tiny_model, capsys):
     (tmp_path / "empty").mkdir()
     assert run(tmp_path / "empty", weights_folder=tiny_model, out=tmp_path / "out") == 1
-    assert f"{tmp_path / 'empty'} holds no pictures" in capsys.readouterr().err
+    assert f"{tmp_path / 'empty'} has no pictures" in capsys.readouterr().err
 
 
 def test_without_weights_the_packages_own_are_used(

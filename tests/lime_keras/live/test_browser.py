@@ -613,6 +613,53 @@ def test_warnings_come_without_moving_the_page(page):
     assert [box["y"] for box in now] == [box["y"] for box in below]
 
 
+LONGEST = "uncertain: matte to mirror-like"
+SIZES = {"phone": (360, 800), "tablet": (768, 1024), "desktop": (1280, 800)}
+
+
+@pytest.mark.parametrize("size", SIZES.values(), ids=SIZES)
+def test_warnings_hide_nothing_of_the_picture(size, page):
+    page.set_viewport_size(dict(zip(("width", "height"), size, strict=True)))
+    give(page, png(FRAME // 8))
+    seen(page, "#warnings").to_be_visible(timeout=LONG)
+    shown(page)
+    picture, told = (page.locator(name).bounding_box() for name in ("#stage", "#warnings"))
+    assert told["y"] >= picture["y"] + picture["height"]
+    assert page.evaluate(BEYOND) == []
+
+
+def test_nothing_wraps_on_a_small_desktop(page):
+    """Each row of numbers, and of buttons, is one line."""
+    page.set_viewport_size({"width": 1280, "height": 800})
+    give(page, png(FRAME))
+    shown(page)
+    page.evaluate("text => (document.getElementById('gloss').textContent = text)", LONGEST)
+    rows = [row.bounding_box()["height"] for row in page.locator(".numbers div").all()]
+    assert max(rows) < 32
+    for tools in (".tools.take", "#seen > .tools", "#other > .tools", "header .sources"):
+        parts = page.locator(f"{tools} > :visible").all()
+        assert len({round(part.bounding_box()["y"]) for part in parts}) == 1, tools
+
+
+def test_a_gloss_is_told_in_words_with_its_interval(page, estimator):
+    give(page, png(FRAME))
+    numbers = shown(page)
+    material = estimator.estimate(FRAME)
+    assert numbers["gloss"] == page.inner_text("#gloss") == material.gloss
+    assert numbers["exponent_interval"] == pytest.approx(material.exponent_interval, rel=0.02)
+    assert numbers["roughness"] == pytest.approx(material.roughness, rel=0.01)
+    assert numbers["diffuse_srgb_hex"] == material.diffuse_srgb_hex
+
+
+def test_a_sample_is_chosen_or_the_next_one_tried(page):
+    page.locator("[data-sample$='hat.jpg']").click()
+    shown(page)
+    seen(page, "#status").to_have_text("hat.jpg")
+    for name in ("sample.jpg", "fox.jpg"):
+        page.click("#sample")
+        seen(page, "#status").to_have_text(name, timeout=LONG)
+
+
 def test_every_class_of_shininess_is_labelled(page):
     edges = [float(text) for text in page.locator("#edges span").all_inner_texts()]
     assert edges == pytest.approx(list(10 ** (np.arange(9) * 0.375)), rel=0.03)
