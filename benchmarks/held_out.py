@@ -12,8 +12,9 @@ from pathlib import Path
 import keras
 import numpy as np
 
-from lime_keras.io import model_folder
-from lime_keras.networks import PRESETS, weights
+from lime_keras.model import folder as model_folder
+from lime_keras.model import weights
+from lime_keras.networks import PRESETS
 from lime_keras.optics import material_law
 from lime_keras.train.config import Config, corpus_sha256
 from lime_keras.train.data import SEEN_MASK, Data

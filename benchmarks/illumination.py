@@ -63,7 +63,8 @@ def _examples(
     from lime_keras.data import pipeline
     from lime_keras.data.corpus import Split
     from lime_keras.eval.accuracy import relighting
-    from lime_keras.networks import assemble, weights
+    from lime_keras.model import weights
+    from lime_keras.networks import assemble
 
     size, system = 128, None
     if run is not None:

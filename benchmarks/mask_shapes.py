@@ -21,8 +21,9 @@ from tqdm import tqdm
 from lime_keras import console
 from lime_keras.data import pipeline
 from lime_keras.data.corpus import Split
-from lime_keras.io import model_folder
-from lime_keras.networks import SUBNETWORKS, weights
+from lime_keras.model import folder as model_folder
+from lime_keras.model import weights
+from lime_keras.networks import SUBNETWORKS
 from lime_keras.train import masks
 
 _THIN = 1 / 40

@@ -8,8 +8,9 @@ missing.
 import sys
 from pathlib import Path
 
-from lime_keras.io import atomic, model_folder
+from lime_keras.io import atomic
 from lime_keras.live import static
+from lime_keras.model import folder as model_folder
 
 _WRITTEN = "engine.json"
 """A file that only a whole page has."""

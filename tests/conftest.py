@@ -113,7 +113,7 @@ def sets(tiny_model, tmp_path, monkeypatch):
 
     As in the package, their weights lie in their graphs alone.
     """
-    from lime_keras.io import model_folder
+    from lime_keras.model import folder as model_folder
 
     def come_with_the_package(*names):
         folder = tmp_path / "pretrained"
@@ -177,7 +177,8 @@ def _saved(folder, architecture, seed):
     import keras
 
     from lime_keras.export.exporter import GRAPHS, export
-    from lime_keras.networks import build, weights
+    from lime_keras.model import weights
+    from lime_keras.networks import build
 
     keras.utils.set_random_seed(seed)
     subnetworks = build(architecture)

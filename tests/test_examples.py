@@ -19,7 +19,8 @@ from PIL import Image
 from lime_keras.data import samples
 from lime_keras.data.corpus import Split
 from lime_keras.export import exporter
-from lime_keras.networks import assemble, weights
+from lime_keras.model import weights
+from lime_keras.networks import assemble
 from lime_keras.optics import shininess
 
 EXAMPLES = Path(__file__).parent.parent / "examples"

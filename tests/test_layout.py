@@ -36,7 +36,9 @@ ROWS = {
         ("material",),
         ("io",),
         ("data", "losses", "metrics", "synthesis"),
-        ("networks", "lighting", "runtime"),
+        ("networks", "lighting"),
+        ("model",),
+        ("runtime",),
         ("export",),
         ("estimate", "photo"),
         ("video", "__init__"),
@@ -148,6 +150,7 @@ def test_every_test_has_its_room():
 def test_networks_losses_and_stages_are_written_for_any_backend():
     files = [
         *_files("lime_keras/networks"),
+        *_files("lime_keras/model"),
         *_files("lime_keras/synthesis"),
         ROOT / "lime_keras" / "losses.py",
         ROOT / "lime_keras" / "metrics.py",

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from lime_keras import console
-from lime_keras.io import model_folder
+from lime_keras.model import folder as model_folder
 from lime_keras.version import __version__
 
 _PRESETS = ("smoke", "nano", "live", "paper")

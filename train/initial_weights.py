@@ -12,8 +12,9 @@ from pathlib import Path
 import keras
 import numpy as np
 
-from lime_keras.io import atomic, incoming, model_folder
-from lime_keras.networks import weights
+from lime_keras.io import atomic, incoming
+from lime_keras.model import folder as model_folder
+from lime_keras.model import weights
 
 _FOLDER, _TAKEN = "begun-from", "taken.json"
 
@@ -58,7 +59,7 @@ def load(
         ValueError: if no subnetwork fits, or a file is broken.
     """
     _, others = weights.load(run / _FOLDER, whole=False)
-    alone = weights.load_alone(run / _FOLDER, others)
+    alone = weights.load_before_joining(run / _FOLDER, others)
     taken = [
         name for name in subnetworks if name in others and _fit(subnetworks[name], others[name])
     ]

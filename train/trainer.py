@@ -27,7 +27,8 @@ import keras
 import numpy as np
 
 from lime_keras.io import atomic, locking
-from lime_keras.networks import SUBNETWORKS, Architecture, build, weights
+from lime_keras.model import weights
+from lime_keras.networks import SUBNETWORKS, Architecture, build
 from lime_keras.networks.precision import computing_in
 
 from . import backbone, hosts, initial_weights

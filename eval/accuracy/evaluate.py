@@ -22,7 +22,8 @@ from lime_keras import metrics
 from lime_keras.arrays import Predict
 from lime_keras.data import pipeline, records
 from lime_keras.data.corpus import Split
-from lime_keras.networks import SUBNETWORKS, Architecture, assemble, weights
+from lime_keras.model import weights
+from lime_keras.networks import SUBNETWORKS, Architecture, assemble
 from lime_keras.networks.wiring import needed
 from lime_keras.optics import environment, shininess
 from lime_keras.optics.blinn_phong import BlinnPhong
@@ -119,7 +120,7 @@ def evaluate(
     # The system and its oracle. Joint training adapts the encoders to estimated layers; on true
     # layers the weights from before it are better.
     system = answer or assemble(subnetworks).predict_on_batch
-    alone = weights.load_alone(model_dir, subnetworks)
+    alone = weights.load_before_joining(model_dir, subnetworks)
     oracle_of = _from_true_layers(subnetworks | alone)
 
     # Rows, batch by batch.

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from lime_keras.data.corpus import Split
-from lime_keras.io import model_folder
+from lime_keras.model import folder as model_folder
 from lime_keras.networks import Architecture
 
 from ..source_code import code_of

@@ -11,7 +11,8 @@ import tensorflow as tf
 from lime_keras.data import pipeline, records
 from lime_keras.data.camera import photograph
 from lime_keras.data.corpus import Split
-from lime_keras.networks import assemble, weights
+from lime_keras.model import weights
+from lime_keras.networks import assemble
 from lime_keras.optics import shininess
 
 from ..accuracy.labels import bin_label

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from lime_keras.networks import weights
+from lime_keras.model import weights
 
 from .photos import extreme_photos
 from .precisions import BRAIN, HALF, SINGLE, TENSORS, Precision

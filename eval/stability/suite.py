@@ -36,7 +36,7 @@ def cases(model_dir: Path | None = None) -> list[Case]:
     """Return all cases in the order of the tables, without computing anything.
 
     Args:
-        model_dir: run of `lime-train`, or folder of `lime_keras.networks.weights.save`, with the
+        model_dir: run of `lime-train`, or folder of `lime_keras.model.weights.save`, with the
             networks to try in every precision and format; by default small networks with fresh
             weights.
 

@@ -14,7 +14,8 @@ import tensorflow as tf
 from lime_keras.arrays import Predict
 from lime_keras.estimate.estimator import Estimator
 from lime_keras.export import exporter, formats
-from lime_keras.networks import Architecture, assemble, build, weights
+from lime_keras.model import weights
+from lime_keras.networks import Architecture, assemble, build
 from lime_keras.networks.precision import computing_in
 
 from . import double_precision

@@ -11,8 +11,9 @@ import onnx.utils
 
 from lime_keras.arrays import Predict
 from lime_keras.export import exporter, formats, quantisation
-from lime_keras.io import model_folder
-from lime_keras.networks import answers, assemble, weights
+from lime_keras.model import folder as model_folder
+from lime_keras.model import weights
+from lime_keras.networks import answers, assemble
 from lime_keras.networks.precision import POLICIES, computing_in
 from lime_keras.outputs import available
 
@@ -38,7 +39,7 @@ class Run:
 
     Args:
         name: name of the run in file names and tables.
-        folder: run of `lime-train`, or folder of `lime_keras.networks.weights.save`.
+        folder: run of `lime-train`, or folder of `lime_keras.model.weights.save`.
         samples: images of the corpus that the run was trained on.
         store: store that keeps the files.
 

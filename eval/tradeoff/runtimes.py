@@ -22,7 +22,7 @@ def open_answer(runtime: str, path: Path, precision: str, threads: int | None = 
 
     Args:
         runtime: `KERAS`, `SAVED_MODEL` or `ONNX`.
-        path: folder of `lime_keras.networks.weights.save`, folder of a SavedModel, or ONNX file.
+        path: folder of `lime_keras.model.weights.save`, folder of a SavedModel, or ONNX file.
         precision: name out of `precision.POLICIES` for Keras; the files of the other runtimes hold
             their precision.
         threads: number of threads for ONNX Runtime; by default all. For TensorFlow it is set for
@@ -65,7 +65,8 @@ def session(path: Path, threads: int | None = None) -> "onnxruntime.InferenceSes
 
 
 def _keras(folder: Path, precision: str) -> Predict:
-    from lime_keras.networks import assemble, weights
+    from lime_keras.model import weights
+    from lime_keras.networks import assemble
     from lime_keras.networks.precision import computing_in
 
     with computing_in(precision):

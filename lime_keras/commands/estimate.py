@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from lime_keras import console
 from lime_keras.commands import model_option
-from lime_keras.io import model_folder
 from lime_keras.io.sources import SUFFIXES, inside, is_camera, is_video, photo_of_mask
+from lime_keras.model import folder as model_folder
 from lime_keras.outputs import NEEDED
 from lime_keras.version import __version__
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from lime_keras import console
 from lime_keras.commands import model_option
-from lime_keras.io import model_folder
+from lime_keras.model import folder as model_folder
 from lime_keras.version import __version__
 
 _PORT = 8337

@@ -2,7 +2,7 @@
 
 import argparse
 
-from lime_keras.io import model_folder
+from lime_keras.model import folder as model_folder
 
 
 def add(parser: "argparse.ArgumentParser | argparse._ArgumentGroup") -> None:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from lime_keras import console
-from lime_keras.io import graph_folder, model_folder
+from lime_keras.model import folder as model_folder
+from lime_keras.model import graphs as graph_folder
 
 if TYPE_CHECKING:
     import keras
@@ -54,7 +55,7 @@ def load(run: Path, engine: str, *, streaming: bool = False) -> Engine:
     """Load a trained model.
 
     Args:
-        run: run of `lime-train`, or folder of `lime_keras.networks.weights.save`.
+        run: run of `lime-train`, or folder of `lime_keras.model.weights.save`.
         engine: a name out of `ENGINES`. For `onnx` the run is exported, if it is not yet or if its
             weights have changed since; this takes half a minute and is told on standard error.
         streaming: whether ONNX Runtime keeps the memory of a run for the next one.
@@ -100,7 +101,8 @@ class _Keras:
     def __init__(self, run: Path):
         console.require("the Keras engine", "keras")
         console.import_tensorflow()
-        from lime_keras.networks import answers, weights
+        from lime_keras.model import weights
+        from lime_keras.networks import answers
 
         architecture, self._parts = weights.load(run)
         self._joined: dict[tuple[frozenset[str], ...], keras.Model] = {}

@@ -17,9 +17,9 @@ import numpy as np
 from lime_keras.estimate import cautions, engines, framing, full_size
 from lime_keras.estimate.framing import Square
 from lime_keras.estimate.pictures import Picture, mask_of, photo_of
-from lime_keras.io import model_folder
-from lime_keras.io.model_folder import SHIPPED
 from lime_keras.material import Material
+from lime_keras.model import folder as model_folder
+from lime_keras.model.folder import SHIPPED
 from lime_keras.optics import colour, compositing, highlights, shininess
 from lime_keras.outputs import NEEDED, OUTPUTS, available
 
@@ -56,8 +56,8 @@ class Estimator:
 
     Args:
         weights: folder of the trained model, from `lime-train` or
-            `lime_keras.networks.weights.save`; or name of a set that comes with the package, such
-            as `live`; by default `lime_keras.io.model_folder.DEFAULT`.
+            `lime_keras.model.weights.save`; or name of a set that comes with the package, such
+            as `live`; by default `lime_keras.model.folder.DEFAULT`.
         only: names of the estimates to make, out of `outputs.NEEDED`; only the subnetworks that
             these need are loaded and run. By default all estimates that this model can make.
         engine: `onnx` for ONNX Runtime or `keras` (`engines.load`).

@@ -13,8 +13,11 @@ from lime_keras.data import pipeline, samples
 from lime_keras.data.corpus import Split
 from lime_keras.export import formats, graphs, model_card, parity, quantisation
 from lime_keras.export.formats import SERVED
-from lime_keras.io import atomic, graph_folder, model_folder
-from lime_keras.networks import answers, assemble, weights
+from lime_keras.io import atomic
+from lime_keras.model import folder as model_folder
+from lime_keras.model import graphs as graph_folder
+from lime_keras.model import weights
+from lime_keras.networks import answers, assemble
 from lime_keras.outputs import OUTPUTS
 from lime_keras.runtime.engine import OnnxEngine
 
@@ -44,9 +47,9 @@ def export(
 
     Args:
         folder: folder to write to; `target` returns the path in it.
-        model_format: `savedmodel`; `onnx`; `weights` (`lime_keras.networks.weights.save`); or
+        model_format: `savedmodel`; `onnx`; `weights` (`lime_keras.model.weights.save`); or
             `graphs`, which the estimator runs (`lime_keras.runtime`).
-        weights_folder: run of `lime-train`, or folder of `lime_keras.networks.weights.save`.
+        weights_folder: run of `lime-train`, or folder of `lime_keras.model.weights.save`.
         only: names of outputs, out of `lime_keras.networks.answers`; by default all outputs of the
             model.
         precision: one of the format's `PRECISIONS`; by default the first.
@@ -86,7 +89,7 @@ def export(
             formats.describe_saved_model(partial, card)
             signatures = formats.open_saved_model(partial)
         elif model_format == WEIGHTS:
-            alone = weights.load_alone(weights_folder, subnetworks)
+            alone = weights.load_before_joining(weights_folder, subnetworks)
             weights.save(partial, architecture, subnetworks, alone, half=True)
             formats.describe_weights(partial, card)
             record = model_folder.folder(weights_folder) / "training.json"

@@ -15,9 +15,9 @@ import onnx
 from onnx import numpy_helper
 
 from lime_keras.export import formats
-from lime_keras.io import graph_folder
-from lime_keras.io.graph_folder import Description, Graph
-from lime_keras.networks import graph_weights
+from lime_keras.model import graphs as graph_folder
+from lime_keras.model import weights_in_graphs
+from lime_keras.model.graphs import Description, Graph
 from lime_keras.networks.architecture import Architecture
 from lime_keras.networks.parts import part
 
@@ -31,13 +31,13 @@ def write(
     """Write a graph for each subnetwork, and their description, into a new folder.
 
     Weights that float16 holds exactly, such as those that were stored in float16, are stored in
-    float16 and computed with in float32. `networks.graph_weights` reads them back for Keras.
+    float16 and computed with in float32. `model.weights_in_graphs` reads them back for Keras.
 
     Args:
         folder: path of the folder.
         architecture: architecture of the subnetworks.
         subnetworks: subnetworks by name.
-        digest: digest of their weights (`io.model_folder.digest`).
+        digest: digest of their weights (`model.folder.digest`).
     """
     folder.mkdir(parents=True)
     graphs = {}
@@ -48,7 +48,7 @@ def write(
         _narrow(graph)
         _settle(graph)
         values = {weight.path: keras.ops.convert_to_numpy(weight) for weight in network.weights}
-        graph_weights.describe(graph, values)
+        weights_in_graphs.describe(graph, values)
         path.write_bytes(graph.SerializeToString(deterministic=True))
         graphs[name] = Graph(
             inputs=tuple(tensor.name for tensor in alone.inputs),

@@ -1,6 +1,6 @@
 """The two graphs that the page runs without Python: `mask` and `material`.
 
-They are made of the graphs of a model (`lime_keras.io.graph_folder`). `mask` is
+They are made of the graphs of a model (`lime_keras.model.graphs`). `mask` is
 SegmentationNet, from `image`. `material` is all other subnetworks, from `image` and `mask`, and
 gives exactly their numbers. Both take one image at a time.
 """
@@ -10,8 +10,8 @@ from pathlib import Path
 
 import onnx
 
-from lime_keras.io import graph_folder
-from lime_keras.io.graph_folder import Description
+from lime_keras.model import graphs as graph_folder
+from lime_keras.model.graphs import Description
 from lime_keras.outputs import OUTPUTS
 
 NAMES = ("mask", "material")

@@ -17,8 +17,10 @@ import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
 
-from lime_keras.io import atomic, graph_folder, incoming, model_folder
+from lime_keras.io import atomic, incoming
 from lime_keras.live import graphs
+from lime_keras.model import folder as model_folder
+from lime_keras.model import graphs as graph_folder
 from lime_keras.version import __version__
 
 RUNTIME_VERSION = "1.30.0"

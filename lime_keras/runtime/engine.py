@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import onnxruntime
 
-from lime_keras.io import graph_folder
-from lime_keras.io.graph_folder import Description
-from lime_keras.io.model_folder import DESCRIPTION
+from lime_keras.model import graphs as graph_folder
+from lime_keras.model.folder import DESCRIPTION
+from lime_keras.model.graphs import Description
 from lime_keras.outputs import OUTPUTS
 
 _LONGEST = 200

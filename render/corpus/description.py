@@ -2,6 +2,7 @@
 
 import dataclasses
 from pathlib import Path
+from typing import Any
 
 from lime_keras.data.corpus import Split
 from lime_keras.optics.material_law import UNIFORM
@@ -53,6 +54,10 @@ class Job(base.Job):
     def shard_files(self, shard: int) -> tuple[Path, ...]:
         """Return the path of a shard's records, and that of its sidecar."""
         return self.split.shard_path(shard), self.split.sidecar_path(shard)
+
+    def recorded(self) -> dict[str, Any]:
+        """Return the description as it is stored in JSON; a built-in kind has no entry."""
+        return {name: value for name, value in super().recorded().items() if value is not None}
 
     @property
     def shapes(self) -> sources.ShapeSource:

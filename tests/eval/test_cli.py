@@ -20,7 +20,8 @@ from lime_keras.eval import cli, sections
 from lime_keras.eval.accuracy import measures, stored
 from lime_keras.eval.accuracy.evaluate import evaluate
 from lime_keras.eval.report import examples
-from lime_keras.networks import Architecture, build, weights
+from lime_keras.model import weights
+from lime_keras.networks import Architecture, build
 from lime_keras.optics import environment, shading, shininess
 from lime_keras.optics.reflectance_map import reflectance_map
 
@@ -471,7 +472,7 @@ def test_a_file_in_the_place_of_out_is_refused_at_once(corpus, run, tmp_path, ca
 
 def test_a_corpus_alone_measures_the_packages_own_model(corpus, run, tmp_path, monkeypatch):
     measured = []
-    monkeypatch.setattr("lime_keras.io.model_folder.SHIPPED", run)
+    monkeypatch.setattr("lime_keras.model.folder.SHIPPED", run)
     monkeypatch.setattr(
         sections, "evaluation", lambda out, model, *_, **__: measured.append(model) or ""
     )

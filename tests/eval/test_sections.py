@@ -120,7 +120,7 @@ def test_answers_stand_beside_the_runs_of_table_1_and_other_answers(
 
 
 def test_answers_alone_need_no_weights(corpus, answers, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("lime_keras.networks.weights.load", None)
+    monkeypatch.setattr("lime_keras.model.weights.load", None)
     copy = shutil.copytree(answers, tmp_path / "copy")
     (copy / "00000-preview.png").write_bytes(b"")
     command = [str(corpus), "--predictions", str(copy), "--out", str(tmp_path / "out")]

@@ -154,7 +154,7 @@ def _refuse(faults: object) -> None:
 
 
 def _weights(folder: Path) -> None:
-    from lime_keras.networks import weights
+    from lime_keras.model import weights
 
     weights.load(folder)
 
@@ -164,7 +164,8 @@ def _graphs(folder: Path) -> None:
     import numpy as np
 
     from lime_keras.estimate.estimator import Estimator
-    from lime_keras.io import graph_folder, model_folder
+    from lime_keras.model import folder as model_folder
+    from lime_keras.model import graphs as graph_folder
 
     model_folder.digest(folder)
     if graph_folder.read(model_folder.graphs(folder)):
@@ -173,11 +174,11 @@ def _graphs(folder: Path) -> None:
 
 def _graph_weights(folder: Path) -> None:
     """Read the weights of graphs as Keras does."""
-    from lime_keras.io import model_folder
-    from lime_keras.networks import graph_weights
+    from lime_keras.model import folder as model_folder
+    from lime_keras.model import weights_in_graphs
 
     for path in sorted(model_folder.graphs(folder).glob("*.onnx")):
-        graph_weights.read(path.read_bytes(), path)
+        weights_in_graphs.read(path.read_bytes(), path)
 
 
 def _masker(folder: Path) -> None:

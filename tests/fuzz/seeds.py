@@ -257,8 +257,8 @@ def weights(folder: Path) -> None:
     """Write the files of untrained tiny models, as `lime-train` does."""
     import keras
 
+    from lime_keras.model import weights as files
     from lime_keras.networks import Architecture, build
-    from lime_keras.networks import weights as files
 
     for name, half in (("float32", False), ("float16", True)):
         keras.utils.set_random_seed(0)
@@ -268,7 +268,7 @@ def weights(folder: Path) -> None:
 
 def graphs(folder: Path) -> None:
     """Copy the smallest model of the package, whose weights lie in its graphs alone."""
-    from lime_keras.io import model_folder
+    from lime_keras.model import folder as model_folder
 
     shutil.copytree(model_folder.PRETRAINED / "nano", folder / "nano")
 

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 from lime_keras import console
-from lime_keras.io import model_folder
+from lime_keras.model import folder as model_folder
 
 _EXAMPLES = """\
 examples:

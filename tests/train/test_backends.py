@@ -11,7 +11,8 @@ from sphere_corpus import write_split
 
 from lime_keras.data import pipeline
 from lime_keras.data.corpus import Split
-from lime_keras.networks import build, names, weights
+from lime_keras.model import weights
+from lime_keras.networks import build, names
 from lime_keras.train import stage_training, trainer
 
 # JAX compiles every stage of every system, which takes minutes; that it trains at all, `make test`

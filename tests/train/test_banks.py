@@ -9,7 +9,7 @@ import pytest
 import stage_runs
 from sphere_corpus import write_split
 
-from lime_keras.networks import weights
+from lime_keras.model import weights
 from lime_keras.train import banks, stage_training, trainer
 from lime_keras.train.evaluation import evaluation_path
 

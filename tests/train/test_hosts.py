@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import stage_runs
 
-from lime_keras.networks import weights
+from lime_keras.model import weights
 from lime_keras.train import cli, hosts, trainer
 from lime_keras.train.devices import Devices
 

@@ -5,8 +5,9 @@ import shutil
 import numpy as np
 import pytest
 
-from lime_keras.io import model_folder
-from lime_keras.networks import build, weights
+from lime_keras.model import folder as model_folder
+from lime_keras.model import weights
+from lime_keras.networks import build
 from lime_keras.train import initial_weights
 
 

@@ -16,7 +16,8 @@ from lime_keras import metrics, networks
 from lime_keras.data import pipeline
 from lime_keras.data.corpus import Split
 from lime_keras.io import locking
-from lime_keras.networks import Architecture, names, weights
+from lime_keras.model import weights
+from lime_keras.networks import Architecture, names
 from lime_keras.optics import shininess
 from lime_keras.optics.dynamic_range import compress
 from lime_keras.train import (
@@ -130,7 +131,7 @@ def _same_stage(one, other, name):
 
 def _same_alone(run, of_stages, *expected):
     """Whether the run's subnetworks alone are just those, as their stages there left them."""
-    found = weights.load_alone(run, weights.load(run)[1])
+    found = weights.load_before_joining(run, weights.load(run)[1])
     assert set(found) == set(expected)
     for name, network in found.items():
         left = _stage(of_stages, name)
@@ -162,7 +163,7 @@ def test_the_whole_system_is_evaluated(corpus, config, finished):
 def test_encoders_are_kept_as_they_were_before_they_were_joined(finished):
     _same_alone(finished, finished, "albedo", "exponent")
     joined = _weights(finished)
-    for name, network in weights.load_alone(finished, weights.load(finished)[1]).items():
+    for name, network in weights.load_before_joining(finished, weights.load(finished)[1]).items():
         pairs = zip(network.get_weights(), joined[name], strict=True)
         assert not all(np.array_equal(alone, after) for alone, after in pairs), name
 

@@ -9,7 +9,7 @@ import without_tensorflow
 from sphere_corpus import write_split
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-from lime_keras.networks import weights
+from lime_keras.model import weights
 
 pytest.importorskip("jax")
 

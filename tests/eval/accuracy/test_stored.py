@@ -12,7 +12,7 @@ from lime_keras.eval.accuracy import stored
 from lime_keras.eval.accuracy.evaluate import evaluate
 from lime_keras.eval.source_code import digest, imported
 from lime_keras.eval.store import Store
-from lime_keras.networks import weights
+from lime_keras.model import weights
 
 
 @pytest.fixture(scope="module")

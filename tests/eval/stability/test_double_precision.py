@@ -5,7 +5,8 @@ import numpy as np
 from lime_keras.eval.stability import double_precision
 from lime_keras.eval.stability.double_precision import EXACT, Rounding
 from lime_keras.export import parity
-from lime_keras.networks import assemble, weights
+from lime_keras.model import weights
+from lime_keras.networks import assemble
 
 
 def compared(folder):

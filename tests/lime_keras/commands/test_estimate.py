@@ -14,9 +14,10 @@ import pytest
 
 from lime_keras import Estimator, console
 from lime_keras.commands import estimate as estimate_cli
-from lime_keras.io import model_folder
 from lime_keras.io.photo import read_srgb, write
-from lime_keras.networks import answers, weights
+from lime_keras.model import folder as model_folder
+from lime_keras.model import weights
+from lime_keras.networks import answers
 from lime_keras.outputs import NEEDED, available
 
 GALLERY = {"index.html", "materials.csv"}

@@ -10,8 +10,8 @@ import pytest
 from lime_keras import Estimator, console
 from lime_keras.estimate import engines
 from lime_keras.export import exporter
-from lime_keras.io import model_folder
-from lime_keras.networks import weights
+from lime_keras.model import folder as model_folder
+from lime_keras.model import weights
 
 PHOTO = np.random.default_rng(0).uniform(size=(40, 90, 3)).astype(np.float32)
 

@@ -8,7 +8,8 @@ from PIL import Image
 
 from lime_keras import Estimator, Material
 from lime_keras.estimate import cautions, engines, framing
-from lime_keras.networks import assemble, build, weights
+from lime_keras.model import weights
+from lime_keras.networks import assemble, build
 from lime_keras.optics import colour, highlights, shininess
 from lime_keras.outputs import NEEDED
 

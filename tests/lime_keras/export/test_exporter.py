@@ -11,8 +11,9 @@ import sphere_corpus
 from lime_keras import __version__
 from lime_keras.commands import export as export_cli
 from lime_keras.export import exporter, formats, parity, quantisation
-from lime_keras.io import model_folder
-from lime_keras.networks import answers, assemble, build, weights
+from lime_keras.model import folder as model_folder
+from lime_keras.model import weights
+from lime_keras.networks import answers, assemble, build
 from lime_keras.outputs import OUTPUTS
 
 FORMATS = ("savedmodel", "onnx")
@@ -201,7 +202,7 @@ def test_encoders_of_before_joined_training_are_exported_with_the_weights(tiny_m
     alone = {"albedo": build(architecture, seed=9)["albedo"]}
     weights.save(tmp_path / "run", architecture, subnetworks, alone)
     exporter.export(tmp_path / "out", "weights", tmp_path / "run")
-    found = weights.load_alone(tmp_path / "out", subnetworks)
+    found = weights.load_before_joining(tmp_path / "out", subnetworks)
     assert set(found) == {"albedo"}
     pairs = zip(found["albedo"].get_weights(), alone["albedo"].get_weights(), strict=True)
     assert all(np.array_equal(one, other.astype(np.float16)) for one, other in pairs)

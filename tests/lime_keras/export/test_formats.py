@@ -10,7 +10,8 @@ import pytest
 import tensorflow as tf
 
 from lime_keras.export import exporter, formats, parity
-from lime_keras.networks import assemble, weights
+from lime_keras.model import weights
+from lime_keras.networks import assemble
 
 CARD = {"version": "1.2", "preset": None, "bins": [1.0, 2.5], "outputs": {"mask": "share"}}
 NEEDED = {

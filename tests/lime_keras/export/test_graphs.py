@@ -12,8 +12,10 @@ from onnx import numpy_helper
 
 from lime_keras.commands import export as export_cli
 from lime_keras.export import graphs, parity
-from lime_keras.io import graph_folder, model_folder
-from lime_keras.networks import Architecture, build, names, weights
+from lime_keras.model import folder as model_folder
+from lime_keras.model import graphs as graph_folder
+from lime_keras.model import weights
+from lime_keras.networks import Architecture, build, names
 from lime_keras.runtime.engine import OnnxEngine
 
 
@@ -91,7 +93,7 @@ EXPORT = """
 import sys
 from pathlib import Path
 from lime_keras.export import formats, graphs
-from lime_keras.networks import weights
+from lime_keras.model import weights
 from lime_keras.networks.parts import part
 
 architecture, subnetworks = weights.load(Path(sys.argv[1]))

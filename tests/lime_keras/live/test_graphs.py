@@ -5,8 +5,9 @@ import numpy as np
 import onnxruntime
 import pytest
 
-from lime_keras.io import graph_folder, model_folder
 from lime_keras.live import graphs
+from lime_keras.model import folder as model_folder
+from lime_keras.model import graphs as graph_folder
 from lime_keras.runtime.engine import OnnxEngine
 
 SHIPPED = model_folder.graphs(model_folder.SHIPPED)

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 import static_page
 
-from lime_keras.io import model_folder
 from lime_keras.live import static
+from lime_keras.model import folder as model_folder
 from lime_keras.version import __version__
 
 HEADERS = tuple(static._HEADERS.items())

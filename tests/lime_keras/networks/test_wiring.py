@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 from scipy.special import softmax
 
-from lime_keras.networks import answers, assemble, build, weights
+from lime_keras.model import weights
+from lime_keras.networks import answers, assemble, build
 from lime_keras.networks.registry import SUBNETWORKS
 from lime_keras.networks.wiring import Wiring, needed
 

@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from lime_keras.export import parity
-from lime_keras.io import graph_folder, model_folder
-from lime_keras.networks import assemble, weights
+from lime_keras.model import folder as model_folder
+from lime_keras.model import graphs as graph_folder
+from lime_keras.model import weights
+from lime_keras.networks import assemble
 from lime_keras.runtime.engine import OnnxEngine
 
 

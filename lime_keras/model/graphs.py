@@ -11,8 +11,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from lime_keras.io import incoming, model_folder
-from lime_keras.io.model_folder import DESCRIPTION
+from lime_keras.io import incoming
+from lime_keras.model import folder as model_folder
+from lime_keras.model.folder import DESCRIPTION
 from lime_keras.version import __version__
 
 LAYOUT = 1
@@ -39,7 +40,7 @@ class Description:
     """The content of `graphs.json`.
 
     Attributes:
-        weights: digest of the weights that were exported (`io.model_folder.digest`).
+        weights: digest of the weights that were exported (`model.folder.digest`).
         size: height and width of the images in pixels.
         system: name of the system in words, such as `LIME without MirrorNet`.
         graphs: description of each subnetwork's graph by name; none comes before another whose

@@ -18,8 +18,9 @@ import h5py
 import keras
 import numpy as np
 
-from lime_keras.io import atomic, graph_folder, incoming
-from lime_keras.io.model_folder import (
+from lime_keras.io import atomic, incoming
+from lime_keras.model import graphs as graph_folder
+from lime_keras.model.folder import (
     ALONE,
     ARCHITECTURE,
     DESCRIPTION,
@@ -119,7 +120,7 @@ def copy(model: Path, target: Path) -> None:
     model = folder(model)
     if in_graphs(model):
         architecture, subnetworks = load(model, whole=False)
-        alone = load_alone(model, subnetworks)
+        alone = load_before_joining(model, subnetworks)
         half = all(map(_is_half, [*subnetworks.values(), *alone.values()]))
         save(target, architecture, subnetworks, alone, half=half)
         return
@@ -129,7 +130,9 @@ def copy(model: Path, target: Path) -> None:
         shutil.copyfile(path, copied)
 
 
-def load_alone(model: Path, subnetworks: Mapping[str, keras.Model]) -> dict[str, keras.Model]:
+def load_before_joining(
+    model: Path, subnetworks: Mapping[str, keras.Model]
+) -> dict[str, keras.Model]:
     """Load subnetworks with their weights from before joined training.
 
     Args:
@@ -243,14 +246,16 @@ def _check_finite(path: Path, network: keras.Model) -> None:
 
 def _read_graph(path: Path, name: str, folder: Path, network: keras.Model) -> None:
     # Only models whose weights lie in graphs take the package `onnx`.
-    from lime_keras.networks import graph_weights
+    from lime_keras.model import weights_in_graphs
 
     description = graph_folder.read(folder)
     if description is None or name not in description.graphs:
         raise ValueError(
             f"{folder / DESCRIPTION} does not describe {path.name}: {graph_folder.mend(folder)}"
         )
-    held = graph_weights.read(graph_folder.checked(folder, name, description.graphs[name]), path)
+    held = weights_in_graphs.read(
+        graph_folder.checked(folder, name, description.graphs[name]), path
+    )
     try:
         network.set_weights([held[weight.path] for weight in network.weights])
     except (LookupError, ValueError) as error:

@@ -11,7 +11,8 @@ import keras
 import numpy as np
 import pytest
 
-from lime_keras.networks import Architecture, build, names, weights
+from lime_keras.model import weights
+from lime_keras.networks import Architecture, build, names
 
 NAMES = [field.name for field in dataclasses.fields(Architecture) if field.type is int]
 LIME = ("segmentation", "specular", "mirror", "exponent", "albedo")
@@ -297,7 +298,7 @@ def test_subnetworks_alone_come_back_beside_the_joined(with_alone):
     model, subnetworks, alone = with_alone
     assert_same(weights.load(model)[1], subnetworks)
     before = {name: network.get_weights() for name, network in subnetworks.items()}
-    assert_same(weights.load_alone(model, subnetworks), alone)
+    assert_same(weights.load_before_joining(model, subnetworks), alone)
     for name, network in subnetworks.items():
         assert all(map(np.array_equal, before[name], network.get_weights())), name
     assert not np.array_equal(before["albedo"][0], alone["albedo"].get_weights()[0])
@@ -310,19 +311,19 @@ def test_subnetworks_alone_are_taken_from_a_run(with_alone, tmp_path):
     (tmp_path / "run").mkdir()
     model.rename(tmp_path / "run" / "model")
     for folder in (tmp_path / "run", str(tmp_path / "run")):
-        assert_same(weights.load_alone(folder, subnetworks), alone)
+        assert_same(weights.load_before_joining(folder, subnetworks), alone)
 
 
 def test_a_model_saved_by_hand_has_none_alone(tiny, model):
-    assert weights.load_alone(model, weights.load(model)[1]) == {}
+    assert weights.load_before_joining(model, weights.load(model)[1]) == {}
 
 
 def test_saving_again_leaves_no_others_alone(tiny, with_alone):
     model, subnetworks, alone = with_alone
     weights.save(model, tiny, subnetworks, {"albedo": alone["albedo"]})
-    assert set(weights.load_alone(model, subnetworks)) == {"albedo"}
+    assert set(weights.load_before_joining(model, subnetworks)) == {"albedo"}
     weights.save(model, tiny, subnetworks)
-    assert weights.load_alone(model, subnetworks) == {}
+    assert weights.load_before_joining(model, subnetworks) == {}
 
 
 def test_a_broken_file_alone_is_named(with_alone):
@@ -333,4 +334,4 @@ def test_a_broken_file_alone_is_named(with_alone):
         path.write_bytes(broken)
         expected = r"alone/exponent\.weights\.h5 cannot be read: .*; train again$"
         with pytest.raises(ValueError, match=expected):
-            weights.load_alone(model, subnetworks)
+            weights.load_before_joining(model, subnetworks)

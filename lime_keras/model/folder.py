@@ -3,7 +3,7 @@
 A model's weights lie in files of Keras, one for each subnetwork; or, as in the sets that come with
 the package, in its exported graphs alone, which Keras reads, too, so that nothing lies there twice.
 
-`lime_keras.networks.weights` writes and reads the files. This module imports neither Keras nor
+`lime_keras.model.weights` writes and reads the files. This module imports neither Keras nor
 NumPy, so that the estimator, which runs the exported graphs, finds its model without them.
 """
 
@@ -25,7 +25,7 @@ WEIGHTS = ".weights.h5"
 ALONE = "alone"
 """Folder, in that of the model, of the weights from before joined training."""
 DESCRIPTION = "graphs.json"
-"""File that describes the exported graphs, beside them (`lime_keras.io.graph_folder`)."""
+"""File that describes the exported graphs, beside them (`lime_keras.model.graphs`)."""
 
 
 def shipped() -> dict[str, Path]:

@@ -9,9 +9,10 @@ import pytest
 from onnx import numpy_helper
 
 from lime_keras.export import graphs
-from lime_keras.io import model_folder
-from lime_keras.networks import Architecture, build, graph_weights, weights
-from lime_keras.networks.graph_weights import describe
+from lime_keras.model import folder as model_folder
+from lime_keras.model import weights, weights_in_graphs
+from lime_keras.model.weights_in_graphs import describe
+from lime_keras.networks import Architecture, build
 
 
 def held(**constants):
@@ -21,7 +22,7 @@ def held(**constants):
 
 
 def read(path):
-    return graph_weights.read(path.read_bytes(), path)
+    return weights_in_graphs.read(path.read_bytes(), path)
 
 
 def written(graph, path):
@@ -77,7 +78,7 @@ def test_half_precision_and_equal_constants_are_read(tmp_path):
 
 
 def test_a_graph_that_lacks_a_large_weight_holds_none(tmp_path):
-    graph, small = held(one=random(4)), graph_weights._MOST_REPEATED
+    graph, small = held(one=random(4)), weights_in_graphs._MOST_REPEATED
     describe(graph, {"bias": random(4), "kernel": random(small + 1)})
     with pytest.raises(ValueError, match=r"graph\.onnx holds no weights.*the run"):
         written(graph, tmp_path / "graph.onnx")

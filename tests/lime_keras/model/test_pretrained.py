@@ -7,9 +7,11 @@ from keras import ops
 
 from lime_keras import Estimator
 from lime_keras.export import parity
-from lime_keras.io import graph_folder, model_folder
-from lime_keras.io.model_folder import SHIPPED
-from lime_keras.networks import assemble, weights
+from lime_keras.model import folder as model_folder
+from lime_keras.model import graphs as graph_folder
+from lime_keras.model import weights
+from lime_keras.model.folder import SHIPPED
+from lime_keras.networks import assemble
 from lime_keras.networks.precision import computing_in
 from lime_keras.runtime.engine import OnnxEngine
 

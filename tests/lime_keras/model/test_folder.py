@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from lime_keras.io import model_folder
+from lime_keras.model import folder as model_folder
 
 
 @pytest.fixture
