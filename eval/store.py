@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from lime_keras.io import atomic, incoming
+from lime_keras.io import atomic, untrusted
 from lime_keras.version import installed
 
 DependsOn = Mapping[str, Any]
@@ -157,7 +157,7 @@ def _record(path: Path) -> Path:
 def _read(path: Path) -> dict[str, Any] | None:
     """Return the content of a JSON file, or None if it is missing or not JSON."""
     try:
-        return incoming.read_json(path)
+        return untrusted.read_json(path)
     except ValueError:
         return None
 

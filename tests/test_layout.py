@@ -201,16 +201,16 @@ def test_the_commands_offer_what_the_library_has():
 
 def test_the_tables_of_a_subnetwork_name_the_same():
     """What systems are made of, answer, learn by and can be asked for."""
-    from lime_keras.networks import Architecture, answers, build
-    from lime_keras.networks.registry import QUANTITIES, READINGS, SUBNETWORKS
+    from lime_keras.networks import Architecture, build, output_names
+    from lime_keras.networks.registry import OUTPUT_ROWS, QUANTITIES, SUBNETWORKS
     from lime_keras.outputs import NEEDED, OUTPUTS
     from lime_keras.train.terms import LEARNING, MEASURES, TERMS
 
     systems = ({}, {"exponent": "regression"}, {"system": "reflectance-map"})
     built = [build(Architecture(32, 1, 1, 1, 1, **system)) for system in systems]
-    assert set().union(*map(answers, built)) == set(OUTPUTS)
-    assert tuple(READINGS) == tuple(OUTPUTS) and set().union(*NEEDED.values()) < set(OUTPUTS)
-    assert {row.quantity for row in READINGS.values()} == set(QUANTITIES)
+    assert set().union(*map(output_names, built)) == set(OUTPUTS)
+    assert tuple(OUTPUT_ROWS) == tuple(OUTPUTS) and set().union(*NEEDED.values()) < set(OUTPUTS)
+    assert {row.quantity for row in OUTPUT_ROWS.values()} == set(QUANTITIES)
     assert set().union(*built) == set(SUBNETWORKS) == set(LEARNING)
     learnt = LEARNING.values()
     assert set().union(*(row.terms for row in learnt)) == set(TERMS)

@@ -11,7 +11,7 @@ from typing import Any
 import keras
 
 from lime_keras.data.corpus import Split
-from lime_keras.io import atomic, incoming
+from lime_keras.io import atomic, untrusted
 from lime_keras.networks import Architecture
 from lime_keras.synthesis import bank
 from lime_keras.version import __version__, installed
@@ -75,7 +75,7 @@ class Config:
                 "begin one"
             )
         try:
-            held = incoming.read_json(path)["config"]
+            held = untrusted.read_json(path)["config"]
             architecture = Architecture(**held.pop("architecture"))
             schedule = Schedule(**held.pop("schedule"))
             for name in ("materials", "frozen"):
@@ -119,7 +119,7 @@ def check(run: Path, config: Config) -> None:
     if not path.is_file():
         return
     try:
-        held = {**incoming.read_json(path)["config"]}
+        held = {**untrusted.read_json(path)["config"]}
     except (KeyError, TypeError, ValueError) as error:
         raise ValueError(
             f"{path} is no record of a run ({error}): pass another --out, or remove {run}"

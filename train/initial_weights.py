@@ -12,7 +12,7 @@ from pathlib import Path
 import keras
 import numpy as np
 
-from lime_keras.io import atomic, incoming
+from lime_keras.io import atomic, untrusted
 from lime_keras.model import folder as model_folder
 from lime_keras.model import weights
 
@@ -80,7 +80,7 @@ def described(run: Path) -> str:
     """Return in words which subnetworks began with the model's weights, and which afresh."""
     path = run / _FOLDER / _TAKEN
     try:
-        found = incoming.read_json(path)
+        found = untrusted.read_json(path)
         return ", ".join(
             f"{' and '.join(names)} {how}"
             for names, how in ((found["taken"], "continued"), (found["fresh"], "begun afresh"))

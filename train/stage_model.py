@@ -10,7 +10,7 @@ import keras
 from keras import ops
 
 from lime_keras.data.features import LEARNT_FROM
-from lime_keras.networks import answers
+from lime_keras.networks import output_names
 from lime_keras.networks.wiring import Wiring, needed, quantities
 
 from . import terms
@@ -44,7 +44,7 @@ class StageModel(keras.Model):
         self.subnetworks = dict(subnetworks)
         self._replicas = replicas
         self._given = needed(subnetworks)
-        self._answered, self._found = tuple(quantities(subnetworks)), answers(subnetworks)
+        self._answered, self._found = tuple(quantities(subnetworks)), output_names(subnetworks)
         left_out = {"mask" if structure else "structure"}
         if not compositing:
             left_out.add("compositing")

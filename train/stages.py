@@ -3,7 +3,7 @@
 import dataclasses
 from dataclasses import dataclass
 
-from lime_keras.networks import SUBNETWORKS, Architecture, names
+from lime_keras.networks import SUBNETWORKS, Architecture, subnetwork_names
 
 from .terms import LEARNING
 
@@ -103,7 +103,7 @@ class Schedule:
 
     def stages(self, architecture: Architecture) -> list[Stage]:
         """Return all stages of a system, in the order of training."""
-        here = names(architecture)
+        here = subnetwork_names(architecture)
         rounds = {name: LEARNING[name].joined for name in here}
         if not architecture.layers:
             del rounds["material"]  # It reads no other's prediction.

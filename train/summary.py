@@ -4,7 +4,7 @@ import csv
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from lime_keras.io import incoming
+from lime_keras.io import untrusted
 
 from .evaluation import evaluation_path
 
@@ -43,7 +43,7 @@ def evaluation(run: Path) -> str:
     if not path.is_file():
         return ""
     try:
-        found = incoming.read_json(path)
+        found = untrusted.read_json(path)
         rows = [("whole system", f"of {found['examples']} held-out examples")]
         for name, value in found["measures"].items():
             rows.append((name, "not finite" if value is None else f"{value:.4f}"))

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from lime_keras.io import incoming
+from lime_keras.io import untrusted
 from lime_keras.networks import Architecture
 
 from ..markdown_table import ABSENT, aligned
@@ -178,7 +178,7 @@ def _compositing(run: Path) -> bool:
     for path in (run / "config.json", run / "training.json", run / "model" / "training.json"):
         if path.is_file():
             try:
-                return bool(incoming.read_json(path)["config"]["compositing"])
+                return bool(untrusted.read_json(path)["config"]["compositing"])
             except (KeyError, TypeError, ValueError) as error:
                 raise ValueError(f"{path} is no record of a run ({error}): train again") from error
     return True

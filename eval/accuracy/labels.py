@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 import numpy as np
 
-from lime_keras.networks import SUBNETWORKS, Architecture, names
+from lime_keras.networks import SUBNETWORKS, Architecture, subnetwork_names
 from lime_keras.optics import shininess
 
 
@@ -63,7 +63,7 @@ def oracle_is(architecture: Architecture, stage_one: Collection[str]) -> str:
 
 def _encoders(architecture: Architecture, stage_one: Collection[str]) -> tuple[str, str]:
     """Return in words the encoders that have the weights of stage one, and the others."""
-    encoders = [name for name in names(architecture) if SUBNETWORKS[name].encoder]
+    encoders = [name for name in subnetwork_names(architecture) if SUBNETWORKS[name].encoder]
     lone, others = (
         " and ".join(f"{name.title()}Net" for name in encoders if (name in stage_one) is kept)
         for kept in (True, False)

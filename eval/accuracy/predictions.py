@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from lime_keras.estimate.results import digest
-from lime_keras.io import incoming, photo
+from lime_keras.io import photo, untrusted
 
 _NUMBERS = ".json"
 _LAYERS: dict[str, Callable[[Path, int, int], np.ndarray]] = {
@@ -88,7 +88,7 @@ def find(folder: Path) -> Predictions:
     for path in sorted(folder.iterdir()):
         named = _FILE.fullmatch(path.name)
         if named and f"{int(named[1]):05d}" == named[1]:
-            incoming.check(path, "an answer")
+            untrusted.check(path, "an answer")
             files[int(named[1]), named[2]] = path
         elif not path.name.startswith("."):
             left_out.append(path.name)
@@ -178,7 +178,7 @@ def _names() -> str:
 def _numbers(path: Path) -> dict[str, np.ndarray]:
     """Return the numbers of a JSON by output, float32 `(K,)`; other keys are not read."""
     try:
-        content = incoming.read_json(path)
+        content = untrusted.read_json(path)
     except ValueError as error:
         raise ValueError(
             f"{path} is no answer ({error}): write one JSON object, or delete the file"

@@ -13,7 +13,7 @@ from lime_keras.arrays import Predict
 from lime_keras.export import exporter, formats, quantisation
 from lime_keras.model import folder as model_folder
 from lime_keras.model import weights
-from lime_keras.networks import answers, assemble
+from lime_keras.networks import assemble, output_names
 from lime_keras.networks.precision import POLICIES, computing_in
 from lime_keras.outputs import available
 
@@ -131,7 +131,7 @@ class Run:
 
     def _count_costs(self) -> dict[str, Any]:
         architecture, subnetworks = weights.load(self.folder)
-        parts = available(answers(subnetworks)) | {EVERYTHING: answers(subnetworks)}
+        parts = available(output_names(subnetworks)) | {EVERYTHING: output_names(subnetworks)}
         joined = {name: assemble(subnetworks, outputs) for name, outputs in parts.items()}
         return {
             "architecture": dataclasses.asdict(architecture),

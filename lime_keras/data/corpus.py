@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from lime_keras.io import incoming
+from lime_keras.io import untrusted
 
 SPLITS = ("train", "test")
 
@@ -64,7 +64,7 @@ class Split:
                 "renders the split, or completes it where it was interrupted"
             )
         try:
-            return incoming.read_json(path)
+            return untrusted.read_json(path)
         except ValueError as error:
             raise ValueError(
                 f"{path} is broken ({error}): delete it and run the same `lime-render` command "

@@ -102,12 +102,12 @@ class _Keras:
         console.require("the Keras engine", "keras")
         console.import_tensorflow()
         from lime_keras.model import weights
-        from lime_keras.networks import answers
+        from lime_keras.networks import output_names
 
         architecture, self._parts = weights.load(run)
         self._joined: dict[tuple[frozenset[str], ...], keras.Model] = {}
         self.size, self.system = architecture.size, architecture.description
-        self.outputs = answers(self._parts)
+        self.outputs = output_names(self._parts)
 
     def subnetworks(self, outputs: Iterable[str], given: Collection[str]) -> tuple[str, ...]:
         missing = set(outputs) - set(given)

@@ -19,7 +19,7 @@ from urllib.parse import quote
 from PIL import Image
 
 from lime_keras.estimate import preview
-from lime_keras.io import atomic, incoming, result_json
+from lime_keras.io import atomic, result_json, untrusted
 from lime_keras.material import srgb_hex
 from lime_keras.optics import gloss
 
@@ -56,7 +56,7 @@ def check(out: Path) -> None:
     """
     page, table = out / PAGE, out / TABLE
     for path in filter(os.path.lexists, (page, table)):
-        incoming.check(path, "a gallery")
+        untrusted.check(path, "a gallery")
     is_page = not page.exists() or _MARK in page.read_text(encoding="utf-8", errors="replace")
     is_table = not table.exists() or table.read_text(encoding="utf-8", errors="replace").startswith(
         COLUMNS[0] + ","
@@ -86,7 +86,7 @@ def update(out: Path, names: Iterable[str]) -> None:
         content = result_json.read(out / path)
         if content is None:
             continue
-        with incoming.naming(out / path, "a result"):
+        with untrusted.naming(out / path, "a result"):
             own = list(_rows(path, content))
             cards += [_card(out, row, content) for row in own]
             # JSON may hold halves of characters, which no text does.
@@ -106,8 +106,8 @@ def _listed(table: Path) -> list[str]:
     """Return the results that a table lists, as paths relative to its folder."""
     if not table.exists():
         return []
-    incoming.check(table, "a table")
-    with incoming.naming(table, "a table"), table.open(encoding="utf-8", newline="") as file:
+    untrusted.check(table, "a table")
+    with untrusted.naming(table, "a table"), table.open(encoding="utf-8", newline="") as file:
         return [row["json"] for row in csv.DictReader(file) if row.get("json")]
 
 
@@ -195,8 +195,8 @@ def _told(row: dict[str, Any]) -> Iterator[str]:
 def _thumbnails(path: Path, row: dict[str, Any]) -> dict[str, str]:
     """Return the photo with its mask and, of a whole material, the sphere, as data URLs."""
     try:
-        incoming.check(path, "a preview")
-        with incoming.naming(path, "a preview"), Image.open(path) as page:
+        untrusted.check(path, "a preview")
+        with untrusted.naming(path, "a preview"), Image.open(path) as page:
             tiles = preview.pictures_of(page.convert("RGB"), 2)
     except ValueError:
         return {}

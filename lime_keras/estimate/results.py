@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from lime_keras.io import atomic, incoming, result_json
+from lime_keras.io import atomic, result_json, untrusted
 from lime_keras.version import __version__
 
 _MEND = "pass --overwrite to replace it, or another folder to --out"
@@ -178,7 +178,7 @@ def digest(path: Path) -> str:
         ValueError: if the file is missing, or is none but a pipe or a folder, say.
         OSError: if the file cannot be read.
     """
-    incoming.check(path, "a source of a result")
+    untrusted.check(path, "a source of a result")
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()[:_DIGITS]
 

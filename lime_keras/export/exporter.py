@@ -17,7 +17,7 @@ from lime_keras.io import atomic
 from lime_keras.model import folder as model_folder
 from lime_keras.model import graphs as graph_folder
 from lime_keras.model import weights
-from lime_keras.networks import answers, assemble
+from lime_keras.networks import assemble, output_names
 from lime_keras.outputs import OUTPUTS
 from lime_keras.runtime.engine import OnnxEngine
 
@@ -50,8 +50,8 @@ def export(
         model_format: `savedmodel`; `onnx`; `weights` (`lime_keras.model.weights.save`); or
             `graphs`, which the estimator runs (`lime_keras.runtime`).
         weights_folder: run of `lime-train`, or folder of `lime_keras.model.weights.save`.
-        only: names of outputs, out of `lime_keras.networks.answers`; by default all outputs of the
-            model.
+        only: names of outputs, out of `lime_keras.networks.output_names`; by default all outputs of
+            the model.
         precision: one of the format's `PRECISIONS`; by default the first.
         corpus: corpus of rendered pictures, which the camera model photographs
             (`lime_keras.data.camera`). If given, the first pictures of the test split are used in
@@ -72,7 +72,7 @@ def export(
     _check(model_format, precision, corpus, only)
     digest = model_folder.digest(weights_folder)
     architecture, subnetworks = weights.load(weights_folder)
-    known = answers(subnetworks)
+    known = output_names(subnetworks)
     if unknown := sorted(set(only or ()) - set(known)):
         raise ValueError(
             f"cannot export {unknown}: {weights_folder} holds {architecture.description}; "

@@ -15,11 +15,11 @@ import onnx
 from onnx import numpy_helper
 
 from lime_keras.export import formats
+from lime_keras.export.standalone import standalone
 from lime_keras.model import graphs as graph_folder
 from lime_keras.model import weights_in_graphs
 from lime_keras.model.graphs import Description, Graph
 from lime_keras.networks.architecture import Architecture
-from lime_keras.networks.parts import part
 
 _LEAST_NARROWED = 256
 """Number of values from which on it is worth to store a constant in half the space."""
@@ -42,7 +42,7 @@ def write(
     folder.mkdir(parents=True)
     graphs = {}
     for name, network in subnetworks.items():
-        alone, path = part(name, network), folder / f"{name}.onnx"
+        alone, path = standalone(name, network), folder / f"{name}.onnx"
         formats.write_onnx(alone, path)
         graph = onnx.load(path)
         _narrow(graph)

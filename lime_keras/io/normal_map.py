@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 
-from lime_keras.io import incoming, photo
+from lime_keras.io import photo, untrusted
 
 _LEAST_LENGTH = 0.5
 """Length below which a vector is background; files use black or mid-grey for background."""
@@ -35,8 +35,8 @@ def read(path: str | Path) -> np.ndarray:
             or point away from the camera.
     """
     path = Path(path)
-    incoming.check(path, "normals")
-    with incoming.naming(path, "normals"):
+    untrusted.check(path, "normals")
+    with untrusted.naming(path, "normals"):
         return _read(path)
 
 
@@ -47,7 +47,7 @@ def _read(path: Path) -> np.ndarray:
     try:
         kind, names = file.format_name(), file.spec().channelnames
         size = file.spec().width, file.spec().height, file.spec().nchannels
-        incoming.check_size(path, *size, largest=photo.FULL)
+        untrusted.check_size(path, *size, largest=photo.FULL)
         if kind not in ("openexr", "png"):
             raise ValueError(f"{path} is {kind.upper()}: save normals as OpenEXR or PNG")
         pixels = file.read_image(oiio.FLOAT)

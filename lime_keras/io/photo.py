@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import OpenImageIO as oiio
 
-from lime_keras.io import atomic, incoming
+from lime_keras.io import atomic, untrusted
 from lime_keras.optics import colour
 
 if TYPE_CHECKING:
@@ -179,7 +179,7 @@ def read_radiance(path: str | Path, height: int, width: int) -> np.ndarray:
             f"{path} has {picture.width}×{picture.height} pixels and its photo {width}×{height}: "
             "a layer has its photo's size"
         )
-    with incoming.naming(path, "a picture"):
+    with untrusted.naming(path, "a picture"):
         values = picture.rows(0, height)
     if values.shape[-1] != 1:
         raise ValueError(f"{path} has {values.shape[-1]} channels: a grey layer has one")
@@ -216,8 +216,8 @@ class _Picture:
 
 def _opened(path: Path) -> _Picture:
     """Open and decode a picture, of whose size and kind nothing is known yet."""
-    incoming.check(path, "a picture")
-    with incoming.naming(path, "a picture"):
+    untrusted.check(path, "a picture")
+    with untrusted.naming(path, "a picture"):
         return _open_heif(path) if path.suffix.lower() in _HEIF else _open(path)
 
 
@@ -293,7 +293,7 @@ def _read(path: Path, picture: _Picture, factor: int) -> tuple[np.ndarray, np.nd
         factor: width and height in pixels of the areas that are averaged to a pixel.
     """
     height, width = -(-picture.height // factor), -(-picture.width // factor)
-    with incoming.naming(path, "a picture"):
+    with untrusted.naming(path, "a picture"):
         image = np.empty((height, width, 3), np.float32)
         alpha = None if picture.alpha is None else np.empty((height, width, 1), np.float32)
         for top in range(0, height, _BAND):
@@ -377,7 +377,7 @@ def _check_size(path: Path, width: int, height: int, channels: int) -> None:
             f"{path} has {width}×{height} pixels, too few to see an object in: pass a picture of "
             f"at least {SMALLEST} on each side"
         )
-    incoming.check_size(path, width, height, channels, LARGEST)
+    untrusted.check_size(path, width, height, channels, LARGEST)
 
 
 def _check_end(path: Path) -> None:

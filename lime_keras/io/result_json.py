@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from lime_keras.io import atomic, incoming
+from lime_keras.io import atomic, untrusted
 
 
 def write(
@@ -31,7 +31,7 @@ def write(
 def read(path: Path) -> dict[str, Any] | None:
     """Return the content of a result's JSON, or None if the file is missing or something else."""
     try:
-        content = incoming.read_json(path)
+        content = untrusted.read_json(path)
     except (OSError, ValueError):
         return None
     made = content.get("made")

@@ -12,7 +12,7 @@ import av
 import numpy as np
 from av import device
 
-from lime_keras.io import incoming, photo
+from lime_keras.io import photo, untrusted
 from lime_keras.io.sources import CAMERA, is_camera
 
 _DEVICES = {"linux": "v4l2", "darwin": "avfoundation", "win32": "dshow"}
@@ -60,7 +60,7 @@ class Footage:
         self._source = source
         self._container: Any = _camera(source) if is_camera(source) else _file(source)
         try:
-            with incoming.naming(Path(source), "a video"):
+            with untrusted.naming(Path(source), "a video"):
                 self._begin()
         except BaseException:
             self._container.close()
@@ -127,8 +127,8 @@ class Footage:
     def _pixels(self, picture: Any) -> np.ndarray:
         """Return the pixels of a decoded picture (see `_upright`), unless it is too large."""
         path = Path(self._source)
-        incoming.check_size(path, picture.width, picture.height, _CHANNELS, photo.LARGEST)
-        with incoming.naming(path, "a video"):
+        untrusted.check_size(path, picture.width, picture.height, _CHANNELS, photo.LARGEST)
+        with untrusted.naming(path, "a video"):
             return _upright(picture)
 
     def _packets(self) -> Iterator[Any]:
@@ -147,7 +147,7 @@ class Footage:
 def _file(source: str) -> Any:
     """Open a file by its absolute path, because FFmpeg would take `a:b.mp4` for a protocol."""
     path = Path(source)
-    incoming.check(path, "a video")
+    untrusted.check(path, "a video")
     try:
         return av.open(str(path.absolute()))
     except MemoryError:

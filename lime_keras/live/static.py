@@ -17,7 +17,7 @@ import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
 
-from lime_keras.io import atomic, incoming
+from lime_keras.io import atomic, untrusted
 from lime_keras.live import graphs
 from lime_keras.model import folder as model_folder
 from lime_keras.model import graphs as graph_folder
@@ -126,7 +126,7 @@ def check(out: Path) -> None:
     if not out.is_dir() or not any(out.iterdir()):
         return
     try:
-        held = incoming.read_json(out / _DESCRIPTION)
+        held = untrusted.read_json(out / _DESCRIPTION)
         is_page = held["engine"] == "browser"
     except (OSError, ValueError, LookupError, TypeError):
         is_page = False

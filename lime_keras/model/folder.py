@@ -10,7 +10,7 @@ NumPy, so that the estimator, which runs the exported graphs, finds its model wi
 import hashlib
 from pathlib import Path
 
-from lime_keras.io import incoming
+from lime_keras.io import untrusted
 
 PRETRAINED = Path(__file__).parents[1] / "pretrained"
 """Folder of the sets of weights that come with the package, a folder each."""
@@ -139,14 +139,14 @@ def _holds_model(run: Path) -> bool:
 def _described(graphs: Path) -> list[str]:
     """Return the names of the described graphs; none without a description that can be read."""
     try:
-        return list(incoming.read_json(graphs / DESCRIPTION)["graphs"])
+        return list(untrusted.read_json(graphs / DESCRIPTION)["graphs"])
     except (OSError, ValueError, LookupError, TypeError):
         return []
 
 
 def _described_digest(description: Path) -> str:
     try:
-        return str(incoming.read_json(description)["weights"])
+        return str(untrusted.read_json(description)["weights"])
     except (ValueError, LookupError, TypeError) as error:
         raise ValueError(
             f"{description} is damaged, and the graphs beside it hold the only weights: take this "

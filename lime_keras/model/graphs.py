@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from lime_keras.io import incoming
+from lime_keras.io import untrusted
 from lime_keras.model import folder as model_folder
 from lime_keras.model.folder import DESCRIPTION
 from lime_keras.version import __version__
@@ -25,7 +25,7 @@ class Graph:
     """The description of one graph.
 
     Attributes:
-        inputs: names of what it reads (see `lime_keras.networks.parts`).
+        inputs: names of what it reads (see `lime_keras.export.standalone`).
         outputs: names of what it answers.
         sha256: checksum of its file.
     """
@@ -63,7 +63,7 @@ def write(folder: Path, description: Description) -> None:
 def read(folder: Path) -> Description | None:
     """Return the description of a folder's graphs; None if it holds none of this layout."""
     try:
-        held = incoming.read_json(folder / DESCRIPTION)
+        held = untrusted.read_json(folder / DESCRIPTION)
         if held["layout"] != LAYOUT:
             return None
         graphs = {

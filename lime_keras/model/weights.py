@@ -18,7 +18,7 @@ import h5py
 import keras
 import numpy as np
 
-from lime_keras.io import atomic, incoming
+from lime_keras.io import atomic, untrusted
 from lime_keras.model import graphs as graph_folder
 from lime_keras.model.folder import (
     ALONE,
@@ -32,7 +32,7 @@ from lime_keras.model.folder import (
     graphs,
     in_graphs,
 )
-from lime_keras.networks import SUBNETWORKS, Architecture, build, names
+from lime_keras.networks import SUBNETWORKS, Architecture, build, subnetwork_names
 
 _LEAST_COMPRESSED = 256
 """Number of values from which on it is worth to compress an array."""
@@ -91,7 +91,7 @@ def load(model: Path, *, whole: bool = True) -> tuple[Architecture, dict[str, ke
     exported = in_graphs(model)
     paths = {
         name: graph(graphs(model), name) if exported else _weights_path(model, name)
-        for name in names(architecture)
+        for name in subnetwork_names(architecture)
     }
     if not whole:
         paths = {name: path for name, path in paths.items() if path.is_file()}
@@ -160,7 +160,7 @@ def _architecture(model: Path) -> Architecture:
     description = model / ARCHITECTURE
     check_present(model, description)
     try:
-        return Architecture(**incoming.read_json(description))
+        return Architecture(**untrusted.read_json(description))
     except (TypeError, ValueError) as error:
         raise ValueError(f"{description} is not of this version: {error}; train again") from error
 

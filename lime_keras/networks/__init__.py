@@ -2,14 +2,14 @@
 
 from lime_keras.networks.architecture import PRESETS, Architecture
 from lime_keras.networks.registry import SUBNETWORKS
-from lime_keras.networks.system import answers, assemble, build, names
+from lime_keras.networks.system import assemble, build, output_names, subnetwork_names
 
 __all__ = [
     "PRESETS",
     "SUBNETWORKS",
     "Architecture",
-    "answers",
     "assemble",
     "build",
-    "names",
+    "output_names",
+    "subnetwork_names",
 ]

@@ -8,7 +8,7 @@ sRGB. An *output* is a value for users, computed from one quantity; its radiance
 To add a subnetwork, add:
 
 - a function in `subnetworks` that builds its model;
-- a row for it in `SUBNETWORKS`, and rows in `QUANTITIES` and `READINGS` for what it predicts;
+- a row for it in `SUBNETWORKS`, and rows in `QUANTITIES` and `OUTPUT_ROWS` for what it predicts;
 - its outputs in `lime_keras.outputs`;
 - its loss terms and measures in `train/terms.py`;
 - a field of `Architecture` that says whether a system has it. The field's default must be a system
@@ -168,7 +168,7 @@ QUANTITIES = {
 }
 """Row of each quantity by name."""
 
-READINGS = {
+OUTPUT_ROWS = {
     "mask": Reading("mask"),
     "specular_shading": Reading("specular_shading", expand),
     "mirror": Reading("mirror", expand),

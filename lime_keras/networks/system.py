@@ -11,11 +11,11 @@ import keras
 from keras import layers
 
 from lime_keras.networks.architecture import Architecture
-from lime_keras.networks.registry import QUANTITIES, READINGS, SUBNETWORKS
+from lime_keras.networks.registry import OUTPUT_ROWS, QUANTITIES, SUBNETWORKS
 from lime_keras.networks.wiring import Wiring, quantities
 
 
-def names(architecture: Architecture) -> tuple[str, ...]:
+def subnetwork_names(architecture: Architecture) -> tuple[str, ...]:
     """Return the names of the subnetworks that a system of this architecture has."""
     return tuple(name for name, row in SUBNETWORKS.items() if row.part_of(architecture))
 
@@ -29,7 +29,7 @@ def build(architecture: Architecture, seed: int | None = None) -> dict[str, kera
             alone, not on the other subnetworks. By default they follow Keras' global seed.
     """
     out = {}
-    for name in names(architecture):
+    for name in subnetwork_names(architecture):
         if seed is not None:
             # Keras draws the initialisers' seeds from Python's generator. Its function for seeds
             # would import TensorFlow under any backend.
@@ -38,7 +38,7 @@ def build(architecture: Architecture, seed: int | None = None) -> dict[str, kera
     return out
 
 
-def answers(subnetworks: Mapping[str, keras.Model]) -> tuple[str, ...]:
+def output_names(subnetworks: Mapping[str, keras.Model]) -> tuple[str, ...]:
     """Return the names out of `outputs.OUTPUTS` that `assemble` can compute with these subnetworks.
 
     Without MirrorNet there is no `mirror`. With regression, `log_exponent` `(B, 1)`, log10 s,
@@ -46,7 +46,7 @@ def answers(subnetworks: Mapping[str, keras.Model]) -> tuple[str, ...]:
     radiance, replaces `specular_shading` and `mirror`.
     """
     found = quantities(subnetworks)
-    return tuple(name for name, row in READINGS.items() if row.quantity in found)
+    return tuple(name for name, row in OUTPUT_ROWS.items() if row.quantity in found)
 
 
 def assemble(
@@ -60,7 +60,7 @@ def assemble(
     Args:
         subnetworks: subnetworks by name, as `build` returns them; a subnetwork that no output needs
             may be missing.
-        outputs: names out of `answers(subnetworks)`; by default all of them.
+        outputs: names out of `output_names(subnetworks)`; by default all of them.
         given: names of quantities that are inputs of the model beside the image and replace a
             subnetwork's prediction: `mask` `(B, S, S, 1)` in [0, 1], `specular_shading` and
             `mirror` `(B, S, S, 1)` or `reflectance_map` `(B, S, S, 3)` in linear radiance. A given
@@ -81,7 +81,9 @@ def assemble(
     channels = {name: row.channels for name, row in QUANTITIES.items() if row.channels}
     if unknown := sorted(set(given) - set(channels)):
         raise ValueError(f"{unknown} cannot be given: choose from {', '.join(channels)}")
-    known = tuple(name for name in answers(subnetworks) if READINGS[name].quantity not in given)
+    known = tuple(
+        name for name in output_names(subnetworks) if OUTPUT_ROWS[name].quantity not in given
+    )
     outputs = known if outputs is None else outputs
     unknown = sorted(set(outputs) - set(known))
     if unknown or not outputs:

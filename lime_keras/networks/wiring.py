@@ -5,7 +5,7 @@ from typing import Any
 
 import keras
 
-from lime_keras.networks.registry import DERIVED, QUANTITIES, READINGS, answered
+from lime_keras.networks.registry import DERIVED, OUTPUT_ROWS, QUANTITIES, answered
 
 
 def quantities(subnetworks: Mapping[str, keras.Model]) -> dict[str, str]:
@@ -77,7 +77,7 @@ class Wiring:
 
     def output(self, name: str) -> Any:
         """Return an output, computed from the predicted quantity even if the quantity is given."""
-        row = READINGS[name]
+        row = OUTPUT_ROWS[name]
         return row.read(self._estimate(row.quantity))
 
     def _fed(self, quantity: str) -> Any:

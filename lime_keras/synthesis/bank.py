@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from lime_keras.io import incoming
+from lime_keras.io import untrusted
 
 FORMAT, VERSION = "lime-bank", 1
 MANIFEST, TEXTURES = "bank.json", "textures.npy"
@@ -36,7 +36,7 @@ def manifest(folder: Path) -> dict[str, Any]:
             "bank, or completes it where it was interrupted"
         )
     try:
-        held = incoming.read_json(path)
+        held = untrusted.read_json(path)
     except ValueError as error:
         raise ValueError(
             f"{path} is broken ({error}): delete it and run the same `lime-render bank` again"

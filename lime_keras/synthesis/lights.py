@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lime_keras.io import incoming
+from lime_keras.io import untrusted
 from lime_keras.optics import environment
 
 from . import bank
@@ -45,7 +45,7 @@ class LightBank:
         path, listed = bank.file(folder, RADIANCE), bank.file(folder, LISTED)
         again = f"delete {path.parent} and run the same `lime-render bank` again"
         try:
-            entries = incoming.read_json(listed, list)
+            entries = untrusted.read_json(listed, list)
             self.names: list[str] = [str(entry["name"]) for entry in entries]
             self.kinds: list[str] = [str(entry["kind"]) for entry in entries]
             self.scale = np.array([entry["scale"] for entry in entries], np.float32)

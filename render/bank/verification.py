@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from lime_keras.io import incoming
+from lime_keras.io import untrusted
 from lime_keras.optics import octahedral
 from lime_keras.optics.shading import view_directions
 from lime_keras.synthesis import bank, geometry
@@ -188,6 +188,6 @@ def _faults(
 def _read_json(path: Path) -> Any:
     """Return the content of a JSON file; None if the file is missing or broken."""
     try:
-        return incoming.read_json(path)
+        return untrusted.read_json(path)
     except ValueError:
         return None

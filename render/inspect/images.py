@@ -10,7 +10,7 @@ import tensorflow as tf
 
 from lime_keras.data import pipeline, records
 from lime_keras.data.corpus import Split
-from lime_keras.io import atomic, incoming
+from lime_keras.io import atomic, untrusted
 
 
 def write(corpus: Path, out: Path, on_image: Callable[[int, int], None]) -> int:
@@ -38,7 +38,7 @@ def write(corpus: Path, out: Path, on_image: Callable[[int, int], None]) -> int:
     for position, png in enumerate(pipeline.naming_damage(dataset.as_numpy_iterator(), shards)):
         path = out / f"{position:05d}.png"
         if path.exists():
-            incoming.check(path, "an image of the split")
+            untrusted.check(path, "an image of the split")
             if path.read_bytes() != png:
                 raise ValueError(
                     f"{path} is there and shows something else: pass another folder, or delete it"

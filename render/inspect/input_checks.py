@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from lime_keras.io import incoming
+from lime_keras.io import untrusted
 
 from .faults import Faults
 
@@ -20,7 +20,7 @@ def check(path: Path, manifest: dict[str, Any], faults: Faults) -> None:
     try:
         held = {
             kind: {found["name"]: found["sha256"] for found in of_kind if found["problem"] is None}
-            for kind, of_kind in incoming.read_json(path).items()
+            for kind, of_kind in untrusted.read_json(path).items()
         }
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         faults.add("inputs", path, f"is missing or holds no findings ({error}): render again")

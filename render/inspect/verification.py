@@ -17,7 +17,7 @@ import tensorflow as tf
 
 from lime_keras.data import records
 from lime_keras.data.corpus import SPLITS, Split
-from lime_keras.io import incoming
+from lime_keras.io import untrusted
 
 from . import input_checks, record_checks
 from .faults import Faults
@@ -264,6 +264,6 @@ def _gather(checked: Future, path: Path, indices: range, record: int, faults: Fa
 def _read_json(path: Path) -> Any:
     """Return the content of a JSON file; None if the file is missing or broken."""
     try:
-        return incoming.read_json(path)
+        return untrusted.read_json(path)
     except ValueError:
         return None

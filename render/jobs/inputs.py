@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from lime_keras.io import atomic, incoming
+from lime_keras.io import atomic, untrusted
 
 from ..scene import backgrounds, environments
 from ..scene.example import LEAST_COVERAGE
@@ -55,7 +55,7 @@ def check(kind: str, path: Path) -> Finding:
         path: Path of the file.
     """
     try:
-        incoming.check(path, "an input")
+        untrusted.check(path, "an input")
         stat = path.stat()
         with path.open("rb") as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
@@ -231,7 +231,7 @@ def read(path: Path) -> Findings | None:
     if not path.is_file():
         return None
     try:
-        value: dict[str, list[dict[str, Any]]] = incoming.read_json(path)
+        value: dict[str, list[dict[str, Any]]] = untrusted.read_json(path)
         return {
             kind: [_sound(Finding(**{**f, "notes": tuple(f["notes"])})) for f in found]
             for kind, found in value.items()

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from lime_keras.io import incoming
+from lime_keras.io import untrusted
 from lime_keras.version import __version__, installed
 
 from ..mitsuba_setup import variants
@@ -105,7 +105,7 @@ def _refuse_other_files(job: Job) -> None:
             f"{path} is not seen there: the corpus must be in a folder that all nodes share, under "
             "the same path"
         )
-    if incoming.read_json(path) != job.recorded():
+    if untrusted.read_json(path) != job.recorded():
         raise RuntimeError(
             f"{path} is another split's there: all nodes must share the corpus' folder, under the "
             "same path"

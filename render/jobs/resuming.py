@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from lime_keras.io import atomic, incoming
+from lime_keras.io import atomic, untrusted
 
 
 def held(path: Path) -> dict[str, Any] | None:
@@ -19,7 +19,7 @@ def held(path: Path) -> dict[str, Any] | None:
     if not path.is_file():
         return None
     try:
-        return incoming.read_json(path)
+        return untrusted.read_json(path)
     except ValueError as error:
         raise ValueError(
             f"{path} is broken ({error}): remove {path.parent} to render anew"
@@ -33,7 +33,7 @@ def sidecar(path: Path) -> dict[str, Any]:
         ValueError: if the file is missing or vouches for no shard.
     """
     try:
-        found = incoming.read_json(path)
+        found = untrusted.read_json(path)
         kinds = [type(found[name]) for name in ("failures", "packages")]
         if kinds != [list, dict] or "sha256" not in found:
             raise ValueError("a part is missing")

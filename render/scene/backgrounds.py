@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 
-from lime_keras.io import incoming
+from lime_keras.io import untrusted
 
 LARGEST = 2**27
 """Largest number of pixels of a picture: a panorama of 16,384 × 8,192."""
@@ -85,8 +85,8 @@ def read(path: str | Path) -> tuple[oiio.ImageBuf, tuple[str, ...]]:
             along a side.
     """
     path = Path(path)
-    incoming.check(path, "a picture")
-    with incoming.naming(path, "a picture"):
+    untrusted.check(path, "a picture")
+    with untrusted.naming(path, "a picture"):
         return _read(path)
 
 
@@ -94,7 +94,7 @@ def _read(path: Path) -> tuple[oiio.ImageBuf, tuple[str, ...]]:
     picture = oiio.ImageBuf(str(path))
     if not picture.has_error:
         size = picture.spec().width, picture.spec().height, picture.spec().nchannels
-        incoming.check_size(path, *size, largest=LARGEST)
+        untrusted.check_size(path, *size, largest=LARGEST)
     if picture.has_error or not picture.read(force=True):
         raise ValueError(
             f"{path}: cannot be read as a picture ({picture.geterror()}); check the path, or save "

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 
-from lime_keras.io import incoming
+from lime_keras.io import untrusted
 from lime_keras.optics import colour
 
 EXTENSIONS = (".hdr", ".exr")
@@ -49,8 +49,8 @@ def read(path: str | Path) -> tuple[np.ndarray, tuple[str, ...]]:
             channels is wrong, or if it is black everywhere.
     """
     path = Path(path)
-    incoming.check(path, "an environment map")
-    with incoming.naming(path, "an environment map"):
+    untrusted.check(path, "an environment map")
+    with untrusted.naming(path, "an environment map"):
         return _read(path)
 
 
@@ -66,7 +66,7 @@ def _read(path: Path) -> tuple[np.ndarray, tuple[str, ...]]:
         )
     spec, window = image.spec(), image.roi_full
     for area in (spec, window):
-        incoming.check_size(path, area.width, area.height, spec.nchannels, LARGEST)
+        untrusted.check_size(path, area.width, area.height, spec.nchannels, LARGEST)
     channels = _colour_channels(spec.channelnames)
     if not channels:
         raise ValueError(

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from lime_keras.io import incoming
+from lime_keras.io import untrusted
 
 from . import obj
 from .smoothing import face_normals, smoothed
@@ -66,7 +66,7 @@ def read(path: str | Path) -> tuple[Mesh, tuple[str, ...]]:
         raise ValueError(
             f"{path}: not a mesh format known here; convert it to one of {', '.join(EXTENSIONS)}."
         )
-    incoming.check(path, "a mesh")
+    untrusted.check(path, "a mesh")
     try:
         with np.errstate(invalid="ignore", over="ignore"):  # what is not finite is dropped below
             vertices, faces, normals = _parts(path)

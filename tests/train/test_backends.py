@@ -12,7 +12,7 @@ from sphere_corpus import write_split
 from lime_keras.data import pipeline
 from lime_keras.data.corpus import Split
 from lime_keras.model import weights
-from lime_keras.networks import build, names
+from lime_keras.networks import build, subnetwork_names
 from lime_keras.train import stage_training, trainer
 
 # JAX compiles every stage of every system, which takes minutes; that it trains at all, `make test`
@@ -110,7 +110,7 @@ def test_every_stage_has_the_same_losses_and_gradients(system, exchanged):
 def test_a_run_ends_with_a_model(exchanged):
     found, subnetworks = weights.load(exchanged / "whole")
     assert found == stage_runs.SYSTEMS["baseline"]
-    assert set(subnetworks) == set(names(found))
+    assert set(subnetworks) == set(subnetwork_names(found))
     stages = stage_runs.BRIEF.stages(found)
     assert len(list((exchanged / "whole" / "stages").iterdir())) == len(stages)
     record = json.loads((exchanged / "whole" / "config.json").read_text(encoding="utf-8"))

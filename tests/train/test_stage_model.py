@@ -12,7 +12,7 @@ from lime_keras.data import pipeline
 from lime_keras.data.corpus import Split
 from lime_keras.losses import mask_l2
 from lime_keras.metrics import masked_relative_error
-from lime_keras.networks import Architecture, build, names
+from lime_keras.networks import Architecture, build, subnetwork_names
 from lime_keras.optics.dynamic_range import compress, expand
 from lime_keras.optics.reflectance_map import disc, reflectance_map
 from lime_keras.train.stage_model import StageModel
@@ -23,7 +23,7 @@ SMALL = Architecture(size=64, unet_width=6, unet_depth=3, encoder_width=8, dense
 NO_MIRROR = dataclasses.replace(SMALL, mirror=False)
 REGRESSION = dataclasses.replace(SMALL, exponent="regression")
 BASELINE = dataclasses.replace(SMALL, system="reflectance-map")
-LIME = names(SMALL)
+LIME = subnetwork_names(SMALL)
 JOINT = ("specular", "mirror", "exponent", "albedo")
 LAST = [
     (SMALL, JOINT),

@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from lime_keras.networks import PRESETS, Architecture, names
+from lime_keras.networks import PRESETS, Architecture, subnetwork_names
 from lime_keras.train.stages import SCHEDULES
 
 PAPER = PRESETS["paper"]
@@ -91,7 +91,9 @@ def test_the_baseline_is_trained_alone_and_then_end_to_end():
 def test_each_subnetwork_is_trained_alone_first(preset, changes):
     architecture = changed(preset, **changes)
     found = stage_names(preset, **changes)
-    assert sorted(name for name in found if "+" not in name) == sorted(names(architecture))
+    assert sorted(name for name in found if "+" not in name) == sorted(
+        subnetwork_names(architecture)
+    )
     joined = [name for name in found if "+" in name]
     assert joined or not (architecture.mirror or architecture.layers)
     assert found[len(found) - len(joined) :] == joined

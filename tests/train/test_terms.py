@@ -8,7 +8,7 @@ from scipy.special import softmax
 from sklearn.metrics import mean_absolute_error
 
 from lime_keras import metrics
-from lime_keras.networks.registry import QUANTITIES, READINGS
+from lime_keras.networks.registry import OUTPUT_ROWS, QUANTITIES
 from lime_keras.optics import shininess
 from lime_keras.optics.dynamic_range import HIGHEST_COMPRESSED, compress
 from lime_keras.train import terms
@@ -62,7 +62,7 @@ def _outputs(batch, answer):
     """As the stage's graph reads them from its subnetworks' answers."""
     return {
         name: row.read(QUANTITIES[row.quantity].estimated(answer[row.quantity], batch.__getitem__))
-        for name, row in READINGS.items()
+        for name, row in OUTPUT_ROWS.items()
         if row.quantity in answer
     }
 

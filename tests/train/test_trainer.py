@@ -17,7 +17,7 @@ from lime_keras.data import pipeline
 from lime_keras.data.corpus import Split
 from lime_keras.io import locking
 from lime_keras.model import weights
-from lime_keras.networks import Architecture, names
+from lime_keras.networks import Architecture, subnetwork_names
 from lime_keras.optics import shininess
 from lime_keras.optics.dynamic_range import compress
 from lime_keras.train import (
@@ -82,7 +82,7 @@ def _same(one, other):
 
 
 def test_a_run_leaves_a_model_and_its_curves(finished):
-    assert set(_weights(finished)) == set(names(TINY))
+    assert set(_weights(finished)) == set(subnetwork_names(TINY))
     curves = sorted(path.name for path in (finished / "curves").iterdir())
     assert curves[0] == "1-segmentation.csv"
     assert len(curves) == 8
@@ -157,7 +157,7 @@ def test_the_whole_system_is_evaluated(corpus, config, finished):
     logs = shininess.log_of_outputs(outputs)
     error = metrics.log_exponent_error(batch["shininess"], logs).mean()
     assert measures["log_exponent_mae"] == pytest.approx(error, rel=1e-4)
-    assert set(measures) == set(terms.metrics_of(names(TINY)))
+    assert set(measures) == set(terms.metrics_of(subnetwork_names(TINY)))
 
 
 def test_encoders_are_kept_as_they_were_before_they_were_joined(finished):

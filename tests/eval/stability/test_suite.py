@@ -109,8 +109,8 @@ BROKEN = {
     "a network that answers compressed": (
         "constant",
         wiring,
-        "READINGS",
-        registry.READINGS | {"mirror": registry.Reading("mirror")},
+        "OUTPUT_ROWS",
+        registry.OUTPUT_ROWS | {"mirror": registry.Reading("mirror")},
     ),
 }
 

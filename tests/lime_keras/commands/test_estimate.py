@@ -17,7 +17,7 @@ from lime_keras.commands import estimate as estimate_cli
 from lime_keras.io.photo import read_srgb, write
 from lime_keras.model import folder as model_folder
 from lime_keras.model import weights
-from lime_keras.networks import answers
+from lime_keras.networks import output_names
 from lime_keras.outputs import NEEDED, available
 
 GALLERY = {"index.html", "materials.csv"}
@@ -29,7 +29,7 @@ def photo(shape, seed=0):
 
 def lacking(model):
     """What a model cannot estimate."""
-    return set(NEEDED) - set(available(answers(weights.load(model)[1])))
+    return set(NEEDED) - set(available(output_names(weights.load(model)[1])))
 
 
 @pytest.fixture

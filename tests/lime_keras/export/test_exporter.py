@@ -13,7 +13,7 @@ from lime_keras.commands import export as export_cli
 from lime_keras.export import exporter, formats, parity, quantisation
 from lime_keras.model import folder as model_folder
 from lime_keras.model import weights
-from lime_keras.networks import answers, assemble, build
+from lime_keras.networks import assemble, build, output_names
 from lime_keras.outputs import OUTPUTS
 
 FORMATS = ("savedmodel", "onnx")
@@ -259,7 +259,7 @@ def test_a_corpus_that_is_not_rendered_is_told(tiny_model, tmp_path, capsys):
 def test_ablations_agree_with_keras(model_format, ablation_model, tmp_path):
     subnetworks = weights.load(ablation_model)[1]
     differences = exporter.export(tmp_path, model_format, ablation_model)["extremes"]
-    assert set(differences) == set(answers(subnetworks))
+    assert set(differences) == set(output_names(subnetworks))
     assert all(0 <= difference <= 1e-4 for difference in differences.values())
     images = np.concatenate([parity.images(32), fresh(3)])
     expected, found = assemble(subnetworks)(images), opened(tmp_path, model_format)(images)
@@ -276,7 +276,7 @@ def test_the_command_names_what_an_ablation_answers(
     ablation, ablation_model, tmp_path, stand_in, capsys
 ):
     stand_in(lambda answer: answer)
-    known = answers(weights.load(ablation_model)[1])
+    known = output_names(weights.load(ablation_model)[1])
     arguments = [str(tmp_path / "out"), "--format", "savedmodel", "--weights", str(ablation_model)]
     for lacking in set(OUTPUTS) - set(known):
         assert export_cli.main([*arguments, "--only", f"mask,{lacking}"]) == 1
@@ -399,7 +399,7 @@ def test_exporting_again_replaces_the_model(tiny_model, tmp_path, stand_in):
     stand_in(lambda answer: answer)
     (tmp_path / "saved_model" / "1").mkdir(parents=True)
     (tmp_path / "saved_model" / "partial-1").mkdir()
-    everything = " ".join(answers(weights.load(tiny_model)[1]))
+    everything = " ".join(output_names(weights.load(tiny_model)[1]))
     for _ in range(2):
         exporter.export(tmp_path, "savedmodel", tiny_model)
         assert left_in(tmp_path) == {"saved_model": everything}
@@ -411,7 +411,7 @@ def test_a_part_of_a_model_takes_the_place_of_no_other(tiny_model, tmp_path, sta
     for only in (None, ["mask"], ["specular_albedo", "mask"]):
         exporter.export(tmp_path, "savedmodel", tiny_model, only)
     assert left_in(tmp_path) == {
-        "saved_model": " ".join(answers(weights.load(tiny_model)[1])),
+        "saved_model": " ".join(output_names(weights.load(tiny_model)[1])),
         "saved_model-mask": "mask",
         "saved_model-mask+specular_albedo": "specular_albedo mask",
     }

@@ -15,7 +15,7 @@ from lime_keras.export import graphs, parity
 from lime_keras.model import folder as model_folder
 from lime_keras.model import graphs as graph_folder
 from lime_keras.model import weights
-from lime_keras.networks import Architecture, build, names
+from lime_keras.networks import Architecture, build, subnetwork_names
 from lime_keras.runtime.engine import OnnxEngine
 
 
@@ -43,7 +43,7 @@ def test_the_command_writes_a_graph_for_each_subnetwork(tiny, tiny_model, tmp_pa
     assert export_cli.main([str(tmp_path), *arguments]) == 0
     assert str(tmp_path / "onnx") in capsys.readouterr().out
     found = {path.name for path in (tmp_path / "onnx").iterdir()}
-    assert found == {"graphs.json", *(f"{name}.onnx" for name in names(tiny))}
+    assert found == {"graphs.json", *(f"{name}.onnx" for name in subnetwork_names(tiny))}
     description = graph_folder.read(tmp_path / "onnx")
     assert description.weights == model_folder.digest(tiny_model)
     assert (description.size, description.system) == (32, "LIME")
@@ -94,13 +94,13 @@ import sys
 from pathlib import Path
 from lime_keras.export import formats, graphs
 from lime_keras.model import weights
-from lime_keras.networks.parts import part
+from lime_keras.export.standalone import standalone
 
 architecture, subnetworks = weights.load(Path(sys.argv[1]))
 chosen = {name: subnetworks[name] for name in ("segmentation", "albedo")}
 if sys.argv[3] == "later":
     # What was converted before in the process moves on the converter's numbers.
-    formats.write_onnx(part("exponent", subnetworks["exponent"]), Path(sys.argv[2] + ".onnx"))
+    formats.write_onnx(standalone("exponent", subnetworks["exponent"]), Path(sys.argv[2] + ".onnx"))
 graphs.write(Path(sys.argv[2]), architecture, chosen, "digest")
 """
 

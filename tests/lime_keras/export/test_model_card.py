@@ -8,7 +8,7 @@ import pytest
 
 from lime_keras import __version__
 from lime_keras.export import model_card
-from lime_keras.networks import PRESETS, answers, assemble, build
+from lime_keras.networks import PRESETS, assemble, build, output_names
 from lime_keras.optics import shininess
 
 
@@ -37,7 +37,7 @@ def test_it_says_what_the_network_takes_and_answers(tiny):
 def test_every_output_of_an_ablation_has_a_unit(ablation):
     subnetworks = build(ablation)
     card = model_card.card(ablation, assemble(subnetworks), "float32")
-    assert tuple(card["outputs"]) == answers(subnetworks)
+    assert tuple(card["outputs"]) == output_names(subnetworks)
     assert card["description"] == ablation.description
     classified = "exponent_bin_probabilities" in card["outputs"]
     assert ("exponent_bin_edges" in card) == ("exponent_bin_means" in card) == classified

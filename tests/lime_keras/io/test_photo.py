@@ -12,7 +12,7 @@ import pillow_heif
 import pytest
 from PIL import Image
 
-from lime_keras.io import incoming, photo
+from lime_keras.io import photo, untrusted
 from lime_keras.optics import colour
 
 
@@ -423,7 +423,7 @@ def test_too_many_channels_are_refused(tmp_path):
     write(path, np.zeros((16, 16, 50)), oiio.HALF)
     assert photo.read_srgb(path).shape == (16, 16, 3)
     with pytest.raises(ValueError, match="has 50 channels of 7000×7000 pixels, more than the 200"):
-        incoming.check_size(path, 7000, 7000, 50, photo.LARGEST)
+        untrusted.check_size(path, 7000, 7000, 50, photo.LARGEST)
 
 
 # Photos that are too large to be worked on at full size.

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from lime_keras.model import weights
-from lime_keras.networks import Architecture, build, names
+from lime_keras.networks import Architecture, build, subnetwork_names
 
 NAMES = [field.name for field in dataclasses.fields(Architecture) if field.type is int]
 LIME = ("segmentation", "specular", "mirror", "exponent", "albedo")
@@ -98,7 +98,7 @@ def test_ablations_come_back(ablation, tmp_path):
     keras.utils.set_random_seed(6)
     subnetworks = build(ablation)
     weights.save(tmp_path, ablation, subnetworks)
-    kept = {"architecture.json", *(f"{name}.weights.h5" for name in names(ablation))}
+    kept = {"architecture.json", *(f"{name}.weights.h5" for name in subnetwork_names(ablation))}
     assert {path.name for path in tmp_path.iterdir()} == kept
     architecture, found = weights.load(tmp_path)
     assert architecture == ablation

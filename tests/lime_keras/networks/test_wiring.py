@@ -6,7 +6,7 @@ import pytest
 from scipy.special import softmax
 
 from lime_keras.model import weights
-from lime_keras.networks import answers, assemble, build
+from lime_keras.networks import assemble, build, output_names
 from lime_keras.networks.registry import SUBNETWORKS
 from lime_keras.networks.wiring import Wiring, needed
 
@@ -70,7 +70,7 @@ def test_what_is_given_is_an_input_and_no_output(names, tiny, given):
     subnetworks = build(tiny, seed=4)
     network = assemble(subnetworks, given=names)
     assert {tensor.name for tensor in network.inputs} == {"image", *names}
-    assert set(network.output) == set(answers(subnetworks)) - names
+    assert set(network.output) == set(output_names(subnetworks)) - names
     with pytest.raises(ValueError, match=r"name at least one"):
         assemble(subnetworks, names, given=names)
     inputs = {name: given[name] for name in ("image", *names)}

@@ -5,14 +5,14 @@ import socket
 
 import pytest
 
-from lime_keras.io import incoming
+from lime_keras.io import untrusted
 
 
 def test_a_file_passes(tmp_path):
     (tmp_path / "ünicode.jpg").touch()
     (tmp_path / "link").symlink_to("ünicode.jpg")
-    incoming.check(tmp_path / "ünicode.jpg", "a picture")
-    incoming.check(tmp_path / "link", "a picture")
+    untrusted.check(tmp_path / "ünicode.jpg", "a picture")
+    untrusted.check(tmp_path / "link", "a picture")
 
 
 def test_what_is_no_file_is_told_at_once(tmp_path):
@@ -32,37 +32,37 @@ def test_what_is_no_file_is_told_at_once(tmp_path):
         ("null\0byte", "check the path"),
     ):
         with pytest.raises(ValueError, match=f"cannot be read as a clip.*{told}"):
-            incoming.check(tmp_path / name, "a clip")
+            untrusted.check(tmp_path / name, "a clip")
 
 
 @pytest.mark.parametrize("size, told", [((10, 11, 4), None), ((11, 10, 3), None), ((11, 11, 1), 0)])
 def test_the_largest_size_passes(size, told, tmp_path):
     if told is None:
-        incoming.check_size(tmp_path, *size, largest=110)
+        untrusted.check_size(tmp_path, *size, largest=110)
     else:
         with pytest.raises(ValueError, match="has 11×11 pixels, more than"):
-            incoming.check_size(tmp_path, *size, largest=110)
+            untrusted.check_size(tmp_path, *size, largest=110)
     with pytest.raises(ValueError, match="has 5 channels of 11×10 pixels"):
-        incoming.check_size(tmp_path, 11, 10, 5, largest=110)
+        untrusted.check_size(tmp_path, 11, 10, 5, largest=110)
 
 
 def test_a_readers_lines_become_one(tmp_path):
     path = tmp_path / "a.exr"
     for words in (f"{path} is\ndamaged:\n  copy it", "is\ndamaged"):
-        with pytest.raises(ValueError) as caught, incoming.naming(path, "a picture"):
+        with pytest.raises(ValueError) as caught, untrusted.naming(path, "a picture"):
             raise ValueError(words)
         assert str(path) in str(caught.value) and "is damaged" in str(caught.value)
 
 
 def test_an_error_that_names_the_file_keeps_its_words(tmp_path):
     path = tmp_path / "p.jpg"
-    with pytest.raises(ValueError, match=r"p\.jpg is black$"), incoming.naming(path, "a picture"):
+    with pytest.raises(ValueError, match=r"p\.jpg is black$"), untrusted.naming(path, "a picture"):
         raise ValueError(f"{path} is black")
-    with pytest.raises(KeyboardInterrupt), incoming.naming(path, "a picture"):
+    with pytest.raises(KeyboardInterrupt), untrusted.naming(path, "a picture"):
         raise KeyboardInterrupt
     with (
         pytest.raises(ValueError, match=r"p\.jpg cannot be read as a picture: one two …") as told,
-        incoming.naming(path, "a picture"),
+        untrusted.naming(path, "a picture"),
     ):
         raise IndexError("one\n  two … " + 10_000 * "x")
     assert len(str(told.value)) < len(str(path)) + 300
@@ -84,19 +84,19 @@ def test_json_that_is_none_or_of_another_kind(content, told, tmp_path):
     path = tmp_path / "a.json"
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
     with pytest.raises(ValueError, match=told):
-        incoming.read_json(path)
+        untrusted.read_json(path)
 
 
 def test_json_that_is_missing_or_a_pipe_or_huge(tmp_path):
     os.mkfifo(tmp_path / "pipe.json")
     with (tmp_path / "huge.json").open("wb") as file:
-        file.truncate(incoming.LARGEST_JSON + 1)  # takes no room: it is all hole
+        file.truncate(untrusted.LARGEST_JSON + 1)  # takes no room: it is all hole
     for name, told in (
         ("none", "No such file"),
         ("pipe", "a pipe"),
         ("huge", "more than 671"),
     ):
         with pytest.raises(ValueError, match=told):
-            incoming.read_json(tmp_path / f"{name}.json")
+            untrusted.read_json(tmp_path / f"{name}.json")
     (tmp_path / "list.json").write_text("[1]")
-    assert incoming.read_json(tmp_path / "list.json", list) == [1]
+    assert untrusted.read_json(tmp_path / "list.json", list) == [1]

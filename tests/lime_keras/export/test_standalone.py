@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from lime_keras.export.standalone import standalone
 from lime_keras.networks import assemble, build
-from lime_keras.networks.parts import part
-from lime_keras.networks.registry import READINGS, SUBNETWORKS
+from lime_keras.networks.registry import OUTPUT_ROWS, SUBNETWORKS
 
 EXCHANGED = {
     "segmentation": (["image"], ["mask"]),
@@ -24,16 +24,16 @@ EXCHANGED = {
 
 def test_a_part_reads_no_more_than_it_needs(tiny):
     for name, network in build(tiny).items():
-        alone = part(name, network)
+        alone = standalone(name, network)
         assert (sorted(alone.input), sorted(alone.output)) == EXCHANGED[name]
 
 
 def test_the_parts_of_an_ablation_together_have_all_outputs(ablation):
-    parts = [part(name, network) for name, network in build(ablation).items()]
+    parts = [standalone(name, network) for name, network in build(ablation).items()]
     read = set().union(*(alone.input for alone in parts)) - {"image"}
     answered = set().union(*(alone.output for alone in parts))
     assert read <= answered
-    assert answered & set(READINGS) == set(assemble(build(ablation)).output)
+    assert answered & set(OUTPUT_ROWS) == set(assemble(build(ablation)).output)
 
 
 @pytest.mark.parametrize("seed", [0, 1])
@@ -43,7 +43,7 @@ def test_joined_by_name_they_answer_what_the_whole_answers(tiny, seed):
     values = {"image": images}
     for name in SUBNETWORKS:
         if name in subnetworks:
-            alone = part(name, subnetworks[name])
+            alone = standalone(name, subnetworks[name])
             values |= alone.predict_on_batch({key: values[key] for key in alone.input})
     for name, expected in assemble(subnetworks).predict_on_batch(images).items():
         np.testing.assert_allclose(values[name], expected, rtol=1e-5, atol=1e-6)

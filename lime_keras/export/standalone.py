@@ -13,11 +13,11 @@ from typing import Any
 import keras
 from keras import layers
 
-from lime_keras.networks.registry import DERIVED, QUANTITIES, READINGS, answered
+from lime_keras.networks.registry import DERIVED, OUTPUT_ROWS, QUANTITIES, answered
 from lime_keras.networks.wiring import Wiring
 
 
-def part(name: str, network: keras.Model) -> keras.Model:
+def standalone(name: str, network: keras.Model) -> keras.Model:
     """Return a subnetwork as a model from what it reads to its outputs and what others read of it.
 
     Args:
@@ -34,7 +34,7 @@ def part(name: str, network: keras.Model) -> keras.Model:
     for quantity in answered(name, network):
         if QUANTITIES[quantity].channels:
             found[_exchanged(quantity)] = graph.seen(quantity)
-        for output, row in READINGS.items():
+        for output, row in OUTPUT_ROWS.items():
             if row.quantity == quantity:
                 found[output] = graph.output(output)
     outputs = {
