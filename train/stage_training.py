@@ -137,6 +137,7 @@ class StageTraining:
     def _run(
         self, step: int, pace: Pace, keep: Callable[[], None], curve: Curve, board: Board
     ) -> None:
+        # Begin: what is held out is looked at before the first batch.
         stage, model = self._stage, self._model
         self._tell(Progress(stage, step, {}, 0.0, pace.progress(step), pace.left))
         if step == 0:
@@ -147,7 +148,7 @@ class StageTraining:
         pace.start()
         progress = pace.progress(step)
         while True:
-            # However short its time is, the first batch of a stage is learnt from.
+            # Learn from a batch; however short its time is, from the first one of a stage.
             now = progress if step else 0.0
             rate = pace.rate(now, stage.learning_rate * stage.risen(now))
             if rate is not None:
@@ -160,6 +161,7 @@ class StageTraining:
             batch_norms = gradient_norms(model.optimizer)
             if not _finite(batch_losses) or not _finite(batch_norms):
                 self._stop(step, batch, batch_losses, batch_norms)
+            # Tell, and look at what is held out.
             losses.add(batch_losses)
             norms.add(batch_norms)
             progress = pace.progress(step)
@@ -171,6 +173,7 @@ class StageTraining:
                 pace.looked(progress, self._evaluate_held_out(step, losses.means(), curve, board))
                 board.scalars(step, {"gradient norm": norms.means(), "throughput": rates})
                 losses, norms, waited, began, first = Means(), Means(), 0.0, monotonic(), step
+            # Keep.
             if progress >= 1 or monotonic() - saved > _SECONDS_BETWEEN_CHECKPOINTS:
                 if self._devices.leads:
                     self._checkpoint.save(model, Position(step, **pace.state(progress)))
