@@ -1,4 +1,4 @@
-"""How sure the estimate of a scene of a video is, gathered from its frames."""
+"""Cautions of a scene of a video, gathered from its frames: how sure its estimate is."""
 
 import numpy as np
 
