@@ -287,8 +287,13 @@ def test_the_picture_of_the_first_material_is_made(tmp_path):
 
 @pytest.mark.slow
 def test_all_pictures_of_the_docs_are_made(tmp_path):
-    sizes = made(["layers", "photographs"], tmp_path)
-    assert sizes.keys() == {"layers.webp", "exponents.webp", "photographs.webp"}
+    sizes = made(["layers", "dichromatic", "photographs"], tmp_path)
+    assert sizes.keys() == {
+        "layers.webp",
+        "exponents.webp",
+        "dichromatic.webp",
+        "photographs.webp",
+    }
     rows = len([*(ROOT / "examples" / "photos").glob("*.png")])
     assert sizes["photographs.webp"][1] > 200 * rows
 

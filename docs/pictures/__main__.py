@@ -20,6 +20,7 @@ def main() -> None:
     """Make the pictures that are asked for."""
     options = _parser().parse_args()
     # They import Mitsuba, which has to come before anything of TensorFlow.
+    import dichromatic
     import first_material
     import photographs
     import scene_model
@@ -30,6 +31,7 @@ def main() -> None:
     photos = sorted(path for path in options.photos.iterdir() if path.suffix in (".png", ".jpg"))
     makers: dict[str, Callable[[], None]] = {
         "layers": lambda: scene_model.main(pictures),
+        "dichromatic": lambda: dichromatic.main(EXAMPLES, pictures),
         "first-material": lambda: first_material.main(options.first, pictures),
         "photographs": lambda: photographs.main(photos, options.mesh, pictures),
         "live": lambda: _live(*options.moved, options.out / "images"),
@@ -70,7 +72,9 @@ def _parser() -> argparse.ArgumentParser:
         help="photo of the live page, and its mask (default: the fox)",
     )
     out.add_argument(
-        "--only", nargs="+", choices=("layers", "first-material", "photographs", "live")
+        "--only",
+        nargs="+",
+        choices=("layers", "dichromatic", "first-material", "photographs", "live"),
     )
     out.add_argument(
         "--out",

@@ -13,7 +13,7 @@ from sphere_corpus import write_split
 from lime_keras.synthesis import bank
 from lime_keras.train import banks
 from lime_keras.train.config import corpus_sha256
-from lime_keras.train.data import Data
+from lime_keras.train.data import SEEN_MASK, Data
 from lime_keras.train.stages import Stage
 
 STAGE = Stage(("segmentation",), 4, 1e-3)
@@ -169,3 +169,72 @@ def test_only_segmentation_alone_learns_from_clutter(paths, name):
         assert any(not np.array_equal(*pair) for pair in zip(*seen, strict=True)) == differs
         later = next(both[1].training(here, wanted, 3))
         assert np.array_equal(np.asarray(later["image"]), seen[1][3])
+
+
+class Masker:
+    """In place of a trained SegmentationNet: its masks are of one level."""
+
+    def __init__(self, level):
+        self.level = level
+
+    def predict_on_batch(self, images):
+        return np.full((*images.shape[:3], 1), self.level, np.float32)
+
+
+MATERIAL = Stage(("material",), 4, 1e-3)
+
+
+def _seen(data, step=0, count=3):
+    """Return masks as they are seen, and true ones, of some training batches."""
+    batches = data.training(MATERIAL, ["image", "mask", SEEN_MASK], step)
+    return [
+        (batch[SEEN_MASK], np.asarray(batch["mask"])) for batch in itertools.islice(batches, count)
+    ]
+
+
+@pytest.mark.parametrize("masks", [False, True])
+def test_all_stages_but_segmentation_see_masks_that_are_not_true(paths, masks):
+    plain = stage_runs.config(paths / "bank")
+    schedule = dataclasses.replace(plain.schedule, masks=masks)
+    data = Data([paths / "bank"], dataclasses.replace(plain, schedule=schedule))
+    assert data.seen(STAGE, ["image"]) == ("image",)
+    for names in (("material",), ("specular", "mirror")):
+        expected = ("image", SEEN_MASK) if masks else ("image",)
+        assert data.seen(Stage(names, 4, 1e-3), ["image"]) == expected
+
+
+@pytest.mark.parametrize("name", ["corpus", "bank"])
+def test_batches_are_cut_out_by_what_is_seen(paths, name):
+    data = _data(paths, name)
+    for seen, true in _seen(data):
+        changed = (seen != true).any(axis=(1, 2, 3))
+        assert changed.tolist() == [True, False, False, False]
+    data.cut_out_by(Masker(0.5))
+    batches = _seen(data)
+    for seen, true in batches:
+        assert seen.dtype == np.float32
+        np.testing.assert_array_equal(seen[:2], 0.5)
+        assert (seen[2] != true[2]).any() and (seen[2] != 0.5).any()
+        np.testing.assert_array_equal(seen[3], true[3])
+    # They go on from any step, and each step has its own damage.
+    ((later, _),) = _seen(data, 2, 1)
+    np.testing.assert_array_equal(later, batches[2][0])
+    assert (batches[0][0][2] != batches[1][0][2]).any()
+
+
+def test_held_out_batches_are_cut_out_by_the_network_alone(paths):
+    data = _data(paths, "bank", "corpus")
+    wanted = ["mask", "image", SEEN_MASK]
+
+    def seen():
+        return [(batch[SEEN_MASK], np.asarray(batch["mask"])) for batch in data.held_out(wanted)]
+
+    for found, true in seen():
+        np.testing.assert_array_equal(found, true)
+    # What another network had found is forgotten, what was read is kept.
+    for level in (0.5, 0.6):
+        data.cut_out_by(Masker(level))
+        for found, true in seen():
+            np.testing.assert_allclose(found, 1.5 * (level - 0.5) + 0.5, atol=1e-6)
+            assert found.shape == true.shape
+    assert all(SEEN_MASK not in batch for batch in data.held_out(["mask"]))

@@ -751,6 +751,30 @@ def test_the_commands_ablations(corpus, tmp_path):
         config("--baseline", "reflectance-map", "--without", "mirror")
 
 
+@pytest.mark.parametrize("part", ["mirror", "dichromatic", "layers", "pretrained"])
+def test_the_command_puts_parts_in_and_leaves_them_out(corpus, tmp_path, part):
+    for preset in ("paper", "live"):
+        required = [str(corpus), "--out", str(tmp_path), "--preset", preset]
+
+        def architecture(*options, required=required):
+            return cli.config_of(cli.parser().parse_args([*required, *options])).architecture
+
+        plain = networks.PRESETS[preset]
+        assert architecture() == plain
+        for option, there in (("--with", True), ("--without", False)):
+            changed = dataclasses.replace(plain, **{part: there})
+            assert architecture(option, part) == changed
+        assert architecture("--with", part) != architecture("--without", part)
+
+
+def test_the_baseline_of_every_preset_is_the_papers_kind(corpus, tmp_path):
+    for preset in ("paper", "live"):
+        required = [str(corpus), "--out", str(tmp_path), "--preset", preset]
+        options = [*required, "--baseline", "reflectance-map"]
+        found = cli.config_of(cli.parser().parse_args(options)).architecture
+        assert (found.system, found.dichromatic, found.layers) == ("reflectance-map", False, True)
+
+
 def test_the_commands_sizes(corpus, tmp_path, brief_smoke, nudged, capsys):
     """In place of the preset's, kept by a run that is resumed, and refused where they differ."""
     run = [str(corpus), "--out", str(tmp_path / "run")]

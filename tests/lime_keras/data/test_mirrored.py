@@ -7,7 +7,7 @@ from sphere_corpus import example
 
 from lime_keras.data import records
 from lime_keras.data.mirrored import flip
-from lime_keras.optics import shading
+from lime_keras.optics import camera_law, shading
 
 SIZE = 12
 
@@ -74,3 +74,11 @@ def test_some_of_a_scene_is_enough():
     some = as_tensors({"mask": np.eye(4)[..., None]})
     assert list(flip(some)) == ["mask"]
     np.testing.assert_array_equal(flip(some)["mask"][..., 0], np.eye(4)[:, ::-1])
+
+
+def test_an_uneven_cast_is_mirrored():
+    cast, places = np.float32([0.1, -0.03, 0.07, 0.05]), camera_law.places(SIZE)
+    flipped = flip({"cast": tf.constant(cast)})["cast"].numpy()
+    gains, mirrored = (camera_law.balance(one[None], places) for one in (cast, flipped))
+    np.testing.assert_allclose(mirrored, gains[:, :, ::-1], rtol=1e-6)
+    assert np.abs(mirrored - gains).max() > 0.01

@@ -214,6 +214,22 @@ def test_an_output_takes_only_the_subnetworks_it_needs(output, subnetworks):
     assemble({name: subnetworks[name] for name in NEEDED[output]}, [output])
 
 
+@pytest.mark.parametrize("exponent", ["classification", "regression"])
+def test_a_material_without_layers_takes_the_mask_and_one_encoder(tiny, exponent):
+    architecture = dataclasses.replace(tiny, dichromatic=True, layers=False, exponent=exponent)
+    subnetworks = build(architecture)
+    material = {
+        name for name in answers(subnetworks) if name.endswith("albedo") or "exponent" in name
+    }
+    assert len(material) == 3
+    network = assemble(subnetworks, material)
+    held = {layer.name for layer in network.layers if isinstance(layer, keras.Model)}
+    assert held == {"segmentation_net", "material_net"}
+    assert set(network.output) == material
+    # The others need not even exist.
+    assemble({name: subnetworks[name] for name in ("segmentation", "material")}, material)
+
+
 def test_everything_takes_each_subnetwork_once(subnetworks):
     network = assemble(subnetworks)
     assert network.count_params() == sum(n.count_params() for n in subnetworks.values())
