@@ -31,7 +31,15 @@ SETTINGS = {
     "bfloat16, XLA": ("bfloat16", True),
 }
 """Precision of each setting, and whether XLA compiles the step."""
-STAGES = ("specular", "exponent", "albedo", "specular+mirror", "specular+mirror+exponent+albedo")
+STAGES = (
+    "specular",
+    "material",
+    "exponent",
+    "albedo",
+    "specular+mirror",
+    "specular+mirror+exponent+albedo",
+)
+"""Stages that are timed, as far as a preset has them."""
 
 
 def main() -> None:
@@ -97,6 +105,7 @@ def _batch(size: int, count: int) -> dict[str, Any]:
         **image,
         **{name: uniform(size, size, 1) for name in layers},
         "mask": 0.0 * uniform(size, size, 1) + 1.0,
+        "cast": 0.0 * uniform(4),
         "environment": uniform(*STORED_SHAPE, 1),
         "diffuse_albedo": uniform(3),
         **{name: uniform() for name in ("specular_albedo", "ambient")},

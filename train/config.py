@@ -33,7 +33,7 @@ class Config:
         seed: seed of the initial weights, of the order of examples and of the photos; 0 is a seed.
         corpus_sha256: hash of the train splits and banks (function `corpus_sha256`).
         camera: whether the camera model photographs the scenes (`lime_keras.data.camera`).
-        compositing: whether AlbedoNet's loss contains Eq. 5.
+        compositing: whether the loss of the albedos contains Eq. 5.
         precision: precision in which the subnetworks compute, a key of `precision.POLICIES`.
         begun_from: hash of the trained model whose weights the run begins with
             (`initial_weights.sha256`); None for fresh weights.

@@ -26,7 +26,7 @@ class StageModel(keras.Model):
 
     Args:
         subnetworks: subnetworks of the stage by name; all of them are trained.
-        compositing: whether AlbedoNet's loss contains Eq. 5.
+        compositing: whether the loss of the albedos contains Eq. 5.
         structure: whether SegmentationNet learns by the structure loss, rather than by squares.
         replicas: number of devices that each compute the loss of their part of a batch. Their
             gradients are added up, so each loss is divided by this number.

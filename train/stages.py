@@ -1,4 +1,4 @@
-"""The training stages of section 5.4: each subnetwork alone on ground truth, then joined ones."""
+"""The training stages of section 5.4: each subnetwork alone, then joined ones."""
 
 import dataclasses
 from dataclasses import dataclass
@@ -50,8 +50,8 @@ class Schedule:
     Attributes:
         batch_size: number of examples in a batch.
         single_steps: batches of a U-Net trained alone, and of the baseline's ReflectanceMapNet.
-        encoder_steps: batches of an encoder trained alone: AlbedoNet, ExponentNet, and the
-            baseline's MaterialNet.
+        encoder_steps: batches of an encoder trained alone: MaterialNet, or AlbedoNet and
+            ExponentNet.
         single_learning_rate: learning rate for a subnetwork trained alone.
         joint_steps: batches of each stage of joined subnetworks.
         joint_learning_rate: learning rate for joined subnetworks.
@@ -63,8 +63,8 @@ class Schedule:
             read. A bank's scenes are drawn anew in every way, so neither concerns them.
         clutter: whether SegmentationNet, alone, learns from images with prints on the objects and
             other objects behind them (`lime_keras.data.clutter`).
-        masks: whether the other subnetworks, each alone, learn on masks as SegmentationNet finds
-            them and on damaged ones (`train.masks`), rather than on true masks alone.
+        masks: whether the other subnetworks learn on masks as SegmentationNet finds them and on
+            damaged ones (`train.masks`), rather than on true masks alone.
         structure: whether SegmentationNet's loss is `losses.mask_structure`, rather than the mean
             squared error.
         optimizer: a key of `optimizer.OPTIMIZERS`.

@@ -2,7 +2,8 @@
 
 `LEARNING` has a row for each subnetwork, with names of loss terms (rows of `TERMS`) and of measures
 (rows of `MEASURES`). The measures are those of Table 1, each a Keras metric with the name that
-`lime-eval` uses. Losses and measures use the true mask, as a stage does everywhere.
+`lime-eval` uses. Losses and measures use the true mask, whatever the objects are cut out with
+(`data.SEEN_MASK`).
 """
 
 from collections.abc import Callable, Iterable, Mapping

@@ -35,7 +35,8 @@ class Architecture:
         dense_width: units of each of an encoder's two hidden dense layers.
         system: `lime` for the paper's method, or `reflectance-map` for its baseline, which
             estimates a reflectance map first and the material from the map.
-        mirror: whether the system has a MirrorNet, whose prediction ExponentNet reads beside S.
+        mirror: whether the system has a MirrorNet, whose prediction the paper's ExponentNet reads
+            beside S.
         exponent: `classification` of the exponent into eight bins, or `regression` of log10 s.
         pretrained: whether SegmentationNet's encoder is EfficientNet-Lite0
             (`networks.efficientnet`), rather than that of a U-Net.
@@ -99,7 +100,7 @@ class Architecture:
 
 
 PRESETS = {
-    # Small enough that all eight stages train in minutes on two cores.
+    # Small enough that all stages train in minutes on two cores, without the pretrained weights.
     "smoke": Architecture(
         size=128,
         unet_width=12,
