@@ -11,10 +11,10 @@ from lime_keras.networks import (
     PRESETS,
     SUBNETWORKS,
     Architecture,
-    answers,
     assemble,
     build,
-    names,
+    output_names,
+    subnetwork_names,
 )
 from lime_keras.optics.reflectance_map import disc
 
@@ -219,7 +219,7 @@ def test_a_material_without_layers_takes_the_mask_and_one_encoder(tiny, exponent
     architecture = dataclasses.replace(tiny, dichromatic=True, layers=False, exponent=exponent)
     subnetworks = build(architecture)
     material = {
-        name for name in answers(subnetworks) if name.endswith("albedo") or "exponent" in name
+        name for name in output_names(subnetworks) if name.endswith("albedo") or "exponent" in name
     }
     assert len(material) == 3
     network = assemble(subnetworks, material)
@@ -442,8 +442,8 @@ def test_sizes_that_do_not_halve_evenly_are_refused(size, depth, multiple, tiny)
 
 def test_an_ablations_outputs_take_only_the_subnetworks_they_need(ablated, ablation):
     needed = ABLATED[ablation.description]
-    assert set(answers(ablated)) == set(needed)
-    assert tuple(ablated) == names(ablation)
+    assert set(output_names(ablated)) == set(needed)
+    assert tuple(ablated) == subnetwork_names(ablation)
     assert set().union(*needed.values()) == set(ablated)
     for output, held in needed.items():
         network = assemble(ablated, [output])
@@ -455,7 +455,7 @@ def test_an_ablations_outputs_take_only_the_subnetworks_they_need(ablated, ablat
 
 
 def test_what_an_ablation_does_not_answer_is_refused(ablated):
-    for output in {*OUTPUTS, "log_exponent", "reflectance_map"} - set(answers(ablated)):
+    for output in {*OUTPUTS, "log_exponent", "reflectance_map"} - set(output_names(ablated)):
         with pytest.raises(ValueError, match=rf"'{output}'.* not among mask, "):
             assemble(ablated, ["mask", output])
 
