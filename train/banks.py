@@ -50,7 +50,7 @@ class Banks:
         return ({name: batch[name] for name in features} for batch in batches)
 
     def held_out(self, features: Collection[str], batches: int) -> Iterator[Batch]:
-        """Yield so many batches of each bank, of shapes and lights that training does not see."""
+        """Yield `batches` batches of each bank, of shapes and lights kept from training."""
         config = self._config
         for folder in self._folders:
             yield from scenes.held_out(

@@ -18,7 +18,7 @@ from lime_keras.networks.wiring import Wiring
 
 
 def standalone(name: str, network: keras.Model) -> keras.Model:
-    """Return a subnetwork as a model from what it reads to its outputs and what others read of it.
+    """Return a subnetwork as a model of its own.
 
     Args:
         name: name of the subnetwork.

@@ -33,7 +33,7 @@ def mask_beside(photo: Path) -> Path | None:
 
 
 def photo_of_mask(path: Path) -> Path | None:
-    """Return the photo whose mask (see `mask_beside`) a file is, or None if it is none's."""
+    """Return the photo that a mask lies beside (see `mask_beside`); None for any other file."""
     if path.suffix != ".png" or not path.stem.endswith(_MASK) or not path.is_file():
         return None
     name = path.stem.removesuffix(_MASK)

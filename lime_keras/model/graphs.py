@@ -78,7 +78,7 @@ def read(folder: Path) -> Description | None:
 
 
 def _is_sound(description: Description) -> bool:
-    """Return whether a description says what one must: each graph reads what is there by then."""
+    """Return whether the fields have their types, and no graph reads what a later one answers."""
     told = (description.weights, description.system, *description.graphs)
     answered: set[str] = set()
     for graph in description.graphs.values():

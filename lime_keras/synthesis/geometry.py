@@ -156,7 +156,7 @@ def decode(data: bytes, size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, 
 
 
 def _residuals(covered: np.ndarray, codes: np.ndarray) -> np.ndarray:
-    """Return what the codes of the covered pixels differ by from what their neighbours tell.
+    """Return how far the code of each covered pixel is from the one predicted by its neighbours.
 
     Returns:
         `(2, N)` int64 in −2048 … 2047, modulo 4096.

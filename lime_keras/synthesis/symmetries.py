@@ -52,7 +52,7 @@ def _moved(image: np.ndarray, bits: int) -> np.ndarray:
 
 
 def _reflected(codes: np.ndarray, bits: int) -> np.ndarray:
-    """Return the codes of the normals that a symmetry makes of the coded ones.
+    """Apply a symmetry to coded normals.
 
     Args:
         codes: pairs of octahedral codes, each pair as one number, `(S, S)` uint32; 0 where there is
