@@ -203,7 +203,8 @@ def _sphere_tile(material: Material) -> np.ndarray:
 
 def _framed(tile: np.ndarray, material: Material, image: np.ndarray) -> np.ndarray:
     """Return a tile with the colour of the page where the square lies beyond the photo."""
-    inside = framing.inside(_square(material, image), *image.shape[:2], _TILE)
+    height, width = image.shape[:2]
+    inside = framing.inside(_square(material, image), height, width, _TILE)
     return np.where(inside, tile, np.array(_PAPER, np.float32) / 255)
 
 
