@@ -24,7 +24,7 @@ from lime_keras.data import pipeline
 from lime_keras.data.corpus import Split
 from lime_keras.metrics import intersection_over_union
 from lime_keras.optics import camera_law, colour
-from lime_keras.train import masks
+from lime_keras.train.sources import masks
 
 matplotlib.use("Agg")
 

@@ -24,7 +24,7 @@ from lime_keras.data.corpus import Split
 from lime_keras.model import folder as model_folder
 from lime_keras.model import weights
 from lime_keras.networks import SUBNETWORKS
-from lime_keras.train import masks
+from lime_keras.train.sources import masks
 
 _THIN = 1 / 40
 _OFF = 1 / 100

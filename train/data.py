@@ -18,8 +18,8 @@ from lime_keras.data import clutter
 from lime_keras.data.corpus import Split
 from lime_keras.synthesis import bank
 
-from . import masks
 from .config import Config, is_bank
+from .sources import masks
 from .stages import Stage
 
 _ORIGIN = ("seed", "index")
@@ -58,11 +58,11 @@ class Data:
         self._corpora: Any = None
         self._banks: Any = None
         if corpora:
-            from .corpora import Corpora
+            from .sources.corpora import Corpora
 
             self._corpora = Corpora(corpora, config, rows)
         if banks:
-            from .banks import Banks
+            from .sources.banks import Banks
 
             self._banks = Banks(banks, config, rows)
         _check_sizes(paths, config.architecture.size)
@@ -75,7 +75,7 @@ class Data:
         """Yield a stage's batches without end, from a step on.
 
         Each batch also holds `seed` and `index`, which identify its examples. The feature
-        `seen_mask` is made here (`train.masks`).
+        `seen_mask` is made here (`train.sources.masks`).
         """
         sees, features = SEEN_MASK in features, [name for name in features if name != SEEN_MASK]
         seed = zlib.crc32(f"{self._config.seed} {stage.name}".encode())

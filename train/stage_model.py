@@ -22,7 +22,7 @@ class StageModel(keras.Model):
 
     The input of a subnetwork is the prediction of another subnetwork of the stage if there is one,
     else the ground truth. The object is cut out by `seen_mask` of the batch, if it has one
-    (`train.masks`), else by the true mask.
+    (`train.sources.masks`), else by the true mask.
 
     Args:
         subnetworks: subnetworks of the stage by name; all of them are trained.

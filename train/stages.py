@@ -64,7 +64,7 @@ class Schedule:
         clutter: whether SegmentationNet, alone, learns from images with prints on the objects and
             other objects behind them (`lime_keras.data.clutter`).
         masks: whether the other subnetworks learn on masks as SegmentationNet finds them and on
-            damaged ones (`train.masks`), rather than on true masks alone.
+            damaged ones (`train.sources.masks`), rather than on true masks alone.
         structure: whether SegmentationNet's loss is `losses.mask_structure`, rather than the mean
             squared error.
         optimizer: a key of `optimizer.OPTIMIZERS`.

@@ -446,6 +446,7 @@ def _learning_rates(stage: Stage) -> Any:
 def _signature(config: Config, stage: Stage, model: StageModel, trained: Mapping[str, str]) -> str:
     """Return a hash of all that a stage's weights follow from: its settings and earlier stages."""
     schedule = config.schedule
+    masks = schedule.masks and "segmentation" not in stage.subnetworks
     follows_from = {
         "stage": dataclasses.asdict(stage),
         "layers": {
@@ -461,6 +462,7 @@ def _signature(config: Config, stage: Stage, model: StageModel, trained: Mapping
         "flips": schedule.flips,
         "repaints": schedule.repaints,
         "clutter": schedule.clutter and stage.subnetworks == ("segmentation",),
+        "masks": masks,
         "seed": config.seed,
         "corpus": config.corpus_sha256,
         "camera": config.camera,
@@ -469,7 +471,10 @@ def _signature(config: Config, stage: Stage, model: StageModel, trained: Mapping
         "minutes": config.minutes,
         "begun_from": config.begun_from,
         "frozen": config.frozen,
-        "earlier": {name: trained.get(name) for name in stage.subnetworks},
+        "earlier": {
+            name: trained.get(name)
+            for name in (*stage.subnetworks, *(["segmentation"] if masks else []))
+        },
     }
     return hashlib.sha256(json.dumps(follows_from, sort_keys=True).encode()).hexdigest()
 

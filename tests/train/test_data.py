@@ -11,9 +11,9 @@ import stage_runs
 from sphere_corpus import write_split
 
 from lime_keras.synthesis import bank
-from lime_keras.train import banks
 from lime_keras.train.config import corpus_sha256
 from lime_keras.train.data import SEEN_MASK, Data
+from lime_keras.train.sources import banks
 from lime_keras.train.stages import Stage
 
 STAGE = Stage(("segmentation",), 4, 1e-3)

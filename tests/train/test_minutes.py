@@ -10,8 +10,9 @@ import pytest
 import stage_runs
 
 from lime_keras.model import weights
-from lime_keras.train import banks, budget, pace, stage_training, trainer
+from lime_keras.train import budget, pace, stage_training, trainer
 from lime_keras.train.config import config_path
+from lime_keras.train.sources import banks
 from lime_keras.train.stage_training import StageTraining
 
 STAGES = ["albedo", "exponent"]

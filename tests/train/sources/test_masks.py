@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lime_keras.networks import assemble, build
-from lime_keras.train import masks
+from lime_keras.train.sources import masks
 
 
 def _disc(size, share=0.3):

@@ -7,7 +7,7 @@ from typing import Any
 from lime_keras.optics.material_law import UNIFORM
 from lime_keras.synthesis import batches as scenes
 
-from .config import Config
+from ..config import Config
 
 Batch = dict[str, Any]
 

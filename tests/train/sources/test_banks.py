@@ -10,8 +10,9 @@ import stage_runs
 from sphere_corpus import write_split
 
 from lime_keras.model import weights
-from lime_keras.train import banks, stage_training, trainer
+from lime_keras.train import stage_training, trainer
 from lime_keras.train.evaluation import evaluation_path
+from lime_keras.train.sources import banks
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ import keras
 from lime_keras.data import pipeline
 from lime_keras.optics.material_law import UNIFORM
 
-from .config import Config
+from ..config import Config
 
 Batch = dict[str, Any]
 
