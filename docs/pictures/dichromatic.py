@@ -89,7 +89,7 @@ def _page(rows: dict[str, Shown]) -> Image.Image:
         parts = dichromatic.split(image[None], mask[None])
         numbers = (
             f"{name}    largest saturation {parts.saturation.item():.2f}    "
-            f"of another hue {parts.second.item():.2f}    trusted {parts.trusted.item():.0f}"
+            f"trusted {parts.trusted.item():.0f}"
         )
         pen.text((0, top + TILE + 4), numbers, fill=(60, 60, 60), font=font)
     return page

@@ -9,7 +9,7 @@ import numpy as np
 
 from lime_keras.estimate import framing
 from lime_keras.material import Caution
-from lime_keras.optics import colour
+from lime_keras.optics import colour, dichromatic
 
 CONFIDENT = 0.9
 """Confidence from which a mask is trusted.
@@ -73,8 +73,6 @@ It is 0.04 at most on 60 spheres under grey light, and above the limit on one in
 light has 1.6 times as much red as green and 0.4 times as much blue. Of the photographs, the fruit,
 the toothpaste tube and the limes in their pot are above.
 """
-_LEAST_CHROMA = 1e-3
-"""Length of the mean chroma, linear radiance, from which it has a direction."""
 _JUDGED = 20_000
 """Number of pixels, about, whose brightness is looked at."""
 
@@ -263,7 +261,7 @@ def _of_colour(pixels_srgb: np.ndarray) -> list[tuple[str, str]]:
                 "colour",
             )
         ]
-    second = second_colour(pixels_srgb)
+    second = dichromatic.second_colour(pixels_srgb[pixels_srgb.max(axis=-1) < _WHITE])
     if second <= SECOND_COLOUR:
         return []
     return [
@@ -275,27 +273,3 @@ def _of_colour(pixels_srgb: np.ndarray) -> list[tuple[str, str]]:
             "one colour",
         )
     ]
-
-
-def second_colour(pixels_srgb: np.ndarray) -> float:
-    """Return how much colour an object has beside its own, over its brightness.
-
-    By Eq. 4 in grey light, the chroma of all pixels (their linear colour less its grey mean) has
-    one direction, that of m_d. The root mean square of what is across the mean direction, over the
-    mean radiance, is returned: 0 for one colour.
-
-    Args:
-        pixels_srgb: pixels of the object `(N, 3)`, sRGB in [0, 1]; those with a clipped channel,
-            whose colour is false, do not count. 0 if none is left.
-    """
-    linear = colour.srgb_to_linear(pixels_srgb[pixels_srgb.max(axis=-1) < _WHITE])
-    brightness = float(linear.mean()) if len(linear) else 0.0
-    if not brightness > 0:
-        return 0.0
-    chroma = linear - linear.mean(axis=-1, keepdims=True)
-    mean = chroma.mean(axis=0)
-    length = float(np.linalg.norm(mean))
-    if length > _LEAST_CHROMA:
-        direction = mean / length
-        chroma = chroma - (chroma @ direction)[:, None] * direction
-    return float(np.sqrt(np.mean(np.sum(chroma**2, axis=-1)))) / brightness

@@ -50,8 +50,6 @@ class Split(NamedTuple):
         diffuse: mean(m_d) · D where k is the largest, linear radiance `(B, H, W, 1)`, at least 0; D
             up to one factor.
         grey: m_s · S + m_a where k is the largest, linear radiance `(B, H, W, 1)`, at least 0.
-        second: share of the chroma that has another direction than the hue, `(B, 1)` in [0, 1]:
-            large under coloured light, and for objects of several colours.
         trusted: whether the object's colour is strong enough to be split, `(B, 1)`, 0 or 1.
     """
 
@@ -59,7 +57,6 @@ class Split(NamedTuple):
     saturation: Any
     diffuse: Any
     grey: Any
-    second: Any
     trusted: Any
 
 
@@ -96,14 +93,11 @@ def split(
     factor = xp.reshape(saturation + np.float32(grey), (-1, 1, 1, 1))
     least = np.float32(_LEAST_SQUARE)
     diffuse = inside * length / xp.maximum(factor, least)
-    aside = xp.sum(weight * _length(chroma - along * xp.reshape(hue, (-1, 1, 1, 3)), xp), (1, 2))
-    whole = xp.sum(weight * _length(chroma, xp), (1, 2))
     return Split(
         hue=hue,
         saturation=saturation,
         diffuse=diffuse,
         grey=inside * xp.maximum(mean - diffuse, np.float32(0)),
-        second=known * xp.minimum(aside / xp.maximum(whole, np.float32(1e-6)), np.float32(1)),
         trusted=known,
     )
 
@@ -148,6 +142,30 @@ def with_hue_of_pixels(diffuse_albedo: Any, masked_image: Any) -> Any:
     own = _chroma(diffuse_albedo, xp)
     turned = diffuse_albedo - own + _length(own, xp) * hue
     return xp.where(known > 0, turned, diffuse_albedo)
+
+
+def second_colour(pixels_srgb: np.ndarray) -> float:
+    """Return how much colour an object has beside its own, over its brightness.
+
+    By Eq. 4 in grey light, the chroma of all pixels (their linear colour less its grey mean) has
+    one direction, that of m_d. The root mean square of what is across the mean direction, over the
+    mean radiance, is returned: 0 for one colour.
+
+    Args:
+        pixels_srgb: pixels of the object without a clipped channel `(N, 3)`, sRGB in [0, 1]; 0 if
+            there is none.
+    """
+    linear = colour.srgb_to_linear(pixels_srgb)
+    brightness = float(linear.mean()) if len(linear) else 0.0
+    if not brightness > 0:
+        return 0.0
+    chroma = linear - linear.mean(axis=-1, keepdims=True)
+    mean = chroma.mean(axis=0)
+    length = float(np.linalg.norm(mean))
+    if length > _LEAST_CHROMA:
+        direction = mean / length
+        chroma = chroma - (chroma @ direction)[:, None] * direction
+    return float(np.sqrt(np.mean(np.sum(chroma**2, axis=-1)))) / brightness
 
 
 def _usable(image: Any, mask: Any, xp: Any) -> tuple[Any, Any]:
