@@ -50,9 +50,12 @@ def card(architecture: Architecture, network: keras.Model, precision: str) -> di
 
 
 def _preset(architecture: Architecture) -> str | None:
-    """Return the preset's name; an ablation has the name of the preset that it changes."""
-    whole = dataclasses.replace(architecture, system="lime", mirror=True, exponent="classification")
-    return next((name for name, preset in PRESETS.items() if preset == whole), None)
+    """Return the name of the preset with these U-Nets, whatever else was changed of it."""
+
+    def sizes(one: Architecture) -> tuple[int, int, int]:
+        return one.size, one.unet_width, one.unet_depth
+
+    return next((n for n, preset in PRESETS.items() if sizes(preset) == sizes(architecture)), None)
 
 
 def _shape(tensor: keras.KerasTensor) -> list[int | str]:

@@ -74,7 +74,16 @@ def _write_split(folder, shards):
         with tf.io.TFRecordWriter(str(folder / f"{shard:05d}.tfrecord")) as writer:
             for index in indices:
                 writer.write(records.encode(_example(index)))
-    (folder / "manifest.json").write_text(json.dumps({"shards": len(shards)}), encoding="utf-8")
+    manifest = {
+        "shards": len(shards),
+        "examples": sum(map(len, shards)),
+        "description": {
+            "shading": "furnace",
+            "size": SIZE,
+            "shard_size": max(map(len, shards), default=1),
+        },
+    }
+    (folder / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
     vouch(folder)
 
 
@@ -382,9 +391,8 @@ def test_a_broken_manifest_is_named(run, tmp_path, capsys):
     assert "manifest.json" in line and "render the split again" in line
 
 
-@pytest.mark.parametrize("shards", [[], [[]]])
-def test_an_empty_split_is_refused(run, tmp_path, capsys, shards):
-    _write_split(tmp_path / "test", shards)
+def test_an_empty_split_is_refused(run, tmp_path, capsys):
+    _write_split(tmp_path / "test", [])
     assert "holds no examples" in _fails(capsys, tmp_path, "--weights", run)
 
 
@@ -537,16 +545,12 @@ def test_an_interrupt_leaves_a_short_line_and_status_130(corpus, run, monkeypatc
     "arguments",
     [
         [],
-        ["corpus"],
         ["corpus", "--weights", "run", "--fast"],
         ["--weights", "run"],
         ["--table1", "run", "--out", "here"],
-        ["corpus", "--table1", "run"],
         ["--predictions", "answers", "--out", "here"],
-        ["corpus", "--predictions", "answers"],
         ["corpus", "--predictions", "answers", "--camera", "--out", "here"],
         ["corpus", "--stability", "--out", "here"],
-        ["--stability"],
     ],
 )
 def test_wrong_usage_exits_with_2(arguments, capsys):
@@ -564,5 +568,5 @@ def test_help_is_complete_and_imports_no_tensorflow():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    for word in ("CORPUS", "--weights", "--out", "examples:", "metrics.json", "Exit status"):
+    for word in ("CORPUS", "--weights", "--out", "examples:", "evaluate.md", "Exit status"):
         assert word in done.stdout

@@ -133,7 +133,7 @@ def test_evaluation_takes_every_example_once_in_order(shards):
 
 def test_batches_hold_every_feature_and_the_class(shards):
     [batch] = pipeline.evaluation(shards[:1], size=8, batch_size=4)
-    assert set(batch) == {*records.FEATURES, "exponent_bin", "clipped"}
+    assert set(batch) == {*records.FEATURES, "exponent_bin", "clipped", "cast"}
     assert batch["image"].shape == (4, 8, 8, 3) and batch["mirror"].shape == (4, 8, 8, 1)
     assert batch["environment"].shape == (4, 64, 128, 1)
     for name, value in batch.items():

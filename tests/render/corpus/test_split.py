@@ -166,7 +166,7 @@ def test_a_node_finds_the_files_that_were_checked_skipped_ones_too(
     changed = Description(**(vars(description) | {"backgrounds": str(tmp_path)}))
     job = Job(tmp_path / "out", changed, mitsuba_choice)
     skipping = dataclasses.replace(job, usable=job.usable | {"backgrounds": ("sound.png",)})
-    assert skipping.files() == job.description.files()
+    assert skipping.description.files() == job.description.files()
     assert [path.name for path in skipping.backgrounds.pictures()] == ["sound.png"]
 
 

@@ -112,6 +112,7 @@ def _sensed(precision: Precision, well: str) -> dict[str, np.ndarray]:
         "full_well": np.asarray(_FULL_WELLS[well], np.float32) * one,
         "quality": 90 * one,
         "compressed": 0 * one,
+        "cast": np.zeros((count, 4), np.float32),
         "grain": np.tile(_grain(), (count, 1)),
     }
 
