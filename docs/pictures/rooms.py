@@ -17,7 +17,8 @@ PAGE = Path(__file__).parents[2] / "CONTRIBUTING.md"
 _BLOCK = re.compile(r"(?<=```mermaid\n).*?(?=```)", re.DOTALL)
 
 Arrows = Mapping[str, set[str]]
-"""The rooms that each room imports: `render/scene`, or `train`, which is one room."""
+"""The rooms that each room imports: `render/scene`, or `train`, which has one folder inside and so
+is one room."""
 
 
 def page() -> str:
@@ -80,7 +81,7 @@ def _room(module: str, folders: Mapping[str, Path]) -> str | None:
         return None
     owner = max(owners, key=len)
     folder, box = folders[owner], owner.rpartition(".")[2]
-    if not any(folder.glob("*/__init__.py")):
+    if len(list(folder.glob("*/__init__.py"))) < 2:
         return box
     first = module.removeprefix(owner).strip(".").partition(".")[0]
     return f"{box}/{first}" if first and (folder / first).is_dir() else None
