@@ -104,7 +104,7 @@ def test_each_doubt_is_told_with_its_mend(code):
 
 
 BARELY = {
-    "uncertain-mask": {"confidence": 0.9},
+    "uncertain-mask": {"confidence": 0.925},
     "small-object": {"mask": box(80, 60, 101, 140)},
     "few-pixels": {"mask": box(80, 80, 144, 144)},
     "touches-frame": {"mask": box(50, 40, 197, 160)},

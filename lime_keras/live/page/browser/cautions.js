@@ -4,7 +4,7 @@
 import { LINEAR } from "../colour.js";
 import { roundHalfEven, THRESHOLD } from "./framing.js";
 
-const CONFIDENT = 0.9;
+const CONFIDENT = 0.925;
 const SMALLEST_SHARE = 0.04;
 const FEWEST_PIXELS = 64;
 const LARGEST_PART = 0.9;
