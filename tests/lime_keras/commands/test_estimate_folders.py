@@ -5,6 +5,7 @@ import json
 from pathlib import Path
 
 import clips
+import live_scenes
 import numpy as np
 import pytest
 
@@ -170,7 +171,7 @@ def test_the_diffuse_layer_alone(folder, tmp_path):
 
 @pytest.fixture
 def clip(tmp_path):
-    return clips.write(tmp_path / "clip.mkv", clips.noise(3, (32, 32)))
+    return clips.write(tmp_path / "clip.mkv", np.stack([live_scenes.ball(64, 64)] * 3))
 
 
 def estimate_video(clip, out, *arguments):
@@ -196,7 +197,7 @@ def test_another_videos_result_is_refused(clip, tmp_path, capsys):
     out = tmp_path / "out"
     assert estimate_video(clip, out) == 0
     before = {path.name: path.read_bytes() for path in out.iterdir()}
-    clips.write(clip, clips.noise(5, (32, 32)))
+    clips.write(clip, np.stack([live_scenes.ball(64, 64, radius=0.5)] * 5))
     assert estimate_video(clip, out) == 1
     assert "clip.json was made of another photo or video" in capsys.readouterr().err
     assert {path.name: path.read_bytes() for path in out.iterdir()} == before
