@@ -18,7 +18,7 @@ BATCHES = (1, 8, LARGEST_BATCH)
 
 
 @dataclasses.dataclass(frozen=True)
-class Case:
+class TimedCase:
     """A model in a configuration, to be timed.
 
     Attributes:
@@ -60,7 +60,7 @@ class Bench:
     def __init__(self, runs: Mapping[str, Run]):
         self._runs = runs
 
-    def cases(self) -> list[Case]:
+    def cases(self) -> list[TimedCase]:
         """Return all cases, each of them once.
 
         Every run is timed in each runtime and precision. Starting from ONNX Runtime in float32, one
@@ -68,7 +68,7 @@ class Bench:
         """
         return list(dict.fromkeys(case for run in self._runs.values() for case in _cases_of(run)))
 
-    def job(self, case: Case, effort: Effort) -> Job:
+    def job(self, case: TimedCase, effort: Effort) -> Job:
         """Return the job of a case for a process; write the model's files if they are missing."""
         run, images = self._runs[case.model], None
         if case.kind == SUBNETWORK:
@@ -81,7 +81,7 @@ class Bench:
             case.runtime, case.precision, str(path), images, case.batch, case.threads, effort
         )
 
-    def depends_on(self, case: Case, job: Job) -> DependsOn:
+    def depends_on(self, case: TimedCase, job: Job) -> DependsOn:
         """Return the inputs of a case's times, for the store: model, case, effort and machine.
 
         A model is what its files hold: one that was written again, the same, keeps its times.
@@ -100,13 +100,13 @@ class Bench:
             "machine": hardware,
         }
 
-    def code(self, case: Case) -> str:
+    def code(self, case: TimedCase) -> str:
         """Return the hash of the code that times a case; with Keras, the networks' among it."""
         if case.runtime == KERAS:
             return code_of(timing.__name__)
         return code_of(timing.__name__, runtimes.__name__, alone=True)
 
-    def costs(self, case: Case, job: Job) -> dict[str, float]:
+    def costs(self, case: TimedCase, job: Job) -> dict[str, float]:
         """Return `model_mib` (size on disk), `parameters`, and `gflop` for one image."""
         run, files = self._runs[case.model], size(Path(job.path))
         costs = run.costs["subnetworks" if case.kind == SUBNETWORK else "parts"][case.part]
@@ -132,9 +132,9 @@ def compares_runtimes(row: Mapping[str, Any], cores: int) -> bool:
     return is_whole(row) and (row["batch"], row["threads"]) == (1, cores)
 
 
-def _cases_of(run: Run) -> Iterator[Case]:
+def _cases_of(run: Run) -> Iterator[TimedCase]:
     cores = machine.cores()
-    whole = Case(run.name, SYSTEM, EVERYTHING, run.image_size, ONNX, "float32", 1, cores)
+    whole = TimedCase(run.name, SYSTEM, EVERYTHING, run.image_size, ONNX, "float32", 1, cores)
     for runtime, precisions in PRECISIONS.items():
         for precision in precisions:
             yield dataclasses.replace(whole, runtime=runtime, precision=precision)

@@ -21,7 +21,7 @@ from lime_keras.data.corpus import SPLITS, Split
 
 from ..store import Store
 from . import machine, recommendation, timing
-from .cases import Bench, Case, compares_runtimes, is_whole
+from .cases import Bench, TimedCase, compares_runtimes, is_whole
 from .fidelity import Fidelity
 from .run_formats import PRECISIONS, Run
 from .runtimes import ONNX
@@ -53,8 +53,8 @@ def measure(
         `corpus`, `camera`, `count` of test images, `rounds`, `runs` (`costs` of
         each run), `scored` (the measures in the score), `rows`,
         `purposes` (what each run is for) and `recommendations`. A row holds the attributes of a
-        `Case`, the times of `timing.pooled`, `model_mib`, `parameters` and `gflop`. The row of a
-        whole system also holds its `errors` with their `interval` and `count`, the runtime that
+        `TimedCase`, the times of `timing.pooled`, `model_mib`, `parameters` and `gflop`. The row of
+        a whole system also holds its `errors` with their `interval` and `count`, the runtime that
         they were `measured_on`, the `difference` from Keras, the `score` and, in the full cross,
         whether it is on the `front`.
 
@@ -133,7 +133,7 @@ def _timed(bench: Bench, store: Store, progress: bool) -> list[dict[str, Any]]:
     """Time all cases, and return a row for each case with its rounds pooled."""
     cases = bench.cases()
     jobs = {case: bench.job(case, EFFORT) for case in tqdm(cases, "models", disable=not progress)}
-    rounds: dict[Case, list] = {case: [] for case in cases}
+    rounds: dict[TimedCase, list] = {case: [] for case in cases}
     turns = [(number, case) for number in range(1, ROUNDS + 1) for case in cases]
     for number, case in tqdm(turns, "times", disable=not progress):
         key = {**bench.depends_on(case, jobs[case]), "round": number}

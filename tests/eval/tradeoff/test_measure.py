@@ -11,7 +11,7 @@ from lime_keras.eval.accuracy import measures
 from lime_keras.eval.accuracy.evaluate import evaluate
 from lime_keras.eval.store import Store
 from lime_keras.eval.tradeoff import fidelity, machine, run_formats, timing
-from lime_keras.eval.tradeoff.cases import SUBNETWORK, Case, compares_runtimes, is_whole
+from lime_keras.eval.tradeoff.cases import SUBNETWORK, TimedCase, compares_runtimes, is_whole
 from lime_keras.eval.tradeoff.measure import ROUNDS, measure
 from lime_keras.eval.tradeoff.recommendation import SCORED
 from lime_keras.eval.tradeoff.runtimes import KERAS, ONNX
@@ -150,7 +150,7 @@ def test_every_variant_is_crossed_and_the_rest_changes_one_at_a_time(first):
     parts = {row["part"] for row in _rows(result, model="b", kind="system")}
     assert parts == {"everything", "mask", "specular", "mirror", "albedo", "exponent", "diffuse"}
     assert len(_rows(result, model="b", kind=SUBNETWORK)) == 5
-    keys = [tuple(row[name] for name in Case.__annotations__) for row in result["rows"]]
+    keys = [tuple(row[name] for name in TimedCase.__annotations__) for row in result["rows"]]
     assert len(set(keys)) == len(keys)
 
 
