@@ -30,7 +30,7 @@ def test_what_is_told_of_a_photo_is_what_python_tells():
     plain = np.broadcast_to(np.uint8([90, 80, 70]), (120, 100, 3)).copy()
     burnt = plain.copy()
     burnt[40:50, 40:50] = 255
-    photos = [(plain, good, 0.9), (burnt, good, None)]
+    photos = [(plain, good, 0.95), (burnt, good, None)]
     photos += [drawn(rng) for _ in range(PHOTOS)]
     found = javascript.run(
         """
