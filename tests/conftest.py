@@ -7,6 +7,7 @@ import json
 import os
 import shutil
 
+import hypothesis
 import pytest
 
 from lime_keras.render.mitsuba_setup import variants
@@ -19,6 +20,10 @@ for name in ("OMP_NUM_THREADS", "TF_NUM_INTRAOP_THREADS", "TF_NUM_INTEROP_THREAD
 # which crashes if it is imported before Mitsuba.
 CHOICE = variants.choose()
 variants.activate(CHOICE, threads=1)
+
+# Beside other work an example may take any time, so none is a failure for its time.
+hypothesis.settings.register_profile("shared machine", deadline=None)
+hypothesis.settings.load_profile("shared machine")
 
 
 LONGEST = (

@@ -192,7 +192,7 @@ def _expected(kind, arguments):
 
 
 @pytest.mark.parametrize("kind", MADE)
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(seed=st.integers(0, 2**31), borders=st.lists(st.integers(0, 7), max_size=4))
 def test_any_split_gives_what_scikit_learn_does(kind, seed, borders):
     arguments = _arguments(kind, seed)
@@ -204,7 +204,7 @@ def test_any_split_gives_what_scikit_learn_does(kind, seed, borders):
 
 
 @pytest.mark.parametrize("kind", MADE)
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(seed=st.integers(0, 2**31), order=st.permutations(range(7)))
 def test_the_order_of_the_examples_changes_nothing(kind, seed, order):
     arguments = _arguments(kind, seed)

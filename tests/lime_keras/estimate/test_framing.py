@@ -129,7 +129,7 @@ def test_a_given_mask_is_framed_as_in_training():
 # There and back.
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(-50, 50), st.integers(-50, 50), st.integers(1, 80), st.sampled_from([1, 16, 32]))
 def test_any_square_can_be_cut_and_pasted(top, left, side, size):
     square, image = Square(top, left, side), noise(3, 20, 30)
@@ -170,7 +170,7 @@ def test_a_mask_is_averaged_and_ends_with_the_photo():
 # Cutting out all of it.
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.integers(1, 60), st.integers(1, 60), st.sampled_from([1, 16, 32]), st.integers(0, 99))
 def test_fitting_keeps_the_range(height, width, size, seed):
     image = np.random.default_rng(seed).choice([0.0, 0.3, 1.0], (height, width, 3))

@@ -23,7 +23,7 @@ def same(found, expected):
     assert np.abs(found[2][1].astype(int) - expected[2][1])[two].max(initial=0) <= 8
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     st.integers(0, 2**31),
     st.sampled_from([1, 5, 16, 33]),

@@ -34,7 +34,7 @@ def points_in_the_ball(seed, count=60):
 
 @pytest.mark.parametrize("kind", KINDS)
 @given(seed=st.integers(0, 2**32))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_jacobians_are_the_derivatives_and_keep_the_side(kind, seed):
     step = getattr(deformation, kind)(np.random.default_rng(seed))
     points, h = points_in_the_ball(seed), 1e-6
@@ -50,7 +50,7 @@ def test_jacobians_are_the_derivatives_and_keep_the_side(kind, seed):
 
 
 @given(seed=st.integers(0, 2**32))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_no_two_points_meet(seed):
     """A map whose points keep apart, also far from one another, does not fold over."""
     points = points_in_the_ball(seed, 300)
@@ -64,7 +64,7 @@ def test_no_two_points_meet(seed):
 
 
 @given(seed=st.integers(0, 2**32))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_normals_of_a_deformed_ball_are_those_of_its_faces(seed):
     mesh = deformation.deformed(ball(), np.random.default_rng(seed))
     check(mesh)

@@ -82,7 +82,7 @@ def test_a_line_that_cannot_be_read_is_told(line):
         obj.read(f"{SQUARE}{line}\n".encode())
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(4, 24), st.integers(0, 2**32 - 1))
 def test_any_simple_polygon_keeps_its_area(count, seed):
     """Star-shaped around its middle, so simple, but seldom convex; somewhere in space."""
