@@ -16,7 +16,7 @@ CONFIDENT = 0.925
 
 A mask is wrong if its IoU with the true one is below 0.7. On 512 scenes held out from training,
 this limit finds 59 % of the wrong masks, and 73 % of the masks that it finds are wrong
-(`benchmarks/mask_confidence.py`).
+(`benchmarks/cautions.py`).
 """
 SMALLEST_SHARE = 0.04
 """Share of a photo from which a mask that was found is trusted.
@@ -91,7 +91,7 @@ def confidence(mask: np.ndarray) -> float | None:
     union. It is 1 where every p is 0 or 1. On the rendered scenes its rank correlation with the
     true IoU is 0.86, that of the mean of |2 p − 1| over the uncertain pixels 0.26. On 512 scenes
     held out from training its rank correlation is 0.84, and it is 0.15 too high in the mean
-    (`benchmarks/mask_confidence.py`).
+    (`benchmarks/cautions.py`).
 
     Args:
         mask: coverage `(H, W, 1)` in [0, 1].

@@ -21,7 +21,7 @@ FLAT = 1.8
 """Width of the interval in decades from which the probabilities count as nearly flat.
 
 Flat ones have 2.4, and a word covers 0.75, so an interval of this width spans three words or four.
-`benchmarks/gloss_confidence.py` prints what other limits would find.
+`benchmarks/cautions.py` prints what other limits would find.
 """
 
 

@@ -1,0 +1,177 @@
+"""What the limits of the cautions find on the held-out scenes, each limit beside others.
+
+    python benchmarks/cautions.py CORPUS [--weights live]
+
+Estimates each held-out image, photographed, as `lime-estimate` does, and prints three tables:
+
+- the masks below each limit of confidence (`cautions.CONFIDENT`), and how many of them are wrong,
+  with an IoU below 0.7;
+- the words for a gloss that are wrong from each width of its interval on, and below it
+  (`gloss.FLAT`); a word is wrong if the true exponent has another one, as three guesses in four
+  have. The limit to set is the highest below which a word is at least as often right as wrong;
+- the photos with more of a second colour than each limit (`cautions.SECOND_COLOUR`), in grey light
+  under the camera's casts, and in light with 1.6 times as much red as green and 0.4 times as much
+  blue.
+"""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from scipy import stats
+from tqdm import tqdm
+
+from lime_keras import Estimator
+from lime_keras.estimate import cautions
+from lime_keras.metrics import intersection_over_union
+from lime_keras.networks import PRESETS
+from lime_keras.optics import colour, dichromatic, gloss
+from lime_keras.train.config import Config, corpus_sha256
+from lime_keras.train.data import Data
+from lime_keras.train.stages import SCHEDULES
+
+_WRONG_MASK = 0.7
+_CONFIDENCES = (0.75, 0.8, 0.825, 0.85, 0.875, 0.9, 0.925, 0.95)
+_WIDTHS = (1.0, 1.2, 1.4, 1.6, 1.7, 1.8, 1.9, 2.0, 2.1, 2.2)
+_SECONDS = (0.05, 0.1, 0.15, 0.2, 0.3)
+_WARM = np.array([1.6, 1.0, 0.4], np.float32)
+
+
+class Answer(NamedTuple):
+    """The answer for one photo beside the truth.
+
+    Attributes:
+        confidence: of the mask.
+        iou: of the mask.
+        width: of the exponent's interval, in decades.
+        is_wrong: whether the word for the gloss is that of another exponent.
+        error: of log10 s.
+        is_inside: whether the true exponent lies in the interval.
+        second: second colour inside the true mask, in grey light.
+        second_warm: the same in warm light.
+    """
+
+    confidence: float
+    iou: float
+    width: float
+    is_wrong: bool
+    error: float
+    is_inside: bool
+    second: float
+    second_warm: float
+
+
+def main() -> None:
+    """Print the three tables."""
+    options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    options.add_argument("corpus", type=Path)
+    options.add_argument("--weights", default="live", help="a run, or a set that ships")
+    arguments = options.parse_args()
+    answers = _answers(Estimator(arguments.weights, ["mask", "exponent"]), arguments.corpus)
+    columns = Answer(*np.array(answers, np.float64).T)
+    _of_masks(columns)
+    _of_gloss(columns)
+    _of_colours(columns)
+
+
+def _answers(estimator: Estimator, corpus: Path) -> list[Answer]:
+    """Return the answers for all held-out photos in which an object was found."""
+    config = Config(
+        preset="live",
+        steps_scale=1.0,
+        architecture=PRESETS["live"],
+        schedule=SCHEDULES["live"],
+        seed=0,
+        corpus_sha256=corpus_sha256([corpus]),
+        camera=True,
+        materials=("natural",),
+    )
+    out = []
+    for batch in tqdm(Data([corpus], config).held_out(("image", "mask", "shininess"))):
+        truths = zip(*(np.asarray(batch[n]) for n in ("image", "mask", "shininess")), strict=True)
+        for image, mask, shininess in truths:
+            exponent = float(np.ravel(shininess)[0])
+            material = estimator.estimate(np.uint8(np.rint(255 * image)))
+            if material.exponent is None or material.exponent_interval is None:
+                continue
+            low, high = material.exponent_interval
+            pixels = image[mask[..., 0] >= 0.5]
+            warm = colour.linear_to_srgb(np.clip(colour.srgb_to_linear(pixels) * _WARM, 0, 1))
+            out.append(
+                Answer(
+                    material.mask_confidence or 0.0,
+                    intersection_over_union(mask[None], material.layers["mask"][None])[0],
+                    np.log10(high / low),
+                    gloss.word(material.exponent) != gloss.word(exponent),
+                    abs(np.log10(material.exponent / exponent)),
+                    low <= exponent <= high,
+                    _second(pixels),
+                    _second(warm),
+                )
+            )
+    return out
+
+
+def _second(pixels_srgb: np.ndarray) -> float:
+    return dichromatic.second_colour(pixels_srgb[pixels_srgb.max(axis=-1) < colour.CLIPPED])
+
+
+def _of_masks(found: Answer) -> None:
+    confidence, iou = np.asarray(found.confidence), np.asarray(found.iou)
+    wrong = iou < _WRONG_MASK
+    print(
+        f"{len(iou)} masks found, median IoU {np.median(iou):.3f}, wrong {wrong.mean():.1%}; rank "
+        f"correlation {stats.spearmanr(confidence, iou).statistic:.2f}; confidence is "
+        f"{np.mean(confidence - iou):+.3f} off in the mean"
+    )
+    rows = []
+    for limit in _CONFIDENCES:
+        below = confidence < limit
+        caught = (below & wrong).sum()
+        shares = (below.mean(), caught / max(wrong.sum(), 1), caught / max(below.sum(), 1))
+        rows.append((f"{limit}", *(f"{share:.1%}" for share in shares)))
+    heads = ("limit", "masks below", "of wrong masks found", "of those below, wrong")
+    _table(heads, rows, cautions.CONFIDENT)
+
+
+def _of_gloss(found: Answer) -> None:
+    width, wrong, error = (np.asarray(x) for x in (found.width, found.is_wrong, found.error))
+    print(
+        f"The interval holds the true s in {np.mean(found.is_inside):.1%} ({gloss.SHARE:.0%} are "
+        f"meant), its median width is {np.median(width):.2f} decades; its rank correlation with "
+        f"the error of log10 s is {stats.spearmanr(width, error).statistic:.2f}"
+    )
+    rows = []
+    for limit in _WIDTHS:
+        parts = (width >= limit, width < limit)
+        wrongs = [f"{_mean(wrong[part]):.0%}" for part in parts]
+        errors = [f"{_mean(error[part]):.2f}" for part in parts]
+        rows.append((f"{limit}", f"{parts[0].mean():.1%}", *wrongs, *errors))
+    heads = ("limit", "above", "wrong words above", "below", "error of log10 s above", "below")
+    _table(heads, rows, gloss.FLAT)
+    fit = [x for x in _WIDTHS if _mean(wrong[width < x]) <= 0.5]
+    print(f"limit to set: {max(fit, default=min(_WIDTHS))}\n")
+
+
+def _of_colours(found: Answer) -> None:
+    print("Photos with more of a second colour than the limit")
+    lights = [np.asarray(found.second), np.asarray(found.second_warm)]
+    rows = [(f"{x}", *(f"{np.mean(light > x):.1%}" for light in lights)) for x in _SECONDS]
+    _table(("limit", "in grey light", "in warm light"), rows, cautions.SECOND_COLOUR)
+
+
+def _mean(values: np.ndarray) -> float:
+    return float(values.mean()) if len(values) else float("nan")
+
+
+def _table(heads: Sequence[str], rows: Sequence[Sequence[str]], now: float) -> None:
+    print(f"\n| {' | '.join(heads)} |\n|" + "---:|" * len(heads))
+    for row in rows:
+        print(f"| {' | '.join(row)} |")
+    print(f"\nlimit now: {now}\n")
+
+
+if __name__ == "__main__":
+    main()
