@@ -31,15 +31,7 @@ SETTINGS = {
     "bfloat16, XLA": ("bfloat16", True),
 }
 """Precision of each setting, and whether XLA compiles the step."""
-STAGES = (
-    "specular",
-    "material",
-    "exponent",
-    "albedo",
-    "specular+mirror",
-    "specular+mirror+exponent+albedo",
-)
-"""Stages that are timed, as far as a preset has them."""
+STAGES = ("specular", "exponent", "albedo", "specular+mirror", "specular+mirror+exponent+albedo")
 
 
 def main() -> None:

@@ -19,7 +19,6 @@ _PARTS = {
     "perceptual": "compositing",
     "mirror": "architecture.mirror",
     "dichromatic": "architecture.dichromatic",
-    "layers": "architecture.layers",
     "pretrained": "architecture.pretrained",
 }
 """What `--with` and `--without` name, and the field of the config that says whether it is there."""
@@ -49,9 +48,8 @@ examples:
   lime-train bank --out runs/bank --preset live --minutes 22 --batch-size 64
   lime-train corpus --out runs/no-mirror --preset paper --without mirror --reuse runs/paper
 
-The stages: segmentation, specular, mirror and material, each subnetwork alone; then
-specular+mirror, joined. In the preset paper albedo and exponent in place of material, and at last
-specular+mirror+exponent and specular+mirror+exponent+albedo.
+The stages: segmentation, specular, mirror, albedo and exponent, each subnetwork alone; then
+specular+mirror, specular+mirror+exponent and specular+mirror+exponent+albedo, joined.
 An interrupted command, run again, goes on from its last checkpoint, at most a minute back.
 `tensorboard --logdir runs` shows the curves; KERAS_BACKEND=jax trains under JAX.
 
@@ -380,7 +378,7 @@ def _asked(options: argparse.Namespace) -> dict[str, Any]:
     given |= {_PARTS[part]: True for part in getattr(options, "with") or ()}
     given |= {_PARTS[part]: False for part in options.without or ()}
     if options.baseline is not None:
-        given |= {_PARTS["dichromatic"]: False, _PARTS["layers"]: True}
+        given[_PARTS["dichromatic"]] = False
     if options.start_from is not None:
         given["begun_from"] = initial_weights.sha256(options.start_from)
     return {

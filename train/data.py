@@ -14,7 +14,7 @@ from typing import Any
 import keras
 import numpy as np
 
-from lime_keras.data import clutter
+from lime_keras.data import clutter, prints
 from lime_keras.data.corpus import Split
 from lime_keras.synthesis import bank
 
@@ -85,15 +85,16 @@ class Data:
             batches["banks"] = self._banks.training(seed, wanted, of_banks)
         if self._corpora is not None:
             batches["corpora"] = self._corpora.training(seed, wanted, first_step - of_banks)
-        is_cluttered = self._config.schedule.clutter and stage.subnetworks == ("segmentation",)
+        is_of_masks = stage.subnetworks == ("segmentation",)
         for step in itertools.count(first_step):
             batch = next(batches["banks" if self._is_of_banks(step) else "corpora"])
-            if is_cluttered:
-                generator = np.random.default_rng((seed, step))
+            generator = np.random.default_rng((seed, step))
+            if self._config.schedule.clutter and is_of_masks:
                 images, _ = clutter.add(batch["image"], batch["mask"], generator)
                 batch = batch | {"image": images}
+            elif self._config.schedule.clutter:
+                batch = batch | {"image": prints.add(batch, generator)}
             if sees:
-                generator = np.random.default_rng((seed, step))
                 seen = masks.seen(self._masker, batch["image"], batch["mask"], generator)
                 batch = batch | {SEEN_MASK: seen}
             yield batch

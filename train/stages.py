@@ -50,8 +50,8 @@ class Schedule:
     Attributes:
         batch_size: number of examples in a batch.
         single_steps: batches of a U-Net trained alone, and of the baseline's ReflectanceMapNet.
-        encoder_steps: batches of an encoder trained alone: MaterialNet, or AlbedoNet and
-            ExponentNet.
+        encoder_steps: batches of an encoder trained alone: AlbedoNet, ExponentNet, and the
+            baseline's MaterialNet.
         single_learning_rate: learning rate for a subnetwork trained alone.
         joint_steps: batches of each stage of joined subnetworks.
         joint_learning_rate: learning rate for joined subnetworks.
@@ -61,8 +61,9 @@ class Schedule:
             of one half.
         repaints: whether training draws new albedos for each scene of a corpus every time it is
             read. A bank's scenes are drawn anew in every way, so neither concerns them.
-        clutter: whether SegmentationNet, alone, learns from images with prints on the objects and
-            other objects behind them (`lime_keras.data.clutter`).
+        clutter: whether SegmentationNet, alone, learns from images with several colours on the
+            objects and other objects behind them (`lime_keras.data.clutter`), and all others from
+            images with prints on the objects (`lime_keras.data.prints`).
         masks: whether the other subnetworks learn on masks as SegmentationNet finds them and on
             damaged ones (`train.sources.masks`), rather than on true masks alone.
         structure: whether SegmentationNet's loss is `losses.mask_structure`, rather than the mean
@@ -105,8 +106,6 @@ class Schedule:
         """Return all stages of a system, in the order of training."""
         here = subnetwork_names(architecture)
         rounds = {name: LEARNING[name].joined for name in here}
-        if not architecture.layers:
-            del rounds["material"]  # It reads no other's prediction.
         out = [
             Stage(
                 (name,),

@@ -152,20 +152,9 @@ def _compositing(batch: Batch, answer: StageAnswer) -> Any:
         albedos[:, 3:],
         batch["ambient"],
         batch["diffuse_shading"],
-        answer.seen.get("specular_shading", compress(batch["specular_shading"])),
+        answer.seen["specular_shading"],
         batch["clipped"],
         camera_law.balance(batch["cast"], camera_law.places(batch["image"].shape[1])),
-    )
-
-
-def _exponent(weight: float) -> Term:
-    return Term(
-        weight,
-        "exponent_bin_probabilities",
-        lambda batch, answer: losses.exponent_cross_entropy(
-            batch["exponent_bin"], answer.raw["exponent_bin_probabilities"]
-        ),
-        ("shininess",),
     )
 
 
@@ -178,9 +167,14 @@ TERMS = {
     ),
     "specular": Term(1.0, "specular_shading", _shading("specular_shading")),
     "mirror": Term(1.0, "mirror", _shading("mirror")),
-    "exponent": _exponent(0.1),
-    # In an encoder that also answers albedos, the gradient of the exponent would be lost in theirs.
-    "shared_exponent": _exponent(0.4),
+    "exponent": Term(
+        0.1,
+        "exponent_bin_probabilities",
+        lambda batch, answer: losses.exponent_cross_entropy(
+            batch["exponent_bin"], answer.raw["exponent_bin_probabilities"]
+        ),
+        ("shininess",),
+    ),
     "log_exponent": Term(
         0.3,
         "log_exponent",
@@ -262,9 +256,7 @@ LEARNING = {
     "exponent": Learning(("exponent", "log_exponent"), _EXPONENT, joined=2),
     "reflectance_map": Learning(("reflectance_map",), joined=1),
     "material": Learning(
-        ("diffuse_albedo", "specular_albedo", "compositing", "shared_exponent", "log_exponent"),
-        (*_EXPONENT, *_ALBEDOS),
-        joined=1,
+        ("diffuse_albedo", "specular_albedo", "exponent"), (*_EXPONENT, *_ALBEDOS), joined=1
     ),
 }
 """Row of each subnetwork by name, in the order in which subnetworks are trained alone."""

@@ -461,7 +461,7 @@ def _signature(config: Config, stage: Stage, model: StageModel, trained: Mapping
         "batch_size": schedule.batch_size,
         "flips": schedule.flips,
         "repaints": schedule.repaints,
-        "clutter": schedule.clutter and stage.subnetworks == ("segmentation",),
+        "clutter": schedule.clutter,
         "masks": masks,
         "seed": config.seed,
         "corpus": config.corpus_sha256,

@@ -1,9 +1,8 @@
 """The evaluation of a system on a corpus' test split: one row of numbers per example.
 
 An oracle is evaluated beside the system: ExponentNet and AlbedoNet, given the true mask, S and M;
-or MaterialNet, given the true mask; or the baseline's, given the true reflectance map. The oracle
-uses the weights from before joint training if the run has kept them. Better layers alone would not
-remove its errors.
+or the baseline's MaterialNet, given the true reflectance map. The oracle uses the weights from
+before joint training if the run has kept them. Better layers alone would not remove its errors.
 """
 
 import os

@@ -32,8 +32,6 @@ def oracle(architecture: Architecture, stage_one: Collection[str]) -> str:
     whose = "Some stage-one" if lone and others else "Stage-one" if lone else "Same"
     if architecture.system == "reflectance-map":
         return f"{whose} encoder on the true reflectance map"
-    if not architecture.layers:
-        return f"{whose} encoder with the true mask"
     return f"{whose} encoders on true layers"
 
 
@@ -47,8 +45,6 @@ def oracle_is(architecture: Architecture, stage_one: Collection[str]) -> str:
     lone, others = _encoders(architecture, stage_one)
     if architecture.system == "reflectance-map":
         given = "the true reflectance map"
-    elif not architecture.layers:
-        given = "the true mask"
     else:
         given = f"the true {'mask, S and M' if architecture.mirror else 'mask and S'}"
     kept = "as before joined training fitted them to estimates"

@@ -27,9 +27,7 @@ _SMALL = Architecture(size=32, unet_width=4, unet_depth=1, encoder_width=4, dens
 FRESH = {
     "LIME": _SMALL,
     "baseline": dataclasses.replace(_SMALL, system="reflectance-map"),
-    "LIME with the split": dataclasses.replace(
-        _SMALL, pretrained=True, dichromatic=True, layers=False
-    ),
+    "LIME with the split": dataclasses.replace(_SMALL, pretrained=True, dichromatic=True),
 }
 """Architectures small enough to be tried in seconds, by name."""
 

@@ -42,8 +42,6 @@ class Architecture:
             (`networks.efficientnet`), rather than that of a U-Net.
         dichromatic: whether SpecularNet and the encoders see the split of the colours into diffuse
             and grey light (`optics.dichromatic`).
-        layers: whether AlbedoNet reads S, and ExponentNet S and M, as in the paper. Without it, one
-            MaterialNet reads the image, and a material needs no U-Net but the mask's.
 
     Raises:
         ValueError: if a name is unknown, two settings exclude each other, or the size cannot be
@@ -60,7 +58,6 @@ class Architecture:
     exponent: str = "classification"
     pretrained: bool = False
     dichromatic: bool = False
-    layers: bool = True
 
     def __post_init__(self) -> None:
         """Raise ValueError if the settings describe no system."""
@@ -75,7 +72,7 @@ class Architecture:
                 f"no system {self.system} with exponent {self.exponent}: there are "
                 f"{', '.join(SYSTEMS)} and {', '.join(EXPONENTS)}"
             )
-        ablated = not self.mirror or self.exponent != "classification" or not self.layers
+        ablated = not self.mirror or self.exponent != "classification"
         if self.system != "lime" and (ablated or self.dichromatic):
             raise ValueError(
                 "the reflectance-map baseline has no MirrorNet to leave out, no ExponentNet and no "
@@ -108,7 +105,6 @@ PRESETS = {
         encoder_width=16,
         dense_width=64,
         dichromatic=True,
-        layers=False,
     ),
     # For every frame of a fast camera: in ONNX Runtime a quarter of the time of `live`, so more
     # than 100 frames a second on two cores. Encoders cost little at any width.
@@ -120,18 +116,16 @@ PRESETS = {
         dense_width=128,
         pretrained=True,
         dichromatic=True,
-        layers=False,
     ),
     # For video (docs/explanation/decisions.md).
     "live": Architecture(
         size=128,
         unet_width=16,
         unet_depth=4,
-        encoder_width=24,
+        encoder_width=16,
         dense_width=128,
         pretrained=True,
         dichromatic=True,
-        layers=False,
     ),
     # The figures that show the paper's layer sizes are lost. Its run times bound the sizes: a U-Net
     # takes at most 28 GFLOP.

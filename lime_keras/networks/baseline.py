@@ -1,9 +1,11 @@
-"""The subnetwork of the reflectance-map baseline alone: ReflectanceMapNet."""
+"""The two subnetworks of the reflectance-map baseline: ReflectanceMapNet and MaterialNet."""
 
 import keras
+from keras import layers
 
 from lime_keras.networks.architecture import Architecture
 from lime_keras.networks.blocks import decoder, encoder
+from lime_keras.optics.shininess import BIN_COUNT
 
 
 def reflectance_map_net(architecture: Architecture) -> keras.Model:
@@ -17,3 +19,20 @@ def reflectance_map_net(architecture: Architecture) -> keras.Model:
     features = encoder(masked_image, width=width, dense_width=architecture.dense_width)
     sphere = decoder(features, size=size, width=width, channels=3)
     return keras.Model(masked_image, sphere, name="reflectance_map_net")
+
+
+def material_net(architecture: Architecture) -> keras.Model:
+    """Build MaterialNet: compressed `reflectance_map` `(B, S, S, 3)` → albedos and exponent bins.
+
+    The outputs are `(B, 8)`, the logits of the exponent's bins, and `(B, 4)`, m_d and m_s, linear
+    and not yet clipped to [0, 1].
+    """
+    size = architecture.size
+    sphere = keras.Input((size, size, 3), name="reflectance_map")
+    features = encoder(
+        sphere, width=architecture.encoder_width, dense_width=architecture.dense_width
+    )
+    albedos = layers.Dense(4, dtype="float32", name="albedos")(features)
+    logits = layers.Dense(BIN_COUNT, dtype="float32", name="logits")(features)
+    # Files of weights number the layers in the order of the outputs.
+    return keras.Model(sphere, [logits, albedos], name="material_net")

@@ -23,11 +23,10 @@ import keras
 from keras import ops
 
 from lime_keras.networks.architecture import Architecture
-from lime_keras.networks.baseline import reflectance_map_net
+from lime_keras.networks.baseline import material_net, reflectance_map_net
 from lime_keras.networks.subnetworks import (
     albedo_net,
     exponent_net,
-    material_net,
     mirror_net,
     segmentation_net,
     specular_net,
@@ -108,10 +107,6 @@ def _lime(architecture: Architecture) -> bool:
     return architecture.system == "lime"
 
 
-def _layered(architecture: Architecture) -> bool:
-    return _lime(architecture) and architecture.layers
-
-
 def _baseline(architecture: Architecture) -> bool:
     return architecture.system == "reflectance-map"
 
@@ -123,16 +118,16 @@ SUBNETWORKS = {
     "exponent": Subnetwork(
         exponent_net,
         ("exponent_bin_probabilities",),
-        _layered,
+        _lime,
         encoder=True,
         heads=("logits", "log_exponent"),
     ),
-    "albedo": Subnetwork(albedo_net, ("albedos",), _layered, encoder=True, heads=("albedos",)),
+    "albedo": Subnetwork(albedo_net, ("albedos",), _lime, encoder=True, heads=("albedos",)),
     "reflectance_map": Subnetwork(reflectance_map_net, ("reflectance_map",), _baseline),
     "material": Subnetwork(
         material_net,
         ("exponent_bin_probabilities", "albedos"),
-        lambda one: not _layered(one),
+        _baseline,
         encoder=True,
         heads=("albedos", "logits", "log_exponent"),
     ),

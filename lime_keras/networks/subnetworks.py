@@ -1,7 +1,6 @@
 """The subnetworks of section 5; their inputs are named after the quantities they read.
 
-The paper's wiring is that of an architecture with `layers` and without `dichromatic`; without
-`layers`, MaterialNet reads the image in place of AlbedoNet and ExponentNet, which read S and M.
+The paper's wiring is that of an architecture without `dichromatic`.
 """
 
 import keras
@@ -54,7 +53,15 @@ def exponent_net(architecture: Architecture) -> keras.Model:
     if architecture.dichromatic:
         names = ["masked_image", "dichromatic", *names]
     inputs = _inputs(architecture, *names)
-    answer = _exponent_head(_encoded(inputs, architecture), architecture)
+    features = _encoded(inputs, architecture)
+    if architecture.exponent == "classification":
+        answer = layers.Dense(BIN_COUNT, dtype="float32", name="logits")(features)
+    else:
+        # Training starts from the middle of the range: a bias of 0 is the dullest material.
+        middle = keras.initializers.Constant((LOG_LOW + LOG_HIGH) / 2)
+        answer = layers.Dense(1, dtype="float32", bias_initializer=middle, name="log_exponent")(
+            features
+        )
     return keras.Model(_one_or_all(inputs), answer, name="exponent_net")
 
 
@@ -65,30 +72,9 @@ def albedo_net(architecture: Architecture) -> keras.Model:
     in the hue of the object's pixels, then specular albedo, not yet clipped to [0, 1].
     """
     inputs = _inputs(architecture, "masked_image", *_split(architecture), "specular_shading")
-    albedos = _albedo_head(_encoded(inputs, architecture), inputs[0])
-    return keras.Model(_one_or_all(inputs), albedos, name="albedo_net")
-
-
-def material_net(architecture: Architecture) -> keras.Model:
-    """Build MaterialNet: an image of the object → logits of the exponent's bins, and albedos.
-
-    One encoder in place of AlbedoNet and ExponentNet. In a system without `layers` it reads
-    `masked_image` `(B, S, S, 3)` and, with `dichromatic`, the split; in the reflectance-map
-    baseline the compressed `reflectance_map` `(B, S, S, 3)`.
-
-    The outputs are those of ExponentNet and of AlbedoNet.
-    """
-    is_baseline = architecture.system != "lime"
-    names = ["reflectance_map"] if is_baseline else ["masked_image", *_split(architecture)]
-    inputs = _inputs(architecture, *names)
-    features = _encoded(inputs, architecture)
-    if is_baseline:
-        albedos = layers.Dense(4, dtype="float32", name="albedos")(features)
-    else:
-        albedos = _albedo_head(features, inputs[0])
-    # Files of weights number the layers in the order of the outputs.
-    answers = [_exponent_head(features, architecture), albedos]
-    return keras.Model(_one_or_all(inputs), answers, name="material_net")
+    albedos = layers.Dense(4, dtype="float32", name="albedos")(_encoded(inputs, architecture))
+    turned = HueOfPixels(dtype="float32", name="hue")([albedos, inputs[0]])
+    return keras.Model(_one_or_all(inputs), turned, name="albedo_net")
 
 
 def _encoded(inputs: list[keras.KerasTensor], architecture: Architecture) -> keras.KerasTensor:
@@ -97,27 +83,11 @@ def _encoded(inputs: list[keras.KerasTensor], architecture: Architecture) -> ker
     )
 
 
-def _exponent_head(features: keras.KerasTensor, architecture: Architecture) -> keras.KerasTensor:
-    """Return the logits of the bins `(B, 8)`, or log10 s `(B, 1)`."""
-    if architecture.exponent == "classification":
-        return layers.Dense(BIN_COUNT, dtype="float32", name="logits")(features)
-    # Training starts from the middle of the range: a bias of 0 is the dullest material.
-    middle = keras.initializers.Constant((LOG_LOW + LOG_HIGH) / 2)
-    return layers.Dense(1, dtype="float32", bias_initializer=middle, name="log_exponent")(features)
-
-
-def _albedo_head(features: keras.KerasTensor, masked_image: keras.KerasTensor) -> keras.KerasTensor:
-    """Return the albedos `(B, 4)`, m_d in the hue of the masked image."""
-    albedos = layers.Dense(4, dtype="float32", name="albedos")(features)
-    return HueOfPixels(dtype="float32", name="hue")([albedos, masked_image])
-
-
 _CHANNELS = {
     "masked_image": 3,
     "dichromatic": CHANNELS,
     "specular_shading": 1,
     "mirror": 1,
-    "reflectance_map": 3,
 }
 """Number of channels of what the subnetworks read."""
 

@@ -10,6 +10,8 @@ import pytest
 import stage_runs
 from sphere_corpus import write_split
 
+from lime_keras.data import prints
+from lime_keras.data.features import LEARNT_FROM
 from lime_keras.synthesis import bank
 from lime_keras.train.config import corpus_sha256
 from lime_keras.train.data import SEEN_MASK, Data
@@ -152,23 +154,26 @@ def test_the_data_are_identified_by_their_files(paths):
 
 
 @pytest.mark.parametrize("name", ["corpus", "bank"])
-def test_only_segmentation_alone_learns_from_clutter(paths, name):
+@pytest.mark.parametrize("stage", ["segmentation", "specular"])
+def test_clutter_is_of_masks_alone_and_prints_are_of_all_others(paths, name, stage, monkeypatch):
+    monkeypatch.setattr(prints, "_PRINTED", 1.0)
     plain = stage_runs.config(paths / name)
     schedule = dataclasses.replace(plain.schedule, clutter=True)
     both = [
         Data([paths / name], config)
         for config in (plain, dataclasses.replace(plain, schedule=schedule))
     ]
-    wanted = ["image", "mask"]
-    for stage, differs in (("segmentation", True), ("specular", False)):
-        here = Stage((stage,), 4, 1e-3)
-        seen = [
-            [np.asarray(batch["image"]) for batch in itertools.islice(batches, 4)]
-            for batches in (data.training(here, wanted, 0) for data in both)
-        ]
-        assert any(not np.array_equal(*pair) for pair in zip(*seen, strict=True)) == differs
-        later = next(both[1].training(here, wanted, 3))
-        assert np.array_equal(np.asarray(later["image"]), seen[1][3])
+    here = Stage((stage,), 4, 1e-3)
+    seen = [list(itertools.islice(data.training(here, LEARNT_FROM, 0), 4)) for data in both]
+    changed, around = [], []
+    for one, other in zip(*seen, strict=True):
+        differs = np.asarray(one["image"]) != np.asarray(other["image"])
+        changed.append(differs.any())
+        around.append((differs & (np.asarray(one["mask"]) == 0)).mean())
+    assert any(changed)
+    assert (max(around) > 0.01) == (stage == "segmentation")
+    later = next(both[1].training(here, LEARNT_FROM, 3))
+    assert np.array_equal(np.asarray(later["image"]), np.asarray(seen[1][3]["image"]))
 
 
 class Masker:
@@ -181,7 +186,7 @@ class Masker:
         return np.full((*images.shape[:3], 1), self.level, np.float32)
 
 
-MATERIAL = Stage(("material",), 4, 1e-3)
+MATERIAL = Stage(("albedo",), 4, 1e-3)
 
 
 def _seen(data, step=0, count=3):
@@ -198,7 +203,7 @@ def test_all_stages_but_segmentation_see_masks_that_are_not_true(paths, masks):
     schedule = dataclasses.replace(plain.schedule, masks=masks)
     data = Data([paths / "bank"], dataclasses.replace(plain, schedule=schedule))
     assert data.seen(STAGE, ["image"]) == ("image",)
-    for names in (("material",), ("specular", "mirror")):
+    for names in (("albedo",), ("specular", "mirror")):
         expected = ("image", SEEN_MASK) if masks else ("image",)
         assert data.seen(Stage(names, 4, 1e-3), ["image"]) == expected
 

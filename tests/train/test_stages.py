@@ -12,7 +12,7 @@ PAPER = PRESETS["paper"]
 
 def changed(preset, **changes):
     if "system" in changes:
-        changes |= {"dichromatic": False, "layers": True}
+        changes |= {"dichromatic": False}
     return dataclasses.replace(PRESETS[preset], **changes)
 
 
@@ -62,17 +62,6 @@ def test_without_a_mirror_nothing_is_joined_with_it():
     ]
 
 
-@pytest.mark.parametrize("preset", ["smoke", "nano", "live"])
-def test_a_material_net_is_trained_alone(preset):
-    assert stage_names(preset) == [
-        "segmentation",
-        "specular",
-        "mirror",
-        "material",
-        "specular+mirror",
-    ]
-
-
 def test_the_baseline_is_trained_alone_and_then_end_to_end():
     assert stage_names("paper", system="reflectance-map") == [
         "segmentation",
@@ -95,7 +84,7 @@ def test_each_subnetwork_is_trained_alone_first(preset, changes):
         subnetwork_names(architecture)
     )
     joined = [name for name in found if "+" in name]
-    assert joined or not (architecture.mirror or architecture.layers)
+    assert joined
     assert found[len(found) - len(joined) :] == joined
 
 

@@ -18,7 +18,6 @@ def test_bins_are_told_by_their_exponents():
         ({}, "ExponentNet and AlbedoNet given the true mask, S and M"),
         ({"mirror": False}, "ExponentNet and AlbedoNet given the true mask and S"),
         ({"system": "reflectance-map"}, "MaterialNet given the true reflectance map"),
-        ({"layers": False, "dichromatic": True}, "MaterialNet given the true mask"),
     ],
 )
 def test_encoders_on_true_layers_are_called_what_they_are(fields, which):

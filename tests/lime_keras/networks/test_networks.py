@@ -160,18 +160,18 @@ def test_other_presets_read_the_split(preset):
         "segmentation": ["image"],
         "specular": ["masked_image", "dichromatic"],
         "mirror": ["specular_shading"],
-        "material": ["masked_image", "dichromatic"],
+        "exponent": ["masked_image", "dichromatic", "specular_shading", "mirror"],
+        "albedo": ["masked_image", "dichromatic", "specular_shading"],
     }
     for name in ("specular", "mirror"):
         channels = {"specular": 7, "mirror": 1}[name]
         layers = unet_convolutions(architecture, channels)
         expected = sum((k * k * below + 1) * width for k, below, width, _ in layers)
         assert subnetworks[name].count_params() == expected
-    material = subnetworks["material"].count_params()
-    assert material == encoder_parameters(architecture, 7, 12)
+    assert subnetworks["exponent"].count_params() == encoder_parameters(architecture, 9, 8)
+    assert subnetworks["albedo"].count_params() == encoder_parameters(architecture, 8, 4)
     size = (None, architecture.size, architecture.size, 1)
     assert subnetworks["segmentation"].output_shape == size
-    assert subnetworks["material"].output_shape == [(None, 8), (None, 4)]
 
 
 def test_the_papers_u_nets_keep_to_the_bound_of_its_run_times():
@@ -212,22 +212,6 @@ def test_an_output_takes_only_the_subnetworks_it_needs(output, subnetworks):
     assert network.count_params() == expected
     # The others need not even exist.
     assemble({name: subnetworks[name] for name in NEEDED[output]}, [output])
-
-
-@pytest.mark.parametrize("exponent", ["classification", "regression"])
-def test_a_material_without_layers_takes_the_mask_and_one_encoder(tiny, exponent):
-    architecture = dataclasses.replace(tiny, dichromatic=True, layers=False, exponent=exponent)
-    subnetworks = build(architecture)
-    material = {
-        name for name in output_names(subnetworks) if name.endswith("albedo") or "exponent" in name
-    }
-    assert len(material) == 3
-    network = assemble(subnetworks, material)
-    held = {layer.name for layer in network.layers if isinstance(layer, keras.Model)}
-    assert held == {"segmentation_net", "material_net"}
-    assert set(network.output) == material
-    # The others need not even exist.
-    assemble({name: subnetworks[name] for name in ("segmentation", "material")}, material)
 
 
 def test_everything_takes_each_subnetwork_once(subnetworks):
