@@ -17,7 +17,7 @@ _PRINTED, _MOTTLED = 0.45, 0.35
 """Shares of the objects with one to three prints, and with small changes of their diffuse albedo.
 """
 _LEVELS = 0.2, 1.8
-"""Least and largest level of the noise from which on there is a print: on a third to 2 %."""
+"""Least and largest level of the noise from which on there is a print: on 42 to 4 %."""
 _CELLS = 2, 24
 """Smallest and largest number of the noise's cells along an image."""
 _BRIGHTEST = 0.9
