@@ -100,10 +100,6 @@ def run(tmp_path_factory):
     keras.utils.set_random_seed(0)
     weights.save(folder / "model", TINY, build(TINY))
     (folder / "config.json").write_text('{"preset": "tiny"}', encoding="utf-8")
-    (folder / "curves").mkdir()
-    (folder / "curves" / "1-segmentation.csv").write_text(
-        "step,seconds,train_mask,validation_mask\n1,0.1,0.5,\n2,0.2,0.4,0.45\n", encoding="utf-8"
-    )
     return folder
 
 
@@ -237,9 +233,8 @@ def test_out_and_the_table_on_standard_output(corpus, run, tmp_path, capsys):
     captured = capsys.readouterr()
     assert captured.out == (out / "table1.md").read_text(encoding="utf-8")
     assert str(out / "report.html") in captured.err
-    # A bare model has neither curves nor configuration; the report does without.
-    page = (out / "report.html").read_text(encoding="utf-8")
-    assert "Loss by stage" not in page and "Configuration" not in page
+    # A bare model has no configuration; the report does without.
+    assert "Configuration" not in (out / "report.html").read_text(encoding="utf-8")
 
 
 # The ablations.
