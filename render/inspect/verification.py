@@ -5,7 +5,6 @@ goes on after a fault and reports all faults.
 """
 
 import collections
-import hashlib
 import math
 import os
 from collections.abc import Callable, Iterator
@@ -138,7 +137,7 @@ def _check_manifest(split: Split, faults: Faults) -> None:
     beside = split.description_path
     if not beside.is_file():
         faults.add("file", beside, "is missing")
-    elif _read_json(beside) != description:
+    elif untrusted.json_or_none(beside) != description:
         faults.add("manifest", beside, f"differs from the description in {path.name}")
 
 
@@ -181,10 +180,9 @@ def _check_strays(split: Split, faults: Faults) -> None:
 
 def _check_digests(path: Path, listed: list[str], count: int, faults: Faults) -> None:
     """Check the bytes and the count of a shard against the manifest and the sidecar."""
-    with path.open("rb") as file:
-        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    digest = untrusted.sha256(path)
     beside = path.with_suffix(".json")
-    sidecar = _read_json(beside)
+    sidecar = untrusted.json_or_none(beside)
     if listed and digest != listed[0]:
         faults.add("sha256", path, f"is {digest}, expected {listed[0]} of the manifest")
     if not isinstance(sidecar, dict):
@@ -259,11 +257,3 @@ def _gather(checked: Future, path: Path, indices: range, record: int, faults: Fa
             faults.add("index", where, f"is example {index}, expected {expected}")
     for kind, what in found:
         faults.add(kind, where, what)
-
-
-def _read_json(path: Path) -> Any:
-    """Return the content of a JSON file; None if the file is missing or broken."""
-    try:
-        return untrusted.read_json(path)
-    except ValueError:
-        return None
