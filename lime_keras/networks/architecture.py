@@ -1,7 +1,7 @@
 """The architecture of a system, which is its subnetworks with their sizes, and the presets."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 SYSTEMS = ("lime", "reflectance-map")
 EXPONENTS = ("classification", "regression")
@@ -99,40 +99,24 @@ class Architecture:
         return " ".join(["LIME", *splits, *without, *regresses])
 
 
+_LIVE = Architecture(
+    size=128,
+    unet_width=16,
+    unet_depth=4,
+    encoder_width=24,
+    dense_width=128,
+    pretrained=True,
+    dichromatic=True,
+    layers=False,
+)
 PRESETS = {
     # Small enough that all stages train in minutes on two cores, without the pretrained weights.
-    "smoke": Architecture(
-        size=128,
-        unet_width=12,
-        unet_depth=4,
-        encoder_width=16,
-        dense_width=64,
-        dichromatic=True,
-        layers=False,
-    ),
+    "smoke": replace(_LIVE, unet_width=12, encoder_width=16, dense_width=64, pretrained=False),
     # For every frame of a fast camera: in ONNX Runtime a quarter of the time of `live`, so more
     # than 100 frames a second on two cores. Encoders cost little at any width.
-    "nano": Architecture(
-        size=64,
-        unet_width=8,
-        unet_depth=4,
-        encoder_width=16,
-        dense_width=128,
-        pretrained=True,
-        dichromatic=True,
-        layers=False,
-    ),
+    "nano": replace(_LIVE, size=64, unet_width=8, encoder_width=16),
     # For video (docs/explanation/decisions.md).
-    "live": Architecture(
-        size=128,
-        unet_width=16,
-        unet_depth=4,
-        encoder_width=24,
-        dense_width=128,
-        pretrained=True,
-        dichromatic=True,
-        layers=False,
-    ),
+    "live": _LIVE,
     # The figures that show the paper's layer sizes are lost. Its run times bound the sizes: a U-Net
     # takes at most 28 GFLOP.
     "paper": Architecture(size=256, unet_width=32, unet_depth=4, encoder_width=32, dense_width=256),
