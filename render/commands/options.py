@@ -5,10 +5,13 @@ import os
 import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from lime_keras import console
 from lime_keras.data.corpus import SPLITS, Split
+
+if TYPE_CHECKING:
+    from ..mitsuba_setup.variants import Choice
 
 MATERIALS = ("uniform", "natural")  # `material_law.LAWS`, without NumPy
 GOES_ON = "the same command goes on with what is missing"
@@ -98,7 +101,36 @@ def add_shard_size(out: Any, unit: str, default: str) -> None:
     )
 
 
-def folders(options: argparse.Namespace) -> dict[str, str | None]:
+def chosen_variant(description: Path) -> "Choice":
+    """Choose a variant of Mitsuba, and tell it; what was begun with the slow one goes on with it.
+
+    Args:
+        description: file of the description with which a folder was begun; it need not exist.
+    """
+    from ..jobs import resuming
+    from ..mitsuba_setup import variants
+
+    choice = variants.choose()
+    if (resuming.held(description) or {}).get("variant") == variants.SLOW:
+        # It was begun without a libLLVM: its other shards need the same variant.
+        choice = variants.Choice(variants.SLOW, None)
+    print(choice.explain(), file=sys.stderr)
+    return choice
+
+
+def described(options: argparse.Namespace, most: int) -> dict[str, Any]:
+    """Return what the options say of a description: contents, shards and the user's folders.
+
+    Args:
+        options: parsed options.
+        most: largest number of things in a shard where `--shard-size` does not say.
+    """
+    named = {name: getattr(options, name) for name in ("split", "count", "seed", "size")}
+    shard_size = options.shard_size or min(most, -(-options.count // 20))
+    return named | {"shard_size": shard_size} | _folders(options)
+
+
+def _folders(options: argparse.Namespace) -> dict[str, str | None]:
     """Return the user's folders by kind; None for a built-in kind."""
     return {
         name: str(folder.resolve()) if (folder := getattr(options, name)) else None
