@@ -52,14 +52,13 @@ def cases(model_dir: Path) -> list[Case]:
     return networks.cases("trained system", system) + networks.exports("trained system", system)
 
 
-def run(cases: Sequence[Case], progress: bool = True) -> list[Verdict]:
+def run(cases: Sequence[Case]) -> list[Verdict]:
     """Run cases and return their verdicts.
 
     A small system takes seconds, and a large one minutes.
 
     Args:
         cases: cases to run, of `cases` or others.
-        progress: whether to show a progress bar on standard error.
 
     Raises:
         ValueError: if Keras' backend is not TensorFlow, which takes the derivatives.
@@ -69,8 +68,7 @@ def run(cases: Sequence[Case], progress: bool = True) -> list[Verdict]:
             f"Keras computes with {keras.backend.backend()}, but derivatives are taken by "
             "TensorFlow here: unset KERAS_BACKEND"
         )
-    with tqdm(cases, desc="stability", unit="check", disable=not progress) as bar:
-        return [case.judge() for case in bar]
+    return [case.judge() for case in tqdm(cases, desc="stability", unit="check")]
 
 
 def failures(verdicts: Iterable[Verdict]) -> list[Verdict]:

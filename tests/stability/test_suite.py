@@ -40,7 +40,7 @@ def verdicts():
 
 @pytest.fixture(scope="module")
 def all_verdicts():
-    return {verdict.id: verdict for verdict in suite.run(RUN, progress=False)}
+    return {verdict.id: verdict for verdict in suite.run(RUN)}
 
 
 @pytest.mark.parametrize("name", [case.id for case in CASES if case.precision not in COMPILED])

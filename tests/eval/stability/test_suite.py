@@ -69,7 +69,7 @@ def test_a_folder_without_a_model_is_refused_before_anything_is_tried(tmp_path):
 def test_another_backend_is_refused(monkeypatch):
     monkeypatch.setattr(keras.backend, "backend", lambda: "jax")
     with pytest.raises(ValueError, match="unset KERAS_BACKEND"):
-        suite.run(CASES, progress=False)
+        suite.run(CASES)
 
 
 def test_a_trained_model_is_tried(tiny_model):
