@@ -1,21 +1,18 @@
 """The architecture of a system, which is its subnetworks with their sizes, and the presets."""
 
-import math
 from dataclasses import dataclass, replace
 
 SYSTEMS = ("lime", "reflectance-map")
 EXPONENTS = ("classification", "regression")
 
-_MOST = {
-    "size": 4096,
-    "unet_width": 1024,
-    "unet_depth": 10,
-    "encoder_width": 1024,
-    "dense_width": 65536,
+_RANGES = {
+    "size": (1, 4096),
+    "unet_width": (1, 1024),
+    "unet_depth": (0, 10),
+    "encoder_width": (1, 1024),
+    "dense_width": (1, 65536),
 }
-"""Largest value of each setting, far above all that can be trained."""
-_LEAST = {"size": -math.inf, "unet_depth": 0}
-"""Least value of a setting, where it is not 1; that of the size depends on the others."""
+"""Least and largest value of each setting, the latter far above all that can be trained."""
 ENCODER_BLOCKS = 5
 """Number of an encoder's blocks, each of which halves the height and width."""
 
@@ -64,12 +61,12 @@ class Architecture:
 
     def __post_init__(self) -> None:
         """Raise ValueError if the settings describe no system."""
-        for name, most in _MOST.items():
+        for name, (least, most) in _RANGES.items():
             value = getattr(self, name)
-            if not isinstance(value, int) or value > most:
-                raise ValueError(f"no networks of {name} {value!r}: take a number up to {most}")
-            if value < _LEAST.get(name, 1):
-                raise ValueError(f"no networks of {name} {value}: take a number above it")
+            if not isinstance(value, int) or not least <= value <= most:
+                raise ValueError(
+                    f"no networks of {name} {value!r}: take a number from {least} to {most}"
+                )
         if self.system not in SYSTEMS or self.exponent not in EXPONENTS:
             raise ValueError(
                 f"no system {self.system} with exponent {self.exponent}: there are "
@@ -82,7 +79,7 @@ class Architecture:
                 "dichromatic split: take one ablation at a time"
             )
         multiple = 2 ** max(ENCODER_BLOCKS, self.unet_depth)
-        if self.size < 1 or self.size % multiple:
+        if self.size % multiple:
             raise ValueError(
                 f"no networks for images of {self.size} pixels: they halve them "
                 f"{max(ENCODER_BLOCKS, self.unet_depth)} times, so take a multiple of {multiple}"

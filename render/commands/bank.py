@@ -76,7 +76,4 @@ def run(options: argparse.Namespace) -> int:
 def _size(text: str) -> int:
     from lime_keras.synthesis.bank import LARGEST_SIZE
 
-    value = shared.size(text)
-    if value > LARGEST_SIZE:
-        raise argparse.ArgumentTypeError(f"{text} is more than {LARGEST_SIZE}")
-    return value
+    return console.whole(32, LARGEST_SIZE, 32)(text)

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from ..mitsuba_setup.variants import Choice
 
 MATERIALS = ("uniform", "natural")  # `material_law.LAWS`, without NumPy
+index, seed, size = console.whole(0), console.whole(0, 2**63 - 1), console.whole(32, multiple=32)
+"""Kinds of numbers: of an example; a seed; of pixels."""
 GOES_ON = "the same command goes on with what is missing"
 """The message after Ctrl-C of a command that can be resumed."""
 
@@ -190,27 +192,3 @@ def tell(manifest: Mapping[str, Any], unit: str) -> None:
             print(f"skipped: {kind}: {name}: {reason}", file=sys.stderr)
     for failure in manifest["failures"]:
         print(f"replaced: {unit} {failure['index']}: {failure['error']}", file=sys.stderr)
-
-
-def index(text: str) -> int:
-    """Return the number of an example, at least 0."""
-    value = int(text)
-    if value < 0:
-        raise argparse.ArgumentTypeError(f"{text} is not at least 0")
-    return value
-
-
-def seed(text: str) -> int:
-    """Return a seed, in 0 … 2^63 − 1."""
-    value = int(text)
-    if not 0 <= value < 2**63:
-        raise argparse.ArgumentTypeError(f"{text} is not in 0 … 2^63 − 1")
-    return value
-
-
-def size(text: str) -> int:
-    """Return a number of pixels, a multiple of 32."""
-    value = int(text)
-    if value < 32 or value % 32:
-        raise argparse.ArgumentTypeError(f"{text} is not a multiple of 32")
-    return value
