@@ -201,10 +201,11 @@ class WithinBins(keras.metrics.Mean):
         distance: largest distance in bins that counts as right; 0 accepts only the true bin, 1
             accepts its neighbours as well.
         name: name of the metric.
+        dtype: type of the metric's state; by default single precision.
     """
 
-    def __init__(self, distance: int, name: str = "within_bins"):
-        super().__init__(name=name)
+    def __init__(self, distance: int, name: str = "within_bins", dtype: Any = None):
+        super().__init__(name=name, dtype=dtype)
         self._distance = distance
 
     def update_state(self, exponent_bin: Any, predicted: Any, sample_weight: Any = None) -> None:
