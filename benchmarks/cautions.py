@@ -25,7 +25,7 @@ from tqdm import tqdm
 
 from lime_keras import Estimator
 from lime_keras.estimate import cautions
-from lime_keras.metrics import intersection_over_union
+from lime_keras.metrics import overlap, overlap_ratio
 from lime_keras.networks import PRESETS
 from lime_keras.optics import colour, dichromatic, gloss
 from lime_keras.train.config import Config, corpus_sha256
@@ -102,7 +102,7 @@ def _answers(estimator: Estimator, corpus: Path) -> list[Answer]:
             out.append(
                 Answer(
                     material.mask_confidence or 0.0,
-                    intersection_over_union(mask[None], material.layers["mask"][None])[0],
+                    overlap_ratio(*overlap(mask[None], material.layers["mask"][None]))[0],
                     np.log10(high / low),
                     gloss.word(material.exponent) != gloss.word(exponent),
                     abs(np.log10(material.exponent / exponent)),

@@ -22,7 +22,7 @@ from tqdm import tqdm
 from lime_keras import Estimator, console
 from lime_keras.data import pipeline
 from lime_keras.data.corpus import Split
-from lime_keras.metrics import intersection_over_union
+from lime_keras.metrics import overlap, overlap_ratio
 from lime_keras.optics import camera_law, colour
 from lime_keras.train.sources import masks
 
@@ -163,7 +163,7 @@ def _measured(
                 abs(np.clip(log // edge, 0, 7) - np.clip(true // edge, 0, 7)) <= 1,
                 np.abs(np.asarray(material.diffuse_albedo) - scene["diffuse_albedo"][0]).mean(),
                 abs(material.specular_albedo - float(np.ravel(scene["specular_albedo"])[0])),
-                intersection_over_union(photo.mask[None], material.layers["mask"][None])[0],
+                overlap_ratio(*overlap(photo.mask[None], material.layers["mask"][None]))[0],
             )
         )
     return np.mean(np.asarray(rows, float), axis=0)

@@ -50,7 +50,7 @@ class Store:
         """
         path = self._folder / f"{name}.json"
         key = _key(depends_on, code)
-        known = _read(path)
+        known = untrusted.json_or_none(path)
         if known is not None and _is_of(known, key):
             return known["result"]
         result = make()
@@ -70,7 +70,7 @@ class Store:
         """
         path = self._folder / name
         record, key = _record(path), _key(depends_on, code)
-        known = _read(record)
+        known = untrusted.json_or_none(record)
         if path.exists() and known is not None and _is_of(known, key):
             return path
         with atomic.replacing(path) as partial:
@@ -152,14 +152,6 @@ def _is_of(known: Mapping[str, Any], key: Mapping[str, Any]) -> bool:
 def _record(path: Path) -> Path:
     """Return the path of the JSON file, beside a file or folder, that holds its key."""
     return path.with_name(f"{path.name}.json")
-
-
-def _read(path: Path) -> dict[str, Any] | None:
-    """Return the content of a JSON file, or None if it is missing or not JSON."""
-    try:
-        return untrusted.read_json(path)
-    except ValueError:
-        return None
 
 
 def _read_arrays(path: Path) -> dict[str, np.ndarray]:

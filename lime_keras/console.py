@@ -107,12 +107,24 @@ def _out_of_memory(error: MemoryError) -> str:
     )
 
 
-def count(text: str) -> int:
-    """Parse the value of an option that is a count: a whole number of at least 1."""
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"{text} is not at least 1")
-    return value
+def whole(least: int, most: int | None = None, multiple: int = 1) -> Callable[[str], int]:
+    """Return a parser for an option that is a whole number, in a range or of a multiple."""
+
+    def parse(text: str) -> int:
+        value = int(text)
+        if most is None and value < least:
+            raise argparse.ArgumentTypeError(f"{text} is not at least {least}")
+        if most is not None and not least <= value <= most:
+            raise argparse.ArgumentTypeError(f"{text} is not in {least} … {most}")
+        if value % multiple:
+            raise argparse.ArgumentTypeError(f"{text} is not a multiple of {multiple}")
+        return value
+
+    parse.__name__ = "whole number"
+    return parse
+
+
+count = whole(1)
 
 
 def positive(text: str) -> float:

@@ -49,25 +49,6 @@ def overlap_ratio(intersection: Any, union: Any) -> Any:
     return xp.where(union > 0, intersection / xp.maximum(union, 1e-9), 1.0)
 
 
-def intersection_over_union(mask: np.ndarray, predicted: np.ndarray) -> np.ndarray:
-    """Return the intersection over union (IoU) of two masks, `(B,)` in [0, 1].
-
-    A pixel belongs to a mask if its coverage is at least one half. Two empty masks agree: their IoU
-    is 1.
-
-    Args:
-        mask: true coverage `(B, H, W, 1)` in [0, 1].
-        predicted: predicted coverage `(B, H, W, 1)` in [0, 1].
-
-    Example:
-        >>> true = np.array([1.0, 1.0, 0.0, 0.0]).reshape(1, 2, 2, 1)
-        >>> found = np.array([0.9, 0.4, 0.0, 0.6]).reshape(1, 2, 2, 1)
-        >>> intersection_over_union(true, found).round(3).tolist()
-        [0.333]
-    """
-    return overlap_ratio(*overlap(mask, predicted))
-
-
 def albedo_absolute_error(albedo: np.ndarray, predicted: np.ndarray) -> np.ndarray:
     """Return the mean absolute error of an albedo over its channels, `(B,)` in [0, 1].
 

@@ -65,7 +65,7 @@ ROWS = {
         ("verdicts", "photos", "double_precision"),
         ("precisions",),
         ("systems",),
-        ("networks", "runtime"),
+        ("networks",),
         ("suite",),
     ),
 }

@@ -14,7 +14,6 @@ A run's folder holds:
 
 import contextlib
 import dataclasses
-import functools
 import hashlib
 import json
 import shutil
@@ -48,21 +47,6 @@ from .terms import TERMS
 _SECONDS_BETWEEN_MODELS = 120
 
 
-def _locked(function: Callable[..., list[str]]) -> Callable[..., list[str]]:
-    """Let a function lead one run's folder at a time; of joined processes, the first locks it."""
-
-    @functools.wraps(function)
-    def locked(paths: Sequence[Path], run: Path, *arguments: Any, **options: Any) -> list[str]:
-        lock: contextlib.AbstractContextManager = contextlib.nullcontext()
-        if hosts.place()[0] == 0:
-            lock = locking.lock_folder(run, "lime-train is training")
-        with lock:
-            return function(paths, run, *arguments, **options)
-
-    return locked
-
-
-@_locked
 def train(
     paths: Sequence[Path],
     run: Path,
@@ -110,22 +94,26 @@ def train(
         RuntimeError: if a loss or a gradient is not finite, or another process is training the run.
     """
     began = monotonic() if began is None else began
-    _refuse(config, only, reuse, devices)
-    # Open: what is there agrees with the config, and among the processes.
     place = hosts.place()
-    data = Data(paths, config, place)
-    check(run, config)
-    hosts.agree({"options or data": dataclasses.asdict(config), "--devices": devices})
-    if config.minutes is None and place[0] == 0:
-        claim(run, paths, config)
-    opened = _Run(run, config, data, Devices(devices), tell, only, reuse, start_from)
-    # Measure: a run is claimed when its minutes are known to be enough.
-    timetable = None
-    if config.minutes is not None and opened.left:
-        timetable = opened.measured(began)
-        claim(run, paths, config)
-    opened.learn(timetable)
-    opened.evaluate()
+    lock: contextlib.AbstractContextManager = contextlib.nullcontext()
+    if place[0] == 0:  # of joined processes, the first locks the folder
+        lock = locking.lock_folder(run, "lime-train is training")
+    with lock:
+        _refuse(config, only, reuse, devices)
+        # Open: what is there agrees with the config, and among the processes.
+        data = Data(paths, config, place)
+        check(run, config)
+        hosts.agree({"options or data": dataclasses.asdict(config), "--devices": devices})
+        if config.minutes is None and place[0] == 0:
+            claim(run, paths, config)
+        opened = _Run(run, config, data, Devices(devices), tell, only, reuse, start_from)
+        # Measure: a run is claimed when its minutes are known to be enough.
+        timetable = None
+        if config.minutes is not None and opened.left:
+            timetable = opened.measured(began)
+            claim(run, paths, config)
+        opened.learn(timetable)
+        opened.evaluate()
     return opened.untrained
 
 

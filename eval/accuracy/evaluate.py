@@ -62,7 +62,6 @@ class Evaluation:
             needs a complete material.
         oracle: error columns of the oracle: exponent, albedos and relighting. It is empty if
             `evaluate` was given an `answer` other than the Keras model.
-        confusion: number of examples `(8, 8)` by true bin (row) and `predicted_bin` (column).
         architecture: architecture of the system.
         stage_one: names of those of the oracle's encoders that have their weights from before joint
             training, which the run kept; the others have the weights of the system.
@@ -70,7 +69,6 @@ class Evaluation:
 
     rows: dict[str, np.ndarray]
     oracle: dict[str, np.ndarray]
-    confusion: np.ndarray
     architecture: Architecture
     stage_one: tuple[str, ...] = ()
 
@@ -78,6 +76,11 @@ class Evaluation:
     def count(self) -> int:
         """The number of examples."""
         return len(self.rows["bin"])
+
+    @property
+    def confusion(self) -> np.ndarray:
+        """The number of examples `(8, 8)` by true bin (row) and `predicted_bin` (column)."""
+        return confusion(self.rows)
 
 
 def evaluate(
@@ -151,7 +154,7 @@ def evaluate(
     # All rows, which must be finite.
     joined = _joined(rows)
     of_oracle = _joined(oracle) if oracle else {}
-    evaluation = Evaluation(joined, of_oracle, confusion(joined), architecture, tuple(alone))
+    evaluation = Evaluation(joined, of_oracle, architecture, tuple(alone))
     for columns in (joined, of_oracle):
         _check_finite(columns, model_dir)
     return evaluation

@@ -123,14 +123,13 @@ def specular_ratio(specular_albedo: np.ndarray) -> np.ndarray:
     return np.maximum(estimated, LEAST_SPECULAR) / dielectric_specular_albedo()
 
 
-def within_factor(ratio: np.ndarray, factor: float = 2.0) -> np.ndarray:
-    """Return whether ratios of any shape lie in [1/factor, factor]; NaN does not.
+def within_factor_of_2(ratio: np.ndarray) -> np.ndarray:
+    """Return whether ratios of any shape lie in [½, 2]; NaN does not.
 
     Args:
         ratio: estimated over expected, above 0, or NaN.
-        factor: at least 1.
     """
-    return np.abs(np.log(ratio)) <= np.log(factor) * (1 + 1e-9)
+    return np.abs(np.log2(ratio)) <= 1 + 1e-9
 
 
 def mean_colour(image_srgb: np.ndarray, mask: np.ndarray) -> np.ndarray:

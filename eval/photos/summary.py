@@ -188,7 +188,7 @@ def derived(photos: Sequence[Photo], columns: Columns) -> dict[str, np.ndarray]:
         "pair": np.array([photo.pair or "" for photo in photos]),
         "with_mask": ~np.isnan(columns["iou"]),
         "specular_ratio": ratio,
-        "within_2": measures.within_factor(ratio).astype(float),
+        "within_2": measures.within_factor_of_2(ratio).astype(float),
         "unanswered": 1.0 - columns["found"],
         **angles,
     }

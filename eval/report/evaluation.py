@@ -47,10 +47,7 @@ def evaluation(
         worst: examples to show small, with their relighting error.
         command: command that made the report, as typed.
         corpus: folder of the corpus with the test split.
-        run: folder of the weights; its `config.json` and `curves/` are shown where they exist.
-
-    Raises:
-        ValueError: if a file of loss curves is not a table of numbers.
+        run: folder of the weights; its `config.json` is shown where it exists.
     """
     parts = slices(found.rows)
     return rendered(
@@ -70,7 +67,6 @@ def evaluation(
         relighting=both_themes(lambda theme: figures.relighting(found.rows, theme)),
         slice_header=("Part", "images", *(MEASURES[name].short for name in _shown(parts))),
         slices=[_slice_cells(part, _shown(parts)) for part in parts],
-        curves=both_themes(lambda theme: figures.loss_curves(run / "curves", theme)),
         examples=[_card(example) for example in examples],
         worst=[_small_card(example, found) for example in worst],
         config=_pretty_json(run / "config.json"),

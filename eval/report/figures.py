@@ -1,21 +1,16 @@
-"""Matplotlib figures as PNG: confusion matrix, reliability, relighting, albedos and loss curves.
+"""Matplotlib figures as PNG: confusion matrix, reliability, relighting and albedos.
 
 Each figure is drawn for a light or a dark page, without pyplot's global state.
 """
 
-import csv
 import io
 import math
 from collections.abc import Mapping
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.ticker import LogLocator, NullFormatter
 
 from lime_keras.optics import shininess
 
@@ -25,7 +20,6 @@ from .themes import LIGHT, Theme
 
 DPI = 150
 """Resolution of the figures in pixels per inch."""
-_TRAIN, _VALIDATION = "train_", "validation_"
 TONES = ("#3b82c4", "#e07b39", "#4a9d5b", "#b455a0", "#8a6d3b", "#c2434a", "#3fa7a7", "#7a6fd0")
 """Colours of the series in a figure, distinguishable on white and on near-black."""
 
@@ -170,104 +164,3 @@ def albedos(rows: Mapping[str, np.ndarray], theme: Theme = LIGHT) -> bytes:
         axes.set(xlim=(0, 1), ylim=(0, 1), aspect="equal", xlabel="true", ylabel="estimated")
         axes.set_title(title, color=theme.ink, fontsize=10)
     return to_png(figure)
-
-
-def loss_curves(curves: Path, theme: Theme = LIGHT) -> bytes | None:
-    """Draw the losses of each training stage in a panel as PNG; return None without curves.
-
-    A loss term has the same colour in all panels.
-
-    Args:
-        curves: folder of the curves, one CSV file for each stage (`RUN/curves`).
-        theme: colours of the page.
-
-    Raises:
-        ValueError: if a file is not a table of numbers.
-    """
-    stages = {path.stem: read_curves(path) for path in sorted(curves.glob("*.csv"))}
-    stages = {name: columns for name, columns in stages.items() if "step" in columns}
-    if not stages:
-        return None
-    across = min(4, len(stages))
-    down = math.ceil(len(stages) / across)
-    size = (max(3.0 * across, 6.0), 2.3 * down + 0.4)
-    figure = Figure(figsize=size, dpi=DPI, facecolor=theme.paper, layout="constrained")
-    panels = figure.subplots(down, across, squeeze=False).ravel()
-    tones = _term_colours(list(stages.values()))
-    for axes, (name, columns) in zip(panels, stages.items(), strict=False):
-        _stage(axes, name, columns, tones, theme)
-    for axes in panels[len(stages) :]:
-        axes.set_axis_off()
-    handles = [Line2D([], [], color=tone, label=term) for term, tone in tones.items()]
-    figure.legend(
-        handles=handles,
-        loc="outside lower center",
-        ncols=min(6, int(size[0] / 1.5)),
-        fontsize=8,
-        frameon=False,
-        labelcolor=theme.ink,
-    )
-    return to_png(figure)
-
-
-def read_curves(path: Path) -> dict[str, np.ndarray]:
-    """Read the columns of a curve file as float64 `(N,)` by name; an empty cell is NaN.
-
-    Raises:
-        ValueError: if a cell is not a number.
-    """
-    with path.open(newline="", encoding="utf-8") as file:
-        lines = list(csv.DictReader(file))
-    try:
-        return {
-            name: np.array([float(line[name] or "nan") for line in lines])
-            for name in (lines[0] if lines else ())
-        }
-    except (TypeError, ValueError) as error:
-        raise ValueError(
-            f"{path} is not a table of numbers ({error}): delete or mend it"
-        ) from error
-
-
-def _stage(
-    axes: Axes,
-    name: str,
-    columns: Mapping[str, np.ndarray],
-    tones: Mapping[str, str],
-    theme: Theme,
-) -> None:
-    """Draw a stage: training losses as thin lines, validation losses as points joined by lines."""
-    styles: dict[str, dict[str, Any]] = {
-        _TRAIN: {"linewidth": 0.8, "alpha": 0.55},
-        _VALIDATION: {"marker": ".", "markersize": 4},
-    }
-    lowest = math.inf
-    for column, values in columns.items():
-        known = np.isfinite(values)
-        kind, term = _kind_and_term(column)
-        if term in tones and known.any():
-            axes.plot(columns["step"][known], values[known], color=tones[term], **styles[kind])
-            lowest = min(lowest, values[known].min())
-    if 0 < lowest < math.inf:
-        axes.set_yscale("log")
-        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axes.yaxis.set_major_formatter("{x:g}")
-        axes.yaxis.set_minor_formatter(NullFormatter())
-    dress(axes, theme)
-    axes.set_title(name.replace("-", " · ", 1), color=theme.ink, fontsize=9)
-    axes.set_xlabel("step", fontsize=8)
-
-
-def _term_colours(stages: list[dict[str, np.ndarray]]) -> dict[str, str]:
-    """Return the colour of each loss term, in the order in which training uses the terms."""
-    terms = dict.fromkeys(_kind_and_term(column)[1] for columns in stages for column in columns)
-    terms.pop("", None)
-    return {term: TONES[index % len(TONES)] for index, term in enumerate(terms)}
-
-
-def _kind_and_term(column: str) -> tuple[str, str]:
-    """Split `train_mask` into `train_` and `mask`; return empty strings if it is no loss column."""
-    for kind in (_TRAIN, _VALIDATION):
-        if column.startswith(kind):
-            return kind, column.removeprefix(kind)
-    return "", ""

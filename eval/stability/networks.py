@@ -1,4 +1,4 @@
-"""Cases for whole systems with extreme images: precisions, batches, exported formats, refusals.
+"""Cases for whole systems with extreme images: precisions, batches, exported formats.
 
 Outputs are compared with `double_precision`. Its random rounding errors of each precision determine
 the tolerance.
@@ -6,62 +6,29 @@ the tolerance.
 
 import functools
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from lime_keras.model import weights
-
 from .photos import extreme_photos
-from .precisions import BRAIN, HALF, SINGLE, TENSORS, Precision
-from .systems import BATCH, FRESH, Answers, TrialSystem
-from .verdicts import Case, Compared, Outcome, joined, refusal
+from .precisions import SINGLE, TENSORS, Precision
+from .systems import BATCH, Answers, TrialSystem
+from .verdicts import Case, Compared, Outcome, joined
 
 FORMATS = {"savedmodel": "SavedModel", "onnx": "ONNX"}
 _SQUARABLE = 1e15
 """Largest derivative accepted, so that the optimiser can square it in single precision."""
 _IN_A_BATCH = f"all images, in a batch of {BATCH} that ends in NaN"
-_UNSOUND: dict[str, Callable[[np.ndarray], np.ndarray]] = {
-    "a NaN pixel": lambda image: _with_pixel(image, np.nan),
-    "an infinite pixel": lambda image: _with_pixel(image, np.inf),
-    "a pixel of -0.1": lambda image: _with_pixel(image, -0.1),
-    "levels up to 255": lambda image: 255 * image,
-    "no colours": lambda image: image[..., 0],
-    "an alpha channel": lambda image: np.concatenate([image, image[..., :1]], axis=-1),
-    "no pixels": lambda image: image[:0],
-}
 
 
-def cases(model_dir: Path | None = None) -> list[Case]:
-    """Return the cases of whole systems.
+def cases(part: str, system: TrialSystem, precisions: Sequence[Precision] = TENSORS) -> list[Case]:
+    """Return the cases of a system that Keras runs: images, batches and derivatives.
 
     Args:
-        model_dir: folder of a trained system; by default the systems of `systems.FRESH`.
+        part: name of the system in the tables.
+        system: system to try.
+        precisions: precisions to try it in.
     """
-    if model_dir is not None:
-        system = TrialSystem(model_dir)
-        return _cases("trained system", system) + _exports("trained system", system)
-    systems = {f"fresh {name}": TrialSystem(a) for name, a in FRESH.items()}
-    # The baseline has the same kinds of layers, so compiling and exporting one system is enough.
-    out = _cases("fresh LIME", systems["fresh LIME"])
-    out += _cases("fresh baseline", systems["fresh baseline"], (SINGLE, HALF, BRAIN))
-    split = "fresh LIME with the split"
-    out += _cases(split, systems[split], (SINGLE, HALF, BRAIN))
-    return out + _exports("fresh LIME", systems["fresh LIME"])
-
-
-def check(model_dir: Path) -> None:
-    """Raise an error if a folder holds no readable model.
-
-    Raises:
-        FileNotFoundError: if the folder holds no model.
-        ValueError: if the model cannot be read.
-    """
-    weights.load(model_dir)
-
-
-def _cases(part: str, system: TrialSystem, precisions: Sequence[Precision] = TENSORS) -> list[Case]:
     out = []
 
     def add(name: str, precision: Precision, measure: Callable[..., Outcome], *more: Any) -> None:
@@ -76,12 +43,11 @@ def _cases(part: str, system: TrialSystem, precisions: Sequence[Precision] = TEN
             add("derivatives by the weights, all images", precision, _derivatives, precision)
     for image in extreme_photos(2):
         add(f"{image}, estimated", SINGLE, _estimated, image)
-    for name, spoil in _UNSOUND.items():
-        add(f"{name}, refused", SINGLE, _refused, spoil)
     return out
 
 
-def _exports(part: str, system: TrialSystem) -> list[Case]:
+def exports(part: str, system: TrialSystem) -> list[Case]:
+    """Return the cases of a system in the formats that `lime-export` writes."""
     out = []
     for model_format, title in FORMATS.items():
         measures = {
@@ -168,14 +134,3 @@ def _estimated(system: TrialSystem, image: str) -> Outcome:
     if material.mask_coverage:
         parts.append(Compared(np.array(material.exponent), 1.0, 1000.0, 1e-3))
     return Outcome(joined(parts))
-
-
-def _refused(system: TrialSystem, spoil: Callable[[np.ndarray], np.ndarray]) -> Outcome:
-    photo = spoil(system.images["in steps of 16 bits"])
-    return refusal(lambda: system.estimator.estimate(photo), "photo")
-
-
-def _with_pixel(image: np.ndarray, value: float) -> np.ndarray:
-    out = image.copy()
-    out[1, 2, 0] = value
-    return out

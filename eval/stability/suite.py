@@ -1,9 +1,9 @@
-"""The stability suite of whole systems: each at its extremes, compared with a reference.
+"""The stability suite of a trained system, at its extremes, compared with a reference.
 
 Example:
     from lime_keras.eval.stability import suite
 
-    print(suite.markdown(suite.run(suite.cases())))
+    print(suite.markdown(suite.run(suite.cases(Path("runs/mine")))))
 """
 
 import dataclasses
@@ -14,8 +14,11 @@ from pathlib import Path
 import keras
 from tqdm import tqdm
 
+from lime_keras.model import weights
+
 from ..markdown_table import ABSENT, aligned
-from . import networks, runtime
+from . import networks
+from .systems import TrialSystem
 from .verdicts import Case, Verdict
 
 HEADER = (
@@ -32,40 +35,30 @@ HEADER = (
 _SUMMARY = ("Part", "Checks", "Passed", "Failed")
 
 
-def cases(model_dir: Path | None = None) -> list[Case]:
+def cases(model_dir: Path) -> list[Case]:
     """Return all cases in the order of the tables, without computing anything.
 
     Args:
         model_dir: run of `lime-train`, or folder of `lime_keras.model.weights.save`, with the
-            networks to try in every precision and format; by default small networks with fresh
-            weights.
+            networks to try in every precision and format.
 
     Raises:
         FileNotFoundError: if `model_dir` holds no trained model.
         ValueError: if the model cannot be read.
     """
-    if model_dir is None:
-        return networks.cases() + runtime.cases()
     # A missing model would make every case fail for the same reason.
-    networks.check(model_dir)
-    return networks.cases(model_dir)
+    weights.load(model_dir)
+    system = TrialSystem(model_dir)
+    return networks.cases("trained system", system) + networks.exports("trained system", system)
 
 
-def skipped(model_dir: Path | None) -> list[str]:
-    """Return what `cases` leaves out, and why, in words."""
-    if model_dir is None:
-        return []
-    return [f"{len(runtime.cases())} checks of the runtime: they take small networks, no RUN"]
-
-
-def run(cases: Sequence[Case], progress: bool = True) -> list[Verdict]:
+def run(cases: Sequence[Case]) -> list[Verdict]:
     """Run cases and return their verdicts.
 
-    With fresh weights this takes seconds, and longer with a large trained model.
+    A small system takes seconds, and a large one minutes.
 
     Args:
         cases: cases to run, of `cases` or others.
-        progress: whether to show a progress bar on standard error.
 
     Raises:
         ValueError: if Keras' backend is not TensorFlow, which takes the derivatives.
@@ -75,8 +68,7 @@ def run(cases: Sequence[Case], progress: bool = True) -> list[Verdict]:
             f"Keras computes with {keras.backend.backend()}, but derivatives are taken by "
             "TensorFlow here: unset KERAS_BACKEND"
         )
-    with tqdm(cases, desc="stability", unit="check", disable=not progress) as bar:
-        return [case.judge() for case in bar]
+    return [case.judge() for case in tqdm(cases, desc="stability", unit="check")]
 
 
 def failures(verdicts: Iterable[Verdict]) -> list[Verdict]:

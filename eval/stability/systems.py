@@ -1,6 +1,5 @@
-"""The system under test: a trained one, or a small one with fresh weights."""
+"""The system under test."""
 
-import dataclasses
 import functools
 import tempfile
 from collections.abc import Mapping
@@ -23,21 +22,10 @@ from .photos import extreme_photos
 from .precisions import ROUNDINGS, Precision
 from .verdicts import Compared, joined
 
-_SMALL = Architecture(size=32, unet_width=4, unet_depth=1, encoder_width=4, dense_width=8)
-FRESH = {
-    "LIME": _SMALL,
-    "baseline": dataclasses.replace(_SMALL, system="reflectance-map"),
-    "LIME with the split": dataclasses.replace(_SMALL, pretrained=True, dichromatic=True),
-}
-"""Architectures small enough to be tried in seconds, by name."""
-
 BATCH = 64
 _DRAWS = 4
 _MARGIN = 4.0
 """Factor by which an error may exceed the largest of `_DRAWS` random rounding errors."""
-# Biases that keep mask, shading and albedos inside their range; else all later outputs would be 0.
-_HEADS = {"segmentation": 0.6, "specular": 0.5, "mirror": 0.5, "reflectance_map": 0.5}
-
 Answers = dict[str, np.ndarray]
 
 
@@ -45,26 +33,17 @@ class TrialSystem:
     """A system in every precision and format; each variant is made when it is first needed.
 
     Args:
-        source: run of `lime-train`, folder of `weights.save`, or an architecture to be built with
-            random weights.
+        folder: run of `lime-train`, or folder of `weights.save`.
     """
 
-    def __init__(self, source: Path | Architecture):
-        self._source = source
+    def __init__(self, folder: Path):
+        self.folder = folder
 
     @functools.cached_property
     def _scratch(self) -> Path:
         """A temporary folder that is deleted with this object."""
         self._temporary = tempfile.TemporaryDirectory(prefix="lime-stability-")
         return Path(self._temporary.name)
-
-    @functools.cached_property
-    def folder(self) -> Path:
-        """The folder of the weights."""
-        if isinstance(self._source, Path):
-            return self._source
-        weights.save(self._scratch / "model", self._source, _drawn(self._source))
-        return self._scratch / "model"
 
     @functools.cached_property
     def _loaded(self) -> tuple[Architecture, dict[str, keras.Model]]:
@@ -174,18 +153,6 @@ class TrialSystem:
         if model_format == exporter.ONNX:
             return formats.open_onnx(path)
         return formats.open_saved_model(path)[formats.SERVED]
-
-
-def _drawn(architecture: Architecture) -> dict[str, keras.Model]:
-    """Build subnetworks with weights of a fixed seed, and with biases that keep outputs above 0."""
-    subnetworks = build(architecture, seed=0)
-    for name, network in subnetworks.items():
-        if name in _HEADS:
-            bias = network.get_layer("head").bias
-            bias.assign(np.full(bias.shape, _HEADS[name]))
-        elif name in ("albedo", "material"):
-            network.get_layer("albedos").bias.assign([0.5] * 4)
-    return subnetworks
 
 
 def _computing_in(

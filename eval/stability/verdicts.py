@@ -1,7 +1,7 @@
 """Cases of the stability suite, their outcomes, and the verdicts on them."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -30,12 +30,12 @@ class Verdict:
     part: str
     case: str
     precision: str
-    value: float | None
-    gradient: float | None
-    reference: float | None
-    error: float | None
-    tolerance: float | None
-    passed: bool
+    value: float | None = None
+    gradient: float | None = None
+    reference: float | None = None
+    error: float | None = None
+    tolerance: float | None = None
+    passed: bool = field(kw_only=True)
     note: str = ""
 
     @property
@@ -116,78 +116,31 @@ class Case:
 
     def judge(self) -> Verdict:
         """Run the case and return its verdict; an exception is a verdict that failed."""
+        about = self.part, self.name, self.precision
         try:
             outcome = self.measure()
         except Exception as error:
             note = f"{type(error).__name__}: {first_line(error)}"
-            return self._verdict(passed=False, note=note)
-        if outcome.value is None and outcome.gradient is None:
-            return self._verdict(passed=True, note=outcome.note)
-        return self._compared(outcome)
-
-    def _compared(self, outcome: Outcome) -> Verdict:
-        """Return the verdict on numbers; report the value or the gradient, whichever is worse."""
+            return Verdict(*about, passed=False, note=note)
         of_value, of_gradient = (
             compared.worst() if compared else None for compared in (outcome.value, outcome.gradient)
         )
         known = [numbers for numbers in (of_value, of_gradient) if numbers]
+        if not known:
+            return Verdict(*about, passed=True, note=outcome.note)
+        # Of value and gradient, the worse is compared.
         worse = max(known, key=lambda numbers: _share(*numbers[2:]))
         note = outcome.note
         if of_value and worse is not of_value:
             note = "; ".join(filter(None, ["error of the gradient", note]))
-        return self._verdict(
-            value=of_value[0] if of_value else None,
-            gradient=of_gradient[0] if of_gradient else None,
-            compared=worse[1:],
+        return Verdict(
+            *about,
+            of_value[0] if of_value else None,
+            of_gradient[0] if of_gradient else None,
+            *worse[1:],
             passed=_share(*worse[2:]) <= 1,
             note=note,
         )
-
-    def _verdict(
-        self,
-        *,
-        passed: bool,
-        note: str,
-        value: float | None = None,
-        gradient: float | None = None,
-        compared: tuple[float | None, float | None, float | None] = (None, None, None),
-    ) -> Verdict:
-        reference, error, tolerance = compared
-        return Verdict(
-            part=self.part,
-            case=self.name,
-            precision=self.precision,
-            value=value,
-            gradient=gradient,
-            reference=reference,
-            error=error,
-            tolerance=tolerance,
-            passed=passed,
-            note=note,
-        )
-
-
-class UnrefusedError(Exception):
-    """Bad data that was accepted, or refused with the wrong message."""
-
-
-def refusal(action: Callable[[], object], *words: str) -> Outcome:
-    """Run an action on bad data, and return the outcome of its refusal by a `ValueError`.
-
-    Args:
-        action: function that uses the bad data.
-        words: texts that the error's message must contain.
-
-    Raises:
-        UnrefusedError: if the action accepts the data, or its message lacks one of the words.
-    """
-    try:
-        answer = action()
-    except ValueError as error:
-        if missing := [word for word in words if word not in str(error)]:
-            raise UnrefusedError(f"refused without saying {missing}: {error}") from error
-        return Outcome(note=f"refused: {first_line(error)}")
-    raise UnrefusedError(f"taken, and answered with a {type(answer).__name__}")
 
 
 def first_line(error: Exception) -> str:

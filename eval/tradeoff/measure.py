@@ -37,7 +37,6 @@ def measure(
     store: Store,
     *,
     camera: bool = False,
-    progress: bool = True,
 ) -> dict[str, Any]:
     """Measure the trade-off of trained runs; continue where an earlier call was stopped.
 
@@ -46,7 +45,6 @@ def measure(
         corpus: folder with complete `train` and `test` splits.
         store: store that keeps the measurements and the models in every format.
         camera: show photos of the scenes (`lime_keras.data.camera`) instead of clean images.
-        progress: show progress bars on standard error.
 
     Returns:
         As JSON: `machine`, `date`, `load` (average number of running processes at the start),
@@ -71,8 +69,8 @@ def measure(
     load = os.getloadavg()[0]
     samples = Samples(corpus, store, camera=camera)
     opened = {name: Run(name, path, samples, store) for name, path in runs.items()}
-    answered = _answered(opened, store, progress)
-    rows = _timed(Bench(opened), store, progress)
+    answered = _answered(opened, store)
+    rows = _timed(Bench(opened), store)
     scored = recommendation.scored([one["errors"] for one in answered.values()])
     _judge(rows, answered, scored)
     alone = [row for row in rows if is_whole(row) and row["batch"] == 1]
@@ -109,9 +107,7 @@ def _judge(rows: list[dict[str, Any]], answered: Mapping, scored: list[str]) -> 
         row["front"] = on_front
 
 
-def _answered(
-    runs: Mapping[str, Run], store: Store, progress: bool
-) -> dict[tuple[str, str, str], dict[str, Any]]:
+def _answered(runs: Mapping[str, Run], store: Store) -> dict[tuple[str, str, str], dict[str, Any]]:
     """Return the errors and the difference from Keras by run, runtime and precision."""
     variants = [
         (name, runtime, precision)
@@ -121,7 +117,7 @@ def _answered(
     ]
     fidelities = {name: Fidelity(run, store) for name, run in runs.items()}
     answered = {}
-    for name, runtime, precision in tqdm(variants, "answers", disable=not progress):
+    for name, runtime, precision in tqdm(variants, "answers"):
         of = fidelities[name]
         difference = max(of.difference(runtime, precision).values())
         errors = of.errors(runtime, precision)
@@ -129,13 +125,13 @@ def _answered(
     return answered
 
 
-def _timed(bench: Bench, store: Store, progress: bool) -> list[dict[str, Any]]:
+def _timed(bench: Bench, store: Store) -> list[dict[str, Any]]:
     """Time all cases, and return a row for each case with its rounds pooled."""
     cases = bench.cases()
-    jobs = {case: bench.job(case, EFFORT) for case in tqdm(cases, "models", disable=not progress)}
+    jobs = {case: bench.job(case, EFFORT) for case in tqdm(cases, "models")}
     rounds: dict[TimedCase, list] = {case: [] for case in cases}
     turns = [(number, case) for number in range(1, ROUNDS + 1) for case in cases]
-    for number, case in tqdm(turns, "times", disable=not progress):
+    for number, case in tqdm(turns, "times"):
         key = {**bench.depends_on(case, jobs[case]), "round": number}
         run = functools.partial(timing.measure, jobs[case])
         name = f"times/{case.name}-round{number}"

@@ -79,19 +79,23 @@ class Split:
             ValueError: if the manifest is broken, or its numbers contradict each other.
         """
         paths: list[Path] = []
-        shards = self._recorded("shards", int)
-        if shards != -(-self.count // self.shard_size):
+        if self.shards != -(-self.count // self.shard_size):
             raise ValueError(
                 f"{self.manifest_path} contradicts itself: {self.count} examples do not make "
-                f"{shards} shards of {self.shard_size}; render the split again"
+                f"{self.shards} shards of {self.shard_size}; render the split again"
             )
-        for shard in range(shards):
+        for shard in range(self.shards):
             paths.append(self.shard_path(shard))
             if not paths[-1].is_file():
                 raise FileNotFoundError(
                     f"{paths[-1]} is missing: run the same `lime-render` command again"
                 )
         return paths
+
+    @property
+    def shards(self) -> int:
+        """The number of shards."""
+        return self._recorded("shards", int)
 
     @property
     def count(self) -> int:
@@ -101,57 +105,72 @@ class Split:
     @property
     def sha256(self) -> list[str]:
         """The SHA-256 checksums of the shards, in order."""
-        digests = self._recorded("sha256", list)
-        for digest in digests:
-            self._checked(digest, str)
-        return digests
+        return self._texts("sha256")
+
+    @property
+    def shapes(self) -> list[str]:
+        """The names of the shapes."""
+        return self._texts("shapes")
+
+    @property
+    def lights(self) -> list[str]:
+        """The names of the lights."""
+        return self._texts("lights")
 
     @property
     def inputs(self) -> dict[str, dict[str, str]]:
         """The names and checksums of the user's files that were used, by kind of file."""
         inputs = self._recorded("inputs", dict)
-        for of_kind in inputs.values():
-            for digest in self._checked(of_kind, dict).values():
-                self._checked(digest, str)
+        for kind, of_kind in inputs.items():
+            for digest in self._checked(of_kind, dict, kind).values():
+                self._checked(digest, str, kind)
         return inputs
+
+    @property
+    def seed(self) -> int:
+        """The seed of everything random."""
+        return self._described("seed", int)
 
     @property
     def shard_size(self) -> int:
         """The number of examples in each shard but the last."""
-        return max(1, self._checked(self._description.get("shard_size"), int))
+        return max(1, self._described("shard_size", int))
 
     @property
     def size(self) -> int:
         """The height and width of the images in pixels."""
-        return self._checked(self._description.get("size"), int)
+        return self._described("size", int)
 
     @property
     def shading(self) -> str:
         """The normalisation of D and S: `furnace`, or `literal` as printed in Eqs. 2 and 3."""
-        return self._checked(self._description.get("shading"), str)
+        return self._described("shading", str)
 
     @property
     def is_literal(self) -> bool:
         """True if D and S are stored as printed in Eqs. 2 and 3."""
         return self.shading == "literal"
 
-    @property
-    def _description(self) -> dict[str, Any]:
+    def _described(self, name: str, kind: type) -> Any:
         found = self._recorded("description", dict)
         if found.get("lights", 1) != 1:
             raise ValueError(
                 f"{self.folder} was rendered with --lights {found['lights']}, which is no longer "
                 "read: render it again without, or make scenes of a bank by `lime-render scenes`"
             )
-        return found
+        return self._checked(found.get(name), kind, f"description.{name}")
+
+    def _texts(self, name: str) -> list[str]:
+        return [self._checked(one, str, name) for one in self._recorded(name, list)]
 
     def _recorded(self, name: str, kind: type) -> Any:
-        return self._checked(self._checked(self.manifest, dict).get(name), kind)
+        return self._checked(self.manifest.get(name), kind, name)
 
-    def _checked(self, value: Any, kind: type) -> Any:
+    def _checked(self, value: Any, kind: type, name: str) -> Any:
         """Return a value of the manifest; raise ValueError if it is not of the expected kind."""
         if not isinstance(value, kind):
             raise ValueError(
-                f"{self.manifest_path} is no manifest of `lime-render`: render the split again"
+                f"{self.manifest_path} is no manifest of `lime-render`, by its {name}: render the "
+                "split again"
             )
         return value

@@ -6,7 +6,6 @@ the features of `records`, and also `exponent_bin` `(B,)`, the class of the expo
 """
 
 import functools
-import hashlib
 import math
 import os
 from collections.abc import Callable, Collection, Iterable, Iterator
@@ -25,6 +24,7 @@ from lime_keras.data.features import LEARNT_FROM
 from lime_keras.data.mirrored import flip
 from lime_keras.data.recomposition import recompose
 from lime_keras.data.repaint import repaint
+from lime_keras.io import untrusted
 from lime_keras.optics import colour, material_law, shininess
 
 FEATURES = (*records.FEATURES, "clipped", "cast", "exponent_bin")
@@ -98,8 +98,7 @@ def whole_shards(split: Split) -> list[Path]:
 @functools.cache
 def _digest(path: Path, mtime_ns: int, size: int) -> str:
     """Return the SHA-256 of a file; its time of change and its size tell a changed file apart."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+    return untrusted.sha256(path)
 
 
 def training(

@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Union
 
 import numpy as np
 
@@ -14,41 +14,14 @@ from lime_keras.model import graphs as graph_folder
 if TYPE_CHECKING:
     import keras
 
+    from lime_keras.runtime.engine import OnnxEngine
+
 ENGINES = ("onnx", "keras")
 """Names of the engines, the default first."""
 
 
-class Engine(Protocol):
-    """A loaded model that answers the outputs that are asked for.
-
-    Attributes:
-        size: height and width of the images in pixels.
-        system: name of the system in words.
-        outputs: names of the outputs that the model has, out of `outputs.OUTPUTS`.
-    """
-
-    size: int
-    system: str
-    outputs: tuple[str, ...]
-
-    def subnetworks(self, outputs: Iterable[str], given: Collection[str]) -> tuple[str, ...]:
-        """Return the names of the subnetworks that outputs need, in the order of the model.
-
-        Args:
-            outputs: names out of `self.outputs`.
-            given: names of the quantities that are given: `image`, or `image` and `mask`.
-        """
-
-    def run(
-        self, outputs: Collection[str], given: Mapping[str, np.ndarray]
-    ) -> dict[str, np.ndarray]:
-        """Return outputs by name for a batch; only the subnetworks that they need are run.
-
-        Args:
-            outputs: names out of `self.outputs`.
-            given: `image` `(B, S, S, 3)` float32, sRGB in [0, 1]; and `mask` `(B, S, S, 1)` float32
-                in [0, 1], unless the object is to be found.
-        """
+Engine = Union["OnnxEngine", "KerasEngine"]
+"""A loaded model that answers the outputs that are asked for (see `OnnxEngine`)."""
 
 
 def load(run: Path, engine: str, *, streaming: bool = False) -> Engine:
@@ -68,7 +41,7 @@ def load(run: Path, engine: str, *, streaming: bool = False) -> Engine:
     """
     if engine not in ENGINES:
         raise ValueError(f"no engine {engine!r}: choose from {', '.join(ENGINES)}")
-    return _Keras(run) if engine == "keras" else _onnx(run, streaming)
+    return KerasEngine(run) if engine == "keras" else _onnx(run, streaming)
 
 
 def _onnx(run: Path, streaming: bool) -> Engine:
@@ -95,8 +68,8 @@ def _export(run: Path, folder: Path) -> None:
     export(folder.parent, GRAPHS, run)
 
 
-class _Keras:
-    """The networks in Keras (see `Engine`)."""
+class KerasEngine:
+    """The networks in Keras, with the attributes and methods of `OnnxEngine`."""
 
     def __init__(self, run: Path):
         console.require("the Keras engine", "keras")
@@ -110,6 +83,7 @@ class _Keras:
         self.outputs = output_names(self._parts)
 
     def subnetworks(self, outputs: Iterable[str], given: Collection[str]) -> tuple[str, ...]:
+        """Return the names of the subnetworks that outputs need, in the order of the model."""
         missing = set(outputs) - set(given)
         used = self._network(missing, given).layers if missing else []
         return tuple(name for name, part in self._parts.items() if part in used)
@@ -117,6 +91,7 @@ class _Keras:
     def run(
         self, outputs: Collection[str], given: Mapping[str, np.ndarray]
     ) -> dict[str, np.ndarray]:
+        """Return outputs by name for a batch; only the subnetworks that they need are run."""
         inputs = dict(given) if len(given) > 1 else given["image"]
         found = self._network(outputs, given).predict_on_batch(inputs)
         return {name: np.array(found[name]) for name in outputs}

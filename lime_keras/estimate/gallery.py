@@ -10,7 +10,7 @@ import csv
 import html
 import io
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from string import Template
 from typing import Any
@@ -54,15 +54,13 @@ def check(out: Path) -> None:
     Raises:
         ValueError: if a file of that name, or a folder, is there that is no gallery.
     """
-    page, table = out / PAGE, out / TABLE
-    for path in filter(os.path.lexists, (page, table)):
+    marks: dict[str, Callable[[str], bool]] = {
+        PAGE: lambda text: _MARK in text,
+        TABLE: lambda text: text.startswith(f"{COLUMNS[0]},"),
+    }
+    for path in filter(os.path.lexists, (out / name for name in marks)):
         untrusted.check(path, "a gallery")
-    is_page = not page.exists() or _MARK in page.read_text(encoding="utf-8", errors="replace")
-    is_table = not table.exists() or table.read_text(encoding="utf-8", errors="replace").startswith(
-        COLUMNS[0] + ","
-    )
-    for path, is_own in ((page, is_page), (table, is_table)):
-        if not is_own:
+        if not marks[path.name](path.read_text(encoding="utf-8", errors="replace")):
             raise ValueError(
                 f"{path} is there, and not of lime-estimate: pass another folder to --out"
             )

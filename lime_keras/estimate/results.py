@@ -6,7 +6,6 @@ moved to their places together, the JSON last: a result is there completely, or 
 """
 
 import contextlib
-import hashlib
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -179,8 +178,7 @@ def digest(path: Path) -> str:
         OSError: if the file cannot be read.
     """
     untrusted.check(path, "a source of a result")
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()[:_DIGITS]
+    return untrusted.sha256(path)[:_DIGITS]
 
 
 def _differences(found: Mapping[str, Any], made: Mapping[str, Any]) -> list[str]:

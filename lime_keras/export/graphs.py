@@ -4,7 +4,6 @@ The same weights always give the same bytes. The converter, left alone, numbers 
 the process and walks through sets, so that each file would be another.
 """
 
-import hashlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ from onnx import numpy_helper
 
 from lime_keras.export import formats
 from lime_keras.export.standalone import standalone
+from lime_keras.io import untrusted
 from lime_keras.model import graphs as graph_folder
 from lime_keras.model import weights_in_graphs
 from lime_keras.model.graphs import Description, Graph
@@ -53,7 +53,7 @@ def write(
         graphs[name] = Graph(
             inputs=tuple(tensor.name for tensor in alone.inputs),
             outputs=tuple(alone.output),
-            sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
+            sha256=untrusted.sha256(path),
         )
     graph_folder.write(
         folder, Description(digest, architecture.size, architecture.description, graphs)

@@ -1,6 +1,7 @@
 """The door for files that come in: their kind, their size, and whatever their readers raise."""
 
 import contextlib
+import hashlib
 import json
 import stat
 from collections.abc import Iterator
@@ -116,3 +117,17 @@ def read_json(path: Path, kind: type = dict) -> Any:
     if not isinstance(held, kind):
         raise ValueError(f"it holds no JSON {'object' if kind is dict else kind.__name__}")
     return held
+
+
+def json_or_none(path: Path) -> Any:
+    """Return the object in a JSON file; None if the file is missing, broken or of another kind."""
+    try:
+        return read_json(path)
+    except ValueError:
+        return None
+
+
+def sha256(path: Path) -> str:
+    """Return the SHA-256 checksum of a file, which is read in parts."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

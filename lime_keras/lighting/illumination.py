@@ -2,8 +2,7 @@
 
 At a pixel with unit normal n, seen from o, the mirror image M is the light from 2(o·n)n − o, and
 the diffuse shading D is the cosine-weighted light of n's hemisphere. `observe` gathers M and D of
-one image into maps in the scene's frame, the evidence. The evidence of several images can be added.
-`estimate` computes the light from the evidence.
+an image into maps in camera space, the evidence. `estimate` computes the light from the evidence.
 """
 
 import functools
@@ -34,9 +33,7 @@ _LENGTHS = (0.5, 1.5)
 
 @dataclass(frozen=True)
 class Evidence:
-    """The evidence of the light in one or several images, in the scene's frame.
-
-    `a + b` is the evidence of both together.
+    """The evidence of the light in an image, in camera space.
 
     Attributes:
         mirror: `(64, 128)` sums of weight × M, by mirrored direction.
@@ -51,14 +48,6 @@ class Evidence:
     diffuse: np.ndarray
     diffuse_weight: np.ndarray
 
-    def __add__(self, other: "Evidence") -> "Evidence":
-        return Evidence(
-            self.mirror + other.mirror,
-            self.mirror_weight + other.mirror_weight,
-            self.diffuse + other.diffuse,
-            self.diffuse_weight + other.diffuse_weight,
-        )
-
 
 def observe(
     normal: np.ndarray,
@@ -66,10 +55,8 @@ def observe(
     mirror: np.ndarray,
     diffuse_shading: np.ndarray,
     mask: np.ndarray,
-    *,
-    camera_to_scene: np.ndarray | None = None,
 ) -> Evidence:
-    """Return the evidence of the light in one image.
+    """Return the evidence of the light in an image.
 
     The weight of a pixel's M is coverage × o·n, because one pixel near the silhouette mirrors a
     wide angle. The weight of its D is the coverage. A pixel has weight 0 if its normal is zero, NaN
@@ -82,18 +69,12 @@ def observe(
         diffuse_shading: D, linear radiance `(H, W, 1)`, at least 0, normalised to the white furnace
             (see `compositing.diffuse_shading`).
         mask: coverage `(H, W, 1)` in [0, 1].
-        camera_to_scene: `(3, 3)` rotation from camera space to the scene's frame; by default the
-            scene's frame is camera space.
 
     Raises:
-        ValueError: if the shapes differ, `camera_to_scene` is no rotation, M or D is negative or
-            infinite, the mask leaves [0, 1], or most normals do not have length 1 or are turned
-            from the viewer.
+        ValueError: if the shapes differ, M or D is negative or infinite, the mask leaves [0, 1], or
+            most normals do not have length 1 or are turned from the viewer.
     """
     _check(normal, view, mirror, diffuse_shading, mask)
-    rotation = np.eye(3) if camera_to_scene is None else np.asarray(camera_to_scene, np.float64)
-    if rotation.shape != (3, 3) or not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-3):
-        raise ValueError(f"camera_to_scene is a rotation (3, 3), got {camera_to_scene}")
     covered = mask[..., 0] > 0
     weight = mask[covered, 0].astype(np.float64)
     n, known = _unit(normal[covered].astype(np.float64))
@@ -106,10 +87,10 @@ def observe(
             "towards the camera; flip z, or rotate world-space normals"
         )
     weight *= known & (cosine > _LEAST_COSINE)
-    mirrored = shading.reflect(n, o) @ rotation.T
+    mirrored = shading.reflect(n, o)
     return Evidence(
         *_gather(mirror[covered, 0], weight * np.maximum(cosine, 0), mirrored, STORED_SHAPE),
-        *_gather(diffuse_shading[covered, 0], weight, n @ rotation.T, _NORMALS_SHAPE),
+        *_gather(diffuse_shading[covered, 0], weight, n, _NORMALS_SHAPE),
     )
 
 
@@ -208,10 +189,10 @@ def estimate(evidence: Evidence) -> np.ndarray:
     alike the normals are, the stronger the ridge acts. A negative sum becomes 0.
 
     Args:
-        evidence: evidence of one or several images.
+        evidence: evidence of an image.
 
     Returns:
-        Light in the scene's frame, linear radiance `(64, 128)`, at least 0.
+        Light in camera space, linear radiance `(64, 128)`, at least 0.
 
     Raises:
         ValueError: if there is no evidence: no pixel of the masks has a normal and M or D.

@@ -52,30 +52,7 @@ _HEADERS = {
 """Headers with which a browser gives WebAssembly threads."""
 _DESCRIPTION = "engine.json"
 _PATIENCE = 60
-_LICENCE = f"""ONNX Runtime {RUNTIME_VERSION} (onnxruntime-web, https://onnxruntime.ai)
-
-MIT License
-
-Copyright (c) Microsoft Corporation
-
-Permission is hereby granted, free of charge, to any person obtaining a copy
-of this software and associated documentation files (the "Software"), to deal
-in the Software without restriction, including without limitation the rights
-to use, copy, modify, merge, publish, distribute, sublicense, and/or sell
-copies of the Software, and to permit persons to whom the Software is
-furnished to do so, subject to the following conditions:
-
-The above copyright notice and this permission notice shall be included in all
-copies or substantial portions of the Software.
-
-THE SOFTWARE IS PROVIDED "AS IS", WITHOUT WARRANTY OF ANY KIND, EXPRESS OR
-IMPLIED, INCLUDING BUT NOT LIMITED TO THE WARRANTIES OF MERCHANTABILITY,
-FITNESS FOR A PARTICULAR PURPOSE AND NONINFRINGEMENT. IN NO EVENT SHALL THE
-AUTHORS OR COPYRIGHT HOLDERS BE LIABLE FOR ANY CLAIM, DAMAGES OR OTHER
-LIABILITY, WHETHER IN AN ACTION OF CONTRACT, TORT OR OTHERWISE, ARISING FROM,
-OUT OF OR IN CONNECTION WITH THE SOFTWARE OR THE USE OR OTHER DEALINGS IN THE
-SOFTWARE.
-"""
+_LICENCE = "onnxruntime-LICENSE"
 
 
 def write(out: Path, run: Path, runtime: Path) -> None:
@@ -105,7 +82,7 @@ def write(out: Path, run: Path, runtime: Path) -> None:
         for backend in _RUNTIME.values():
             for name in backend.values():
                 shutil.copyfile(runtime / name, partial / "runtime" / name)
-        (partial / "runtime" / "LICENSE").write_text(_LICENCE, encoding="utf-8")
+        (partial / _LICENCE).rename(partial / "runtime" / "LICENSE")
         _write_headers(partial)
         engine = {
             "engine": "browser",

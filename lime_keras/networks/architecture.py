@@ -1,21 +1,18 @@
 """The architecture of a system, which is its subnetworks with their sizes, and the presets."""
 
-import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 SYSTEMS = ("lime", "reflectance-map")
 EXPONENTS = ("classification", "regression")
 
-_MOST = {
-    "size": 4096,
-    "unet_width": 1024,
-    "unet_depth": 10,
-    "encoder_width": 1024,
-    "dense_width": 65536,
+_RANGES = {
+    "size": (1, 4096),
+    "unet_width": (1, 1024),
+    "unet_depth": (0, 10),
+    "encoder_width": (1, 1024),
+    "dense_width": (1, 65536),
 }
-"""Largest value of each setting, far above all that can be trained."""
-_LEAST = {"size": -math.inf, "unet_depth": 0}
-"""Least value of a setting, where it is not 1; that of the size depends on the others."""
+"""Least and largest value of each setting, the latter far above all that can be trained."""
 ENCODER_BLOCKS = 5
 """Number of an encoder's blocks, each of which halves the height and width."""
 
@@ -61,12 +58,12 @@ class Architecture:
 
     def __post_init__(self) -> None:
         """Raise ValueError if the settings describe no system."""
-        for name, most in _MOST.items():
+        for name, (least, most) in _RANGES.items():
             value = getattr(self, name)
-            if not isinstance(value, int) or value > most:
-                raise ValueError(f"no networks of {name} {value!r}: take a number up to {most}")
-            if value < _LEAST.get(name, 1):
-                raise ValueError(f"no networks of {name} {value}: take a number above it")
+            if not isinstance(value, int) or not least <= value <= most:
+                raise ValueError(
+                    f"no networks of {name} {value!r}: take a number from {least} to {most}"
+                )
         if self.system not in SYSTEMS or self.exponent not in EXPONENTS:
             raise ValueError(
                 f"no system {self.system} with exponent {self.exponent}: there are "
@@ -79,7 +76,7 @@ class Architecture:
                 "dichromatic split: take one ablation at a time"
             )
         multiple = 2 ** max(ENCODER_BLOCKS, self.unet_depth)
-        if self.size < 1 or self.size % multiple:
+        if self.size % multiple:
             raise ValueError(
                 f"no networks for images of {self.size} pixels: they halve them "
                 f"{max(ENCODER_BLOCKS, self.unet_depth)} times, so take a multiple of {multiple}"
@@ -96,37 +93,23 @@ class Architecture:
         return " ".join(["LIME", *splits, *without, *regresses])
 
 
+_LIVE = Architecture(
+    size=128,
+    unet_width=16,
+    unet_depth=4,
+    encoder_width=16,
+    dense_width=128,
+    pretrained=True,
+    dichromatic=True,
+)
 PRESETS = {
     # Small enough that all stages train in minutes on two cores, without the pretrained weights.
-    "smoke": Architecture(
-        size=128,
-        unet_width=12,
-        unet_depth=4,
-        encoder_width=16,
-        dense_width=64,
-        dichromatic=True,
-    ),
+    "smoke": replace(_LIVE, unet_width=12, dense_width=64, pretrained=False),
     # For every frame of a fast camera: in ONNX Runtime a quarter of the time of `live`, so more
     # than 100 frames a second on two cores. Encoders cost little at any width.
-    "nano": Architecture(
-        size=64,
-        unet_width=8,
-        unet_depth=4,
-        encoder_width=16,
-        dense_width=128,
-        pretrained=True,
-        dichromatic=True,
-    ),
+    "nano": replace(_LIVE, size=64, unet_width=8),
     # For video (docs/explanation/decisions.md).
-    "live": Architecture(
-        size=128,
-        unet_width=16,
-        unet_depth=4,
-        encoder_width=16,
-        dense_width=128,
-        pretrained=True,
-        dichromatic=True,
-    ),
+    "live": _LIVE,
     # The figures that show the paper's layer sizes are lost. Its run times bound the sizes: a U-Net
     # takes at most 28 GFLOP.
     "paper": Architecture(size=256, unet_width=32, unet_depth=4, encoder_width=32, dense_width=256),

@@ -17,12 +17,13 @@ import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Protocol, Self
+from typing import Self
 
 import numpy as np
 from tqdm import tqdm
 
 from lime_keras.estimate.cautions import NO_OBJECT
+from lime_keras.estimate.estimator import Estimator
 from lime_keras.io import atomic
 from lime_keras.io.sources import is_camera
 from lime_keras.io.video_reader import Footage, Frame
@@ -40,13 +41,6 @@ COLUMNS = (
     *("mask_confidence", "warnings"),
 )
 """Columns of the table that `estimate_video` writes; warnings are codes with a space between."""
-
-
-class Estimates(Protocol):
-    """An estimator of single frames, such as `lime_keras.Estimator`."""
-
-    def estimate(self, photo: np.ndarray, /) -> Material:
-        """Estimate the material of the object in a frame `(H, W, 3)`, float32 sRGB in [0, 1]."""
 
 
 @dataclass(frozen=True)
@@ -86,9 +80,7 @@ class Summary:
         return counts | self.material.to_json() | listed
 
 
-def estimate_video(
-    source: str, estimator: Estimates, folder: Path, name: str, *, frames: int | None = None
-) -> Summary:
+def estimate_video(source: str, estimator: Estimator, folder: Path, name: str) -> Summary:
     """Estimate every frame of a video, and write its table and overlay frame by frame.
 
     At the end the fused material of each scene is written, too (`scenes.write`).
@@ -101,7 +93,6 @@ def estimate_video(
         estimator: estimator of single frames.
         folder: folder for `NAME.csv`, `NAME-overlay.mp4` and the materials; made if it is missing.
         name: NAME of the files.
-        frames: largest number of frames to read; by default the video ends by itself or by Ctrl-C.
 
     Returns:
         Counts, fused material and paths of the files.
@@ -116,10 +107,9 @@ def estimate_video(
         if first is None:
             told = "; ".join([f"{source} holds no frame that can be decoded", *footage.remarks])
             raise ValueError(f"{told}: export it anew, as MP4 say")
-        total = min(filter(None, (footage.expected, frames)), default=None)
         shown = tqdm(
-            itertools.islice(itertools.chain([first], pictures), frames),
-            total=total,
+            itertools.chain([first], pictures),
+            total=footage.expected,
             unit="frame",
             file=sys.stderr,
         )
@@ -143,7 +133,7 @@ class _Run:
         self._last = np.full(len(PARAMETERS), np.nan)
         self.scenes = scenes.Scenes()
 
-    def follow(self, pictures: Iterable[Frame], estimator: Estimates) -> None:
+    def follow(self, pictures: Iterable[Frame], estimator: Estimator) -> None:
         """Estimate and fuse each frame, and write its row and picture."""
         tracker, (table, overlay) = Tracker(), self._paths
         with _Table(table) as rows, Movie(overlay) as video:

@@ -14,6 +14,7 @@ from ..scene.sampling import sample_light_rotation
 
 _COUNT = 400
 _BATCH = 16
+_SEED = 0
 _BARS = 20
 _BRIGHTEST = 0.005
 """Part of the sphere whose share of the energy says how much the light is one of lamps."""
@@ -29,9 +30,7 @@ _MEASURES = {
 }
 
 
-def light_histograms(
-    bank: LightBank, tell: Callable[[int, int], None] | None = None, seed: int = 0
-) -> Figure:
+def light_histograms(bank: LightBank, tell: Callable[[int, int], None]) -> Figure:
     """Draw how contrast and direction spread, among photographed maps and among drawn lights.
 
     Both are posed before the camera: the photographed maps as a corpus poses them. All maps of a
@@ -41,9 +40,8 @@ def light_histograms(
     Args:
         bank: the lights to draw from.
         tell: called with (done, total) as lights are drawn.
-        seed: seed of the drawn lights.
     """
-    columns = _lights(bank, tell, seed)
+    columns = _lights(bank, tell)
     figure = Figure(figsize=(15, 7), dpi=100, layout="constrained")
     for axes, (measure, (title, ends)) in zip(
         figure.subplots(2, 3).flat, _MEASURES.items(), strict=True
@@ -57,21 +55,20 @@ def light_histograms(
 
 
 def _lights(
-    bank: LightBank, tell: Callable[[int, int], None] | None, seed: int
+    bank: LightBank, tell: Callable[[int, int], None]
 ) -> list[tuple[str, list[dict[str, float]]]]:
     """Return the name and the measures of the photographed maps, and of the drawn lights."""
     photographs = [k for k, kind in enumerate(bank.kinds) if kind == "photograph"]
     shown = photographs or list(range(len(bank.kinds)))
-    rngs = [np.random.default_rng([seed, k]) for k in shown]
+    rngs = [np.random.default_rng([_SEED, k]) for k in shown]
     posed = [
         measures(bank.map(k), sample_light_rotation(rng, bank.strong_direction[k]))
         for k, rng in zip(shown, rngs, strict=True)
     ]
     drawn: list[dict[str, float]] = []
-    for batch in drawn_lights(bank, _COUNT, seed):
+    for batch in drawn_lights(bank, _COUNT, _SEED):
         drawn += [measures(*light) for light in zip(*batch, strict=True)]
-        if tell is not None:
-            tell(len(drawn), _COUNT)
+        tell(len(drawn), _COUNT)
     name = "photographed maps" if photographs else "maps"
     return [(f"{len(shown)} {name}", posed), (f"{_COUNT} drawn lights", drawn)]
 

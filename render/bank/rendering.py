@@ -4,11 +4,10 @@ Everything is written atomically by worker processes. The bytes of a bank depend
 alone, not on the number of workers, nor on interruptions. What is finished is never rendered again.
 """
 
-import hashlib
 from pathlib import Path
 from typing import Any
 
-from lime_keras.io import atomic
+from lime_keras.io import atomic, untrusted
 from lime_keras.synthesis import bank
 from lime_keras.synthesis.lights import LISTED, RADIANCE
 
@@ -100,8 +99,7 @@ def _manifest(job: Job, findings: inputs.Findings) -> dict[str, Any]:
     for sidecar in sidecars:
         files |= {f"geometry/{name}": digest for name, digest in sidecar["sha256"].items()}
     for name in (RADIANCE, LISTED, bank.TEXTURES):
-        with (job.out / name).open("rb") as file:
-            files[name] = hashlib.file_digest(file, "sha256").hexdigest()
+        files[name] = untrusted.sha256(job.out / name)
     return {
         "format": bank.FORMAT,
         "version": bank.VERSION,

@@ -4,7 +4,6 @@ Every file is hashed and every entry is decoded. The verification goes on after 
 all faults.
 """
 
-import hashlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -67,7 +66,7 @@ def _check_description(folder: Path, manifest: dict[str, Any], faults: Faults) -
         if manifest[name] != description.get(name):
             what = f"{name} is {manifest[name]}, and its description has {description.get(name)}"
             faults.add("manifest", path, what)
-    if _read_json(beside) != description:
+    if untrusted.json_or_none(beside) != description:
         faults.add(
             "manifest", beside, f"is missing, or differs from the description in {path.name}"
         )
@@ -80,8 +79,7 @@ def _check_files(folder: Path, manifest: dict[str, Any], faults: Faults) -> None
         if not path.is_file():
             faults.add("file", path, f"is missing: {_AGAIN}")
             continue
-        with path.open("rb") as file:
-            digest = hashlib.file_digest(file, "sha256").hexdigest()
+        digest = untrusted.sha256(path)
         if digest != expected:
             faults.add("sha256", path, f"is {digest}, expected {expected}: delete it and {_AGAIN}")
 
@@ -112,7 +110,7 @@ def _check_textures(folder: Path, faults: Faults) -> None:
 
 def _check_shard(path: Path, manifest: dict[str, Any], faults: Faults) -> int:
     """Check the entries of a shard; return their number."""
-    sidecar = _read_json(path.with_suffix(".json"))
+    sidecar = untrusted.json_or_none(path.with_suffix(".json"))
     try:
         table = geometry.read_index(path, len(manifest["shapes"]))
         data = path.read_bytes()
@@ -183,11 +181,3 @@ def _faults(
         if away:
             found.append(("normal", f"{away} {name} normals face away from the viewer"))
     return found
-
-
-def _read_json(path: Path) -> Any:
-    """Return the content of a JSON file; None if the file is missing or broken."""
-    try:
-        return untrusted.read_json(path)
-    except ValueError:
-        return None

@@ -1,12 +1,11 @@
 """The work of a process that renders a bank: one light, some textures, or one shard."""
 
-import hashlib
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from lime_keras.io import atomic
+from lime_keras.io import atomic, untrusted
 from lime_keras.synthesis import geometry
 
 from ..jobs import nodes, resuming
@@ -75,10 +74,7 @@ def render_shard(worker: Worker, shard: int) -> None:
             np.save(file, table)
         sidecar = {
             "entries": len(table),
-            "sha256": {
-                written.name: hashlib.sha256(written.read_bytes()).hexdigest()
-                for written in (path, beside)
-            },
+            "sha256": {written.name: untrusted.sha256(written) for written in (path, beside)},
             "shapes": sorted({worker.bodies.names[shape] for shape in table["shape"]}),
             "failures": failures,
             "packages": nodes.versions(PACKAGES),

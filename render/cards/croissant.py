@@ -5,6 +5,7 @@ The format is version 1.0 of https://docs.mlcommons.org/croissant/docs/croissant
 
 import json
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 from lime_keras.version import __version__
@@ -31,44 +32,8 @@ FIELDS = {
 }
 """Type and content of each feature of a record (`lime_keras.data.records`)."""
 _REPEATED = ("camera", "diffuse_albedo")
-_CONTEXT = {
-    "@language": "en",
-    "@vocab": "https://schema.org/",
-    "citeAs": "cr:citeAs",
-    "column": "cr:column",
-    "conformsTo": "dct:conformsTo",
-    "cr": "http://mlcommons.org/croissant/",
-    "rai": "http://mlcommons.org/croissant/RAI/",
-    "data": {"@id": "cr:data", "@type": "@json"},
-    "dataType": {"@id": "cr:dataType", "@type": "@vocab"},
-    "dct": "http://purl.org/dc/terms/",
-    "equivalentProperty": "cr:equivalentProperty",
-    "examples": {"@id": "cr:examples", "@type": "@json"},
-    "extract": "cr:extract",
-    "field": "cr:field",
-    "fileProperty": "cr:fileProperty",
-    "fileObject": "cr:fileObject",
-    "fileSet": "cr:fileSet",
-    "format": "cr:format",
-    "includes": "cr:includes",
-    "isLiveDataset": "cr:isLiveDataset",
-    "jsonPath": "cr:jsonPath",
-    "key": "cr:key",
-    "md5": "cr:md5",
-    "parentField": "cr:parentField",
-    "path": "cr:path",
-    "recordSet": "cr:recordSet",
-    "references": "cr:references",
-    "regex": "cr:regex",
-    "repeated": "cr:repeated",
-    "replace": "cr:replace",
-    "samplingRate": "cr:samplingRate",
-    "sc": "https://schema.org/",
-    "separator": "cr:separator",
-    "source": "cr:source",
-    "subField": "cr:subField",
-    "transform": "cr:transform",
-}
+_CONTEXT = Path(__file__).with_name("croissant_context.json")
+"""The context that the format prescribes."""
 _TYPES = {
     ".tfrecord": "application/x-tfrecord",
     ".json": "application/json",
@@ -90,7 +55,7 @@ def text(name: str, parts: Sequence[Part]) -> str:
     is_bank = parts[0].name == BANK
     what = "geometry, lights and textures" if is_bank else "images of single objects with layers"
     metadata: dict[str, Any] = {
-        "@context": _CONTEXT,
+        "@context": json.loads(_CONTEXT.read_text(encoding="utf-8")),
         "@type": "sc:Dataset",
         "name": name,
         "conformsTo": "http://mlcommons.org/croissant/1.0",

@@ -6,32 +6,24 @@ meshes and maps are the user's to add.
 
 from collections.abc import Sequence
 from pathlib import Path
+from string import Template
 
 from .contents import BANK, Part
 from .croissant import FIELDS
 
+_CARD = Path(__file__).with_name("data_card.md")
 WRITTEN = "<!-- written by lime-render; without this line the file is kept as it is -->"
 """Line of the cards that may be written anew."""
 
 _SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (10**6, "100K<n<1M"))
-_LIMITS = """\
-One object of one material in each image, under distant grey light, without shadows that it casts on
-itself and without reflections of itself; no transparency, no texture. Everything is rendered. A
-model that has learnt from it has seen no photograph.
-"""
+_BUILT_IN = "Shapes, rooms and textures are built into lime-keras; MIT licence, as lime-keras.\n"
+_OTHERS = (
+    "The licences of the meshes, maps and pictures named above decide. Name their authors and "
+    "licences here\nbefore you share this folder.\n"
+)
 _LAYERS = """\
 Layers follow Eq. 4 of the paper: image = m_a + m_d · D + m_s · S, in linear radiance, with the
 light's spherical mean at 0.4. `lime-render verify` checks every record against it.
-"""
-_CITATION = """\
-@inproceedings{meka2018lime,
-  title     = {{LIME}: Live Intrinsic Material Estimation},
-  author    = {Meka, Abhimitra and Maximov, Maxim and Zollh{\\"o}fer, Michael and
-               Chatterjee, Avishek and Seidel, Hans-Peter and Richardt, Christian and
-               Theobalt, Christian},
-  booktitle = {IEEE Conference on Computer Vision and Pattern Recognition (CVPR)},
-  year      = {2018}
-}
 """
 
 
@@ -42,25 +34,19 @@ def text(name: str, parts: Sequence[Part]) -> str:
         name: name of the folder.
         parts: its complete parts, at least one.
     """
-    is_bank = parts[0].name == BANK
-    sections = [
-        _head(name, parts),
-        f"# {name}\n",
-        f"{WRITTEN}\n",
-        _summary(is_bank),
-        "## What it holds\n",
-        _parts(parts),
-        *([] if is_bank else ["## Records\n", _fields(), _LAYERS]),
-        "## How it was made\n",
-        *map(_made, parts),
-        "## What it cannot teach\n",
-        _LIMITS,
-        "## Licence\n",
-        _licence(parts),
-        "## Citation\n",
-        f"```bibtex\n{_CITATION}```\n",
-    ]
-    return "\n".join(sections)
+    is_bank, built_in = parts[0].name == BANK, all(part.is_built_in for part in parts)
+    count = sum(part.count for part in parts)
+    return Template(_CARD.read_text(encoding="utf-8")).substitute(
+        name=name,
+        written=WRITTEN,
+        licence="mit" if built_in else "other",
+        size=next((label for limit, label in _SIZES if count < limit), "n>1M"),
+        summary=_summary(is_bank),
+        parts=_parts(parts),
+        records="" if is_bank else f"## Records\n\n{_fields()}\n{_LAYERS}\n",
+        made="\n".join(map(_made, parts)),
+        terms=_BUILT_IN if built_in else _OTHERS,
+    )
 
 
 def is_ours(path: Path) -> bool:
@@ -69,28 +55,6 @@ def is_ours(path: Path) -> bool:
         return WRITTEN in path.read_text(encoding="utf-8", errors="replace").splitlines()
     except FileNotFoundError:
         return True
-
-
-def _head(name: str, parts: Sequence[Part]) -> str:
-    count = sum(part.count for part in parts)
-    size = next((label for limit, label in _SIZES if count < limit), "n>1M")
-    licence = "mit" if all(part.is_built_in for part in parts) else "other"
-    lines = [
-        "---",
-        f"pretty_name: {name}",
-        f"license: {licence}",
-        "task_categories:",
-        "- image-to-image",
-        "- image-segmentation",
-        "tags:",
-        "- material-estimation",
-        "- intrinsic-images",
-        "- inverse-rendering",
-        "- synthetic",
-        f"size_categories: [{size}]",
-        "---",
-    ]
-    return "\n".join(lines) + "\n"
 
 
 def _summary(is_bank: bool) -> str:
@@ -139,12 +103,3 @@ def _made(part: Part) -> str:
             rows.append(f"- files of {kind}: {', '.join(sorted(files))}")
     rows.append(f"- packages: {', '.join(f'{k} {v}' for k, v in sorted(part.packages.items()))}")
     return "\n".join(rows) + "\n"
-
-
-def _licence(parts: Sequence[Part]) -> str:
-    if all(part.is_built_in for part in parts):
-        return "Shapes, rooms and textures are built into lime-keras; MIT licence, as lime-keras.\n"
-    return (
-        "The licences of the meshes, maps and pictures named above decide. Name their authors and "
-        "licences here\nbefore you share this folder.\n"
-    )

@@ -1,7 +1,6 @@
 """`lime-render bank`: render a bank of geometry, lights and textures."""
 
 import argparse
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -48,23 +47,9 @@ def run(options: argparse.Namespace) -> int:
     from .. import cards
     from ..bank import rendering
     from ..bank.description import Description
-    from ..jobs import resuming
-    from ..mitsuba_setup import variants
 
-    choice = variants.choose()
-    if (resuming.held(options.out / "description.json") or {}).get("variant") == variants.SLOW:
-        # The bank was begun without a libLLVM: its other shards need the same variant.
-        choice = variants.Choice(variants.SLOW, None)
-    print(choice.explain(), file=sys.stderr)
-    description = Description(
-        split=options.split,
-        count=options.count,
-        seed=options.seed,
-        size=options.size,
-        shard_size=options.shard_size or min(256, -(-options.count // 20)),
-        variant=choice.variant,
-        **shared.folders(options),
-    )
+    choice = shared.chosen_variant(options.out / "description.json")
+    description = Description(variant=choice.variant, **shared.described(options, 256))
     with (
         console.Bar("files", "file") as checked,
         console.Bar("lights", "light") as lit,
@@ -91,7 +76,4 @@ def run(options: argparse.Namespace) -> int:
 def _size(text: str) -> int:
     from lime_keras.synthesis.bank import LARGEST_SIZE
 
-    value = shared.size(text)
-    if value > LARGEST_SIZE:
-        raise argparse.ArgumentTypeError(f"{text} is more than {LARGEST_SIZE}")
-    return value
+    return console.whole(32, LARGEST_SIZE, 32)(text)

@@ -1,7 +1,6 @@
 """`lime-render OUT`: render one split of a corpus."""
 
 import argparse
-import sys
 from pathlib import Path
 
 from lime_keras import console
@@ -64,25 +63,15 @@ def run(options: argparse.Namespace) -> int:
     console.require("lime-render", *console.EXTRAS["render"], "tensorflow")
     from .. import cards
     from ..corpus.description import Description
-    from ..corpus.split import held_variant, render_split
-    from ..mitsuba_setup import variants
+    from ..corpus.split import render_split
 
-    choice = variants.choose()
-    if held_variant(Split(options.out, options.split)) == variants.SLOW:
-        # The split was begun without a libLLVM: its other shards need the same variant.
-        choice = variants.Choice(variants.SLOW, None)
-    print(choice.explain(), file=sys.stderr)
+    choice = shared.chosen_variant(Split(options.out, options.split).description_path)
     description = Description(
-        split=options.split,
-        count=options.count,
-        seed=options.seed,
-        size=options.size,
-        shard_size=options.shard_size or min(512, -(-options.count // 20)),
         quality=options.quality,
         shading=options.shading,
         variant=choice.variant,
         materials=options.materials,
-        **shared.folders(options),
+        **shared.described(options, 512),
     )
     with (
         console.Bar("files", "file") as checked,

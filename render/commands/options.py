@@ -5,12 +5,17 @@ import os
 import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from lime_keras import console
 from lime_keras.data.corpus import SPLITS, Split
 
+if TYPE_CHECKING:
+    from ..mitsuba_setup.variants import Choice
+
 MATERIALS = ("uniform", "natural")  # `material_law.LAWS`, without NumPy
+index, seed, size = console.whole(0), console.whole(0, 2**63 - 1), console.whole(32, multiple=32)
+"""Kinds of numbers: of an example; a seed; of pixels."""
 GOES_ON = "the same command goes on with what is missing"
 """The message after Ctrl-C of a command that can be resumed."""
 
@@ -98,7 +103,36 @@ def add_shard_size(out: Any, unit: str, default: str) -> None:
     )
 
 
-def folders(options: argparse.Namespace) -> dict[str, str | None]:
+def chosen_variant(description: Path) -> "Choice":
+    """Choose a variant of Mitsuba, and tell it; what was begun with the slow one goes on with it.
+
+    Args:
+        description: file of the description with which a folder was begun; it need not exist.
+    """
+    from ..jobs import resuming
+    from ..mitsuba_setup import variants
+
+    choice = variants.choose()
+    if (resuming.held(description) or {}).get("variant") == variants.SLOW:
+        # It was begun without a libLLVM: its other shards need the same variant.
+        choice = variants.Choice(variants.SLOW, None)
+    print(choice.explain(), file=sys.stderr)
+    return choice
+
+
+def described(options: argparse.Namespace, most: int) -> dict[str, Any]:
+    """Return what the options say of a description: contents, shards and the user's folders.
+
+    Args:
+        options: parsed options.
+        most: largest number of things in a shard where `--shard-size` does not say.
+    """
+    named = {name: getattr(options, name) for name in ("split", "count", "seed", "size")}
+    shard_size = options.shard_size or min(most, -(-options.count // 20))
+    return named | {"shard_size": shard_size} | _folders(options)
+
+
+def _folders(options: argparse.Namespace) -> dict[str, str | None]:
     """Return the user's folders by kind; None for a built-in kind."""
     return {
         name: str(folder.resolve()) if (folder := getattr(options, name)) else None
@@ -158,27 +192,3 @@ def tell(manifest: Mapping[str, Any], unit: str) -> None:
             print(f"skipped: {kind}: {name}: {reason}", file=sys.stderr)
     for failure in manifest["failures"]:
         print(f"replaced: {unit} {failure['index']}: {failure['error']}", file=sys.stderr)
-
-
-def index(text: str) -> int:
-    """Return the number of an example, at least 0."""
-    value = int(text)
-    if value < 0:
-        raise argparse.ArgumentTypeError(f"{text} is not at least 0")
-    return value
-
-
-def seed(text: str) -> int:
-    """Return a seed, in 0 … 2^63 − 1."""
-    value = int(text)
-    if not 0 <= value < 2**63:
-        raise argparse.ArgumentTypeError(f"{text} is not in 0 … 2^63 − 1")
-    return value
-
-
-def size(text: str) -> int:
-    """Return a number of pixels, a multiple of 32."""
-    value = int(text)
-    if value < 32 or value % 32:
-        raise argparse.ArgumentTypeError(f"{text} is not a multiple of 32")
-    return value

@@ -86,11 +86,6 @@ def _render_missing(
     resuming.remove_partials(job.folder, job.folder / "rooms")
 
 
-def held_variant(split: Split) -> str | None:
-    """Return the variant of Mitsuba with which a split was begun; None for a new split."""
-    return (resuming.held(split.description_path) or {}).get("variant")
-
-
 def _refuse_shared_inputs(job: Job, findings: inputs.Findings) -> None:
     """Raise ValueError if both splits use a shape or a map with the same contents."""
     other = Split(job.out, next(name for name in SPLITS if name != job.description.split))

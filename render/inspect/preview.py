@@ -73,8 +73,8 @@ def preview(corpus: Path, split: str, on_example: Callable[[int, int], None]) ->
         histogram = histograms.draw(
             {name: np.array(values) for name, values in gathered.columns.items()},
             {
-                "shapes": _uses(gathered.shapes, files.manifest["shapes"]),
-                "lights": _uses(gathered.lights, files.manifest["lights"]),
+                "shapes": _uses(gathered.shapes, files.shapes),
+                "lights": _uses(gathered.lights, files.lights),
             },
             gathered.pictured,
             files.is_literal,

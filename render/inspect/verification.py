@@ -5,13 +5,11 @@ goes on after a fault and reports all faults.
 """
 
 import collections
-import hashlib
 import math
 import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
 
 import tensorflow as tf
 
@@ -24,23 +22,11 @@ from .faults import Faults
 
 _AHEAD = 8
 """Number of records per thread that are held in memory at once."""
-_MANIFEST = {
-    "description": dict,
-    "shards": int,
-    "examples": int,
-    "sha256": list,
-    "shapes": list,
-    "lights": list,
-    "inputs": dict,
-}
-_DESCRIPTION = {
-    "split": str,
-    "count": int,
-    "seed": int,
-    "size": int,
-    "shard_size": int,
-    "shading": str,
-}
+_READ = (
+    *("shards", "count", "sha256", "shapes", "lights", "inputs"),
+    *("seed", "size", "shard_size", "shading"),
+)
+"""Properties of a split that its manifest must record."""
 
 
 def verify(corpus: Path, split: str, on_example: Callable[[int, int], None]) -> Faults:
@@ -55,30 +41,29 @@ def verify(corpus: Path, split: str, on_example: Callable[[int, int], None]) -> 
     files = Split(corpus, split)
     if not _is_readable(files, faults):
         return faults
-    manifest = files.manifest
     _check_manifest(files, faults)
-    if manifest["shards"] > len(manifest["sha256"]):
+    if files.shards > len(files.sha256):
         return faults  # it may tell of a billion shards
-    input_checks.check(files.inputs_path, manifest, faults)
+    input_checks.check(files.inputs_path, files.manifest, faults)
     _check_other_split(files, faults)
     _check_strays(files, faults)
-    count, shard_size = manifest["description"]["count"], files.shard_size
+    count, shard_size = files.count, files.shard_size
     expected = record_checks.Expected(
-        seed=manifest["description"]["seed"],
-        size=manifest["description"]["size"],
+        seed=files.seed,
+        size=files.size,
         literal=files.is_literal,
-        shapes=frozenset(manifest["shapes"]),
-        lights=frozenset(manifest["lights"]),
-        brightest_background=math.inf if "bank" in manifest["description"] else 1.0,
+        shapes=frozenset(files.shapes),
+        lights=frozenset(files.lights),
+        brightest_background=math.inf if "bank" in files.manifest["description"] else 1.0,
     )
     with ThreadPoolExecutor(os.cpu_count()) as threads:
-        for shard in range(manifest["shards"]):
+        for shard in range(files.shards):
             path = files.shard_path(shard)
             indices = range(shard * shard_size, min((shard + 1) * shard_size, count))
             if not path.is_file():
                 faults.add("file", path, "the shard is missing: render the split again")
             else:
-                _check_digests(path, manifest["sha256"][shard:][:1], len(indices), faults)
+                _check_digests(path, files.sha256[shard:][:1], len(indices), faults)
                 for done in _check_records(path, indices, expected, threads, faults):
                     on_example(min(indices.start + done, count), count)
             on_example(min(indices.stop, count), count)
@@ -86,59 +71,32 @@ def verify(corpus: Path, split: str, on_example: Callable[[int, int], None]) -> 
 
 
 def _is_readable(split: Split, faults: Faults) -> bool:
-    """Return whether the manifest can be read and has all needed keys; else add a fault."""
+    """Return whether the manifest can be read and is whole; else add a fault."""
     path = split.manifest_path
     try:
-        manifest = split.manifest
-    except FileNotFoundError as error:
+        for name in _READ:
+            getattr(split, name)
+    except (FileNotFoundError, ValueError) as error:
         faults.add("manifest", path, str(error).removeprefix(f"{path} "))
         return False
-    except ValueError as error:
-        faults.add("manifest", path, f"is no JSON ({error}): render the split again")
-        return False
-    unknown = _misfits(manifest, _MANIFEST, "")
-    if not unknown:
-        unknown = _misfits(manifest["description"], _DESCRIPTION, "description.")
-    if not unknown:
-        unknown = [
-            f"{name} (list of str)"
-            for name in ("shapes", "lights")
-            if not all(isinstance(one, str) for one in manifest[name])
-        ]
-    if unknown:
-        wanted = ", ".join(unknown)
-        faults.add("manifest", path, f"expected {wanted}: a corpus of another version?")
-    return not unknown
-
-
-def _misfits(held: Any, wanted: dict[str, type], prefix: str) -> list[str]:
-    """Return the names and types of the keys that are missing or of another type, for the user."""
-    if not isinstance(held, dict):
-        return ["a JSON object"]
-    return [
-        f"{prefix}{name} ({kind.__name__})"
-        for name, kind in wanted.items()
-        if not isinstance(held.get(name), kind)
-    ]
+    return True
 
 
 def _check_manifest(split: Split, faults: Faults) -> None:
     """Check that the manifest agrees with itself and with the description beside it."""
-    path, manifest = split.manifest_path, split.manifest
-    description = manifest["description"]
-    shards = -(-description["count"] // max(description["shard_size"], 1))
+    path, description = split.manifest_path, split.manifest["description"]
     for name, found, expected in (
-        ("split", description["split"], split.name),
-        ("examples", manifest["examples"], description["count"]),
-        ("shards", manifest["shards"], shards),
-        ("number of checksums", len(manifest["sha256"]), manifest["shards"]),
+        ("split", description.get("split"), split.name),
+        ("examples", split.count, description.get("count")),
+        ("shards", split.shards, -(-split.count // split.shard_size)),
+        ("number of checksums", len(split.sha256), split.shards),
     ):
         if found != expected:
             faults.add("manifest", path, f"{name} is {found}, expected {expected}")
     beside = split.description_path
     if not beside.is_file():
         faults.add("file", beside, "is missing")
-    elif _read_json(beside) != description:
+    elif untrusted.json_or_none(beside) != description:
         faults.add("manifest", beside, f"differs from the description in {path.name}")
 
 
@@ -168,7 +126,7 @@ def _check_other_split(split: Split, faults: Faults) -> None:
 
 def _check_strays(split: Split, faults: Faults) -> None:
     """Check that no files of an interrupted or another run are left in the folder."""
-    folder, shards = split.folder, split.manifest["shards"]
+    folder, shards = split.folder, split.shards
     known = {split.shard_path(shard) for shard in range(shards)}
     known |= {split.sidecar_path(shard) for shard in range(shards)}
     known |= {split.manifest_path, split.description_path, split.inputs_path}
@@ -181,10 +139,9 @@ def _check_strays(split: Split, faults: Faults) -> None:
 
 def _check_digests(path: Path, listed: list[str], count: int, faults: Faults) -> None:
     """Check the bytes and the count of a shard against the manifest and the sidecar."""
-    with path.open("rb") as file:
-        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    digest = untrusted.sha256(path)
     beside = path.with_suffix(".json")
-    sidecar = _read_json(beside)
+    sidecar = untrusted.json_or_none(beside)
     if listed and digest != listed[0]:
         faults.add("sha256", path, f"is {digest}, expected {listed[0]} of the manifest")
     if not isinstance(sidecar, dict):
@@ -259,11 +216,3 @@ def _gather(checked: Future, path: Path, indices: range, record: int, faults: Fa
             faults.add("index", where, f"is example {index}, expected {expected}")
     for kind, what in found:
         faults.add(kind, where, what)
-
-
-def _read_json(path: Path) -> Any:
-    """Return the content of a JSON file; None if the file is missing or broken."""
-    try:
-        return untrusted.read_json(path)
-    except ValueError:
-        return None

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 from ..mitsuba_setup import variants
 from ..scene import environments, sources
-from ..shapes import procedural
+from ..shapes import meshes
 from . import inputs
 
 
@@ -65,7 +65,7 @@ class Description:
         Raises:
             ValueError: if a folder is missing or holds too few files.
         """
-        extensions = {"shapes": procedural.EXTENSIONS, "environments": environments.EXTENSIONS}
+        extensions = {"shapes": meshes.EXTENSIONS, "environments": environments.EXTENSIONS}
         found = {
             kind: sources.files(folder, self.split, known) if folder else []
             for kind, known in extensions.items()

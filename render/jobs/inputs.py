@@ -6,7 +6,6 @@ interruption, unchanged files are not read again, and changed files are noticed.
 """
 
 import dataclasses
-import hashlib
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -57,8 +56,7 @@ def check(kind: str, path: Path) -> Finding:
     try:
         untrusted.check(path, "an input")
         stat = path.stat()
-        with path.open("rb") as file:
-            digest = hashlib.file_digest(file, "sha256").hexdigest()
+        digest = untrusted.sha256(path)
     except ValueError as error:
         return Finding(path.name, "", 0, 0, _reason(error, path))
     except OSError as error:
@@ -169,8 +167,8 @@ def refuse(findings: Findings) -> None:
         )
 
 
-def skip(findings: Findings) -> dict[str, frozenset[str]]:
-    """Return the names of the files to leave out, by kind.
+def usable(findings: Findings) -> dict[str, tuple[str, ...] | None]:
+    """Return the names of the files to use, by kind; None for a built-in kind.
 
     Raises:
         ValueError: If no usable file of a kind is left.
@@ -182,20 +180,7 @@ def skip(findings: Findings) -> dict[str, frozenset[str]]:
                 f"none of the split's {kind} can be used:\n  "
                 + _listed(_reasons({kind: problems[kind]}), "\n  ")
             )
-    return {kind: frozenset(names) for kind, names in problems.items()}
-
-
-def usable(findings: Findings) -> dict[str, tuple[str, ...] | None]:
-    """Return the names of the files to use, by kind; None for a built-in kind.
-
-    Raises:
-        ValueError: If no usable file of a kind is left.
-    """
-    skipped = skip(findings)
-    return {
-        kind: tuple(f.name for f in found if f.name not in skipped[kind]) or None
-        for kind, found in findings.items()
-    }
+    return {kind: tuple(of_kind) or None for kind, of_kind in digests(findings).items()}
 
 
 def digests(findings: Findings) -> dict[str, dict[str, str]]:

@@ -16,7 +16,7 @@ from lime_keras.data.corpus import SPLITS
 from lime_keras.io import photo
 
 from ..rooms import sampling
-from ..shapes import procedural
+from ..shapes import meshes, procedural
 from . import backgrounds, environments
 from .lights import Light, prepare
 from .quality import FAST, Quality
@@ -106,17 +106,17 @@ class ShapeSource:
         if self.usable is not None:
             return list(self.usable)
         if self.folder:
-            return [path.name for path in files(self.folder, self.split, procedural.EXTENSIONS)]
+            return [path.name for path in files(self.folder, self.split, meshes.EXTENSIONS)]
         return [f"{self.split}-{index:04d}" for index in range(PROCEDURAL_SHAPES[self.split])]
 
-    def load(self, name: str) -> procedural.Mesh:
+    def load(self, name: str) -> meshes.Mesh:
         """Load or make the mesh of that name.
 
         Raises:
             ValueError: if the file of the mesh cannot be used.
         """
         if self.folder:
-            return procedural.load(_find(self.folder, self.split, name))
+            return meshes.load(_find(self.folder, self.split, name))
         index = int(name.rsplit("-", 1)[1])
         return procedural.procedural(generator(self.seed, self.split, "shape", index))
 

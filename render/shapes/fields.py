@@ -13,6 +13,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from .parts import direction
+
 Field = Callable[[np.ndarray], np.ndarray]
 
 _LEAST_LEFT = 0.015
@@ -33,7 +35,7 @@ def composition(rng: np.random.Generator) -> tuple[Field, float]:
         if k:
             parent = rng.integers(k)
             reach = rng.uniform(0.5, 1.0) * sizes[parent]
-            centres.append(centres[parent] + reach * _direction(rng))
+            centres.append(centres[parent] + reach * direction(rng))
         sizes.append(size)
         parts.append(_primitive(rng, size, centres[k]))
     softness = rng.choice([0.0, rng.uniform(0.02, 0.3)], p=(0.35, 0.65))
@@ -62,7 +64,7 @@ def blobs(rng: np.random.Generator) -> tuple[Field, float]:
     for k in range(1, count):
         parent = rng.integers(max(0, k - 3), k)
         reach = rng.uniform(0.6, 0.95) * (radii[parent] + radii[k])
-        centres[k] = centres[parent] + reach * _direction(rng)
+        centres[k] = centres[parent] + reach * direction(rng)
     mirrored = rng.random() < 0.4
     softness = np.float32(np.exp(rng.uniform(np.log(0.02), np.log(0.12))))
     balls = list(zip(centres, radii, strict=True))
@@ -96,7 +98,7 @@ def frame(rng: np.random.Generator) -> tuple[Field, float]:
     parts, joints = [lambda p: _box(p, a, rounding)], [body * rng.uniform(-0.8, 0.8, 3)]
     for _ in range(rng.integers(2, 7)):
         start = joints[rng.integers(len(joints))].copy()
-        along = _direction(rng)
+        along = direction(rng)
         if mirrored:  # limbs are made in the half with x > 0, which is mirrored
             start[0], along[0] = abs(start[0]), abs(along[0])
         part, end = _limb(rng, start, along)
@@ -138,7 +140,7 @@ def _carved(rng: np.random.Generator) -> Field:
     cutters = []
     for _ in range(rng.integers(1, 5)):
         size = rng.uniform(0.25, 0.65)
-        cutters.append(_primitive(rng, size, rng.uniform(0.35, 0.8) * _direction(rng)))
+        cutters.append(_primitive(rng, size, rng.uniform(0.35, 0.8) * direction(rng)))
     kept = _primitive(rng, 1.1, np.zeros(3)) if rng.random() < 0.35 else None
     waves = _displacement(rng) if rng.random() < 0.3 else None
 
@@ -171,7 +173,7 @@ def dented(rng: np.random.Generator) -> tuple[Field, float]:
     base = _primitive(rng, 0.8, np.zeros(3))
     marks: list[tuple[Field, bool]] = []
     for _ in range(rng.integers(1, 9)):
-        surface = _exit(base, _direction(rng), 2.0)
+        surface = _exit(base, direction(rng), 2.0)
         size = float(np.exp(rng.uniform(np.log(0.1), np.log(0.7))))
         sunk = rng.random() < 0.6
         depth = size * rng.uniform(0.15, 0.7)
@@ -203,7 +205,7 @@ def _exit(solid: Field, along: np.ndarray, reach: float) -> np.ndarray:
 
 def _grooves(rng: np.random.Generator) -> Field:
     """Draw parallel or ring-shaped grooves, or ribs; a tenth to a third as deep as far apart."""
-    axis = _direction(rng).astype(np.float32) if rng.random() < 0.5 else np.eye(3, dtype="f4")[1]
+    axis = direction(rng).astype(np.float32) if rng.random() < 0.5 else np.eye(3, dtype="f4")[1]
     rate = np.float32(np.exp(rng.uniform(np.log(5), np.log(25))))
     depth = np.float32(rng.choice([-1, 1]) * rng.uniform(0.3, 1.0) / rate)
     sharpness = int(rng.choice([1, 2, 8]))
@@ -220,7 +222,7 @@ def _limb(
         end = start + rng.uniform(0.4, 1.3) * along
         taper = rng.uniform(0.6, 1.6)
         return lambda p: _bar(p, start, end, thickness, thickness * taper), end
-    across = np.cross(along, _direction(rng))
+    across = np.cross(along, direction(rng))
     across /= np.linalg.norm(across) + 1e-9
     axes = np.stack([along, np.cross(across, along), across]).astype(np.float32)
     if kind == 1:
@@ -292,12 +294,7 @@ def _displacement(rng: np.random.Generator) -> Field:
         return lambda p: np.zeros((), np.float32)
     frequency = np.exp(rng.uniform(np.log(4), np.log(22)))
     amplitude = np.float32(rng.uniform(0.1, 0.55) / frequency)
-    waves = np.stack([_direction(rng) for _ in range(5)]) * frequency
+    waves = np.stack([direction(rng) for _ in range(5)]) * frequency
     waves = (waves * rng.uniform(0.7, 1.3, (5, 1))).astype(np.float32)
     phases = rng.uniform(0, 2 * np.pi, (5, 1)).astype(np.float32)
     return lambda p: amplitude * np.sin(waves @ p + phases).sum(0) / np.float32(np.sqrt(5))
-
-
-def _direction(rng: np.random.Generator) -> np.ndarray:
-    vector = rng.normal(size=3)
-    return vector / np.linalg.norm(vector)

@@ -4,6 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from . import sweeps
 from .meshes import Mesh, normalised
 
 CORNER = np.radians(33)  # a profile that bends by more has separate normals on either side
@@ -32,11 +33,7 @@ def _spline_profile(rng: np.random.Generator) -> np.ndarray:
     count = rng.integers(3, 7)
     radii = rng.uniform(0.15, 1.0, count + 2)
     t = np.linspace(0, count - 1, 80)
-    k = np.minimum(t.astype(int), count - 2)
-    f = t - k
-    p0, p1, p2, p3 = (radii[k + j] for j in range(4))
-    spline = p1 + f * (p2 - p0) / 2 + f**2 * (p0 - 2.5 * p1 + 2 * p2 - p3 / 2)
-    spline += f**3 * (1.5 * (p1 - p2) + (p3 - p0) / 2)
+    spline = sweeps.spline(radii[:, None], t)[:, 0]
     height = np.exp(rng.uniform(np.log(0.6), np.log(4.0)))
     return np.stack([np.maximum(spline, 0.12), height * t / t[-1]], axis=1)
 

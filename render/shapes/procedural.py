@@ -3,9 +3,7 @@
 import numpy as np
 
 from . import fields, lathe, solids
-from .meshes import EXTENSIONS, Mesh, load
-
-__all__ = ["EXTENSIONS", "Mesh", "load", "procedural"]
+from .meshes import Mesh
 
 
 def procedural(rng: np.random.Generator) -> Mesh:

@@ -90,8 +90,7 @@ def _flower(rng: np.random.Generator) -> CrossSection:
 
 
 def _rectangle(rng: np.random.Generator) -> CrossSection:
-    outline = CrossSection.square((2.0, rng.uniform(0.3, 2.0)), center=True)
-    return outline
+    return CrossSection.square((2.0, rng.uniform(0.3, 2.0)), center=True)
 
 
 def _strokes(rng: np.random.Generator) -> CrossSection:

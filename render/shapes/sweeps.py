@@ -86,11 +86,21 @@ def smooth(points: np.ndarray, count: int, closed: bool) -> np.ndarray:
         before, after = 2 * points[:1] - points[1:2], 2 * points[-1:] - points[-2:-1]
         padded = np.concatenate([before, points, after])
         t = np.linspace(0, len(points) - 1, count)
+    return spline(padded, t)
+
+
+def spline(padded: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """Return points `(N, D)` of the Catmull-Rom spline through points `(K, D)` but the outer two.
+
+    Args:
+        padded: the points, with one more before the first and after the last.
+        t: places along the spline `(N,)`, from 0 at the first point to K − 3 at the last.
+    """
     k = np.minimum(t.astype(int), len(padded) - 4)
     f = (t - k)[:, None]
     a, b, c, d = (padded[k + j] for j in range(4))
-    spline = b + f * (c - a) / 2 + f**2 * (a - 2.5 * b + 2 * c - d / 2)
-    return spline + f**3 * (1.5 * (b - c) + (d - a) / 2)
+    quadratic = b + f * (c - a) / 2 + f**2 * (a - 2.5 * b + 2 * c - d / 2)
+    return quadratic + f**3 * (1.5 * (b - c) + (d - a) / 2)
 
 
 def even(curve: np.ndarray, count: int, closed: bool) -> np.ndarray:

@@ -20,6 +20,8 @@ from lime_keras.eval import cli, sections
 from lime_keras.eval.accuracy import measures, stored
 from lime_keras.eval.accuracy.evaluate import evaluate
 from lime_keras.eval.report import examples
+from lime_keras.eval.stability import suite
+from lime_keras.model import folder as model_folder
 from lime_keras.model import weights
 from lime_keras.networks import Architecture, build
 from lime_keras.optics import environment, shading, shininess
@@ -100,10 +102,6 @@ def run(tmp_path_factory):
     keras.utils.set_random_seed(0)
     weights.save(folder / "model", TINY, build(TINY))
     (folder / "config.json").write_text('{"preset": "tiny"}', encoding="utf-8")
-    (folder / "curves").mkdir()
-    (folder / "curves" / "1-segmentation.csv").write_text(
-        "step,seconds,train_mask,validation_mask\n1,0.1,0.5,\n2,0.2,0.4,0.45\n", encoding="utf-8"
-    )
     return folder
 
 
@@ -237,9 +235,8 @@ def test_out_and_the_table_on_standard_output(corpus, run, tmp_path, capsys):
     captured = capsys.readouterr()
     assert captured.out == (out / "table1.md").read_text(encoding="utf-8")
     assert str(out / "report.html") in captured.err
-    # A bare model has neither curves nor configuration; the report does without.
-    page = (out / "report.html").read_text(encoding="utf-8")
-    assert "Loss by stage" not in page and "Configuration" not in page
+    # A bare model has no configuration; the report does without.
+    assert "Configuration" not in (out / "report.html").read_text(encoding="utf-8")
 
 
 # The ablations.
@@ -517,9 +514,7 @@ def test_a_set_is_measured_by_its_name_and_nothing_is_written_into_it(
 
 
 @pytest.mark.parametrize("passed", [True, False])
-def test_the_extremes_take_weights_and_say_what_is_skipped(
-    passed, run, tmp_path, monkeypatch, capsys
-):
+def test_the_extremes_take_weights(passed, run, tmp_path, monkeypatch, capsys):
     def stability(out, cases, *, command):
         assert {case.part for case in cases} == {"trained system"}
         return "tables\n", passed
@@ -527,9 +522,15 @@ def test_the_extremes_take_weights_and_say_what_is_skipped(
     monkeypatch.setattr(sections, "stability", stability)
     arguments = ["--stability", "--weights", str(run), "--out", str(tmp_path)]
     assert cli.main(arguments) == (0 if passed else 1)
-    said = capsys.readouterr()
-    assert said.out == "tables\n"
-    assert re.search(r"^skipped: \d+ checks of the runtime", said.err, re.MULTILINE)
+    assert capsys.readouterr().out == "tables\n"
+
+
+def test_the_extremes_without_weights_are_those_of_the_default_set(tmp_path, monkeypatch):
+    tried = []
+    monkeypatch.setattr(suite, "cases", lambda folder: tried.append(folder) or [])
+    monkeypatch.setattr(sections, "stability", lambda out, cases, *, command: ("", True))
+    assert cli.main(["--stability", "--out", str(tmp_path)]) == 0
+    assert tried == [model_folder.SHIPPED]
 
 
 def test_an_interrupt_leaves_a_short_line_and_status_130(corpus, run, monkeypatch, capsys):

@@ -17,7 +17,7 @@ from lime_keras.optics import shininess
 def test_iou_counts_pixels(seed):
     rng = np.random.default_rng(seed)
     mask, predicted = rng.uniform(size=(2, 3, 4, 5, 1)) * rng.uniform(0.3, 1)
-    found = metrics.intersection_over_union(mask, predicted)
+    found = metrics.overlap_ratio(*metrics.overlap(mask, predicted))
     for b in range(3):
         pairs = [(t >= 0.5, p >= 0.5) for t, p in zip(mask[b].flat, predicted[b].flat, strict=True)]
         union = sum(t or p for t, p in pairs)
@@ -40,7 +40,7 @@ def test_iou_by_hand():
         (full, full * 0.49, 0),
         (full, full * np.nan, 0),
     ):
-        assert metrics.intersection_over_union(mask, predicted).tolist() == [expected]
+        assert metrics.overlap_ratio(*metrics.overlap(mask, predicted)).tolist() == [expected]
 
 
 @pytest.mark.parametrize("channels", [1, 3])
@@ -100,8 +100,8 @@ def test_tensors_are_measured_as_arrays_are():
     for one, other in (
         (metrics.overlap(*images[1:]), metrics.overlap(*tensors[1:])),
         (
-            metrics.intersection_over_union(*images[1:]),
-            metrics.intersection_over_union(*tensors[1:]),
+            metrics.overlap_ratio(*metrics.overlap(*images[1:])),
+            metrics.overlap_ratio(*metrics.overlap(*tensors[1:])),
         ),
         (metrics.masked_relative_error(*images), metrics.masked_relative_error(*tensors)),
     ):

@@ -33,8 +33,7 @@ def parser() -> argparse.ArgumentParser:
         "--weights",
         type=model_folder.find,
         metavar="RUN",
-        help="run of lime-train, or set that comes with the package, to be tried as a whole system "
-        "(default: small systems with fresh weights)",
+        help="run of lime-train, or set that comes with the package, to be tried, too",
     )
     out.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the tables")
     return out
@@ -54,18 +53,18 @@ def _try(options: argparse.Namespace, command: str) -> int:
     from lime_keras.eval.stability import suite
 
     from . import page_modules
-    from .cases import of_functions, page
+    from .cases import every_case, page
 
-    cases, skipped = of_functions(), suite.skipped(options.weights)
+    cases, skipped = every_case(), ""
     if page_modules.node() is None:
         of_page = [case for case in cases if case.precision == page.JAVASCRIPT]
         cases = [case for case in cases if case not in of_page]
-        skipped.append(f"{len(of_page)} checks of the live page: there is no Node.js")
-    cases += suite.cases(options.weights)
+        skipped = f"skipped: {len(of_page)} checks of the live page: there is no Node.js"
+    cases += suite.cases(options.weights) if options.weights else []
     text, passed = sections.stability(options.out, cases, command=command)
     print(text, end="")
-    for said in skipped:
-        print(f"skipped: {said}", file=sys.stderr)
+    if skipped:
+        print(skipped, file=sys.stderr)
     print(f"wrote {sections.write_report(options.out)}", file=sys.stderr)
     return 0 if passed else 1
 

@@ -7,8 +7,9 @@ from typing import Any
 import mpmath
 import numpy as np
 
-from lime_keras.eval.stability.precisions import Precision
 from lime_keras.eval.stability.verdicts import Case, Compared, Outcome
+
+from .precisions import Precision
 
 _DIGITS = 100
 _TILES = 35  # elements: vectorised loops compute the first in blocks and the last singly

@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from lime_keras.eval.stability.precisions import ROUNDINGS, Precision
 from lime_keras.eval.stability.verdicts import Outcome, joined
+
+from .precisions import ROUNDINGS, Precision
 
 HEIGHT, WIDTH = 4, 5
 PIXELS = HEIGHT * WIDTH

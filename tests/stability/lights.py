@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from lime_keras.eval.stability.precisions import Precision
+from .precisions import Precision
 
 HEIGHT = 32
 """Number of rows of an environment map."""

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from keras import ops
 
-from lime_keras.eval.stability.precisions import HALF, NUMPY_SINGLE, SINGLE, TENSORS
 from tests.stability import curves
+from tests.stability.precisions import HALF, NUMPY_SINGLE, SINGLE, TENSORS
 
 
 def judged(curve, exact, points, precisions=(SINGLE,)):

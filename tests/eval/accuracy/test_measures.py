@@ -175,7 +175,7 @@ def test_what_a_system_does_not_have_is_left_out_everywhere(columns, lacking):
         {name: values for name, values in held.items() if name not in columns}
         for held in (whole.rows, whole.oracle)
     )
-    summary = measures.summarise(Evaluation(rows, oracle, whole.confusion, LIME))
+    summary = measures.summarise(Evaluation(rows, oracle, LIME))
     complete = measures.summarise(whole)
     assert set(complete) - set(summary) == lacking
     for kind in ("interval", "oracle", "paper", "chance", "floor", "constant"):

@@ -126,7 +126,9 @@ def test_the_lobes_peak_is_the_radiance_of_a_lights_mirror_image():
 def test_ratios_of_the_specular_albedo():
     found = measures.specular_ratio(np.array([0.04, 0.4, 0.02, 0.0, NAN]))
     np.testing.assert_allclose(found, [1, 10, 0.5, 0.025, NAN])
-    within = measures.within_factor(np.array([0.5, 0.499, 1.0, 2.0, 2.001, 0.025, NAN, np.inf]))
+    within = measures.within_factor_of_2(
+        np.array([0.5, 0.499, 1.0, 2.0, 2.001, 0.025, NAN, np.inf])
+    )
     assert within.tolist() == [True, False, True, True, False, False, False, False]
 
 

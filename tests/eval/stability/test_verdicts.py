@@ -1,18 +1,11 @@
-"""Verdicts: which element is the worst, what passes, and what counts as a refusal."""
+"""Verdicts: which element is the worst, and what passes."""
 
 import math
 
 import numpy as np
 import pytest
 
-from lime_keras.eval.stability.verdicts import (
-    Case,
-    Compared,
-    Outcome,
-    UnrefusedError,
-    joined,
-    refusal,
-)
+from lime_keras.eval.stability.verdicts import Case, Compared, Outcome, joined
 
 
 def judged(outcome):
@@ -92,26 +85,3 @@ def test_what_a_part_raises_is_a_failure():
     verdict = Case("part", "case", "float32", fails).judge()
     assert not verdict.passed and verdict.note == "TypeError: no such thing"
     assert verdict.id == "part: case [float32]"
-
-
-def raising(error):
-    def action():
-        raise error
-
-    return action
-
-
-def test_a_refusal_passes_with_its_words():
-    outcome = refusal(raising(ValueError("3 pixels are NaN: repair\nthem")), "NaN", "repair")
-    verdict = judged(outcome)
-    assert verdict.passed and verdict.note == "refused: 3 pixels are NaN: repair"
-    assert (verdict.value, verdict.reference, verdict.error) == (None, None, None)
-
-
-def test_a_refusal_in_other_words_or_none_fails():
-    with pytest.raises(UnrefusedError, match=r"without saying \['NaN'\]"):
-        refusal(raising(ValueError("no")), "NaN")
-    with pytest.raises(UnrefusedError, match="answered with a float"):
-        refusal(lambda: 1.0)
-    with pytest.raises(KeyError):
-        refusal(raising(KeyError("shape")))

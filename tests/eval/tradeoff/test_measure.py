@@ -123,7 +123,7 @@ def measured(home):
             patched.setattr(fidelity.measures, "summarise", counted.summarise)
             runs = {name: home / name for name in chosen}
             corpus, store = home / "corpus", Store(home / "out")
-            return measure(runs, corpus, store, progress=False, **options), counted
+            return measure(runs, corpus, store, **options), counted
 
     return of_runs
 

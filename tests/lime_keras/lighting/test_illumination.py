@@ -51,12 +51,6 @@ def _smooth_light(seed=0):
     return environment.blur(rng.exponential(size=SHAPE) ** 3, math.radians(10)) + 0.05
 
 
-def _rotation(seed):
-    q, r = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))
-    q *= np.sign(np.diag(r))
-    return q * np.linalg.det(q)
-
-
 def _unknown():
     return np.full((SIZE, SIZE, 1), np.nan)
 
@@ -144,34 +138,6 @@ def test_a_black_mirror_image_leaves_the_light_of_d():
         normal[mask[..., 0] > 0], *shading.texels(illumination.estimate(evidence))
     )
     assert np.mean(lit) == pytest.approx(np.mean(diffuse[mask > 0]), rel=0.05)
-
-
-def test_several_frames_see_more_than_one():
-    """Each frame knows the right half of the ball; cameras all round fuse to the whole light."""
-    truth = _smooth_light(1)
-    total, errors = None, []
-    for seed in range(4):
-        to_scene = _rotation(seed)
-        normal, view, mask = _ball()
-        # Radiance in camera direction d is the scene's in direction R d.
-        in_camera = environment.lookup(truth, environment.directions(*SHAPE) @ to_scene.T)
-        layers = _layers(in_camera, normal, view, mask)
-        mask = mask * (normal[..., :1] > 0)
-        frame = illumination.observe(normal, view, *layers, mask, camera_to_scene=to_scene)
-        total = frame if total is None else total + frame
-        error = np.abs(illumination.estimate(total) - truth) * environment.solid_angles(*SHAPE)
-        errors.append(np.sum(error) / (4 * np.pi) / environment.spherical_mean(truth))
-    assert errors[-1] < 0.06
-    assert errors[-1] < errors[0] / 2
-
-
-def test_frames_weigh_by_what_they_show():
-    """The same frame twice is the same light; the order does not matter."""
-    frames = [_observed(_smooth_light(seed)) for seed in range(2)]
-    once, twice = illumination.estimate(frames[0]), illumination.estimate(frames[0] + frames[0])
-    assert np.median(np.abs(twice / once - 1)) < 0.02
-    a, b = (illumination.estimate(x + y) for x, y in (frames, frames[::-1]))
-    assert a == pytest.approx(b)
 
 
 def test_the_mask_leaves_out_what_is_not_the_object():
@@ -265,15 +231,13 @@ def test_nothing_seen_is_told(what):
         ({"mask": lambda m: m * 255}, "255"),
         ({"mask": lambda m: m[..., 0]}, r"expected \(96, 96, 1\)"),
         ({"mask": lambda m: m * np.nan}, "255"),
-        ({"camera_to_scene": lambda _: np.ones((3, 3))}, "rotation"),
-        ({"camera_to_scene": lambda _: np.eye(4)}, "rotation"),
     ],
 )
 def test_what_cannot_be_is_refused(change, mend):
     normal, view, mask = _ball()
     layer = np.ones(mask.shape)
     given = {"normal": normal, "view": view, "mirror": layer, "diffuse_shading": layer}
-    given |= {"mask": mask, "camera_to_scene": np.eye(3)}
+    given["mask"] = mask
     for name, spoil in change.items():
         given[name] = spoil(given[name])
     with pytest.raises(ValueError, match=mend):

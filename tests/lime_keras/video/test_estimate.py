@@ -153,12 +153,6 @@ def test_one_frame(tmp_path):
     np.testing.assert_allclose(parameters_of(summary), parameters(material(0)), rtol=1e-6)
 
 
-def test_only_some_frames(tmp_path, capsys):
-    summary = run(tmp_path, scene(9, 0), map(material, range(9)), frames=4)
-    assert summary.frames == 4 and len(rows(summary.table)) == 4
-    assert "4/4" in capsys.readouterr().err
-
-
 def test_progress_goes_to_standard_error(tmp_path, capsys):
     run(tmp_path, scene(5, 0), map(material, range(5)))
     told = capsys.readouterr()

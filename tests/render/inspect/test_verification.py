@@ -387,9 +387,9 @@ def test_what_training_and_test_share_is_told(corpus, kind):
     ("content", "message"),
     [
         (None, "is missing: `lime-render"),
-        ("{", "is no JSON"),
+        ("{", "is broken ("),
         ("[]", "it holds no JSON object"),
-        ('{"shards": 2}', r"expected description (dict), examples (int), sha256 (list)"),
+        ('{"shards": 2}', "is no manifest of `lime-render`, by its examples: render"),
     ],
 )
 def test_without_a_manifest_nothing_else_is_judged(corpus, content, message):
@@ -405,7 +405,7 @@ def test_without_a_manifest_nothing_else_is_judged(corpus, content, message):
 def test_names_that_are_none_are_a_fault_of_the_manifest(name, corpus):
     edit(corpus / "train" / "manifest.json", **{name: [{}]})
     faults = verify(corpus)
-    assert faults.kinds == {"manifest": 1} and f"{name} (list of str)" in faults.lines()[0]
+    assert faults.kinds == {"manifest": 1} and f"by its {name}: render" in faults.lines()[0]
 
 
 def test_many_faults_of_a_kind_are_counted():

@@ -52,7 +52,8 @@ def test_usable_files_are_found_usable(files, tmp_path):
     assert [f.name for f in findings["shapes"]] == ["ball.ply", "box.obj"]
     assert all(len(f.sha256) == 64 and f.size > 0 for found in findings.values() for f in found)
     inputs.refuse(findings)
-    assert inputs.skip(findings) == dict.fromkeys(inputs.KINDS, frozenset())
+    used = inputs.usable(findings)
+    assert used == {kind: tuple(p.name for p in paths) for kind, paths in files.items()}
     assert inputs.repairs(findings) == []
     inputs.write(tmp_path / "inputs.json", findings)
     assert inputs.read(tmp_path / "inputs.json") == findings
@@ -85,18 +86,18 @@ def test_all_unusable_files_are_refused_together(files):
 def test_unusable_files_are_skipped_with_their_reasons(files):
     spoil(files["shapes"][0])
     findings = inputs.inspect(files, None, in_turn)
-    assert inputs.skip(findings)["shapes"] == {"ball.ply"}
+    assert inputs.usable(findings)["shapes"] == ("box.obj",)
     problems = inputs.unusable(findings)
     assert list(problems["shapes"]) == ["ball.ply"] and problems["environments"] == {}
     assert "cannot be read as a mesh" in problems["shapes"]["ball.ply"]
     spoil(files["shapes"][1])
     with pytest.raises(ValueError, match=r"none of the split's shapes can be used:\n  shapes:"):
-        inputs.skip(inputs.inspect(files, None, in_turn))
+        inputs.usable(inputs.inspect(files, None, in_turn))
 
 
 def test_a_kind_that_is_built_in_needs_no_files(files):
     findings = inputs.inspect(files | {"environments": []}, None, in_turn)
-    assert inputs.skip(findings)["environments"] == frozenset()
+    assert inputs.usable(findings)["environments"] is None
 
 
 def test_a_long_list_is_cut(tmp_path):

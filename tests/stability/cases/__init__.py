@@ -1,4 +1,4 @@
-"""The cases of plain functions, a module for each part of the package."""
+"""The cases of plain functions and small systems, a module for each part of the package."""
 
 from lime_keras.eval.stability.verdicts import Case
 
@@ -16,12 +16,14 @@ from . import (
     materials,
     metrics,
     mixtures,
+    networks,
     orthogonal,
     page,
     photos,
     records,
     reflectance,
     reflectance_map,
+    runtime,
     shading,
 )
 
@@ -46,10 +48,12 @@ _MODULES = (
     hue,
     orthogonal,
     page,
+    networks,
+    runtime,
 )
 """The modules in the order of the tables."""
 
 
-def of_functions() -> list[Case]:
-    """Return the cases of all plain functions, without computing anything."""
+def every_case() -> list[Case]:
+    """Return the cases of all modules, without computing anything."""
     return [case for module in _MODULES for case in module.cases()]

@@ -8,12 +8,12 @@ import mpmath
 import numpy as np
 import tensorflow as tf
 
-from lime_keras.eval.stability.precisions import ARRAYS, ROUNDINGS, SINGLE, XLA, Precision
 from lime_keras.eval.stability.verdicts import Case, Compared, Outcome
 from lime_keras.optics import camera_law
 from lime_keras.synthesis import backdrop, jpeg, photograph, reduction
 
 from .. import curves, srgb_standard
+from ..precisions import ARRAYS, ROUNDINGS, SINGLE, XLA, Precision
 
 _SIDE = 16
 _SATURATED = float(camera_law.SATURATED)

@@ -7,11 +7,11 @@ from typing import Any
 import mpmath
 import numpy as np
 
-from lime_keras.eval.stability.precisions import ARRAYS, NUMPY_SINGLE, TENSORS, Precision
 from lime_keras.eval.stability.verdicts import Case, Compared, Outcome
 from lime_keras.optics import colour, dynamic_range
 
 from .. import curves
+from ..precisions import ARRAYS, NUMPY_SINGLE, TENSORS, Precision
 
 _LEVELS = {
     "-1": -1.0,

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from lime_keras import losses
-from lime_keras.eval.stability.precisions import NUMPY_SINGLE, TENSORS, Precision
 from lime_keras.eval.stability.verdicts import Case, Outcome
 from lime_keras.optics import colour, compositing
 
 from .. import srgb_standard
 from ..images import PIXELS, Slopes, fields, judged, masks, pairs, repeated, signs
+from ..precisions import NUMPY_SINGLE, TENSORS, Precision
 
 _SHADINGS = (0.0, 1e-30, 1.0, 65504.0, 1e8, 1e30)
 _PHOTOS = (0.0, 1e-7, 0.04045, 0.5, 0.99, 1.0)

@@ -6,13 +6,14 @@ import math
 
 import numpy as np
 
-from lime_keras.eval.stability.precisions import NUMPY_SINGLE, SINGLE, Precision
-from lime_keras.eval.stability.verdicts import Case, Compared, Outcome, refusal
+from lime_keras.eval.stability.verdicts import Case, Compared, Outcome
 from lime_keras.optics import octahedral
 from lime_keras.synthesis import symmetries
 from lime_keras.synthesis.symmetries import SYMMETRIES
 
 from ..lights import unit
+from ..precisions import NUMPY_SINGLE, SINGLE, Precision
+from ..refusals import refusal
 
 _COARSE = math.radians(0.06)
 """Largest angle by which a code turns a direction."""

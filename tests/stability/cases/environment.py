@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from lime_keras.eval.stability.precisions import ARRAYS, NUMPY_SINGLE, ROUNDINGS, Precision
-from lime_keras.eval.stability.verdicts import Case, Compared, Outcome, refusal
+from lime_keras.eval.stability.verdicts import Case, Compared, Outcome
 from lime_keras.optics import environment, shading
 
 from ..lights import HEIGHT, lights, surface, unit
+from ..precisions import ARRAYS, NUMPY_SINGLE, ROUNDINGS, Precision
+from ..refusals import refusal
 
 _UNSOUND = {"NaN": np.nan, "infinite": np.inf, "negative": -1.0}
 # Unit vectors through the zenith, the nadir, and the seam behind the camera, from both sides.

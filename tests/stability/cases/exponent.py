@@ -9,18 +9,19 @@ import numpy as np
 from keras import ops
 
 from lime_keras import losses
-from lime_keras.eval.stability.precisions import (
+from lime_keras.eval.stability.verdicts import Case, Compared, Outcome
+from lime_keras.optics import shininess
+from lime_keras.optics.shininess import BIN_COUNT, BIN_WIDTH
+
+from ..images import pairs
+from ..precisions import (
     NUMPY_DOUBLE,
     NUMPY_SINGLE,
     SINGLE,
     TENSORS,
     Precision,
 )
-from lime_keras.eval.stability.verdicts import Case, Compared, Outcome, refusal
-from lime_keras.optics import shininess
-from lime_keras.optics.shininess import BIN_COUNT, BIN_WIDTH
-
-from ..images import pairs
+from ..refusals import refusal
 
 _EVEN = np.zeros(BIN_COUNT)
 _LOGITS = {

@@ -5,7 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from lime_keras.eval.stability.precisions import (
+from lime_keras.eval.stability.verdicts import Case, Compared, Outcome
+from lime_keras.optics import colour, dichromatic
+
+from .. import srgb_standard
+from ..precisions import (
     NUMPY_DOUBLE,
     NUMPY_SINGLE,
     ROUNDINGS,
@@ -13,10 +17,6 @@ from lime_keras.eval.stability.precisions import (
     XLA,
     Precision,
 )
-from lime_keras.eval.stability.verdicts import Case, Compared, Outcome
-from lime_keras.optics import colour, dichromatic
-
-from .. import srgb_standard
 
 _SIDE = 6
 _LEAST_CHROMA = 1e-3

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 import tensorflow as tf
 
-from lime_keras.eval.stability.precisions import ROUNDINGS, SINGLE, XLA, Precision
 from lime_keras.eval.stability.verdicts import Case, Compared, Outcome
 from lime_keras.optics import environment, shading
 from lime_keras.synthesis import shading as synthesis_shading
 
 from ..lights import unit
+from ..precisions import ROUNDINGS, SINGLE, XLA, Precision
 from .shading import slow_specular
 
 _ROWS = 128

@@ -8,11 +8,12 @@ from typing import Any, cast
 
 import numpy as np
 
-from lime_keras.eval.stability.precisions import NUMPY_SINGLE
 from lime_keras.eval.stability.verdicts import Case, Compared, Outcome
 from lime_keras.optics import environment
 from lime_keras.synthesis import light_law
 from lime_keras.synthesis.light_law import LAMP_PARTS, LAMPS, MAPS, NUMBERS, LightDraw
+
+from ..precisions import NUMPY_SINGLE
 
 _SETTINGS = {"maps": 0.2, "canopies": 0.5, "lamps": 0.6, "windows": 0.75, "studio": 0.85}
 _SETTINGS |= {"night": 0.95}

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from lime_keras import losses
-from lime_keras.eval.stability.precisions import NUMPY_SINGLE, TENSORS, Precision
 from lime_keras.eval.stability.verdicts import Case, Outcome
 from lime_keras.optics import masking
 
 from ..images import PIXELS, Slopes, fields, judged, masks, pairs, repeated, signs
+from ..precisions import NUMPY_SINGLE, TENSORS, Precision
 
 _PREDICTED = (-1e4, 0.0, 1.0, 11.0, 1e4)
 _SHADINGS = (0.0, 1e-30, 1.0, 65504.0, 1e30)

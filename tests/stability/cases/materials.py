@@ -5,11 +5,12 @@ from typing import Any, cast
 
 import numpy as np
 
-from lime_keras.eval.stability.precisions import NUMPY_DOUBLE, NUMPY_SINGLE
 from lime_keras.eval.stability.verdicts import Case, Compared, Outcome, joined
 from lime_keras.optics import material_law, shininess
 from lime_keras.optics.material_law import LAWS, NATURAL
 from lime_keras.optics.shininess import BIN_COUNT, BIN_WIDTH
+
+from ..precisions import NUMPY_DOUBLE, NUMPY_SINGLE
 
 _LAST = 1 - 2.0**-53
 _ENDS = {"0": 0.0, "1/2": 0.5, "1 - 2^-53": _LAST}

@@ -5,8 +5,9 @@ import functools
 import numpy as np
 
 from lime_keras import metrics
-from lime_keras.eval.stability.precisions import NUMPY_DOUBLE, NUMPY_SINGLE, Precision
 from lime_keras.eval.stability.verdicts import Case, Outcome
+
+from ..precisions import NUMPY_DOUBLE, NUMPY_SINGLE, Precision
 
 _SHAPE = (2, 6, 5, 1)
 _EMPTY, _FULL = np.zeros(_SHAPE), np.ones(_SHAPE)
@@ -61,8 +62,12 @@ def cases() -> list[Case]:
 def _overlap(
     mask: np.ndarray, predicted: np.ndarray, right: float, precision: Precision
 ) -> Outcome:
-    found, _ = precision.evaluate(metrics.intersection_over_union, mask, predicted)
+    found, _ = precision.evaluate(_iou, mask, predicted)
     return Outcome(precision.compare(found, right, right, right))
+
+
+def _iou(mask: np.ndarray, predicted: np.ndarray) -> np.ndarray:
+    return metrics.overlap_ratio(*metrics.overlap(mask, predicted))
 
 
 def _relative(

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 import tensorflow as tf
 
-from lime_keras.eval.stability.precisions import NUMPY_SINGLE, ROUNDINGS, SINGLE, XLA, Precision
 from lime_keras.eval.stability.verdicts import Case, Compared, Outcome, joined
 from lime_keras.optics import environment
 from lime_keras.synthesis import mixing
 from lime_keras.synthesis.light_law import LAMP_PARTS, LAMPS, MAPS, LightDraw
 
 from ..lights import HEIGHT, lights, unit
+from ..precisions import NUMPY_SINGLE, ROUNDINGS, SINGLE, XLA, Precision
 
 _WIDTH = 2 * HEIGHT
 _MAPS = {

@@ -14,8 +14,9 @@ from typing import Any
 import keras
 import numpy as np
 
-from lime_keras.eval.stability.precisions import ROUNDINGS, TENSORS, Precision
 from lime_keras.eval.stability.verdicts import Case, Compared, Outcome
+
+from ..precisions import ROUNDINGS, TENSORS, Precision
 
 _STEPS = 5
 _A, _B, _C = 3.4445, -4.7750, 2.0315

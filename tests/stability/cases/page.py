@@ -7,12 +7,12 @@ from typing import Any
 import mpmath
 import numpy as np
 
-from lime_keras.eval.stability.precisions import NUMPY_DOUBLE, NUMPY_SINGLE, ROUNDINGS
 from lime_keras.eval.stability.verdicts import Case, Compared, Outcome
 from lime_keras.optics import environment
 
 from .. import page_modules, srgb_standard
 from ..lights import HEIGHT, lights, normaliser
+from ..precisions import NUMPY_DOUBLE, NUMPY_SINGLE, ROUNDINGS
 
 JAVASCRIPT = "JavaScript"
 """Precision of these cases, which need Node.js."""

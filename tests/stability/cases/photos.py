@@ -10,11 +10,12 @@ import OpenImageIO as oiio
 
 from lime_keras.estimate import framing
 from lime_keras.eval.stability.photos import extreme_photos
-from lime_keras.eval.stability.precisions import NUMPY_SINGLE
-from lime_keras.eval.stability.verdicts import Case, Outcome, refusal
+from lime_keras.eval.stability.verdicts import Case, Outcome
 from lime_keras.io import photo
 
 from .. import srgb_standard
+from ..precisions import NUMPY_SINGLE
+from ..refusals import refusal
 
 _SIDE = 16
 # File name, number format, levels up to white, whether the numbers are linear radiance.

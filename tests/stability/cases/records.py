@@ -10,12 +10,13 @@ import numpy as np
 import tensorflow as tf
 
 from lime_keras.data import camera, pipeline, records
-from lime_keras.eval.stability.precisions import SINGLE
-from lime_keras.eval.stability.verdicts import Case, Compared, Outcome, refusal
+from lime_keras.eval.stability.verdicts import Case, Compared, Outcome
 from lime_keras.optics import environment
 from lime_keras.optics.shininess import BIN_COUNT, BIN_WIDTH
 
 from .. import srgb_standard
+from ..precisions import SINGLE
+from ..refusals import refusal
 
 _SIZE = 8
 _RADIANCES = (0.0, 1e-8, 6e-8, 1e-4, 1.0, 65504.0, 1e8, 1e30)

@@ -7,12 +7,12 @@ from typing import Any
 import mpmath
 import numpy as np
 
-from lime_keras.eval.stability.precisions import ARRAYS, NUMPY_SINGLE, ROUNDINGS, TENSORS, Precision
 from lime_keras.eval.stability.verdicts import Case, Compared, Outcome
 from lime_keras.optics import shading
 
 from .. import curves
 from ..lights import EXPONENTS
+from ..precisions import ARRAYS, NUMPY_SINGLE, ROUNDINGS, TENSORS, Precision
 
 _LARGE = {"65504": 65504.0, "infinity": np.inf}
 

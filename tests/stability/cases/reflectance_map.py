@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from lime_keras.eval.stability.precisions import BRAIN, HALF, SINGLE, TENSORS, XLA, Precision
 from lime_keras.eval.stability.verdicts import Case, Compared, Outcome, joined
 from lime_keras.optics import environment
 from lime_keras.optics import reflectance_map as library
 
 from ..lights import EXPONENTS, normaliser
+from ..precisions import BRAIN, HALF, SINGLE, TENSORS, XLA, Precision
 
 _SIZE = 17  # odd, so that the middle pixel shows the normal that faces the viewer
 # Powers of two scale exactly, so that only overflow and underflow can cause errors.

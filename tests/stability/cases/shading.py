@@ -5,11 +5,11 @@ import math
 
 import numpy as np
 
-from lime_keras.eval.stability.precisions import ARRAYS, NUMPY_DOUBLE, ROUNDINGS, Precision
 from lime_keras.eval.stability.verdicts import Case, Compared, Outcome
 from lime_keras.optics import shading
 
 from ..lights import EXPONENTS, HEIGHT, lights, normaliser, surface, texels
+from ..precisions import ARRAYS, NUMPY_DOUBLE, ROUNDINGS, Precision
 
 
 def cases() -> list[Case]:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from keras import ops
 
-from lime_keras.eval.stability.precisions import (
+from tests.stability.precisions import (
     ARRAYS,
     BRAIN,
     HALF,

@@ -10,12 +10,13 @@ import numpy as np
 
 from lime_keras.estimate import engines
 from lime_keras.estimate.estimator import Estimator
+from lime_keras.eval.stability.photos import extreme_photos
+from lime_keras.eval.stability.systems import BATCH, Answers, TrialSystem
+from lime_keras.eval.stability.verdicts import Case, Compared, Outcome, joined
 from lime_keras.export import exporter, formats
 
-from .photos import extreme_photos
-from .precisions import HALF, SINGLE
-from .systems import BATCH, FRESH, Answers, TrialSystem
-from .verdicts import Case, Compared, Outcome, joined
+from ..precisions import HALF, SINGLE
+from .networks import FRESH, FreshSystem
 
 _ENGINE, _HALF = "ONNX Runtime", "ONNX float16"
 _PHOTOS = {
@@ -27,7 +28,7 @@ _LEVELS = {"black": 0.0, "grey": 0.5, "white": 1.0}
 
 def cases() -> list[Case]:
     """Return the cases of the runtime engine."""
-    system = TrialSystem(FRESH["LIME"])
+    system = FreshSystem(FRESH["LIME"])
     out = []
 
     def add(part: str, name: str, precision: str, measure: Any, *arguments: Any) -> None:
