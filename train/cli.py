@@ -142,13 +142,19 @@ def _add_networks(out: argparse.ArgumentParser) -> None:
     networks.add_argument(
         "--without",
         nargs="+",
+        action="extend",
         choices=tuple(_PARTS),
         metavar="PART",
         help="leave out: perceptual, Eq. 5 in the loss; mirror, MirrorNet; dichromatic, the split "
-        "of colours; layers, S and M as inputs of the encoders; pretrained, the mask's encoder",
+        "of colours; pretrained, the mask's encoder",
     )
     networks.add_argument(
-        "--with", nargs="+", choices=tuple(_PARTS), metavar="PART", help="put in, of the same"
+        "--with",
+        nargs="+",
+        action="extend",
+        choices=tuple(_PARTS),
+        metavar="PART",
+        help="put in, of the same",
     )
     networks.add_argument(
         "--baseline",
@@ -375,8 +381,12 @@ def _asked(options: argparse.Namespace) -> dict[str, Any]:
     from . import initial_weights
 
     given = {field: getattr(options, option) for option, field in _OPTIONS.items()}
-    given |= {_PARTS[part]: True for part in getattr(options, "with") or ()}
-    given |= {_PARTS[part]: False for part in options.without or ()}
+    put_in, left_out = set(getattr(options, "with") or ()), set(options.without or ())
+    if both := sorted(put_in & left_out):
+        raise ValueError(f"--with and --without {' '.join(both)}: take one of them")
+    if options.baseline is not None and "dichromatic" in put_in:
+        raise ValueError("--with dichromatic: the reflectance-map baseline does not read the split")
+    given |= {_PARTS[part]: True for part in put_in} | {_PARTS[part]: False for part in left_out}
     if options.baseline is not None:
         given[_PARTS["dichromatic"]] = False
     if options.start_from is not None:

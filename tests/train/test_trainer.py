@@ -767,6 +767,20 @@ def test_the_command_puts_parts_in_and_leaves_them_out(corpus, tmp_path, part):
         assert architecture("--with", part) != architecture("--without", part)
 
 
+def test_parts_are_put_in_or_left_out_but_not_both(corpus, tmp_path):
+    required = [str(corpus), "--out", str(tmp_path), "--preset", "live"]
+
+    def config(*options):
+        return cli.config_of(cli.parser().parse_args([*required, *options]))
+
+    twice = config("--without", "mirror", "--without", "dichromatic", "perceptual")
+    assert not (twice.architecture.mirror or twice.architecture.dichromatic or twice.compositing)
+    with pytest.raises(ValueError, match="--with and --without mirror: take one"):
+        config("--with", "mirror", "dichromatic", "--without", "mirror")
+    with pytest.raises(ValueError, match="--with dichromatic: the reflectance-map baseline"):
+        config("--baseline", "reflectance-map", "--with", "dichromatic")
+
+
 def test_the_baseline_of_every_preset_is_the_papers_kind(corpus, tmp_path):
     for preset in ("paper", "live"):
         required = [str(corpus), "--out", str(tmp_path), "--preset", preset]
