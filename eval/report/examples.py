@@ -22,7 +22,7 @@ _WORST = 2
 
 
 @dataclass(frozen=True)
-class Choice:
+class Selection:
     """A test example to show: its position in the split, from 0, and the reason to show it."""
 
     position: int
@@ -41,7 +41,7 @@ class Example:
         literal: whether the corpus holds S as printed in Eq. 3, without furnace normalisation.
     """
 
-    choice: Choice
+    choice: Selection
     truth: dict[str, Any]
     estimate: dict[str, np.ndarray]
     photo_srgb: np.ndarray
@@ -53,7 +53,7 @@ class Example:
         return float(10.0 ** shininess.log_of_outputs(self.estimate))
 
 
-def choose(rows: Mapping[str, np.ndarray]) -> list[Choice]:
+def choose(rows: Mapping[str, np.ndarray]) -> list[Selection]:
     """Choose the first example of each exponent bin, then the worst by exponent and each albedo.
 
     No example is chosen twice. Examples with equal errors are taken in the order of the split.
@@ -62,7 +62,7 @@ def choose(rows: Mapping[str, np.ndarray]) -> list[Choice]:
         rows: columns of `Evaluation.rows`.
     """
     spread = [
-        Choice(int(np.argmax(rows["bin"] == k)), f"first with {bin_label(k)}")
+        Selection(int(np.argmax(rows["bin"] == k)), f"first with {bin_label(k)}")
         for k in range(shininess.BIN_COUNT)
         if np.any(rows["bin"] == k)
     ]
@@ -77,19 +77,19 @@ def choose(rows: Mapping[str, np.ndarray]) -> list[Choice]:
     for reason, error in failures:
         worst_first = np.argsort(-error, kind="stable").tolist()
         positions = [position for position in worst_first if position not in taken][:_WORST]
-        chosen += [Choice(position, reason) for position in positions]
+        chosen += [Selection(position, reason) for position in positions]
         taken.update(positions)
     return chosen
 
 
-def worst(rows: Mapping[str, np.ndarray], count: int = 20) -> list[Choice]:
+def worst(rows: Mapping[str, np.ndarray], count: int = 20) -> list[Selection]:
     """Choose the `count` examples with the lowest PSNR relit under their own light, worst first."""
     order = np.argsort(rows["relit"], kind="stable")[:count]
-    return [Choice(position, "worst relit") for position in order.tolist()]
+    return [Selection(position, "worst relit") for position in order.tolist()]
 
 
 def read(
-    model_dir: Path, corpus: Path, choices: list[Choice], *, camera: bool = False
+    model_dir: Path, corpus: Path, choices: list[Selection], *, camera: bool = False
 ) -> list[Example]:
     """Read the chosen test examples and estimate them, in the order of `choices`.
 

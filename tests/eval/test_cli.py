@@ -155,7 +155,7 @@ def test_every_example_is_measured_once_in_order(evaluation):
 
 
 def test_the_oracle_sees_the_true_mask_shading_and_mirror(corpus, run, evaluation):
-    [example] = examples.read(run, corpus, [examples.Choice(3, "any")])
+    [example] = examples.read(run, corpus, [examples.Selection(3, "any")])
     truth = {name: np.asarray(value)[None] for name, value in example.truth.items()}
     _, subnetworks = weights.load(run)
     masked = {
@@ -181,7 +181,7 @@ def test_chosen_examples_cover_the_bins_and_none_comes_twice(evaluation):
 
 
 def test_read_examples_are_those_of_the_rows(corpus, run, evaluation):
-    chosen = [examples.Choice(5, "later shard"), examples.Choice(0, "first")]
+    chosen = [examples.Selection(5, "later shard"), examples.Selection(0, "first")]
     for choice, example in zip(chosen, examples.read(run, corpus, chosen), strict=True):
         assert example.choice == choice
         assert example.truth["index"] == choice.position
@@ -191,7 +191,7 @@ def test_read_examples_are_those_of_the_rows(corpus, run, evaluation):
 
 def test_a_position_beyond_the_split_is_refused(corpus, run):
     with pytest.raises(IndexError, match="no examples"):
-        examples.read(run, corpus, [examples.Choice(COUNT, "none")])
+        examples.read(run, corpus, [examples.Selection(COUNT, "none")])
 
 
 def test_the_four_files_are_written_and_nothing_else(written):
@@ -326,7 +326,7 @@ def test_an_ablations_oracle_sees_true_layers(ablation, corpus, evaluated):
     architecture, run, _, _ = ablation
     evaluation = evaluated(run, corpus)
     assert evaluation.confusion.sum() == COUNT and evaluation.architecture == architecture
-    [example] = examples.read(run, corpus, [examples.Choice(3, "any")])
+    [example] = examples.read(run, corpus, [examples.Selection(3, "any")])
     truth = {name: np.asarray(value)[None] for name, value in example.truth.items()}
     _, subnetworks = weights.load(run)
     mask = truth["mask"]
@@ -440,7 +440,7 @@ def test_the_camera_is_used_only_if_asked(corpus, run, written, evaluation, tmp_
 
 def test_the_examples_shown_are_the_photos_that_were_measured(corpus, run, evaluated):
     photographed = evaluated(run, corpus, camera=True)
-    chosen = [examples.Choice(5, "later shard"), examples.Choice(0, "first")]
+    chosen = [examples.Selection(5, "later shard"), examples.Selection(0, "first")]
     for example in examples.read(run, corpus, chosen, camera=True):
         found = photographed.rows["diffuse_found"][example.choice.position]
         assert example.estimate["diffuse_albedo"] == pytest.approx(found, abs=1e-5)
