@@ -94,7 +94,9 @@ def compare(
     Raises:
         ValueError: if the runs were not evaluated on the same images.
     """
-    order = sorted(evaluated, key=lambda name: _rank(systems[name]))
+    # The rows of the paper's table come first, in its order.
+    ranks = {system: rank for rank, system in enumerate(PAPER)}
+    order = sorted(evaluated, key=lambda name: ranks.get(systems[name], len(ranks)))
     counts = {name: len(evaluated[name]["seed"]) for name in order}
     seeds = {evaluated[name]["seed"].tobytes() for name in order}
     if len(set(counts.values())) > 1 or len(seeds) > 1:
@@ -126,9 +128,10 @@ def markdown(compared: Mapping[str, Any]) -> str:
     A value is marked where the interval of its difference from the reference excludes 0: `+` is
     better, `−` is worse.
     """
-    shown = [name for name in COLUMNS if _any(compared, name)]
+    runs = compared["runs"]
+    shown = [name for name in COLUMNS if any(name in run["value"] for run in runs.values())]
     lines = [("Run", *(MEASURES[name].short for name in shown))]
-    for name, run in compared["runs"].items():
+    for name, run in runs.items():
         cells = [_cell(run, key) for key in shown]
         lines.append((f"{name}: {run['system']}", *cells))
         known = PAPER.get(run["system"], {})
@@ -160,17 +163,8 @@ def _cell(run: Mapping[str, Any], name: str) -> str:
     return f"{value} {verdict(run, name)}".rstrip()
 
 
-def _any(compared: Mapping[str, Any], name: str) -> bool:
-    return any(name in run["value"] for run in compared["runs"].values())
-
-
 def _ends(drawn: Mapping[str, np.ndarray]) -> dict[str, list[float]]:
     return {name: np.percentile(values, (2.5, 97.5)).tolist() for name, values in drawn.items()}
-
-
-def _rank(name: str) -> int:
-    """Return the row's index in the paper's table; rows that are not in it come last."""
-    return list(PAPER).index(name) if name in PAPER else len(PAPER)
 
 
 def _compositing(run: Path) -> bool:

@@ -99,11 +99,6 @@ def _root(mean: Any) -> Any:
     return np.sqrt(mean)
 
 
-def _sum_of_sizes(*gaps: Any) -> Any:
-    """Return Σ|gap| over the bins of confidence."""
-    return sum(np.abs(gap) for gap in gaps)
-
-
 _SHARE: dict[str, Any] = {"unit": PER_CENT, "more_is_better": True, "perfect": 1.0}
 _PSNR: dict[str, Any] = {"unit": DECIBEL, "more_is_better": True, "perfect": HIGHEST_PSNR}
 _GUESSED_BIN = 1 / shininess.BIN_COUNT
@@ -210,7 +205,7 @@ MEASURES = {
         "Probabilities, expected calibration error",
         "calibration error",
         calibration.GAPS,
-        _sum_of_sizes,
+        lambda *gaps: sum(map(np.abs, gaps)),
     ),
 }
 

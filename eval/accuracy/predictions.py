@@ -129,7 +129,8 @@ class Answers:
             if end == _NUMBERS:
                 self._numbers[position] = _numbers(path)
             else:
-                self._layers[position][_layer(end)] = end, path
+                layer = end.removeprefix("-").partition(".")[0]
+                self._layers[position][layer] = end, path
         given = set().union(*self._numbers, *self._layers)
         if not given:
             raise ValueError(
@@ -164,11 +165,6 @@ class Answers:
             for name, (end, path) in self._layers[position].items()
         }
         return self._numbers[position] | layers
-
-
-def _layer(end: str) -> str:
-    """Return the name of the layer whose files' names end so."""
-    return end.removeprefix("-").partition(".")[0]
 
 
 def _names() -> str:

@@ -83,19 +83,15 @@ def answer(photos: Sequence[Photo], runs: Mapping[str, Path]) -> Answers:
         key: {name: np.array([row[name] for row in of_key]) for name in of_key[0]}
         for key, of_key in rows.items()
     }
-    return Answers(
-        {key: of_key for key, of_key in columns.items() if _has_rows(key, of_key)}, pictures
-    )
+    if not any(columns[name, GIVEN]["mask_given"].any() for name in runs):
+        columns = {key: of_key for key, of_key in columns.items() if key[1] == OWN}
+    return Answers(columns, pictures)
 
 
 def _estimator(run: Path) -> Estimator:
     """Return the estimator of all that a model can tell, but the diffuse part, which none needs."""
     outputs = engines.load(run, engines.ENGINES[0]).outputs
     return Estimator(run, [name for name in available(outputs) if name != "diffuse"])
-
-
-def _has_rows(key: tuple[str, str], columns: Mapping[str, np.ndarray]) -> bool:
-    return key[1] == OWN or bool(columns["mask_given"].any())
 
 
 def _row(

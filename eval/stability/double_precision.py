@@ -78,7 +78,7 @@ def answers(
     for name in filter(subnetworks.__contains__, shapes):
         [quantity] = SUBNETWORKS[name].answers
         seen[quantity] = run(name) * shapes[name]
-        out[quantity] = _expanded(seen[quantity])
+        out[quantity] = np.expm1(np.clip(seen[quantity], 0, HIGHEST_COMPRESSED))
     if "material" in subnetworks:
         exponent, albedos = run("material")
     else:
@@ -89,10 +89,6 @@ def answers(
         return out | {"log_exponent": np.clip(exponent, LOG_LOW, LOG_HIGH)}
     powers = np.exp(exponent - exponent.max(-1, keepdims=True))
     return out | {"exponent_bin_probabilities": powers / powers.sum(-1, keepdims=True)}
-
-
-def _expanded(compressed: np.ndarray) -> np.ndarray:
-    return np.expm1(np.clip(compressed, 0, HIGHEST_COMPRESSED))
 
 
 def _run(model: keras.Model, inputs: Collection[np.ndarray], rounding: Rounding) -> Any:

@@ -88,7 +88,9 @@ class Run:
             return self._file(f"{precision}-saved-model", write)
         if precision == "float32":
             return self._file("float32.onnx", self._write_onnx)
-        prepared = self._file("prepared.onnx", self._write_prepared)
+        prepared = self._file(
+            "prepared.onnx", lambda path: quantisation.prepare(self.path(ONNX, "float32"), path)
+        )
         if precision == "float16":
             write_float16 = functools.partial(quantisation.write_float16, prepared)
             return self._file("float16.onnx", write_float16)
@@ -160,9 +162,6 @@ class Run:
 
     def _write_onnx(self, path: Path) -> None:
         formats.write_onnx(assemble(self._subnetworks), path)
-
-    def _write_prepared(self, path: Path) -> None:
-        quantisation.prepare(self.path(ONNX, "float32"), path)
 
     def _write_int8(self, prepared: Path, path: Path) -> None:
         quantisation.write_int8(prepared, path, self.samples.calibration(self.image_size))

@@ -182,7 +182,8 @@ def _parts(result: Mapping[str, Any]) -> str:
 
 
 def _subnetworks(result: Mapping[str, Any]) -> str:
-    rows = [row for row in result["rows"] if row["kind"] == SUBNETWORK] + _systems(result)
+    rows = [row for row in result["rows"] if row["kind"] == SUBNETWORK]
+    rows += [row for row in _plain(result) if is_whole(row) and row["batch"] == 1]
     rows.sort(key=lambda row: row["model"])
     about = (
         "ONNX Runtime, float32, one image, all threads, each alone. The paper's networks, timed on "
@@ -221,11 +222,6 @@ def _plain(result: Mapping[str, Any]) -> list[Row]:
     wanted = ("kind", "runtime", "precision", "threads")
     of = (SYSTEM, ONNX, "float32", result["machine"]["cores"])
     return [row for row in result["rows"] if tuple(row[name] for name in wanted) == of]
-
-
-def _systems(result: Mapping[str, Any]) -> list[Row]:
-    """Return the row of each run in ONNX Runtime, float32, with one image and all threads."""
-    return [row for row in _plain(result) if is_whole(row) and row["batch"] == 1]
 
 
 def _shown(rows: Sequence[Row]) -> list[str]:

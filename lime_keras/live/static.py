@@ -90,7 +90,11 @@ def write(out: Path, run: Path, runtime: Path) -> None:
             "system": description.system,
             "size": description.size,
             "runtime": {name: _placed(partial, backend) for name, backend in _RUNTIME.items()},
-            "graphs": {graph: _measured(partial, f"graphs/{graph}.onnx") for graph in graphs.NAMES},
+            "graphs": {
+                graph: {"path": path, "bytes": (partial / path).stat().st_size}
+                for graph in graphs.NAMES
+                for path in [f"graphs/{graph}.onnx"]
+            },
         }
         text = json.dumps(engine, indent=1) + "\n"
         (partial / _DESCRIPTION).write_text(text, encoding="utf-8")
@@ -176,7 +180,3 @@ def _placed(folder: Path, backend: dict[str, str]) -> dict[str, str | int]:
     """Return the paths of a backend's files, and the size of its WebAssembly."""
     paths = {role: f"runtime/{name}" for role, name in backend.items()}
     return paths | {"bytes": (folder / paths["wasm"]).stat().st_size}
-
-
-def _measured(folder: Path, path: str) -> dict[str, str | int]:
-    return {"path": path, "bytes": (folder / path).stat().st_size}

@@ -35,7 +35,8 @@ def describe(graph: onnx.ModelProto, weights: Mapping[str, np.ndarray]) -> None:
     constants = {
         (array.shape, array.tobytes()): (constant.name, order)
         for constant in reversed(graph.graph.initializer)
-        for order in reversed(_orders(len(constant.dims)))
+        for axes in [len(constant.dims)]
+        for order in reversed(_ORDERS.get(axes, [tuple(range(axes))]))
         for array in [_values(constant, order)]
     }
     places = {}
@@ -77,10 +78,6 @@ def read(content: bytes, path: Path) -> dict[str, np.ndarray]:
             f"{path} holds no weights that Keras can read ({type(error).__name__}): take it from "
             "where it came from again, or pass the run that it was exported from"
         ) from error
-
-
-def _orders(axes: int) -> Sequence[tuple[int, ...]]:
-    return _ORDERS.get(axes, (tuple(range(axes)),))
 
 
 def _values(constant: onnx.TensorProto, order: Sequence[int]) -> np.ndarray:

@@ -54,8 +54,8 @@ def panel(seconds: float, status: str, estimate: Material, fused: Material) -> n
     pixels = _form().copy()
     for left, material in ((_RAW, estimate), (_FUSED, fused)):
         if material.diffuse_albedo is not None:
-            swatch = _bytes(np.clip(material.diffuse_albedo, 0, 1))
-            pixels[72 : 72 + _SWATCH[1], left : left + _SWATCH[0]] = swatch
+            swatch = colour.linear_to_srgb(np.clip(material.diffuse_albedo, 0, 1))
+            pixels[72 : 72 + _SWATCH[1], left : left + _SWATCH[0]] = np.rint(255 * swatch)
     ball = _ball(fused)
     if ball is not None:
         left, top = (_PANEL - _SPHERE) // 2, _HEIGHT - _SPHERE - 10
@@ -121,8 +121,3 @@ def _outline(mask: np.ndarray, width: int, height: int) -> np.ndarray:
     rows = (np.arange(height) * mask.shape[0]) // height
     columns = (np.arange(width) * mask.shape[1]) // width
     return preview.rim(mask[rows[:, None], columns, 0] >= framing.THRESHOLD, 2)
-
-
-def _bytes(linear: np.ndarray) -> np.ndarray:
-    """Return linear radiance as uint8 sRGB, clipped."""
-    return np.rint(255 * colour.linear_to_srgb(np.clip(linear, 0, 1))).astype(np.uint8)

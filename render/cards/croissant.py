@@ -62,7 +62,7 @@ def text(name: str, parts: Sequence[Part]) -> str:
         "description": f"Rendered {what}, for the estimation of materials; README.md says more.",
         "citeAs": _CITED,
         "version": __version__,
-        "distribution": [_file(path, digest) for part in parts for path, digest in _files(part)],
+        "distribution": [_file(*file) for part in parts for file in sorted(part.files.items())],
     }
     if all(part.is_built_in for part in parts):
         metadata["license"] = "https://spdx.org/licenses/MIT.html"
@@ -70,10 +70,6 @@ def text(name: str, parts: Sequence[Part]) -> str:
         metadata["distribution"] += [_shards(part) for part in parts]
         metadata["recordSet"] = [_records(part) for part in parts]
     return json.dumps(metadata, indent=1, ensure_ascii=False) + "\n"
-
-
-def _files(part: Part) -> list[tuple[str, str]]:
-    return sorted(part.files.items())
 
 
 def _file(path: str, digest: str) -> dict[str, Any]:

@@ -9,7 +9,6 @@ from lime_keras.optics.material_law import UNIFORM, sample_material
 
 from ..scene import example
 from ..scene.gbuffer import Tracer
-from ..scene.lights import Light
 from ..scene.quality import FAST, Quality
 from ..scene.sampling import sample_light_rotation, sample_pose
 from ..scene.sources import (
@@ -47,7 +46,7 @@ class Sources:
         self.backgrounds = backgrounds
         self._shapes, self._lights = shapes, lights
         self.mesh = functools.lru_cache(_SHAPES_PER_SHARD)(self._mesh)
-        self.light = functools.lru_cache(_LIGHTS_PER_SHARD)(self._light)
+        self.light = functools.lru_cache(_LIGHTS_PER_SHARD)(self._lights.load)
 
     @classmethod
     def built_in(cls, split: str, seed: int, rooms: Path) -> "Sources":
@@ -76,9 +75,6 @@ class Sources:
     def _mesh(self, name: str, size: int, quality: Quality) -> tuple[Mesh, Tracer]:
         mesh = self._shapes.load(name)
         return mesh, Tracer(mesh, size, quality)
-
-    def _light(self, name: str, quality: Quality) -> Light:
-        return self._lights.load(name, quality)
 
 
 @dataclass(frozen=True)

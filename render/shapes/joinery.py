@@ -25,10 +25,6 @@ def _sides(rng: np.random.Generator) -> int:
     return int(rng.choice([4, 6, 20], p=(0.35, 0.1, 0.55)))
 
 
-def _plate(profile: CrossSection, height: float, low: float) -> Manifold:
-    return Manifold.extrude(profile, height).translate((0, 0, low))
-
-
 def _legs(rng: np.random.Generator, half: np.ndarray, top: float, count: int) -> list[Manifold]:
     """Draw legs under a plate of half extents `half`, at times with bars between them."""
     splay, sides = rng.choice([0.0, rng.uniform(0.0, 0.35)]), _sides(rng)
@@ -63,7 +59,8 @@ def _table(rng: np.random.Generator) -> list[Part]:
         pieces = [column, foot]
     else:
         pieces = _legs(rng, inner, height + 0.5 * thick, int(rng.choice([3, 4, 4, 4, 6])))
-    return [parts.of_solid(union([_plate(profile, thick, height), *pieces]))]
+    plate = Manifold.extrude(profile, thick).translate((0, 0, height))
+    return [parts.of_solid(union([plate, *pieces]))]
 
 
 def _chair(rng: np.random.Generator) -> list[Part]:

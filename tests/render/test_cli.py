@@ -255,7 +255,10 @@ def test_wrong_usage_ends_with_2(capsys, options, message):
         (["views", "hdris"], "required: OUT"),
         (["bank"], "required: OUT, --split, --count"),
         (["bank", "out", "--split", "train", "--count", "8", "--size", "100"], "multiple of 32"),
-        (["bank", "out", "--split", "train", "--count", "8", "--size", "2048"], "more than 1024"),
+        (
+            ["bank", "out", "--split", "train", "--count", "8", "--size", "2048"],
+            "2048 is not in 32 … 1024",
+        ),
         (["bank", "out", "--split", "train", "--count", "0"], "0 is not at least 1"),
         (["bank", "out", "--split", "train", "--count", "1", "--ray", "auto"], "--ray auto"),
         (["views", "hdris", "views", "--count", "0"], "0 is not at least 1"),
