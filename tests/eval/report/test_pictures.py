@@ -8,7 +8,7 @@ import pytest
 from matplotlib import image as png_reader
 
 from lime_keras.eval.report import pictures
-from lime_keras.eval.report.examples import Choice, Example
+from lime_keras.eval.report.examples import Selection, Example
 from lime_keras.optics import colour, environment, shading, shininess
 from lime_keras.optics.reflectance_map import disc
 from lime_keras.optics.shading import normaliser
@@ -47,7 +47,7 @@ def example():
         "specular_albedo": np.array([0.5], np.float32),
         "exponent_bin_probabilities": np.eye(8, dtype=np.float32)[4],
     }
-    return Example(Choice(0, "first"), truth, estimate, truth["image"])
+    return Example(Selection(0, "first"), truth, estimate, truth["image"])
 
 
 def test_the_exponent_is_the_expected_one(example):
