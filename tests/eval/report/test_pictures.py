@@ -8,7 +8,7 @@ import pytest
 from matplotlib import image as png_reader
 
 from lime_keras.eval.report import pictures
-from lime_keras.eval.report.examples import Selection, Example
+from lime_keras.eval.report.examples import Example, Selection
 from lime_keras.optics import colour, environment, shading, shininess
 from lime_keras.optics.reflectance_map import disc
 from lime_keras.optics.shading import normaliser
