@@ -1,4 +1,4 @@
-"""What the limits of the cautions find on the held-out scenes, each limit beside others.
+"""Limits of the cautions, each beside others: what they find on the held-out scenes.
 
     python benchmarks/cautions.py CORPUS [--weights live]
 

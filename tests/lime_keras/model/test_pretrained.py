@@ -13,6 +13,7 @@ from lime_keras.model import weights
 from lime_keras.model.folder import SHIPPED
 from lime_keras.networks import assemble
 from lime_keras.networks.precision import computing_in
+from lime_keras.optics import dichromatic
 from lime_keras.runtime.engine import OnnxEngine
 
 SETS = model_folder.shipped()
@@ -37,7 +38,8 @@ def test_a_set_is_whole_described_and_there_once(name):
     assert f"## `{name}`" in (SHIPPED.parent / "README.md").read_text(encoding="utf-8")
     assert model_folder.in_graphs(SETS[name])
     architecture, subnetworks = weights.load(SETS[name])
-    assert architecture.description == "LIME" and len(subnetworks) == 5
+    split = " with the dichromatic split" if architecture.dichromatic else ""
+    assert architecture.description == f"LIME{split}" and len(subnetworks) == 5
 
 
 @pytest.mark.parametrize("name", SETS)
@@ -71,6 +73,7 @@ def test_no_level_of_its_networks_is_dead(name):
     seen = {
         "image": images,
         "masked_image": images * outputs["mask"],
+        "dichromatic": dichromatic.channels(ops.convert_to_tensor(images), outputs["mask"]),
         "specular_shading": ops.log1p(outputs["specular_shading"]),
         "mirror": ops.log1p(outputs["mirror"]),
     }
