@@ -471,8 +471,7 @@ def test_a_painted_mask_changes_the_estimate(page):
     page.click("#brush")
     seen(page, "#message").to_be_hidden()
     fill(page, **{"brush-size": 12})
-    box = page.locator("#overlay").bounding_box()
-    left, top, width, height = (box[name] for name in ("x", "y", "width", "height"))
+    left, top, width, height = fitted(page, FRAME)
     page.mouse.move(left + 0.04 * width, top + 0.9 * height)
     page.mouse.down()
     page.mouse.move(left + 0.4 * width, top + 0.93 * height, steps=4)
@@ -487,6 +486,15 @@ def test_a_painted_mask_changes_the_estimate(page):
     page.click("#brush")
     again = json.loads(chromium.taken(page, "#save-json"))
     assert again["mask_coverage"] == pytest.approx(before["mask_coverage"], abs=1e-6)
+
+
+def fitted(page, image):
+    """Where the image is on the page: left, top, width and height; the canvas may be wider."""
+    box = page.locator("#overlay").bounding_box()
+    scale = min(box["width"] / image.shape[1], box["height"] / image.shape[0])
+    width, height = scale * image.shape[1], scale * image.shape[0]
+    left = box["x"] + (box["width"] - width) / 2
+    return left, box["y"] + (box["height"] - height) / 2, width, height
 
 
 SLOW = """
@@ -522,12 +530,11 @@ def test_of_two_quick_strokes_the_last_answer_has_both(browser, server):
         before = shown(page)["mask_coverage"]
         page.click("#brush")
         fill(page, **{"brush-size": 12})
-        box = page.locator("#overlay").bounding_box()
+        left, top, width, height = fitted(page, FRAME)
         for share in (0.06, 0.94):
-            x = box["x"] + share * box["width"]
-            page.mouse.move(x, box["y"] + 0.3 * box["height"])
+            page.mouse.move(left + share * width, top + 0.3 * height)
             page.mouse.down()
-            page.mouse.move(x, box["y"] + 0.7 * box["height"], steps=2)
+            page.mouse.move(left + share * width, top + 0.7 * height, steps=2)
             page.mouse.up()
         seen(page, "#coverage").not_to_have_text(f"{100 * before:.0f} %", timeout=LONG)
         page.wait_for_timeout(3000)
