@@ -1,14 +1,17 @@
 """Accuracy over what the person with the camera can control: how the answer gets worse.
 
-    python benchmarks/degradation.py CORPUS --weights live uniform --out degradation
+    python benchmarks/degradation.py CORPUS --bank BANK --weights live uniform --out degradation
 
 CORPUS has a test split. Of the same scenes, each knob makes ten photos: the size of the object in
-the photo, JPEG quality, exposure, white balance, and the error of a given mask. Prints a table, and
-writes degradation.md and degradation.png. The first column of a knob is the photo at its best.
+the photo, JPEG quality, exposure, white balance, and the error of a given mask. With BANK, the
+scenes that it holds out are lit by 0 to 6 small lamps, which give nine tenths of the light; the
+photographed map around them gives the rest. Prints a table, and writes degradation.md and
+degradation.png. The first row of a knob is the photo at its best.
 """
 
 import argparse
 import dataclasses
+import functools
 import io
 from collections.abc import Callable
 from pathlib import Path
@@ -22,14 +25,22 @@ from tqdm import tqdm
 from lime_keras import Estimator, console
 from lime_keras.data import pipeline
 from lime_keras.data.corpus import Split
-from lime_keras.metrics import overlap, overlap_ratio
-from lime_keras.optics import camera_law, colour
+from lime_keras.metrics import bin_distance, overlap, overlap_ratio
+from lime_keras.optics import camera_law, colour, environment, material_law
+from lime_keras.synthesis import bank
+from lime_keras.synthesis.light_law import LAMP_PARTS, LAMPS, LightDraw
+from lime_keras.synthesis.lights import LightBank
+from lime_keras.synthesis.scenes import Scenes
 from lime_keras.train.sources import masks
 
 matplotlib.use("Agg")
 
 MEASURES = ("log10 s", "right or neighbouring bin", "m_d", "m_s", "IoU")
-_PIXELS = 128
+_LAMP = np.radians(3)
+"""Half angle of a small lamp, as a lamp of 20 cm seen from two metres."""
+_LAMPS_SHARE = 0.9
+_SEED = 1
+_Scene = dict[str, np.ndarray]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -49,16 +60,14 @@ class Photo:
     quality: int | None = None
 
 
-def smaller(photo: Photo, share: float) -> Photo:
-    """Return the photo in the middle of a larger one, mirrored at its edges: seen from afar."""
+def smaller(photo: Photo, to: float) -> Photo:
+    """Return the photo as the middle `to` of a larger one, whose edges go on: seen from afar."""
     size = len(photo.image)
-    around = round(size * (1 / share - 1) / 2)
-    edges = ((around, around), (around, around), (0, 0))
-    image = np.pad(photo.image, edges, "symmetric")
-    mask = np.pad(photo.mask, edges)
-    if around:  # mirrored objects would be others: only the frame's edge goes on
-        rows = np.clip(np.arange(-around, size + around), 0, size - 1)
-        image = photo.image[rows][:, rows]
+    around = round(size * (1 / to - 1) / 2)
+    mask = np.pad(photo.mask, ((around, around), (around, around), (0, 0)))
+    # Mirrored objects would be others: only the frame's edge goes on.
+    rows = np.clip(np.arange(-around, size + around), 0, size - 1)
+    image = photo.image[rows][:, rows]
     small = [np.asarray(_resized(one, size)) for one in (image, np.broadcast_to(mask, image.shape))]
     return dataclasses.replace(photo, image=small[0], mask=small[1][..., :1])
 
@@ -73,31 +82,32 @@ def _resized(image: np.ndarray, size: int) -> np.ndarray:
     return np.stack([np.asarray(channel) for channel in channels], axis=-1)
 
 
-def tinted(photo: Photo, cast: float) -> Photo:
+def tinted(photo: Photo, to: float) -> Photo:
     """Return the photo with red over blue off by a share."""
-    logarithms = np.array([[np.log1p(cast), 0.0, 0.0, 0.0]])
+    logarithms = np.array([[np.log1p(to), 0.0, 0.0, 0.0]])
     gains = camera_law.balance(logarithms, camera_law.places(len(photo.image)))[0]
     return dataclasses.replace(photo, image=photo.image * gains)
 
 
-def moved(photo: Photo, pixels: float) -> Photo:
+def moved(photo: Photo, to: float) -> Photo:
     """Return the photo with a given mask: the true one, with its edge moved by some pixels."""
-    if pixels == 0:
+    if to == 0:
         return dataclasses.replace(photo, given=photo.mask)
-    radius = int(np.ceil(abs(pixels)))
+    radius = int(np.ceil(abs(to)))
     blurred = masks.blurred(photo.mask, radius)
-    level = 0.5 - 0.5 * pixels / (radius + 0.5)
+    level = 0.5 - 0.5 * to / (radius + 0.5)
     return dataclasses.replace(photo, given=np.asarray(blurred >= level, np.float32))
 
 
-KNOBS: dict[str, tuple[Callable[[Photo, float], Photo], tuple[float, ...]]] = {
+Turn = Callable[[Photo], Photo]
+KNOBS: dict[str, tuple[Callable[..., Photo], tuple[float, ...]]] = {
     "object's share of the frame": (smaller, (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.15)),
     "JPEG quality": (
-        lambda photo, quality: dataclasses.replace(photo, quality=round(quality)),
+        lambda photo, to: dataclasses.replace(photo, quality=round(to)),
         (98, 95, 90, 85, 80, 70, 60, 45, 30, 15),
     ),
     "exposure, stops": (
-        lambda photo, stops: dataclasses.replace(photo, image=photo.image * 2.0**stops),
+        lambda photo, to: dataclasses.replace(photo, image=photo.image * 2.0**to),
         (0, -3, -2, -1.5, -1, -0.5, 0.5, 1, 1.5, 2),
     ),
     "cast, red over blue": (
@@ -109,44 +119,117 @@ KNOBS: dict[str, tuple[Callable[[Photo, float], Photo], tuple[float, ...]]] = {
 """By the name of a knob, a function that turns it, and its ten settings, the best first."""
 
 
+def lit_by(light: LightDraw, scale: np.ndarray, count: int) -> LightDraw:
+    """Return the lights of a batch with the first map of each, and some small lamps in front.
+
+    Args:
+        light: lights of a batch, as drawn.
+        scale: factor of each map of the bank.
+        count: number of lamps, each of the same power.
+    """
+    batch = len(light.maps)
+    share = _LAMPS_SHARE if count else 0.0
+    weights = np.zeros_like(light.weights)
+    weights[:, 0] = (1 - share) * environment.MEAN_RADIANCE * scale[light.maps[:, 0]]
+    # The same places for any number of lamps: another one comes to those before.
+    rng = np.random.default_rng(_SEED)
+    towards = rng.normal(size=(batch, LAMPS, 3))
+    towards[..., 2] = np.abs(towards[..., 2])
+    across = np.cross(towards, rng.normal(size=towards.shape))
+    to_map = np.swapaxes(light.rotation, 1, 2)[:, None]
+    lamps = np.zeros_like(light.lamps)
+    for name, value in {
+        "towards": (to_map @ (towards / _length(towards))[..., None])[..., 0],
+        "across": (to_map @ (across / _length(across))[..., None])[..., 0],
+        "half": np.tan(_LAMP),
+        "roundness": 1.0,
+        "bars_half": -10.0,
+        "power": (np.arange(LAMPS) < count)[:, None]
+        * (share / max(count, 1) * environment.MEAN_RADIANCE),
+    }.items():
+        lamps[..., LAMP_PARTS[name]] = value
+    return light._replace(weights=weights, lamps=lamps)
+
+
+def _length(vectors: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(vectors, axis=-1, keepdims=True)
+
+
+def under_lamps(folder: Path, law: str, count: int) -> dict[int, list[_Scene]]:
+    """Return the same scenes, which a bank holds out, under each number of lamps.
+
+    Args:
+        folder: folder by `lime-render bank`.
+        law: law of the materials, a key of `material_law.LAWS`.
+        count: number of scenes.
+    """
+    features = ("image", "mask", "shininess", "diffuse_albedo", "specular_albedo")
+    scenes = Scenes(
+        folder,
+        size=bank.manifest(folder)["size"],
+        camera=False,
+        features=features,
+        held_out=True,
+        materials=(law,),
+    )
+    scale = LightBank(folder).scale
+    found: dict[int, list[_Scene]] = {lamps: [] for lamps in range(LAMPS + 1)}
+    for first in tqdm(range(0, count, 2), desc="scenes under lamps", unit="pair"):
+        drawn = scenes.draw(_SEED, np.array([first, first + 1]))
+        for lamps, rows in found.items():
+            batch = scenes.make(drawn | {"light": lit_by(drawn["light"], scale, lamps)})
+            values = {name: np.asarray(batch[name]) for name in features}
+            rows += [{name: value[[row]] for name, value in values.items()} for row in (0, 1)]
+    return found
+
+
 def main() -> None:
     """Print and write the tables, and draw the figure."""
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     options.add_argument("corpus", type=Path)
+    options.add_argument("--bank", type=Path)
+    options.add_argument("--materials", choices=material_law.LAWS, default="natural")
     options.add_argument("--weights", nargs="+", default=["live"])
     options.add_argument("--count", type=console.count, default=160)
     options.add_argument("--out", type=Path, default=Path("degradation"))
     arguments = options.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
-    shards = pipeline.whole_shards(Split(arguments.corpus, "test"))
-    dataset = pipeline.evaluation(shards, size=_PIXELS, batch_size=1).take(arguments.count)
-    scenes = list(dataset.as_numpy_iterator())
-    found = {
-        (weights, knob, setting): _measured(Estimator(weights), scenes, turn, setting)
-        for weights in arguments.weights
-        for knob, (turn, settings) in KNOBS.items()
-        for setting in tqdm(settings, desc=f"{weights}, {knob}", unit="setting")
+    split = Split(arguments.corpus, "test")
+    dataset = pipeline.evaluation(pipeline.whole_shards(split), size=split.size, batch_size=1)
+    scenes = list(dataset.take(arguments.count).as_numpy_iterator())
+    settings: dict[str, dict[float, tuple[list[_Scene], Turn]]] = {
+        knob: {setting: (scenes, functools.partial(turn, to=setting)) for setting in all_settings}
+        for knob, (turn, all_settings) in KNOBS.items()
     }
+    if arguments.bank is not None:
+        lit = under_lamps(arguments.bank, arguments.materials, arguments.count)
+        settings["small lamps"] = {lamps: (rows, _unchanged) for lamps, rows in lit.items()}
+    found = {
+        (weights, knob, setting): _measured(Estimator(weights), *of_setting)
+        for weights in arguments.weights
+        for knob, of_knob in settings.items()
+        for setting, of_setting in tqdm(of_knob.items(), desc=f"{weights}, {knob}", unit="setting")
+    }
+    rows = {knob: tuple(of_knob) for knob, of_knob in settings.items()}
     text = "\n\n".join(
-        _table(found, weights, knob) for weights in arguments.weights for knob in KNOBS
+        _table(found, weights, knob, rows[knob]) for weights in arguments.weights for knob in rows
     )
     (arguments.out / "degradation.md").write_text(text + "\n", encoding="utf-8")
     print(text)
-    _draw(found, arguments.weights, arguments.out / "degradation.png")
+    _draw(found, arguments.weights, rows, arguments.out / "degradation.png")
 
 
-def _measured(
-    estimator: Estimator,
-    scenes: list[dict[str, np.ndarray]],
-    turn: Callable[[Photo, float], Photo],
-    setting: float,
-) -> np.ndarray:
-    """Return the mean of each measure over the scenes in which an object was found."""
+def _unchanged(photo: Photo) -> Photo:
+    return photo
+
+
+def _measured(estimator: Estimator, scenes: list[_Scene], turn: Turn) -> np.ndarray:
+    """Return the mean of each measure; where no object was found, all but the IoU are left out."""
     rows = []
     for scene in scenes:
         # A stored image is clipped; what is left of it is what a camera has.
         linear = colour.srgb_to_linear(scene["image"][0])
-        photo = turn(Photo(linear, scene["mask"][0]), setting)
+        photo = turn(Photo(linear, scene["mask"][0]))
         levels = np.round(colour.linear_to_srgb(np.clip(photo.image, 0, 1)) * 255).astype(np.uint8)
         if photo.quality is not None:
             file = io.BytesIO()
@@ -154,34 +237,45 @@ def _measured(
             levels = np.asarray(Image.open(file))
         material = estimator.estimate(levels, photo.given)
         if material.exponent is None:
+            rows.append((np.nan, np.nan, np.nan, np.nan, 0.0))
             continue
         log, true = np.log10(material.exponent), np.log10(scene["shininess"][0])
-        edge = 3 / 8
+        distance = bin_distance(scene["shininess"][0], material.exponent_bin_probabilities)
         rows.append(
             (
                 abs(log - true),
-                abs(np.clip(log // edge, 0, 7) - np.clip(true // edge, 0, 7)) <= 1,
+                distance <= 1,
                 np.abs(np.asarray(material.diffuse_albedo) - scene["diffuse_albedo"][0]).mean(),
                 abs(material.specular_albedo - float(np.ravel(scene["specular_albedo"])[0])),
                 overlap_ratio(*overlap(photo.mask[None], material.layers["mask"][None]))[0],
             )
         )
-    return np.mean(np.asarray(rows, float), axis=0)
+    return np.nanmean(np.asarray(rows, float), axis=0)
 
 
-def _table(found: dict[tuple[str, str, float], np.ndarray], weights: str, knob: str) -> str:
+def _table(
+    found: dict[tuple[str, str, float], np.ndarray],
+    weights: str,
+    knob: str,
+    settings: tuple[float, ...],
+) -> str:
     lines = [f"| `{weights}`, {knob} | {' | '.join(MEASURES)} |", "|---|" + "---:|" * len(MEASURES)]
-    for setting in KNOBS[knob][1]:
+    for setting in settings:
         cells = " | ".join(f"{value:.3f}" for value in found[weights, knob, setting])
         lines.append(f"| {setting:g} | {cells} |")
     return "\n".join(lines)
 
 
-def _draw(found: dict[tuple[str, str, float], np.ndarray], sets: list[str], path: Path) -> None:
+def _draw(
+    found: dict[tuple[str, str, float], np.ndarray],
+    sets: list[str],
+    settings_of: dict[str, tuple[float, ...]],
+    path: Path,
+) -> None:
     figure, axes = plt.subplots(
-        len(MEASURES), len(KNOBS), figsize=(13, 10), sharex="col", sharey="row", squeeze=False
+        len(MEASURES), len(settings_of), figsize=(15, 10), sharex="col", sharey="row"
     )
-    for column, (knob, (_, settings)) in enumerate(KNOBS.items()):
+    for column, (knob, settings) in enumerate(settings_of.items()):
         ordered = sorted(settings)
         for row, measure in enumerate(MEASURES):
             axis = axes[row, column]
