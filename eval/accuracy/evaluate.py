@@ -144,7 +144,7 @@ def evaluate(
             # Of what is not finite, no picture can be made.
             for columns in (measured, of_true_layers):
                 _check_finite(columns, model_dir, first)
-            relit = _relit(example, answers, split.is_literal, pool)
+            relit = _relit(example, answers, pool)
             rows.append(
                 measured | _layers_flip(example, answers["found"], pool) | _relit_columns(relit)
             )
@@ -186,7 +186,7 @@ def evaluate_predictions(predictions: Predictions, corpus: Path) -> dict[str, np
             found = answers.batch(first, len(example["mask"]))
             columns = measure(example, found) | _layers_flip(example, found, pool)
             if {"diffuse_found", "specular_found", "log_exponent_found"} <= columns.keys():
-                columns |= _relit_columns(_relit(example, {"found": found}, split.is_literal, pool))
+                columns |= _relit_columns(_relit(example, {"found": found}, pool))
             rows.append(columns)
     return _joined(rows) | {"answered": answers.answered}
 
@@ -329,7 +329,6 @@ def _layers_flip(
 def _relit(
     example: Mapping[str, np.ndarray],
     answers: Mapping[str, Mapping[str, np.ndarray]],
-    literal: bool,
     pool: ThreadPoolExecutor,
 ) -> dict[str, dict[str, np.ndarray]]:
     """Return the columns `relit` and `relit_unseen`, `(B,)` decibel, by answer and for `average`.
@@ -337,7 +336,6 @@ def _relit(
     Args:
         example: batch as `pipeline.evaluation` yields it.
         answers: outputs of the system and of the oracle, by name.
-        literal: whether the corpus holds S and D as printed in Eqs. 2 and 3.
         pool: threads that compute the examples in parallel.
     """
 
@@ -351,7 +349,7 @@ def _relit(
             for name, answer in answers.items()
         }
         scene = {name: example[name][row] for name in relighting.FEATURES}
-        return relighting.relight(scene, materials | {"average": relighting.AVERAGE}, literal)
+        return relighting.relight(scene, materials | {"average": relighting.AVERAGE})
 
     each = list(pool.map(one, range(len(example["mask"]))))
     return {

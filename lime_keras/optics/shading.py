@@ -189,14 +189,6 @@ def texels(radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return light[lit].astype(radiance.dtype), energy[lit].astype(radiance.dtype)
 
 
-def literal_scale(exponent: float) -> tuple[float, float]:
-    """Return the factors that turn furnace-normalised D and S into the paper's Eqs. 2 and 3.
-
-    The factors are π for D and 1 / c(s) for S; s is at least 0.
-    """
-    return math.pi, 1.0 / normaliser(float(exponent))
-
-
 def _chunks(pixels: int, texels: int) -> list[slice]:
     """Return slices of the pixels, each of at most `_CHUNK` pairs of a pixel and a light."""
     step = max(1, _CHUNK // max(texels, 1))

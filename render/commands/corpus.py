@@ -31,13 +31,6 @@ def add_options(out: argparse.ArgumentParser) -> None:
         default="fast",
         help="reference converges, and takes many times as long (default: fast)",
     )
-    contents.add_argument(
-        "--shading",
-        choices=("furnace", "literal"),
-        default="furnace",
-        help="normalise shading to the white furnace, or store Eqs. 2 and 3 as printed; a model "
-        "gives specular albedos in the unit of its corpus (default: furnace)",
-    )
     shared.add_inputs(
         out,
         shapes="meshes (OBJ, PLY, STL, GLB) instead of the built-in shapes: 400 for training, 100 "
@@ -68,7 +61,6 @@ def run(options: argparse.Namespace) -> int:
     choice = shared.chosen_variant(Split(options.out, options.split).description_path)
     description = Description(
         quality=options.quality,
-        shading=options.shading,
         variant=choice.variant,
         materials=options.materials,
         **shared.described(options, 512),

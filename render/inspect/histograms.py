@@ -143,7 +143,6 @@ def draw(
     columns: Mapping[str, np.ndarray],
     uses: Mapping[str, Mapping[str, int]],
     pictured: int,
-    literal: bool,
     title: str,
 ) -> Figure:
     """Draw a page with a panel for each quantity, for the albedos, the shapes and the lights.
@@ -152,7 +151,6 @@ def draw(
         columns: values `(N,)` by name of the quantity.
         uses: number of uses of each shape and each light, by kind and name.
         pictured: number of examples in which the quantities marked * were measured.
-        literal: whether the corpus has literal shading, with lights 1/π as bright.
         title: name of the corpus and the split.
     """
     down = -(-(len(_PANELS) + 1) // _ACROSS)
@@ -176,7 +174,7 @@ def draw(
         _histogram(axes, panel, np.asarray(columns.get(panel.name, ())))
         if panel.name == "mean_radiance":
             axes.locator_params(axis="x", nbins=5)
-            axes.axvline(MEAN_RADIANCE / (math.pi if literal else 1), color=_LAW, linewidth=1.5)
+            axes.axvline(MEAN_RADIANCE, color=_LAW, linewidth=1.5)
     axes = figure.add_subplot(grid[divmod(len(_PANELS), _ACROSS)])
     _dress(axes)
     _albedos(axes, columns)

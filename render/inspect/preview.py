@@ -77,7 +77,6 @@ def preview(corpus: Path, split: str, on_example: Callable[[int, int], None]) ->
                 "lights": _uses(gathered.lights, files.lights),
             },
             gathered.pictured,
-            files.is_literal,
             title,
         )
         _save(histogram, chart)

@@ -56,7 +56,7 @@ def test_the_options_reach_the_renderer(render, monkeypatch, tmp_path):
     monkeypatch.setattr(rendering, "render_split", render_split)
     monkeypatch.chdir(tmp_path)
     status, printed, progress = render(
-        *("--count", 9, "--seed", 3, "--size", 64, "--shard-size", 4, "--shading", "literal"),
+        *("--count", 9, "--seed", 3, "--size", 64, "--shard-size", 4),
         *("--shapes", "meshes", "--workers", 8, "--quality", "reference", "--unusable", "skip"),
     )
     assert status == 0 and printed == f"9 examples in {tmp_path / 'corpus' / 'train'}\n"
@@ -66,7 +66,7 @@ def test_the_options_reach_the_renderer(render, monkeypatch, tmp_path):
     [(out, description, options)] = calls
     assert out == tmp_path / "corpus"
     assert options == {"workers": 8, "ray": None, "skip_unusable": True}
-    expected = ("train", 9, 3, 64, 4, "reference", "literal", str(tmp_path / "meshes"), None, None)
+    expected = ("train", 9, 3, 64, 4, "reference", "furnace", str(tmp_path / "meshes"), None, None)
     assert tuple(vars(description).values())[:-2] == expected
     assert description.materials == "uniform"
 

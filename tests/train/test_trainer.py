@@ -314,7 +314,7 @@ def test_corpora_are_learnt_from_together(corpus, config, tmp_path, nudged):
         trainer.train([corpus], run, config, _ignore)
 
 
-def test_corpora_in_two_units_are_refused(corpus, config, tmp_path):
+def test_a_corpus_in_another_unit_is_refused(corpus, config, tmp_path):
     other = write_split(tmp_path / "literal", "train", [range(2), range(2)], seed=1)
     path = other / "train" / "manifest.json"
     manifest = json.loads(path.read_text(encoding="utf-8"))

@@ -58,7 +58,7 @@ def columns(count, seed=0):
 
 def chart(values, **uses):
     uses = {"shapes": {"sphere": 3, "cube": 0}, "lights": {"lamp": 3}} | uses
-    return histograms.draw(values, uses, 500, False, "corpus/test")
+    return histograms.draw(values, uses, 500, "corpus/test")
 
 
 def test_both_pictures_lie_beside_the_shards(corpus):
@@ -249,12 +249,11 @@ def test_the_laws_of_the_pose_are_those_of_the_scenes():
         assert stats.kstest(values, laws[name]).pvalue > 1e-3, name
 
 
-@pytest.mark.parametrize("literal", [False, True])
-def test_the_environment_is_held_against_the_exposure(literal):
+def test_the_environment_is_held_against_the_exposure():
     uses = {"shapes": {"sphere": 1}, "lights": {"lamp": 1}}
-    figure = histograms.draw(columns(50), uses, 50, literal, "corpus/test")
+    figure = histograms.draw(columns(50), uses, 50, "corpus/test")
     (line,) = panel(figure, "mean radiance").lines
-    assert line.get_xdata()[0] == pytest.approx(0.4 / (np.pi if literal else 1))
+    assert line.get_xdata()[0] == pytest.approx(0.4)
 
 
 def test_unused_names_are_told_and_few_are_labelled():
