@@ -15,9 +15,8 @@ def add(subparsers: Any) -> None:
         subparsers,
         "preview",
         run,
-        "Draw CORPUS/SPLIT/preview.png, a contact sheet, and histograms.png, what was sampled "
-        "beside what should have been. Of a bank, draw BANK/preview.png, 100 G-buffers with lights "
-        "and textures.",
+        "Draw CORPUS/SPLIT/preview.png, a contact sheet. Of a bank, draw BANK/preview.png, 100 "
+        "G-buffers with lights and textures.",
         "  lime-render preview corpus\n  lime-render preview corpus --split test\n"
         "  lime-render preview bank --out sheet.png",
     )
@@ -28,7 +27,7 @@ def add(subparsers: Any) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Draw the pictures and return the exit status."""
+    """Draw the picture and return the exit status."""
     if shared.is_bank(options):
         from ..bank import preview as of_bank
 
@@ -43,7 +42,6 @@ def run(options: argparse.Namespace) -> int:
 
     for split in shared.splits(options.corpus, options.split):
         with console.Bar(f"preview {split.name}", "example") as bar:
-            paths = preview.preview(options.corpus, split.name, bar.move)
-        for path in paths:
-            print(path)
+            path = preview.preview(options.corpus, split.name, bar.move)
+        print(path)
     return 0
