@@ -33,8 +33,7 @@ def add_options(out: argparse.ArgumentParser) -> None:
     )
     shared.add_inputs(
         out,
-        shapes="meshes (OBJ, PLY, STL, GLB) instead of the built-in shapes: 400 for training, 100 "
-        "for test",
+        shapes="instead of the built-in shapes: 400 for training, 100 for test",
         environments="environment maps (HDR, EXR; equirectangular) instead of the built-in rooms: "
         "40 for training, 12 for test",
     )
