@@ -2,8 +2,8 @@
 
 Letters as in the paper: `n` surface normal, `o` direction to the viewer, both unit, `(N, 3)`, in
 the map's frame; `i` direction to the light; `h` half vector; `s` exponent. Shading is normalised to
-the white furnace: for E ≡ 1, D = 1, M = 1 and, at n = o, S = 1. `literal_scale` undoes the
-normalisation.
+the white furnace: for E ≡ 1, D = 1, M = 1 and, at n = o, S = 1. As printed they are
+π D and S / c(s), with c(s) of `normaliser`.
 
 The functions use NumPy, in the precision of the given arrays. They are the reference in the tests
 of the fast renderer, and replace it where it cannot run. `normaliser` takes Keras tensors, too.

@@ -178,6 +178,16 @@ def _begun(finished, run, config, before):
     return run
 
 
+def test_the_single_stages_of_a_run_make_a_model_of_their_own(corpus, config, finished, tmp_path):
+    """As docs/reference/measures.md says, to show true layers to encoders that joining changed."""
+    run = _begun(finished, tmp_path / "run", config, 6)
+    assert trainer.train([corpus], run, config, _ignore, only=["segmentation"]) == []
+    for name, network in weights.load(run)[1].items():
+        left = _stage(finished, name)
+        for index, values in enumerate(network.get_weights()):
+            assert np.array_equal(values, left[f"arr_{index}"]), name
+
+
 @pytest.mark.parametrize(
     "number, name, step",
     [
