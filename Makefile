@@ -56,7 +56,6 @@ ship: .venv/installed
 	$(BIN)/lime-export $(PRETRAINED)/$(NAME) --format weights --weights $(WEIGHTS)
 	$(BIN)/lime-export $(PRETRAINED)/$(NAME) --format graphs --weights $(PRETRAINED)/$(NAME)
 	rm $(PRETRAINED)/$(NAME)/model/*.weights.h5
-	rm -rf $(PRETRAINED)/$(NAME)/model/alone
 
 # The site, in docs/_build/index.html, with the demo in docs/_build/live. What Sphinx warns of is an
 # error.

@@ -20,7 +20,7 @@ from lime_keras.io.atomic import write
 
 from .photos import folder, summary
 from .photos.answers import answer
-from .report import contact_sheet, page
+from .report import page
 from .report.themes import LIGHT
 from .store import Store
 
@@ -150,14 +150,7 @@ def photographs(out: Path, taken: Path, runs: Sequence[Path], *, command: str) -
     write(
         out / "photos.csv", _csv({name: np.array([row[name] for row in rows]) for name in rows[0]})
     )
-    for stale in out.glob("photos-[0-9]*.jpg"):
-        stale.unlink()
-    pictures = []
-    for number, draw in enumerate(contact_sheet.sheets(photos, answers, found), 1):
-        write(out / f"photos-{number}.jpg", draw(LIGHT))
-        alt = "photos with the models' answers, sorted by gloss"
-        pictures.append(page.Picture(draw, alt, contact_sheet.CAPTION))
-    _keep(out, "photos", page.measured(_TITLES["photos"], text, pictures, command=command))
+    _keep(out, "photos", page.measured(_TITLES["photos"], text, [], command=command))
     return text
 
 

@@ -23,7 +23,7 @@ other commands, each with a --help of its own:
   lime-render bank OUT              render a bank of geometry and light, to train from
   lime-render scenes BANK OUT       make a corpus of a bank's scenes, to train on processors
   lime-render verify CORPUS|BANK    check files, checksums and every record or entry
-  lime-render preview CORPUS|BANK   draw a contact sheet, and histograms of a corpus
+  lime-render preview CORPUS|BANK   draw a contact sheet
   lime-render layers CORPUS INDEX   write one example as OpenEXR layers
   lime-render images CORPUS OUT     write the images of the test split, for other systems
   lime-render views HDRIS OUT       take pictures inside HDR maps, for --backgrounds

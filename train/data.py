@@ -47,8 +47,8 @@ class Data:
 
     Raises:
         FileNotFoundError: if a split or a bank is incomplete.
-        ValueError: if a split is too small, if anything is damaged, in another unit than the first
-            path, or of an image size that does not fit.
+        ValueError: if a split is too small, or if anything is damaged or of an image size that does
+            not fit.
     """
 
     def __init__(self, paths: Sequence[Path], config: Config, rows: tuple[int, int] = (0, 1)):
@@ -66,7 +66,6 @@ class Data:
 
             self._banks = Banks(banks, config, rows)
         _check_sizes(paths, config.architecture.size)
-        _check_units(paths)
         self._masker: keras.Model | None = None
         self._kept: list[Batch] = []
         self._kept_features: set[str] = set()
@@ -175,20 +174,5 @@ def _check_sizes(paths: Sequence[Path], size: int) -> None:
             )
 
 
-def _check_units(paths: Sequence[Path]) -> None:
-    """Raise ValueError if the specular albedos of corpora and banks have different units."""
-    first, *others = map(_shading, paths)
-    for path, shading in zip(paths[1:], others, strict=True):
-        if shading != first:
-            raise ValueError(
-                f"{path} was rendered with --shading {shading} and {paths[0]} with {first}: "
-                "their specular albedos have different units, so render one of them again"
-            )
-
-
 def _size(path: Path) -> int | None:
     return bank.manifest(path)["size"] if is_bank(path) else Split(path, "train").size
-
-
-def _shading(path: Path) -> str:
-    return "furnace" if is_bank(path) else Split(path, "train").shading

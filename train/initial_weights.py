@@ -10,7 +10,6 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import keras
-import numpy as np
 
 from lime_keras.io import atomic, untrusted
 from lime_keras.model import folder as model_folder
@@ -39,9 +38,7 @@ def keep(model: Path, run: Path) -> None:
         weights.copy(model, partial)
 
 
-def load(
-    run: Path, subnetworks: Mapping[str, keras.Model], *, record: bool = True
-) -> tuple[list[str], dict[str, list[np.ndarray]]]:
+def load(run: Path, subnetworks: Mapping[str, keras.Model], *, record: bool = True) -> list[str]:
     """Set the weights of those subnetworks that have the same layers in the copied model.
 
     A U-Net's layers are the same for any image size; an encoder's first dense layer depends on it.
@@ -52,14 +49,12 @@ def load(
         record: whether to write down in `taken.json` which of them were set.
 
     Returns:
-        Names of the subnetworks that were set; and, by name, the weights of the encoders among them
-        from before joined training, as far as the model holds such weights.
+        Names of the subnetworks that were set.
 
     Raises:
         ValueError: if no subnetwork fits, or a file is broken.
     """
     _, others = weights.load(run / _FOLDER, whole=False)
-    alone = weights.load_before_joining(run / _FOLDER, others)
     taken = [
         name for name in subnetworks if name in others and _fit(subnetworks[name], others[name])
     ]
@@ -73,7 +68,7 @@ def load(
     if record:
         text = json.dumps({"taken": taken, "fresh": [n for n in subnetworks if n not in taken]})
         atomic.write(run / _FOLDER / _TAKEN, text + "\n")
-    return taken, {name: alone[name].get_weights() for name in taken if name in alone}
+    return taken
 
 
 def described(run: Path) -> str:

@@ -7,8 +7,7 @@ A run's folder holds:
 - `curves/N-name.csv`: losses and measures of a stage;
 - `evaluation.json`: measures of the whole system on the held-out examples;
 - `tensorboard/`: the same, with gradient norms and pictures;
-- `model/`: the trained model with a copy of the record, and in `alone/` the weights that encoders
-  had before joined training;
+- `model/`: the trained model with a copy of the record;
 - `begun-from/`: a copy of the trained model that the run began with, if it did.
 """
 
@@ -23,11 +22,10 @@ from time import monotonic
 from typing import Any
 
 import keras
-import numpy as np
 
 from lime_keras.io import atomic, locking
 from lime_keras.model import weights
-from lime_keras.networks import SUBNETWORKS, Architecture, build
+from lime_keras.networks import build
 from lime_keras.networks.precision import computing_in
 
 from . import backbone, hosts, initial_weights
@@ -164,7 +162,6 @@ class _Run:
     ):
         self._folder, self._config, self._data = folder, config, data
         self._split, self._tell = split, tell
-        self._before_joining: dict[str, list[np.ndarray]] = {}
         # The subnetworks, fresh or begun with.
         begun: list[str] = []
         with split.scope():
@@ -173,9 +170,7 @@ class _Run:
                 initial_weights.keep(start_from, folder)
             hosts.agree({"--start-from": start_from is not None})
             if config.begun_from is not None:
-                begun, self._before_joining = initial_weights.load(
-                    folder, self._subnetworks, record=split.leads
-                )
+                begun = initial_weights.load(folder, self._subnetworks, record=split.leads)
             if config.architecture.pretrained and "segmentation" not in begun:
                 backbone.begin(self._subnetworks["segmentation"])
             _freeze(config, self._subnetworks, begun)
@@ -227,8 +222,6 @@ class _Run:
             name = part.stage.name
             if name == "segmentation":
                 self._data.cut_out_by(self._subnetworks[name])
-            if name in SUBNETWORKS and SUBNETWORKS[name].encoder:
-                self._before_joining[name] = self._subnetworks[name].get_weights()
         if self._parts and self._split.leads:
             self._write()
 
@@ -259,10 +252,8 @@ class _Run:
     def _write(self) -> None:
         """Write what is trained so far with a copy of the run's record, in place of the earlier."""
         trained = {n: one for n, one in self._subnetworks.items() if n in self._trained}
-        architecture = self._config.architecture
         with self._split.alone(), atomic.replacing(self._folder / "model") as partial:
-            before_joining = _changed_since(self._before_joining, trained, architecture)
-            weights.save(partial, architecture, trained, before_joining)
+            weights.save(partial, self._config.architecture, trained)
             atomic.write(partial / "training.json", config_path(self._folder).read_bytes())
         self._written = monotonic()
 
@@ -386,22 +377,6 @@ def _build(config: Config) -> dict[str, keras.Model]:
     """Build the run's subnetworks with fresh weights, in the config's precision."""
     with computing_in(config.precision):
         return build(config.architecture, config.seed)
-
-
-def _changed_since(
-    earlier: Mapping[str, list[np.ndarray]],
-    subnetworks: Mapping[str, keras.Model],
-    architecture: Architecture,
-) -> dict[str, keras.Model]:
-    """Return copies, with the earlier weights, of the subnetworks whose weights have changed."""
-    out = {}
-    for name, values in earlier.items():
-        now = subnetworks[name].get_weights()
-        if not all(np.array_equal(one, other) for one, other in zip(values, now, strict=True)):
-            # Keras' own function for copies imports TensorFlow under any backend.
-            out[name] = SUBNETWORKS[name].build(architecture)
-            out[name].set_weights(values)
-    return out
 
 
 def _compile(model: StageModel, stage: Stage, config: Config) -> None:

@@ -1,8 +1,8 @@
 """The evaluation of a system on a corpus' test split: one row of numbers per example.
 
 An oracle is evaluated beside the system: ExponentNet and AlbedoNet, given the true mask, S and M;
-or the baseline's MaterialNet, given the true reflectance map. The oracle uses the weights from
-before joint training if the run has kept them. Better layers alone would not remove its errors.
+or the baseline's MaterialNet, given the true reflectance map. Better layers alone would not remove
+its errors.
 """
 
 import os
@@ -63,14 +63,11 @@ class Evaluation:
         oracle: error columns of the oracle: exponent, albedos and relighting. It is empty if
             `evaluate` was given an `answer` other than the Keras model.
         architecture: architecture of the system.
-        stage_one: names of those of the oracle's encoders that have their weights from before joint
-            training, which the run kept; the others have the weights of the system.
     """
 
     rows: dict[str, np.ndarray]
     oracle: dict[str, np.ndarray]
     architecture: Architecture
-    stage_one: tuple[str, ...] = ()
 
     @property
     def count(self) -> int:
@@ -119,11 +116,9 @@ def evaluate(
             "multiple of it"
         )
 
-    # The system and its oracle. Joint training adapts the encoders to estimated layers; on true
-    # layers the weights from before it are better.
+    # The system and its oracle.
     system = answer or assemble(subnetworks).predict_on_batch
-    alone = weights.load_before_joining(model_dir, subnetworks)
-    oracle_of = _from_true_layers(subnetworks | alone)
+    oracle_of = _from_true_layers(subnetworks)
 
     # Rows, batch by batch.
     rows: list[dict[str, np.ndarray]] = []
@@ -144,7 +139,7 @@ def evaluate(
             # Of what is not finite, no picture can be made.
             for columns in (measured, of_true_layers):
                 _check_finite(columns, model_dir, first)
-            relit = _relit(example, answers, split.is_literal, pool)
+            relit = _relit(example, answers, pool)
             rows.append(
                 measured | _layers_flip(example, answers["found"], pool) | _relit_columns(relit)
             )
@@ -154,7 +149,7 @@ def evaluate(
     # All rows, which must be finite.
     joined = _joined(rows)
     of_oracle = _joined(oracle) if oracle else {}
-    evaluation = Evaluation(joined, of_oracle, architecture, tuple(alone))
+    evaluation = Evaluation(joined, of_oracle, architecture)
     for columns in (joined, of_oracle):
         _check_finite(columns, model_dir)
     return evaluation
@@ -186,7 +181,7 @@ def evaluate_predictions(predictions: Predictions, corpus: Path) -> dict[str, np
             found = answers.batch(first, len(example["mask"]))
             columns = measure(example, found) | _layers_flip(example, found, pool)
             if {"diffuse_found", "specular_found", "log_exponent_found"} <= columns.keys():
-                columns |= _relit_columns(_relit(example, {"found": found}, split.is_literal, pool))
+                columns |= _relit_columns(_relit(example, {"found": found}, pool))
             rows.append(columns)
     return _joined(rows) | {"answered": answers.answered}
 
@@ -329,7 +324,6 @@ def _layers_flip(
 def _relit(
     example: Mapping[str, np.ndarray],
     answers: Mapping[str, Mapping[str, np.ndarray]],
-    literal: bool,
     pool: ThreadPoolExecutor,
 ) -> dict[str, dict[str, np.ndarray]]:
     """Return the columns `relit` and `relit_unseen`, `(B,)` decibel, by answer and for `average`.
@@ -337,7 +331,6 @@ def _relit(
     Args:
         example: batch as `pipeline.evaluation` yields it.
         answers: outputs of the system and of the oracle, by name.
-        literal: whether the corpus holds S and D as printed in Eqs. 2 and 3.
         pool: threads that compute the examples in parallel.
     """
 
@@ -351,7 +344,7 @@ def _relit(
             for name, answer in answers.items()
         }
         scene = {name: example[name][row] for name in relighting.FEATURES}
-        return relighting.relight(scene, materials | {"average": relighting.AVERAGE}, literal)
+        return relighting.relight(scene, materials | {"average": relighting.AVERAGE})
 
     each = list(pool.map(one, range(len(example["mask"]))))
     return {

@@ -229,8 +229,8 @@ def summarise(evaluation: Evaluation) -> dict[str, Any]:
     summary["interval"] = intervals(evaluation.rows)
     summary["oracle"] = values(evaluation.oracle) if evaluation.oracle else {}
     if evaluation.oracle:
-        named = evaluation.architecture, evaluation.stage_one
-        summary |= {"oracle_title": labels.oracle(*named), "oracle_is": labels.oracle_is(*named)}
+        of = evaluation.architecture
+        summary |= {"oracle_title": labels.oracle(of), "oracle_is": labels.oracle_is(of)}
     for kind in ("paper", "chance", "floor"):
         known = {name: getattr(MEASURES[name], kind) for name in measured}
         summary[kind] = {

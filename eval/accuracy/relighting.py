@@ -47,28 +47,20 @@ class Lit:
     Args:
         example: record, resized to the model's size, with `mask`, `normal`, `camera`, `ambient`.
         radiance: radiance of the light `(H, W)` in camera space.
-        literal: whether the corpus holds S and D as printed in Eqs. 2 and 3.
     """
 
-    def __init__(
-        self, example: Mapping[str, np.ndarray], radiance: np.ndarray, literal: bool = False
-    ):
+    def __init__(self, example: Mapping[str, np.ndarray], radiance: np.ndarray):
         rows, columns = _pixels(example["mask"][..., 0])
         view = shading.view_directions(example["camera"], *example["mask"].shape[:2])
         self._normal = example["normal"][rows, columns].astype(np.float32)
         self._view = view[rows, columns].astype(np.float32)
         self._light = shading.texels(radiance.astype(np.float32))
         self._ambient = np.asarray(example["ambient"])
-        self._literal = literal
         self._diffuse = shading.diffuse(self._normal, *self._light)
-        if literal:
-            self._diffuse *= np.float32(shading.literal_scale(0.0)[0])
 
     def photo(self, material: BlinnPhong) -> np.ndarray:
         """Render the pixels with a material by Eq. 4, `(P, 3)` sRGB in [0, 1]."""
         specular = shading.specular(self._normal, self._view, material.exponent, *self._light)
-        if self._literal:
-            specular *= np.float32(shading.literal_scale(material.exponent)[1])
         radiance = compose(
             material.diffuse_albedo,
             np.asarray(material.specular_albedo),
@@ -89,14 +81,13 @@ def psnr(true: np.ndarray, found: np.ndarray) -> float:
 
 
 def relight(
-    example: Mapping[str, np.ndarray], materials: Mapping[str, BlinnPhong], literal: bool = False
+    example: Mapping[str, np.ndarray], materials: Mapping[str, BlinnPhong]
 ) -> dict[str, dict[str, float]]:
     """Compute the PSNR in decibel of each material under the two lights.
 
     Args:
         example: record, resized to the model's size, with `FEATURES`.
         materials: materials by name, to be compared with the true one.
-        literal: whether the corpus holds S and D as printed in Eqs. 2 and 3.
 
     Returns:
         By material, `relit` (light of the photo) and `relit_unseen` (studio light).
@@ -107,7 +98,7 @@ def relight(
     out: dict[str, dict[str, float]] = {name: {} for name in materials}
     lights = {"relit": example["environment"][..., 0], "relit_unseen": studio_light.light()}
     for column, radiance in lights.items():
-        lit = Lit(example, radiance, literal)
+        lit = Lit(example, radiance)
         true = lit.photo(truth)
         for name, material in materials.items():
             out[name][column] = psnr(true, lit.photo(material))

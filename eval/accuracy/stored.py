@@ -79,7 +79,6 @@ def _as_arrays(found: Evaluation) -> dict[str, np.ndarray]:
     return {
         **{f"rows.{name}": column for name, column in found.rows.items()},
         **{f"oracle.{name}": column for name, column in found.oracle.items()},
-        "stage_one": np.array(found.stage_one, np.str_),
         "architecture": np.array(json.dumps(dataclasses.asdict(found.architecture))),
     }
 
@@ -91,5 +90,4 @@ def _from_arrays(arrays: dict[str, np.ndarray]) -> Evaluation:
         }
 
     architecture = Architecture(**json.loads(str(arrays["architecture"])))
-    stage_one = tuple(map(str, arrays["stage_one"]))
-    return Evaluation(of("rows"), of("oracle"), architecture, stage_one)
+    return Evaluation(of("rows"), of("oracle"), architecture)

@@ -1,6 +1,5 @@
 """The answers of models for photos, with their own masks and with given ones."""
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from lime_keras.console import Bar
-from lime_keras.estimate import engines, preview
+from lime_keras.estimate import engines
 from lime_keras.estimate.estimator import Estimator
 from lime_keras.io import photo as photo_files
 from lime_keras.material import Material
@@ -36,12 +35,9 @@ class Answers:
             the object, inside the given mask or else the own one, and of the whole photo. In the
             columns of `GIVEN`, photos without a mask have the row of `OWN`; if no photo has one,
             these columns are left out.
-        pictures: the pictures of each answer with the own mask, uint8 by title, for each model
-            and position of a photo (`preview.tiles`).
     """
 
     columns: dict[tuple[str, str], dict[str, np.ndarray]]
-    pictures: dict[tuple[str, int], dict[str, np.ndarray]]
 
 
 def answer(photos: Sequence[Photo], runs: Mapping[str, Path]) -> Answers:
@@ -62,7 +58,6 @@ def answer(photos: Sequence[Photo], runs: Mapping[str, Path]) -> Answers:
     rows: dict[tuple[str, str], list[dict[str, object]]] = {
         (name, mask): [] for name in runs for mask in (OWN, GIVEN)
     }
-    pictures = {}
     with Bar("estimating", "photo") as bar:
         bar.move(0, len(photos))
         for position, photo in enumerate(photos):
@@ -72,7 +67,6 @@ def answer(photos: Sequence[Photo], runs: Mapping[str, Path]) -> Answers:
             for name, estimator in estimators.items():
                 own = estimator.estimate(image)
                 rows[name, OWN].append(_row(image, own, mask, given=False))
-                pictures[name, position] = _pictures(image, own)
                 if mask is None:
                     rows[name, GIVEN].append(rows[name, OWN][-1])
                 else:
@@ -85,13 +79,14 @@ def answer(photos: Sequence[Photo], runs: Mapping[str, Path]) -> Answers:
     }
     if not any(columns[name, GIVEN]["mask_given"].any() for name in runs):
         columns = {key: of_key for key, of_key in columns.items() if key[1] == OWN}
-    return Answers(columns, pictures)
+    return Answers(columns)
 
 
 def _estimator(run: Path) -> Estimator:
-    """Return the estimator of all that a model can tell, but the diffuse part, which none needs."""
+    """Return the estimator of the mask and of what a model can tell of the material's numbers."""
     outputs = engines.load(run, engines.ENGINES[0]).outputs
-    return Estimator(run, [name for name in available(outputs) if name != "diffuse"])
+    asked = ("mask", "albedo", "exponent")
+    return Estimator(run, [name for name in available(outputs) if name in asked])
 
 
 def _row(
@@ -124,17 +119,3 @@ def _answered(material: Material) -> BlinnPhong | None:
         return None
     numbers = [*whole.diffuse_albedo, whole.specular_albedo, whole.exponent]
     return whole if np.all(np.isfinite(numbers)) else None
-
-
-def _pictures(image: np.ndarray, material: Material) -> dict[str, np.ndarray]:
-    """Return the pictures of an estimate, uint8; what is not finite is black or left out."""
-    layers = {
-        name: np.nan_to_num(layer, posinf=0, neginf=0) for name, layer in material.layers.items()
-    }
-    shown = dataclasses.replace(material, layers=layers)
-    if _answered(material) is None:
-        shown = Material(square=material.square, layers=layers)
-    return {
-        title: np.round(np.clip(tile, 0, 1) * 255).astype(np.uint8)
-        for title, tile in preview.tiles(image, shown).items()
-    }

@@ -36,7 +36,6 @@ class Photo:
         dielectric: whether the object is known to be of no metal, so that its specular share is
             that of a dielectric.
         pair: name of the photos that this one is to be compared with, if there are any.
-        note: remark on the photo; may be empty.
     """
 
     name: str
@@ -45,7 +44,6 @@ class Photo:
     finish: str | None = None
     dielectric: bool = False
     pair: str | None = None
-    note: str = ""
 
 
 def read(folder: Path, out: Path) -> list[Photo]:
@@ -170,5 +168,4 @@ def _label(row: dict[str, str]) -> tuple[str, dict[str, Any]]:
         "finish": finish or None,
         "dielectric": dielectric == "1",
         "pair": given.get("pair") or None,
-        "note": given.get("note", ""),
     }

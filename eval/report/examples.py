@@ -38,14 +38,12 @@ class Example:
         truth: the record, resized to the model's size: arrays, and names as bytes.
         estimate: the system's outputs for this image, without the batch axis.
         photo_srgb: the input image at its stored size, sRGB in [0, 1].
-        literal: whether the corpus holds S as printed in Eq. 3, without furnace normalisation.
     """
 
     choice: Selection
     truth: dict[str, Any]
     estimate: dict[str, np.ndarray]
     photo_srgb: np.ndarray
-    literal: bool = False
 
     @property
     def exponent(self) -> float:
@@ -131,7 +129,6 @@ def read(
             truth,
             {name: values[row] for name, values in estimates.items()},
             photos[choice.position],
-            split.is_literal,
         )
         for row, (choice, truth) in enumerate(zip(choices, truths, strict=True))
     ]

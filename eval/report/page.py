@@ -25,7 +25,7 @@ class Picture:
     """A figure of a section.
 
     Attributes:
-        draw: function from a theme to a PNG or JPEG, or to None if there is nothing to draw.
+        draw: function from a theme to a PNG, or to None if there is nothing to draw.
         alt: description of the figure for readers who cannot see it.
         caption: text below the figure.
     """
@@ -98,6 +98,5 @@ def both_themes(draw: Callable[[Theme], bytes | None]) -> dict[str, str] | None:
 
 
 def data_uri(data: bytes) -> str:
-    """Return a PNG or JPEG as a data URI."""
-    kind = "jpeg" if data.startswith(b"\xff\xd8") else "png"
-    return f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
+    """Return a PNG as a data URI."""
+    return f"data:image/png;base64,{base64.b64encode(data).decode()}"

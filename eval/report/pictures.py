@@ -76,8 +76,6 @@ def estimated_render(example: Example) -> np.ndarray:
     specular[inside, 0] = shading.specular(
         truth["normal"][inside], view[inside], example.exponent, light, energy
     )
-    if example.literal:
-        specular *= np.float32(shading.literal_scale(example.exponent)[1])
     return _over_background(
         truth, estimate["diffuse_albedo"], estimate["specular_albedo"], specular
     )

@@ -101,9 +101,7 @@ class Run:
     def file_size(self, runtime: str, precision: str) -> int:
         """Return the number of bytes in the files that a runtime needs."""
         if runtime == KERAS:
-            # The folder may also hold the subnetworks from before joint training, for the oracle.
-            used = [path for path in self._files if path.parent.name != model_folder.ALONE]
-            return sum(map(size, used))
+            return sum(map(size, self._files))
         return size(self.path(runtime, precision))
 
     def part(self, name: str) -> Path:

@@ -150,8 +150,8 @@ def _add_light(light: argparse._ArgumentGroup) -> None:
         "--clone-onto",
         type=Path,
         metavar="MESH",
-        help="OBJ, PLY, STL or GLB to render in the object's place: DIR/NAME-clone.png; without "
-        "--normals they are guessed from the mask",
+        help="mesh to render in the object's place: DIR/NAME-clone.png; without --normals they are "
+        "guessed from the mask",
     )
     light.add_argument(
         "--up",

@@ -8,6 +8,8 @@ from typing import Any
 from lime_keras.io import untrusted
 
 SPLITS = ("train", "test")
+_GONE = {"lights": 1, "shading": "furnace"}
+"""Options that corpora were once rendered with, and the value of each that is still read."""
 
 
 @dataclass(frozen=True)
@@ -141,23 +143,15 @@ class Split:
         """The height and width of the images in pixels."""
         return self._described("size", int)
 
-    @property
-    def shading(self) -> str:
-        """The normalisation of D and S: `furnace`, or `literal` as printed in Eqs. 2 and 3."""
-        return self._described("shading", str)
-
-    @property
-    def is_literal(self) -> bool:
-        """True if D and S are stored as printed in Eqs. 2 and 3."""
-        return self.shading == "literal"
-
     def _described(self, name: str, kind: type) -> Any:
         found = self._recorded("description", dict)
-        if found.get("lights", 1) != 1:
-            raise ValueError(
-                f"{self.folder} was rendered with --lights {found['lights']}, which is no longer "
-                "read: render it again without, or make scenes of a bank by `lime-render scenes`"
-            )
+        for option, only in _GONE.items():
+            if found.get(option, only) != only:
+                raise ValueError(
+                    f"{self.folder} was rendered with --{option} {found[option]}, which is no "
+                    "longer read: render it again without, or make scenes of a bank by "
+                    "`lime-render scenes`"
+                )
         return self._checked(found.get(name), kind, f"description.{name}")
 
     def _texts(self, name: str) -> list[str]:

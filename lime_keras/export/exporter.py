@@ -89,8 +89,7 @@ def export(
             formats.describe_saved_model(partial, card)
             signatures = formats.open_saved_model(partial)
         elif model_format == WEIGHTS:
-            alone = weights.load_before_joining(weights_folder, subnetworks)
-            weights.save(partial, architecture, subnetworks, alone, half=True)
+            weights.save(partial, architecture, subnetworks, half=True)
             formats.describe_weights(partial, card)
             record = model_folder.folder(weights_folder) / "training.json"
             if record.is_file():

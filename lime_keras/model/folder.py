@@ -22,8 +22,6 @@ ARCHITECTURE = "architecture.json"
 """File of the architecture; only a folder that has one holds a model."""
 WEIGHTS = ".weights.h5"
 """End of the name of each subnetwork's file."""
-ALONE = "alone"
-"""Folder, in that of the model, of the weights from before joined training."""
 DESCRIPTION = "graphs.json"
 """File that describes the exported graphs, beside them (`lime_keras.model.graphs`)."""
 
@@ -81,7 +79,7 @@ def in_graphs(run: Path) -> bool:
 
 
 def files(run: Path) -> list[Path]:
-    """Return all files of a model, weights from before joined training included, in a fixed order.
+    """Return all files of a model, in a fixed order.
 
     Args:
         run: folder of the trained model (see `folder`).
@@ -91,7 +89,7 @@ def files(run: Path) -> list[Path]:
     """
     model = folder(run)
     check_present(model, model / ARCHITECTURE)
-    weights = [path for path in sorted(model.rglob(f"*{WEIGHTS}")) if path.is_file()]
+    weights = [path for path in sorted(model.glob(f"*{WEIGHTS}")) if path.is_file()]
     there = graphs(run)
     held = [graph(there, name) for name in sorted(_described(there))] if in_graphs(run) else []
     return [model / ARCHITECTURE, *weights, *(path for path in held if path.is_file())]
@@ -100,8 +98,8 @@ def files(run: Path) -> list[Path]:
 def digest(run: Path) -> str:
     """Return the SHA-256 of the model that the estimator runs: its architecture and weights.
 
-    Weights from before joined training do not count. If the weights lie in the exported graphs
-    alone, it is that of the files from which these were exported.
+    If the weights lie in the exported graphs alone, it is that of the files from which these were
+    exported.
 
     Args:
         run: folder of the trained model (see `folder`).
@@ -110,14 +108,12 @@ def digest(run: Path) -> str:
         FileNotFoundError: if the folder holds no model.
         ValueError: if the description of the graphs, which hold the weights, is damaged.
     """
-    model, total = folder(run), hashlib.sha256()
-    held = files(run)
+    held, total = files(run), hashlib.sha256()
     if in_graphs(run):
         return _described_digest(graphs(run) / DESCRIPTION)
     for path in held:
-        if path.parent == model:
-            total.update(f"{path.name} {path.stat().st_size}\n".encode())
-            total.update(path.read_bytes())
+        total.update(f"{path.name} {path.stat().st_size}\n".encode())
+        total.update(path.read_bytes())
     return total.hexdigest()
 
 

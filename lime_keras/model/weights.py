@@ -2,10 +2,6 @@
 
 If the exported graphs lie beside them (`lime_keras.export`), the latter may be left out: the
 weights are then read from the graphs.
-
-Joined training adapts a subnetwork to the estimates of the others, so that its predictions from
-true layers get worse. `MODEL/alone/{subnetwork}.weights.h5` may hold the weights that such a
-subnetwork had before joined training.
 """
 
 import dataclasses
@@ -21,7 +17,6 @@ import numpy as np
 from lime_keras.io import atomic, untrusted
 from lime_keras.model import graphs as graph_folder
 from lime_keras.model.folder import (
-    ALONE,
     ARCHITECTURE,
     DESCRIPTION,
     WEIGHTS,
@@ -32,7 +27,7 @@ from lime_keras.model.folder import (
     graphs,
     in_graphs,
 )
-from lime_keras.networks import SUBNETWORKS, Architecture, build, subnetwork_names
+from lime_keras.networks import Architecture, build, subnetwork_names
 
 _LEAST_COMPRESSED = 256
 """Number of values from which on it is worth to compress an array."""
@@ -44,7 +39,6 @@ def save(
     model: Path,
     architecture: Architecture,
     subnetworks: Mapping[str, keras.Model],
-    alone: Mapping[str, keras.Model] | None = None,
     *,
     half: bool = False,
 ) -> None:
@@ -55,17 +49,11 @@ def save(
         architecture: architecture of the subnetworks.
         subnetworks: trained subnetworks by name. They may be only some of the architecture's;
             another run can start from such a model.
-        alone: subnetworks with their weights from before joined training, if it changed them.
         half: whether to write float16 weights, in half the space; `load` reads them like others.
     """
-    alone = {} if alone is None else alone
-    for path in (model / ALONE).glob(f"*{WEIGHTS}"):
-        if path.name.removesuffix(WEIGHTS) not in alone:
-            path.unlink()
     # The architecture comes last: only a folder that has one holds a model.
-    for target, networks in ((model / ALONE, alone), (model, subnetworks)):
-        for name, network in networks.items():
-            _write(target, name, network, half)
+    for name, network in subnetworks.items():
+        _write(model, name, network, half)
     text = json.dumps(dataclasses.asdict(architecture), indent=2)
     atomic.write(model / ARCHITECTURE, text + "\n")
 
@@ -120,40 +108,12 @@ def copy(model: Path, target: Path) -> None:
     model = folder(model)
     if in_graphs(model):
         architecture, subnetworks = load(model, whole=False)
-        alone = load_before_joining(model, subnetworks)
-        half = all(map(_is_half, [*subnetworks.values(), *alone.values()]))
-        save(target, architecture, subnetworks, alone, half=half)
+        save(target, architecture, subnetworks, half=all(map(_is_half, subnetworks.values())))
         return
     for path in files(model):
         copied = target / path.relative_to(model)
         copied.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(path, copied)
-
-
-def load_before_joining(
-    model: Path, subnetworks: Mapping[str, keras.Model]
-) -> dict[str, keras.Model]:
-    """Load subnetworks with their weights from before joined training.
-
-    Args:
-        model: folder of the trained model (see `load`).
-        subnetworks: the subnetworks that `load` returned for this folder; they are not changed.
-
-    Returns:
-        Copies of the subnetworks for which the folder holds such weights, by name. It holds none if
-        joined training changed no subnetwork, or if the model was saved without them.
-
-    Raises:
-        ValueError: if a file is broken or does not fit its subnetwork.
-    """
-    model = folder(model)
-    architecture, out = _architecture(model), {}
-    for name in subnetworks:
-        path = _weights_path(model / ALONE, name)
-        if path.is_file():
-            out[name] = SUBNETWORKS[name].build(architecture)
-            _read(path, out[name])
-    return out
 
 
 def _architecture(model: Path) -> Architecture:

@@ -2,8 +2,8 @@
 
 Letters as in the paper: `n` surface normal, `o` direction to the viewer, both unit, `(N, 3)`, in
 the map's frame; `i` direction to the light; `h` half vector; `s` exponent. Shading is normalised to
-the white furnace: for E ≡ 1, D = 1, M = 1 and, at n = o, S = 1. `literal_scale` undoes the
-normalisation.
+the white furnace: for E ≡ 1, D = 1, M = 1 and, at n = o, S = 1. As printed they are
+π D and S / c(s), with c(s) of `normaliser`.
 
 The functions use NumPy, in the precision of the given arrays. They are the reference in the tests
 of the fast renderer, and replace it where it cannot run. `normaliser` takes Keras tensors, too.
@@ -187,14 +187,6 @@ def texels(radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     lit = energy > 0
     light = environment.directions(*radiance.shape).reshape(-1, 3)
     return light[lit].astype(radiance.dtype), energy[lit].astype(radiance.dtype)
-
-
-def literal_scale(exponent: float) -> tuple[float, float]:
-    """Return the factors that turn furnace-normalised D and S into the paper's Eqs. 2 and 3.
-
-    The factors are π for D and 1 / c(s) for S; s is at least 0.
-    """
-    return math.pi, 1.0 / normaliser(float(exponent))
 
 
 def _chunks(pixels: int, texels: int) -> list[slice]:

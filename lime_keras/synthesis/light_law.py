@@ -36,8 +36,8 @@ uniformly among them, as among maps. Radii and half lengths are log-uniform:
 |          |                |                |           |              | a wall; half round    |
 
 So a light may be flatter than most skies (under a canopy) and harder than the sun (one bulb with
-99 % of the power). `render/bank/light_histograms.py` draws the spread beside that of photographed
-maps; the shares of the settings were chosen to cover it, and to reach beyond its hard end.
+99 % of the power). The shares of the settings were chosen to cover the spread of photographed maps
+in contrast and direction, and to reach beyond its hard end.
 
 In front. The camera looks down or up by an angle in `environment.CAMERA_PITCH`, and the maps'
 vertical is tilted by it. As in the paper, the strongest light lies in front of the object (z > 0 in

@@ -31,8 +31,8 @@ def add(subparsers: Any) -> None:
     )
     shared.add_inputs(
         command,
-        shapes="meshes (OBJ, PLY, STL, GLB) for half of the G-buffers; the others, and without a "
-        "folder all, show procedural shapes, each a new one",
+        shapes="for half of the G-buffers; the others, and without a folder all, show procedural "
+        "shapes, each a new one",
         environments="environment maps (HDR, EXR; equirectangular) beside the built-in rooms and "
         "skies: 88 for training, 24 for test",
     )

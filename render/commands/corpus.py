@@ -31,17 +31,9 @@ def add_options(out: argparse.ArgumentParser) -> None:
         default="fast",
         help="reference converges, and takes many times as long (default: fast)",
     )
-    contents.add_argument(
-        "--shading",
-        choices=("furnace", "literal"),
-        default="furnace",
-        help="normalise shading to the white furnace, or store Eqs. 2 and 3 as printed; a model "
-        "gives specular albedos in the unit of its corpus (default: furnace)",
-    )
     shared.add_inputs(
         out,
-        shapes="meshes (OBJ, PLY, STL, GLB) instead of the built-in shapes: 400 for training, 100 "
-        "for test",
+        shapes="instead of the built-in shapes: 400 for training, 100 for test",
         environments="environment maps (HDR, EXR; equirectangular) instead of the built-in rooms: "
         "40 for training, 12 for test",
     )
@@ -68,7 +60,6 @@ def run(options: argparse.Namespace) -> int:
     choice = shared.chosen_variant(Split(options.out, options.split).description_path)
     description = Description(
         quality=options.quality,
-        shading=options.shading,
         variant=choice.variant,
         materials=options.materials,
         **shared.described(options, 512),

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from ..mitsuba_setup.variants import Choice
 
 MATERIALS = ("uniform", "natural")  # `material_law.LAWS`, without NumPy
+_MESHES = "meshes (OBJ, PLY, STL, GLB)"  # `meshes.EXTENSIONS`, without trimesh
 index, seed, size = console.whole(0), console.whole(0, 2**63 - 1), console.whole(32, multiple=32)
 """Kinds of numbers: of an example; a seed; of pixels."""
 GOES_ON = "the same command goes on with what is missing"
@@ -66,7 +67,7 @@ def add_inputs(out: argparse.ArgumentParser, *, shapes: str, environments: str) 
         "A fifth of the files of --shapes and --environments is kept for the test split. Folders "
         "with subfolders train and test are split by these.",
     )
-    given.add_argument("--shapes", type=Path, metavar="DIR", help=shapes)
+    given.add_argument("--shapes", type=Path, metavar="DIR", help=f"{_MESHES} {shapes}")
     given.add_argument("--environments", type=Path, metavar="DIR", help=environments)
     given.add_argument(
         "--backgrounds",

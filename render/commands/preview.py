@@ -15,9 +15,8 @@ def add(subparsers: Any) -> None:
         subparsers,
         "preview",
         run,
-        "Draw CORPUS/SPLIT/preview.png, a contact sheet, and histograms.png, what was sampled "
-        "beside what should have been. Of a bank, draw BANK/preview.png, 100 G-buffers with lights "
-        "and textures, and preview-lights.png, lights drawn from it.",
+        "Draw CORPUS/SPLIT/preview.png, a contact sheet. Of a bank, draw BANK/preview.png, 100 "
+        "G-buffers with lights and textures.",
         "  lime-render preview corpus\n  lime-render preview corpus --split test\n"
         "  lime-render preview bank --out sheet.png",
     )
@@ -28,9 +27,14 @@ def add(subparsers: Any) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Draw the pictures and return the exit status."""
+    """Draw the picture and return the exit status."""
     if shared.is_bank(options):
-        return _bank(options.corpus, options.out or options.corpus / "preview.png")
+        from ..bank import preview as of_bank
+
+        out = options.out or options.corpus / "preview.png"
+        of_bank.preview(options.corpus, out)
+        print(out)
+        return 0
     if options.out:
         raise ValueError(f"{options.corpus} is no bank: --out is for the preview of a bank")
     console.import_tensorflow()
@@ -38,23 +42,6 @@ def run(options: argparse.Namespace) -> int:
 
     for split in shared.splits(options.corpus, options.split):
         with console.Bar(f"preview {split.name}", "example") as bar:
-            paths = preview.preview(options.corpus, split.name, bar.move)
-        for path in paths:
-            print(path)
-    return 0
-
-
-def _bank(folder: Path, out: Path) -> int:
-    from lime_keras.io import atomic
-    from lime_keras.synthesis.lights import LightBank
-
-    from ..bank import light_histograms, preview
-
-    preview.preview(folder, out)
-    print(out)
-    histograms = out.with_name(f"{out.stem}-lights.png")
-    with console.Bar("lights", "light") as bar, atomic.replacing(histograms) as partial:
-        figure = light_histograms.light_histograms(LightBank(folder), bar.move)
-        figure.savefig(partial, format="png")
-    print(histograms)
+            path = preview.preview(options.corpus, split.name, bar.move)
+        print(path)
     return 0

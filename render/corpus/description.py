@@ -17,7 +17,7 @@ class Description(base.Description):
 
     Attributes:
         quality: name of the quality (see `QUALITIES`).
-        shading: `furnace` or `literal`.
+        shading: the normalisation of D and S: to the white furnace.
         shapes: folder of meshes, or None for the built-in shapes.
         environments: folder of environment maps, or None for the built-in rooms.
         backgrounds: folder of pictures, or None for random textures.
@@ -26,7 +26,7 @@ class Description(base.Description):
     """
 
     quality: str
-    shading: str
+    shading: str = dataclasses.field(default="furnace", kw_only=True)
     shapes: str | None
     environments: str | None
     backgrounds: str | None

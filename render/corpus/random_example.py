@@ -100,7 +100,6 @@ def render_example(
     *,
     size: int = 256,
     quality: Quality = FAST,
-    literal: bool = False,
     shard_size: int = 512,
     materials: str = UNIFORM,
 ) -> Example:
@@ -115,7 +114,6 @@ def render_example(
         sources: sources of the scene; built-in sources must be made with the same seed.
         size: height and width of the images in pixels.
         quality: quality of the layers.
-        literal: whether D and S are stored as Eqs. 2 and 3 are printed.
         shard_size: number of examples in a shard; these draw from the same 64 shapes and 64 lights.
         materials: name of the law of the materials, one of `material_law.LAWS`.
 
@@ -141,7 +139,7 @@ def render_example(
         )
         names = {"shape": shape, "light": light.name}
         try:
-            rendered = example.render(tracer, light, *scene, literal=literal)
+            rendered = example.render(tracer, light, *scene)
             features = rendered | names | {"seed": seed, "index": index}
             return Example(features, records.encode(features), failures)
         except ValueError as error:  # the object is too small, or a value is not finite

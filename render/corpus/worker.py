@@ -39,7 +39,6 @@ class Worker:
             self.sources,
             size=description.size,
             quality=QUALITIES[description.quality],
-            literal=description.shading == "literal",
             shard_size=description.shard_size,
             materials=description.materials,
         )

@@ -1,1 +1,1 @@
-"""Inspection of a corpus: verification, contact sheets, histograms, layers."""
+"""Inspection of a corpus: verification, contact sheets, layers, images."""

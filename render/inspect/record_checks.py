@@ -51,7 +51,6 @@ class Expected:
 
     seed: int
     size: int
-    literal: bool
     shapes: frozenset[str]
     lights: frozenset[str]
     brightest_background: float
@@ -80,7 +79,7 @@ def faults(example: Mapping[str, np.ndarray], expected: Expected) -> list[tuple[
     if (misfit := recomposition.misfit(example, expected.brightest_background)) is not None:
         found.append(("recomposition", misfit))
     if not normals:
-        found += _shading_sums(example, expected.literal)
+        found += _shading_sums(example)
     return found
 
 
@@ -169,7 +168,7 @@ def _views(example: Mapping, pixels: np.ndarray) -> np.ndarray:
     return view.astype(np.float32)
 
 
-def _shading_sums(example: Mapping, literal: bool) -> Iterator[tuple[str, str]]:
+def _shading_sums(example: Mapping) -> Iterator[tuple[str, str]]:
     """Compare D and S of a few pixels with sums over the stored environment; yield the faults.
 
     The check finds a turned light, a flipped normal, a wrong exponent or a wrong normalisation. It
@@ -182,7 +181,6 @@ def _shading_sums(example: Mapping, literal: bool) -> Iterator[tuple[str, str]]:
     view = _views(example, probes)
     exponent = float(example["shininess"])
     light = shading.texels(example["environment"][..., 0])
-    scales = shading.literal_scale(exponent) if literal else (1.0, 1.0)
     sums: tuple[tuple[str, Callable[[], np.ndarray], float], ...] = (
         ("diffuse_shading", lambda: shading.diffuse(normal, *light), _DIFFUSE_TOLERANCE),
         (
@@ -191,11 +189,11 @@ def _shading_sums(example: Mapping, literal: bool) -> Iterator[tuple[str, str]]:
             _SPECULAR_TOLERANCE + _SPECULAR_BLUR * exponent,
         ),
     )
-    for (name, summed, tolerance), scale in zip(sums, scales, strict=True):
+    for name, summed, tolerance in sums:
         stored = example[name].reshape(-1)[probes]
         # The stored light is coarse, so the tail of a lamp's highlight may be a little displaced.
         floor = max(_TAIL * float(example[name].max()), 1e-6)
-        error = np.median(np.abs(stored - scale * summed()) / np.maximum(stored, floor))
+        error = np.median(np.abs(stored - summed()) / np.maximum(stored, floor))
         if not error <= tolerance:
             yield (
                 "shading",

@@ -24,7 +24,7 @@ _AHEAD = 8
 """Number of records per thread that are held in memory at once."""
 _READ = (
     *("shards", "count", "sha256", "shapes", "lights", "inputs"),
-    *("seed", "size", "shard_size", "shading"),
+    *("seed", "size", "shard_size"),
 )
 """Properties of a split that its manifest must record."""
 
@@ -51,7 +51,6 @@ def verify(corpus: Path, split: str, on_example: Callable[[int, int], None]) -> 
     expected = record_checks.Expected(
         seed=files.seed,
         size=files.size,
-        literal=files.is_literal,
         shapes=frozenset(files.shapes),
         lights=frozenset(files.lights),
         brightest_background=math.inf if "bank" in files.manifest["description"] else 1.0,

@@ -7,7 +7,6 @@ import numpy as np
 from lime_keras.optics import colour, environment
 from lime_keras.optics.blinn_phong import BlinnPhong
 from lime_keras.optics.compositing import compose
-from lime_keras.optics.shading import literal_scale
 
 from . import integrals
 from .gbuffer import GBuffer, Tracer
@@ -25,8 +24,6 @@ def render(
     light_rotation: np.ndarray,
     material: BlinnPhong,
     background_srgb: np.ndarray,
-    *,
-    literal: bool = False,
 ) -> dict[str, Any]:
     """Render the images and numbers of a record, all features but shape, light, seed and index.
 
@@ -37,8 +34,6 @@ def render(
         light_rotation: rotation `(3, 3)` from the map's frame to camera space.
         material: material of the object.
         background_srgb: background, `(S, S, 3)` sRGB in [0, 1].
-        literal: whether D and S are stored as Eqs. 2 and 3 are printed, without furnace
-            normalisation. The environment is then 1/π as bright, so that D keeps its size.
 
     Returns:
         The features by name, as in `lime_keras.data.records`.
@@ -50,13 +45,14 @@ def render(
     coverage = gbuffer.coverage[..., None]
     if coverage.mean() < LEAST_COVERAGE:
         raise ValueError(f"the object covers {coverage.mean():.1%} of the image")
-    lit = _lit(gbuffer, light, light_rotation, material.exponent, literal)
+    diffuse, specular, mirror = layers(gbuffer, light, light_rotation, material.exponent)
+    stored = environment.rotate(light.coarse(), light_rotation, *environment.STORED_SHAPE)
     composed = compose(
         material.diffuse_albedo,
         np.float32(material.specular_albedo),
         np.float32(material.ambient),
-        lit["diffuse_shading"][None],
-        lit["specular_shading"][None],
+        diffuse[None],
+        specular[None],
     )[0]
     background = colour.srgb_to_linear(background_srgb)
     # The sensor clips the sum of object and background in each pixel.
@@ -64,31 +60,16 @@ def render(
     return {
         "image": np.clip(colour.linear_to_srgb(linear), 0, 1),
         "mask": coverage,
-        **lit,
+        "diffuse_shading": diffuse,
+        "specular_shading": specular,
+        "mirror": mirror,
+        "environment": stored[..., None],
         "normal": gbuffer.image(gbuffer.normal[gbuffer.central]),
         "camera": pose.camera,
         "diffuse_albedo": material.diffuse_albedo,
         "specular_albedo": material.specular_albedo,
         "shininess": material.exponent,
         "ambient": material.ambient,
-    }
-
-
-def _lit(
-    gbuffer: GBuffer, light: Light, light_rotation: np.ndarray, exponent: float, literal: bool
-) -> dict[str, np.ndarray]:
-    """Return the features of a record that depend on the light, by name."""
-    diffuse, specular, mirror = layers(gbuffer, light, light_rotation, exponent)
-    stored = environment.rotate(light.coarse(), light_rotation, *environment.STORED_SHAPE)
-    if literal:
-        diffuse_factor, specular_factor = literal_scale(exponent)
-        specular, mirror = specular * specular_factor / diffuse_factor, mirror / diffuse_factor
-        stored = stored / np.pi
-    return {
-        "diffuse_shading": diffuse,
-        "specular_shading": specular,
-        "mirror": mirror,
-        "environment": stored[..., None],
     }
 
 

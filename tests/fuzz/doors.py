@@ -120,7 +120,7 @@ def _training(folder: Path) -> None:
     split = Split(folder, "train")
     pipeline.training_shards(folder)
     config.corpus_sha256([folder])
-    _ = split.count, split.size, split.is_literal, split.inputs, split.shard_size
+    _ = split.count, split.size, split.inputs, split.shard_size
 
 
 def _bank(folder: Path) -> None:

@@ -13,7 +13,6 @@ from in_process import InProcess
 
 from lime_keras.data.corpus import SPLITS
 from lime_keras.render import cli
-from lime_keras.render.bank import light_histograms
 from lime_keras.render.bank import rendering as bank_rendering
 from lime_keras.render.commands import corpus
 from lime_keras.render.corpus import split as rendering
@@ -56,7 +55,7 @@ def test_the_options_reach_the_renderer(render, monkeypatch, tmp_path):
     monkeypatch.setattr(rendering, "render_split", render_split)
     monkeypatch.chdir(tmp_path)
     status, printed, progress = render(
-        *("--count", 9, "--seed", 3, "--size", 64, "--shard-size", 4, "--shading", "literal"),
+        *("--count", 9, "--seed", 3, "--size", 64, "--shard-size", 4),
         *("--shapes", "meshes", "--workers", 8, "--quality", "reference", "--unusable", "skip"),
     )
     assert status == 0 and printed == f"9 examples in {tmp_path / 'corpus' / 'train'}\n"
@@ -66,7 +65,7 @@ def test_the_options_reach_the_renderer(render, monkeypatch, tmp_path):
     [(out, description, options)] = calls
     assert out == tmp_path / "corpus"
     assert options == {"workers": 8, "ray": None, "skip_unusable": True}
-    expected = ("train", 9, 3, 64, 4, "reference", "literal", str(tmp_path / "meshes"), None, None)
+    expected = ("train", 9, 3, 64, 4, "reference", "furnace", str(tmp_path / "meshes"), None, None)
     assert tuple(vars(description).values())[:-2] == expected
     assert description.materials == "uniform"
 
@@ -132,10 +131,14 @@ def test_a_corpus_with_skipped_files_is_sound_and_can_be_looked_at(
     assert capsys.readouterr().out == f"4 examples in {corpus}/train: sound\n"
     layers = ["layers", corpus, "3", "--split", "train"]
     elsewhere = tmp_path / "example.exr"
-    for command in (["preview", corpus], layers, [*layers, "--out", str(elsewhere)]):
+    for command, count in (
+        (["preview", corpus], 1),
+        (layers, 2),
+        ([*layers, "--out", str(elsewhere)], 2),
+    ):
         assert cli.main(command) == 0
         written = capsys.readouterr().out.splitlines()
-        assert len(written) == 2
+        assert len(written) == count
         for path in written:
             assert not oiio.ImageBuf(path).has_error
     assert elsewhere.is_file()
@@ -184,8 +187,7 @@ def test_the_options_of_a_bank_reach_the_renderer(monkeypatch, capsys, tmp_path,
     assert larger.shard_size == 256
 
 
-def test_a_bank_is_verified_and_previewed_as_a_corpus_is(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(light_histograms, "_COUNT", 32)
+def test_a_bank_is_verified_and_previewed_as_a_corpus_is(tmp_path, capsys):
     bank = tmp_path / "bank"
     bank_files.write(bank)  # its normals are random: some face away
     assert cli.main(["verify", str(bank)]) == 1
@@ -193,10 +195,8 @@ def test_a_bank_is_verified_and_previewed_as_a_corpus_is(tmp_path, capsys, monke
     assert printed.startswith(f"5 entries in {bank}: ") and "normals face away" in errors
     for options, out in (([], bank / "preview.png"), (["--out"], tmp_path / "sheet.png")):
         assert cli.main(["preview", str(bank), *options, *map(str, [out][: len(options)])]) == 0
-        lights = out.with_name(f"{out.stem}-lights.png")
-        assert capsys.readouterr().out == f"{out}\n{lights}\n"
-        for picture in (out, lights):
-            assert not oiio.ImageBuf(str(picture)).has_error
+        assert capsys.readouterr().out == f"{out}\n"
+        assert not oiio.ImageBuf(str(out)).has_error
     assert cli.main(["verify", str(bank), "--split", "train"]) == 1
     assert "is a bank, which has one split: leave out --split" in capsys.readouterr().err
 

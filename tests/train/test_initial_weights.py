@@ -15,25 +15,18 @@ from lime_keras.train import initial_weights
 def test_a_run_begins_with_the_weights_of_a_run_or_a_set(form, tiny, tiny_model, sets, tmp_path):
     architecture, subnetworks = weights.load(tiny_model)
     given = sets("nano") / "nano" if form == "graphs" else tmp_path / "given"
-    alone = {"exponent": build(tiny, seed=4)["exponent"]}
     if form == "run":
-        weights.save(given / "model", architecture, subnetworks, alone)
-    else:
-        weights.save(tmp_path / "other", architecture, {}, alone)
-        shutil.copytree(tmp_path / "other" / "alone", given / "model" / "alone")
+        weights.save(given / "model", architecture, subnetworks)
     assert len(initial_weights.sha256(given)) == 64
     run = tmp_path / "run"
     run.mkdir()
     initial_weights.keep(given, run)
     shutil.rmtree(given)
     begun = build(tiny, seed=5)
-    taken, lone = initial_weights.load(run, begun)
-    assert taken == list(subnetworks) and list(lone) == ["exponent"]
+    assert initial_weights.load(run, begun) == list(subnetworks)
     for name, network in subnetworks.items():
         pairs = zip(begun[name].get_weights(), network.get_weights(), strict=True)
         assert all(np.array_equal(one, other) for one, other in pairs), name
-    pairs = zip(lone["exponent"], alone["exponent"].get_weights(), strict=True)
-    assert all(np.array_equal(one, other) for one, other in pairs)
 
 
 def test_a_set_is_another_beginning_when_a_graph_of_it_is(sets):

@@ -129,16 +129,6 @@ def _same_stage(one, other, name):
     return a.keys() == b.keys() and all(np.array_equal(a[key], b[key]) for key in a)
 
 
-def _same_alone(run, of_stages, *expected):
-    """Whether the run's subnetworks alone are just those, as their stages there left them."""
-    found = weights.load_before_joining(run, weights.load(run)[1])
-    assert set(found) == set(expected)
-    for name, network in found.items():
-        left = _stage(of_stages, name)
-        for index, values in enumerate(network.get_weights()):
-            assert np.array_equal(values, left[f"arr_{index}"]), name
-
-
 def test_the_whole_system_is_evaluated(corpus, config, finished):
     """By its own mask, on the examples that are held out, as `lime-eval` would."""
     found = json.loads((finished / "evaluation.json").read_text(encoding="utf-8"))
@@ -160,34 +150,6 @@ def test_the_whole_system_is_evaluated(corpus, config, finished):
     assert set(measures) == set(terms.metrics_of(subnetwork_names(TINY)))
 
 
-def test_encoders_are_kept_as_they_were_before_they_were_joined(finished):
-    _same_alone(finished, finished, "albedo", "exponent")
-    joined = _weights(finished)
-    for name, network in weights.load_before_joining(finished, weights.load(finished)[1]).items():
-        pairs = zip(network.get_weights(), joined[name], strict=True)
-        assert not all(np.array_equal(alone, after) for alone, after in pairs), name
-
-
-@pytest.mark.slow
-def test_a_finished_run_without_them_gets_them(corpus, config, finished, tmp_path):
-    run = tmp_path / "run"
-    shutil.copytree(finished / "stages", run / "stages")
-    trainer.train([corpus], run, config, _ignore, only=[])
-    _same_alone(run, finished, "albedo", "exponent")
-    assert _same(_weights(run), _weights(finished))
-
-
-def test_only_what_was_joined_is_kept_apart(corpus, config, finished, tmp_path):
-    """Of a run that joins nothing, or not the albedos, the model itself has the weights."""
-    run = _begun(finished, tmp_path / "run", config, 6)
-    assert trainer.train([corpus], run, config, _ignore, only=[]) == []
-    _same_alone(run, finished)
-    for path in (finished / "stages").glob("[67]-*"):
-        shutil.copy(path, run / "stages")
-    assert trainer.train([corpus], run, config, _ignore, only=[]) == []
-    _same_alone(run, finished, "exponent")
-
-
 class Nudge:
     """In place of a stage's training: its last checkpoint, each weight moved by one."""
 
@@ -206,12 +168,6 @@ def nudged(monkeypatch):
     monkeypatch.setattr(trainer, "StageTraining", Nudge)
 
 
-def test_the_baselines_encoder_is_kept_too(corpus, config, tmp_path, nudged):
-    baseline = dataclasses.replace(TINY, system="reflectance-map")
-    trainer.train([corpus], tmp_path, dataclasses.replace(config, architecture=baseline), _ignore)
-    _same_alone(tmp_path, tmp_path, "material")
-
-
 def _begun(finished, run, config, before):
     """A run that has the finished one's stages up to a number."""
     (run / "stages").mkdir(parents=True)
@@ -220,6 +176,16 @@ def _begun(finished, run, config, before):
         if int(path.name[0]) < before:
             shutil.copy(path, run / "stages")
     return run
+
+
+def test_the_single_stages_of_a_run_make_a_model_of_their_own(corpus, config, finished, tmp_path):
+    """As docs/reference/measures.md says, to show true layers to encoders that joining changed."""
+    run = _begun(finished, tmp_path / "run", config, 6)
+    assert trainer.train([corpus], run, config, _ignore, only=["segmentation"]) == []
+    for name, network in weights.load(run)[1].items():
+        left = _stage(finished, name)
+        for index, values in enumerate(network.get_weights()):
+            assert np.array_equal(values, left[f"arr_{index}"]), name
 
 
 @pytest.mark.parametrize(
@@ -314,7 +280,7 @@ def test_corpora_are_learnt_from_together(corpus, config, tmp_path, nudged):
         trainer.train([corpus], run, config, _ignore)
 
 
-def test_corpora_in_two_units_are_refused(corpus, config, tmp_path):
+def test_a_corpus_in_another_unit_is_refused(corpus, config, tmp_path):
     other = write_split(tmp_path / "literal", "train", [range(2), range(2)], seed=1)
     path = other / "train" / "manifest.json"
     manifest = json.loads(path.read_text(encoding="utf-8"))
@@ -450,13 +416,11 @@ def test_a_run_begins_with_another_models_weights(corpus, config, finished, tmp_
     shutil.rmtree(given)
     left = trainer.train([corpus], run, on, _ignore, only=["segmentation"])
     assert left == []
-    # What it does not train stays as it was, and so does what the encoders were before they were
-    # joined, which later stages change.
+    # What it does not train stays as it was.
     kept, before = _weights(run), _weights(finished)
     for name in before:
         same = all(map(np.array_equal, kept[name], before[name]))
         assert same == (name != "segmentation"), name
-    _same_alone(run, finished, "albedo", "exponent")
     described = "segmentation and specular and mirror and exponent and albedo continued"
     assert initial_weights.described(run) == described
     with np.load(run / "stages" / "1-segmentation.npz") as stored:

@@ -66,16 +66,6 @@ def test_the_photo_is_eq_4_of_the_reference_shading(example):
     assert found == pytest.approx(expected[chosen], abs=2e-4)
 
 
-def test_a_literal_corpus_has_its_albedos_in_other_units(example):
-    """Scaled to those units, the same material looks the same."""
-    pi, per_lobe = shading.literal_scale(40.0)
-    furnace = _true(example, exponent=40.0)
-    literal = BlinnPhong(furnace.diffuse_albedo / pi, furnace.specular_albedo / per_lobe, 40.0)
-    radiance = example["environment"][..., 0]
-    expected = Lit(example, radiance).photo(furnace)
-    assert Lit(example, radiance, literal=True).photo(literal) == pytest.approx(expected, abs=1e-5)
-
-
 def test_psnr_is_scikit_images_below_the_ceiling():
     rng = np.random.default_rng(0)
     true, found = rng.uniform(size=(2, 100, 3))

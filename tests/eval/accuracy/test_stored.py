@@ -65,16 +65,6 @@ def test_photos_other_weights_and_broken_files_are_measured_anew(
     assert not list(tmp_path.rglob("partial-*"))
 
 
-def test_encoders_that_their_own_stages_left_are_told_apart(corpus, tiny_model, tmp_path):
-    architecture, subnetworks = weights.load(tiny_model)
-    alone = {"exponent": subnetworks["exponent"]}
-    weights.save(tmp_path / "with", architecture, subnetworks, alone)
-    for model, stage_one in ((tiny_model, ()), (tmp_path / "with", ("exponent",))):
-        for _ in range(2):
-            found = stored.evaluation(Store(tmp_path / "kept"), model, corpus)
-            assert found.stage_one == stage_one
-
-
 @pytest.mark.slow
 def test_runs_do_not_push_each_other_out(corpus, tiny_model, tmp_path, counted):
     for camera in (False, True, False, True):

@@ -16,7 +16,7 @@ def summary():
         "count": 7,
         "interval": {name: [0.2, 0.3] for name in MEASURES},
         "oracle": {"exponent_exact": 0.6},
-        "oracle_title": "Stage-one encoders on true layers",
+        "oracle_title": "Same encoders on true layers",
         "oracle_is": "the two encoders",
         "paper": {"exponent_exact": 0.4507, "specular_albedo_mae": 0.2158},
         "chance": {"exponent_exact": 0.125},
@@ -43,8 +43,8 @@ def test_markdown_is_a_rectangular_table(summary):
     assert {line.count("|") for line in lines} == {len(table.header(summary)) + 1}
     assert len({len(line) for line in lines}) == 1
     assert "7 test images, answered by LIME." in text
-    assert "Stage-one encoders on true layers |" in lines[0]
-    assert "Stage-one encoders on true layers: the two encoders." in text and "winning bin" in text
+    assert "Same encoders on true layers |" in lines[0]
+    assert "Same encoders on true layers: the two encoders." in text and "winning bin" in text
 
 
 @pytest.mark.parametrize(

@@ -82,11 +82,6 @@ def test_photos_without_an_object_have_no_answer(asked, tmp_path):
     for name in ("specular_albedo", "exponent", "log_exponent", "lobe_peak", "diffuse_albedo"):
         assert np.isnan(of[name][:2]).all() and np.isfinite(of[name][2]).all(), name
     assert of["coverage"][:2].tolist() == [0, 0]
-    # There is a picture of each all the same, without layers and a sphere.
-    pictures = [found.pictures["live", position] for position in range(3)]
-    assert ["in a studio" in one for one in pictures] == [False, False, True]
-    assert all(tile.dtype == np.uint8 for one in pictures for tile in one.values())
-    assert ["mirror image M" in one for one in pictures] == [False, False, True]
 
 
 def test_masks_that_do_not_fit_are_told_by_name(asked, tmp_path):

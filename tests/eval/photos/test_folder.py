@@ -85,7 +85,7 @@ def test_without_photos_there_is_an_error(photos, read, tmp_path):
 
 def test_photos_without_labels(photos, read):
     [photo] = read(photos("a.png"))
-    assert (photo.finish, photo.dielectric, photo.pair, photo.note) == (None, False, None, "")
+    assert (photo.finish, photo.dielectric, photo.pair) == (None, False, None)
 
 
 def test_labels(photos, read):
@@ -97,7 +97,6 @@ def test_labels(photos, read):
     )
     a, c, b = read(photos("a.png", "deep/b.png", "c.png", labels=text))
     assert (a.name, a.finish, a.dielectric, a.pair) == ("a.png", "glossy", True, "white")
-    assert a.note == "a cup, white"
     assert (b.name, b.finish, b.dielectric, b.pair) == ("deep/b.png", "matte", False, None)
     assert (c.name, c.finish) == ("c.png", None)
 

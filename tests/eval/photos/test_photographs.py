@@ -8,11 +8,10 @@ import sys
 import numpy as np
 import photo_answers
 import pytest
-from PIL import Image
 
 from lime_keras.eval import cli, sections
 
-FILES = ["photos-1.jpg", "photos.csv", "photos.json", "report.html", "sections"]
+FILES = ["photos.csv", "photos.json", "report.html", "sections"]
 
 
 @pytest.fixture
@@ -59,17 +58,14 @@ def test_the_files_of_the_package_model(photos, models, tmp_path, capsys):
     assert float(rows[0]["specular_albedo"]) == pytest.approx(0.4) and rows[3]["exponent"] == ""
     assert rows[0]["finish"] == "glossy" and float(rows[0]["diffuse_albedo_1"]) > 0
     page = (out / "report.html").read_text(encoding="utf-8")
-    assert 'id="photos"' in page and "data:image/jpeg;base64," in page and "--photos" in page
-    assert Image.open(out / "photos-1.jpg").size > (700, 400)
+    assert 'id="photos"' in page and "deep/cloth.png" in page and "--photos" in page
 
 
 def test_models_of_two_runs_stand_side_by_side(photos, models, tmp_path, capsys):
     out = tmp_path / "out"
-    (out / "photos-2.jpg").parent.mkdir()
-    (out / "photos-2.jpg").touch()
     runs = [str(tmp_path / name) for name in ("live", "natural")]
     assert cli.main(["--photos", str(photos), "--weights", *runs, "--out", str(out)]) == 0
-    assert sorted(path.name for path in out.iterdir()) == FILES, "an older sheet is gone"
+    assert sorted(path.name for path in out.iterdir()) == FILES
     found = json.loads((out / "photos.json").read_text(encoding="utf-8"))
     value = {
         (one["model"], one["mask"]): one["measures"]["specular_within_2"]["value"]

@@ -1,6 +1,5 @@
 """Pictures of one example: renders by analytic light, one scale for truth and estimate."""
 
-import dataclasses
 import io
 
 import numpy as np
@@ -88,16 +87,6 @@ def test_the_estimated_exponent_shapes_the_highlight(example):
 def _at_angle(degrees):
     """Unit direction in the horizontal plane, so far from the camera's axis."""
     return np.array([np.sin(np.radians(degrees)), 0, np.cos(np.radians(degrees))])
-
-
-def test_a_literal_corpus_keeps_its_unit_of_m_s(example):
-    """Eq. 3 as printed: the true layer and m_s · S of the estimate both lack c(s)."""
-    scale = np.float32(shading.literal_scale(example.exponent)[1])
-    example.truth["specular_shading"] = example.truth["specular_shading"] * scale
-    literal = dataclasses.replace(example, literal=True)
-    difference = pictures.estimated_render(literal) - pictures.true_render(literal)
-    assert np.abs(difference).max() < 5e-3
-    assert np.abs(pictures.estimated_render(example) - pictures.true_render(example)).max() > 0.1
 
 
 def test_the_background_is_the_photos_own(example):

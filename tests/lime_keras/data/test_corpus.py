@@ -43,12 +43,11 @@ def test_files_that_the_manifest_does_not_know_are_left_out(tmp_path):
 
 
 def test_a_split_tells_what_it_holds(tmp_path):
-    description = {"size": 64, "shard_size": 2, "shading": "literal"}
+    description = {"size": 64, "shard_size": 2, "shading": "furnace"}
     recorded = {"examples": 3, "sha256": ["a", "b"], "inputs": {"shapes": {"ball.ply": "c"}}}
     split = write(tmp_path, "test", 2, description=description, **recorded)
     assert (split.count, split.size, split.shard_size) == (3, 64, 2)
     assert (split.sha256, split.inputs) == (recorded["sha256"], recorded["inputs"])
-    assert split.shading == "literal" and split.is_literal
 
 
 @pytest.mark.parametrize("examples", [0, 2, 5, 10**9])
@@ -65,10 +64,11 @@ def test_the_last_shard_may_be_short(tmp_path, examples):
     assert len(split.shard_paths()) == 2
 
 
-def test_a_split_under_several_lights_is_refused_by_name(tmp_path):
-    split = write(tmp_path, "train", 2, description=DESCRIPTION | {"lights": 3})
-    refused = rf"{split.folder} was rendered with --lights 3, .*`lime-render scenes`"
-    for read in (split.shard_paths, lambda: split.size, lambda: split.is_literal):
+@pytest.mark.parametrize(("option", "value"), [("lights", 3), ("shading", "literal")])
+def test_a_split_of_an_option_that_is_gone_is_refused_by_name(tmp_path, option, value):
+    split = write(tmp_path, "train", 2, description=DESCRIPTION | {option: value})
+    refused = rf"{split.folder} was rendered with --{option} {value}, .*`lime-render scenes`"
+    for read in (split.shard_paths, lambda: split.size, lambda: split.seed):
         with pytest.raises(ValueError, match=refused):
             read()
     one = write(tmp_path, "test", 2, description=DESCRIPTION | {"lights": 1})
@@ -104,7 +104,7 @@ def test_what_is_no_manifest_is_named(tmp_path, content, message):
     split = write(tmp_path, "test", 1)
     split.manifest_path.write_text(content, encoding="utf-8")
     with pytest.raises(ValueError, match=rf"test/manifest\.json {message}"):
-        assert split.shard_paths() and split.shading
+        assert split.shard_paths() and split.size
 
 
 def test_a_billion_shards_are_not_waited_for(tmp_path):
@@ -120,8 +120,7 @@ def test_a_billion_shards_are_not_waited_for(tmp_path):
         ({"inputs": {"shapes": []}}, "inputs"),
         ({"inputs": {"shapes": {"a": 3}}}, "inputs"),
         ({"description": {"size": "big"}}, "size"),
-        ({"description": {"shading": []}}, "shading"),
-        ({"description": {}}, "shading"),
+        ({"description": {}}, "size"),
     ],
 )
 def test_values_of_another_kind_are_refused(content, name, tmp_path):

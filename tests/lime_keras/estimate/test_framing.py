@@ -99,6 +99,13 @@ def test_the_square_around_a_given_mask_holds_all_of_it():
         assert square.left == round((columns.start + columns.stop) / 2 - square.side / 2)
 
 
+def test_an_object_of_less_than_a_pixel_has_a_square_of_one():
+    """In a photo of 16 pixels, one of the networks' 128 is an eighth of its pixel."""
+    mask = np.zeros((128, 128, 1), np.float32)
+    mask[40, 80] = 1
+    assert framing.around(mask, Square(0, 0, 16)) == Square(5, 10, 1)
+
+
 @pytest.mark.parametrize("value", [0.0, 0.49])
 def test_where_nothing_is_found_the_square_stays(value):
     square = Square(-3, 5, 40)

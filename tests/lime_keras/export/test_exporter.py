@@ -13,7 +13,7 @@ from lime_keras.commands import export as export_cli
 from lime_keras.export import exporter, formats, parity, quantisation
 from lime_keras.model import folder as model_folder
 from lime_keras.model import weights
-from lime_keras.networks import assemble, build, output_names
+from lime_keras.networks import assemble, output_names
 from lime_keras.outputs import OUTPUTS
 
 FORMATS = ("savedmodel", "onnx")
@@ -195,17 +195,6 @@ def test_without_weights_the_packages_own_are_exported(tiny_model, tmp_path, mon
     assert export_cli.main([str(tmp_path), "--format", "weights"]) == 0
     found, _ = weights.load(tmp_path)
     assert found == weights.load(tiny_model)[0]
-
-
-def test_encoders_of_before_joined_training_are_exported_with_the_weights(tiny_model, tmp_path):
-    architecture, subnetworks = weights.load(tiny_model)
-    alone = {"albedo": build(architecture, seed=9)["albedo"]}
-    weights.save(tmp_path / "run", architecture, subnetworks, alone)
-    exporter.export(tmp_path / "out", "weights", tmp_path / "run")
-    found = weights.load_before_joining(tmp_path / "out", subnetworks)
-    assert set(found) == {"albedo"}
-    pairs = zip(found["albedo"].get_weights(), alone["albedo"].get_weights(), strict=True)
-    assert all(np.array_equal(one, other.astype(np.float16)) for one, other in pairs)
 
 
 @pytest.mark.slow

@@ -284,6 +284,7 @@ def test_masks_of_every_kind(tmp_path):
 
 def test_radiance_is_read_as_it_is_stored(tmp_path):
     layer = noise(1) * 60_000
+    layer[0, 0] = 0  # unlit is radiance, too
     found = photo.read_radiance(write(tmp_path / "layer.exr", layer, oiio.FLOAT), 20, 28)
     assert found.dtype == np.float32
     np.testing.assert_array_equal(found, layer)
@@ -358,6 +359,13 @@ def test_a_jpeg_cut_off_anywhere_is_named(progressive, tmp_path):
         refused(path)
         path.write_bytes(data[:kept] + bytes(len(data) - kept))  # as downloads leave it
         refused(path)
+
+
+def test_the_end_of_a_jpegs_thumbnail_is_not_its_own(tmp_path):
+    """A segment is passed over by its length, whatever lies in it."""
+    path = save(tmp_path / "p.jpg", np.uint8(255 * noise(3, 64, 64)), comment=b"\xff\xd9" * 9)
+    path.write_bytes(path.read_bytes()[:-20])
+    refused(path)
 
 
 def test_what_follows_a_jpegs_end_does_no_harm(tmp_path):
@@ -435,7 +443,9 @@ def test_a_large_photo_is_read_smaller_and_its_mask_alike(suffix, tmp_path, monk
     levels[:, :, 0], levels[20:, :, 1], levels[..., 3] = 255, 128, 255
     levels[:10, :20, 3] = 0
     path = save(tmp_path / f"p.{suffix}", levels)
+    monkeypatch.setattr(photo, "FULL", 45 * 61)
     whole, alpha = photo.read(path)
+    assert whole.shape == (45, 61, 3)  # the largest that is read at full size
     monkeypatch.setattr(photo, "FULL", 1000)
     with pytest.warns(UserWarning, match=r"61×45 pixels.*it is read at 31×23, and so are its lay"):
         image, opacity = photo.read(path)

@@ -226,6 +226,7 @@ def test_nothing_seen_is_told(what):
         ({"normal": lambda n: n[1:]}, "size of the mask"),
         ({"normal": lambda n: n * 3}, "normalise"),
         ({"normal": lambda n: n * [1, 1, -1]}, "flip z"),
+        ({"normal": lambda n: n * np.where(np.arange(SIZE) % 5 < 3, -1, 1)[:, None]}, "60% of the"),
         ({"mirror": lambda m: m - 2}, "at least 0"),
         ({"diffuse_shading": lambda d: d * np.inf}, "finite"),
         ({"mask": lambda m: m * 255}, "255"),

@@ -9,13 +9,8 @@ from lime_keras.model import folder as model_folder
 
 @pytest.fixture
 def run(tmp_path):
-    (tmp_path / "run" / "model" / "alone").mkdir(parents=True)
-    for name in (
-        "architecture.json",
-        "albedo.weights.h5",
-        "mirror.weights.h5",
-        "alone/a.weights.h5",
-    ):
+    (tmp_path / "run" / "model").mkdir(parents=True)
+    for name in ("architecture.json", "albedo.weights.h5", "mirror.weights.h5"):
         (tmp_path / "run" / "model" / name).write_text(name)
     return tmp_path / "run"
 
@@ -33,7 +28,6 @@ def test_a_run_and_its_model_are_the_same_model(run):
 def test_the_digest_is_of_all_that_is_run_and_of_nothing_else(run):
     model, before = run / "model", model_folder.digest(run)
     (model / "training.json").write_text("{}")
-    (model / "alone" / "a.weights.h5").write_text("changed")
     (run / "onnx").mkdir()
     assert model_folder.digest(run) == before
     seen = {before}
@@ -112,7 +106,6 @@ def test_weights_in_graphs_are_the_models_files_and_keep_its_digest(exported):
         assert model_folder.in_graphs(path) and model_folder.digest(path) == "of before"
         assert model_folder.files(path) == [
             model / "architecture.json",
-            model / "alone" / "a.weights.h5",
             exported / "onnx" / "albedo.onnx",
         ]
 

@@ -133,17 +133,6 @@ def test_a_linear_sky():
     np.testing.assert_allclose(found, 1 + 2 / 3 * normal @ axis, rtol=1e-3)
 
 
-def test_literal_scale_gives_the_printed_equations(furnace):
-    """Without 1/π and c(s): a furnace's D is π and its S at s = 0 the hemisphere, 2π."""
-    normal = sphere(10)[0]
-    for_diffuse, for_specular = shading.literal_scale(0)
-    assert for_diffuse * shading.diffuse(normal, *furnace) == pytest.approx(math.pi, rel=1e-3)
-    found = for_specular * shading.specular(normal, normal, 0, *furnace)
-    np.testing.assert_allclose(found, 2 * math.pi, rtol=1e-3)
-    found = shading.literal_scale(1000)[1] * shading.specular(normal, normal, 1000, *furnace)
-    np.testing.assert_allclose(found, 8 * math.pi / 1002, rtol=2e-3)
-
-
 # Brute force.
 
 

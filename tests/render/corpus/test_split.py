@@ -184,7 +184,7 @@ def test_a_finished_split_is_left_alone(rendered, description, mitsuba_choice):
     ("changes", "message"),
     [
         ({"seed": 1}, "seed 0 there, 1 asked"),
-        ({"shading": "literal", "size": 32}, "shading furnace .* literal .* size 64 there, 32"),
+        ({"quality": "reference", "size": 32}, "quality fast .* reference .* size 64 there, 32"),
         ({"shapes": None}, "shapes shapes there, None asked"),
         ({"materials": "natural"}, "materials uniform there, natural asked"),
     ],

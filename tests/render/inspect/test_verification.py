@@ -11,7 +11,7 @@ import tensorflow as tf
 
 from lime_keras.data import records
 from lime_keras.data.corpus import Split
-from lime_keras.optics import colour, shading
+from lime_keras.optics import colour
 from lime_keras.optics.compositing import compose
 from lime_keras.render.inspect import verification
 
@@ -71,29 +71,6 @@ def test_progress_ends_at_the_count(sound):
     assert told[0] == (1, 5) and told[-1] == (5, 5) and told == sorted(told)
 
 
-def as_printed(example):
-    """The same scene, with Eqs. 2 and 3 as printed in a light 1/π as bright."""
-    diffuse, specular = shading.literal_scale(example["shininess"])
-    changes = {
-        "specular_shading": example["specular_shading"] * specular / diffuse,
-        "mirror": example["mirror"] / diffuse,
-        "environment": example["environment"] / diffuse,
-    }
-    # Without highlight the image is the same with either S.
-    linear = example["ambient"] + example["diffuse_albedo"] * example["diffuse_shading"]
-    image = colour.linear_to_srgb(np.clip(linear * (example["mask"] > 0), 0, 1))
-    return example | changes | {"specular_albedo": 0.0, "image": image}
-
-
-def literal(corpus, shading_option):
-    for name in ("manifest", "description"):
-        path = corpus / "train" / f"{name}.json"
-        content = json.loads(path.read_text(encoding="utf-8"))
-        held = content["description"] if name == "manifest" else content
-        held["shading"] = shading_option
-        path.write_text(json.dumps(content), encoding="utf-8")
-
-
 @pytest.mark.parametrize(
     "content", [None, "{", "[]", '{"shapes": 3}', '{"shapes": [{}]}', "[" * 100_000]
 )
@@ -126,21 +103,6 @@ def test_names_that_are_not_those_of_the_inputs_are_a_fault(corpus):
 def test_a_billion_shards_are_not_waited_for(corpus):
     edit(corpus / "train" / "manifest.json", shards=10**9)
     assert "number of checksums is 2, expected 1000000000" in "\n".join(verify(corpus).lines())
-
-
-def test_literal_shading_is_judged_by_the_printed_equations(corpus, examples):
-    for shard, indices in enumerate(SHARDS):
-        digest = sphere_corpus.write_shard(
-            corpus / "train", shard, [as_printed(examples[index]) for index in indices]
-        )
-        manifest = corpus / "train" / "manifest.json"
-        digests = json.loads(manifest.read_text(encoding="utf-8"))["sha256"]
-        digests[shard] = digest
-        edit(manifest, sha256=digests)
-    literal(corpus, "literal")
-    assert verify(corpus).lines() == []
-    literal(corpus, "furnace")
-    assert set(verify(corpus).kinds) == {"shading"}
 
 
 def changed(name, value):

@@ -106,6 +106,9 @@ def test_a_long_list_is_cut(tmp_path):
         inputs.refuse(inputs.inspect({"shapes": paths}, None, in_turn))
     assert "019.ply" in str(refusal.value) and "020.ply" not in str(refusal.value)
     assert "and 30 more" in str(refusal.value)
+    with pytest.raises(ValueError, match="20 files") as refusal:
+        inputs.refuse(inputs.inspect({"shapes": paths[:20]}, None, in_turn))
+    assert "019.ply" in str(refusal.value) and " more" not in str(refusal.value)
 
 
 @pytest.mark.parametrize(

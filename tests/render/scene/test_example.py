@@ -8,7 +8,6 @@ from lime_keras.data import records
 from lime_keras.optics import colour, environment, shading
 from lime_keras.optics.blinn_phong import BlinnPhong
 from lime_keras.optics.compositing import compose
-from lime_keras.optics.shading import normaliser
 from lime_keras.render.scene import gbuffer, lights, sampling
 from lime_keras.render.scene.example import render
 from lime_keras.render.scene.quality import QUALITIES
@@ -39,9 +38,9 @@ def turn(light):
     return sampling.sample_light_rotation(np.random.default_rng(2), light.strong_direction)
 
 
-def parsed(tracer, light, turn, material=MATERIAL, pose=POSE, **options):
+def parsed(tracer, light, turn, material=MATERIAL, pose=POSE):
     """An example, encoded as a record and read back."""
-    features = render(tracer, light, pose, turn, material, BACKGROUND, **options)
+    features = render(tracer, light, pose, turn, material, BACKGROUND)
     names = {"shape": "sphere", "light": light.name, "seed": 0, "index": 0}
     read = records.parse(records.encode(features | names))
     return {name: tensor.numpy() for name, tensor in read.items()}
@@ -66,9 +65,7 @@ def recomposed(example):
     return colour.linear_to_srgb(np.clip(radiance(example), 0, 1))
 
 
-@pytest.mark.parametrize("literal", [False, True])
-def test_the_layers_recompose_to_the_image(tracer, light, turn, literal):
-    example = parsed(tracer, light, turn, literal=literal)
+def test_the_layers_recompose_to_the_image(example):
     whole = example["mask"][..., 0] == 1
     assert whole.sum() > 500
     difference = np.abs(recomposed(example) - example["image"])[whole]
@@ -154,17 +151,6 @@ def test_a_white_sphere_in_a_white_world_is_white(tracer):
     np.testing.assert_allclose(example["environment"], 1, atol=1e-3)
     whole = example["mask"][..., 0] == 1
     np.testing.assert_allclose(example["image"][whole], 1, atol=1.01 / 255)
-
-
-def test_literal_shading_is_printed_equations_in_a_dimmer_world(tracer, light, turn, example):
-    literal = parsed(tracer, light, turn, literal=True)
-    for name in ("mask", "normal", "diffuse_shading"):
-        np.testing.assert_array_equal(literal[name], example[name])
-    for name in ("mirror", "environment"):
-        np.testing.assert_allclose(literal[name], example[name] / np.pi, rtol=2e-3, atol=1e-6)
-    scale = 1 / (np.pi * normaliser(MATERIAL.exponent))
-    expected = example["specular_shading"] * scale
-    np.testing.assert_allclose(literal["specular_shading"], expected, rtol=2e-3, atol=1e-6)
 
 
 def test_the_material_and_the_camera_are_stored(example):

@@ -55,6 +55,30 @@ def test_the_object_is_not_always_in_the_middle_of_crop_or_photo(projections):
     assert np.abs(principal).max() > 20
 
 
+def test_size_and_shift_in_the_crop_follow_their_laws():
+    """The size is uniform; the shift is uniform in the free space that the object leaves."""
+    rng = np.random.default_rng(3)
+    vertices = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) / 2
+    fill, across, up = [], [], []
+    for _ in range(2000):
+        pose = sampling.sample_pose(rng, vertices, 256)
+        fx, fy, cx, cy = pose.camera
+        seen = vertices @ pose.rotation.T + pose.translation
+        x, y = cx - fx * seen[:, 0] / seen[:, 2], cy + fy * seen[:, 1] / seen[:, 2]
+        fill.append(max(np.ptp(x), np.ptp(y)) / 256)
+        across.append((x.min() + x.max()) / 512 - 0.5)
+        up.append(0.5 - (y.min() + y.max()) / 512)
+    low, high = sampling.FILL
+    free = (1 - np.linspace(low, high, 201)) / 2
+
+    def shift(value):
+        return np.clip((np.asarray(value)[..., None] / free + 1) / 2, 0, 1).mean(axis=-1)
+
+    assert stats.kstest(fill, stats.uniform(low, high - low).cdf).pvalue > PLAUSIBLE
+    for values in (across, up):
+        assert stats.kstest(values, shift).pvalue > PLAUSIBLE
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_the_strong_light_comes_to_the_front(seed):
     rng = np.random.default_rng(seed)

@@ -94,8 +94,11 @@ def test_a_one_sided_surface_stays_as_it_is():
     faces = np.concatenate(
         [np.stack([left, right, right_next], 1), np.stack([left, right_next, left_next], 1)]
     )
-    _, _, normals, count = smoothing.smoothed(strip.reshape(-1, 3), faces)
+    vertices, faces, normals, count = smoothing.smoothed(strip.reshape(-1, 3), faces)
     assert count == 0 and np.linalg.norm(normals, axis=1).min() > 0
+    # Where the two sides meet, each keeps its normals: a mean of both would be of neither.
+    flat = unit(smoothing.face_normals(vertices, faces))[:, None]
+    assert np.sum(unit(normals)[faces] * flat, axis=-1).min() > 0.9
 
 
 def test_an_edge_of_three_faces_is_a_crease():
