@@ -286,7 +286,7 @@ def test_a_corpus_in_another_unit_is_refused(corpus, config, tmp_path):
     manifest = json.loads(path.read_text(encoding="utf-8"))
     manifest["description"]["shading"] = "literal"
     path.write_text(json.dumps(manifest), encoding="utf-8")
-    with pytest.raises(ValueError, match="literal was rendered with --shading literal"):
+    with pytest.raises(ValueError, match="literal/train was rendered with --shading literal"):
         trainer.train([corpus, other], tmp_path / "run", config, _ignore)
     assert not (tmp_path / "run").exists()
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from evaluations import LIME
 
-from lime_keras.eval.accuracy import comparison
+from lime_keras.eval.accuracy import comparison, measures
 
 COUNT = 400
 
@@ -68,6 +68,12 @@ def test_the_table_has_the_papers_rows_that_are_known():
     assert "13.57 %" in lines[6] and "0.7243" in lines[6]
     assert len({len(line) for line in lines}) == 1
     assert "Mirror" not in lines[0] and "mask IoU" not in lines[0]
+
+
+def test_intervals_are_those_of_each_runs_own_metrics():
+    own = measures.intervals(_rows(0.05))
+    for name, interval in _compared()["runs"]["z"]["interval"].items():
+        assert interval == pytest.approx(own[name]), name
 
 
 def test_runs_of_other_images_are_refused():
