@@ -104,14 +104,19 @@ def folded(tensors: Mapping[str, np.ndarray]) -> dict[str, list[np.ndarray]]:
 
 
 def begin(network: keras.Model) -> None:
-    """Set the weights of a network's encoder to the pretrained ones; its other layers stay.
+    """Set the weights of a network's encoder to the pretrained ones, and keep it from training.
+
+    A decoder that is still to learn would teach the encoder to forget photographs. A run that
+    begins with a trained decoder (`--start-from`) trains both (docs/explanation/decisions.md).
 
     Raises:
         MissingExtra: if the package of the weights is not installed.
         ValueError: if its file is another or is damaged.
     """
     for name, weights in folded(read(find())).items():
-        network.get_layer(name).set_weights(weights)
+        layer = network.get_layer(name)
+        layer.set_weights(weights)
+        layer.trainable = False
 
 
 class _Tensor:

@@ -7,6 +7,10 @@ from typing import Any
 import keras
 from keras import ops
 
+from lime_keras.networks.efficientnet import PREFIX
+
+_PRETRAINED_RATE = 0.1
+"""Share of the learning rate for pretrained layers: the full rate destroys them in a few steps."""
 _FEW_CHANNELS = 4
 """Largest number of channels that go into, or come out of, a convolution left to Adam."""
 
@@ -33,6 +37,9 @@ class _Watched:
     def build(self, variables: list[keras.Variable]) -> None:
         """Create the optimiser's variables, and one for each gradient norm."""
         super().build(variables)  # type: ignore[misc]
+        self._pretrained = {
+            index for index, variable in enumerate(variables) if _is_pretrained(variable)
+        }
         # If the batch is split, each device has a part of the gradient. The sum of the parts' norms
         # is an upper bound of the gradient's norm, and it is not finite if any part is not.
         self._norms = {
@@ -64,10 +71,21 @@ class _Watched:
         held = [ops.where(finite, gradient, ops.zeros_like(gradient)) for gradient in grads]
         super().apply(held, trainable_variables)  # type: ignore[misc]
 
+    def update_step(self, gradient: Any, variable: Any, learning_rate: Any) -> None:
+        """Take a step for one variable, a smaller one if it is pretrained; Keras calls this."""
+        # By index: under TensorFlow, variables come without their Keras names.
+        if self._get_variable_index(variable) in self._pretrained:  # type: ignore[attr-defined]
+            learning_rate = learning_rate * _PRETRAINED_RATE
+        super().update_step(gradient, variable, learning_rate)  # type: ignore[misc]
+
     @property
     def norms(self) -> dict[str, float]:
         """The norm of each subnetwork's gradient in the last step, by name."""
         return {name: float(ops.convert_to_numpy(norm.value)) for name, norm in self._norms.items()}
+
+
+def _is_pretrained(variable: keras.Variable) -> bool:
+    return f"/{variable.path}".rpartition("/")[0].rpartition("/")[2].startswith(PREFIX)
 
 
 class WatchedAdam(_Watched, keras.optimizers.Adam):
@@ -79,7 +97,7 @@ class WatchedMuon(_Watched, keras.optimizers.Muon):
 
     A kernel `(k, k, c_in, c_out)` is taken as a matrix `(k · k · c_in, c_out)`, whose momentum is
     made orthogonal by five Newton–Schulz steps. Convolutions of a few channels, so those next to
-    the images, dense layers and biases stay with Adam.
+    the images, pretrained layers, dense layers and biases stay with Adam.
     """
 
     def __init__(self, learning_rate: Any, groups: Sequence[tuple[str, int]]):
@@ -88,7 +106,7 @@ class WatchedMuon(_Watched, keras.optimizers.Muon):
     def _should_use_adamw(self, variable: keras.Variable) -> bool:
         """Return whether Adam updates a variable; Keras asks this method."""
         inner = len(variable.shape) == 4 and min(variable.shape[2:]) > _FEW_CHANNELS
-        return not inner
+        return not inner or _is_pretrained(variable)
 
     def _muon_update_step(self, gradient: Any, variable: keras.Variable, lr: Any, m: Any) -> None:
         """Take Muon's step for one kernel; Keras calls this method."""

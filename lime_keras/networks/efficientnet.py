@@ -3,12 +3,7 @@
 Tan and Le, EfficientNet (ICML 2019); "Lite" has no squeeze-and-excitation, and ReLU6 throughout.
 `lime_keras.train.backbone` reads the weights. The normalisation of each convolution is folded into
 its kernel and bias, so that a trained network has nothing to fold.
-
-Its layers are not trained: a decoder learns to read them. Trained on renders, they forget what
-photographs look like (docs/explanation/decisions.md).
 """
-
-from typing import Any
 
 from keras import KerasTensor, layers
 
@@ -26,7 +21,6 @@ STAGES = (
     (6, 320, 1, 1, 3),
 )
 """Expansion, channels, number of blocks, stride of the first block, and kernel of each stage."""
-_FILTER: Any = {"padding": "same", "activation": "relu6", "trainable": False}
 
 
 def features(image: KerasTensor) -> list[KerasTensor]:
@@ -40,7 +34,9 @@ def features(image: KerasTensor) -> list[KerasTensor]:
     """
     # The classifier saw (255 x − 127) / 128.
     x = layers.Rescaling(255 / 128, -127 / 128, name=f"{PREFIX}_scale")(image)
-    x = layers.Conv2D(STEM, 3, strides=2, name=f"{PREFIX}_stem", **_FILTER)(x)
+    x = layers.Conv2D(
+        STEM, 3, strides=2, padding="same", activation="relu6", name=f"{PREFIX}_stem"
+    )(x)
     out: list[KerasTensor] = []
     block = 0
     for expansion, channels, count, stride, kernel in STAGES:
@@ -58,9 +54,11 @@ def _block(
     """Apply an inverted bottleneck: expand, filter each channel, project; add x where it fits."""
     name, inner, wide = f"{PREFIX}_block{number}", x.shape[-1] * expansion, x
     if expansion > 1:
-        wide = layers.Conv2D(inner, 1, name=f"{name}_expand", **_FILTER)(x)
-    wide = layers.DepthwiseConv2D(kernel, strides=stride, name=f"{name}_depthwise", **_FILTER)(wide)
-    narrow = layers.Conv2D(channels, 1, name=f"{name}_project", trainable=False)(wide)
+        wide = layers.Conv2D(inner, 1, activation="relu6", name=f"{name}_expand")(x)
+    wide = layers.DepthwiseConv2D(
+        kernel, strides=stride, padding="same", activation="relu6", name=f"{name}_depthwise"
+    )(wide)
+    narrow = layers.Conv2D(channels, 1, name=f"{name}_project")(wide)
     if stride == 1 and x.shape[-1] == channels:
         narrow = layers.Add(name=f"{name}_add")([x, narrow])
     return narrow

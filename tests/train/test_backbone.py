@@ -116,6 +116,9 @@ def test_a_network_begins_with_them():
     for name in ("lite0_stem", "lite0_block5_depthwise", "lite0_block15_project"):
         np.testing.assert_array_equal(network.get_layer(name).get_weights()[0], folded[name][0])
     np.testing.assert_array_equal(network.get_layer("up0_conv").get_weights()[0], before)
+    # The decoder learns first.
+    trained = {variable.path.split("/")[0] for variable in network.trainable_variables}
+    assert "up0_conv" in trained and not any(name.startswith("lite0") for name in trained)
     assert len(folded) == sum(
         "lite0" in layer.name and bool(layer.weights) for layer in network.layers
     )

@@ -233,6 +233,23 @@ def test_muon_leaves_everything_else_to_adam():
         assert same == (index != 1), MUON_SHAPES[index]
 
 
+@pytest.mark.parametrize("kind", [WatchedAdam, WatchedMuon])
+def test_pretrained_layers_take_a_tenth_of_adams_step(kind):
+    variables = []
+    for layer in ("up1_conv", "lite0_block1_project"):
+        with keras.name_scope(layer):
+            variables.append(keras.Variable(np.ones((3, 3, 8, 16)), name="kernel"))
+    optimizer = kind(0.01, [("segmentation", 2)])
+    optimizer.build(variables)
+    rng = np.random.default_rng(5)
+    gradients = rng.uniform(0.5, 1.5, (2, 3, 3, 8, 16)) * rng.choice([-1, 1], (2, 3, 3, 8, 16))
+    _apply(optimizer, variables, gradients.astype(np.float32))
+    decoder, encoder = (np.abs(weight - 1) for weight in _numbers(variables))
+    # The first step of Adam is the rate, whatever the gradient; that of Muon is not.
+    np.testing.assert_allclose(encoder, 0.001, rtol=0.01)
+    assert np.allclose(decoder, 0.01, rtol=0.01) == (kind is WatchedAdam)
+
+
 @pytest.mark.parametrize("value", [np.nan, np.inf, 0.0, 1e30])
 def test_muon_survives_any_gradient(value):
     """A gradient that is not finite counts as zero, and a huge one is made orthogonal."""
