@@ -14,7 +14,6 @@ import numpy as np
 
 from lime_keras.model import folder as model_folder
 from lime_keras.model import weights
-from lime_keras.networks import PRESETS
 from lime_keras.optics import material_law
 from lime_keras.train.config import Config, corpus_sha256
 from lime_keras.train.data import SEEN_MASK, Data
@@ -32,10 +31,14 @@ def main() -> None:
     options.add_argument("--weights", nargs="+", required=True, help="runs, or sets that ship")
     options.add_argument("--materials", choices=material_law.LAWS, default="uniform")
     arguments = options.parse_args()
+    models = {name: weights.load(model_folder.find(name)) for name in arguments.weights}
+    architectures = [architecture for architecture, _ in models.values()]
+    if len({architecture.size for architecture in architectures}) > 1:
+        options.error("these weights see images of different sizes: measure them one by one")
     config = Config(
         preset="live",
         steps_scale=1.0,
-        architecture=PRESETS["live"],
+        architecture=architectures[0],
         schedule=SCHEDULES["live"],
         seed=0,
         corpus_sha256=corpus_sha256([arguments.corpus]),
@@ -43,7 +46,7 @@ def main() -> None:
         materials=(arguments.materials,),
     )
     data = Data([arguments.corpus], config)
-    loaded = {name: weights.load(model_folder.find(name))[1] for name in arguments.weights}
+    loaded = {name: networks for name, (_, networks) in models.items()}
     print("| weights | pooled IoU | mean | median | below 0.5 |\n|---|---:|---:|---:|---:|")
     for name, networks in loaded.items():
         overlap, union = _areas(networks["segmentation"], data)
