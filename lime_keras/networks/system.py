@@ -72,7 +72,7 @@ def assemble(
         these quantities. The outputs of LIME are `mask` `(B, S, S, 1)` in [0, 1];
         `specular_shading` and `mirror` `(B, S, S, 1)` linear radiance, 0 outside the mask;
         `diffuse_albedo` `(B, 3)` linear; `specular_albedo` `(B, 1)`; and
-        `exponent_bin_probabilities` `(B, 8)`. See `answers` for the outputs of the ablations.
+        `exponent_bin_probabilities` `(B, 8)`. See `output_names` for the outputs of the ablations.
 
     Raises:
         ValueError: if no output is named, an output is unknown, or a given quantity is not an image
