@@ -225,7 +225,7 @@ def _unchanged(photo: Photo) -> Photo:
 
 def _measured(estimator: Estimator, scenes: list[_Scene], turn: Turn) -> np.ndarray:
     """Return the mean of each measure; where no object was found, all but the IoU are left out."""
-    rows = []
+    rows: list[tuple[float, ...]] = []
     for scene in scenes:
         # A stored image is clipped; what is left of it is what a camera has.
         linear = colour.srgb_to_linear(scene["image"][0])
@@ -240,7 +240,7 @@ def _measured(estimator: Estimator, scenes: list[_Scene], turn: Turn) -> np.ndar
             rows.append((np.nan, np.nan, np.nan, np.nan, 0.0))
             continue
         log, true = np.log10(material.exponent), np.log10(scene["shininess"][0])
-        distance = bin_distance(scene["shininess"][0], material.exponent_bin_probabilities)
+        distance = float(bin_distance(scene["shininess"][0], material.exponent_bin_probabilities))
         rows.append(
             (
                 abs(log - true),
