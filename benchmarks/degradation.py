@@ -119,20 +119,21 @@ KNOBS: dict[str, tuple[Callable[..., Photo], tuple[float, ...]]] = {
 """By the name of a knob, a function that turns it, and its ten settings, the best first."""
 
 
-def lit_by(light: LightDraw, scale: np.ndarray, count: int) -> LightDraw:
+def lit_by(light: LightDraw, scale: np.ndarray, count: int, seed: int) -> LightDraw:
     """Return the lights of a batch with the first map of each, and some small lamps in front.
 
     Args:
         light: lights of a batch, as drawn.
         scale: factor of each map of the bank.
         count: number of lamps, each of the same power.
+        seed: seed of their places.
     """
     batch = len(light.maps)
     share = _LAMPS_SHARE if count else 0.0
     weights = np.zeros_like(light.weights)
     weights[:, 0] = (1 - share) * environment.MEAN_RADIANCE * scale[light.maps[:, 0]]
     # The same places for any number of lamps: another one comes to those before.
-    rng = np.random.default_rng(_SEED)
+    rng = np.random.default_rng([_SEED, seed])
     towards = rng.normal(size=(batch, LAMPS, 3))
     towards[..., 2] = np.abs(towards[..., 2])
     across = np.cross(towards, rng.normal(size=towards.shape))
@@ -177,7 +178,7 @@ def under_lamps(folder: Path, law: str, count: int) -> dict[int, list[_Scene]]:
     for first in tqdm(range(0, count, 2), desc="scenes under lamps", unit="pair"):
         drawn = scenes.draw(_SEED, np.array([first, first + 1]))
         for lamps, rows in found.items():
-            batch = scenes.make(drawn | {"light": lit_by(drawn["light"], scale, lamps)})
+            batch = scenes.make(drawn | {"light": lit_by(drawn["light"], scale, lamps, first)})
             values = {name: np.asarray(batch[name]) for name in features}
             rows += [{name: value[[row]] for name, value in values.items()} for row in (0, 1)]
     return found
