@@ -10,10 +10,13 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import keras
+import numpy as np
+from keras import ops
 
 from lime_keras.io import atomic, untrusted
 from lime_keras.model import folder as model_folder
 from lime_keras.model import weights
+from lime_keras.networks.architecture import ENCODER_BLOCKS
 
 _FOLDER, _TAKEN = "begun-from", "taken.json"
 
@@ -41,7 +44,8 @@ def keep(model: Path, run: Path) -> None:
 def load(run: Path, subnetworks: Mapping[str, keras.Model], *, record: bool = True) -> list[str]:
     """Set the weights of those subnetworks that have the same layers in the copied model.
 
-    A U-Net's layers are the same for any image size; an encoder's first dense layer depends on it.
+    A U-Net's layers are the same for any image size. An encoder's first dense layer depends on it:
+    if the copied model sees images of another size, its kernel is resampled.
 
     Args:
         run: folder of the run.
@@ -55,16 +59,19 @@ def load(run: Path, subnetworks: Mapping[str, keras.Model], *, record: bool = Tr
         ValueError: if no subnetwork fits, or a file is broken.
     """
     _, others = weights.load(run / _FOLDER, whole=False)
-    taken = [
-        name for name in subnetworks if name in others and _fit(subnetworks[name], others[name])
-    ]
+    given = {
+        name: fitted
+        for name, network in subnetworks.items()
+        if name in others and (fitted := _fitted(network, others[name])) is not None
+    }
+    taken = list(given)
     if not taken:
         raise ValueError(
             f"none of the subnetworks in {run / _FOLDER} has the layers of {run}'s: leave out "
             "--start-from, or pass the --width and --preset that it was trained with"
         )
     for name in taken:
-        subnetworks[name].set_weights(others[name].get_weights())
+        subnetworks[name].set_weights(given[name])
     if record:
         text = json.dumps({"taken": taken, "fresh": [n for n in subnetworks if n not in taken]})
         atomic.write(run / _FOLDER / _TAKEN, text + "\n")
@@ -85,5 +92,25 @@ def described(run: Path) -> str:
         raise ValueError(f"{path} names no subnetworks ({error}): begin another run") from error
 
 
-def _fit(one: keras.Model, other: keras.Model) -> bool:
-    return [w.shape for w in one.weights] == [w.shape for w in other.weights]
+def _fitted(network: keras.Model, other: keras.Model) -> list[np.ndarray] | None:
+    """Return the weights of another network for this one, or None if its layers differ."""
+    cells, others = (one.inputs[0].shape[1] // 2**ENCODER_BLOCKS for one in (network, other))
+    values = other.get_weights()
+    if len(values) != len(network.weights):
+        return None
+    for index, weight in enumerate(network.weights):
+        if cells != others and weight.path.endswith("dense1/kernel"):
+            values[index] = _resampled(values[index], others, cells)
+        if values[index].shape != weight.shape:
+            return None
+    return values
+
+
+def _resampled(kernel: np.ndarray, before: int, now: int) -> np.ndarray:
+    """Resample the kernel of a dense layer that reads `before` × `before` cells to `now` × `now`.
+
+    The sum over the cells stays what it was, so even features give the same answer.
+    """
+    maps = kernel.reshape(before, before, -1)
+    resized = ops.convert_to_numpy(ops.image.resize(maps, (now, now), antialias=True))
+    return (resized * (before / now) ** 2).reshape(-1, kernel.shape[1])

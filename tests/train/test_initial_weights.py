@@ -1,6 +1,7 @@
 """A run keeps a copy of the model that it begins with, whatever form that has."""
 
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -35,3 +36,25 @@ def test_a_set_is_another_beginning_when_a_graph_of_it_is(sets):
     path = made / "onnx" / "mirror.onnx"
     path.write_bytes(path.read_bytes() + b"more")
     assert initial_weights.sha256(made) != before and model_folder.in_graphs(made)
+
+
+def test_an_encoder_begins_with_weights_of_another_image_size(tiny, tmp_path):
+    small = build(tiny, seed=3)
+    large = build(replace(tiny, size=2 * tiny.size), seed=5)
+    weights.save(tmp_path / "given" / "model", tiny, small)
+    run = tmp_path / "run"
+    run.mkdir()
+    initial_weights.keep(tmp_path / "given", run)
+    assert set(initial_weights.load(run, large)) == set(small)
+    # The sum over the cells is what an even image sees.
+    kernels = [
+        next(w for w in nets["albedo"].weights if w.path.endswith("dense1/kernel")).numpy()
+        for nets in (small, large)
+    ]
+    cells = [net["albedo"].get_layer("flatten").input.shape[1:] for net in (small, large)]
+    sums = [
+        kernel.reshape(-1, shape[-1], kernel.shape[1]).sum(0)
+        for kernel, shape in zip(kernels, cells, strict=True)
+    ]
+    np.testing.assert_allclose(*sums, atol=1e-5)
+    assert kernels[1].shape[0] == 4 * kernels[0].shape[0]
