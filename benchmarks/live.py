@@ -50,7 +50,7 @@ _GRADIO = """
 import sys, gradio
 import numpy as np
 from lime_keras import Estimator
-estimator = Estimator(only=["mask", "specular", "mirror", "albedo", "exponent"])
+estimator = Estimator("live", only=["mask", "specular", "mirror", "albedo", "exponent"])
 def estimate(image):
     material = estimator.estimate(image)
     edge = material.layers["mask"][..., 0] >= 0.5
@@ -150,7 +150,7 @@ def _times(one: Callable[[int], Any], seconds: float) -> tuple[list[float], floa
 
 @contextlib.contextmanager
 def _serving() -> Iterator[LiveServer]:
-    with LiveServer(Estimator(), 0) as server:
+    with LiveServer(Estimator("live"), 0) as server:
         thread = threading.Thread(target=server.serve_forever)
         thread.start()
         yield server

@@ -63,7 +63,7 @@ def parser() -> argparse.ArgumentParser:
         action="extend",
         metavar="RUN",
         help="the errors of one model; with --photos, of several side by side (default, if nothing "
-        f"else is asked for: {model_folder.DEFAULT})",
+        f"else is asked for: {model_folder.DEFAULT}; for photos {model_folder.FOR_PHOTOS.name})",
     )
     measured.add_argument(
         "--table1",
@@ -188,7 +188,7 @@ def _evaluate(options: argparse.Namespace, command: str) -> int:
     if options.tradeoff:
         print(sections.trade(out, options.tradeoff, corpus, **seen), end="")
     if options.photos:
-        shown = weights or [model_folder.SHIPPED]
+        shown = weights or [model_folder.FOR_PHOTOS]
         print(sections.photographs(out, options.photos, shown, **how), end="")
     if options.stability:
         from .stability import suite

@@ -128,7 +128,8 @@ def sets(tiny_model, tmp_path, monkeypatch):
             shutil.copyfile(tiny_model / "architecture.json", model / "architecture.json")
             shutil.copytree(tiny_model.parent / "onnx", folder / name / "onnx")
         monkeypatch.setattr(model_folder, "PRETRAINED", folder)
-        monkeypatch.setattr(model_folder, "SHIPPED", folder / model_folder.DEFAULT)
+        for one in ("SHIPPED", "FOR_PHOTOS"):
+            monkeypatch.setattr(model_folder, one, folder / getattr(model_folder, one).name)
         return folder
 
     return come_with_the_package

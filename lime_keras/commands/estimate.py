@@ -95,7 +95,7 @@ def _add_input(given: argparse._ArgumentGroup) -> None:
 
 
 def _add_estimated(estimated: argparse._ArgumentGroup) -> None:
-    model_option.add(estimated)
+    model_option.add(estimated, model_folder.FOR_PHOTOS.name)
     estimated.add_argument(
         "--only",
         type=console.names(tuple(NEEDED)),
@@ -244,7 +244,7 @@ def _results(options: argparse.Namespace) -> "Results":
         "up": options.up,
         "shadow": options.shadow,
     }
-    weights = model_folder.digest(model_folder.find(options.weights or model_folder.SHIPPED))
+    weights = model_folder.digest(model_folder.find(options.weights or model_folder.FOR_PHOTOS))
     return Results(options.out, weights, changing, overwrite=options.overwrite)
 
 
@@ -313,7 +313,7 @@ def _estimator(options: argparse.Namespace, only: tuple[str, ...] | None) -> "Es
 
         family, file = _masker(options.masker)
         masker = Masker(file, family)
-    weights = options.weights or model_folder.SHIPPED
+    weights = options.weights or model_folder.FOR_PHOTOS
     return Estimator(weights, only, options.engine, masker, full_size=options.full_size)
 
 

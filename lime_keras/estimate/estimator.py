@@ -19,7 +19,7 @@ from lime_keras.estimate.framing import Square
 from lime_keras.estimate.pictures import Picture, mask_of, photo_of
 from lime_keras.material import Material
 from lime_keras.model import folder as model_folder
-from lime_keras.model.folder import SHIPPED
+from lime_keras.model.folder import FOR_PHOTOS
 from lime_keras.optics import colour, compositing, highlights, shininess
 from lime_keras.outputs import NEEDED, OUTPUTS, available
 
@@ -57,7 +57,7 @@ class Estimator:
     Args:
         weights: folder of the trained model, from `lime-train` or
             `lime_keras.model.weights.save`; or name of a set that comes with the package, such
-            as `live`; by default `lime_keras.model.folder.DEFAULT`.
+            as `live`; by default `lime_keras.model.folder.FOR_PHOTOS`.
         only: names of the estimates to make, out of `outputs.NEEDED`; only the subnetworks that
             these need are loaded and run. By default all estimates that this model can make.
         engine: `onnx` for ONNX Runtime or `keras` (`engines.load`).
@@ -84,7 +84,7 @@ class Estimator:
 
     def __init__(
         self,
-        weights: str | Path = SHIPPED,
+        weights: str | Path = FOR_PHOTOS,
         only: Collection[str] | None = None,
         engine: str = engines.ENGINES[0],
         masker: Callable[[np.ndarray], np.ndarray] | None = None,

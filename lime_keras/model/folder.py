@@ -15,9 +15,12 @@ from lime_keras.io import untrusted
 PRETRAINED = Path(__file__).parents[1] / "pretrained"
 """Folder of the sets of weights that come with the package, a folder each."""
 DEFAULT = "live"
-"""Name of the set that is used where no model is named."""
+"""Name of the set that cameras, exports and evaluations use where no model is named."""
 SHIPPED = PRETRAINED / DEFAULT
 """Folder of that set."""
+FOR_PHOTOS = PRETRAINED / "best"
+"""Folder of the set that photos and videos use instead: it takes twice the time, and finds more
+objects whole."""
 ARCHITECTURE = "architecture.json"
 """File of the architecture; only a folder that has one holds a model."""
 WEIGHTS = ".weights.h5"

@@ -144,7 +144,7 @@ def test_a_folder_without_pictures_is_told(tmp_path, tiny_model, capsys):
 def test_without_weights_the_packages_own_are_used(
     folder, tiny_model, tmp_path, monkeypatch, capsys
 ):
-    monkeypatch.setattr(model_folder, "SHIPPED", tiny_model)
+    monkeypatch.setattr(model_folder, "FOR_PHOTOS", tiny_model)
     arguments = [str(folder / "a.png"), "--only", "albedo", "--out", str(tmp_path / "out")]
     assert estimate_cli.main(arguments) == 0
     expected = Estimator(tiny_model, ["albedo"]).estimate(read_srgb(folder / "a.png"))
@@ -155,7 +155,7 @@ def test_without_weights_the_packages_own_are_used(
 
 @pytest.mark.parametrize(
     ("there", "arguments"),
-    [("live", []), ("live", ["--weights", "live"]), ("nano", ["--weights", "nano"])],
+    [("best", []), ("live", ["--weights", "live"]), ("nano", ["--weights", "nano"])],
 )
 def test_a_set_is_used_by_its_name(there, arguments, folder, tiny_model, sets, tmp_path, capsys):
     sets(there)
@@ -182,7 +182,7 @@ def test_help_names_the_sets_and_the_default(sets, capsys):
     sets("live", "nano")
     with pytest.raises(SystemExit):
         estimate_cli.main(["--help"])
-    assert "(live, nano; default: live)" in " ".join(capsys.readouterr().out.split())
+    assert "(live, nano; default: best)" in " ".join(capsys.readouterr().out.split())
 
 
 def test_photos_of_one_name_are_numbered(folder, tiny_model, tmp_path):

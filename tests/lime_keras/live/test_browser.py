@@ -38,7 +38,7 @@ def browser(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def estimator():
-    return Estimator()
+    return Estimator("live")
 
 
 @contextlib.contextmanager

@@ -97,7 +97,7 @@ def test_the_browser_answers_as_python_does(written, page, within=1e-3):
         found = page.evaluate(ESTIMATE, asked(images, masks))
     assert found["about"].startswith("WebAssembly")
     assert any("MB" in text for text in found["told"])
-    session = Session(Estimator())
+    session = Session(Estimator("live"))
     for image, mask, answer in zip(images, masks, found["answers"], strict=True):
         expected = session.answer(image, mask, Wanted())
         told = expected.numbers
@@ -154,7 +154,7 @@ def test_the_page_follows_the_camera(written, page):
         page.wait_for_selector("#speed:visible")
         page.wait_for_selector("#save-json:enabled")
         found = json.loads(chromium.taken(page, "#save-json"))
-    expected = Estimator().estimate(live_scenes.ball())
+    expected = Estimator("live").estimate(live_scenes.ball())
     # The clip's chroma has half its resolution, and the ball moves.
     assert found["fused"]["diffuse_albedo"] == pytest.approx(expected.diffuse_albedo, abs=0.15)
     assert page.inner_text("#message") == ""

@@ -22,7 +22,7 @@ FRAME = ball()
 def server(tmp_path_factory):
     video = tmp_path_factory.mktemp("source") / "a clip.mp4"
     video.write_bytes(b"not really a clip" * 1000)
-    with LiveServer(Estimator(), 0, Start("video", video)) as running:
+    with LiveServer(Estimator("live"), 0, Start("video", video)) as running:
         thread = threading.Thread(target=running.serve_forever)
         thread.start()
         yield running
@@ -98,7 +98,7 @@ def test_the_page_is_told_what_it_begins_with_and_can_fetch_it(server):
 
 
 def test_without_a_source_there_is_none():
-    with LiveServer(Estimator(only=["mask"]), 0) as running:
+    with LiveServer(Estimator("live", only=["mask"]), 0) as running:
         thread = threading.Thread(target=running.serve_forever)
         thread.start()
         assert json.loads(ask(running, "GET", "/engine.json")[1])["start"] is None

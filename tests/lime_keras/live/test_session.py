@@ -15,7 +15,7 @@ from lime_keras.video.tracking import LOST_AFTER
 
 @pytest.fixture(scope="module")
 def estimator():
-    return Estimator()
+    return Estimator("live")
 
 
 FRAME = ball()
