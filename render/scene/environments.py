@@ -7,7 +7,6 @@ the sphere stays the same, wherever the light is.
 """
 
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -193,10 +192,10 @@ def _averaged(values: np.ndarray, edges: np.ndarray, coarse: np.ndarray) -> np.n
     Returns:
         The means, `(K, C)`.
     """
-    means = np.empty((len(coarse) - 1, values.shape[1]))
-    for k, (low, high) in enumerate(pairwise(coarse)):
-        first = max(np.searchsorted(edges, low, "right") - 1, 0)
-        last = max(np.searchsorted(edges, high, "left"), first + 1)
-        overlap = np.diff(np.clip(edges[first : last + 1], low, high))
-        means[k] = overlap @ values[first:last].astype(float) / (high - low)
-    return means
+    # The integral from the first border to each; between borders it is linear.
+    integral = np.zeros((len(edges), values.shape[1]))
+    np.multiply(values, np.diff(edges)[:, None], out=integral[1:])
+    np.cumsum(integral, axis=0, out=integral)
+    row = np.clip(np.searchsorted(edges, coarse, "right") - 1, 0, len(values) - 1)
+    at_coarse = integral[row] + (coarse - edges[row])[:, None] * values[row]
+    return np.maximum(np.diff(at_coarse, axis=0), 0) / np.diff(coarse)[:, None]

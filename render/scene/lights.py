@@ -4,12 +4,13 @@ Everything that depends on the map alone is computed once: its energy at several
 irradiance, the direction of its strongest light. A scene rotates its normals into the map's frame.
 """
 
+import functools
 import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from lime_keras.optics import environment, shading
+from lime_keras.optics import environment
 from lime_keras.optics.environment import MEAN_RADIANCE
 
 from . import environments
@@ -17,7 +18,6 @@ from .quality import FAST, Quality
 
 _COARSEST = 16
 _FEWEST_ROWS = 32
-_IRRADIANCE_LIGHTS = 64  # least rows of the level from which the irradiance table is computed
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,8 @@ class Light:
         radiance: radiance at the finest resolution, `(H, W)`.
         levels: energies by number of rows: powers of two from 16 up to the quality's finest, as far
             as the map's own rows reach.
-        diffuse_shading: table of D, `(R, 2 R)`, for a normal in the direction of each texel.
+        diffuse_shading: table of D, `(R, 2 R)`, for a normal in the direction of each texel. R is
+            the quality's number of rows, or that of the finest level if it is smaller.
         strong_direction: unit direction `(3,)` of the texel of most energy.
         quality: resolution and precision of the light.
     """
@@ -118,16 +119,14 @@ def prepare(
     while 2 * finest <= min(rows, columns // 2, quality.finest):
         finest *= 2
     levels = _levels(environments.resized(scaled, finest), quality.precision)
-    rows = quality.irradiance_rows
-    normals = environment.directions(rows, 2 * rows).reshape(-1, 3).astype(quality.precision)
-    middle = levels[min(max(rows, _IRRADIANCE_LIGHTS), finest)]
-    flat = shading.diffuse(normals, middle.direction.reshape(-1, 3), middle.energy.reshape(-1))
     brightest = np.argmax(levels[_COARSEST].energy)
     return Light(
         name=name,
         radiance=scaled.astype(quality.precision),
         levels=levels,
-        diffuse_shading=flat.reshape(rows, 2 * rows),
+        diffuse_shading=_diffuse_shading(
+            levels[finest].energy, min(quality.irradiance_rows, finest)
+        ),
         strong_direction=levels[_COARSEST].direction.reshape(-1, 3)[brightest],
         quality=quality,
     )
@@ -150,3 +149,34 @@ def _levels(radiance: np.ndarray, precision: str) -> dict[int, Level]:
 def _halve(values: np.ndarray) -> np.ndarray:
     """Return the sums over 2 × 2 texels of `(H, W)` or `(H, W, C)` values."""
     return values[0::2, 0::2] + values[1::2, 0::2] + values[0::2, 1::2] + values[1::2, 1::2]
+
+
+def _diffuse_shading(energy: np.ndarray, rows: int) -> np.ndarray:
+    """Return the table of D, `(rows, 2 rows)`, under the texels of the finest level.
+
+    max(n·i, 0) is half of n·i + |n·i|. The sum of n·i is that of the light's first moment. |n·i| is
+    the same in opposite directions, so half of the sphere suffices. It depends on the difference of
+    the two azimuths alone, so the sum along a row of texels is a correlation: a product of spectra.
+    """
+    height, width = energy.shape
+    precision, energy = energy.dtype, energy.astype(float)  # shadows are differences of large sums
+    moment = np.tensordot(energy, environment.directions(height, width), 2)
+    folded = energy[: height // 2] + np.roll(energy[: height // 2 - 1 : -1], height, axis=1)
+    spectrum = _cosine_spectrum(rows, height) @ np.fft.rfft(folded).T[..., None]
+    upper = np.fft.irfft(spectrum[..., 0].T, width)[:, :: height // rows]
+    even = np.concatenate([upper, np.roll(upper[::-1], rows, axis=1)])
+    odd = environment.directions(rows, 2 * rows) @ moment
+    return (np.maximum(even + odd, 0) / (2 * math.pi)).astype(precision)
+
+
+@functools.lru_cache(1)
+def _cosine_spectrum(rows: int, height: int) -> np.ndarray:
+    """Return the spectra of |n·i| along azimuth, `(height + 1, rows / 2, height / 2)`, conjugated.
+
+    n are the texels of the upper half of a first column of `rows` texels, i those of the upper half
+    of a map of `height` rows.
+    """
+    normal = environment.directions(rows, 2 * rows)[: rows // 2, 0]
+    light = environment.directions(height, 2 * height)[: height // 2]
+    cosine = np.abs(np.einsum("nc,tkc->ntk", normal, light))
+    return np.ascontiguousarray(np.moveaxis(np.fft.rfft(cosine).conj(), -1, 0))

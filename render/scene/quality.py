@@ -24,7 +24,7 @@ class Quality:
         split_above: limit of a texel's share of the energy times (extent / lobe width)²; above it,
             the texel is split into four lights.
         finest: largest number of rows of the map that lights S, a power of two.
-        irradiance_rows: rows of the table in which D is looked up.
+        irradiance_rows: rows of the table in which D is looked up, a power of two.
         negligible: value of the lobe below which a light is left out.
         precision: floating-point type of the sums.
     """

@@ -1,11 +1,14 @@
 """Prepared lights: scaled, and neither energy nor place lost at any resolution."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from render_scenes import photographed
 
-from lime_keras.optics import environment, shininess
+from lime_keras.optics import environment, shading, shininess
 from lime_keras.render.scene import lights
+from lime_keras.render.scene.quality import FAST
 
 EXPONENTS = 10.0**shininess.LOG_MEANS
 
@@ -52,6 +55,26 @@ def test_black_texels_still_have_unit_directions():
     radiance[3, 3] = 1.0
     for level in lights.prepare("lamp", radiance).levels.values():
         np.testing.assert_allclose(np.linalg.norm(level.direction, axis=-1), 1, rtol=1e-5)
+
+
+@pytest.mark.parametrize("rows", [8, 64, 256])
+def test_the_table_of_d_is_the_sum_over_every_texel(light, rows):
+    quality = dataclasses.replace(FAST, irradiance_rows=rows)
+    table = lights.prepare("photographed", photographed(), quality=quality).diffuse_shading
+    normals = environment.directions(rows, 2 * rows)
+    some = np.random.default_rng(0).integers(rows, size=(2, 60))
+    texels = shading.texels(light.radiance.astype(float))
+    np.testing.assert_allclose(
+        table[*some], shading.diffuse(normals[*some], *texels), rtol=1e-5, atol=0
+    )
+
+
+def test_the_side_away_from_a_lamp_is_black():
+    radiance = np.zeros((256, 512))
+    radiance[77, 400] = 1e3
+    table = lights.prepare("lamp", radiance).diffuse_shading
+    facing = environment.directions(64, 128) @ environment.directions(256, 512)[77, 400]
+    assert (table >= 0).all() and table[facing < 0].max() < 1e-12 * table.max()
 
 
 @pytest.mark.parametrize("exponent", [0.0, *EXPONENTS, 1e4])
