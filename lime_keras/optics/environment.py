@@ -65,10 +65,14 @@ def lookup(radiance: np.ndarray, direction: np.ndarray) -> np.ndarray:
 
     Longitude wraps; at the poles the row is clamped. Directions need not have length 1.
     """
+    width = radiance.shape[1]
     top, bottom, left, right, right_share, bottom_share = _between(direction, *radiance.shape)
-    upper = radiance[top, left] * (1 - right_share) + radiance[top, right] * right_share
-    lower = radiance[bottom, left] * (1 - right_share) + radiance[bottom, right] * right_share
-    return upper * (1 - bottom_share) + lower * bottom_share
+    texels = radiance.reshape(-1)  # one index takes half the time of two
+    rows = [
+        texels[row + left] * (1 - right_share) + texels[row + right] * right_share
+        for row in (top * width, bottom * width)
+    ]
+    return rows[0] * (1 - bottom_share) + rows[1] * bottom_share
 
 
 def splat(values: np.ndarray, direction: np.ndarray, height: int, width: int) -> np.ndarray:
@@ -124,14 +128,18 @@ def _between(direction: np.ndarray, height: int, width: int) -> tuple[np.ndarray
 
     The shares are the weights in [0, 1] of the right column and of the bottom row.
     """
-    x, y, z = np.moveaxis(direction, -1, 0)
+    x, y, z = np.ascontiguousarray(np.moveaxis(direction, -1, 0))
     u = np.arctan2(x, -z) / (2 * np.pi)
     v = np.arctan2(np.hypot(x, z), y) / np.pi
     column = u * width - 0.5
     row = np.clip(v * height - 0.5, 0, height - 1)
-    left, top = np.floor(column).astype(np.int64), np.floor(row).astype(np.int64)
-    bottom = np.minimum(top + 1, height - 1)
-    return top, bottom, left % width, (left + 1) % width, column - left, row - top
+    left, top = np.floor(column), np.floor(row)
+    right_share, bottom_share = column - left, row - top
+    # u lies in [-1/2, 1/2], so a column is less than one turn away.
+    left = np.where(left < 0, left + width, left).astype(np.int64)
+    top = top.astype(np.int64)
+    right = np.where(left + 1 == width, 0, left + 1)
+    return top, np.minimum(top + 1, height - 1), left, right, right_share, bottom_share
 
 
 def rotate(radiance: np.ndarray, rotation: np.ndarray, height: int, width: int) -> np.ndarray:

@@ -1,7 +1,8 @@
 """D, S and M at all samples of an image: fast, and tested against plain sums over every texel.
 
 Directions are in the map's frame. S is a sum over the lights of `Light.cut`, without the lights
-outside the lobe: samples are grouped by mirror direction, and a group shares the lights near it.
+outside the lobe and without those behind the surface: samples are grouped by mirror direction, and
+a group shares the lights near it.
 """
 
 import math
@@ -12,11 +13,8 @@ from lime_keras.optics import environment, shading
 
 from .lights import Light
 
-_WIDE = math.radians(75)
-"""Largest support angle in radians with which samples are grouped; for wider lobes, groups would
-save nothing."""
-_CELL_ROWS = 12
-_SLICE = 2**14  # mirror directions that are sorted into cells at once
+_LEAST_CELLS = 4
+"""Fewest cells across the sphere into which mirror directions are sorted."""
 
 
 def diffuse(normal: np.ndarray, light: Light) -> np.ndarray:
@@ -40,24 +38,31 @@ def specular(normal: np.ndarray, view: np.ndarray, exponent: float, light: Light
     """
     directions, energies = light.cut(exponent)
     support = support_angle(exponent, light.quality.negligible)
-    if support > _WIDE:
-        return shading.specular(normal, view, exponent, directions, energies)
-    cells = environment.directions(_CELL_ROWS, 2 * _CELL_ROWS).reshape(-1, 3).astype(normal.dtype)
     mirrored = shading.reflect(normal, view)
-    cell = np.empty(len(normal), int)
-    for first in range(0, len(normal), _SLICE):
-        some = slice(first, first + _SLICE)
-        cell[some] = np.argmax(mirrored[some] @ cells.T, axis=1)
     out = np.empty(len(normal), normal.dtype)
-    for index in np.unique(cell):
-        rows = np.flatnonzero(cell == index)
-        radius = math.acos(float(np.clip(np.min(mirrored[rows] @ cells[index]), -1, 1)))
-        reach = min(support + radius, math.pi)
-        near = directions @ cells[index] >= math.cos(reach)
+    for rows in _groups(mirrored, max(_LEAST_CELLS, round(math.pi / support))):
+        near = _near(directions, normal[rows], math.pi / 2)
+        near &= _near(directions, mirrored[rows], support)
         out[rows] = shading.specular(
             normal[rows], view[rows], exponent, directions[near], energies[near]
         )
     return out
+
+
+def _groups(directions: np.ndarray, cells: int) -> list[np.ndarray]:
+    """Return the indices of the directions `(N, 3)` in each cell of a grid around the sphere."""
+    place = np.floor((directions + 1) * (cells / 2)).astype(np.int64)
+    cell = place @ np.array([(cells + 1) ** 2, cells + 1, 1])
+    order = np.argsort(cell, kind="stable")
+    return np.split(order, np.flatnonzero(np.diff(cell[order])) + 1)
+
+
+def _near(directions: np.ndarray, group: np.ndarray, reach: float) -> np.ndarray:
+    """Return whether each direction may be within `reach` radians of a member of the group."""
+    middle = group.mean(axis=0)
+    middle /= np.linalg.norm(middle)
+    radius = math.acos(np.clip(np.min(group @ middle), -1, 1))
+    return directions @ middle >= math.cos(min(reach + radius, math.pi))
 
 
 def support_angle(exponent: float, negligible: float) -> float:
