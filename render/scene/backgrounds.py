@@ -7,6 +7,7 @@ stripes, checks, cells, rings, clutter, often bent by noise); a palette gives ea
 Two such textures are often mixed, and their brightness falls off to one side.
 """
 
+import functools
 from pathlib import Path
 
 import numpy as np
@@ -161,6 +162,7 @@ def _spread(lattice: np.ndarray, size: int) -> np.ndarray:
     return rows @ lattice.astype(np.float32) @ columns.T
 
 
+@functools.lru_cache(64)
 def _spline_weights(count: int, size: int) -> np.ndarray:
     position = np.linspace(1, count - 2, size)[:, None]
     d = np.abs(position - np.arange(count))

@@ -54,7 +54,8 @@ def _groups(directions: np.ndarray, cells: int) -> list[np.ndarray]:
     place = np.floor((directions + 1) * (cells / 2)).astype(np.int64)
     cell = place @ np.array([(cells + 1) ** 2, cells + 1, 1])
     order = np.argsort(cell, kind="stable")
-    return np.split(order, np.flatnonzero(np.diff(cell[order])) + 1)
+    groups = np.split(order, np.flatnonzero(np.diff(cell[order])) + 1)
+    return [group for group in groups if len(group)]
 
 
 def _near(directions: np.ndarray, group: np.ndarray, reach: float) -> np.ndarray:
