@@ -1,8 +1,7 @@
 """D, S and M at all samples of an image: fast, and tested against plain sums over every texel.
 
-Directions are in the map's frame. S is a sum over the lights of `Light.cut`, without the lights
-outside the lobe and without those behind the surface: samples are grouped by mirror direction, and
-a group shares the lights near it.
+Directions are in the map's frame. For S, samples are grouped by mirror direction. A group shares
+the lights of a `Light.cut`, without those behind the surface.
 """
 
 import math
@@ -15,6 +14,8 @@ from .lights import Light
 
 _LEAST_CELLS = 4
 """Fewest cells across the sphere into which mirror directions are sorted."""
+_TOGETHER = 16
+"""Number of groups whose lights are cut at once: few enough for the processor's cache."""
 
 
 def diffuse(normal: np.ndarray, light: Light) -> np.ndarray:
@@ -36,16 +37,20 @@ def specular(normal: np.ndarray, view: np.ndarray, exponent: float, light: Light
         exponent: s.
         light: environment map in its own frame.
     """
-    directions, energies = light.cut(exponent)
     support = support_angle(exponent, light.quality.negligible)
     mirrored = shading.reflect(normal, view)
+    groups = _groups(mirrored, max(_LEAST_CELLS, round(math.pi / support)))
     out = np.empty(len(normal), normal.dtype)
-    for rows in _groups(mirrored, max(_LEAST_CELLS, round(math.pi / support))):
-        near = _near(directions, normal[rows], math.pi / 2)
-        near &= _near(directions, mirrored[rows], support)
-        out[rows] = shading.specular(
-            normal[rows], view[rows], exponent, directions[near], energies[near]
-        )
+    for first in range(0, len(groups), _TOGETHER):
+        some = groups[first : first + _TOGETHER]
+        axes, radii = zip(*(_cone(mirrored[rows]) for rows in some), strict=True)
+        cuts = light.cut(exponent, support, np.array(axes), np.array(radii, normal.dtype))
+        for rows, (directions, energies) in zip(some, cuts, strict=True):
+            axis, radius = _cone(normal[rows])
+            lit = directions @ axis >= math.cos(min(math.pi / 2 + radius, math.pi))
+            out[rows] = shading.specular(
+                normal[rows], view[rows], exponent, directions[lit], energies[lit]
+            )
     return out
 
 
@@ -58,12 +63,11 @@ def _groups(directions: np.ndarray, cells: int) -> list[np.ndarray]:
     return [group for group in groups if len(group)]
 
 
-def _near(directions: np.ndarray, group: np.ndarray, reach: float) -> np.ndarray:
-    """Return whether each direction may be within `reach` radians of a member of the group."""
-    middle = group.mean(axis=0)
-    middle /= np.linalg.norm(middle)
-    radius = math.acos(np.clip(np.min(group @ middle), -1, 1))
-    return directions @ middle >= math.cos(min(reach + radius, math.pi))
+def _cone(group: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return the mean direction of a group, and the largest angle of a member from it."""
+    axis = group.mean(axis=0)
+    axis /= np.linalg.norm(axis)
+    return axis, math.acos(np.clip(np.min(group @ axis), -1, 1))
 
 
 def support_angle(exponent: float, negligible: float) -> float:

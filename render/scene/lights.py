@@ -18,6 +18,8 @@ from .quality import FAST, Quality
 
 _COARSEST = 16
 _FEWEST_ROWS = 32
+_DIAGONAL = 1.5
+"""Largest distance of two directions in a texel, in heights of the texel."""
 
 
 @dataclass(frozen=True)
@@ -65,32 +67,64 @@ class Light:
         energy = self.levels[height].energy
         return energy / environment.solid_angles(*energy.shape)
 
-    def cut(self, exponent: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return directions `(T, 3)` and energies `(T,)` of lights for a lobe of this exponent.
+    def cut(
+        self, exponent: float, support: float, axes: np.ndarray, radii: np.ndarray
+    ) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Return directions `(T, 3)` and energies `(T,)` of lights for each of G groups of lobes.
 
-        The lights are a cut through the pyramid of levels: bright or wide texels are split until
-        their extent causes little error in the lobe; dim texels are taken whole.
+        The lights are a cut through the pyramid of levels: bright or wide texels in the middle of a
+        lobe are split until their extent causes little error in it; dim texels and those at the
+        lobes' ends are taken whole, and those beyond all lobes left out.
+
+        Args:
+            exponent: s of all lobes.
+            support: angle in radians from the middle of a lobe beyond which it is negligible.
+            axes: unit direction of each group, `(G, 3)`.
+            radii: largest angle in radians between the middle of a lobe and its group's axis,
+                `(G,)`.
         """
-        directions, energies = [], []
         height = min(self.levels)
-        total = float(np.sum(self.levels[height].energy))
+        group, texel = np.indices((len(axes), 2 * height**2)).reshape(2, -1)
+        found = []
+        while True:
+            # Take whole what is not split.
+            level = self.levels[height]
+            direction = level.direction.reshape(-1, 3)[texel]
+            energy = level.energy.reshape(-1)[texel]
+            cosine = np.einsum("ij,ij->i", direction, axes[group])
+            away = np.arccos(np.clip(cosine, -1, 1)) - radii[group]
+            nearest = np.clip(away - _DIAGONAL * math.pi / height, 0, math.pi)
+            split = (nearest <= support) & self._coarse(energy, nearest, exponent, height)
+            whole = np.flatnonzero(~split & (energy > 0) & (away <= support))
+            found.append((group[whole], direction[whole], energy[whole]))
+            if not split.any():
+                break
+            # Go on with the four texels of each other.
+            row, column = np.divmod(texel[split], 2 * height)
+            height, group = 2 * height, np.repeat(group[split], 4)
+            corner = 2 * (2 * height * row + column)
+            texel = (corner[:, None] + [0, 1, 2 * height, 2 * height + 1]).ravel()
+        # Sort by group.
+        groups, directions, energies = map(np.concatenate, zip(*found, strict=True))
+        order = np.argsort(groups, kind="stable")
+        ends = np.cumsum(np.bincount(groups, minlength=len(axes)))[:-1]
+        parts = np.split(directions[order], ends), np.split(energies[order], ends)
+        return list(zip(*parts, strict=True))
+
+    def _coarse(
+        self, energy: np.ndarray, away: np.ndarray, exponent: float, height: int
+    ) -> np.ndarray:
+        """Return whether texels of a level, `away` radians from a lobe, are to be split for it."""
+        if 2 * height not in self.levels:
+            return np.zeros(len(energy), bool)
         # Share of a uniform light's energy that a lobe of this exponent sees.
         seen = min(1.0, 4.0 / (exponent + 2.0))
-        open_texels = np.ones(self.levels[height].energy.shape, bool)
-        while height in self.levels:
-            level = self.levels[height]
-            extent = math.pi / height
-            if 2 * height in self.levels:
-                error = level.energy / (total * seen) * (extent**2 * (exponent + 2.0))
-                split = open_texels & (error > self.quality.split_above)
-            else:
-                split = np.zeros_like(open_texels)
-            whole = open_texels & ~split & (level.energy > 0)
-            directions.append(level.direction[whole])
-            energies.append(level.energy[whole])
-            open_texels = np.repeat(np.repeat(split, 2, axis=0), 2, axis=1)
-            height *= 2
-        return np.concatenate(directions), np.concatenate(energies)
+        total = float(np.sum(self.levels[height].energy))
+        fall = exponent * np.log(np.maximum(np.cos(away / 2), 1e-30))
+        # How much the lobe is curved there, relative to its middle.
+        curved = np.exp(fall) * (1 - 2 * fall)
+        error = energy / (total * seen) * curved * ((math.pi / height) ** 2 * (exponent + 2.0))
+        return error > self.quality.split_above
 
 
 def prepare(

@@ -18,6 +18,11 @@ def light():
     return lights.prepare("photographed", photographed())
 
 
+def cut(light, exponent):
+    """The cut for lobes in all directions."""
+    return light.cut(exponent, np.pi, np.array([[0.0, 0.0, 1.0]]), np.array([np.pi]))[0]
+
+
 @pytest.mark.parametrize("mean", [lights.MEAN_RADIANCE, 1.0, 7.5])
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
 def test_the_spherical_mean_is_the_one_asked_for(mean, scale):
@@ -79,7 +84,7 @@ def test_the_side_away_from_a_lamp_is_black():
 
 @pytest.mark.parametrize("exponent", [0.0, *EXPONENTS, 1e4])
 def test_a_cut_holds_all_energy_and_every_texel_once(light, exponent):
-    directions, energies = light.cut(exponent)
+    directions, energies = cut(light, exponent)
     assert energies.sum(dtype=float) == pytest.approx(4 * np.pi * lights.MEAN_RADIANCE, rel=1e-5)
     finest = light.levels[256]
     moment = np.tensordot(finest.energy.astype(float), finest.direction, 2)
@@ -89,7 +94,7 @@ def test_a_cut_holds_all_energy_and_every_texel_once(light, exponent):
 
 
 def test_shinier_lobes_get_more_lights(light):
-    counts = [len(light.cut(exponent)[1]) for exponent in EXPONENTS]
+    counts = [len(cut(light, exponent)[1]) for exponent in EXPONENTS]
     assert counts == sorted(counts) and counts[-1] > 4 * counts[0]
     assert counts[-1] < 256 * 512 / 2
 
@@ -100,11 +105,28 @@ def test_a_brighter_lamp_gets_more_lights_and_the_walls_fewer():
     for strength in (0, 30, 1_000):
         lamp = np.ones((256, 512))
         lamp[100:108, 200:208] += strength
-        close = lights.prepare("lamp", lamp).cut(50.0)[0] @ there > np.cos(np.radians(6))
+        close = cut(lights.prepare("lamp", lamp), 50.0)[0] @ there > np.cos(np.radians(6))
         near.append(close.sum())
         far.append((~close).sum())
     assert near[0] < near[1] <= near[2]
     assert far[0] > far[2]
+
+
+def test_a_group_of_lobes_gets_the_lights_near_it_whatever_the_other_groups(light):
+    axes = environment.directions(3, 4).reshape(-1, 3)
+    radii, support = np.linspace(0, 0.3, len(axes)), 0.5
+    whole = cut(light, 200.0)[1]
+    together = light.cut(200.0, support, axes, radii)
+    for axis, radius, (directions, energies) in zip(axes, radii, together, strict=True):
+        [alone] = light.cut(200.0, support, axis[None], np.array([radius]))
+        np.testing.assert_array_equal(directions, alone[0])
+        np.testing.assert_array_equal(energies, alone[1])
+        assert (directions @ axis >= np.cos(support + radius) - 1e-6).all()
+        assert 0 < len(energies) < len(whole) / 2
+        # What is left out is what lies beyond, but for texels on the border.
+        finest = light.levels[256]
+        within = finest.direction @ axis >= np.cos(support + radius)
+        assert energies.sum() == pytest.approx(finest.energy[within].sum(), rel=0.1)
 
 
 @pytest.mark.parametrize("height", [32, 48, 63, 64, 100, 512])
@@ -112,7 +134,7 @@ def test_maps_of_any_size_are_prepared(height):
     light = lights.prepare("even", np.ones((height, 2 * height)), 1.0)
     assert max(light.levels) == min(256, 1 << (height.bit_length() - 1))
     np.testing.assert_allclose(light.diffuse_shading, 1, rtol=0.01)
-    assert light.cut(10.0)[1].sum() == pytest.approx(4 * np.pi, rel=1e-5)
+    assert cut(light, 10.0)[1].sum() == pytest.approx(4 * np.pi, rel=1e-5)
 
 
 @pytest.mark.parametrize(
@@ -130,7 +152,7 @@ def test_an_even_map_of_any_size_is_a_furnace(shape):
     light = lights.prepare("even", np.full(shape, 3.0), 1.0)
     np.testing.assert_allclose(light.diffuse_shading, 1, rtol=0.01)
     np.testing.assert_allclose(light.radiance, 1, rtol=1e-6)
-    assert light.cut(10.0)[1].sum() == pytest.approx(4 * np.pi, rel=1e-5)
+    assert cut(light, 10.0)[1].sum() == pytest.approx(4 * np.pi, rel=1e-5)
 
 
 @pytest.mark.parametrize("shape", [(1, 2), (2, 4), (5, 10), (31, 63)])
