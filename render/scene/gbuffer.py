@@ -89,8 +89,9 @@ class GBuffer:
 
     def part(self, kept: np.ndarray) -> "GBuffer":
         """Return the G-buffer of the pixels where `kept` `(S · S,)` is true; the rest is empty."""
-        samples, pixels = kept[self.pixel], kept[self.covered_pixels]
-        cells, place = kept[self.pixel[self.cells]], np.cumsum(samples) - 1
+        inside, pixels = kept[self.pixel], kept[self.covered_pixels]
+        cells, place = kept[self.pixel[self.cells]], np.cumsum(inside) - 1
+        samples = np.flatnonzero(inside)  # flags would take longer to index `(N, 3)`
         return GBuffer(
             coverage=self.coverage * kept.reshape(self.coverage.shape),
             normal=self.normal[samples],
@@ -170,15 +171,15 @@ class Tracer:
         grid = _Grid(across, self._quality.cells)
         fx, fy, cx, cy = camera
         row, column = np.divmod(pixels, self._size)
-        x = (column[:, None] + grid.x - cx) / fx
-        y = (cy - row[:, None] - grid.y) / fy
-        rays = np.stack([x, y, np.full_like(x, -1.0)], axis=-1).astype(np.float32).reshape(-1, 3)
-        rays /= _length(rays)
-        turn = rotation.astype(np.float32)  # `rays @ turn`: from camera to object space
+        x = ((column[:, None] + grid.x - cx) / fx).ravel()
+        y = ((cy - row[:, None] - grid.y) / fy).ravel()
+        rays = np.stack([x, y, np.full_like(x, -1.0)]).astype(np.float32)
+        rays /= np.sqrt(np.einsum("ij,ij->j", rays, rays))
+        turn = rotation.astype(np.float32)  # `turn.T @ rays`: from camera to object space
         there, shading_normal, geometric = _intersect(
-            self._scene, -rotation.T @ translation, rays @ turn, self._packets
+            self._scene, -rotation.T @ translation, turn.T @ rays, self._packets
         )
-        view = -rays[there]
+        view = np.ascontiguousarray(-rays[:, there].T)
         normal = _facing(shading_normal @ turn.T, geometric @ turn.T, view)
         hit = np.zeros((len(pixels), across**2), bool)
         hit.ravel()[there] = True
@@ -188,7 +189,7 @@ class Tracer:
 def _intersect(
     scene, origin: np.ndarray, directions: np.ndarray, packets: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Find the first hits of rays from one point.
+    """Find the first hits of rays `(3, M)` from one point.
 
     Returns:
         The indices `(N,)` of the rays that hit; then the shading and the geometric normals there,
@@ -199,14 +200,14 @@ def _intersect(
 
     start = mi.Point3f(origin)
     if "scalar" in str(mi.variant()):
-        found = [scene.ray_intersect(mi.Ray3f(start, direction)) for direction in directions]
+        found = [scene.ray_intersect(mi.Ray3f(start, direction)) for direction in directions.T]
         there = np.flatnonzero([surface.is_valid() for surface in found])
         normals = [(surface.sh_frame.n, surface.n) for surface in found if surface.is_valid()]
         shading_normal, geometric = np.array(normals, np.float32).reshape(-1, 2, 3).swapaxes(0, 1)
         return there, shading_normal, geometric
-    if not len(directions):
+    if not directions.size:
         return np.zeros(0, int), np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32)
-    towards = mi.Vector3f(*map(mi.Float, directions.T))
+    towards = mi.Vector3f(*map(mi.Float, directions))
     dr.make_opaque(start)  # literals would compile a new kernel for every image
     asked = mi.RayFlags.Minimal | mi.RayFlags.ShadingFrame
     surface = scene.ray_intersect(mi.Ray3f(start, towards), int(asked), mi.Bool(packets))
@@ -214,7 +215,7 @@ def _intersect(
     dr.eval(valid, shading_normal, geometric)
     there = np.flatnonzero(np.array(valid))
     at_hits = [
-        np.stack([np.array(axis)[there] for axis in (found.x, found.y, found.z)], axis=-1)
+        np.stack([np.array(axis)[there] for axis in (found.x, found.y, found.z)]).T
         for found in (shading_normal, geometric)
     ]
     return there, at_hits[0], at_hits[1]
@@ -234,8 +235,8 @@ def mitsuba_mesh(mesh: Mesh):
 
 
 def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return the dot products `(N, 1)` of the rows."""
-    return np.einsum("ij,ij->i", a, b)[:, None]
+    """Return the dot products `(N, 1)` of the rows, in a third of the time of `einsum`."""
+    return (a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1] + a[:, 2] * b[:, 2])[:, None]
 
 
 def _length(vectors: np.ndarray) -> np.ndarray:
