@@ -36,7 +36,7 @@ KNOBS: dict[str, tuple] = {
     "lobe_rough_above": (0.1, 0.3, 1.0, 10.0),
     "split_above": (2e-2, 5e-3, 2e-3, 5e-4, 1e-4),
     "finest": (64, 128, 256, 512),
-    "irradiance_rows": (8, 16, 32, 64, 128),
+    "irradiance_rows": (16, 32, 64, 128, 256),
     "negligible": (1e-3, 1e-4, 1e-6, 1e-8),
     "precision": ("float32", "float64"),
 }

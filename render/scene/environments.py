@@ -197,5 +197,7 @@ def _averaged(values: np.ndarray, edges: np.ndarray, coarse: np.ndarray) -> np.n
     np.multiply(values, np.diff(edges)[:, None], out=integral[1:])
     np.cumsum(integral, axis=0, out=integral)
     row = np.clip(np.searchsorted(edges, coarse, "right") - 1, 0, len(values) - 1)
-    at_coarse = integral[row] + (coarse - edges[row])[:, None] * values[row]
-    return np.maximum(np.diff(at_coarse, axis=0), 0) / np.diff(coarse)[:, None]
+    with np.errstate(invalid="ignore"):  # the caller refuses what is not finite
+        at_coarse = integral[row] + (coarse - edges[row])[:, None] * values[row]
+        means = np.diff(at_coarse, axis=0) / np.diff(coarse)[:, None]
+    return np.maximum(means, 0)  # differences of rounded sums

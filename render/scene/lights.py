@@ -212,5 +212,7 @@ def _cosine_spectrum(rows: int, height: int) -> np.ndarray:
     """
     normal = environment.directions(rows, 2 * rows)[: rows // 2, 0]
     light = environment.directions(height, 2 * height)[: height // 2]
-    cosine = np.abs(np.einsum("nc,tkc->ntk", normal, light))
-    return np.ascontiguousarray(np.moveaxis(np.fft.rfft(cosine).conj(), -1, 0))
+    out = np.empty((height + 1, rows // 2, height // 2), np.complex128)
+    for row, direction in enumerate(normal):  # all rows at once would take three times the memory
+        out[:, row] = np.fft.rfft(np.abs(light @ direction)).conj().T
+    return out

@@ -62,7 +62,7 @@ def test_black_texels_still_have_unit_directions():
         np.testing.assert_allclose(np.linalg.norm(level.direction, axis=-1), 1, rtol=1e-5)
 
 
-@pytest.mark.parametrize("rows", [8, 64, 256])
+@pytest.mark.parametrize("rows", [8, 128, 256])
 def test_the_table_of_d_is_the_sum_over_every_texel(light, rows):
     quality = dataclasses.replace(FAST, irradiance_rows=rows)
     table = lights.prepare("photographed", photographed(), quality=quality).diffuse_shading
@@ -78,7 +78,7 @@ def test_the_side_away_from_a_lamp_is_black():
     radiance = np.zeros((256, 512))
     radiance[77, 400] = 1e3
     table = lights.prepare("lamp", radiance).diffuse_shading
-    facing = environment.directions(64, 128) @ environment.directions(256, 512)[77, 400]
+    facing = environment.directions(128, 256) @ environment.directions(256, 512)[77, 400]
     assert (table >= 0).all() and table[facing < 0].max() < 1e-12 * table.max()
 
 
