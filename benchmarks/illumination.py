@@ -27,6 +27,7 @@ from tqdm import tqdm
 
 from lime_keras import console
 from lime_keras.lighting import illumination
+from lime_keras.model import folder as model_folder
 from lime_keras.optics import colour, compositing, environment, shading, shininess
 from lime_keras.optics.blinn_phong import BlinnPhong
 
@@ -42,7 +43,9 @@ def main() -> None:
     """Print a Markdown table for each source of the layers."""
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     options.add_argument("corpus", type=Path, help="of lime-render, furnace shading")
-    options.add_argument("--weights", type=Path, help="run of lime-train")
+    options.add_argument(
+        "--weights", type=model_folder.find, help="run of lime-train, or a set that ships"
+    )
     options.add_argument("--count", type=int, default=100, help="images (default: 100)")
     arguments = options.parse_args()
     console.import_tensorflow()
