@@ -29,7 +29,7 @@ def photos(tmp_path):
 @pytest.fixture
 def models(monkeypatch):
     engines = {
-        "live": photo_answers.Engine(specular=0.4),
+        **dict.fromkeys(("best", "live"), photo_answers.Engine(specular=0.4)),
         "natural": photo_answers.Engine(specular=0.04, red=0.05, sharper=1),
     }
     photo_answers.install(monkeypatch, engines)
@@ -44,7 +44,7 @@ def test_the_files_of_the_package_model(photos, models, tmp_path, capsys):
     assert "estimating: 100%" in told.err and f"wrote {out / 'report.html'}" in told.err
     found = json.loads((out / "photos.json").read_text(encoding="utf-8"))
     own, given = found["columns"]
-    assert (own["model"], own["mask"], given["mask"]) == ("live", "own mask", "given mask")
+    assert (own["model"], own["mask"], given["mask"]) == ("best", "own mask", "given mask")
     # Cloth is put right, and the photo that has no answer counts as a tie.
     assert own["measures"]["gloss_order_exponent"]["value"] == 0.75
     assert own["measures"]["specular_ratio"]["value"] == pytest.approx(10)
