@@ -94,13 +94,13 @@ def described(run: Path) -> str:
 
 def _fitted(network: keras.Model, other: keras.Model) -> list[np.ndarray] | None:
     """Return the weights of another network for this one, or None if its layers differ."""
-    cells, others = (one.inputs[0].shape[1] // 2**ENCODER_BLOCKS for one in (network, other))
+    cells, before = (one.inputs[0].shape[1] // 2**ENCODER_BLOCKS for one in (network, other))
     values = other.get_weights()
     if len(values) != len(network.weights):
         return None
     for index, weight in enumerate(network.weights):
-        if cells != others and weight.path.endswith("dense1/kernel"):
-            values[index] = _resampled(values[index], others, cells)
+        if cells != before and weight.path.endswith("dense1/kernel"):
+            values[index] = _resampled(values[index], before, cells)
         if values[index].shape != weight.shape:
             return None
     return values
