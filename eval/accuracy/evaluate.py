@@ -1,17 +1,15 @@
 """The evaluation of a system on a corpus' test split: one row of numbers per example.
 
-An oracle is evaluated beside the system: ExponentNet and AlbedoNet, given the true mask, S and M;
-or the baseline's MaterialNet, given the true reflectance map. Better layers alone would not remove
-its errors.
+The same networks are evaluated with the true mask, too: the difference is what the errors of
+SegmentationNet cost.
 """
 
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
-import keras
 import numpy as np
 import tensorflow as tf
 from threadpoolctl import threadpool_limits
@@ -22,11 +20,9 @@ from lime_keras.arrays import Predict
 from lime_keras.data import pipeline, records
 from lime_keras.data.corpus import Split
 from lime_keras.model import weights
-from lime_keras.networks import SUBNETWORKS, Architecture, assemble
-from lime_keras.networks.wiring import needed
+from lime_keras.networks import Architecture, assemble
 from lime_keras.optics import environment, shininess
 from lime_keras.optics.blinn_phong import BlinnPhong
-from lime_keras.optics.reflectance_map import true_reflectance_map
 
 from . import flip_error, relighting
 from .predictions import Answers, Predictions
@@ -60,13 +56,14 @@ class Evaluation:
             A quantity that the system does not predict has no column. A system that predicts the
             exponent by regression has no `log_error_winning` and no `bin_probabilities`. Relighting
             needs a complete material.
-        oracle: error columns of the oracle: exponent, albedos and relighting. It is empty if
-            `evaluate` was given an `answer` other than the Keras model.
+        true_mask: error columns of the same networks with the true mask: exponent, albedos, S, M
+            and relighting. It is empty if `evaluate` was given an `answer` other than the Keras
+            model.
         architecture: architecture of the system.
     """
 
     rows: dict[str, np.ndarray]
-    oracle: dict[str, np.ndarray]
+    true_mask: dict[str, np.ndarray]
     architecture: Architecture
 
     @property
@@ -116,13 +113,14 @@ def evaluate(
             "multiple of it"
         )
 
-    # The system and its oracle.
+    # The system, and the same without SegmentationNet.
     system = answer or assemble(subnetworks).predict_on_batch
-    oracle_of = _from_true_layers(subnetworks)
+    others = {name: part for name, part in subnetworks.items() if name != "segmentation"}
+    cut_out = assemble(others, given=("mask",)).predict_on_batch
 
     # Rows, batch by batch.
     rows: list[dict[str, np.ndarray]] = []
-    oracle: list[dict[str, np.ndarray]] = []
+    true_mask: list[dict[str, np.ndarray]] = []
     dataset = pipeline.evaluation(
         shards, size=architecture.size, batch_size=batch_size, camera=camera
     )
@@ -133,24 +131,25 @@ def evaluate(
             full = _filled(example, batch_size)
             answers = {"found": _cut(system(full["image"]), number)}
             if answer is None:
-                answers["oracle"] = _cut(oracle_of(full), number)
+                given = {name: full[name] for name in ("image", "mask")}
+                answers["true_mask"] = _cut(cut_out(given), number)
             measured = measure(example, answers["found"])
-            of_true_layers = _material_errors(example, answers["oracle"]) if answer is None else {}
+            with_mask = _errors(example, answers["true_mask"]) if answer is None else {}
             # Of what is not finite, no picture can be made.
-            for columns in (measured, of_true_layers):
+            for columns in (measured, with_mask):
                 _check_finite(columns, model_dir, first)
             relit = _relit(example, answers, pool)
             rows.append(
                 measured | _layers_flip(example, answers["found"], pool) | _relit_columns(relit)
             )
             if answer is None:
-                oracle.append(of_true_layers | relit["oracle"])
+                true_mask.append(with_mask | relit["true_mask"])
 
     # All rows, which must be finite.
     joined = _joined(rows)
-    of_oracle = _joined(oracle) if oracle else {}
-    evaluation = Evaluation(joined, of_oracle, architecture)
-    for columns in (joined, of_oracle):
+    with_true_mask = _joined(true_mask) if true_mask else {}
+    evaluation = Evaluation(joined, with_true_mask, architecture)
+    for columns in (joined, with_true_mask):
         _check_finite(columns, model_dir)
     return evaluation
 
@@ -206,8 +205,7 @@ def measure(
         "coverage": np.mean(example["mask"] >= 0.5, axis=(1, 2, 3), dtype=np.float64),
         "saturated": _saturated(example),
         "light_contrast": _contrast(example["environment"]),
-        **_relative_errors(example, estimate),
-        **_material_errors(example, estimate),
+        **_errors(example, estimate),
     }
 
 
@@ -245,11 +243,13 @@ def _mask_errors(
     return {"iou": iou, "intersection": intersection, "union": union}
 
 
-def _material_errors(
+def _errors(
     example: Mapping[str, np.ndarray], estimate: Mapping[str, np.ndarray]
 ) -> dict[str, np.ndarray]:
-    """Return `predicted_bin` and the errors of those of exponent and albedos that are estimated."""
-    errors = _exponent_errors(example, estimate) if _has_exponent(estimate) else {}
+    """Return `predicted_bin` and the errors of all estimates but the mask."""
+    errors = _relative_errors(example, estimate)
+    if _has_exponent(estimate):
+        errors |= _exponent_errors(example, estimate)
     for name in ("diffuse", "specular"):
         if f"{name}_albedo" in estimate:
             found = estimate[f"{name}_albedo"]
@@ -330,7 +330,7 @@ def _relit(
 
     Args:
         example: batch as `pipeline.evaluation` yields it.
-        answers: outputs of the system and of the oracle, by name.
+        answers: outputs of the system and of the networks with the true mask, by name.
         pool: threads that compute the examples in parallel.
     """
 
@@ -387,23 +387,6 @@ def _relative_errors(
             true, found, example["mask"]
         )
     return columns
-
-
-def _from_true_layers(
-    subnetworks: Mapping[str, keras.Model],
-) -> Callable[[Mapping[str, np.ndarray]], dict[str, np.ndarray]]:
-    """Return the oracle: a function from a batch to the material estimated from true layers."""
-    encoders = {name: part for name, part in subnetworks.items() if SUBNETWORKS[name].encoder}
-    given = needed(encoders)
-    network = assemble(encoders, given=given)
-
-    def answer(example: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        true = dict(example)
-        if "reflectance_map" in given:
-            true["reflectance_map"] = np.asarray(true_reflectance_map(example))
-        return network.predict_on_batch({name: true[name] for name in ("image", *given)})
-
-    return answer
 
 
 def _count_and_size(shards: list[Path]) -> tuple[int, int]:

@@ -1,8 +1,8 @@
-"""The words with which tables and reports describe classes, exponents and oracles."""
+"""The words with which tables and reports describe classes and exponents."""
 
 import numpy as np
 
-from lime_keras.networks import SUBNETWORKS, Architecture, subnetwork_names
+from lime_keras.networks import Architecture
 from lime_keras.optics import shininess
 
 
@@ -17,24 +17,3 @@ def exponent(architecture: Architecture) -> str:
     if architecture.exponent == "regression":
         return "the system answers log10 s itself; its bin is the one that s falls into"
     return "log10 s is the expected value over the eight classes, or that of the winning bin"
-
-
-def oracle(architecture: Architecture) -> str:
-    """Return the title of the oracle."""
-    if architecture.system == "reflectance-map":
-        return "Same encoder on the true reflectance map"
-    return "Same encoders on true layers"
-
-
-def oracle_is(architecture: Architecture) -> str:
-    """Return a description of the oracle: its subnetworks, their inputs and their weights."""
-    names = [name for name in subnetwork_names(architecture) if SUBNETWORKS[name].encoder]
-    encoders = " and ".join(f"{name.title()}Net" for name in names)
-    if architecture.system == "reflectance-map":
-        given = "the true reflectance map"
-    else:
-        given = f"the true {'mask, S and M' if architecture.mirror else 'mask and S'}"
-    return (
-        f"{encoders} given {given}, as they are in the system; where joined training has fitted "
-        "them to estimates, those of stage one read the truth better"
-    )

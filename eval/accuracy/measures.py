@@ -14,7 +14,7 @@ from lime_keras import metrics
 from lime_keras.optics import microfacets, shininess
 
 from ..markdown_table import ABSENT
-from . import calibration, labels
+from . import calibration
 from .evaluate import Evaluation
 from .relighting import HIGHEST_PSNR
 
@@ -217,9 +217,8 @@ def summarise(evaluation: Evaluation) -> dict[str, Any]:
         Each of `MEASURES` that the system has, by name, shares in [0, 1]; `count` of the examples;
         `counted`, the number of examples that a measure counts, by each measure that leaves some
         out; `system`, its description; and, by measure where they exist, `interval` (95 %
-        bootstrap, `[low, high]`), `oracle`, `paper`, `chance`, `floor` and `constant` (the best
-        prediction that is the same for every image of this split). If there is an oracle, also
-        `oracle_title` and `oracle_is`, its title and its description.
+        bootstrap, `[low, high]`), `true_mask`, `paper`, `chance`, `floor` and `constant` (the best
+        prediction that is the same for every image of this split).
     """
     measured = values(evaluation.rows)
     summary: dict[str, Any] = dict(measured)
@@ -227,10 +226,7 @@ def summarise(evaluation: Evaluation) -> dict[str, Any]:
     summary["counted"] = _counted(evaluation.rows)
     summary["system"] = evaluation.architecture.description
     summary["interval"] = intervals(evaluation.rows)
-    summary["oracle"] = values(evaluation.oracle) if evaluation.oracle else {}
-    if evaluation.oracle:
-        of = evaluation.architecture
-        summary |= {"oracle_title": labels.oracle(of), "oracle_is": labels.oracle_is(of)}
+    summary["true_mask"] = values(evaluation.true_mask) if evaluation.true_mask else {}
     for kind in ("paper", "chance", "floor"):
         known = {name: getattr(MEASURES[name], kind) for name in measured}
         summary[kind] = {

@@ -78,7 +78,7 @@ def _name(depends_on: DependsOn) -> str:
 def _as_arrays(found: Evaluation) -> dict[str, np.ndarray]:
     return {
         **{f"rows.{name}": column for name, column in found.rows.items()},
-        **{f"oracle.{name}": column for name, column in found.oracle.items()},
+        **{f"true_mask.{name}": column for name, column in found.true_mask.items()},
         "architecture": np.array(json.dumps(dataclasses.asdict(found.architecture))),
     }
 
@@ -90,4 +90,4 @@ def _from_arrays(arrays: dict[str, np.ndarray]) -> Evaluation:
         }
 
     architecture = Architecture(**json.loads(str(arrays["architecture"])))
-    return Evaluation(of("rows"), of("oracle"), architecture)
+    return Evaluation(of("rows"), of("true_mask"), architecture)

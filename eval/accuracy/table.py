@@ -9,15 +9,12 @@ from ..markdown_table import aligned
 from .labels import exponent
 from .measures import MEASURES, Measure
 
-
-def header(summary: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return the header of the table; its third column has the title of the oracle."""
-    oracle = summary["oracle_title"]
-    return ("Measure", "Ours (± 95 % interval)", oracle, "Paper", "Chance", "Floor")
+HEADER = ("Measure", "Ours (± 95 % interval)", "With the true mask", "Paper", "Chance", "Floor")
+"""Titles of the columns."""
 
 
 def rows(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
-    """Return the cells of the measures that the system has, in the order of `header`.
+    """Return the cells of the measures that the system has, in the order of `HEADER`.
 
     Missing numbers are dashes.
 
@@ -29,14 +26,14 @@ def rows(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
 
 def markdown(summary: Mapping[str, Any], architecture: Architecture) -> str:
     """Return the table in Markdown, with columns aligned to read well in a terminal."""
-    lines = [header(summary), *rows(summary)]
+    lines = [HEADER, *rows(summary)]
     return f"{aligned(lines)}\n\n{_note(summary, architecture)}\n"
 
 
 def _cells(name: str, measure: Measure, summary: Mapping[str, Any]) -> tuple[str, ...]:
     ours = measure.unit.with_interval(summary[name], summary["interval"][name])
     arrow = {True: " ↑", False: " ↓", None: ""}[measure.more_is_better]
-    compared = ("oracle", "paper", "chance", "floor")
+    compared = ("true_mask", "paper", "chance", "floor")
     others = (measure.unit.number(summary[kind].get(name)) for kind in compared)
     return (measure.title + arrow, ours, *others)
 
@@ -44,6 +41,6 @@ def _cells(name: str, measure: Measure, summary: Mapping[str, Any]) -> tuple[str
 def _note(summary: Mapping[str, Any], architecture: Architecture) -> str:
     return (
         f"{summary['count']} test images, answered by {architecture.description}. Exponent: "
-        f"{exponent(architecture)}. {summary['oracle_title']}: {summary['oracle_is']}. Chance: an "
+        f"{exponent(architecture)}. Chance: an "
         "answer that knows nothing. Floor: what perfect classification into bins still errs by."
     )

@@ -58,7 +58,7 @@ def evaluation(
         summary=summary,
         exponent=labels.exponent(found.architecture),
         tiles=[_tile(name, summary) for name in _HEADLINES],
-        header=table.header(summary),
+        header=table.HEADER,
         rows=table.rows(summary),
         constants=_constants(summary),
         confusion=both_themes(lambda theme: figures.confusion(found.confusion, theme)),
@@ -103,7 +103,7 @@ def _tile(name: str, summary: Mapping[str, Any]) -> dict[str, Any]:
         "paper": measure.unit.number(measure.paper),
         "ours_at": place(summary[name]),
         "paper_at": place(measure.paper),
-        "oracle_at": place(summary["oracle"].get(name)),
+        "true_mask_at": place(summary["true_mask"].get(name)),
     }
 
 

@@ -25,7 +25,6 @@ from lime_keras.model import folder as model_folder
 from lime_keras.model import weights
 from lime_keras.networks import Architecture, build
 from lime_keras.optics import environment, shading, shininess
-from lime_keras.optics.reflectance_map import reflectance_map
 
 SIZE = 64
 COUNT = 7
@@ -142,8 +141,8 @@ def test_the_batch_size_changes_no_number(corpus, run, evaluation):
             assert one_by_one.rows[name] == pytest.approx(column, rel=1e-3, abs=1e-5), name
         else:
             assert np.array_equal(one_by_one.rows[name], column), name
-    for name, column in evaluation.oracle.items():
-        assert one_by_one.oracle[name] == pytest.approx(column, rel=1e-3, abs=1e-5), name
+    for name, column in evaluation.true_mask.items():
+        assert one_by_one.true_mask[name] == pytest.approx(column, rel=1e-3, abs=1e-5), name
 
 
 def test_every_example_is_measured_once_in_order(evaluation):
@@ -154,21 +153,20 @@ def test_every_example_is_measured_once_in_order(evaluation):
     assert evaluation.confusion.sum(axis=1).tolist() == true_bins.tolist()
 
 
-def test_the_oracle_sees_the_true_mask_shading_and_mirror(corpus, run, evaluation):
+def test_the_networks_are_also_evaluated_with_the_true_mask(corpus, run, evaluation):
     [example] = examples.read(run, corpus, [examples.Selection(3, "any")])
     truth = {name: np.asarray(value)[None] for name, value in example.truth.items()}
     _, subnetworks = weights.load(run)
-    masked = {
-        name: truth["mask"] * np.log1p(truth[name]) for name in ("specular_shading", "mirror")
-    }
-    image = truth["image"] * truth["mask"]
-    albedos = np.asarray(subnetworks["albedo"]([image, masked["specular_shading"]])).clip(0, 1)
+    mask = truth["mask"]
+    shading = np.asarray(subnetworks["specular"](truth["image"] * mask)) * mask
+    albedos = np.asarray(subnetworks["albedo"]([truth["image"] * mask, shading])).clip(0, 1)
     error = np.abs(albedos[0, :3] - truth["diffuse_albedo"][0]).mean()
-    assert evaluation.oracle["diffuse_absolute"][3] == pytest.approx(error, rel=1e-4)
-    logits = np.asarray(subnetworks["exponent"]([masked["specular_shading"], masked["mirror"]]))
+    assert evaluation.true_mask["diffuse_absolute"][3] == pytest.approx(error, rel=1e-4)
+    mirror = np.asarray(subnetworks["mirror"](shading)) * mask
+    logits = np.asarray(subnetworks["exponent"]([shading, mirror]))
     log_error = abs(softmax(logits[0]) @ shininess.LOG_MEANS - np.log10(truth["shininess"][0]))
-    assert evaluation.oracle["log_error"][3] == pytest.approx(log_error, rel=1e-3)
-    # The system's own layers lead elsewhere, or this test would see nothing.
+    assert evaluation.true_mask["log_error"][3] == pytest.approx(log_error, rel=1e-3)
+    # The system's own mask leads elsewhere, or this test would see nothing.
     assert evaluation.rows["log_error"][3] != pytest.approx(log_error, rel=1e-3)
     assert evaluation.rows["diffuse_absolute"][3] != pytest.approx(error, rel=1e-3)
 
@@ -204,9 +202,7 @@ def test_metrics_hold_every_measure_finite(written):
     assert set(measures.MEASURES) < set(found)
     assert found["count"] == COUNT
     assert set(found["interval"]) == set(measures.MEASURES)
-    assert found["floor"] and found["chance"] and found["paper"] and found["oracle"]
-    # Weights that nothing was kept beside.
-    assert found["oracle_title"] == "Same encoders on true layers"
+    assert found["floor"] and found["chance"] and found["paper"] and found["true_mask"]
 
 
 def test_the_report_needs_nothing_else(written):
@@ -223,8 +219,7 @@ def test_the_report_tells_what_made_it_and_escapes_names(written, corpus):
     assert f"lime-eval {corpus}" in page
     assert "&#34;preset&#34;: &#34;tiny&#34;" in page
     assert "&lt;b&gt;blob" in page and "<b>blob" not in page
-    assert "<b>Same encoders on true layers</b>: ExponentNet and AlbedoNet given" in page
-    assert "oracle," not in page and "Oracle" not in page
+    assert "<b>With the true mask</b>: the same networks without SegmentationNet" in page
 
 
 def test_out_and_the_table_on_standard_output(corpus, run, tmp_path, capsys):
@@ -288,17 +283,8 @@ def test_an_ablations_metrics_lack_what_it_has_not(ablation):
     had = set(measures.MEASURES) - lacking
     assert set(found) & set(measures.MEASURES) == had == set(found["interval"])
     assert found["system"] == architecture.description
-    material = (
-        "exponent",
-        "log_",
-        "ggx_",
-        "diffuse",
-        "specular_albedo",
-        "relighting",
-        "calibration",
-    )
-    of_material = {name for name in had if name.startswith(material)}
-    assert set(found["oracle"]) == of_material
+    of_other_layers = ("mask", "specular_shading_flip", "mirror_flip")
+    assert set(found["true_mask"]) == {name for name in had if not name.startswith(of_other_layers)}
     table = (folder / "table1.md").read_text(encoding="utf-8")
     for name, measure in measures.MEASURES.items():
         assert (f"| {measure.title} " in table) == (name in had), name
@@ -320,35 +306,6 @@ def test_an_ablations_report_shows_what_it_has(ablation):
     columns = {"without MirrorNet": 4, "regression": 5, "baseline": 4}
     [expected] = [n for name, n in columns.items() if ABLATED[name][1] == lacking]
     assert f"repeat({expected}, 1fr)" in page
-
-
-def test_an_ablations_oracle_sees_true_layers(ablation, corpus, evaluated):
-    architecture, run, _, _ = ablation
-    evaluation = evaluated(run, corpus)
-    assert evaluation.confusion.sum() == COUNT and evaluation.architecture == architecture
-    [example] = examples.read(run, corpus, [examples.Selection(3, "any")])
-    truth = {name: np.asarray(value)[None] for name, value in example.truth.items()}
-    _, subnetworks = weights.load(run)
-    mask = truth["mask"]
-    if architecture.system == "reflectance-map":
-        named = ("environment", "shininess", "diffuse_albedo", "specular_albedo", "ambient")
-        sphere = np.asarray(reflectance_map(*(truth[name] for name in named), SIZE))
-        exponent, albedos = subnetworks["material"](np.log1p(sphere))
-    else:
-        shading, mirror = (np.log1p(truth[n]) * mask for n in ("specular_shading", "mirror"))
-        albedos = subnetworks["albedo"]([truth["image"] * mask, shading])
-        exponent = subnetworks["exponent"]([shading, mirror] if architecture.mirror else [shading])
-    albedos, exponent = np.asarray(albedos).clip(0, 1), np.asarray(exponent)[0]
-    regresses = architecture.exponent == "regression"
-    log = exponent[0].clip(0, 3) if regresses else softmax(exponent) @ shininess.LOG_MEANS
-    true_log = np.log10(truth["shininess"][0])
-    oracle, rows = evaluation.oracle, evaluation.rows
-    assert oracle["log_error"][3] == pytest.approx(abs(log - true_log), rel=1e-3)
-    error = np.abs(albedos[0, :3] - truth["diffuse_albedo"][0]).mean()
-    assert oracle["diffuse_absolute"][3] == pytest.approx(error, rel=1e-3)
-    # The system's own layers lead elsewhere, or this test would see nothing.
-    assert rows["log_error"][3] != pytest.approx(oracle["log_error"][3], rel=1e-3)
-    assert rows["diffuse_absolute"][3] != pytest.approx(error, rel=1e-3)
 
 
 def test_broken_weights_of_a_regression_are_refused(corpus, tmp_path, capsys, monkeypatch):

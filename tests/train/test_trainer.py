@@ -179,7 +179,7 @@ def _begun(finished, run, config, before):
 
 
 def test_the_single_stages_of_a_run_make_a_model_of_their_own(corpus, config, finished, tmp_path):
-    """As docs/reference/measures.md says, to show true layers to encoders that joining changed."""
+    """Joined stages that are left out change nothing."""
     run = _begun(finished, tmp_path / "run", config, 6)
     assert trainer.train([corpus], run, config, _ignore, only=["segmentation"]) == []
     for name, network in weights.load(run)[1].items():

@@ -55,16 +55,16 @@ def test_an_image_with_a_black_layer_does_not_count_and_is_counted():
 
 def test_exact_and_adjacent_add_up_to_within_one():
     summary = measures.summarise(four())
-    for part in (summary, summary["oracle"], summary["paper"], summary["chance"]):
+    for part in (summary, summary["true_mask"], summary["paper"], summary["chance"]):
         total = part["exponent_exact"] + part["exponent_adjacent"]
         assert total == pytest.approx(part["exponent_within_one"])
 
 
-def test_the_oracle_is_summarised_from_its_own_columns():
-    oracle = measures.summarise(four())["oracle"]
-    assert oracle["log_exponent_mae"] == pytest.approx(0.125)
-    assert oracle["specular_albedo_rmse"] == pytest.approx(math.sqrt(0.02))
-    assert "mask_iou" not in oracle and "mirror_relative" not in oracle
+def test_errors_with_the_true_mask_are_summarised_from_their_own_columns():
+    found = measures.summarise(four())["true_mask"]
+    assert found["log_exponent_mae"] == pytest.approx(0.125)
+    assert found["specular_albedo_rmse"] == pytest.approx(math.sqrt(0.02))
+    assert "mask_iou" not in found
 
 
 def test_chance_is_what_uniform_draws_give():
@@ -171,30 +171,24 @@ def test_paper_row_is_the_full_approach():
 )
 def test_what_a_system_does_not_have_is_left_out_everywhere(columns, lacking):
     whole = four()
-    rows, oracle = (
+    rows, true_mask = (
         {name: values for name, values in held.items() if name not in columns}
-        for held in (whole.rows, whole.oracle)
+        for held in (whole.rows, whole.true_mask)
     )
-    summary = measures.summarise(Evaluation(rows, oracle, LIME))
+    summary = measures.summarise(Evaluation(rows, true_mask, LIME))
     complete = measures.summarise(whole)
     assert set(complete) - set(summary) == lacking
-    for kind in ("interval", "oracle", "paper", "chance", "floor", "constant"):
+    for kind in ("interval", "true_mask", "paper", "chance", "floor", "constant"):
         assert set(summary[kind]) == set(complete[kind]) - lacking, kind
-    for name in set(summary) - {"interval", "oracle", "paper", "chance", "floor", "constant"}:
+    for name in set(summary) - {"interval", "true_mask", "paper", "chance", "floor", "constant"}:
         assert summary[name] == complete[name]
 
 
-def test_without_an_oracle_there_is_no_row_of_it():
+def test_an_exported_model_is_not_measured_with_the_true_mask():
     whole = four()
-    summary = measures.summarise(dataclasses.replace(whole, oracle={}))
-    assert summary["oracle"] == {} and "oracle_title" not in summary
+    summary = measures.summarise(dataclasses.replace(whole, true_mask={}))
+    assert summary["true_mask"] == {}
     assert summary["interval"] == measures.summarise(whole)["interval"]
-
-
-def test_an_oracle_is_called_what_it_is():
-    own = measures.summarise(four())
-    assert own["oracle_title"] == "Same encoders on true layers"
-    assert own["oracle_is"].startswith("ExponentNet and AlbedoNet given the true mask, S and M")
 
 
 def test_numbers_are_printed_by_their_unit():

@@ -38,7 +38,7 @@ def test_a_second_call_measures_nothing_and_answers_the_same(corpus, tiny_model,
     assert len(counted) == 1
     assert again.architecture == first.architecture
     assert np.array_equal(again.confusion, first.confusion)
-    for kind in ("rows", "oracle"):
+    for kind in ("rows", "true_mask"):
         one, other = getattr(first, kind), getattr(again, kind)
         assert one.keys() == other.keys()
         assert all(np.array_equal(one[name], other[name]) for name in one)

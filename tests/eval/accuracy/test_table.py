@@ -15,9 +15,7 @@ def summary():
     return numbers | {
         "count": 7,
         "interval": {name: [0.2, 0.3] for name in MEASURES},
-        "oracle": {"exponent_exact": 0.6},
-        "oracle_title": "Same encoders on true layers",
-        "oracle_is": "the two encoders",
+        "true_mask": {"exponent_exact": 0.6},
         "paper": {"exponent_exact": 0.4507, "specular_albedo_mae": 0.2158},
         "chance": {"exponent_exact": 0.125},
         "floor": {"log_exponent_mae_winning": 0.09375},
@@ -40,11 +38,11 @@ def test_markdown_is_a_rectangular_table(summary):
     lines = [line for line in text.splitlines() if line.startswith("|")]
     assert len(lines) == len(MEASURES) + 2
     # No cell holds a bar, which would split it in two.
-    assert {line.count("|") for line in lines} == {len(table.header(summary)) + 1}
+    assert {line.count("|") for line in lines} == {len(table.HEADER) + 1}
     assert len({len(line) for line in lines}) == 1
     assert "7 test images, answered by LIME." in text
-    assert "Same encoders on true layers |" in lines[0]
-    assert "Same encoders on true layers: the two encoders." in text and "winning bin" in text
+    assert "With the true mask |" in lines[0]
+    assert "winning bin" in text
 
 
 @pytest.mark.parametrize(
