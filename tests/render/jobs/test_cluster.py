@@ -13,11 +13,11 @@ import time
 from collections import Counter
 
 import pytest
-from render_scenes import write_inputs
+from render_scenes import describe, write_inputs
 
 from lime_keras.render import cli
 from lime_keras.render.corpus import split, worker
-from lime_keras.render.corpus.description import Description, Job
+from lime_keras.render.corpus.description import Job
 from lime_keras.render.jobs import cluster, inputs, nodes, processes, resuming
 from lime_keras.render.mitsuba_setup import variants
 
@@ -70,19 +70,7 @@ def pair(head):
 @pytest.fixture(scope="module")
 def description(tmp_path_factory, mitsuba_choice):
     folder = write_inputs(tmp_path_factory.mktemp("inputs"))
-    return Description(
-        split="train",
-        count=8,
-        seed=0,
-        size=64,
-        shard_size=2,
-        quality="fast",
-        shading="furnace",
-        shapes=str(folder / "shapes"),
-        environments=str(folder / "environments"),
-        backgrounds=None,
-        variant=mitsuba_choice.variant,
-    )
+    return describe(folder, 8, mitsuba_choice.variant)
 
 
 @pytest.fixture
