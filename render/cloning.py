@@ -197,11 +197,8 @@ def without_object(photo_linear: np.ndarray, mask: np.ndarray) -> np.ndarray:
         The photo without its object, `(H, W, 3)` linear RGB.
     """
     kept = (~_widened(mask))[..., None].astype(np.float32)
-    height, width, _ = photo_linear.shape
-    source = oiio.ImageBuf(oiio.ImageSpec(width, height, 4, oiio.FLOAT))
-    holed = np.concatenate([photo_linear * kept, kept], axis=-1).astype(np.float32)
-    source.set_pixels(oiio.ROI(), np.ascontiguousarray(holed))
-    filled = oiio.ImageBufAlgo.fillholes_pushpull(source)
+    holed = np.ascontiguousarray(np.concatenate([photo_linear * kept, kept], axis=-1), np.float32)
+    filled = oiio.ImageBufAlgo.fillholes_pushpull(oiio.ImageBuf(holed))
     colours = np.asarray(filled.get_pixels(oiio.FLOAT))[..., :3]
     return np.where(kept > 0, photo_linear, np.maximum(colours, 0))
 
