@@ -342,18 +342,12 @@ def _mitsuba(scene: dict[str, Any], light: Light, size: int) -> np.ndarray:
 def _flip(truth: np.ndarray, picture: np.ndarray, inside: np.ndarray) -> float:
     """Return the mean ꟻLIP of linear pictures, clipped at 1 and black beside the sphere."""
     truth_image, image = (
-        _image(np.clip(one, 0, 1) * inside[..., None]) for one in (truth, picture)
+        oiio.ImageBuf((np.clip(one, 0, 1) * inside[..., None]).astype(np.float32))
+        for one in (truth, picture)
     )
     # The images are linear with values up to 1: with hdr=0 ꟻLIP does not search for exposures.
     difference = oiio.ImageBufAlgo.FLIP_diff(truth_image, image, hdr=0, nthreads=1)
     return float(np.asarray(difference.get_pixels(oiio.FLOAT))[inside].mean())
-
-
-def _image(pixels: np.ndarray) -> oiio.ImageBuf:
-    height, width, channels = pixels.shape
-    image = oiio.ImageBuf(oiio.ImageSpec(width, height, channels, oiio.FLOAT))
-    image.set_pixels(oiio.ROI(), np.ascontiguousarray(pixels, np.float32))
-    return image
 
 
 def _draw(path: Path, sheets: list[list[np.ndarray]]) -> None:

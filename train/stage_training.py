@@ -1,14 +1,12 @@
 """The training of one stage: steps, checkpoints, curves, and a stop if a loss is not finite."""
 
 import dataclasses
-import functools
 import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from time import monotonic
 from typing import NoReturn
 
-from . import tensorboard_log
 from .budget import Cost, seconds_of, seconds_of_evaluation
 from .data import Batch, Data, without_origin
 from .devices import Devices
@@ -104,11 +102,6 @@ class StageTraining:
         seconds = sum(seconds_of(step) for _ in range(_TIMED_STEPS)) / _TIMED_STEPS
         restore(model, before)
         look = seconds_of_evaluation(self._data.held_out(self._features), self._evaluate)
-        first = next(self._data.held_out(self._features), None)
-        if first is not None and tensorboard_log.installed():
-            draw = functools.partial(tensorboard_log.picture, model, first)
-            draw()
-            look += seconds_of(draw)
         return Cost(seconds, look)
 
     def run(self, pace: Pace, keep: Callable[[], None]) -> None:
@@ -201,18 +194,15 @@ class StageTraining:
         Returns:
             The seconds that it took.
         """
-        began, model, losses, first = monotonic(), self._model, Means(), None
+        began, model, losses = monotonic(), self._model, Means()
         model.reset_measures()
         for batch in self._data.held_out(self._features):
-            first = first or batch
             losses.add(self._evaluate(batch))
-        measured = {} if first is None else model.measured()
+        held_out = losses.means()
+        measured = model.measured() if held_out else {}
         if self._devices.leads:
-            curve.add(step, training, losses.means(), measured)
-        groups = {"training": training, "held out": losses.means(), "measure": measured}
-        board.scalars(step, groups)
-        if first is not None and self._devices.processes == 1:
-            board.panel(step, model, first)
+            curve.add(step, training, held_out, measured)
+        board.scalars(step, {"training": training, "held out": held_out, "measure": measured})
         return monotonic() - began
 
     def _stop(

@@ -6,7 +6,7 @@ A run's folder holds:
 - `stages/N-name.npz`: weights, optimiser state and step of a stage;
 - `curves/N-name.csv`: losses and measures of a stage;
 - `evaluation.json`: measures of the whole system on the held-out examples;
-- `tensorboard/`: the same, with gradient norms and pictures;
+- `tensorboard/`: the same, with gradient norms;
 - `model/`: the trained model with a copy of the record;
 - `begun-from/`: a copy of the trained model that the run began with, if it did.
 """

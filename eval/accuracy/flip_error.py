@@ -27,16 +27,9 @@ def layer_flip(layer: np.ndarray, found: np.ndarray, mask: np.ndarray) -> float:
     white = white_point(layer, mask)
     # Cut off at white first: a division of the largest floats would overflow.
     cut = (np.minimum(one, white) * inside for one in (layer, found))
-    truth, shown = (_linear_image(coloured(one / white)) for one in cut)
+    truth, shown = (oiio.ImageBuf(coloured(one / white).astype(np.float32)) for one in cut)
     # The images are linear with values up to 1: with hdr=0 ꟻLIP does not search for exposures.
     difference = oiio.ImageBufAlgo.FLIP_diff(truth, shown, hdr=0, nthreads=1)
     if difference.has_error:
         raise RuntimeError(f"OpenImageIO's FLIP_diff failed: {difference.geterror()}")
     return float(np.asarray(difference.get_pixels(oiio.FLOAT))[inside].mean())
-
-
-def _linear_image(pixels: np.ndarray) -> oiio.ImageBuf:
-    height, width, channels = pixels.shape
-    image = oiio.ImageBuf(oiio.ImageSpec(width, height, channels, oiio.FLOAT))
-    image.set_pixels(oiio.ROI(), np.ascontiguousarray(pixels, np.float32))
-    return image

@@ -1,7 +1,6 @@
 """The answers of models for photos, with their own masks and with given ones."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -21,23 +20,18 @@ OWN, GIVEN = "own mask", "given mask"
 """Masks with which a model answers: the one it finds; the given one of the photos that have one."""
 
 
-@dataclass(frozen=True)
-class Answers:
-    """The answers of some models for some photos, in one order.
+Answers = dict[tuple[str, str], dict[str, np.ndarray]]
+"""The answers of some models for some photos, in one order: for each model and mask (`OWN`,
+`GIVEN`) the columns of all photos, by name.
 
-    Attributes:
-        columns: for each model and mask (`OWN`, `GIVEN`) the columns of all photos, by name:
-            `mask_given` `(N,)` says whether the row is of a given mask, `found` `(N,)` whether
-            there is an answer. Without one the numbers are NaN: `diffuse_albedo` `(N, 3)` linear,
-            `specular_albedo`, `exponent`, `log_exponent` and `lobe_peak` (`measures.lobe_peak`)
-            `(N,)`. Of the mask `coverage` `(N,)` and, of an own mask where one is given, `iou`
-            `(N,)`. Of the photo, `object_colour` and `frame_colour` `(N, 3)`: mean linear RGB of
-            the object, inside the given mask or else the own one, and of the whole photo. In the
-            columns of `GIVEN`, photos without a mask have the row of `OWN`; if no photo has one,
-            these columns are left out.
-    """
-
-    columns: dict[tuple[str, str], dict[str, np.ndarray]]
+`mask_given` `(N,)` says whether the row is of a given mask, `found` `(N,)` whether there is an
+answer. Without one the numbers are NaN: `diffuse_albedo` `(N, 3)` linear, `specular_albedo`,
+`exponent`, `log_exponent` and `lobe_peak` (`measures.lobe_peak`) `(N,)`. Of the mask `coverage`
+`(N,)` and, of an own mask where one is given, `iou` `(N,)`. Of the photo, `object_colour` and
+`frame_colour` `(N, 3)`: mean linear RGB of the object, inside the given mask or else the own one,
+and of the whole photo. In the columns of `GIVEN`, photos without a mask have the row of `OWN`; if
+no photo has one, these columns are left out.
+"""
 
 
 def answer(photos: Sequence[Photo], runs: Mapping[str, Path]) -> Answers:
@@ -79,7 +73,7 @@ def answer(photos: Sequence[Photo], runs: Mapping[str, Path]) -> Answers:
     }
     if not any(columns[name, GIVEN]["mask_given"].any() for name in runs):
         columns = {key: of_key for key, of_key in columns.items() if key[1] == OWN}
-    return Answers(columns)
+    return columns
 
 
 def _estimator(run: Path) -> Estimator:
@@ -92,7 +86,7 @@ def _estimator(run: Path) -> Estimator:
 def _row(
     image: np.ndarray, material: Material, mask: np.ndarray | None, *, given: bool
 ) -> dict[str, object]:
-    """Return the numbers of one answer (see `Answers.columns`)."""
+    """Return the numbers of one answer (see `Answers`)."""
     answered = _answered(material)
     nothing = BlinnPhong(np.full(3, np.nan), np.nan, np.nan)
     numbers = nothing if answered is None else answered

@@ -12,7 +12,7 @@ from .answers import OWN, Answers
 from .folder import FINISHES, Photo
 
 Columns = Mapping[str, np.ndarray]
-"""Columns `(N, …)` of one model and mask: those of `Answers.columns` and of `derived`."""
+"""Columns `(N, …)` of one model and mask: those of `Answers` and of `derived`."""
 _SHOWN = {"lobe_peak": ".3g", "exponent": ".3g", "specular_albedo": ".3f"}
 """Columns of the list of photos, with their formats."""
 _NUMBERS = (
@@ -163,7 +163,7 @@ def derived(photos: Sequence[Photo], columns: Columns) -> dict[str, np.ndarray]:
 
     Args:
         photos: photos, `(N,)`.
-        columns: columns of one model and mask (`Answers.columns`).
+        columns: columns of one model and mask (`Answers`).
 
     Returns:
         The columns; the labels `labelled`, `glossy`, `dielectric`, `paired` and `pair`;
@@ -206,7 +206,7 @@ def summarise(photos: Sequence[Photo], answers: Answers) -> dict[str, Any]:
         photo with each model and each of its masks, sorted by `by_gloss`; colours are linear RGB,
         angles in degrees, and a number that there is none of is None.
     """
-    columns = {key: derived(photos, of_key) for key, of_key in answers.columns.items()}
+    columns = {key: derived(photos, of_key) for key, of_key in answers.items()}
     first = next(iter(columns))[0]
     results = []
     for (model, mask), own in columns.items():
@@ -248,7 +248,7 @@ def by_gloss(answers: Answers) -> list[int]:
 
     The glossiest comes first; photos without an answer come last.
     """
-    peak = next(iter(answers.columns.values()))["lobe_peak"]
+    peak = next(iter(answers.values()))["lobe_peak"]
     return np.argsort(-np.nan_to_num(peak, nan=-1.0), kind="stable").tolist()
 
 

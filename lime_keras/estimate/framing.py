@@ -208,8 +208,7 @@ def _resampled(image: np.ndarray, height: int, width: int) -> np.ndarray:
     if len(image) > height:
         return _averaged(_averaged(image, height, 0), width, 1)
     channels = image.shape[-1]
-    source = oiio.ImageBuf(oiio.ImageSpec(image.shape[1], image.shape[0], channels, oiio.FLOAT))
-    source.set_pixels(oiio.ROI(), np.ascontiguousarray(image, np.float32))
+    source = oiio.ImageBuf(np.ascontiguousarray(image, np.float32))
     region = oiio.ROI(0, width, 0, height, 0, 1, 0, channels)
     resized = oiio.ImageBufAlgo.resize(source, filtername="triangle", roi=region)
     return np.asarray(resized.get_pixels(oiio.FLOAT)).reshape(height, width, channels)

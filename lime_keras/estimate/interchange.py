@@ -13,17 +13,21 @@ m_d · D + m_s · S. Three things were chosen for the least ꟻLIP between spher
 An estimate may reflect more light than arrives, which no material of glTF or Mitsuba does. Their
 albedos are then smaller by one factor, `albedo_scale`. Hue and gloss stay. Under a light that is
 brighter by the same factor the whole look stays, for only the product of light and albedo is seen.
+
+The functions raise ValueError if the material lacks an albedo or the exponent.
 """
 
 import base64
 import json
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from lime_keras.material import Material
 from lime_keras.optics import microfacets, studio_light
+from lime_keras.optics.blinn_phong import BlinnPhong
 from lime_keras.optics.shading import normaliser
 from lime_keras.version import __version__
 
@@ -50,9 +54,6 @@ def albedo_scale(material: Material) -> float:
 
     The least reduction is taken that leaves no more light reflected than arrives.
 
-    Raises:
-        ValueError: if the material has no albedos or no exponent.
-
     Example:
         >>> albedo_scale(Material(np.full(3, 0.5), 0.04, 100.0))
         1.0
@@ -64,11 +65,7 @@ def albedo_scale(material: Material) -> float:
 
 
 def warning(material: Material) -> str | None:
-    """Return what to tell of a material whose albedos are written smaller, by 1 % or more, or None.
-
-    Raises:
-        ValueError: if the material has no albedos or no exponent.
-    """
+    """Return what to tell of a material whose albedos are written 1 % smaller or more, or None."""
     scale = albedo_scale(material)
     if scale > _UNSEEN:
         return None
@@ -80,20 +77,12 @@ def warning(material: Material) -> str | None:
 
 
 def lobe_reflectance(material: Material) -> float:
-    """Return the reflectance of the microfacet lobe, in [0, 0.76], the same at every angle.
-
-    Raises:
-        ValueError: if the material has no albedos or no exponent.
-    """
+    """Return the reflectance of the microfacet lobe, in [0, 0.76], the same at every angle."""
     return albedo_scale(material) * _layers(material)[1]
 
 
 def base_colour(material: Material) -> np.ndarray:
-    """Return the colour of the diffuse base below the lobe, linear RGB `(3,)` in [0, 1].
-
-    Raises:
-        ValueError: if the material has no albedos or no exponent.
-    """
+    """Return the colour of the diffuse base below the lobe, linear RGB `(3,)` in [0, 1]."""
     diffuse, lobe = _layers(material)
     scale = albedo_scale(material)
     return np.clip(scale * diffuse / (1 - scale * lobe), 0, 1)
@@ -106,15 +95,12 @@ def wavefront(material: Material, name: str) -> str:
     estimate. Ks is the lobe's reflectance. Viewers that normalise the lobe, such as three.js, take
     it so. The format's own formula does not: there Ks is the height of the highlight, which a
     comment gives.
-
-    Raises:
-        ValueError: if the material has no albedos or no exponent.
     """
-    diffuse, specular = _albedos(material)
-    exponent = min(_exponent(material), 1000.0)
-    kd = " ".join(f"{value:.6f}" for value in diffuse)
-    ks = " ".join([f"{specular:.6f}"] * 3)
-    peak = specular * math.pi * float(normaliser(exponent))
+    whole = _whole(material)
+    exponent = min(whole.exponent, 1000.0)
+    kd = " ".join(f"{value:.6f}" for value in whole.diffuse_albedo)
+    ks = " ".join([f"{whole.specular_albedo:.6f}"] * 3)
+    peak = whole.specular_albedo * math.pi * float(normaliser(exponent))
     return (
         f"# lime_keras {__version__}: Blinn-Phong, linear RGB; Ks is a reflectance, not a peak\n"
         f"# For a viewer that does not normalise the lobe, Ks is {peak:.6g}\n"
@@ -130,9 +116,6 @@ def gltf(material: Material, name: str) -> str:
     The roughness written is √α, because glTF squares it. KHR_materials_specular gives the lobe the
     same reflectance f at every angle: F0 = min(0.04 · 25, 1) · f, F90 = f. The material's `extras`
     hold `albedo_scale`.
-
-    Raises:
-        ValueError: if the material has no albedos or no exponent.
     """
     # The sphere, whose positions are its normals.
     positions, triangles = _sphere()
@@ -171,7 +154,7 @@ def gltf(material: Material, name: str) -> str:
         "pbrMetallicRoughness": {
             "baseColorFactor": [*_numbers(base_colour(material)), 1.0],
             "metallicFactor": 0.0,
-            "roughnessFactor": _number(math.sqrt(microfacets.ggx_alpha(_exponent(material)))),
+            "roughnessFactor": _number(math.sqrt(microfacets.ggx_alpha(_whole(material).exponent))),
         },
         "extensions": {
             "KHR_materials_specular": {
@@ -209,9 +192,6 @@ def mitsuba_scene(material: Material) -> dict[str, Any]:
     The light is that of `studio_light`, brighter by 1 / `albedo_scale`, so that the picture is as
     bright as the estimate. The material itself is `sphere.bsdf`, to be copied into other scenes.
     All values are plain numbers and lists, so JSON can hold the scene.
-
-    Raises:
-        ValueError: if the material has no albedos or no exponent.
     """
     boxes = {
         f"soft_box_{index}": _soft_box(*box, 1 / albedo_scale(material))
@@ -242,7 +222,7 @@ def mitsuba_scene(material: Material) -> dict[str, Any]:
                     "type": "roughconductor",
                     "material": "none",
                     "distribution": "beckmann",
-                    "alpha": _number(microfacets.beckmann_alpha(_exponent(material))),
+                    "alpha": _number(microfacets.beckmann_alpha(_whole(material).exponent)),
                 },
             },
         },
@@ -268,21 +248,18 @@ def _soft_box(
 
 def _layers(material: Material) -> tuple[np.ndarray, float]:
     """Return what base `(3,)` and lobe reflect, linear, before `albedo_scale`."""
-    diffuse, specular = _albedos(material)
-    wide = 1 / (1 + (_exponent(material) / _DIFFUSE_BELOW) ** 2)
-    return diffuse + wide * specular, (1 - wide) * _LOBE_SHARE * specular
+    whole = _whole(material)
+    wide = 1 / (1 + (whole.exponent / _DIFFUSE_BELOW) ** 2)
+    specular = whole.specular_albedo
+    return whole.diffuse_albedo + wide * specular, (1 - wide) * _LOBE_SHARE * specular
 
 
-def _albedos(material: Material) -> tuple[np.ndarray, float]:
-    if material.diffuse_albedo is None or material.specular_albedo is None:
-        raise ValueError("this estimate holds no albedos: estimate `albedo` and `exponent` as well")
-    return np.asarray(material.diffuse_albedo, np.float64), material.specular_albedo
-
-
-def _exponent(material: Material) -> float:
-    if material.exponent is None:
-        raise ValueError("this estimate holds no exponent: estimate `albedo` and `exponent`")
-    return material.exponent
+def _whole(material: Material) -> BlinnPhong:
+    """Return the complete material, with albedos in double precision."""
+    whole = material.whole()
+    if whole is None:
+        raise ValueError("this estimate lacks a number: estimate `albedo` and `exponent`")
+    return replace(whole, diffuse_albedo=np.asarray(whole.diffuse_albedo, np.float64))
 
 
 def _word(name: str) -> str:

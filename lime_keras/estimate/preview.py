@@ -140,9 +140,9 @@ def tiles(image_srgb: np.ndarray, material: Material) -> dict[str, np.ndarray]:
             linear = tile / (1 + tile) if tile.shape[-1] == 1 else np.clip(tile, 0, 1)
             shown[title] = _framed(colour.linear_to_srgb(linear), material, image_srgb)
     if "reflectance_map" in material.layers:
-        shown["reflectance map"] = _enlarged(
-            colour.linear_to_srgb(np.clip(material.layers["reflectance_map"], 0, 1))
-        )
+        tile = colour.linear_to_srgb(np.clip(material.layers["reflectance_map"], 0, 1))
+        tile = tile.astype(np.float32)
+        shown["reflectance map"] = framing.cut(tile, framing.whole(*tile.shape[:2]), _TILE)
     return shown
 
 
@@ -221,10 +221,6 @@ def _thinned(image: np.ndarray, square: Square) -> tuple[np.ndarray, Square]:
 
 def _square(material: Material, image: np.ndarray) -> Square:
     return Square(*material.square) if material.square else framing.whole(*image.shape[:2])
-
-
-def _enlarged(tile: np.ndarray) -> np.ndarray:
-    return framing.cut(tile.astype(np.float32), framing.whole(*tile.shape[:2]), _TILE)
 
 
 def _lines(text: str, width: int) -> list[tuple[bool, str]]:

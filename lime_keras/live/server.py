@@ -123,7 +123,8 @@ class _Handler(BaseHTTPRequestHandler):
             return
         path = self.path.partition("?")[0]
         if path == "/engine.json":
-            self._json(HTTPStatus.OK, self.server.about)
+            content = json.dumps(self.server.about).encode()
+            self._send(HTTPStatus.OK, "application/json", content)
         elif path == "/source" and self.server.start and self.server.start.path:
             self._send_file(self.server.start.path)
         elif path in self.server.pages:
@@ -217,9 +218,6 @@ class _Handler(BaseHTTPRequestHandler):
             self.close_connection = True
             return None
         return body
-
-    def _json(self, status: HTTPStatus, value: Any) -> None:
-        self._send(status, "application/json", json.dumps(value).encode())
 
     def _tell(self, status: HTTPStatus, kind: str, message: str) -> None:
         self._send(*_told(status, kind, message))

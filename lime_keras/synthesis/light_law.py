@@ -270,7 +270,8 @@ def _lamps(
     up = low + height * (high - low)
     polar = np.arccos(up)
     azimuth = _in_front(turn, polar, pitch, np.minimum(angle, _REACH), 0.0)
-    azimuth = np.where(behind, _behind(turn, polar, pitch), azimuth)
+    back = (2 * turn - 1) * _edge(polar, pitch, np.zeros_like(polar))
+    azimuth = np.where(behind, back, azimuth)
     around, ahead, side_on = np.sin(polar), -np.cos(azimuth), np.sin(azimuth)
     towards = np.stack([around * side_on, up, around * ahead], axis=-1)
     level = np.stack([-ahead, np.zeros_like(up), side_on], axis=-1)
@@ -347,11 +348,6 @@ def _in_front(
     """
     edge = np.minimum(_edge(polar, pitch, reach) + inset, math.pi)
     return edge + number * (2 * math.pi - 2 * edge)
-
-
-def _behind(number: np.ndarray, polar: np.ndarray, pitch: np.ndarray) -> np.ndarray:
-    """Draw azimuths `(B, C)` at which directions lie behind; see `_in_front`."""
-    return (2 * number - 1) * _edge(polar, pitch, np.zeros_like(polar))
 
 
 def _edge(polar: np.ndarray, pitch: np.ndarray, reach: np.ndarray) -> np.ndarray:

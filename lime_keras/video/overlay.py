@@ -94,9 +94,7 @@ def _form() -> np.ndarray:
 
 def _written(pixels: np.ndarray, lines: list) -> np.ndarray:
     """Return pixels with lines of text, each (x, y of the base line, text, size, colour)."""
-    height, width, channels = pixels.shape
-    image = oiio.ImageBuf(oiio.ImageSpec(width, height, channels, oiio.UINT8))
-    image.set_pixels(oiio.ROI(), pixels)
+    image = oiio.ImageBuf(pixels)
     for x, y, text, size, ink in lines:
         if text:
             told = tuple(level / 255 for level in ink)

@@ -54,7 +54,11 @@ def preview(folder: Path, out: Path) -> None:
             f"{kinds}, in this order, as sRGB of x / (1 + x).",
             [_light(lights.map(number)) for number in range(len(lights))],
         ),
-        (f"{len(textures)} textures", "", [_texture(texture) for texture in textures]),
+        (
+            f"{len(textures)} textures",
+            "",
+            [resize(one / 255, (_TEXTURE, _TEXTURE), anti_aliasing=True) for one in textures],
+        ),
     )
     # Names of folders may have dollar signs, which Matplotlib would take for formulas.
     with matplotlib.rc_context({"text.parse_math": False}):
@@ -112,7 +116,3 @@ def _light(radiance: np.ndarray) -> np.ndarray:
     down = len(radiance) * 2 // _THUMB
     small = radiance.reshape(_THUMB // 2, down, _THUMB, down).mean(axis=(1, 3))
     return np.repeat(colour.linear_to_srgb(small / (1 + small))[..., None], 3, axis=-1)
-
-
-def _texture(texture: np.ndarray) -> np.ndarray:
-    return resize(texture / 255, (_TEXTURE, _TEXTURE), anti_aliasing=True)

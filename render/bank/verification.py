@@ -45,8 +45,15 @@ def verify(folder: Path, on_entry: Callable[[int, int], None]) -> Faults:
     input_checks.check(folder / "inputs.json", manifest, faults)
     _check_files(folder, manifest, faults)
     _check_strays(folder, manifest, faults)
-    _check_lights(folder, faults)
-    _check_textures(folder, faults)
+    # To read them is to check them: every light is finite, not negative, and has a mean of 1.
+    for kind, place, read in (
+        ("lights", "lights", LightBank),
+        ("textures", bank.TEXTURES, bank.textures),
+    ):
+        try:
+            read(folder)
+        except (FileNotFoundError, ValueError) as error:
+            faults.add(kind, folder / place, str(error))
     names = sorted(n for n in manifest["files"] if n.startswith("geometry/") and n.endswith(".bin"))
     done = 0
     for name in names:
@@ -91,21 +98,6 @@ def _check_strays(folder: Path, manifest: dict[str, Any], faults: Faults) -> Non
         vouching = path.suffix == ".json" and path.with_suffix(".bin") in known
         if path.exists() and path not in known and not vouching:
             faults.add("file", path, "is no part of the bank: delete it")
-
-
-def _check_lights(folder: Path, faults: Faults) -> None:
-    """Check that every light is finite, not negative, and has a mean of 1."""
-    try:
-        LightBank(folder)
-    except (FileNotFoundError, ValueError) as error:
-        faults.add("lights", folder / "lights", str(error))
-
-
-def _check_textures(folder: Path, faults: Faults) -> None:
-    try:
-        bank.textures(folder)
-    except (FileNotFoundError, ValueError) as error:
-        faults.add("textures", folder / bank.TEXTURES, str(error))
 
 
 def _check_shard(path: Path, manifest: dict[str, Any], faults: Faults) -> int:

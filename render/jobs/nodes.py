@@ -16,23 +16,16 @@ from .description import Job
 from .processes import Ticks
 
 
-class _Ticks:
-    """The ticks of this process (see `processes.Ticks`), which send counts to the board."""
+class _Counted:
+    """The ticks of this process (see `processes.Ticks`): what its task has done so far."""
 
-    def __init__(self, board: Any):
-        import ray
-
-        self._board, self._node = board, ray.get_runtime_context().get_node_id()
-
-    def begin(self, item: Hashable) -> None:
-        self._item, self._count = item, 0
+    count = 0
 
     def put(self, count: int) -> None:
-        self._count += count
-        self._board.put.remote(self._item, self._node, self._count)
+        self.count += count
 
 
-_begun: tuple[_Ticks, Any] | None = None
+_begun: tuple[_Counted, Any] | None = None
 """The ticks of this process and the object that `start` returned; Ray offers no better place."""
 
 
@@ -42,9 +35,8 @@ def work(
     start: Callable[[Any, Ticks], Any],
     job: Job,
     task: Callable,
-    board: Any,
     item: Hashable,
-) -> bool:
+) -> tuple[bool, int]:
     """Run one task in this process; before its first task, check and set up the process.
 
     Args:
@@ -54,11 +46,11 @@ def work(
             process keeps the returned object for its tasks.
         job: the job to render (see `cluster.Cluster`).
         task: called with the object that `start` returned and the item.
-        board: actor that gathers the progress.
         item: item that the task works on.
 
     Returns:
-        Whether this node's processor is like that of the machine that started the rendering.
+        Whether this node's processor is like that of the machine that started the rendering, and
+        the number of things that the task reported as done.
 
     Raises:
         RuntimeError: if this node would render other bytes. Errors of the task are raised too.
@@ -67,13 +59,13 @@ def work(
     if _begun is None:
         _refuse_other_versions(wanted)
         _refuse_other_files(job)
-        ticks = _Ticks(board)
+        ticks = _Counted()
         own = dataclasses.replace(job, choice=_own_choice(job.choice))
         _begun = ticks, start(own, ticks)
     ticks, held = _begun
-    ticks.begin(item)
+    ticks.count = 0
     task(held, item)
-    return processor() == like
+    return processor() == like, ticks.count
 
 
 def processor() -> list[str]:

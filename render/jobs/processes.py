@@ -6,14 +6,10 @@ import os
 import queue
 import signal
 import threading
-import warnings
 from collections.abc import Callable, Generator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import resource_tracker
 from typing import Any, Protocol
-
-from lime_keras import console
 
 TASKS_PER_PROCESS = 16
 """Number of tasks after which a process is replaced, as Mitsuba keeps memory of every scene."""
@@ -121,7 +117,6 @@ class Pool:
         """
         if not items:
             return
-        _keep_tracker()
         # Without `max_tasks_per_child`, with which the pool of Python 3.11 can hang.
         pool = ProcessPoolExecutor(
             min(self._count, len(items)),
@@ -145,19 +140,7 @@ class Pool:
                 process.terminate()
             raise
         finally:
-            _keep_tracker()
             pool.shutdown(wait=True, cancel_futures=True)
-
-
-def _keep_tracker() -> None:
-    """Start Python's own helper, which removes forgotten semaphores, again if it was killed.
-
-    The new one has not heard of the semaphores that there are, and would print a traceback for each
-    that is given back. So its standard error is closed.
-    """
-    with warnings.catch_warnings(), console.standard_error_closed():
-        warnings.simplefilter("ignore")
-        resource_tracker.ensure_running()
 
 
 _held: Any = None

@@ -239,10 +239,6 @@ def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return (a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1] + a[:, 2] * b[:, 2])[:, None]
 
 
-def _length(vectors: np.ndarray) -> np.ndarray:
-    return np.sqrt(_dot(vectors, vectors))
-
-
 def _facing(normal: np.ndarray, geometric: np.ndarray, view: np.ndarray) -> np.ndarray:
     """Turn unit normals to the viewer's side (see `lifted`)."""
     side = np.where(_dot(geometric, view) < 0, np.float32(-1), np.float32(1))
@@ -258,7 +254,7 @@ def lifted(normal: np.ndarray, view: np.ndarray, least: float = _LEAST_COSINE) -
         least: least o·n.
     """
     normal = normal + np.maximum(least - _dot(normal, view), 0) * view
-    return normal / _length(normal)
+    return normal / np.sqrt(_dot(normal, normal))
 
 
 def _edges(coverage: np.ndarray) -> np.ndarray:

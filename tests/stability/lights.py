@@ -2,6 +2,7 @@
 
 import functools
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -15,24 +16,32 @@ EXPONENTS = {"0": 0.0, "1e-6": 1e-6, "1": 1.0, "1e3": 1e3, "1e6": 1e6}
 @functools.cache
 def lights() -> dict[str, np.ndarray]:
     """Return environment maps `(32, 64)` of radiance by name."""
-    shape = (HEIGHT, 2 * HEIGHT)
-    uneven = np.random.default_rng(0).exponential(size=shape)
-
-    def one_texel(row: int, column: int) -> np.ndarray:
-        out = np.zeros(shape)
-        out[row, column] = 100.0
-        return out
-
-    return {
-        "black": np.zeros(shape),
-        "furnace": np.ones(shape),
-        "one texel in front": one_texel(13, 36),
-        "one texel behind": one_texel(14, 3),
-        "one texel at the pole": one_texel(0, 10),
-        "one texel at the seam": one_texel(12, 63),
-        "radiance 1e-8": 1e-8 * uneven,
-        "radiance 1e8": 1e8 * uneven,
+    texels = {
+        "in front": (13, 36),
+        "behind": (14, 3),
+        "at the pole": (0, 10),
+        "at the seam": (12, 63),
     }
+    return extreme(HEIGHT, 100.0, texels)
+
+
+def extreme(
+    height: int, bright: float, texels: Mapping[str, tuple[int, int]]
+) -> dict[str, np.ndarray]:
+    """Return maps `(height, 2 * height)` of radiance by name.
+
+    Args:
+        height: number of rows.
+        bright: radiance of a map's only texel that is lit.
+        texels: row and column of such a texel by the name of its place.
+    """
+    shape = (height, 2 * height)
+    uneven = np.random.default_rng(0).exponential(size=shape)
+    out = {"black": np.zeros(shape), "furnace": np.ones(shape)}
+    for place, texel in texels.items():
+        out[f"one texel {place}"] = np.zeros(shape)
+        out[f"one texel {place}"][texel] = bright
+    return out | {"radiance 1e-8": 1e-8 * uneven, "radiance 1e8": 1e8 * uneven}
 
 
 @functools.cache

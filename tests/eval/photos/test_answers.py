@@ -28,8 +28,8 @@ def asked(tmp_path, monkeypatch):
 def test_an_answer_has_the_numbers_of_the_model_and_of_the_photo(asked, tmp_path):
     photo_answers.write(tmp_path / "photos" / "a.png", LEVELS)
     found = asked(specular=0.3)
-    assert list(found.columns) == [("live", OWN)], "no photo has a mask"
-    of = found.columns["live", OWN]
+    assert list(found) == [("live", OWN)], "no photo has a mask"
+    of = found["live", OWN]
     s = 10 ** shininess.LOG_MEANS[4]
     assert of["exponent"] == pytest.approx(s) and of["log_exponent"] == pytest.approx(np.log10(s))
     assert of["specular_albedo"] == pytest.approx(0.3) and of["found"].all()
@@ -48,7 +48,7 @@ def test_a_given_mask_is_used_where_there_is_one(asked, tmp_path):
     photo_answers.write(tmp_path / "photos" / "a.png", LEVELS, mask=half)
     photo_answers.write(tmp_path / "photos" / "b.png", LEVELS)
     found = asked()
-    own, given = found.columns["live", OWN], found.columns["live", GIVEN]
+    own, given = found["live", OWN], found["live", GIVEN]
     assert given["mask_given"].tolist() == [True, False] and not own["mask_given"].any()
     assert own["iou"][0] == pytest.approx(0.5, abs=0.06) and np.isnan(own["iou"][1])
     assert np.isnan(given["iou"]).all()
@@ -66,7 +66,7 @@ def test_transparency_is_a_given_mask_unless_there_is_a_file(asked, tmp_path):
     photo_answers.write(
         tmp_path / "photos" / "b.png", LEVELS, alpha=half, mask=photo_answers.disc(6)
     )
-    given = asked().columns["live", GIVEN]
+    given = asked()["live", GIVEN]
     assert given["mask_given"].all()
     expected = [half.mean(), photo_answers.disc(6).mean()]
     assert given["coverage"].tolist() == pytest.approx(expected)
@@ -77,7 +77,7 @@ def test_photos_without_an_object_have_no_answer(asked, tmp_path):
     photo_answers.write(tmp_path / "photos" / "red.png", [200, 0, 0])
     photo_answers.write(tmp_path / "photos" / "white.png", [200, 200, 200])
     found = asked()
-    of = found.columns["live", OWN]
+    of = found["live", OWN]
     assert of["found"].tolist() == [False, False, True]
     for name in ("specular_albedo", "exponent", "log_exponent", "lobe_peak", "diffuse_albedo"):
         assert np.isnan(of[name][:2]).all() and np.isfinite(of[name][2]).all(), name

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lime_keras.eval.photos import measures, summary
-from lime_keras.eval.photos.answers import GIVEN, OWN, Answers
+from lime_keras.eval.photos.answers import GIVEN, OWN
 from lime_keras.eval.photos.folder import Photo
 
 NAN = np.nan
@@ -48,7 +48,7 @@ BAD = columns([0.5, 0.6, 0.7, 0.5, NAN], [2, 4, 300, 100, NAN])
 
 
 def of(answers, model="good", mask=OWN, photos=PHOTOS):
-    found = summary.summarise(photos, Answers(answers))
+    found = summary.summarise(photos, answers)
     [one] = [c for c in found["columns"] if (c["model"], c["mask"]) == (model, mask)]
     return found, {name: result["value"] for name, result in one["measures"].items()}
 
@@ -128,8 +128,8 @@ def test_a_lower_error_is_better():
 
 
 def test_photos_are_sorted_by_gloss_with_those_unanswered_last():
-    assert summary.by_gloss(Answers({("m", OWN): BAD})) == [2, 3, 1, 0, 4]
-    assert summary.by_gloss(Answers({("m", OWN): columns([0, NAN], [5, NAN])})) == [0, 1]
+    assert summary.by_gloss({("m", OWN): BAD}) == [2, 3, 1, 0, 4]
+    assert summary.by_gloss({("m", OWN): columns([0, NAN], [5, NAN])}) == [0, 1]
     found, _ = of({("bad", OWN): BAD, ("good", OWN): GOOD})
     listed = summary.markdown(PHOTOS, found).split("| Photo ")[1].splitlines()[2:]
     names = [line.split("|")[1].strip() for line in listed]

@@ -15,7 +15,7 @@ import pytest
 import tensorflow as tf
 import trimesh
 from in_process import InProcess
-from render_scenes import write_inputs
+from render_scenes import describe, write_inputs
 
 from lime_keras.data import records
 from lime_keras.data.corpus import SPLITS, Split
@@ -39,19 +39,7 @@ def inputs(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def description(inputs, mitsuba_choice):
-    return Description(
-        split="train",
-        count=5,
-        seed=0,
-        size=64,
-        shard_size=2,
-        quality="fast",
-        shading="furnace",
-        shapes=str(inputs / "shapes"),
-        environments=str(inputs / "environments"),
-        backgrounds=None,
-        variant=mitsuba_choice.variant,
-    )
+    return describe(inputs, 5, mitsuba_choice.variant)
 
 
 def nothing(done, total):

@@ -2,17 +2,12 @@
 
 import multiprocessing
 import os
-import subprocess
-import sys
 from collections import Counter
-from pathlib import Path
 
 import pytest
 import worker_tasks
 
 from lime_keras.render.jobs import processes
-
-ROOT = Path(__file__).parents[3]
 
 
 @pytest.fixture(autouse=True)
@@ -45,36 +40,6 @@ def test_an_interruption_ends_the_processes(tmp_path):
     for number in filter(None, signed):
         with pytest.raises(ProcessLookupError):
             os.kill(int(number), 0)
-
-
-KILLING = """
-import os, signal, time
-from multiprocessing import resource_tracker
-import worker_tasks
-from lime_keras.render.jobs.processes import Pool
-
-def kill(done, total):
-    tracker = resource_tracker._resource_tracker
-    os.kill(tracker._pid, signal.SIGKILL)
-    while tracker._check_alive():
-        time.sleep(0.01)
-
-if __name__ == "__main__":
-    print(Pool(1).map(worker_tasks.same, ["one", "two"], kill))
-"""
-
-
-def test_pythons_own_helper_may_be_killed_without_a_word(tmp_path):
-    (tmp_path / "killing.py").write_text(KILLING)
-    folders = os.pathsep.join(map(str, (ROOT, ROOT / "tests" / "fixtures")))
-    answer = subprocess.run(
-        [sys.executable, tmp_path / "killing.py"],
-        env=os.environ | {"PYTHONPATH": folders},
-        capture_output=True,  # to the end of the last process that holds standard error
-        text=True,
-        timeout=120,
-    )
-    assert (answer.stdout, answer.stderr) == ("['one', 'two']\n", "")
 
 
 def test_processes_are_replaced_without_waiting_for_ever(tmp_path, monkeypatch):

@@ -22,10 +22,7 @@ def integral(radiance):
 
 
 def write(path, texels):
-    height, width, channels = texels.shape
-    kind = oiio.FLOAT if texels.dtype == np.float32 else oiio.HALF
-    image = oiio.ImageBuf(oiio.ImageSpec(width, height, channels, kind))
-    image.set_pixels(oiio.ROI(), texels)
+    image = oiio.ImageBuf(texels)
     assert image.write(str(path)), image.geterror()
     return path
 
