@@ -11,9 +11,10 @@ import os
 import pickle
 import socket
 import sys
+import threading
 from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Iterator
-from typing import Any
+from typing import Any, TextIO
 
 from . import nodes
 from .description import Job
@@ -81,34 +82,41 @@ class Cluster:
         """
         ray = self._ray
         with self._connected():
+            board = self._board()
             work = self._work(task)
-            pending = {work.remote(item): item for item in items}
-            losses = Counter[Hashable]()
+            pending = {work.remote(board, item): item for item in items}
+            progress, losses = _Progress(), Counter[Hashable]()
+            living: dict[str, str] | None = None
             while pending:
-                for finished in ray.wait(list(pending))[0]:
-                    item = pending.pop(finished)
-                    try:
-                        done += self._count(finished)
-                    except ray.exceptions.RayError as error:
-                        losses[item] += 1
-                        if losses[item] > _RETRIES:
-                            last = f"{type(error).__name__}: {error}".splitlines()[0].rstrip(".")
-                            raise RuntimeError(
-                                f"a shard lost its process {losses[item]} times, last as {last}. "
-                                "Finished shards are kept; the same command goes on"
-                            ) from error
-                        pending[work.remote(item)] = item
-                tell(done, total)
+                finished, _ = ray.wait(list(pending), timeout=0.2)
+                # Read before the news, so that the news holds all reports of nodes lost by now.
+                living, before = self._living(), living
+                if progress.learn(ray.get(board.take.remote())):
+                    tell(done + progress.counts.total(), total)
+                failures = {ref: failure for ref in finished if (failure := self._failure(ref))}
+                for ref in set(finished) - failures.keys():
+                    del pending[ref]
+                lost = _lost(before, living)
+                # If a node was cut off, Ray itself waits for minutes before it reports a failure.
+                for ref, item in pending.items():
+                    if progress.nodes.get(item) in lost:
+                        failures.setdefault(ref, "its node was lost")
+                for ref, failure in failures.items():
+                    item = pending.pop(ref)
+                    losses[item] += 1
+                    if losses[item] > _RETRIES:
+                        raise RuntimeError(
+                            f"a shard lost its process {losses[item]} times, last as {failure}. "
+                            "Finished shards are kept; the same command goes on"
+                        )
+                    pending[work.remote(board, item)] = item
         tell(total, total)
 
     @contextlib.contextmanager
     def _connected(self) -> Iterator[None]:
-        """Connect to the cluster as a driver, whose processes and tasks end with the context.
-
-        Ray prints pages to standard output when a node is lost, and when it is shut down.
-        """
+        """Connect to the cluster as a driver, whose processes and tasks end with the context."""
         ray = self._ray
-        with contextlib.redirect_stdout(io.StringIO()):
+        with contextlib.redirect_stdout(_OneThread(sys.stdout)):
             try:
                 ray.init(
                     self._address,
@@ -124,20 +132,24 @@ class Cluster:
             try:
                 yield
             finally:
-                ray.shutdown()
+                # `shutdown` prints repeated messages that Ray held back.
+                with contextlib.redirect_stdout(io.StringIO()):
+                    ray.shutdown()
 
     def _work(self, task: Callable) -> Any:
         """Return a remote function that runs `task` on an item; its expected errors name the node.
 
-        The function returns the node's address, whether the node's processor is like this
-        machine's, and the number of things that are done.
+        The function takes the board and the item. It returns the node's address and whether the
+        node's processor is like this machine's.
         """
         ray = self._ray
         pickled = ray.cloudpickle.dumps((nodes.work, *self._arguments, task))
 
         # An inner function is sent as code, so that a node without this package can report that.
-        def work(item: Hashable) -> tuple[str, bool, int]:
+        def work(board: Any, item: Hashable) -> tuple[str, bool]:
             node = ray.util.get_node_ip_address()
+            # Waiting here makes sure that the driver knows the item's node if the node is lost.
+            ray.get(board.put.remote(item, ray.get_runtime_context().get_node_id(), 0))
             try:
                 run, *arguments = pickle.loads(pickled)
             except ImportError as error:
@@ -145,23 +157,44 @@ class Cluster:
                     f"node {node}: {error}: install lime-keras[cluster] there as here"
                 ) from error
             try:
-                return node, *run(*arguments, item)
+                return node, run(*arguments, board, item)
             except (OSError, ValueError, RuntimeError) as error:
                 raise RuntimeError(f"node {node}: {error}") from error
 
         return ray.remote(num_cpus=1, max_calls=TASKS_PER_PROCESS, max_retries=0)(work)
 
-    def _count(self, finished: Any) -> int:
-        """Return the number of things that a finished task has done.
+    def _living(self) -> dict[str, str]:
+        """Return the addresses, by node name, of the nodes that are alive and have processors."""
+        return {
+            node["NodeID"]: node["NodeManagerAddress"]
+            for node in self._ray.nodes()
+            if node["Alive"] and node["Resources"].get("CPU")
+        }
+
+    def _board(self) -> Any:
+        """Start a `_Board` on this node, so that it is lost only together with this process."""
+        ray = self._ray
+        here = ray.util.scheduling_strategies.NodeAffinitySchedulingStrategy(
+            ray.get_runtime_context().get_node_id(), soft=False
+        )
+        board = ray.remote(num_cpus=0, max_restarts=-1, max_task_retries=-1)(_Board)
+        return board.options(scheduling_strategy=here).remote()
+
+    def _failure(self, finished: Any) -> str | None:
+        """Return the reason why a finished task lost its process; None if the task succeeded.
 
         Raises:
-            ray.exceptions.RayError: if the task lost its process. Errors of the task are raised
-                too.
+            RuntimeError: if the task raised one.
         """
+        ray = self._ray
         try:
-            node, is_like, count = self._ray.get(finished)
-        except self._ray.exceptions.RayTaskError as error:
-            raise error.cause from error
+            node, is_like = ray.get(finished)
+        except ray.exceptions.RayTaskError as error:
+            if isinstance(error.cause, RuntimeError):
+                raise RuntimeError(str(error.cause)) from error
+            raise
+        except ray.exceptions.RayError as error:
+            return f"{type(error).__name__}: {error}".splitlines()[0].rstrip(".")
         if not is_like and node not in self._unlike:
             self._unlike.add(node)
             print(
@@ -169,7 +202,61 @@ class Cluster:
                 "last digits from what is rendered here",
                 file=sys.stderr,
             )
-        return count
+        return None
+
+
+def _lost(before: dict[str, str] | None, living: dict[str, str]) -> set[str]:
+    """Return the names of the nodes that were lost since `before`, and print a line for each."""
+    known = before or {}
+    lost = known.keys() - living.keys()
+    for name in lost:
+        print(f"\nnode {known[name]} is lost: its shards go to the others", file=sys.stderr)
+    if not living and before != living:
+        print("\nno node of the cluster has a processor: waiting for one to join", file=sys.stderr)
+    return lost
+
+
+class _OneThread(io.TextIOBase):
+    """A standard output for this thread alone: Ray's threads print pages when a node is lost."""
+
+    def __init__(self, stream: TextIO):
+        self._stream, self._thread = stream, threading.get_ident()
+
+    def write(self, text: str) -> int:
+        return self._stream.write(text) if threading.get_ident() == self._thread else len(text)
+
+    def flush(self) -> None:
+        self._stream.flush()
+
+
+class _Progress:
+    """The progress of the items' tasks: the node and the count of each."""
+
+    def __init__(self) -> None:
+        self.nodes: dict[Hashable, str] = {}
+        self.counts: Counter[Hashable] = Counter()
+
+    def learn(self, news: dict[Hashable, tuple[str, int]]) -> bool:
+        """Take up news of items, and return whether there was any."""
+        for item, (node, count) in news.items():
+            self.nodes[item] = node
+            # A shard that is rendered again counts from 1 again: the larger count is kept.
+            self.counts[item] = max(count, self.counts[item])
+        return bool(news)
+
+
+class _Board:
+    """A Ray actor that gathers each item's node and count until the driver takes them."""
+
+    def __init__(self) -> None:
+        self._news: dict[Hashable, tuple[str, int]] = {}
+
+    def put(self, item: Hashable, node: str, count: int) -> None:
+        self._news[item] = node, count
+
+    def take(self) -> dict[Hashable, tuple[str, int]]:
+        news, self._news = self._news, {}
+        return news
 
 
 def _refuse_silence(address: str) -> None:

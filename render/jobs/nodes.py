@@ -16,16 +16,23 @@ from .description import Job
 from .processes import Ticks
 
 
-class _Counted:
-    """The ticks of this process (see `processes.Ticks`): what its task has done so far."""
+class _Ticks:
+    """The ticks of this process (see `processes.Ticks`), which send counts to the board."""
 
-    count = 0
+    def __init__(self, board: Any):
+        import ray
+
+        self._board, self._node = board, ray.get_runtime_context().get_node_id()
+
+    def begin(self, item: Hashable) -> None:
+        self._item, self._count = item, 0
 
     def put(self, count: int) -> None:
-        self.count += count
+        self._count += count
+        self._board.put.remote(self._item, self._node, self._count)
 
 
-_begun: tuple[_Counted, Any] | None = None
+_begun: tuple[_Ticks, Any] | None = None
 """The ticks of this process and the object that `start` returned; Ray offers no better place."""
 
 
@@ -35,8 +42,9 @@ def work(
     start: Callable[[Any, Ticks], Any],
     job: Job,
     task: Callable,
+    board: Any,
     item: Hashable,
-) -> tuple[bool, int]:
+) -> bool:
     """Run one task in this process; before its first task, check and set up the process.
 
     Args:
@@ -46,11 +54,11 @@ def work(
             process keeps the returned object for its tasks.
         job: the job to render (see `cluster.Cluster`).
         task: called with the object that `start` returned and the item.
+        board: actor that gathers the progress.
         item: item that the task works on.
 
     Returns:
-        Whether this node's processor is like that of the machine that started the rendering, and
-        the number of things that the task reported as done.
+        Whether this node's processor is like that of the machine that started the rendering.
 
     Raises:
         RuntimeError: if this node would render other bytes. Errors of the task are raised too.
@@ -59,13 +67,13 @@ def work(
     if _begun is None:
         _refuse_other_versions(wanted)
         _refuse_other_files(job)
-        ticks = _Counted()
+        ticks = _Ticks(board)
         own = dataclasses.replace(job, choice=_own_choice(job.choice))
         _begun = ticks, start(own, ticks)
     ticks, held = _begun
-    ticks.count = 0
+    ticks.begin(item)
     task(held, item)
-    return processor() == like, ticks.count
+    return processor() == like
 
 
 def processor() -> list[str]:

@@ -5,6 +5,7 @@ import dataclasses
 import json
 import os
 import shutil
+import signal
 import socket
 import sys
 import tempfile
@@ -157,16 +158,28 @@ def test_shards_are_spread_over_processes_of_one_thread(head, pair, job, monkeyp
 
 
 def test_a_lost_process_is_replaced_and_what_it_did_not_counted_twice(head, pair, job):
-    died = job.split.folder / "died"
+    """What it did is told before it is lost, and before the other task does anything."""
+    seen, died, progress = job.split.folder / "seen", job.split.folder / "died", []
 
     def task(ticks, item):
-        ticks.put(2)
-        if item == 0 and not died.exists():
+        if item == 0:
+            ticks.put(2)
+            ticks.put(1)
+        while not (seen, died)[item].exists():
+            time.sleep(0.05)
+        if item == 1:
+            ticks.put(3)
+        elif not died.exists():
             died.touch()
             os._exit(1)
-        ticks.put(1)
+        time.sleep(1)  # what is counted twice is told
 
-    progress = run(head, job, task, [0, 1], 6)
+    def tell(done, total):
+        progress.append((done, total))
+        if done == 3:
+            seen.touch()
+
+    run(head, job, task, [0, 1], 6, tell)
     assert died.exists()
     assert progress == sorted(progress) and progress[-1] == (6, 6)
 
@@ -175,17 +188,16 @@ def test_an_interruption_ends_the_tasks(head, pair, job):
     begun = job.split.folder / "begun"
 
     def task(ticks, item):
-        if item == 0:
-            begun.write_text(str(os.getpid()))
-            time.sleep(600)
-        while not begun.exists():
-            time.sleep(0.05)
+        begun.write_text(str(os.getpid()))
+        ticks.put(1)
+        time.sleep(600)
 
     def interrupt(done, total):
-        raise KeyboardInterrupt
+        if done:  # where a task is going to run is news, too
+            raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run(head, job, task, [0, 1], 2, tell=interrupt)
+        run(head, job, task, [0], 1, tell=interrupt)
     with pytest.raises(ProcessLookupError):
         for _ in range(1200):
             os.kill(int(begun.read_text()), 0)
@@ -196,6 +208,30 @@ def test_a_shard_that_always_loses_its_process_is_given_up(head, pair, job, monk
     monkeypatch.setattr(cluster, "_RETRIES", 1)
     with pytest.raises(RuntimeError, match=r"lost its process 2 times, last as \w+: .*goes on"):
         run(head, job, lambda ticks, item: os._exit(1), [0], 1)
+
+
+def test_a_node_that_falls_silent_is_not_waited_for(head, pair, job, capsys):
+    """As if its cable were cut: nothing tells that its process will never answer."""
+    silent = head.add_node(**SMALL, num_cpus=1, node_ip_address="127.0.0.5")
+    address, halt = silent.node_ip_address, job.split.folder / "halt"
+
+    def task(ticks, item):
+        if ray.util.get_node_ip_address() == address:
+            halt.write_text(str(os.getpid()))
+            os.kill(os.getppid(), signal.SIGSTOP)
+            os.kill(os.getpid(), signal.SIGSTOP)
+        while not halt.exists():
+            time.sleep(0.05)
+        (job.split.folder / f"done-{item}").touch()
+
+    try:
+        run(head, job, task, [0, 1, 2], 3)
+    finally:
+        head.remove_node(silent, allow_graceful=False)
+        with contextlib.suppress(FileNotFoundError, ProcessLookupError):
+            os.kill(int(halt.read_text()), signal.SIGKILL)
+    assert len(list(job.split.folder.glob("done-*"))) == 3
+    assert f"node {address} is lost" in capsys.readouterr().err
 
 
 def test_what_a_task_raises_names_the_node(head, pair, job):
@@ -251,6 +287,17 @@ def test_nodes_of_another_processor_are_told_once(head, pair, job, monkeypatch, 
     assert told and len(told) == len(set(told))
 
 
+def test_lost_nodes_and_a_cluster_without_any_are_told(capsys):
+    assert cluster._lost({"a": "10.0.0.1", "b": "10.0.0.2"}, {"b": "10.0.0.2"}) == {"a"}
+    told = ["", "node 10.0.0.1 is lost: its shards go to the others"]
+    assert capsys.readouterr().err.splitlines() == told
+    assert cluster._lost(None, {"b": "10.0.0.2"}) == cluster._lost({}, {}) == set()
+    assert not capsys.readouterr().err
+    for before in (None, {"b": "10.0.0.2"}):
+        cluster._lost(before, {})
+        assert "waiting for one to join" in capsys.readouterr().err
+
+
 def test_a_node_uses_its_own_library_of_the_same_variant(monkeypatch, tmp_path):
     wanted = variants.Choice(variants.FAST, tmp_path / "here.so")
     own = variants.Choice(variants.FAST, tmp_path / "there.so")
@@ -280,7 +327,7 @@ def test_the_command_gives_the_bytes_of_one_machine(
 def test_the_bytes_are_the_same_though_a_node_is_killed_half_way(
     head, pair, rendered, description, mitsuba_choice, tmp_path, monkeypatch, capsys
 ):
-    """One node stops in the middle of its first shard, and is killed when another is finished."""
+    """One node stops in the middle of its first shard, and is killed when the other has begun."""
     doomed, folder = head.add_node(**SMALL, num_cpus=1, node_ip_address="127.0.0.4"), tmp_path
     half_way, address = folder / "half-way", doomed.node_ip_address
 
@@ -303,13 +350,16 @@ def test_the_bytes_are_the_same_though_a_node_is_killed_half_way(
         if half_way.exists() and doomed in head.worker_nodes:
             assert list((folder / "train").glob("partial-*")) and done < total
             head.remove_node(doomed, allow_graceful=False)
+            while any(node["Alive"] and node["NodeName"] == address for node in ray.nodes()):
+                time.sleep(0.1)
 
     monkeypatch.setattr(worker, "render_shard", render_shard)
     render(tmp_path, description, mitsuba_choice, head, kill)
     assert doomed not in head.worker_nodes
     assert contents(tmp_path) == contents(rendered)
     assert not list((folder / "train").glob("partial-*"))
-    assert not capsys.readouterr().out
+    printed, errors = capsys.readouterr()
+    assert f"node {address} is lost" in errors and not printed
 
 
 @contextlib.contextmanager
