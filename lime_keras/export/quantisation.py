@@ -1,10 +1,12 @@
 """The quantisation of an ONNX model: float16, or eight-bit integers calibrated on images.
 
 In eight bits, weights have a scale for each channel. Activations have a scale for each tensor, from
-the values for calibration images (static quantisation, QDQ format). Masking, clipping and the
-expansion of S and M, which reach 59,873, stay float32. Input images and outputs are always float32.
+the values for calibration images (static quantisation, QDQ format). The last layers, SpecularNet's
+way up, masking, clipping and the expansion of S and M, which reach 59,873, stay float32. Input
+images and outputs are always float32.
 """
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -19,11 +21,16 @@ HEADS = {head for subnetwork in SUBNETWORKS.values() for head in subnetwork.head
 """Names of the subnetworks' last layers."""
 
 _INTEGER = (
-    *("Conv", "MatMul", "Gemm", "Relu", "MaxPool", "Concat"),
+    *("Conv", "MatMul", "Gemm", "Relu", "Clip", "MaxPool", "Concat"),
     *("Unsqueeze", "Tile", "Transpose", "Reshape"),
 )
-"""Operators that compute in eight bits. Those of the second line are what the converter makes of
-upsampling; in floating point they would separate the eight-bit convolutions."""
+"""Operators that compute in eight bits. `Clip` is the ReLU6 of a pretrained encoder: a convolution
+before it has the scale of 0 to 6, not of all that is clipped. Those of the second line are what the
+converter makes of upsampling; in floating point they would separate the eight-bit convolutions."""
+
+_WAY_UP = re.compile(r"/specular_net\w*/(up|skip)\d")
+"""Nodes of SpecularNet's way up, by name. Its features have the range of radiance: those of `live`
+reach 115 times their 99th percentile, too far for 256 equal steps."""
 
 
 def prepare(source: Path, target: Path) -> None:
@@ -47,27 +54,40 @@ def write_float16(prepared: Path, target: Path) -> None:
 
 
 def write_int8(prepared: Path, target: Path, images: np.ndarray) -> None:
-    """Write the model with eight-bit weights and activations, but for the heads.
+    """Write the model with eight-bit weights and activations, but for `in_float32`.
 
     Args:
         prepared: ONNX file that `prepare` wrote.
         target: path to write to.
         images: calibration images `(N, S, S, 3)`, sRGB in [0, 1].
     """
-    # Heads in float32, and scales from the extremes over all images: of four settings that were
-    # tried, the one with the smallest error on held-out pictures.
+    # Scales are from the extremes over all images; what else was tried: docs/how-to/exporting.md.
     quantization.quantize_static(
         str(prepared),
         str(target),
         _Reader(images),
         quant_format=quantization.QuantFormat.QDQ,
         op_types_to_quantize=list(_INTEGER),
-        nodes_to_exclude=heads(onnx.load(prepared)),
+        nodes_to_exclude=in_float32(onnx.load(prepared)),
         per_channel=True,
         activation_type=quantization.QuantType.QUInt8,
         weight_type=quantization.QuantType.QInt8,
         calibrate_method=quantization.CalibrationMethod.MinMax,
     )
+
+
+def in_float32(model: onnx.ModelProto) -> list[str]:
+    """Return the names of the nodes that `write_int8` leaves in float32.
+
+    They are the last layers, SpecularNet's way up, and `Clip` where it is not the ReLU6 of a
+    convolution in eight bits. Other operators than `_INTEGER` are not named.
+    """
+    nodes = model.graph.node
+    out = [*heads(model), *(node.name for node in nodes if _WAY_UP.search(node.name))]
+    narrow = (node for node in nodes if node.op_type == "Conv" and node.name not in out)
+    convolved = {output for node in narrow for output in node.output}
+    clips = (node for node in nodes if node.op_type == "Clip")
+    return [*out, *(node.name for node in clips if node.input[0] not in convolved)]
 
 
 def heads(model: onnx.ModelProto) -> list[str]:
