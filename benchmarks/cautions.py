@@ -15,6 +15,7 @@ Estimates each held-out image, photographed, as `lime-estimate` does, and prints
 """
 
 import argparse
+import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -81,7 +82,7 @@ def _answers(estimator: Estimator, corpus: Path) -> list[Answer]:
     config = Config(
         preset="live",
         steps_scale=1.0,
-        architecture=PRESETS["live"],
+        architecture=dataclasses.replace(PRESETS["live"], size=estimator.size),
         schedule=SCHEDULES["live"],
         seed=0,
         corpus_sha256=corpus_sha256([corpus]),
