@@ -4,7 +4,7 @@ const WORDS = ["matte", "satin", "glossy", "mirror-like"];
 const WORD_WIDTH = 0.75; // Decades of s.
 const BIN_WIDTH = 0.375;
 const SHARE = 0.8;
-const FLAT = 1.9;
+const FLAT = 1.4;
 
 /** The word for an exponent. */
 export function word(exponent) {
