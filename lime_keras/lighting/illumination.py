@@ -71,8 +71,10 @@ def observe(
         mask: coverage `(H, W, 1)` in [0, 1].
 
     Raises:
-        ValueError: if most normals do not have length 1 or are turned from the viewer.
+        ValueError: if the shapes differ, M or D is negative or infinite, the mask leaves [0, 1], or
+            most normals do not have length 1 or are turned from the viewer.
     """
+    _check(normal, view, mirror, diffuse_shading, mask)
     covered = mask[..., 0] > 0
     weight = mask[covered, 0].astype(np.float64)
     n, known = _unit(normal[covered].astype(np.float64))
@@ -90,6 +92,24 @@ def observe(
         *_gather(mirror[covered, 0], weight * np.maximum(cosine, 0), mirrored, STORED_SHAPE),
         *_gather(diffuse_shading[covered, 0], weight, n, _NORMALS_SHAPE),
     )
+
+
+def _check(normal, view, mirror, diffuse, mask) -> None:
+    """Raise ValueError if the shapes differ or values are no radiance or coverage."""
+    shape = mask.shape[:2]
+    arrays = {"normal": (normal, 3), "view": (view, 3), "mirror": (mirror, 1)}
+    arrays |= {"diffuse_shading": (diffuse, 1), "mask": (mask, 1)}
+    for name, (array, channels) in arrays.items():
+        if array.shape != (*shape, channels):
+            raise ValueError(
+                f"{name} has shape {array.shape}, but the mask {mask.shape}: expected "
+                f"{(*shape, channels)}; bring all to the size of the mask"
+            )
+    for name, values in (("mirror", mirror), ("diffuse_shading", diffuse)):
+        if np.any((values < 0) | np.isinf(values)):
+            raise ValueError(f"{name} is radiance, at least 0 and finite; NaN where not known")
+    if not np.all((mask >= 0) & (mask <= 1)):
+        raise ValueError("a mask's values are in [0, 1]: divide 8-bit ones by 255")
 
 
 def _unit(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -29,22 +29,42 @@ class Fusion:
         """Forget all estimates, for example after a scene cut; the next may have another shape."""
         self._recent: np.ndarray | None = None
 
+    @property
+    def fused(self) -> np.ndarray | None:
+        """The fused estimate, NaN for elements never seen; None before the first estimate."""
+        if self._recent is None:
+            return None
+        return np.where(self._sightings > 0, self._average, np.nan)
+
     def update(self, estimate: np.ndarray | float) -> np.ndarray:
         """Fuse the next frame's estimate.
 
         Args:
-            estimate: array of any shape, the same until a restart; finite, or NaN for elements not
-                seen. Its values must be meaningful to average, such as log10 of an exponent or
-                linear radiance.
+            estimate: array of any shape, the same until a restart; NaN for elements not seen. Its
+                values must be meaningful to average, such as log10 of an exponent or linear
+                radiance.
 
         Returns:
             The fused estimate, float64 of the same shape, NaN for elements never seen.
+
+        Raises:
+            ValueError: if the shape changes between restarts, or an element is infinite.
         """
         new = np.asarray(estimate, np.float64)
+        if np.any(np.isinf(new)):
+            raise ValueError(
+                f"an estimate is finite, or NaN where nothing was seen, but {np.sum(np.isinf(new))}"
+                f" of {new.size} elements are infinite: pass them as NaN to leave them out"
+            )
         if self._recent is None:
             self._recent = np.full((WINDOW, *new.shape), np.nan)
             self._sightings = np.zeros(new.shape, np.int64)
             self._average = np.zeros(new.shape)
+        if new.shape != self._average.shape:
+            raise ValueError(
+                f"estimates since the restart have shape {self._average.shape}, got {new.shape}: "
+                "restart first, or fuse each thing by a Fusion of its own"
+            )
         seen = ~np.isnan(new)
         shifted = np.concatenate([new[None], self._recent[:-1]])
         self._recent = np.where(seen, shifted, self._recent)

@@ -221,18 +221,28 @@ def test_nothing_seen_is_told(what):
 
 
 @pytest.mark.parametrize(
-    "spoil, mend",
+    "change, mend",
     [
-        (lambda n: n * 3, "normalise"),
-        (lambda n: n * [1, 1, -1], "flip z"),
-        (lambda n: n * np.where(np.arange(SIZE) % 5 < 3, -1, 1)[:, None], "60% of the"),
+        ({"normal": lambda n: n[1:]}, "size of the mask"),
+        ({"normal": lambda n: n * 3}, "normalise"),
+        ({"normal": lambda n: n * [1, 1, -1]}, "flip z"),
+        ({"normal": lambda n: n * np.where(np.arange(SIZE) % 5 < 3, -1, 1)[:, None]}, "60% of the"),
+        ({"mirror": lambda m: m - 2}, "at least 0"),
+        ({"diffuse_shading": lambda d: d * np.inf}, "finite"),
+        ({"mask": lambda m: m * 255}, "255"),
+        ({"mask": lambda m: m[..., 0]}, r"expected \(96, 96, 1\)"),
+        ({"mask": lambda m: m * np.nan}, "255"),
     ],
 )
-def test_normals_that_are_none_are_refused(spoil, mend):
+def test_what_cannot_be_is_refused(change, mend):
     normal, view, mask = _ball()
     layer = np.ones(mask.shape)
+    given = {"normal": normal, "view": view, "mirror": layer, "diffuse_shading": layer}
+    given["mask"] = mask
+    for name, spoil in change.items():
+        given[name] = spoil(given[name])
     with pytest.raises(ValueError, match=mend):
-        illumination.observe(spoil(normal), view, layer, layer, mask)
+        illumination.observe(**given)
 
 
 def test_harmonics_are_orthonormal():

@@ -39,8 +39,11 @@ def test_the_first_frames_by_hand():
 
 
 def test_one_frame_is_its_own_fusion():
+    fusion = Fusion()
+    assert fusion.fused is None
     estimate = np.array([0.25, np.nan, -3.0])
-    np.testing.assert_array_equal(Fusion().update(estimate), estimate)
+    np.testing.assert_array_equal(fusion.update(estimate), estimate)
+    np.testing.assert_array_equal(fusion.fused, estimate)
 
 
 def test_outliers_in_two_frames_out_of_five_leave_no_trace():
@@ -70,6 +73,7 @@ def test_a_restart_forgets_and_takes_another_shape():
     for value in (5.0, 6.0, 7.0):
         fusion.update(np.full(3, value))
     fusion.restart()
+    assert fusion.fused is None
     later = [np.array([[1.0, 2.0]]), np.array([[3.0, 5.0]])]
     for estimate, expected in zip(later, run(later), strict=True):
         np.testing.assert_array_equal(fusion.update(estimate), expected)
@@ -78,8 +82,9 @@ def test_a_restart_forgets_and_takes_another_shape():
 def test_what_is_handed_out_is_not_the_memory():
     fusion, estimate = Fusion(), np.array([1.0, 2.0])
     fusion.update(estimate)[:] = 100
+    fusion.fused[:] = 100
     estimate[:] = 100
-    np.testing.assert_array_equal(fusion.update(np.full(2, np.nan)), [1, 2])
+    np.testing.assert_array_equal(fusion.fused, [1, 2])
 
 
 def test_a_million_frames():
@@ -118,3 +123,20 @@ def test_nothing_is_warned_of():
         warnings.simplefilter("error")
         run(np.full((9, 2, 2), np.nan))
         run([1e308, 1e308, 1e308])
+
+
+@pytest.mark.parametrize("value", [np.inf, -np.inf])
+def test_an_infinite_estimate_is_refused_and_leaves_no_trace(value):
+    fusion = Fusion()
+    fusion.update(np.ones(3))
+    with pytest.raises(ValueError, match="1 of 3 elements are infinite: pass them as NaN"):
+        fusion.update(np.array([1.0, value, 1.0]))
+    np.testing.assert_array_equal(fusion.fused, np.ones(3))
+
+
+def test_another_shape_is_refused():
+    fusion = Fusion()
+    fusion.update(np.ones(3))
+    with pytest.raises(ValueError, match=r"shape \(3,\), got \(1, 3\): restart"):
+        fusion.update(np.ones((1, 3)))
+    np.testing.assert_array_equal(fusion.fused, np.ones(3))
