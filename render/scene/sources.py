@@ -57,7 +57,7 @@ def files(folder: Path, split: str, extensions: tuple[str, ...]) -> list[Path]:
     """Return the files of a folder that belong to a split, sorted by name.
 
     Raises:
-        ValueError: if the folder is missing, or has too few files for two splits.
+        ValueError: if the folder or a split's is missing, or has too few files for two splits.
     """
     if not folder.is_dir():
         raise ValueError(f"{folder} is no folder: pass one with {', '.join(extensions)} files")
@@ -68,6 +68,12 @@ def files(folder: Path, split: str, extensions: tuple[str, ...]) -> list[Path]:
             raise ValueError(f"{dealt[split]} holds no {', '.join(extensions)} file")
         return found
     found = _matching(folder, extensions)
+    lacking = [path for path in dealt.values() if not path.is_dir()]
+    if not found and len(lacking) == 1:
+        raise ValueError(
+            f"{lacking[0]} is missing: files are dealt to training and test by the folders "
+            f"{' and '.join(SPLITS)}, or else all lie in {folder} itself"
+        )
     if len(found) < 2:
         raise ValueError(
             f"{folder} holds {len(found)} {', '.join(extensions)} files; training and test share "

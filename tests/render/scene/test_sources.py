@@ -62,6 +62,9 @@ def test_unusable_folders_are_refused_by_name(tmp_path):
     fill(tmp_path / "dealt" / "test", [])
     with pytest.raises(ValueError, match=r"test holds no \.obj, \.ply file"):
         sources.files(tmp_path / "dealt", "test", EXTENSIONS)
+    fill(tmp_path / "half" / "train", ["a.obj", "b.obj"])
+    with pytest.raises(ValueError, match=r"test is missing: .* by the folders train and test"):
+        sources.files(tmp_path / "half", "train", EXTENSIONS)
 
 
 def test_generators_are_independent_of_one_another():
