@@ -46,12 +46,14 @@ def exponent_net(architecture: Architecture) -> keras.Model:
     """Build ExponentNet: compressed S and M, each `(B, S, S, 1)` → `(B, 8)` logits of the bins.
 
     The registry turns the logits into probabilities by softmax; the loss needs the logits. In a
-    system without MirrorNet the input is S alone; with `dichromatic` it reads `masked_image` and
-    the split, too. With regression the output is log10 s, `(B, 1)`.
+    system without MirrorNet the input is S alone; with `dichromatic` it is `masked_image`, the
+    split and S, since M beside them brings less than 1 % (docs/lab/2026-11-25-physics.md). With
+    regression the output is log10 s, `(B, 1)`.
     """
-    names = ["specular_shading", *(["mirror"] if architecture.mirror else [])]
     if architecture.dichromatic:
-        names = ["masked_image", "dichromatic", *names]
+        names = ["masked_image", "dichromatic", "specular_shading"]
+    else:
+        names = ["specular_shading", *(["mirror"] if architecture.mirror else [])]
     inputs = _inputs(architecture, *names)
     features = _encoded(inputs, architecture)
     if architecture.exponent == "classification":
