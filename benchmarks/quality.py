@@ -88,12 +88,28 @@ def _scenes(arguments: argparse.Namespace) -> list[Scene]:
     names = sources.random_subset(rng, maps.names(), arguments.maps)
     out = []
     for name in tqdm(names, "scenes"):
-        mesh = shapes.load(shapes.names()[rng.integers(len(shapes.names()))])
         light = maps.load(name)
-        rotation = sampling.sample_light_rotation(rng, light.strong_direction)
-        pose = sampling.sample_pose(rng, mesh.vertices, 256)
-        out.append(Scene(mesh, light.radiance, pose, rotation, 256))
+        scene = _posed(shapes, light, rng)
+        while _coverage(scene) < example.LEAST_COVERAGE:
+            scene = _posed(shapes, light, rng)
+        out.append(scene)
     return out
+
+
+def _posed(shapes: Any, light: Any, rng: np.random.Generator) -> Scene:
+    """Return a scene of a random mesh in a random pose under a map, drawn from `rng`."""
+    mesh = shapes.load(shapes.names()[rng.integers(len(shapes.names()))])
+    rotation = sampling.sample_light_rotation(rng, light.strong_direction)
+    pose = sampling.sample_pose(rng, mesh.vertices, 256)
+    return Scene(mesh, light.radiance, pose, rotation, 256)
+
+
+def _coverage(scene: Scene) -> float:
+    """Return the share of the image that the object covers."""
+    from lime_keras.render.scene.gbuffer import Tracer
+
+    tracer, pose = Tracer(scene.mesh, scene.size, FAST), scene.pose
+    return float(tracer.trace(pose.rotation, pose.translation, pose.camera).coverage.mean())
 
 
 # ---- tables ----------------------------------------------------------------------------------
