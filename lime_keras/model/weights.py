@@ -219,7 +219,9 @@ def _read_graph(path: Path, name: str, folder: Path, network: keras.Model) -> No
     try:
         network.set_weights([held[weight.path] for weight in network.weights])
     except (LookupError, ValueError) as error:
-        raise ValueError(f"{path} has other layers than {network.name}: {error}") from error
+        raise ValueError(
+            f"{path} has other layers than {network.name}: {error}; train again"
+        ) from error
     _check_finite(path, network)
 
 
