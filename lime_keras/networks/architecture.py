@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 SYSTEMS = ("lime", "reflectance-map")
 EXPONENTS = ("classification", "regression")
 
+_VIEWS = (1, 2, 4)
 _RANGES = {
     "size": (1, 4096),
     "unet_width": (1, 1024),
@@ -39,6 +40,8 @@ class Architecture:
             (`networks.efficientnet`), rather than that of a U-Net.
         dichromatic: whether SpecularNet and the encoders see the split of the colours into diffuse
             and grey light (`optics.dichromatic`).
+        views: number of mirror images of a picture, itself included, over which SegmentationNet
+            takes the mean: 1, 2 or 4. Its time grows with it; training sees one.
 
     Raises:
         ValueError: if a name is unknown, two settings exclude each other, or the size cannot be
@@ -55,6 +58,7 @@ class Architecture:
     exponent: str = "classification"
     pretrained: bool = False
     dichromatic: bool = False
+    views: int = 1
 
     def __post_init__(self) -> None:
         """Raise ValueError if the settings describe no system."""
@@ -69,6 +73,8 @@ class Architecture:
                 f"no system {self.system} with exponent {self.exponent}: there are "
                 f"{', '.join(SYSTEMS)} and {', '.join(EXPONENTS)}"
             )
+        if self.views not in _VIEWS:
+            raise ValueError(f"no mask from {self.views!r} views: take 1, 2 or 4")
         ablated = not self.mirror or self.exponent != "classification"
         if self.system != "lime" and (ablated or self.dichromatic):
             raise ValueError(

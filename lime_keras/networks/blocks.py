@@ -96,6 +96,44 @@ def encoder(x: KerasTensor, *, width: int, dense_width: int) -> KerasTensor:
     return x
 
 
+class Views(layers.Layer):
+    """A layer that puts the mirror images of pictures behind them, `(V · B, H, W, C)`.
+
+    The views are the pictures as they are, left to right, upside down, and both. While it trains,
+    there is one.
+
+    Args:
+        count: V: 1, 2 or 4.
+    """
+
+    def __init__(self, count: int, **options: Any):
+        super().__init__(**options)
+        self.count = count
+
+    def call(self, images: Any, training: bool | None = None) -> Any:
+        """Return the views of pictures `(B, H, W, C)`."""
+        if training:
+            return images
+        return ops.concatenate([_mirrored(images, k) for k in range(self.count)], axis=0)
+
+
+class MeanOfViews(Views):
+    """A layer that turns what was found in the views of `Views` back, and takes the mean."""
+
+    def call(self, found: Any, training: bool | None = None) -> Any:
+        """Return the mean `(B, H, W, C)` of `(V · B, H, W, C)`."""
+        if training:
+            return found
+        views = ops.reshape(found, (self.count, -1, *found.shape[1:]))
+        return sum(_mirrored(views[k], k) for k in range(self.count)) / self.count
+
+
+def _mirrored(images: Any, view: int) -> Any:
+    """Return pictures left to right in views 1 and 3, and upside down in 2 and 3."""
+    images = images[:, :, ::-1] if view % 2 else images
+    return images[:, ::-1] if view >= 2 else images
+
+
 class HueOfPixels(layers.Layer):
     """A layer that turns m_d, the first three of `(B, 4)` albedos, to the hue of a masked image.
 

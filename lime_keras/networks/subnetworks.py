@@ -7,7 +7,14 @@ import keras
 from keras import layers
 
 from lime_keras.networks.architecture import Architecture
-from lime_keras.networks.blocks import HueOfPixels, encoder, pretrained_unet, unet
+from lime_keras.networks.blocks import (
+    HueOfPixels,
+    MeanOfViews,
+    Views,
+    encoder,
+    pretrained_unet,
+    unet,
+)
 from lime_keras.optics.dichromatic import CHANNELS
 from lime_keras.optics.shininess import BIN_COUNT, LOG_HIGH, LOG_LOW
 
@@ -15,14 +22,19 @@ from lime_keras.optics.shininess import BIN_COUNT, LOG_HIGH, LOG_LOW
 def segmentation_net(architecture: Architecture) -> keras.Model:
     """Build SegmentationNet: `image` `(B, S, S, 3)` sRGB in [0, 1] → `(B, S, S, 1)` coverage.
 
-    The output is not yet clipped to [0, 1]. The head is linear: under the paper's ℓ2 loss a sigmoid
+    The output is not yet clipped to [0, 1]. With several `views` it is the mean over mirror images,
+    but while it trains. The head is linear: under the paper's ℓ2 loss a sigmoid
     saturated within the first steps and did not recover (docs/explanation/decisions.md).
     """
     image = keras.Input((architecture.size, architecture.size, 3), name="image")
+    views = architecture.views
+    seen = Views(views, name="views")(image) if views > 1 else image
     if architecture.pretrained:
-        mask = pretrained_unet(image, channels=1)
+        mask = pretrained_unet(seen, channels=1)
     else:
-        mask = _unet(image, architecture, channels=1)
+        mask = _unet(seen, architecture, channels=1)
+    if views > 1:
+        mask = MeanOfViews(views, dtype="float32", name="mean")(mask)
     return keras.Model(image, mask, name="segmentation_net")
 
 

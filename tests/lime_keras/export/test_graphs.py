@@ -28,9 +28,9 @@ def constants(path):
     }
 
 
-def written(folder, half):
+def written(folder, half, **options):
     """A SegmentationNet stored in float16 or not, and the folder of its graph."""
-    architecture = Architecture(size=32, unet_width=8, unet_depth=1, encoder_width=2, dense_width=4)
+    architecture = Architecture(32, 8, 1, 2, 4, **options)
     subnetworks = {"segmentation": build(architecture, seed=1)["segmentation"]}
     weights.save(folder / "model", architecture, subnetworks, half=half)
     subnetworks = weights.load(folder, whole=False)[1]
@@ -55,8 +55,9 @@ def test_the_command_writes_a_graph_for_each_subnetwork(tiny, tiny_model, tmp_pa
         assert set(graph.outputs) == {tensor.name for tensor in held.output}
 
 
-def test_weights_that_float16_holds_are_stored_in_it_at_no_loss(tmp_path):
-    folder, network = written(tmp_path, half=True)
+@pytest.mark.parametrize("views", [1, 2, 4])
+def test_weights_that_float16_holds_are_stored_in_it_at_no_loss(views, tmp_path):
+    folder, network = written(tmp_path, half=True, views=views)
     types = constants(folder / "segmentation.onnx")
     assert types and set(types.values()) == {onnx.TensorProto.FLOAT16}
     images = parity.images(32)
