@@ -13,7 +13,7 @@ import numpy as np
 from lime_keras.data import clutter
 from lime_keras.optics import camera_law, colour
 
-_PRINTED, _MOTTLED = 0.45, 0.35
+_PRINTED, _MOTTLED = 0.1, 0.1
 """Shares of the objects with one to three prints, and with small changes of their diffuse albedo.
 """
 _LEVELS = 0.2, 1.8
