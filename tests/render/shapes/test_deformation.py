@@ -73,7 +73,7 @@ def test_normals_of_a_deformed_ball_are_those_of_its_faces(seed):
     flat = flat_normals(mesh)
     flat /= np.linalg.norm(flat, axis=1, keepdims=True)
     cosine = (flat * mesh.normals[mesh.faces].mean(1)).sum(1)
-    assert np.median(cosine) > 0.998 and cosine.min() > 0.8
+    assert np.median(cosine) > 0.997 and cosine.min() > 0.8  # 0.9978 and 0.95 of 700 seeds
 
 
 def test_a_stretched_ball_is_an_ellipsoid():
