@@ -73,7 +73,7 @@ class Architecture:
                 f"no system {self.system} with exponent {self.exponent}: there are "
                 f"{', '.join(SYSTEMS)} and {', '.join(EXPONENTS)}"
             )
-        if self.views not in _VIEWS:
+        if not isinstance(self.views, int) or self.views not in _VIEWS:
             raise ValueError(f"no mask from {self.views!r} views: take 1, 2 or 4")
         ablated = not self.mirror or self.exponent != "classification"
         if self.system != "lime" and (ablated or self.dichromatic):

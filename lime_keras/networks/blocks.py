@@ -97,10 +97,10 @@ def encoder(x: KerasTensor, *, width: int, dense_width: int) -> KerasTensor:
 
 
 class Views(layers.Layer):
-    """A layer that puts the mirror images of pictures behind them, `(V · B, H, W, C)`.
+    """A layer that appends the mirror images of pictures to their batch, `(V · B, H, W, C)`.
 
-    The views are the pictures as they are, left to right, upside down, and both. While it trains,
-    there is one.
+    The views are the pictures as they are, mirrored left to right, mirrored upside down, and both.
+    Training sees the first alone.
 
     Args:
         count: V: 1, 2 or 4.
@@ -118,7 +118,7 @@ class Views(layers.Layer):
 
 
 class MeanOfViews(Views):
-    """A layer that turns what was found in the views of `Views` back, and takes the mean."""
+    """A layer that mirrors the answers for the views of `Views` back, and takes their mean."""
 
     def call(self, found: Any, training: bool | None = None) -> Any:
         """Return the mean `(B, H, W, C)` of `(V · B, H, W, C)`."""
@@ -129,7 +129,7 @@ class MeanOfViews(Views):
 
 
 def _mirrored(images: Any, view: int) -> Any:
-    """Return pictures left to right in views 1 and 3, and upside down in 2 and 3."""
+    """Return pictures, mirrored left to right in views 1 and 3, upside down in 2 and 3."""
     images = images[:, :, ::-1] if view % 2 else images
     return images[:, ::-1] if view >= 2 else images
 

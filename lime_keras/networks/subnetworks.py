@@ -22,8 +22,8 @@ from lime_keras.optics.shininess import BIN_COUNT, LOG_HIGH, LOG_LOW
 def segmentation_net(architecture: Architecture) -> keras.Model:
     """Build SegmentationNet: `image` `(B, S, S, 3)` sRGB in [0, 1] → `(B, S, S, 1)` coverage.
 
-    The output is not yet clipped to [0, 1]. With several `views` it is the mean over mirror images,
-    but while it trains. The head is linear: under the paper's ℓ2 loss a sigmoid
+    The output is not yet clipped to [0, 1]. After training it is the mean over the architecture's
+    `views`. The head is linear: under the paper's ℓ2 loss a sigmoid
     saturated within the first steps and did not recover (docs/explanation/decisions.md).
     """
     image = keras.Input((architecture.size, architecture.size, 3), name="image")
