@@ -28,7 +28,6 @@ _OPTIONS = {
     "scale_rate": "rate_scale",
     "size": "architecture.size",
     "width": "architecture.unet_width",
-    "views": "architecture.views",
     "baseline": "architecture.system",
     "exponent": "architecture.exponent",
     "batch_size": "schedule.batch_size",
@@ -134,13 +133,6 @@ def _add_networks(out: argparse.ArgumentParser) -> None:
         type=console.count,
         metavar="CHANNELS",
         help="of the U-Nets' first level (default: the preset's)",
-    )
-    networks.add_argument(
-        "--views",
-        type=int,
-        choices=(1, 2, 4),
-        help="mirror images of a picture, itself included, whose masks are averaged after training "
-        "(default: 1)",
     )
     networks.add_argument(
         "--exponent",

@@ -2,8 +2,8 @@
 
 In eight bits, weights have a scale for each channel. Activations have a scale for each tensor, from
 the values for calibration images (static quantisation, QDQ format). The last layers, SpecularNet's
-way up, masking, clipping and the expansion of S and M, which reach 59,873, stay float32. Input
-images and outputs are always float32.
+way up, the guided filter, masking, clipping and the expansion of S and M, which reach 59,873, stay
+float32. Input images and outputs are always float32.
 """
 
 import re
@@ -31,6 +31,9 @@ converter makes of upsampling; in floating point they would separate the eight-b
 _WAY_UP = re.compile(r"/specular_net\w*/(up|skip)\d")
 """Nodes of SpecularNet's way up, by name. Its features have the range of radiance: those of `live`
 reach 115 times their 99th percentile, too far for 256 equal steps."""
+_GUIDED = re.compile(r"/segmentation_net\w*/guided")
+"""Nodes of the guided filter, by name: it takes small differences of means, of which few bits leave
+nothing."""
 
 
 def prepare(source: Path, target: Path) -> None:
@@ -44,13 +47,40 @@ def prepare(source: Path, target: Path) -> None:
 
 
 def write_float16(prepared: Path, target: Path) -> None:
-    """Write the model with float16 weights and activations.
+    """Write the model with float16 weights and activations, but for the guided filter.
 
     Its S and M have the 11 significant bits of float16. Their largest value, 59,873, is below
     float16's largest value, 65,504.
     """
-    narrow = float16.convert_float_to_float16(onnx.load(prepared), keep_io_types=True)
+    model = onnx.load(prepared)
+    exact = [node.name for node in model.graph.node if _GUIDED.search(node.name)]
+    narrow = float16.convert_float_to_float16(model, keep_io_types=True, node_block_list=exact)
+    _keep_between(narrow)
     onnx.save(narrow, target)
+
+
+def _keep_between(model: onnx.ModelProto) -> None:
+    """Let the nodes in float32 pass float32 on, where the converter narrows it and widens it again.
+
+    Casts that nothing reads any more are taken out.
+    """
+    nodes = model.graph.node
+    casts = {
+        node.output[0]: (node.input[0], node.attribute[0].i)
+        for node in nodes
+        if node.op_type == "Cast"
+    }
+    for node in nodes:
+        for index, name in enumerate(node.input):
+            narrowed, kind = casts.get(name, ("", 0))
+            exact, inner = casts.get(narrowed, ("", 0))
+            if (kind, inner) == (onnx.TensorProto.FLOAT, onnx.TensorProto.FLOAT16):
+                node.input[index] = exact
+    read = {name for node in nodes for name in node.input} | {
+        one.name for one in model.graph.output
+    }
+    for node in [one for one in nodes if one.op_type == "Cast" and one.output[0] not in read]:
+        nodes.remove(node)
 
 
 def write_int8(prepared: Path, target: Path, images: np.ndarray) -> None:
@@ -79,11 +109,12 @@ def write_int8(prepared: Path, target: Path, images: np.ndarray) -> None:
 def in_float32(model: onnx.ModelProto) -> list[str]:
     """Return the names of the nodes that `write_int8` leaves in float32.
 
-    They are the last layers, SpecularNet's way up, and `Clip` where it is not the ReLU6 of a
-    convolution in eight bits. Other operators than `_INTEGER` are not named.
+    They are the last layers, SpecularNet's way up, the guided filter, and `Clip` where it is not
+    the ReLU6 of a convolution in eight bits. Other operators than `_INTEGER` need no name.
     """
     nodes = model.graph.node
-    out = [*heads(model), *(node.name for node in nodes if _WAY_UP.search(node.name))]
+    named = (node.name for node in nodes)
+    out = [*heads(model), *(name for name in named if _WAY_UP.search(name) or _GUIDED.search(name))]
     narrow = (node for node in nodes if node.op_type == "Conv" and node.name not in out)
     convolved = {output for node in narrow for output in node.output}
     clips = (node for node in nodes if node.op_type == "Clip")

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 SYSTEMS = ("lime", "reflectance-map")
 EXPONENTS = ("classification", "regression")
 
-_VIEWS = (1, 2, 4)
 _RANGES = {
     "size": (1, 4096),
     "unet_width": (1, 1024),
@@ -37,11 +36,10 @@ class Architecture:
             beside S.
         exponent: `classification` of the exponent into eight bins, or `regression` of log10 s.
         pretrained: whether SegmentationNet's encoder is EfficientNet-Lite0
-            (`networks.efficientnet`), rather than that of a U-Net.
+            (`networks.efficientnet`), rather than that of a U-Net, and its mask passes the guided
+            filter (`networks.guided_filter`).
         dichromatic: whether SpecularNet and the encoders see the split of the colours into diffuse
             and grey light (`optics.dichromatic`).
-        views: number of mirror images of a picture, itself included, over which SegmentationNet
-            takes the mean: 1, 2 or 4. Its time grows with it; training sees one.
 
     Raises:
         ValueError: if a name is unknown, two settings exclude each other, or the size cannot be
@@ -58,7 +56,6 @@ class Architecture:
     exponent: str = "classification"
     pretrained: bool = False
     dichromatic: bool = False
-    views: int = 1
 
     def __post_init__(self) -> None:
         """Raise ValueError if the settings describe no system."""
@@ -73,8 +70,6 @@ class Architecture:
                 f"no system {self.system} with exponent {self.exponent}: there are "
                 f"{', '.join(SYSTEMS)} and {', '.join(EXPONENTS)}"
             )
-        if not isinstance(self.views, int) or self.views not in _VIEWS:
-            raise ValueError(f"no mask from {self.views!r} views: take 1, 2 or 4")
         ablated = not self.mirror or self.exponent != "classification"
         if self.system != "lime" and (ablated or self.dichromatic):
             raise ValueError(

@@ -96,44 +96,6 @@ def encoder(x: KerasTensor, *, width: int, dense_width: int) -> KerasTensor:
     return x
 
 
-class Views(layers.Layer):
-    """A layer that appends the mirror images of pictures to their batch, `(V · B, H, W, C)`.
-
-    The views are the pictures as they are, mirrored left to right, mirrored upside down, and both.
-    Training sees the first alone.
-
-    Args:
-        count: V: 1, 2 or 4.
-    """
-
-    def __init__(self, count: int, **options: Any):
-        super().__init__(**options)
-        self.count = count
-
-    def call(self, images: Any, training: bool | None = None) -> Any:
-        """Return the views of pictures `(B, H, W, C)`."""
-        if training:
-            return images
-        return ops.concatenate([_mirrored(images, k) for k in range(self.count)], axis=0)
-
-
-class MeanOfViews(Views):
-    """A layer that mirrors the answers for the views of `Views` back, and takes their mean."""
-
-    def call(self, found: Any, training: bool | None = None) -> Any:
-        """Return the mean `(B, H, W, C)` of `(V · B, H, W, C)`."""
-        if training:
-            return found
-        views = ops.reshape(found, (self.count, -1, *found.shape[1:]))
-        return sum(_mirrored(views[k], k) for k in range(self.count)) / self.count
-
-
-def _mirrored(images: Any, view: int) -> Any:
-    """Return pictures, mirrored left to right in views 1 and 3, upside down in 2 and 3."""
-    images = images[:, :, ::-1] if view % 2 else images
-    return images[:, ::-1] if view >= 2 else images
-
-
 class HueOfPixels(layers.Layer):
     """A layer that turns m_d, the first three of `(B, 4)` albedos, to the hue of a masked image.
 

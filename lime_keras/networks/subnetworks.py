@@ -9,12 +9,11 @@ from keras import layers
 from lime_keras.networks.architecture import Architecture
 from lime_keras.networks.blocks import (
     HueOfPixels,
-    MeanOfViews,
-    Views,
     encoder,
     pretrained_unet,
     unet,
 )
+from lime_keras.networks.guided_filter import GuidedFilter
 from lime_keras.optics.dichromatic import CHANNELS
 from lime_keras.optics.shininess import BIN_COUNT, LOG_HIGH, LOG_LOW
 
@@ -22,19 +21,16 @@ from lime_keras.optics.shininess import BIN_COUNT, LOG_HIGH, LOG_LOW
 def segmentation_net(architecture: Architecture) -> keras.Model:
     """Build SegmentationNet: `image` `(B, S, S, 3)` sRGB in [0, 1] → `(B, S, S, 1)` coverage.
 
-    The output is not yet clipped to [0, 1]. After training it is the mean over the architecture's
-    `views`. The head is linear: under the paper's ℓ2 loss a sigmoid
-    saturated within the first steps and did not recover (docs/explanation/decisions.md).
+    The output is not yet clipped to [0, 1]. With a pretrained encoder it has passed the guided
+    filter, except in training. The head is linear: under the paper's ℓ2 loss a sigmoid saturated
+    within the first steps and did not recover (docs/explanation/decisions.md).
     """
     image = keras.Input((architecture.size, architecture.size, 3), name="image")
-    views = architecture.views
-    seen = Views(views, name="views")(image) if views > 1 else image
     if architecture.pretrained:
-        mask = pretrained_unet(seen, channels=1)
+        found = pretrained_unet(image, channels=1)
+        mask = GuidedFilter(dtype="float32", name="guided")([found, image])
     else:
-        mask = _unet(seen, architecture, channels=1)
-    if views > 1:
-        mask = MeanOfViews(views, dtype="float32", name="mean")(mask)
+        mask = _unet(image, architecture, channels=1)
     return keras.Model(image, mask, name="segmentation_net")
 
 

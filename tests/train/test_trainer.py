@@ -755,9 +755,9 @@ def test_the_commands_sizes(corpus, tmp_path, brief_smoke, nudged, capsys):
     """In place of the preset's, kept by a run that is resumed, and refused where they differ."""
     run = [str(corpus), "--out", str(tmp_path / "run")]
     stage = ["--stages", "specular"]
-    sizes = ["--width", "3", "--size", "64", "--views", "2"]
+    sizes = ["--width", "3", "--size", "64"]
     assert cli.main([*run, "--preset", "smoke", *sizes, *stage]) == 0
-    architecture = dataclasses.replace(TINY, unet_width=3, size=64, views=2)
+    architecture = dataclasses.replace(TINY, unet_width=3, size=64)
     assert Config.read(tmp_path / "run").architecture == architecture
     assert _stage(tmp_path / "run", "specular")["arr_0"].shape == (3, 3, 3, 3)
     held = cli.config_of(cli.parser().parse_args([*run, "--resume"]))
@@ -786,7 +786,6 @@ def test_a_size_that_cannot_be_is_refused(size, found, corpus, tmp_path, capsys)
         ["--preset", "smoke", "--resume"],
         ["--preset", "smoke", "--scale-steps", "0"],
         ["--preset", "smoke", "--width", "0"],
-        ["--preset", "smoke", "--views", "3"],
         ["--preset", "smoke", "--size", "1.5"],
         ["--preset", "smoke", "--minutes", "0"],
         ["--preset", "smoke", "--minutes", "5", "--scale-steps", "2"],

@@ -9,6 +9,7 @@ from onnx import numpy_helper
 
 from lime_keras.export import exporter, formats, parity, quantisation
 from lime_keras.networks import build
+from lime_keras.networks.guided_filter import GuidedFilter
 
 
 def test_harm_by_hand():
@@ -132,3 +133,42 @@ def test_what_clips_no_convolution_stays_float32(saturated):
             onnx.helper.make_node("Clip", [source], [f"{source}-cut"], name=f"cut-{source}")
         )
     assert set(quantisation.in_float32(model)) == before | {"cut-image", f"cut-{answer}"}
+
+
+@pytest.fixture(scope="module")
+def filtered(tmp_path_factory):
+    """A prepared model whose mask is the brightness of the picture, filtered."""
+    image = keras.Input((32, 32, 3), name="image")
+    mask = layers.Conv2D(1, 1, kernel_initializer=keras.initializers.Constant(1 / 3))(image)
+    mask = GuidedFilter(name="guided")([mask, image])
+    network = keras.Model({"image": image}, {"mask": mask}, name="segmentation_net")
+    whole = keras.Input((32, 32, 3), name="image")
+    folder = tmp_path_factory.mktemp("filtered")
+    formats.write_onnx(keras.Model(whole, network({"image": whole}), name="lime"), folder / "whole")
+    quantisation.prepare(folder / "whole", folder / "prepared.onnx")
+    return folder / "prepared.onnx"
+
+
+@pytest.mark.parametrize("precision, bound", [("float16", 3e-3), ("int8", 0.05)])
+def test_the_guided_filter_computes_in_float32(precision, bound, filtered, tmp_path):
+    """Its variances of faint pictures are below the last bit of half precision."""
+    path = tmp_path / "narrow.onnx"
+    write(precision, filtered, path)
+    images = 0.7 + 0.02 * parity.images(32)
+    expected = parity.answers(formats.open_onnx(filtered), images)
+    found = parity.answers(formats.open_onnx(path), images)
+    assert quantisation.harm(expected, found)["mask"] < bound
+    model = onnx.load(path)
+    produced = {output: node for node in model.graph.node for output in node.output}
+    assert any(quantisation._GUIDED.search(node.name) for node in model.graph.node)
+    for node in model.graph.node:
+        inner = [produced[name] for name in node.input if name in produced]
+        if quantisation._GUIDED.search(node.name):
+            # Nothing narrows a value on its way from one node of the filter to the next.
+            assert not [
+                one
+                for one in inner
+                if one.op_type == "Cast"
+                and one.input[0] in produced
+                and produced[one.input[0]].op_type == "Cast"
+            ]

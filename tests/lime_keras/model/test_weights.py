@@ -42,18 +42,6 @@ def test_round_trip(tiny, tmp_path):
     assert_same(found, subnetworks)
 
 
-def test_the_views_of_a_mask_may_change_after_training(tiny, model):
-    _, before = weights.load(model)
-    description = model / "architecture.json"
-    description.write_text(json.dumps(json.loads(description.read_text()) | {"views": 4}))
-    architecture, found = weights.load(model)
-    assert architecture == dataclasses.replace(tiny, views=4)
-    assert_same(found, before)
-    images = np.random.default_rng(0).random((2, 32, 32, 3)).astype(np.float32)
-    masks = [one["segmentation"].predict_on_batch(images) for one in (before, found)]
-    assert np.abs(masks[0] - masks[1]).max() > 1e-4
-
-
 def test_half_the_space_keeps_sixteen_bits(tmp_path):
     wide = Architecture(size=32, unet_width=8, unet_depth=3, encoder_width=8, dense_width=32)
     subnetworks = build(wide, seed=1)

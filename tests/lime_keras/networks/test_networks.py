@@ -174,44 +174,6 @@ def test_other_presets_read_the_split(preset):
     assert subnetworks["segmentation"].output_shape == size
 
 
-@pytest.mark.parametrize("views", [2, 4])
-@pytest.mark.parametrize("pretrained", [False, True])
-def test_a_mask_of_several_views_is_the_mean_of_mirrored_pictures(views, pretrained, tiny):
-    one = dataclasses.replace(tiny, pretrained=pretrained)
-    several = dataclasses.replace(one, views=views)
-    single, network = (
-        SUBNETWORKS["segmentation"].build(architecture) for architecture in (one, several)
-    )
-    rng = np.random.default_rng(views)
-    values = [rng.normal(0, 0.1, weight.shape) for weight in single.get_weights()]
-    values = [
-        np.abs(v) if "var" in w.path else v for v, w in zip(values, single.weights, strict=True)
-    ]
-    single.set_weights(values)
-    network.set_weights(values)
-    images = rng.random((3, 32, 32, 3)).astype(np.float32)
-    mirrored = [
-        (slice(None), slice(None, None, down), slice(None, None, across))
-        for down, across in [(1, 1), (1, -1), (-1, 1), (-1, -1)][:views]
-    ]
-    found = np.mean([single.predict_on_batch(images[turn])[turn] for turn in mirrored], axis=0)
-    assert np.std(found) > 0
-    np.testing.assert_allclose(network.predict_on_batch(images), found, rtol=1e-4, atol=1e-5)
-    # Training sees pictures as they are.
-    np.testing.assert_allclose(
-        keras.ops.convert_to_numpy(network(images, training=True)),
-        keras.ops.convert_to_numpy(single(images, training=True)),
-        rtol=1e-4,
-        atol=1e-5,
-    )
-
-
-@pytest.mark.parametrize("views", [0, 3, 8, 2.0, "2", None])
-def test_views_that_are_no_mirror_images_are_refused(views, tiny):
-    with pytest.raises(ValueError, match="take 1, 2 or 4"):
-        dataclasses.replace(tiny, views=views)
-
-
 def test_the_papers_u_nets_keep_to_the_bound_of_its_run_times():
     """28 GFLOP each, multiplication and addition counted apart."""
     layers = unet_convolutions(PRESETS["paper"], 3)
