@@ -34,7 +34,7 @@ class GuidedFilter(layers.Layer):
 
 
 def filtered(mask: Any, image: Any) -> Any:
-    """Return masks filtered by their pictures, `(B, H, W, 1)`, some hundredths beyond [0, 1].
+    """Return masks filtered by their pictures, `(B, H, W, 1)`, which may lie beyond [0, 1].
 
     Args:
         mask: coverage `(B, H, W, 1)`; it is clipped to [0, 1].
