@@ -14,6 +14,7 @@ import tensorflow as tf
 from keras import layers
 
 from lime_keras.networks.blocks import HueOfPixels
+from lime_keras.networks.guided_filter import GuidedFilter
 from lime_keras.networks.registry import MASK_CONTRAST, SUBNETWORKS
 from lime_keras.optics.dichromatic import channels, with_hue_of_pixels
 from lime_keras.optics.dynamic_range import HIGHEST_COMPRESSED
@@ -138,6 +139,13 @@ def _turned(
     return np.concatenate([diffuse, albedos[:, 3:]], axis=-1)
 
 
+def _filtered(
+    layer: GuidedFilter, mask: np.ndarray, image: np.ndarray, rounding: Rounding
+) -> np.ndarray:
+    # Its small variances suffer from the rounding of what they are variances of.
+    return np.asarray(layer.call([rounding.answer(mask), rounding.answer(image)]))
+
+
 def _pooled(layer: layers.MaxPooling2D, x: np.ndarray, rounding: Rounding) -> np.ndarray:
     count, height, width, channels = x.shape
     return x.reshape(count, height // 2, 2, width // 2, 2, channels).max((2, 4))
@@ -148,6 +156,7 @@ _LAYERS: dict[type, Callable[..., np.ndarray]] = {
     layers.Conv2D: _convolution,
     layers.DepthwiseConv2D: _depthwise,
     layers.Dense: _dense,
+    GuidedFilter: _filtered,
     HueOfPixels: _turned,
     layers.MaxPooling2D: _pooled,
     layers.UpSampling2D: lambda layer, x, rounding: x.repeat(2, 1).repeat(2, 2),

@@ -59,7 +59,9 @@ def filtered(mask: Any, image: Any) -> Any:
     return ops.moveaxis(out, 1, 3)
 
 
-def _solved(first: Sequence[Any], second: Sequence[Any], third: Any, right: Sequence[Any]) -> Any:
+def _solved(
+    first: Sequence[Any], second: Sequence[Any], third: Any, right: Sequence[Any]
+) -> tuple[Any, Any, Any]:
     """Return x, y and z of A (x, y, z) = `right`, by elimination without pivots.
 
     A is symmetric, with eigenvalues of at least `_NOISE`², so pivots are at least that, too.
