@@ -142,7 +142,7 @@ def _turned(
 def _filtered(
     layer: GuidedFilter, mask: np.ndarray, image: np.ndarray, rounding: Rounding
 ) -> np.ndarray:
-    # Its small variances suffer from the rounding of what they are variances of.
+    # It takes small variances, so rounding errors of the mask and of the colours count.
     return np.asarray(layer.call([rounding.answer(mask), rounding.answer(image)]))
 
 
