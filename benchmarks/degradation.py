@@ -23,7 +23,7 @@ from PIL import Image
 from tqdm import tqdm
 
 from lime_keras import Estimator, console
-from lime_keras.data import pipeline
+from lime_keras.data import clutter, pipeline
 from lime_keras.data.corpus import Split
 from lime_keras.metrics import bin_distance, overlap, overlap_ratio
 from lime_keras.optics import camera_law, colour, environment, material_law
@@ -31,7 +31,6 @@ from lime_keras.synthesis import bank
 from lime_keras.synthesis.light_law import LAMP_PARTS, LAMPS, LightDraw
 from lime_keras.synthesis.lights import LightBank
 from lime_keras.synthesis.scenes import Scenes
-from lime_keras.train.sources import masks
 
 matplotlib.use("Agg")
 
@@ -94,7 +93,7 @@ def moved(photo: Photo, to: float) -> Photo:
     if to == 0:
         return dataclasses.replace(photo, given=photo.mask)
     radius = int(np.ceil(abs(to)))
-    blurred = masks.blurred(photo.mask, radius)
+    blurred = clutter.blurred(photo.mask, radius)
     level = 0.5 - 0.5 * to / (radius + 0.5)
     return dataclasses.replace(photo, given=np.asarray(blurred >= level, np.float32))
 

@@ -39,7 +39,7 @@ _OPTIONS = {
     "freeze": "frozen",
 }
 """The field of the config that takes an option's value."""
-_FIELDS = (*_OPTIONS.values(), *_PARTS.values(), "begun_from")
+_FIELDS = (*_OPTIONS.values(), *_PARTS.values(), "begun_from", "cutouts")
 _EXAMPLE = """
 examples:
   lime-train corpus --out runs/first --preset smoke
@@ -98,6 +98,14 @@ def _add_data(out: argparse.ArgumentParser) -> None:
         metavar="LAW",
         help="laws of the albedos: `uniform`, the paper's; `natural`, as common objects have them; "
         "or both in turns (default: uniform). The held-out scenes of a corpus keep their own",
+    )
+    data.add_argument(
+        "--cutouts",
+        nargs=2,
+        type=Path,
+        metavar=("THINGS", "PLACES"),
+        help="let SegmentationNet see photographs in a quarter of each batch: of THINGS, a folder "
+        "of PNG files cut out by their alpha channel, before PLACES, such as of lime-render views",
     )
 
 
@@ -306,6 +314,7 @@ def _train_here(options: argparse.Namespace, began: float) -> int:
             only=options.stages,
             reuse=options.reuse,
             start_from=options.start_from,
+            cutouts=options.cutouts,
             devices=options.devices,
             began=began,
         )
@@ -378,6 +387,8 @@ def config_of(options: argparse.Namespace) -> Any:
 
 def _asked(options: argparse.Namespace) -> dict[str, Any]:
     """Return the fields of the config that the options set, by their dotted names."""
+    from lime_keras.data import cutouts
+
     from . import initial_weights
 
     given = {field: getattr(options, option) for option, field in _OPTIONS.items()}
@@ -391,6 +402,8 @@ def _asked(options: argparse.Namespace) -> dict[str, Any]:
         given[_PARTS["dichromatic"]] = False
     if options.start_from is not None:
         given["begun_from"] = initial_weights.sha256(options.start_from)
+    if options.cutouts is not None:
+        given["cutouts"] = cutouts.sha256(*options.cutouts)
     return {
         field: tuple(value) if isinstance(value, list) else value
         for field, value in given.items()

@@ -43,6 +43,8 @@ class Config:
             None for those that a corpus was rendered by, and `uniform` wherever they are drawn.
         frozen: subnetworks that keep the weights that the run begins with; None if all are trained.
         rate_scale: factor by which the preset's learning rates were multiplied.
+        cutouts: hash of the photographs that a part of SegmentationNet's batches is composed of
+            (`lime_keras.data.cutouts.sha256`); None for none.
     """
 
     preset: str
@@ -59,6 +61,7 @@ class Config:
     materials: tuple[str, ...] | None = None
     frozen: tuple[str, ...] | None = None
     rate_scale: float = 1.0
+    cutouts: str | None = None
 
     @classmethod
     def read(cls, run: Path) -> "Config":

@@ -16,6 +16,7 @@ import numpy as np
 
 from lime_keras.data import clutter, prints
 from lime_keras.data.corpus import Split
+from lime_keras.data.cutouts import Cutouts
 from lime_keras.synthesis import bank
 
 from .config import Config, is_bank
@@ -44,14 +45,22 @@ class Data:
         paths: folders of corpora with complete train splits, and of complete banks.
         config: config of the run.
         rows: (k, n): the training batches hold only the k-th of n equal parts of each batch.
+        photographs: folders of things and places whose hash is `config.cutouts`.
 
     Raises:
-        FileNotFoundError: if a split or a bank is incomplete.
+        FileNotFoundError: if a split or a bank is incomplete, or the cut-outs' folders are not
+            given.
         ValueError: if a split is too small, or if anything is damaged or of an image size that does
             not fit.
     """
 
-    def __init__(self, paths: Sequence[Path], config: Config, rows: tuple[int, int] = (0, 1)):
+    def __init__(
+        self,
+        paths: Sequence[Path],
+        config: Config,
+        rows: tuple[int, int] = (0, 1),
+        photographs: Sequence[Path] | None = None,
+    ):
         banks = [path for path in paths if is_bank(path)]
         corpora = [path for path in paths if path not in banks]
         self._paths, self._bank_count, self._config = paths, len(banks), config
@@ -66,6 +75,9 @@ class Data:
 
             self._banks = Banks(banks, config, rows)
         _check_sizes(paths, config.architecture.size)
+        if config.cutouts is not None and photographs is None:
+            raise FileNotFoundError("this run learns from cut-outs: pass its --cutouts again")
+        self._photographs = photographs
         self._masker: keras.Model | None = None
         self._kept: list[Batch] = []
         self._kept_features: set[str] = set()
@@ -85,6 +97,9 @@ class Data:
         if self._corpora is not None:
             batches["corpora"] = self._corpora.training(seed, wanted, first_step - of_banks)
         is_of_masks = stage.subnetworks == ("segmentation",)
+        cutouts = None
+        if is_of_masks and self._photographs is not None:
+            cutouts = Cutouts(*self._photographs, self._config.architecture.size)
         for step in itertools.count(first_step):
             batch = next(batches["banks" if self._is_of_banks(step) else "corpora"])
             generator = np.random.default_rng((seed, step))
@@ -93,6 +108,9 @@ class Data:
                 batch = batch | {"image": images}
             elif self._config.schedule.clutter:
                 batch = batch | {"image": prints.add(batch, generator)}
+            if cutouts is not None:
+                images, covers = cutouts.put(batch["image"], batch["mask"], generator)
+                batch = batch | {"image": images, "mask": covers}
             if sees:
                 seen = masks.seen(self._masker, batch["image"], batch["mask"], generator)
                 batch = batch | {SEEN_MASK: seen}

@@ -54,6 +54,7 @@ def train(
     only: Collection[str] | None = None,
     reuse: Path | None = None,
     start_from: Path | None = None,
+    cutouts: tuple[Path, Path] | None = None,
     devices: int = 1,
     began: float | None = None,
 ) -> list[str]:
@@ -74,6 +75,7 @@ def train(
             loaded and unfinished ones skipped.
         reuse: folder of another run, whose finished stages are copied if they are the same stages.
         start_from: trained model whose hash is `config.begun_from`; not needed to resume a run.
+        cutouts: folders of photographs whose hash is `config.cutouts`.
         devices: number of devices of each process that each batch is split between.
         began: `time.monotonic()` from which on the time of this command counts; by default now.
 
@@ -99,7 +101,7 @@ def train(
     with lock:
         _refuse(config, only, reuse, devices)
         # Open: what is there agrees with the config, and among the processes.
-        data = Data(paths, config, place)
+        data = Data(paths, config, place, cutouts)
         check(run, config)
         hosts.agree({"options or data": dataclasses.asdict(config), "--devices": devices})
         if config.minutes is None and place[0] == 0:

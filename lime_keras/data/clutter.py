@@ -63,10 +63,10 @@ def add(
         size = images.shape[1]
         down, right = (int(n) for n in generator.integers(-size // 2, size // 2 + 1, 2))
         other = (index + 1) % len(images)
-        share = _shifted(masks[other], down, right) * (1 - masks[index])
+        share = shifted(masks[other], down, right) * (1 - masks[index])
         if 0 < share.sum() <= _LARGEST * masks[index].sum():
             pasted[index] = True
-            out[index] += share * (_shifted(painted[other], down, right) - out[index])
+            out[index] += share * (shifted(painted[other], down, right) - out[index])
     for index in np.flatnonzero(generator.random(len(images)) < _SHADED):
         shadow = pattern(images.shape[1], generator, generator.uniform(-0.5, 1.0), _COARSE)
         out[index] *= 1 - shadow * np.float32(generator.uniform(0, 1 - _DARKEST))
@@ -107,6 +107,30 @@ def smooth_noise(
     return (_between(size, rows) @ noise @ _between(size, columns).T)[..., None]
 
 
+def paper(size: int, generator: np.random.Generator) -> np.ndarray:
+    """Return white, black or grey paper, `(size, size, 3)` float32 sRGB in [0, 1]."""
+    grey = generator.choice([0.0, 1.0, generator.uniform()])
+    lit = 0.05 * smooth_noise(size, generator, _COARSE) if grey else 0.0
+    grain = generator.normal(0, 0.01, (size, size, 3))
+    return np.clip(grey + lit + grain, 0, 1).astype(np.float32)
+
+
+def blurred(mask: np.ndarray, radius: int) -> np.ndarray:
+    """Return a mask `(S, S, 1)` averaged over squares of 2 · radius + 1 pixels, 0 outside."""
+    out = np.pad(mask[..., 0], radius + 1)[:-1, :-1].cumsum(0).cumsum(1)
+    width = 2 * radius + 1
+    area = out[width:, width:] - out[:-width, width:] - out[width:, :-width] + out[:-width, :-width]
+    return np.clip(area[..., None] / width**2, 0, 1)
+
+
+def shifted(image: np.ndarray, down: int, right: int) -> np.ndarray:
+    """Return an image `(S, S, C)` moved by whole pixels, 0 where nothing comes in."""
+    out = np.zeros_like(image)
+    rows, columns = _moved(len(image), down), _moved(len(image), right)
+    out[rows[1], columns[1]] = image[rows[0], columns[0]]
+    return out
+
+
 def _painted(image: np.ndarray, other: np.ndarray, generator: np.random.Generator) -> np.ndarray:
     """Return an image `(S, S, 3)` painted all over; only the object's part of it counts."""
     shade = image.max(axis=-1, keepdims=True)
@@ -142,9 +166,7 @@ def _behind(image: np.ndarray, mask: np.ndarray, generator: np.random.Generator)
         gain = generator.uniform(0.5, 1.5) * own / max(own.max(), 1e-3)
         return np.minimum(shade * gain.astype(np.float32) * 1.5, 1)
     if chance < _CAMOUFLAGED + _STUDIO:
-        paper = generator.choice([0.0, 1.0, generator.uniform()])
-        lit = 0.05 * smooth_noise(len(image), generator, _COARSE) if paper else 0.0
-        return np.clip(paper + lit + generator.normal(0, 0.01, image.shape), 0, 1)
+        return paper(len(image), generator)
     return image
 
 
@@ -158,14 +180,6 @@ def _between(size: int, cells: int) -> np.ndarray:
     """Return the matrix `(size, cells + 1)` that interpolates linearly between the cells' ends."""
     places = (np.arange(size, dtype=np.float32) + 0.5) * cells / size
     return np.maximum(0, 1 - np.abs(places[:, None] - np.arange(cells + 1, dtype=np.float32)))
-
-
-def _shifted(image: np.ndarray, down: int, right: int) -> np.ndarray:
-    """Return an image `(S, S, C)` moved by whole pixels, 0 where nothing comes in."""
-    out = np.zeros_like(image)
-    rows, columns = _moved(len(image), down), _moved(len(image), right)
-    out[rows[1], columns[1]] = image[rows[0], columns[0]]
-    return out
 
 
 def _moved(size: int, by: int) -> tuple[slice, slice]:

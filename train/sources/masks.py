@@ -60,20 +60,12 @@ def damaged(mask: np.ndarray, generator: np.random.Generator) -> np.ndarray:
     """
     size = len(mask)
     radius = max(1, round(generator.uniform(*_BLUR) * size / 128))
-    soft = blurred(mask, radius)
+    soft = clutter.blurred(mask, radius)
     level = 0.5 + _MOVED * clutter.smooth_noise(size, generator)
     out = np.clip(_SHARPNESS * (soft - np.clip(level, 0.1, 0.9)) + 0.5, 0, 1)
     if generator.random() < _BITTEN:
         out *= 1 - clutter.pattern(size, generator, 1.2)
     if generator.random() < _BITTEN:
-        around = np.clip(4 * blurred(mask, size // 8), 0, 1)
+        around = np.clip(4 * clutter.blurred(mask, size // 8), 0, 1)
         out = np.maximum(out, around * clutter.pattern(size, generator, 1.2))
     return out.astype(np.float32)
-
-
-def blurred(mask: np.ndarray, radius: int) -> np.ndarray:
-    """Return a mask `(S, S, 1)` averaged over squares of 2 · radius + 1 pixels, 0 outside."""
-    out = np.pad(mask[..., 0], radius + 1)[:-1, :-1].cumsum(0).cumsum(1)
-    width = 2 * radius + 1
-    area = out[width:, width:] - out[:-width, width:] - out[width:, :-width] + out[:-width, :-width]
-    return np.clip(area[..., None] / width**2, 0, 1)

@@ -1,0 +1,217 @@
+"""The cut-out augmentation: photographs of real things, put before photographed places.
+
+It is for SegmentationNet alone, whose encoder forgets photographs where it learns from renders
+alone (docs/lab/2026-11-25-mask.md). A cut-out is a picture of one thing whose alpha channel is
+the thing's coverage. Nothing need be known of its material.
+"""
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+from OpenImageIO import ImageBufAlgo
+
+from lime_keras.io import photo, untrusted
+
+from . import clutter
+
+_SHARE = 0.25
+"""Share of a batch's images that show a cut-out."""
+_LEAST_SIDE, _LEAST_COLOURS = 64, 250
+"""Least pixels along the longer side of a thing, and least colours: fewer are letters and signs."""
+_COLOUR_STEP = 8
+"""Steps of 255 that count as one colour."""
+_OPAQUE = 0.97
+"""Largest share of a picture that a thing covers; a picture without alpha is no cut-out."""
+_EXTENT = 0.35, 1.05
+"""Least and largest length of a thing's longer side, of the image's."""
+_TURN = 0.35
+"""Standard deviation of a thing's turn, in radians."""
+_OFF_CENTRE, _OTHER_OFF_CENTRE = 0.1, 0.35
+"""Standard deviations of the place of a thing, and of the one behind it, of the image's side."""
+_PAPER = 0.2
+"""Share of the things before white, black or grey paper."""
+_ACCOMPANIED, _OTHER = 0.3, 0.5
+"""Share of the things with another one behind them, and its length, of the thing's own."""
+_SHADED = 0.5
+"""Share of the things that cast a shadow on what is behind them."""
+_BRIGHTNESS = 0.3
+"""Standard deviation of the logarithm of a picture's gain, sRGB."""
+_BLUR = 0.5
+"""Largest share of its neighbours in a pixel, along either axis."""
+_NOISE = 0.02
+"""Largest standard deviation of an image's noise, sRGB."""
+
+
+class Cutouts:
+    """Photographs of things and of places, from which images of any number are composed.
+
+    Args:
+        things: folder of PNG pictures with alpha, at any depth. Letters, small pictures and those
+            without alpha are left out.
+        places: folder of PNG pictures, such as `lime-render views` takes.
+        size: S, height and width of the images in pixels.
+
+    Raises:
+        FileNotFoundError: if either folder holds nothing of use.
+        ValueError: if a picture cannot be read.
+    """
+
+    def __init__(self, things: Path, places: Path, size: int):
+        self._size = size
+        cut = (_thing(path, 2 * size) for path in _pictures(things))
+        self._things = [thing for thing in cut if thing is not None]
+        if not self._things:
+            raise FileNotFoundError(
+                f"{things} holds no cut-out: pass a folder of photographs of things as PNG, of at "
+                f"least {_LEAST_SIDE} pixels, cut out by their alpha channel"
+            )
+        self._places = [_place(path, size) for path in _pictures(places)]
+
+    def put(
+        self, images: np.ndarray, masks: np.ndarray, generator: np.random.Generator
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Put images of cut-outs in the place of the first quarter of a batch.
+
+        Args:
+            images: `(B, S, S, 3)` sRGB in [0, 1].
+            masks: coverage of the objects `(B, S, S, 1)` in [0, 1].
+            generator: source of all random numbers.
+
+        Returns:
+            Images and masks of the same shapes and ranges, float32.
+        """
+        images, masks = np.array(images, np.float32), np.array(masks, np.float32)
+        for row in range(round(_SHARE * len(images))):
+            images[row], masks[row] = self._composed(generator)
+        return images, masks
+
+    def _composed(self, generator: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        """Return an image of a thing `(S, S, 3)` and its coverage `(S, S, 1)`."""
+        extent = generator.uniform(*_EXTENT)
+        image = self._behind(generator)
+        if generator.random() < _ACCOMPANIED:
+            image = _over(image, self._placed(_OTHER * extent, _OTHER_OFF_CENTRE, generator))
+        thing = self._placed(extent, _OFF_CENTRE, generator)
+        if generator.random() < _SHADED:
+            image = _over(image, _shadow(thing, generator))
+        image = _softened(_over(image, thing), generator.uniform(0, _BLUR))
+        image = image + generator.normal(0, generator.uniform(0, _NOISE), image.shape)
+        return np.clip(image, 0, 1), thing[..., 3:]
+
+    def _behind(self, generator: np.random.Generator) -> np.ndarray:
+        """Return what is behind a thing, `(S, S, 3)`."""
+        size = self._size
+        if generator.random() < _PAPER:
+            return clutter.paper(size, generator)
+        place = self._places[generator.integers(len(self._places))]
+        top, left = generator.integers(0, np.subtract(place.shape[:2], size) + 1)
+        out = place[top : top + size, left : left + size] / np.float32(255)
+        out = out[:, ::-1] if generator.random() < 0.5 else out
+        return np.minimum(out * np.float32(np.exp(generator.normal(0, _BRIGHTNESS))), 1)
+
+    def _placed(
+        self, extent: float, off_centre: float, generator: np.random.Generator
+    ) -> np.ndarray:
+        """Return a thing's colours and coverage `(S, S, 4)`, turned, scaled, moved at random."""
+        thing, size = self._things[generator.integers(len(self._things))], self._size
+        height, width = thing.shape[:2]
+        scale, angle = extent * size / max(height, width), generator.normal(0, _TURN)
+        right = scale * np.array([np.cos(angle), np.sin(angle)]) * generator.choice([-1, 1])
+        down = scale * np.array([-np.sin(angle), np.cos(angle)])
+        middle = size * (0.5 + generator.normal(0, off_centre, 2))
+        corner = middle - right * width / 2 - down * height / 2
+        matrix = (*right, 0.0, *down, 0.0, *corner, 1.0)
+        warped = ImageBufAlgo.warp(
+            oiio.ImageBuf(thing / np.float32(255)),
+            tuple(float(number) for number in matrix),
+            "triangle",
+            roi=oiio.ROI(0, size, 0, size),
+        )
+        out = np.clip(warped.get_pixels(oiio.FLOAT), 0, 1)
+        gain = np.exp(generator.normal(0, _BRIGHTNESS)) / np.maximum(out[..., 3:], 1e-3)
+        out[..., :3] = np.minimum(out[..., :3] * gain, 1)
+        return out
+
+
+def sha256(things: Path, places: Path) -> str:
+    """Return a hash of the names and bytes of all pictures of two folders.
+
+    Raises:
+        FileNotFoundError: if a folder holds no pictures.
+    """
+    digest = hashlib.sha256()
+    for folder in (things, places):
+        for path in _pictures(folder):
+            digest.update(f"{path.relative_to(folder)} {untrusted.sha256(path)}\n".encode())
+    return digest.hexdigest()
+
+
+def _pictures(folder: Path) -> list[Path]:
+    out = sorted(folder.rglob("*.png"))
+    if not out:
+        raise FileNotFoundError(f"{folder} holds no PNG pictures: check --cutouts")
+    return out
+
+
+def _thing(path: Path, longest: int) -> np.ndarray | None:
+    """Return a picture's thing, premultiplied `(H, W, 4)` uint8, or None if it is of no use."""
+    spec = oiio.ImageBuf(str(path)).spec()
+    if 0 < min(spec.width, spec.height) < photo.SMALLEST:
+        return None
+    image, alpha = photo.read(path)
+    if alpha is None or alpha.mean() > _OPAQUE:
+        return None
+    rows, columns = (np.flatnonzero((alpha > 0.5).any(axis=(axis, 2))) for axis in (1, 0))
+    if not len(rows) or max(np.ptp(rows), np.ptp(columns)) < _LEAST_SIDE:
+        return None
+    pixels = np.round(255 * np.concatenate([image, alpha], axis=-1)).astype(np.uint8)
+    whole = pixels[pixels[..., 3] == 255][:, :3].astype(np.int32) // _COLOUR_STEP
+    colours = np.bincount(whole @ [2**10, 2**5, 1])
+    if np.count_nonzero(colours) < _LEAST_COLOURS:
+        return None
+    pixels = pixels[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    return _resized(pixels, min(1, longest / max(pixels.shape)))
+
+
+def _place(path: Path, size: int) -> np.ndarray:
+    """Return a picture of a place, `(H, W, 3)` uint8, its shorter side 1 to 1.5 times `size`."""
+    pixels = np.round(255 * photo.read(path)[0]).astype(np.uint8)
+    short = min(pixels.shape[:2])
+    return _resized(pixels, np.clip(short, size, 1.5 * size) / short)
+
+
+def _resized(pixels: np.ndarray, factor: float) -> np.ndarray:
+    """Return a picture `(H, W, C)` uint8 at another size."""
+    if factor == 1:
+        return pixels
+    height, width = (max(1, round(factor * side)) for side in pixels.shape[:2])
+    kernel = "box" if factor < 0.5 else "triangle"
+    region = oiio.ROI(0, width, 0, height)
+    return ImageBufAlgo.resize(oiio.ImageBuf(pixels), kernel, roi=region).get_pixels(oiio.UINT8)
+
+
+def _over(image: np.ndarray, layer: np.ndarray) -> np.ndarray:
+    """Put a layer `(S, S, 4)` over an image `(S, S, 3)`."""
+    return image + layer[..., 3:] * (layer[..., :3] - image)
+
+
+def _shadow(thing: np.ndarray, generator: np.random.Generator) -> np.ndarray:
+    """Return a thing's soft shadow, black, `(S, S, 4)`."""
+    size = len(thing)
+    down, right = (int(n) for n in generator.normal(0, 0.05 * size, 2))
+    cover = clutter.shifted(thing[..., 3:], abs(down), right)
+    out = np.zeros_like(thing)
+    out[..., 3:] = clutter.blurred(cover, int(generator.integers(1, size // 12)))
+    out[..., 3:] *= generator.uniform(0.2, 0.8)
+    return out
+
+
+def _softened(image: np.ndarray, share: float) -> np.ndarray:
+    """Return an image `(S, S, 3)` of which each pixel gets a share of its neighbours."""
+    for _ in range(2):
+        padded = np.pad(image, ((1, 1), (0, 0), (0, 0)), "edge")
+        image = image + share * (0.5 * (padded[:-2] + padded[2:]) - image)
+        image = image.transpose(1, 0, 2)
+    return image
