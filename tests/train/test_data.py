@@ -13,6 +13,7 @@ from sphere_corpus import write_split
 from lime_keras.data import prints
 from lime_keras.data.features import LEARNT_FROM
 from lime_keras.synthesis import bank
+from lime_keras.train import data as train_data
 from lime_keras.train.config import corpus_sha256
 from lime_keras.train.data import SEEN_MASK, Data
 from lime_keras.train.sources import banks
@@ -174,6 +175,29 @@ def test_clutter_is_of_masks_alone_and_prints_are_of_all_others(paths, name, sta
     assert (max(around) > 0.01) == (stage == "segmentation")
     later = next(both[1].training(here, LEARNT_FROM, 3))
     assert np.array_equal(np.asarray(later["image"]), np.asarray(seen[1][3]["image"]))
+
+
+@pytest.mark.parametrize("name", ["corpus", "bank"])
+def test_cut_outs_are_of_masks_alone(paths, name, monkeypatch):
+    class Painted:
+        def __init__(self, things, places, size):
+            assert (things, places, size) == ("things", "places", 32)
+
+        def put(self, images, masks, generator):
+            return np.zeros_like(images), np.ones_like(masks)
+
+    monkeypatch.setattr(train_data, "Cutouts", Painted)
+    config = dataclasses.replace(stage_runs.config(paths / name), cutouts="some hash")
+    with pytest.raises(FileNotFoundError, match="pass its --cutouts again"):
+        Data([paths / name], config)
+    data = Data([paths / name], config, photographs=("things", "places"))
+    features = ["image", "mask"]
+    seen = next(data.training(STAGE, features, 0))
+    assert not seen["image"].any() and (seen["mask"] == 1).all()
+    seen = next(data.training(Stage(("specular",), 4, 1e-3), LEARNT_FROM, 0))
+    assert np.asarray(seen["image"]).any() and not (np.asarray(seen["mask"]) == 1).all()
+    for held_out in data.held_out(features):
+        assert np.asarray(held_out["image"]).any()
 
 
 class Masker:
