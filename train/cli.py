@@ -104,7 +104,7 @@ def _add_data(out: argparse.ArgumentParser) -> None:
         nargs=2,
         type=Path,
         metavar=("THINGS", "PLACES"),
-        help="let SegmentationNet see photographs in a quarter of each batch: of THINGS, a folder "
+        help="let SegmentationNet see photographs in half of each batch: of THINGS, a folder "
         "of PNG files cut out by their alpha channel, before PLACES, such as of lime-render views",
     )
 

@@ -19,7 +19,7 @@ _STUDIO = 0.1
 """Share of the scenes before white, black or grey paper."""
 _SHADED = 0.2
 """Share of the scenes with a shadow across them."""
-_ACCOMPANIED = 0.4
+_ACCOMPANIED = 0.1
 """Share of the scenes that show another object behind theirs."""
 _LARGEST = 0.5
 """Largest visible part of another object, in areas of the scene's own object."""

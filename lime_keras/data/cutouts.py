@@ -16,7 +16,7 @@ from lime_keras.io import photo, untrusted
 
 from . import clutter
 
-_SHARE = 0.25
+_SHARE = 0.5
 """Share of a batch's images that show a cut-out."""
 _LEAST_SIDE, _LEAST_COLOURS = 64, 250
 """Least pixels along the longer side of a thing, and least colours: fewer are letters and signs."""
@@ -28,12 +28,10 @@ _EXTENT = 0.35, 1.05
 """Least and largest length of a thing's longer side, of the image's."""
 _TURN = 0.35
 """Standard deviation of a thing's turn, in radians."""
-_OFF_CENTRE, _OTHER_OFF_CENTRE = 0.1, 0.35
-"""Standard deviations of the place of a thing, and of the one behind it, of the image's side."""
+_OFF_CENTRE = 0.1
+"""Standard deviation of a thing's place, of the image's side."""
 _PAPER = 0.2
 """Share of the things before white, black or grey paper."""
-_ACCOMPANIED, _OTHER = 0.3, 0.5
-"""Share of the things with another one behind them, and its length, of the thing's own."""
 _SHADED = 0.5
 """Share of the things that cast a shadow on what is behind them."""
 _BRIGHTNESS = 0.3
@@ -60,7 +58,7 @@ class Cutouts:
 
     def __init__(self, things: Path, places: Path, size: int):
         self._size = size
-        cut = (_thing(path, 2 * size) for path in _pictures(things))
+        cut = (_thing(path, size) for path in _pictures(things))
         self._things = [thing for thing in cut if thing is not None]
         if not self._things:
             raise FileNotFoundError(
@@ -72,7 +70,7 @@ class Cutouts:
     def put(
         self, images: np.ndarray, masks: np.ndarray, generator: np.random.Generator
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Put images of cut-outs in the place of the first quarter of a batch.
+        """Put images of cut-outs in the place of the first half of a batch.
 
         Args:
             images: `(B, S, S, 3)` sRGB in [0, 1].
@@ -89,11 +87,8 @@ class Cutouts:
 
     def _composed(self, generator: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         """Return an image of a thing `(S, S, 3)` and its coverage `(S, S, 1)`."""
-        extent = generator.uniform(*_EXTENT)
         image = self._behind(generator)
-        if generator.random() < _ACCOMPANIED:
-            image = _over(image, self._placed(_OTHER * extent, _OTHER_OFF_CENTRE, generator))
-        thing = self._placed(extent, _OFF_CENTRE, generator)
+        thing = self._placed(generator)
         if generator.random() < _SHADED:
             image = _over(image, _shadow(thing, generator))
         image = _softened(_over(image, thing), generator.uniform(0, _BLUR))
@@ -111,16 +106,15 @@ class Cutouts:
         out = out[:, ::-1] if generator.random() < 0.5 else out
         return np.minimum(out * np.float32(np.exp(generator.normal(0, _BRIGHTNESS))), 1)
 
-    def _placed(
-        self, extent: float, off_centre: float, generator: np.random.Generator
-    ) -> np.ndarray:
+    def _placed(self, generator: np.random.Generator) -> np.ndarray:
         """Return a thing's colours and coverage `(S, S, 4)`, turned, scaled, moved at random."""
         thing, size = self._things[generator.integers(len(self._things))], self._size
         height, width = thing.shape[:2]
-        scale, angle = extent * size / max(height, width), generator.normal(0, _TURN)
+        scale = generator.uniform(*_EXTENT) * size / max(height, width)
+        angle = generator.normal(0, _TURN)
         right = scale * np.array([np.cos(angle), np.sin(angle)]) * generator.choice([-1, 1])
         down = scale * np.array([-np.sin(angle), np.cos(angle)])
-        middle = size * (0.5 + generator.normal(0, off_centre, 2))
+        middle = size * (0.5 + generator.normal(0, _OFF_CENTRE, 2))
         corner = middle - right * width / 2 - down * height / 2
         matrix = (*right, 0.0, *down, 0.0, *corner, 1.0)
         warped = ImageBufAlgo.warp(
