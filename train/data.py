@@ -59,7 +59,7 @@ class Data:
         paths: Sequence[Path],
         config: Config,
         rows: tuple[int, int] = (0, 1),
-        photographs: Sequence[Path] | None = None,
+        photographs: tuple[Path, Path] | None = None,
     ):
         banks = [path for path in paths if is_bank(path)]
         corpora = [path for path in paths if path not in banks]

@@ -123,7 +123,7 @@ class Cutouts:
             "triangle",
             roi=oiio.ROI(0, size, 0, size),
         )
-        out = np.clip(warped.get_pixels(oiio.FLOAT), 0, 1)
+        out = np.clip(np.asarray(warped.get_pixels(oiio.FLOAT)), 0, 1)
         gain = np.exp(generator.normal(0, _BRIGHTNESS)) / np.maximum(out[..., 3:], 1e-3)
         out[..., :3] = np.minimum(out[..., :3] * gain, 1)
         return out
@@ -183,7 +183,8 @@ def _resized(pixels: np.ndarray, factor: float) -> np.ndarray:
     height, width = (max(1, round(factor * side)) for side in pixels.shape[:2])
     kernel = "box" if factor < 0.5 else "triangle"
     region = oiio.ROI(0, width, 0, height)
-    return ImageBufAlgo.resize(oiio.ImageBuf(pixels), kernel, roi=region).get_pixels(oiio.UINT8)
+    resized = ImageBufAlgo.resize(oiio.ImageBuf(pixels), kernel, roi=region)
+    return np.asarray(resized.get_pixels(oiio.UINT8))
 
 
 def _over(image: np.ndarray, layer: np.ndarray) -> np.ndarray:
