@@ -10,6 +10,7 @@ import shutil
 import numpy as np
 import pytest
 import tensorflow as tf
+from PIL import Image
 from sphere_corpus import vouch, write_split
 
 from lime_keras import metrics, networks
@@ -749,6 +750,30 @@ def test_the_baseline_of_every_preset_is_the_papers_kind(corpus, tmp_path):
         options = [*required, "--baseline", "reflectance-map"]
         found = cli.config_of(cli.parser().parse_args(options)).architecture
         assert (found.system, found.dichromatic) == ("reflectance-map", False)
+
+
+def test_the_command_learns_masks_from_cut_outs(corpus, tmp_path, brief_smoke, capsys):
+    for name in ("things", "places"):
+        (tmp_path / name).mkdir()
+    pixels = np.random.default_rng(0).integers(0, 256, (80, 80, 4), dtype=np.uint8)
+    pixels[..., 3] = 0
+    pixels[5:75, 5:75, 3] = 255
+    Image.fromarray(pixels).save(tmp_path / "things" / "some.png")
+    Image.fromarray(pixels[..., :3]).save(tmp_path / "places" / "some.png")
+    folders = ["--cutouts", str(tmp_path / "things"), str(tmp_path / "places")]
+    stage = ["--stages", "segmentation"]
+    plain, seen = ([str(corpus), "--out", str(tmp_path / name)] for name in ("plain", "seen"))
+    assert cli.main([*plain, "--preset", "smoke", *stage]) == 0
+    assert cli.main([*seen, "--preset", "smoke", *folders, *stage]) == 0
+    weights = [_stage(tmp_path / name, "segmentation")["arr_0"] for name in ("plain", "seen")]
+    assert not np.array_equal(*weights)
+    assert cli.main([*seen, "--resume", *folders, *stage]) == 0
+    capsys.readouterr()
+    assert cli.main([*seen, "--resume", *stage]) == 1
+    assert "this run learns from cut-outs: pass its --cutouts again" in capsys.readouterr().err
+    Image.fromarray(pixels[::-1, :, :3]).save(tmp_path / "places" / "other.png")
+    assert cli.main([*seen, "--resume", *folders, *stage]) == 1
+    assert "holds another run: cutouts" in capsys.readouterr().err
 
 
 def test_the_commands_sizes(corpus, tmp_path, brief_smoke, nudged, capsys):
