@@ -104,8 +104,7 @@ class Data:
             batch = next(batches["banks" if self._is_of_banks(step) else "corpora"])
             generator = np.random.default_rng((seed, step))
             if self._config.schedule.clutter and is_of_masks:
-                images, _ = clutter.add(batch["image"], batch["mask"], generator)
-                batch = batch | {"image": images}
+                batch = batch | {"image": clutter.add(batch["image"], batch["mask"], generator)}
             elif self._config.schedule.clutter:
                 batch = batch | {"image": prints.add(batch, generator)}
             if cutouts is not None:

@@ -1,8 +1,8 @@
-"""The clutter augmentation: objects in many colours, prints, shadows, and other things behind them.
+"""The clutter augmentation: objects in many colours, prints, shadows, and other backgrounds.
 
-It is for SegmentationNet alone. Photographed objects bear labels and paint, are made of several
-materials, and stand among others; their mask is that of the whole object, and of no other. The
-remaining subnetworks learn from scenes of the model, which has one material for each object.
+It is for SegmentationNet alone. Photographed objects bear labels and paint, and are made of several
+materials; their mask is that of the whole object. The remaining subnetworks learn from scenes of
+the model, which has one material for each object.
 """
 
 import numpy as np
@@ -19,10 +19,6 @@ _STUDIO = 0.1
 """Share of the scenes before white, black or grey paper."""
 _SHADED = 0.2
 """Share of the scenes with a shadow across them."""
-_ACCOMPANIED = 0.1
-"""Share of the scenes that show another object behind theirs."""
-_LARGEST = 0.5
-"""Largest visible part of another object, in areas of the scene's own object."""
 _BRIGHTEST = 3.0
 """Largest factor from the object's shading to a print's, sRGB."""
 _DARKEST = 0.25
@@ -34,13 +30,10 @@ _SHARPNESS = 12.0
 """Slope of a print's edge, per standard deviation of the noise."""
 
 
-def add(
-    images: np.ndarray, masks: np.ndarray, generator: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray]:
+def add(images: np.ndarray, masks: np.ndarray, generator: np.random.Generator) -> np.ndarray:
     """Put clutter into a batch of images.
 
-    An object's new colours keep its shading: the largest of R, G and B at each pixel. The object of
-    the next example in the batch, shifted, is pasted behind the scene's own.
+    An object's new colours keep its shading: the largest of R, G and B at each pixel.
 
     Args:
         images: `(B, S, S, 3)` sRGB in [0, 1].
@@ -48,29 +41,18 @@ def add(
         generator: source of all random numbers.
 
     Returns:
-        The images with clutter, `(B, S, S, 3)` float32 sRGB in [0, 1], and for each whether another
-        object was pasted into it, `(B,)` bools.
+        The images with clutter, `(B, S, S, 3)` float32 sRGB in [0, 1].
     """
     images, masks = np.asarray(images, np.float32), np.asarray(masks, np.float32)
     out = np.empty_like(images)
     for row, (image, mask) in enumerate(zip(images, masks, strict=True)):
-        out[row] = image + mask * (_painted(image, images[row - 1], generator) - image)
-    painted, pasted = out.copy(), np.zeros(len(images), bool)
-    for row, mask in enumerate(masks):
-        behind = _behind(painted[row], mask, generator)
-        out[row] = behind + mask * (painted[row] - behind)
-    for index in np.flatnonzero(generator.random(len(images)) < _ACCOMPANIED):
-        size = images.shape[1]
-        down, right = (int(n) for n in generator.integers(-size // 2, size // 2 + 1, 2))
-        other = (index + 1) % len(images)
-        share = shifted(masks[other], down, right) * (1 - masks[index])
-        if 0 < share.sum() <= _LARGEST * masks[index].sum():
-            pasted[index] = True
-            out[index] += share * (shifted(painted[other], down, right) - out[index])
+        painted = image + mask * (_painted(image, images[row - 1], generator) - image)
+        behind = _behind(painted, mask, generator)
+        out[row] = behind + mask * (painted - behind)
     for index in np.flatnonzero(generator.random(len(images)) < _SHADED):
         shadow = pattern(images.shape[1], generator, generator.uniform(-0.5, 1.0), _COARSE)
         out[index] *= 1 - shadow * np.float32(generator.uniform(0, 1 - _DARKEST))
-    return out, pasted
+    return out
 
 
 def pattern(
@@ -123,14 +105,6 @@ def blurred(mask: np.ndarray, radius: int) -> np.ndarray:
     return np.clip(area[..., None] / width**2, 0, 1)
 
 
-def shifted(image: np.ndarray, down: int, right: int) -> np.ndarray:
-    """Return an image `(S, S, C)` moved by whole pixels, 0 where nothing comes in."""
-    out = np.zeros_like(image)
-    rows, columns = _moved(len(image), down), _moved(len(image), right)
-    out[rows[1], columns[1]] = image[rows[0], columns[0]]
-    return out
-
-
 def _painted(image: np.ndarray, other: np.ndarray, generator: np.random.Generator) -> np.ndarray:
     """Return an image `(S, S, 3)` painted all over; only the object's part of it counts."""
     shade = image.max(axis=-1, keepdims=True)
@@ -180,9 +154,3 @@ def _between(size: int, cells: int) -> np.ndarray:
     """Return the matrix `(size, cells + 1)` that interpolates linearly between the cells' ends."""
     places = (np.arange(size, dtype=np.float32) + 0.5) * cells / size
     return np.maximum(0, 1 - np.abs(places[:, None] - np.arange(cells + 1, dtype=np.float32)))
-
-
-def _moved(size: int, by: int) -> tuple[slice, slice]:
-    """Return which part of `size` pixels stays visible when they move, and where it comes to."""
-    source = slice(max(-by, 0), size - max(by, 0))
-    return source, slice(source.start + by, source.stop + by)

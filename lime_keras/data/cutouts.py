@@ -196,11 +196,25 @@ def _shadow(thing: np.ndarray, generator: np.random.Generator) -> np.ndarray:
     """Return a thing's soft shadow, black, `(S, S, 4)`."""
     size = len(thing)
     down, right = (int(n) for n in generator.normal(0, 0.05 * size, 2))
-    cover = clutter.shifted(thing[..., 3:], abs(down), right)
+    cover = _shifted(thing[..., 3:], abs(down), right)
     out = np.zeros_like(thing)
     out[..., 3:] = clutter.blurred(cover, int(generator.integers(1, size // 12)))
     out[..., 3:] *= generator.uniform(0.2, 0.8)
     return out
+
+
+def _shifted(image: np.ndarray, down: int, right: int) -> np.ndarray:
+    """Return an image `(S, S, C)` moved by whole pixels, 0 where nothing comes in."""
+    out = np.zeros_like(image)
+    rows, columns = _moved(len(image), down), _moved(len(image), right)
+    out[rows[1], columns[1]] = image[rows[0], columns[0]]
+    return out
+
+
+def _moved(size: int, by: int) -> tuple[slice, slice]:
+    """Return which part of `size` pixels stays visible when they move, and where it comes to."""
+    source = slice(max(-by, 0), size - max(by, 0))
+    return source, slice(source.start + by, source.stop + by)
 
 
 def _softened(image: np.ndarray, share: float) -> np.ndarray:
