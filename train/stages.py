@@ -62,8 +62,8 @@ class Schedule:
         repaints: whether training draws new albedos for each scene of a corpus every time it is
             read. A bank's scenes are drawn anew in every way, so neither concerns them.
         clutter: whether SegmentationNet, alone, learns from images with several colours on the
-            objects and other objects behind them (`lime_keras.data.clutter`), and all others from
-            images with prints on the objects (`lime_keras.data.prints`).
+            objects (`lime_keras.data.clutter`), and all others from images with prints on them
+            (`lime_keras.data.prints`).
         masks: whether the other subnetworks learn on masks as SegmentationNet finds them and on
             damaged ones (`train.sources.masks`), rather than on true masks alone.
         structure: whether SegmentationNet's loss is `losses.mask_structure`, rather than the mean

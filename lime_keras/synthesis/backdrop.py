@@ -1,4 +1,4 @@
-"""Behind the object: backgrounds cut from textures, the surroundings out of focus, and distractors.
+"""Behind the object: backgrounds cut from textures, and the surroundings out of focus.
 
 Batches of scenes in `keras.ops`, on the device that trains. All that is random comes as the draws
 of `scene_draws.draw`, each with a leading axis of B; so each background follows from its own draws.
@@ -121,59 +121,12 @@ def _pixels_of_nodes(count: int, size: int) -> np.ndarray:
     return (0.5 + (np.arange(count) - 1) * spacing).astype(np.float32)
 
 
-def compose(
-    radiance: Any, coverage: Any, behind: Any, draws: Mapping[str, Any] | None = None
-) -> Any:
+def compose(radiance: Any, coverage: Any, behind: Any) -> Any:
     """Return the linear radiance of whole images, `(B, S, S, 3)`: objects before backgrounds.
-
-    In the image of an accompanied scene, the object of its partner stands between its own object
-    and the background: mirrored at times, and shifted. The partner of scene 2 k is scene 2 k + 1,
-    and the other way round. So a batch begins at an even position; then every scene has the same
-    partner in batches of all sizes.
 
     Args:
         radiance: linear radiance of the objects, Eq. 4, `(B, S, S, 3)`, at least 0 and finite.
         coverage: share of each pixel that the object covers, `(B, S, S, 1)` in [0, 1].
         behind: the backgrounds, linear radiance `(B, S, S, 3)`.
-        draws: the distractors' draws (`scene_draws.draw`); by default no scene is accompanied.
-
-    Raises:
-        ValueError: if there are draws, and B is odd.
     """
-    own = coverage * radiance
-    if draws is not None:
-        batch = coverage.shape[0]
-        if batch % 2:
-            raise ValueError(
-                f"scenes stand in pairs, so a batch cannot hold {batch}: choose an even batch size"
-            )
-        partner = np.arange(batch) ^ 1
-        both = ops.concatenate([own, coverage], axis=-1)
-        other = _shifted(both, partner, draws["offset"], draws["mirrored"])
-        other = ops.reshape(draws["accompanied"], (-1, 1, 1, 1)) * other
-        behind = other[..., :3] + (1.0 - other[..., 3:]) * behind
-    return own + (1.0 - coverage) * behind
-
-
-def _shifted(images: Any, source: np.ndarray, offset: Any, mirrored: Any) -> Any:
-    """Return other images of a batch, mirrored left to right at times and shifted, 0 beyond.
-
-    Args:
-        images: `(B, S, S, C)`.
-        source: index of the image that each scene takes, `(B,)`.
-        offset: rows down and columns to the right, `(B, 2)` int32.
-        mirrored: 0 or 1, `(B,)` int32.
-    """
-    size, channels = images.shape[2:]
-    along = np.arange(size, dtype=np.int32)
-    row, column = (along - offset[:, k : k + 1] for k in (0, 1))
-    inside = ops.logical_and(_within(row, size)[:, :, None], _within(column, size)[:, None, :])
-    column = ops.where(mirrored[:, None] > 0, size - 1 - column, column)
-    index = (source.astype(np.int32)[:, None] * size + ops.clip(row, 0, size - 1)) * size
-    index = index[:, :, None] + ops.clip(column, 0, size - 1)[:, None, :]
-    taken = ops.take(ops.reshape(images, (-1, channels)), index, axis=0)
-    return ops.where(inside[..., None], taken, 0.0)
-
-
-def _within(index: Any, size: int) -> Any:
-    return ops.logical_and(index >= 0, index < size)
+    return coverage * radiance + (1.0 - coverage) * behind

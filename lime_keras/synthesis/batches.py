@@ -39,7 +39,7 @@ def training(
     Args:
         folders: folders by `lime-render bank`.
         size: height and width of the images; a divisor of the banks'.
-        batch_size: number of scenes in a batch, even.
+        batch_size: number of scenes in a batch.
         seed: seed of the scenes, at least 0.
         first_step: number of batches to skip, to resume training.
         camera: whether cameras photograph the scenes.
@@ -49,14 +49,14 @@ def training(
 
     Raises:
         FileNotFoundError: if a bank is incomplete.
-        ValueError: if a bank is broken or its images do not fit; or if the batches, or the parts of
-            n machines, are not of an even size.
+        ValueError: if a bank is broken or its images do not fit; or if the batches
+            cannot be divided among n machines.
     """
     part, parts = rows
-    if batch_size % (2 * parts):
+    if batch_size % parts:
         raise ValueError(
-            f"scenes stand in pairs, so batches of {batch_size} cannot be divided among {parts} "
-            f"machine{'s' * (parts > 1)}: choose a multiple of {2 * parts}"
+            f"batches of {batch_size} cannot be divided among {parts} machines: choose a multiple "
+            f"of {parts}"
         )
     sources = [
         _scenes(folder, size, camera, frozenset(features), False, materials) for folder in folders
@@ -86,7 +86,7 @@ def held_out(
     Args:
         folder: folder by `lime-render bank`.
         size: height and width of the images; a divisor of the bank's.
-        batch_size: number of scenes in a batch, even.
+        batch_size: number of scenes in a batch.
         count: number of batches.
         camera: whether cameras photograph the scenes.
         features: names of the features in a batch.
@@ -94,10 +94,8 @@ def held_out(
 
     Raises:
         FileNotFoundError: if the bank is incomplete.
-        ValueError: if the bank is broken or its images do not fit, or if `batch_size` is odd.
+        ValueError: if the bank is broken or its images do not fit.
     """
-    if batch_size % 2:
-        raise ValueError(f"scenes stand in pairs: choose an even batch size, not {batch_size}")
     source = _scenes(folder, size, camera, frozenset(features), True, materials)
 
     def drawn(step: int) -> tuple[Scenes, dict[str, Any]]:

@@ -1,4 +1,4 @@
-"""Draws of each scene beside geometry and light: material, camera, background, distractor.
+"""Draws of each scene beside geometry and light: material, camera and background.
 
 NumPy on the host. The arrays are small and of fixed shapes; those of a batch are stacked
 (`batched`) and handed to `backdrop` and `photograph`, which do the work on the device.
@@ -17,8 +17,6 @@ BLENDED = 0.4
 """Share of the backgrounds that blend two textures (or a texture and the surroundings)."""
 SURROUNDED = 0.3
 """Share of the backgrounds whose first part is the room that lights the object, out of focus."""
-ACCOMPANIED = 0.3
-"""Share of the scenes with a distractor: another object behind the main one."""
 LATTICE = 6
 """Nodes along each side of the smooth field that parts the two halves of a blended background."""
 
@@ -27,7 +25,7 @@ _ALL_FIRST = -1e3  # of the field: its smooth step is 0
 _GAIN = -0.7, 0.4  # stops of brightness of a texture; corpora show theirs as they are
 _ROOM_GAIN = -1.0, 1.0  # stops; at 0 the surroundings are as bright as they light the object
 _TINT, _ROOM_TINT = 0.08, 0.2  # standard deviations of each channel's log gain; light is grey
-_UNIFORM = 28
+_UNIFORM = 24
 
 
 Draws = dict[str, np.ndarray | np.generic]
@@ -40,7 +38,7 @@ def draw(
     textures: tuple[int, ...],
     materials: tuple[str, ...] = (UNIFORM,),
 ) -> Draws:
-    """Draw a scene's material, symmetry, background, distractor and camera.
+    """Draw a scene's material, symmetry, background and camera.
 
     Args:
         rng: source of all randomness.
@@ -58,8 +56,6 @@ def draw(
           row and column of each crop; `texture_turn` `(2,)` int32, 0 … 7; `blend`
           `(LATTICE, LATTICE)`; `tint` `(2, 3)`, linear gains; `surrounded`, 0 or 1; `sharpness`,
           0 … 1;
-        - the distractor (`backdrop.compose`): `accompanied`, 0 or 1; `offset` `(2,)` int32, rows
-          and columns, up to S/2 either way; `mirrored` int32, 0 or 1;
         - the camera (`photograph.photograph`): `exposure`; `defocus`, 0 … 1; `full_well`; `cast`
           `(4,)`; `quality`, whole; `compressed`, 0 or 1; `grain` `(n,)` int32, n so that n ·
           `GRAIN_LENGTH` numbers suffice for an image.
@@ -88,8 +84,7 @@ def draw(
         blend = rng.normal(0.0, math.exp(low + (high - low) * share[4]), (LATTICE, LATTICE))
     else:
         blend = np.full((LATTICE, LATTICE), _ALL_FIRST)
-    # Distractor and camera.
-    reach = size // 2
+    # Camera.
     rows = -(-size * size * 3 // camera_law.GRAIN_LENGTH)
     return {
         "diffuse_albedo": np.asarray(material.diffuse_albedo, np.float32),
@@ -104,15 +99,12 @@ def draw(
         "tint": np.exp(tint).astype(np.float32),
         "surrounded": np.float32(surrounded),
         "sharpness": np.float32(share[14]),
-        "accompanied": np.float32(share[15] < ACCOMPANIED),
-        "offset": np.floor((2 * reach + 1) * uniform[16:18] - reach).astype(np.int32),
-        "mirrored": np.int32(2 * share[18]),
-        "exposure": np.float32(camera_law.exposure(share[19])),
-        "defocus": np.float32(share[20]),
-        "full_well": np.float32(camera_law.full_well(share[21])),
-        "quality": np.float32(round(camera_law.quality(share[22]))),
-        "compressed": np.float32(share[23] >= camera_law.NEVER_COMPRESSED),
-        "cast": camera_law.cast(uniform[24:28]).astype(np.float32),
+        "exposure": np.float32(camera_law.exposure(share[15])),
+        "defocus": np.float32(share[16]),
+        "full_well": np.float32(camera_law.full_well(share[17])),
+        "quality": np.float32(round(camera_law.quality(share[18]))),
+        "compressed": np.float32(share[19] >= camera_law.NEVER_COMPRESSED),
+        "cast": camera_law.cast(uniform[20:24]).astype(np.float32),
         "grain": rng.integers(camera_law.GRAIN_ROWS, size=rows, dtype=np.int32),
     }
 

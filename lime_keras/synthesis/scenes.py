@@ -160,7 +160,7 @@ class Scenes:
         )
         side = self._geometry.size
         behind = backdrop.background(textures, radiance, rotation, camera, side, draws)
-        image = backdrop.compose(composed, coverage, behind, draws)
+        image = backdrop.compose(composed, coverage, behind)
         scene = {
             "mask": coverage,
             "diffuse_shading": diffuse,

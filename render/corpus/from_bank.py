@@ -45,8 +45,7 @@ def make_split(
         out: folder of the corpus.
         count: number of examples.
         seed: seed of the scenes, at least 0.
-        shard_size: number of examples in a shard, even: a scene and its neighbour lend each other
-            their objects.
+        shard_size: number of examples in a shard.
         materials: a key of `material_law.LAWS`.
         tell: called with (done, total) as examples are made; those of finished shards count from
             the start.
@@ -59,8 +58,6 @@ def make_split(
         ValueError: if the bank is broken, or the corpus' folder holds another split.
         RuntimeError: if another process makes or renders this split.
     """
-    if shard_size % 2:
-        raise ValueError(f"scenes stand in pairs: choose an even --shard-size, not {shard_size}")
     # Describe.
     held = bank.manifest(folder)
     description = {

@@ -35,8 +35,8 @@ def misfit(example: Mapping, brightest: float = 1.0) -> str | None:
 
     Args:
         example: parsed record (see `records.parse`) in NumPy.
-        brightest: largest linear radiance of a background. A picture's is 1; the surroundings and
-            the other objects in scenes of a bank have no limit.
+        brightest: largest linear radiance of a background. A picture's is 1; the surroundings
+            in scenes of a bank have no limit.
     """
     covered = covered_pixels(example)
     code = (pixels_at(example["image"], covered) * 255 + 0.5).astype(np.uint8)

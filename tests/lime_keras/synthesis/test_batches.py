@@ -88,19 +88,9 @@ def test_held_out_batches_are_the_same_every_time(banks):
     np.testing.assert_array_equal(one, other)
 
 
-@pytest.mark.parametrize(("batch_size", "rows"), [(5, (0, 1)), (6, (0, 2)), (2, (1, 2))])
-def test_odd_batches_are_refused(banks, batch_size, rows):
-    with pytest.raises(ValueError, match="scenes stand in pairs"):
-        _first(1, banks, batch_size=batch_size, rows=rows)
-
-
-def test_odd_held_out_batches_are_refused(banks):
-    with pytest.raises(ValueError, match="even"):
-        next(
-            batches.held_out(
-                banks[0], size=SIZE, batch_size=3, count=1, camera=False, features=FEATURES
-            )
-        )
+def test_batches_that_machines_cannot_share_are_refused(banks):
+    with pytest.raises(ValueError, match="batches of 5 cannot be divided among 2 machines"):
+        _first(1, banks, batch_size=5, rows=(0, 2))
 
 
 def test_an_error_of_a_thread_reaches_the_caller_and_a_closed_iterator_ends(banks, monkeypatch):

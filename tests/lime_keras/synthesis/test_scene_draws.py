@@ -56,14 +56,6 @@ def test_every_choice_is_as_likely(draws, name, count):
         assert len(counts) == count and stats.chisquare(counts).pvalue > PLAUSIBLE
 
 
-def test_distractors_are_shifted_by_half_the_side_at_most(draws):
-    assert draws["accompanied"].mean() == pytest.approx(scene_draws.ACCOMPANIED, abs=0.03)
-    assert draws["mirrored"].mean() == pytest.approx(0.5, abs=0.03)
-    for values in draws["offset"].T:
-        counts = np.bincount(values + SIZE // 2)
-        assert len(counts) == SIZE + 1 and stats.chisquare(counts).pvalue > PLAUSIBLE
-
-
 def test_some_backgrounds_are_blended_and_some_are_surroundings(draws):
     blended = draws["blend"].reshape(len(draws["blend"]), -1).max(axis=1) > -100
     assert blended.mean() == pytest.approx(scene_draws.BLENDED, abs=0.03)

@@ -99,11 +99,6 @@ def test_natural_materials(bank, tmp_path):
     assert np.max(total) <= 1.000001
 
 
-def test_an_odd_shard_cannot_hold_pairs(bank, tmp_path):
-    with pytest.raises(ValueError, match="even --shard-size"):
-        make(bank, tmp_path, shard_size=7)
-
-
 def test_the_command(bank, tmp_path, capsys):
     out = tmp_path / "out"
     assert cli.main(["scenes", str(bank), str(out), "--count", "16", "--shard-size", "8"]) == 0
