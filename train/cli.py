@@ -105,7 +105,8 @@ def _add_data(out: argparse.ArgumentParser) -> None:
         type=Path,
         metavar=("THINGS", "PLACES"),
         help="let SegmentationNet see photographs in half of each batch: of THINGS, a folder "
-        "of PNG files cut out by their alpha channel, before PLACES, such as of lime-render views",
+        "of PNG or WebP files cut out by their alpha channel, before PLACES, such as of "
+        "lime-render views",
     )
 
 

@@ -16,6 +16,8 @@ from lime_keras.io import photo, untrusted
 
 from . import clutter
 
+_SUFFIXES = ".png", ".webp"
+"""Ends of the pictures' names."""
 _SHARE = 0.5
 """Share of a batch's images that show a cut-out."""
 _LEAST_SIDE, _LEAST_COLOURS = 64, 250
@@ -46,9 +48,9 @@ class Cutouts:
     """Photographs of things and of places, from which images of any number are composed.
 
     Args:
-        things: folder of PNG pictures with alpha, at any depth. Letters, small pictures and those
-            without alpha are left out.
-        places: folder of PNG pictures, such as `lime-render views` takes.
+        things: folder of PNG or WebP pictures with alpha, at any depth. Letters, small pictures
+            and those without alpha are left out.
+        places: folder of PNG or WebP pictures, such as `lime-render views` takes.
         size: S, height and width of the images in pixels.
 
     Raises:
@@ -62,8 +64,8 @@ class Cutouts:
         self._things = [thing for thing in cut if thing is not None]
         if not self._things:
             raise FileNotFoundError(
-                f"{things} holds no cut-out: pass a folder of photographs of things as PNG, of at "
-                f"least {_LEAST_SIDE} pixels, cut out by their alpha channel"
+                f"{things} holds no cut-out: pass a folder of photographs of things, PNG or WebP, "
+                f"of at least {_LEAST_SIDE} pixels, cut out by their alpha channel"
             )
         self._places = [_place(path, size) for path in _pictures(places)]
 
@@ -143,9 +145,9 @@ def sha256(things: Path, places: Path) -> str:
 
 
 def _pictures(folder: Path) -> list[Path]:
-    out = sorted(folder.rglob("*.png"))
+    out = sorted(path for path in folder.rglob("*") if path.suffix.lower() in _SUFFIXES)
     if not out:
-        raise FileNotFoundError(f"{folder} holds no PNG pictures: check --cutouts")
+        raise FileNotFoundError(f"{folder} holds no PNG or WebP pictures: check --cutouts")
     return out
 
 

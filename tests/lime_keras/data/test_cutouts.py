@@ -21,7 +21,7 @@ def folders(tmp_path):
     _save(things / "disc.png", _disc())
     blue = np.zeros((60, 80, 3), np.uint8)
     blue[..., 2] = 128
-    _save(places / "blue.png", blue)
+    _save(places / "blue.webp", blue)
     return tmp_path / "things", places
 
 
@@ -121,9 +121,9 @@ def test_letters_small_pictures_and_whole_photographs_are_left_out(folders):
 def test_a_folder_without_pictures_is_named(folders, tmp_path):
     empty = tmp_path / "empty"
     empty.mkdir()
-    with pytest.raises(FileNotFoundError, match="empty holds no PNG pictures: check --cutouts"):
+    with pytest.raises(FileNotFoundError, match="empty holds no PNG or WebP pictures: check --cutouts"):
         Cutouts(folders[0], empty, SIZE)
-    with pytest.raises(FileNotFoundError, match="empty holds no PNG pictures"):
+    with pytest.raises(FileNotFoundError, match="empty holds no PNG or WebP pictures"):
         cutouts.sha256(empty, folders[1])
 
 
@@ -136,7 +136,7 @@ def test_a_broken_picture_is_named(folders):
 def test_the_hash_follows_names_and_bytes(folders):
     first = cutouts.sha256(*folders)
     assert cutouts.sha256(*folders) == first
-    path = folders[1] / "blue.png"
+    path = folders[1] / "blue.webp"
     path.rename(folders[1] / "other.png")
     renamed = cutouts.sha256(*folders)
     _save(folders[1] / "other.png", np.zeros((60, 80, 3), np.uint8))
