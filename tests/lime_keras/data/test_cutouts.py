@@ -121,7 +121,9 @@ def test_letters_small_pictures_and_whole_photographs_are_left_out(folders):
 def test_a_folder_without_pictures_is_named(folders, tmp_path):
     empty = tmp_path / "empty"
     empty.mkdir()
-    with pytest.raises(FileNotFoundError, match="empty holds no PNG or WebP pictures: check --cutouts"):
+    with pytest.raises(
+        FileNotFoundError, match="empty holds no PNG or WebP pictures: check --cutouts"
+    ):
         Cutouts(folders[0], empty, SIZE)
     with pytest.raises(FileNotFoundError, match="empty holds no PNG or WebP pictures"):
         cutouts.sha256(empty, folders[1])
