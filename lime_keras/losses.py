@@ -105,6 +105,23 @@ def albedo_l2(albedo: Any, predicted: Any) -> Any:
     return ops.mean(ops.square(predicted - albedo), axis=-1)
 
 
+def albedo_l1(albedo: Any, predicted: Any) -> Any:
+    """Return the mean absolute error of an albedo over its channels, `(B,)` in [0, 1].
+
+    It is what Table 1 measures. Its best answer is the median of what a photo leaves possible: of
+    most objects the m_s of dielectrics, where the mean lies between dielectrics and metals.
+
+    Args:
+        albedo: true linear reflectance `(B, C)` in [0, 1].
+        predicted: predicted linear reflectance `(B, C)` in [0, 1].
+
+    Example:
+        >>> float(albedo_l1(ops.ones((1, 3)), ops.full((1, 3), 0.75))[0])
+        0.25
+    """
+    return ops.mean(ops.abs(predicted - albedo), axis=-1)
+
+
 def exponent_cross_entropy(exponent_bin: Any, logits: Any) -> Any:
     """Return the cross-entropy of the true class of the exponent in nats, `(B,)`, at least 0.
 

@@ -14,7 +14,7 @@ from lime_keras.networks import output_names
 from lime_keras.networks.wiring import Wiring, needed, quantities
 
 from . import terms
-from .terms import LEARNING, TERMS, StageAnswer
+from .terms import BY_MEASURES, BY_SQUARES, LEARNING, TERMS, StageAnswer
 
 
 class StageModel(keras.Model):
@@ -27,7 +27,7 @@ class StageModel(keras.Model):
     Args:
         subnetworks: subnetworks of the stage by name; all of them are trained.
         compositing: whether the loss of the albedos contains Eq. 5.
-        structure: whether SegmentationNet learns by the structure loss, rather than by squares.
+        squares: whether mask and albedos are learnt by squares, rather than by `BY_MEASURES`.
         replicas: number of devices that each compute the loss of their part of a batch. Their
             gradients are added up, so each loss is divided by this number.
     """
@@ -36,7 +36,7 @@ class StageModel(keras.Model):
         self,
         subnetworks: Mapping[str, keras.Model],
         compositing: bool = True,
-        structure: bool = False,
+        squares: bool = True,
         replicas: int = 1,
     ):
         # Truth and losses are in single precision, even if the subnetworks compute in half.
@@ -45,7 +45,7 @@ class StageModel(keras.Model):
         self._replicas = replicas
         self._given = needed(subnetworks)
         self._answered, self._found = tuple(quantities(subnetworks)), output_names(subnetworks)
-        left_out = {"mask" if structure else "structure"}
+        left_out = set(BY_MEASURES if squares else BY_SQUARES)
         if not compositing:
             left_out.add("compositing")
         self.terms = [

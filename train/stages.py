@@ -66,8 +66,8 @@ class Schedule:
             (`lime_keras.data.prints`).
         masks: whether the other subnetworks learn on masks as SegmentationNet finds them and on
             damaged ones (`train.sources.masks`), rather than on true masks alone.
-        structure: whether SegmentationNet's loss is `losses.mask_structure`, rather than the mean
-            squared error.
+        squares: whether mask and albedos are learnt by mean squared errors, as in the paper, rather
+            than by `losses.mask_structure` and absolute errors.
         optimizer: a key of `optimizer.OPTIMIZERS`.
     """
 
@@ -83,7 +83,7 @@ class Schedule:
     repaints: bool = False
     clutter: bool = False
     masks: bool = False
-    structure: bool = False
+    squares: bool = True
     optimizer: str = "adam"
 
     def scaled(self, factor: float, rate: float = 1.0) -> "Schedule":
@@ -140,7 +140,7 @@ _LIVE = Schedule(
     repaints=True,
     clutter=True,
     masks=True,
-    structure=True,
+    squares=False,
     optimizer="muon",
 )
 

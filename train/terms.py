@@ -76,7 +76,7 @@ class Learning:
 
     Attributes:
         terms: names out of `TERMS`; terms of quantities that no subnetwork of the stage predicts
-            are left out.
+            are left out, and either `BY_SQUARES` or `BY_MEASURES`.
         measures: names out of `MEASURES`.
         joined: number, from 1, of the first joined stage that trains it; None if it is only trained
             alone.
@@ -143,6 +143,16 @@ def _reflectance_map_l1(batch: Batch, answer: StageAnswer) -> Any:
     return masked_mean(ops.abs(answer.raw["reflectance_map"] - true), inside)
 
 
+def _diffuse_albedo(loss: Callable[[Any, Any], Any]) -> Callable[[Batch, StageAnswer], Any]:
+    return lambda batch, answer: loss(batch["diffuse_albedo"], answer.raw["albedos"][:, :3])
+
+
+def _specular_albedo(loss: Callable[[Any, Any], Any]) -> Callable[[Batch, StageAnswer], Any]:
+    return lambda batch, answer: loss(
+        ops.expand_dims(batch["specular_albedo"], -1), answer.raw["albedos"][:, 3:]
+    )
+
+
 def _compositing(batch: Batch, answer: StageAnswer) -> Any:
     albedos = answer.raw["albedos"]
     return losses.compositing_l1(
@@ -183,25 +193,20 @@ TERMS = {
         ),
         ("shininess",),
     ),
-    "diffuse_albedo": Term(
-        5.0,
-        "albedos",
-        lambda batch, answer: losses.albedo_l2(
-            batch["diffuse_albedo"], answer.raw["albedos"][:, :3]
-        ),
-    ),
-    "specular_albedo": Term(
-        5.0,
-        "albedos",
-        lambda batch, answer: losses.albedo_l2(
-            ops.expand_dims(batch["specular_albedo"], -1), answer.raw["albedos"][:, 3:]
-        ),
-    ),
+    "diffuse_albedo": Term(5.0, "albedos", _diffuse_albedo(losses.albedo_l2)),
+    "diffuse_albedo_l1": Term(1.0, "albedos", _diffuse_albedo(losses.albedo_l1)),
+    "specular_albedo": Term(5.0, "albedos", _specular_albedo(losses.albedo_l2)),
+    "specular_albedo_l1": Term(1.0, "albedos", _specular_albedo(losses.albedo_l1)),
     "compositing": Term(1.0, "albedos", _compositing),
     "reflectance_map": Term(
         1.0, "reflectance_map", _reflectance_map_l1, features_of_truth("reflectance_map")
     ),
 }
+
+BY_SQUARES = ("mask", "diffuse_albedo", "specular_albedo")
+"""The paper's terms of masks and albedos: mean squared errors."""
+BY_MEASURES = ("structure", "diffuse_albedo_l1", "specular_albedo_l1")
+"""What may stand in their place: terms that come closer to the measures of Table 1."""
 
 
 def _log_exponents(batch: Batch, outputs: Mapping[str, Any]) -> tuple[Any, Any]:
@@ -247,16 +252,20 @@ MEASURES = {
 
 _EXPONENT = ("exponent_exact", "exponent_within_one", "log_exponent_mae")
 _ALBEDOS = ("diffuse_albedo_mae", "specular_albedo_mae")
+_ALBEDO_TERMS = (
+    "diffuse_albedo",
+    "specular_albedo",
+    "diffuse_albedo_l1",
+    "specular_albedo_l1",
+)
 LEARNING = {
     "segmentation": Learning(("mask", "structure"), ("mask_iou_pooled",)),
     "specular": Learning(("specular",), ("specular_shading_relative",), joined=1),
     # Under Muon its deep levels grew by a factor of five each, until a level above them died.
     "mirror": Learning(("mirror",), ("mirror_relative",), joined=1, optimizer="adam"),
-    "albedo": Learning(("diffuse_albedo", "specular_albedo", "compositing"), _ALBEDOS, joined=3),
+    "albedo": Learning((*_ALBEDO_TERMS, "compositing"), _ALBEDOS, joined=3),
     "exponent": Learning(("exponent", "log_exponent"), _EXPONENT, joined=2),
     "reflectance_map": Learning(("reflectance_map",), joined=1),
-    "material": Learning(
-        ("diffuse_albedo", "specular_albedo", "exponent"), (*_EXPONENT, *_ALBEDOS), joined=1
-    ),
+    "material": Learning((*_ALBEDO_TERMS, "exponent"), (*_EXPONENT, *_ALBEDOS), joined=1),
 }
 """Row of each subnetwork by name, in the order in which subnetworks are trained alone."""

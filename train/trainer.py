@@ -315,7 +315,7 @@ def _parts(
             model = StageModel(
                 {part: subnetworks[part] for part in stage.subnetworks},
                 config.compositing,
-                config.schedule.structure,
+                config.schedule.squares,
                 split.replicas,
             )
         signature = _signature(config, stage, model, trained)
