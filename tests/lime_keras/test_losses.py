@@ -131,6 +131,16 @@ def test_albedo_l2_is_the_mean_square(channels, differentiate):
     assert (differentiate(losses.albedo_l2, true, true)[0] == 0).all()
 
 
+@pytest.mark.parametrize("channels", [1, 3])
+def test_albedo_l1_is_the_mean_absolute_error_and_flat_at_the_truth(channels, differentiate):
+    true, predicted = uniform(5, channels), uniform(5, channels, seed=1)
+    value, [_, gradient] = differentiate(losses.albedo_l1, true, predicted)
+    np.testing.assert_allclose(value, np.abs(true - predicted).mean(-1), rtol=1e-5)
+    np.testing.assert_allclose(gradient, np.sign(predicted - true) / channels, rtol=1e-5)
+    value, [_, gradient] = differentiate(losses.albedo_l1, true, true)
+    assert (value == 0).all() and (gradient == 0).all()
+
+
 def test_cross_entropy_picks_the_true_class(differentiate):
     logits = 4 * uniform(8, 8)
     probabilities = np.exp(logits) / np.exp(logits).sum(-1, keepdims=True)

@@ -39,8 +39,10 @@ def cases() -> list[Case]:
         measure = functools.partial(_large_mask, precision)
         out.append(Case("masked mean", "full mask of 256 × 256", precision.name, measure))
     for precision in TENSORS:
-        measure = functools.partial(_albedo, precision)
-        out.append(Case("loss on albedos", "albedos from -30 to 10000", precision.name, measure))
+        for part, function in (("loss", _albedo), ("absolute loss", _albedo_l1)):
+            measure = functools.partial(function, precision)
+            name = "albedos from -30 to 10000"
+            out.append(Case(f"{part} on albedos", name, precision.name, measure))
     return out
 
 
@@ -66,6 +68,10 @@ def _shading_loss(predicted: Any, mask: Any, shading: Any) -> Any:
 
 def _albedo_loss(predicted: Any, albedo: Any) -> Any:
     return losses.albedo_l2(albedo, predicted)
+
+
+def _absolute_albedo_loss(predicted: Any, albedo: Any) -> Any:
+    return losses.albedo_l1(albedo, predicted)
 
 
 # The masked mean.
@@ -204,15 +210,17 @@ def _shading_l1_reference(
 
 
 def _albedo(precision: Precision) -> Outcome:
+    return judged(_albedo_loss, _albedo_reference, precision, *_albedos())
+
+
+def _albedo_l1(precision: Precision) -> Outcome:
+    return judged(_absolute_albedo_loss, _albedo_l1_reference, precision, *_albedos())
+
+
+def _albedos() -> list[np.ndarray]:
+    """Return predicted and true albedos, `(N, 3)` each."""
     albedo, predicted = pairs((0.0, 1.0), (-30.0, 0.0, 1e-7, 1.0, 1e4))
-    scale = np.array([1.0, 0.5, 0.25])
-    return judged(
-        _albedo_loss,
-        _albedo_reference,
-        precision,
-        predicted[:, None] * scale,
-        albedo[:, None] * scale,
-    )
+    return [values[:, None] * np.array([1.0, 0.5, 0.25]) for values in (predicted, albedo)]
 
 
 def _albedo_reference(
@@ -222,3 +230,12 @@ def _albedo_reference(
     slope = 2 * difference / 3
     value = np.array([np.square(d).sum() / 3 for d in difference])
     return value, 2 * (size * np.abs(difference)).mean(-1), [(slope, slope, 2 * size / 3)]
+
+
+def _albedo_l1_reference(
+    precision: Precision, predicted: np.ndarray, albedo: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, Slopes]:
+    difference, size = predicted - albedo, np.abs(predicted) + np.abs(albedo)
+    low, high = signs(difference, size, precision)
+    third = np.full_like(difference, 1 / 3)
+    return np.abs(difference).mean(-1), size.mean(-1), [(low / 3, high / 3, third)]
