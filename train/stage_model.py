@@ -14,7 +14,7 @@ from lime_keras.networks import output_names
 from lime_keras.networks.wiring import Wiring, needed, quantities
 
 from . import terms
-from .terms import BY_MEASURES, BY_SQUARES, LEARNING, TERMS, StageAnswer
+from .terms import LEARNING, TERMS, StageAnswer
 
 
 class StageModel(keras.Model):
@@ -27,7 +27,7 @@ class StageModel(keras.Model):
     Args:
         subnetworks: subnetworks of the stage by name; all of them are trained.
         compositing: whether the loss of the albedos contains Eq. 5.
-        squares: whether mask and albedos are learnt by squares, rather than by `BY_MEASURES`.
+        squares: which terms mask and albedos are learnt by: those with this `terms.Term.squares`.
         replicas: number of devices that each compute the loss of their part of a batch. Their
             gradients are added up, so each loss is divided by this number.
     """
@@ -45,7 +45,7 @@ class StageModel(keras.Model):
         self._replicas = replicas
         self._given = needed(subnetworks)
         self._answered, self._found = tuple(quantities(subnetworks)), output_names(subnetworks)
-        left_out = set(BY_MEASURES if squares else BY_SQUARES)
+        left_out = {name for name, term in TERMS.items() if term.squares == (not squares)}
         if not compositing:
             left_out.add("compositing")
         self.terms = [

@@ -48,12 +48,15 @@ class Term:
         quantity: name of the quantity whose prediction the term compares with the truth.
         loss: function of a batch and a `StageAnswer`; returns the loss of each example, `(B,)`.
         features: names of the features that it reads, beside `data.features.LEARNT_FROM`.
+        squares: True for a squared error of the paper's, False for the term that stands in its
+            place and comes closer to the measures of Table 1; None if every schedule has the term.
     """
 
     weight: float
     quantity: str
     loss: Callable[[Batch, StageAnswer], Any]
     features: tuple[str, ...] = ()
+    squares: bool | None = None
 
 
 @dataclass(frozen=True)
@@ -76,7 +79,7 @@ class Learning:
 
     Attributes:
         terms: names out of `TERMS`; terms of quantities that no subnetwork of the stage predicts
-            are left out, and either `BY_SQUARES` or `BY_MEASURES`.
+            are left out, and those with the other `Term.squares`.
         measures: names out of `MEASURES`.
         joined: number, from 1, of the first joined stage that trains it; None if it is only trained
             alone.
@@ -170,10 +173,16 @@ def _compositing(batch: Batch, answer: StageAnswer) -> Any:
 
 TERMS = {
     "mask": Term(
-        1.0, "mask", lambda batch, answer: losses.mask_l2(batch["mask"], answer.raw["mask"])
+        1.0,
+        "mask",
+        lambda batch, answer: losses.mask_l2(batch["mask"], answer.raw["mask"]),
+        squares=True,
     ),
     "structure": Term(
-        1.0, "mask", lambda batch, answer: losses.mask_structure(batch["mask"], answer.raw["mask"])
+        1.0,
+        "mask",
+        lambda batch, answer: losses.mask_structure(batch["mask"], answer.raw["mask"]),
+        squares=False,
     ),
     "specular": Term(1.0, "specular_shading", _shading("specular_shading")),
     "mirror": Term(1.0, "mirror", _shading("mirror")),
@@ -193,20 +202,15 @@ TERMS = {
         ),
         ("shininess",),
     ),
-    "diffuse_albedo": Term(5.0, "albedos", _diffuse_albedo(losses.albedo_l2)),
-    "diffuse_albedo_l1": Term(1.0, "albedos", _diffuse_albedo(losses.albedo_l1)),
-    "specular_albedo": Term(5.0, "albedos", _specular_albedo(losses.albedo_l2)),
-    "specular_albedo_l1": Term(1.0, "albedos", _specular_albedo(losses.albedo_l1)),
+    "diffuse_albedo": Term(5.0, "albedos", _diffuse_albedo(losses.albedo_l2), squares=True),
+    "diffuse_albedo_l1": Term(1.0, "albedos", _diffuse_albedo(losses.albedo_l1), squares=False),
+    "specular_albedo": Term(5.0, "albedos", _specular_albedo(losses.albedo_l2), squares=True),
+    "specular_albedo_l1": Term(1.0, "albedos", _specular_albedo(losses.albedo_l1), squares=False),
     "compositing": Term(1.0, "albedos", _compositing),
     "reflectance_map": Term(
         1.0, "reflectance_map", _reflectance_map_l1, features_of_truth("reflectance_map")
     ),
 }
-
-BY_SQUARES = ("mask", "diffuse_albedo", "specular_albedo")
-"""The paper's terms of masks and albedos: mean squared errors."""
-BY_MEASURES = ("structure", "diffuse_albedo_l1", "specular_albedo_l1")
-"""What may stand in their place: terms that come closer to the measures of Table 1."""
 
 
 def _log_exponents(batch: Batch, outputs: Mapping[str, Any]) -> tuple[Any, Any]:
