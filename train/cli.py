@@ -19,6 +19,7 @@ _PARTS = {
     "perceptual": "compositing",
     "mirror": "architecture.mirror",
     "dichromatic": "architecture.dichromatic",
+    "hue": "architecture.hue",
     "pretrained": "architecture.pretrained",
 }
 """What `--with` and `--without` name, and the field of the config that says whether it is there."""
@@ -97,7 +98,7 @@ def _add_data(out: argparse.ArgumentParser) -> None:
         choices=_MATERIALS,
         metavar="LAW",
         help="laws of the albedos: `uniform`, the paper's; `natural`, as common objects have them; "
-        "or both in turns (default: uniform). The held-out scenes of a corpus keep their own",
+        "or both in turns (default: uniform; held-out scenes of a corpus then keep their own)",
     )
     data.add_argument(
         "--cutouts",
@@ -155,7 +156,7 @@ def _add_networks(out: argparse.ArgumentParser) -> None:
         choices=tuple(_PARTS),
         metavar="PART",
         help="leave out: perceptual, Eq. 5 in the loss; mirror, MirrorNet; dichromatic, the split "
-        "of colours; pretrained, the mask's encoder",
+        "of colours; hue, m_d in the hue of the pixels; pretrained, the mask's encoder",
     )
     networks.add_argument(
         "--with",
@@ -373,7 +374,7 @@ def config_of(options: argparse.Namespace) -> Any:
         asked = {field: operator.attrgetter(field)(held) for field in _FIELDS} | asked
     preset = asked["preset"]
     schedule = SCHEDULES[preset]
-    _check_materials(options, schedule.repaints)
+    _check_materials(options, preset, schedule.papers)
     fresh = Config(
         preset=preset,
         steps_scale=1.0,
@@ -396,11 +397,11 @@ def _asked(options: argparse.Namespace) -> dict[str, Any]:
     put_in, left_out = set(getattr(options, "with") or ()), set(options.without or ())
     if both := sorted(put_in & left_out):
         raise ValueError(f"--with and --without {' '.join(both)}: take one of them")
-    if options.baseline is not None and "dichromatic" in put_in:
-        raise ValueError("--with dichromatic: the reflectance-map baseline does not read the split")
+    lacking = ("dichromatic", "hue") if options.baseline is not None else ()
+    if asked := [part for part in lacking if part in put_in]:
+        raise ValueError(f"--with {' '.join(asked)}: the reflectance-map baseline has no such part")
     given |= {_PARTS[part]: True for part in put_in} | {_PARTS[part]: False for part in left_out}
-    if options.baseline is not None:
-        given[_PARTS["dichromatic"]] = False
+    given |= {_PARTS[part]: False for part in lacking}
     if options.start_from is not None:
         given["begun_from"] = initial_weights.sha256(options.start_from)
     if options.cutouts is not None:
@@ -429,14 +430,14 @@ def _with(config: Any, values: Mapping[str, Any]) -> Any:
     )
 
 
-def _check_materials(options: argparse.Namespace, repaints: bool) -> None:
+def _check_materials(options: argparse.Namespace, preset: str, papers: bool) -> None:
     """Raise ValueError if materials are asked for that the data cannot show."""
     from .config import is_bank
 
     corpora = [str(path) for path in options.paths if not is_bank(path)]
-    if options.materials is not None and corpora and not repaints:
+    if options.materials is not None and corpora and papers:
         raise ValueError(
-            f"--materials: the preset {options.preset} shows the materials that "
+            f"--materials: the preset {preset} shows the materials that "
             f"{', '.join(corpora)} holds; render a corpus by `lime-render --materials`, train from "
             "a bank, or pass --preset live"
         )

@@ -4,6 +4,7 @@ They come from corpora of stored records, from banks of geometry whose scenes ar
 training runs, or from both. TensorFlow is imported only to read records.
 """
 
+import functools
 import itertools
 import math
 import zlib
@@ -64,6 +65,7 @@ class Data:
         banks = [path for path in paths if is_bank(path)]
         corpora = [path for path in paths if path not in banks]
         self._paths, self._bank_count, self._config = paths, len(banks), config
+        self._part = rows[0]
         self._corpora: Any = None
         self._banks: Any = None
         if corpora:
@@ -97,16 +99,17 @@ class Data:
         if self._corpora is not None:
             batches["corpora"] = self._corpora.training(seed, wanted, first_step - of_banks)
         is_of_masks = stage.subnetworks == ("segmentation",)
-        cutouts = None
-        if is_of_masks and self._photographs is not None:
-            cutouts = Cutouts(*self._photographs, self._config.architecture.size)
+        cutouts = self._cutouts if is_of_masks else None
         for step in itertools.count(first_step):
             batch = next(batches["banks" if self._is_of_banks(step) else "corpora"])
-            generator = np.random.default_rng((seed, step))
-            if self._config.schedule.clutter and is_of_masks:
-                batch = batch | {"image": clutter.add(batch["image"], batch["mask"], generator)}
-            elif self._config.schedule.clutter:
-                batch = batch | {"image": prints.add(batch, generator)}
+            generator = np.random.default_rng((seed, step, self._part))
+            if not self._config.schedule.papers:
+                image = (
+                    clutter.add(batch["image"], batch["mask"], generator)
+                    if is_of_masks
+                    else prints.add(batch, generator)
+                )
+                batch = batch | {"image": image}
             if cutouts is not None:
                 images, covers = cutouts.put(batch["image"], batch["mask"], generator)
                 batch = batch | {"image": images, "mask": covers}
@@ -115,15 +118,15 @@ class Data:
                 batch = batch | {SEEN_MASK: seen}
             yield batch
 
-    def cut_out_by(self, masker: keras.Model) -> None:
-        """Let `seen_mask` be, for some of the images, what a trained SegmentationNet finds."""
+    def cut_out_by(self, masker: keras.Model | None) -> None:
+        """Let `seen_mask` be what a SegmentationNet finds, in some images; None lets it be true."""
         self._masker = masker
         for batch in self._kept:
             batch.pop(SEEN_MASK, None)
 
     def seen(self, stage: Stage, features: Collection[str]) -> tuple[str, ...]:
         """Return a stage's features, with `seen_mask` if it learns on masks that are not true."""
-        sees = self._config.schedule.masks and "segmentation" not in stage.subnetworks
+        sees = not (self._config.schedule.papers or "segmentation" in stage.subnetworks)
         return (*features, *([SEEN_MASK] if sees else []))
 
     def held_out(self, features: Collection[str]) -> Iterator[Batch]:
@@ -159,6 +162,12 @@ class Data:
         if self._is_of_banks(step):
             return self._banks.blamed(of_banks, origins)
         return self._corpora.blamed(step - of_banks, origins)
+
+    @functools.cached_property
+    def _cutouts(self) -> Cutouts | None:
+        if self._photographs is None:
+            return None
+        return Cutouts(*self._photographs, self._config.architecture.size)
 
     def _held_out(self, features: Collection[str]) -> Iterator[Batch]:
         share = self._config.schedule.validation_examples / len(self._paths)

@@ -96,8 +96,9 @@ class WatchedMuon(_Watched, keras.optimizers.Muon):
     """Muon for the inner convolutions, and Adam for everything else, watched.
 
     A kernel `(k, k, c_in, c_out)` is taken as a matrix `(k · k · c_in, c_out)`, whose momentum is
-    made orthogonal by five Newton–Schulz steps. Convolutions of a few channels, so those next to
-    the images, pretrained layers, dense layers and biases stay with Adam.
+    made orthogonal by five Newton–Schulz steps. Convolutions from or to at most four channels (the
+    first, where it reads no split of the colours, and the heads), pretrained layers, dense layers
+    and biases stay with Adam.
     """
 
     def __init__(self, learning_rate: Any, groups: Sequence[tuple[str, int]]):

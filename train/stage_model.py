@@ -27,7 +27,7 @@ class StageModel(keras.Model):
     Args:
         subnetworks: subnetworks of the stage by name; all of them are trained.
         compositing: whether the loss of the albedos contains Eq. 5.
-        squares: which terms mask and albedos are learnt by: those with this `terms.Term.squares`.
+        squares: which terms masks and albedos are learnt by: those with this `terms.Term.squares`.
         replicas: number of devices that each compute the loss of their part of a batch. Their
             gradients are added up, so each loss is divided by this number.
     """

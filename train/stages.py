@@ -56,19 +56,18 @@ class Schedule:
         joint_steps: batches of each stage of joined subnetworks.
         joint_learning_rate: learning rate for joined subnetworks.
         validation_examples: number of held-out examples that a stage is evaluated on.
-        cosine: whether the learning rate of each stage falls to 0, along half a cosine.
-        flips: whether training mirrors the scenes of corpora left to right, each with a probability
-            of one half.
-        repaints: whether training draws new albedos for each scene of a corpus every time it is
-            read. A bank's scenes are drawn anew in every way, so neither concerns them.
-        clutter: whether SegmentationNet, alone, learns from images with several colours on the
-            objects (`lime_keras.data.clutter`), and all others from images with prints on them
-            (`lime_keras.data.prints`).
-        masks: whether the other subnetworks learn on masks as SegmentationNet finds them and on
-            damaged ones (`train.sources.masks`), rather than on true masks alone.
-        squares: whether mask and albedos are learnt by mean squared errors, as in the paper, rather
-            than by `losses.mask_structure` and absolute errors.
-        optimizer: a key of `optimizer.OPTIMIZERS`.
+        papers: whether training is that of section 5.4: by Adam at a constant learning rate, on the
+            scenes as they are rendered, with true masks, by mean squared errors of mask and
+            albedos. Otherwise
+
+            - Muon trains, and the learning rate of each stage falls to 0 along half a cosine;
+            - scenes of corpora are mirrored left to right, each with a probability of one half,
+              and get new albedos each time (a bank's scenes are drawn anew in every way);
+            - SegmentationNet learns from images with several colours on the objects
+              (`lime_keras.data.clutter`), all others from images with prints
+              (`lime_keras.data.prints`), and on masks as SegmentationNet finds them and on damaged
+              ones (`train.sources.masks`);
+            - `losses.mask_structure` and absolute errors stand in place of the squares.
     """
 
     batch_size: int
@@ -78,13 +77,7 @@ class Schedule:
     joint_steps: int
     joint_learning_rate: float
     validation_examples: int
-    cosine: bool = False
-    flips: bool = False
-    repaints: bool = False
-    clutter: bool = False
-    masks: bool = False
-    squares: bool = True
-    optimizer: str = "adam"
+    papers: bool = True
 
     def scaled(self, factor: float, rate: float = 1.0) -> "Schedule":
         """Return the schedule with `factor` times the batches and `rate` times the learning rates.
@@ -105,14 +98,15 @@ class Schedule:
     def stages(self, architecture: Architecture) -> list[Stage]:
         """Return all stages of a system, in the order of training."""
         here = subnetwork_names(architecture)
+        cosine, optimizer = (False, "adam") if self.papers else (True, "muon")
         rounds = {name: LEARNING[name].joined for name in here}
         out = [
             Stage(
                 (name,),
                 self.encoder_steps if SUBNETWORKS[name].encoder else self.single_steps,
                 self.single_learning_rate,
-                self.cosine,
-                LEARNING[name].optimizer or self.optimizer,
+                cosine,
+                LEARNING[name].optimizer or optimizer,
             )
             for name in LEARNING
             if name in here
@@ -123,7 +117,7 @@ class Schedule:
             )
             if len(joined) > 1:
                 rate = self.joint_learning_rate
-                out.append(Stage(joined, self.joint_steps, rate, self.cosine, self.optimizer))
+                out.append(Stage(joined, self.joint_steps, rate, cosine, optimizer))
         return out
 
 
@@ -135,13 +129,7 @@ _LIVE = Schedule(
     joint_steps=5_000,
     joint_learning_rate=4e-4,
     validation_examples=512,
-    cosine=True,
-    flips=True,
-    repaints=True,
-    clutter=True,
-    masks=True,
-    squares=False,
-    optimizer="muon",
+    papers=False,
 )
 
 SCHEDULES = {

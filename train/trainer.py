@@ -87,10 +87,10 @@ def train(
     Raises:
         FileNotFoundError: if a corpus or bank is incomplete, or there is no run to reuse.
         ValueError: if the folder holds a run of another config; if a corpus or bank is too small,
-            damaged, in another unit than the first, or of an image size that does not fit; if a
-            stage's name is unknown; if a subnetwork is to be frozen that the run does not begin
-            with; if the minutes are too few for a batch of each stage; or if several processes are
-            called differently, or with minutes.
+            damaged, or of an image size that does not fit; if a stage's name is unknown; if a
+            subnetwork is to be frozen that the run does not begin with; if the minutes are too few
+            for a batch of each stage; or if several processes are called differently, or with
+            minutes.
         RuntimeError: if a loss or a gradient is not finite, or another process is training the run.
     """
     began = monotonic() if began is None else began
@@ -203,7 +203,13 @@ class _Run:
         """
         spent = max(part.position.spent for part in self._parts)
         budget = Budget(self._config.minutes or 0.0, began, spent)
-        return _Timetable(budget, self.left, self._prepared, self._evaluation, self._tell)
+        learnt = any(part.stage.name == "segmentation" for part in self._parts)
+        if learnt:  # its masks will take their time, too
+            self._data.cut_out_by(self._subnetworks["segmentation"])
+        timetable = _Timetable(budget, self.left, self._prepared, self._evaluation, self._tell)
+        if learnt and "segmentation" not in self._trained:
+            self._data.cut_out_by(None)
+        return timetable
 
     def learn(self, timetable: "_Timetable | None") -> None:
         """Load the finished stages, train the others in order, and write the model."""
@@ -315,7 +321,7 @@ def _parts(
             model = StageModel(
                 {part: subnetworks[part] for part in stage.subnetworks},
                 config.compositing,
-                config.schedule.squares,
+                config.schedule.papers,
                 split.replicas,
             )
         signature = _signature(config, stage, model, trained)
@@ -411,7 +417,7 @@ def _learning_rates(stage: Stage) -> Any:
 def _signature(config: Config, stage: Stage, model: StageModel, trained: Mapping[str, str]) -> str:
     """Return a hash of all that a stage's weights follow from: its settings and earlier stages."""
     schedule = config.schedule
-    masks = schedule.masks and "segmentation" not in stage.subnetworks
+    alone = stage.subnetworks == ("segmentation",)
     follows_from = {
         "stage": dataclasses.asdict(stage),
         "layers": {
@@ -424,10 +430,8 @@ def _signature(config: Config, stage: Stage, model: StageModel, trained: Mapping
         "size": config.architecture.size,
         "terms": {term: TERMS[term].weight for term in model.terms},
         "batch_size": schedule.batch_size,
-        "flips": schedule.flips,
-        "repaints": schedule.repaints,
-        "clutter": schedule.clutter,
-        "masks": masks,
+        "papers": schedule.papers,
+        "cutouts": config.cutouts if alone else None,
         "seed": config.seed,
         "corpus": config.corpus_sha256,
         "camera": config.camera,
@@ -438,7 +442,7 @@ def _signature(config: Config, stage: Stage, model: StageModel, trained: Mapping
         "frozen": config.frozen,
         "earlier": {
             name: trained.get(name)
-            for name in (*stage.subnetworks, *(["segmentation"] if masks else []))
+            for name in (*stage.subnetworks, *([] if schedule.papers else ["segmentation"]))
         },
     }
     return hashlib.sha256(json.dumps(follows_from, sort_keys=True).encode()).hexdigest()

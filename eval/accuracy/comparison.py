@@ -48,19 +48,21 @@ PAPER: dict[str, dict[str, float]] = {
 
 
 def system(architecture: Architecture, run: Path) -> str:
-    """Return the name of the paper's row that a run belongs to; join the names of its ablations."""
+    """Return the name of the paper's row that a run belongs to; join the names of what differs."""
     if architecture.system == "reflectance-map":
         return "reflectance map"
-    ablated = [
+    changed = [
         name
         for name, is_so in (
+            ("with the split of colours", architecture.dichromatic),
+            ("with the hue of pixels", architecture.hue),
             ("without perceptual loss", not _compositing(run)),
             ("without MirrorNet", not architecture.mirror),
             ("exponent regression", architecture.exponent == "regression"),
         )
         if is_so
     ]
-    return ", ".join(ablated) or FULL
+    return ", ".join(changed) or FULL
 
 
 def other_system(rows: Mapping[str, np.ndarray]) -> str:
@@ -98,8 +100,8 @@ def compare(
     ranks = {system: rank for rank, system in enumerate(PAPER)}
     order = sorted(evaluated, key=lambda name: ranks.get(systems[name], len(ranks)))
     counts = {name: len(evaluated[name]["seed"]) for name in order}
-    seeds = {evaluated[name]["seed"].tobytes() for name in order}
-    if len(set(counts.values())) > 1 or len(seeds) > 1:
+    images = {b"".join(evaluated[n][of].tobytes() for of in ("seed", "index")) for n in order}
+    if len(set(counts.values())) > 1 or len(images) > 1:
         raise ValueError(f"the runs were not measured on the same images: {counts}")
     reference = next((name for name in order if systems[name] == FULL), order[0])
     drawn = {name: measures.resampled(evaluated[name]) for name in order}

@@ -3,7 +3,6 @@
 Every measure is a function of the means of some columns, so one bootstrap serves all measures.
 """
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -20,16 +19,6 @@ from .relighting import HIGHEST_PSNR
 
 _RESAMPLES = 1000
 _BOOTSTRAP_SEED = 2018
-_UNIFORM_MAE, _UNIFORM_RMSE = 0.25, math.sqrt(1 / 12)
-"""Errors of the constant prediction 0.5 for a number drawn uniformly from [0, 1]."""
-_RANGE_RMSE = (shininess.LOG_HIGH - shininess.LOG_LOW) / math.sqrt(12)
-"""RMSE of log10 s when the prediction is always the middle of its range."""
-
-_LOGS = np.linspace(shininess.LOG_LOW, shininess.LOG_HIGH, 30_001)
-_MIDDLE_ALPHA_MAE = float(
-    np.mean(metrics.ggx_alpha_error(10.0**_LOGS, np.full_like(_LOGS, _LOGS.mean())))
-)
-"""MAE of GGX's α when the prediction is always that of the middle of the range of log10 s."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +68,8 @@ class Measure:
         perfect: value for predictions that equal the ground truth.
         paper: value of the paper's "full approach" in Table 1, if it is printed.
         chance: value for a prediction that ignores the image, or the name of a column of
-            `Evaluation.rows` whose mean is that value.
+            `Evaluation.rows` whose mean is that value; None if the truths decide it
+            (`constant_answers`), or if there is none.
         floor: error that remains with perfect classification into bins (quantisation).
     """
 
@@ -101,7 +91,6 @@ def _root(mean: Any) -> Any:
 
 _SHARE: dict[str, Any] = {"unit": PER_CENT, "more_is_better": True, "perfect": 1.0}
 _PSNR: dict[str, Any] = {"unit": DECIBEL, "more_is_better": True, "perfect": HIGHEST_PSNR}
-_GUESSED_BIN = 1 / shininess.BIN_COUNT
 
 MEASURES = {
     "mask_iou": Measure("Mask IoU, mean over images", "mask IoU", ("iou",), paper=0.9983, **_SHARE),
@@ -113,7 +102,7 @@ MEASURES = {
         **_SHARE,
     ),
     "exponent_exact": Measure(
-        "Exponent, right bin", "right bin", ("exact",), paper=0.4507, chance=_GUESSED_BIN, **_SHARE
+        "Exponent, right bin", "right bin", ("exact",), paper=0.4507, **_SHARE
     ),
     "exponent_adjacent": Measure(
         "Exponent, neighbouring bin",
@@ -122,14 +111,12 @@ MEASURES = {
         unit=PER_CENT,
         more_is_better=None,
         paper=0.4012,
-        chance=2 * _GUESSED_BIN,
     ),
     "exponent_within_one": Measure(
         "Exponent, right or neighbouring",
         "right or next",
         ("within_one",),
         paper=0.8519,
-        chance=3 * _GUESSED_BIN,
         **_SHARE,
     ),
     "log_exponent_mae": Measure(
@@ -137,41 +124,35 @@ MEASURES = {
         "log10 s error",
         ("log_error",),
         paper=0.3073,
-        chance=shininess.CHANCE_LOG_ERROR,
     ),
     "log_exponent_rmse": Measure(
-        "Exponent, RMSE of log10 s", "log10 s RMSE", ("log_squared",), _root, chance=_RANGE_RMSE
+        "Exponent, RMSE of log10 s", "log10 s RMSE", ("log_squared",), _root
     ),
     "log_exponent_mae_winning": Measure(
         "Exponent, error of log10 s, winning bin",
         "log10 s error, winning",
         ("log_error_winning",),
         paper=0.3073,
-        chance=shininess.CHANCE_LOG_ERROR,
         floor=shininess.QUANTISATION_FLOOR,
     ),
-    "ggx_alpha_mae": Measure(
-        "Exponent as GGX α, MAE", "GGX α MAE", ("ggx_alpha_error",), chance=_MIDDLE_ALPHA_MAE
-    ),
+    "ggx_alpha_mae": Measure("Exponent as GGX α, MAE", "GGX α MAE", ("ggx_alpha_error",)),
     "diffuse_albedo_mae": Measure(
         "Diffuse albedo, MAE",
         "diffuse MAE",
         ("diffuse_absolute",),
         paper=0.0674,
-        chance=_UNIFORM_MAE,
     ),
     "diffuse_albedo_rmse": Measure(
-        "Diffuse albedo, RMSE", "diffuse RMSE", ("diffuse_squared",), _root, chance=_UNIFORM_RMSE
+        "Diffuse albedo, RMSE", "diffuse RMSE", ("diffuse_squared",), _root
     ),
     "specular_albedo_mae": Measure(
         "Specular albedo, MAE",
         "specular MAE",
         ("specular_absolute",),
         paper=0.2158,
-        chance=_UNIFORM_MAE,
     ),
     "specular_albedo_rmse": Measure(
-        "Specular albedo, RMSE", "specular RMSE", ("specular_squared",), _root, chance=_UNIFORM_RMSE
+        "Specular albedo, RMSE", "specular RMSE", ("specular_squared",), _root
     ),
     "specular_shading_relative": Measure(
         "Specular shading S, relative error",
@@ -217,8 +198,8 @@ def summarise(evaluation: Evaluation) -> dict[str, Any]:
         Each of `MEASURES` that the system has, by name, shares in [0, 1]; `count` of the examples;
         `counted`, the number of examples that a measure counts, by each measure that leaves some
         out; `system`, its description; and, by measure where they exist, `interval` (95 %
-        bootstrap, `[low, high]`), `true_mask`, `paper`, `chance`, `floor` and `constant` (the best
-        prediction that is the same for every image of this split).
+        bootstrap, `[low, high]`), `true_mask`, `paper`, `chance` (the best prediction that ignores
+        the image) and `floor`.
     """
     measured = values(evaluation.rows)
     summary: dict[str, Any] = dict(measured)
@@ -234,7 +215,8 @@ def summarise(evaluation: Evaluation) -> dict[str, Any]:
             for name, value in known.items()
             if value is not None
         }
-    summary["constant"] = constant_answers(evaluation.rows)
+    constant = constant_answers(evaluation.rows)
+    summary["chance"] |= {name: value for name, value in constant.items() if name in measured}
     return summary
 
 
@@ -285,6 +267,7 @@ def constant_answers(rows: Mapping[str, np.ndarray]) -> dict[str, float]:
         "exponent_adjacent": np.max(adjacent),
         "exponent_within_one": np.max(shares + adjacent),
         "log_exponent_mae": np.mean(np.abs(log - np.median(log))),
+        "log_exponent_mae_winning": np.mean(np.abs(log - np.median(log))),
         "log_exponent_rmse": np.std(log),
         "ggx_alpha_mae": np.mean(np.abs(alpha - np.median(alpha))),
         "diffuse_albedo_mae": np.mean(np.abs(diffuse - np.median(diffuse, axis=0))),

@@ -41,6 +41,6 @@ def _cells(name: str, measure: Measure, summary: Mapping[str, Any]) -> tuple[str
 def _note(summary: Mapping[str, Any], architecture: Architecture) -> str:
     return (
         f"{summary['count']} test images, answered by {architecture.description}. Exponent: "
-        f"{exponent(architecture)}. Chance: an "
-        "answer that knows nothing. Floor: what perfect classification into bins still errs by."
+        f"{exponent(architecture)}. Chance: the best answer that is the same for every image. "
+        "Floor: what perfect classification into bins still errs by."
     )

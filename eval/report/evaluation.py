@@ -60,7 +60,6 @@ def evaluation(
         tiles=[_tile(name, summary) for name in _HEADLINES],
         header=table.HEADER,
         rows=table.rows(summary),
-        constants=_constants(summary),
         confusion=both_themes(lambda theme: figures.confusion(found.confusion, theme)),
         albedos=both_themes(lambda theme: figures.albedos(found.rows, theme)),
         reliability=both_themes(lambda theme: figures.reliability(found.rows, theme)),
@@ -89,7 +88,7 @@ def _slice_cells(part: Slice, names: Sequence[str]) -> list[str]:
 def _tile(name: str, summary: Mapping[str, Any]) -> dict[str, Any]:
     """Return a headline number and its place between chance (0 %) and perfection (100 %)."""
     measure = MEASURES[name]
-    chance = summary["chance"].get(name, summary["constant"].get(name))
+    chance = summary["chance"][name]
 
     def place(value: float | None) -> float | None:
         if value is None or chance == measure.perfect:
@@ -105,14 +104,6 @@ def _tile(name: str, summary: Mapping[str, Any]) -> dict[str, Any]:
         "paper_at": place(measure.paper),
         "true_mask_at": place(summary["true_mask"].get(name)),
     }
-
-
-def _constants(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return the measures of the best constant predictions on this split, as title and text."""
-    return [
-        (MEASURES[name].title, MEASURES[name].unit.number(value))
-        for name, value in summary["constant"].items()
-    ]
 
 
 def _small_card(example: Example, found: Evaluation) -> dict[str, Any]:

@@ -58,8 +58,8 @@ class Fidelity:
         Keras. The other runtimes, and eight bits, are evaluated themselves.
 
         Returns:
-            `measured_on` (name of the runtime), `errors` and `interval` by measure, and the `count`
-            of images.
+            `measured_on` (name of the runtime), `errors`, `interval` and `chance` by measure, and
+            the `count` of images.
         """
         if precision in POLICIES and runtime != KERAS:
             if max(self.difference(runtime, precision).values()) <= parity.TOLERANCE:
@@ -79,6 +79,7 @@ class Fidelity:
                 "measured_on": runtime,
                 "errors": {name: summary[name] for name in known},
                 "interval": {name: summary["interval"][name] for name in known},
+                "chance": summary["chance"],
                 "count": summary["count"],
             }
 

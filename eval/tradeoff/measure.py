@@ -52,9 +52,9 @@ def measure(
         each run), `scored` (the measures in the score), `rows`,
         `purposes` (what each run is for) and `recommendations`. A row holds the attributes of a
         `TimedCase`, the times of `timing.pooled`, `model_mib`, `parameters` and `gflop`. The row of
-        a whole system also holds its `errors` with their `interval` and `count`, the runtime that
-        they were `measured_on`, the `difference` from Keras, the `score` and, in the full cross,
-        whether it is on the `front`.
+        a whole system also holds its `errors` with their `interval`, `chance` and `count`, the
+        runtime that they were `measured_on`, the `difference` from Keras, the `score` and, in the
+        full cross, whether it is on the `front`.
 
     Raises:
         FileNotFoundError: if a run holds no trained model, or the corpus lacks a split.
@@ -71,7 +71,7 @@ def measure(
     opened = {name: Run(name, path, samples, store) for name, path in runs.items()}
     answered = _answered(opened, store)
     rows = _timed(Bench(opened), store)
-    scored = recommendation.scored([one["errors"] for one in answered.values()])
+    scored = recommendation.scored(list(answered.values()))
     _judge(rows, answered, scored)
     alone = [row for row in rows if is_whole(row) and row["batch"] == 1]
     return {
@@ -100,7 +100,7 @@ def _judge(rows: list[dict[str, Any]], answered: Mapping, scored: list[str]) -> 
     """Add errors and score to the rows of whole systems, and `front` to those of the full cross."""
     for row in filter(is_whole, rows):
         row |= answered[row["model"], row["runtime"], row["precision"]]
-        row["score"] = recommendation.score(row["errors"], scored)
+        row["score"] = recommendation.score(row, scored)
     crossed = [row for row in rows if compares_runtimes(row, machine.cores())]
     points = [(row["latency_ms"], row["score"]) for row in crossed]
     for row, on_front in zip(crossed, recommendation.front(points), strict=True):

@@ -4,21 +4,14 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ..accuracy.measures import MEASURES
-
-SCORED = {
-    name: chance
-    for name in (
-        "log_exponent_mae",
-        "diffuse_albedo_mae",
-        "specular_albedo_mae",
-        "specular_shading_relative",
-        "mirror_relative",
-    )
-    if isinstance(chance := MEASURES[name].chance, float)
-}
-"""Chance values of the measures that `score` averages: one measure for each estimated quantity
-except the mask, with the error of a prediction that ignores the image."""
+SCORED = (
+    "log_exponent_mae",
+    "diffuse_albedo_mae",
+    "specular_albedo_mae",
+    "specular_shading_relative",
+    "mirror_relative",
+)
+"""The measures that `score` averages: one for each estimated quantity except the mask."""
 _AS_GOOD = 0.01
 """Relative difference of scores that counts as equal: the test images cannot distinguish such
 scores, so the cheaper variant is taken."""
@@ -28,24 +21,35 @@ FRAME_MS = 1000 / 30
 Row = Mapping[str, Any]
 
 
-def scored(errors: Sequence[Mapping[str, float]]) -> list[str]:
+def scored(rows: Sequence[Row]) -> list[str]:
     """Return the measures of `SCORED` that all systems have, so that scores can be compared.
 
+    A measure whose chance is 0, because all test images have the same truth, is left out.
+
     Args:
-        errors: errors of each system, by measure.
+        rows: `errors` and `chance` of each system, by measure.
     """
-    return [name for name in SCORED if all(name in one for one in errors)]
+    return [
+        name
+        for name in SCORED
+        if all(name in row["errors"] and row["chance"][name] > 0 for row in rows)
+    ]
 
 
-def score(errors: Mapping[str, float], names: Sequence[str]) -> float:
+def score(row: Row, names: Sequence[str]) -> float:
     """Return the mean of error ÷ chance over the named measures: 0 is perfect, 1 is chance.
+
+    Args:
+        row: `errors` and `chance` by measure; chance is that of `measures.summarise`, so it follows
+            from the law of the materials.
+        names: result of `scored`.
 
     Raises:
         ValueError: if no measure is named.
     """
     if not names:
         raise ValueError(f"the systems share none of {', '.join(SCORED)}: compare fewer of them")
-    return sum(errors[name] / SCORED[name] for name in names) / len(names)
+    return sum(row["errors"][name] / row["chance"][name] for name in names) / len(names)
 
 
 def front(points: Sequence[tuple[float, float]]) -> list[bool]:

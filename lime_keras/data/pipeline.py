@@ -183,8 +183,6 @@ def evaluation(
 ) -> tf.data.Dataset:
     """Return a dataset with every example once, in order; the last batch may be smaller.
 
-    Of several lights that a record holds, the first lights the scene.
-
     Args:
         shards: paths of the shards to read.
         size: height and width of the images; a divisor of the stored size.
@@ -370,7 +368,7 @@ def _prepare(
 
     def prepare(serialized: tf.Tensor, seed: tf.Tensor | None = None) -> dict[str, tf.Tensor]:
         example = stored = _refuse_non_finite(records.parse(serialized, wanted))
-        # The camera uses parts 0 and 1 of the seed, the flip part 2, the paint part 3.
+        # Parts of the seed: 0 to 2 are the camera's, 3 the paint's, 4 the flip's.
         if repaints:
             own = tf.stack([example["seed"], example["index"]]) if seed is None else seed
             example = repaint(example, tf.random.split(own, 4)[3], materials)
@@ -381,7 +379,7 @@ def _prepare(
             example["cast"] = tf.zeros(4)
         example = resize(example, size)
         if flips:
-            drawn = tf.random.stateless_uniform((), tf.random.split(seed, 3)[2])
+            drawn = tf.random.stateless_uniform((), tf.random.split(seed, 5)[4])
             whole = example
             example = tf.cond(drawn < 0.5, lambda: flip(whole), lambda: whole)
         if "exponent_bin" in features:

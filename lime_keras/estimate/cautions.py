@@ -38,8 +38,8 @@ The rendered scene and the three photographs that stay below have parts of the o
 ON_FRAME, NEAR_FRAME = 0.01, 1 / 128
 """Share of the photo's outline that a mask may reach, and what counts as the outline, of its side.
 
-The networks see 128 pixels, and their masks keep clear of the last one. Half of the scenes of which
-a tenth is cut off reach more of the frame, and one in thirty of the whole ones.
+The networks see 64 to 192 pixels, and their masks keep clear of the last one. Half of the scenes of
+which a tenth is cut off reach more of the frame, and one in thirty of the whole ones.
 """
 DARKEST = 0.05
 """Linear luminance that a tenth of the object exceeds in a photo that shows its shading.

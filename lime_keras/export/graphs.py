@@ -47,6 +47,10 @@ def write(
         graph = onnx.load(path)
         _narrow(graph)
         _settle(graph)
+        for tensor in graph.graph.output:  # of which the converter forgets some channels
+            sizes = alone.output[tensor.name].shape[1:]
+            for dimension, size in zip(tensor.type.tensor_type.shape.dim[1:], sizes, strict=True):
+                dimension.dim_value = size
         values = {weight.path: keras.ops.convert_to_numpy(weight) for weight in network.weights}
         weights_in_graphs.describe(graph, values)
         path.write_bytes(graph.SerializeToString(deterministic=True))

@@ -40,6 +40,7 @@ class Architecture:
             filter (`networks.guided_filter`).
         dichromatic: whether SpecularNet and the encoders see the split of the colours into diffuse
             and grey light (`optics.dichromatic`).
+        hue: whether m_d is turned to the hue of the object's pixels (`blocks.HueOfPixels`).
 
     Raises:
         ValueError: if a name is unknown, two settings exclude each other, or the size cannot be
@@ -56,6 +57,7 @@ class Architecture:
     exponent: str = "classification"
     pretrained: bool = False
     dichromatic: bool = False
+    hue: bool = False
 
     def __post_init__(self) -> None:
         """Raise ValueError if the settings describe no system."""
@@ -71,10 +73,10 @@ class Architecture:
                 f"{', '.join(SYSTEMS)} and {', '.join(EXPONENTS)}"
             )
         ablated = not self.mirror or self.exponent != "classification"
-        if self.system != "lime" and (ablated or self.dichromatic):
+        if self.system != "lime" and (ablated or self.dichromatic or self.hue):
             raise ValueError(
-                "the reflectance-map baseline has no MirrorNet to leave out, no ExponentNet and no "
-                "dichromatic split: take one ablation at a time"
+                "the reflectance-map baseline has no MirrorNet to leave out, no ExponentNet, no "
+                "dichromatic split and no hue of pixels: take one ablation at a time"
             )
         multiple = 2 ** max(ENCODER_BLOCKS, self.unet_depth)
         if self.size % multiple:
@@ -91,7 +93,8 @@ class Architecture:
         without = [] if self.mirror else ["without MirrorNet"]
         regresses = ["with its exponent by regression"] if self.exponent == "regression" else []
         splits = ["with the dichromatic split"] if self.dichromatic else []
-        return " ".join(["LIME", *splits, *without, *regresses])
+        hues = ["with the hue of the pixels"] if self.hue else []
+        return " ".join(["LIME", *splits, *hues, *without, *regresses])
 
 
 _LIVE = Architecture(
@@ -102,6 +105,7 @@ _LIVE = Architecture(
     dense_width=128,
     pretrained=True,
     dichromatic=True,
+    hue=True,
 )
 PRESETS = {
     # Small enough that all stages train in minutes on two cores, without the pretrained weights.

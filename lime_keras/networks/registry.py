@@ -38,8 +38,9 @@ from lime_keras.optics.shininess import LOG_HIGH, LOG_LOW
 
 MASK_CONTRAST = 1.5
 """Factor by which SegmentationNet's prediction is stretched about one half, before the mask cuts
-the object out. The ℓ2 loss draws uncertain pixels towards one half, and a mask of 0.9 inside the
-object would make the estimated albedo too dark (docs/explanation/decisions.md)."""
+the object out. The loss, ℓ2 most of all, draws uncertain pixels towards one half, and a mask of 0.9
+inside the object would make the estimated albedo too dark (docs/explanation/decisions.md). The
+guided filter, where there is one, stretches beside it."""
 
 
 @dataclass(frozen=True)
@@ -129,7 +130,7 @@ SUBNETWORKS = {
         ("exponent_bin_probabilities", "albedos"),
         _baseline,
         encoder=True,
-        heads=("albedos", "logits", "log_exponent"),
+        heads=("albedos", "logits"),
     ),
 }
 """Row of each subnetwork by name, in the order of `system.build`."""

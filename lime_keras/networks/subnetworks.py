@@ -79,12 +79,13 @@ def albedo_net(architecture: Architecture) -> keras.Model:
     """Build AlbedoNet: `masked_image` `(B, S, S, 3)` and compressed S `(B, S, S, 1)` → m_d, m_s.
 
     With `dichromatic`, it reads the split, too. The output is `(B, 4)`: linear RGB diffuse albedo,
-    in the hue of the object's pixels, then specular albedo, not yet clipped to [0, 1].
+    with `hue` in the hue of the object's pixels, then specular albedo, not yet clipped to [0, 1].
     """
     inputs = _inputs(architecture, "masked_image", *_split(architecture), "specular_shading")
     albedos = layers.Dense(4, dtype="float32", name="albedos")(_encoded(inputs, architecture))
-    turned = HueOfPixels(dtype="float32", name="hue")([albedos, inputs[0]])
-    return keras.Model(_one_or_all(inputs), turned, name="albedo_net")
+    if architecture.hue:
+        albedos = HueOfPixels(dtype="float32", name="hue")([albedos, inputs[0]])
+    return keras.Model(_one_or_all(inputs), albedos, name="albedo_net")
 
 
 def _encoded(inputs: list[keras.KerasTensor], architecture: Architecture) -> keras.KerasTensor:

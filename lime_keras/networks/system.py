@@ -28,13 +28,15 @@ def build(architecture: Architecture, seed: int | None = None) -> dict[str, kera
         seed: seed of the initial weights. A subnetwork's weights depend on the seed and on its name
             alone, not on the other subnetworks. By default they follow Keras' global seed.
     """
-    out = {}
+    out, state = {}, random.getstate()
     for name in subnetwork_names(architecture):
         if seed is not None:
             # Keras draws the initialisers' seeds from Python's generator. Its function for seeds
             # would import TensorFlow under any backend.
             random.seed(zlib.crc32(f"{seed} {name}".encode()))
         out[name] = SUBNETWORKS[name].build(architecture)
+    if seed is not None:
+        random.setstate(state)
     return out
 
 

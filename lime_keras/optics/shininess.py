@@ -21,8 +21,6 @@ LOG_MEANS = (LOG_EDGES[:-1] + LOG_EDGES[1:]) / 2
 
 QUANTISATION_FLOOR = BIN_WIDTH / 4
 """Quantisation error: mean |Δ log10 s| of a perfect classifier, s log-uniform, 0.094."""
-CHANCE_LOG_ERROR = (LOG_HIGH - LOG_LOW) / 4
-"""Chance level: mean |Δ log10 s| of a constant prediction of the middle, 0.75."""
 
 
 def bin_of(exponent: Any) -> np.ndarray:

@@ -4,13 +4,13 @@ Batches of scenes in `keras.ops`, on the device that trains. All that is random 
 of `scene_draws.draw`, each with a leading axis of B; so each background follows from its own draws.
 """
 
-import functools
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from keras import ops
 
+from lime_keras.arrays import spline_weights
 from lime_keras.optics import colour
 
 from . import panorama
@@ -99,17 +99,8 @@ def _surroundings(radiance: Any, rotation: Any, camera: Any, size: int, sharpnes
 
 def _spread(lattice: Any, size: int) -> Any:
     """Interpolate lattices `(B, n, n)` over images `(B, S, S)` by uniform cubic B-splines."""
-    weights = _spline_weights(lattice.shape[1], size)
+    weights = spline_weights(lattice.shape[1], size)
     return ops.matmul(ops.matmul(weights, lattice), weights.T)
-
-
-@functools.cache
-def _spline_weights(count: int, size: int) -> np.ndarray:
-    """Return each pixel's weights of the nodes, `(S, count)`; the outermost lie outside."""
-    position = np.linspace(1, count - 2, size)[:, None]
-    d = np.abs(position - np.arange(count))
-    near = 2 / 3 - d**2 + d**3 / 2
-    return np.where(d < 1, near, np.maximum(2 - d, 0) ** 3 / 6).astype(np.float32)
 
 
 def _pixels_of_nodes(count: int, size: int) -> np.ndarray:

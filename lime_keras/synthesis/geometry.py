@@ -105,12 +105,18 @@ def decode(data: bytes, size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, 
         ValueError: if the bytes are no G-buffer of this size.
     """
     pixels = size * size
+    start = -(-pixels // 8)
+    most = start + 10 * pixels  # a pixel of two surfaces, the second with a large spread
+    decoder = zlib.decompressobj(-15)
     try:
-        raw = np.frombuffer(zlib.decompress(data, -15), np.uint8)
+        raw = np.frombuffer(decoder.decompress(data, most + 1), np.uint8)
     except zlib.error as error:
         raise ValueError(f"the bytes cannot be decompressed ({error})") from error
+    if not decoder.eof:
+        raise ValueError(
+            "the bytes cannot be decompressed (some are cut off, or they are too many)"
+        )
     # Split the bytes: one part after another, each as long as what is covered.
-    start = -(-pixels // 8)
     covered = np.flatnonzero(np.unpackbits(raw[:start]))
     count = len(covered)
     ends = np.cumsum([start, count, count, count, 2 * count])

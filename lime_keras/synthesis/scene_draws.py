@@ -44,7 +44,7 @@ def draw(
         rng: source of all randomness.
         size: height and width of the images in pixels.
         textures: shape `(K, T, T, 3)` of the bank's textures; K is at least 1, T at least `size`.
-        materials: keys of `material_law.LAWS`, one of which the material follows.
+        materials: names out of `material_law.LAWS`, one of which the material follows.
 
     Returns:
         By name, float32 unless said otherwise:

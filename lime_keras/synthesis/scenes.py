@@ -47,7 +47,8 @@ class Scenes:
         features: names of the features in a batch, of `data.features` or `normal`, `camera`,
             `environment`, `shininess`, `shape`, `light`.
         held_out: whether the scenes are of the shapes and maps that training does not see.
-        materials: keys of `material_law.LAWS`; each scene's is any of them with the same chance.
+        materials: names out of `material_law.LAWS`; each scene's is any of them, with the same
+            chance.
 
     Raises:
         FileNotFoundError: if the bank is incomplete.
@@ -87,8 +88,7 @@ class Scenes:
 
         Args:
             seed: seed of the scenes, at least 0.
-            positions: positions `(B,)`, at least 0; the first is even and each follows the one
-                before, and B is even: a scene and its neighbour lend each other their objects.
+            positions: positions `(B,)`, at least 0.
 
         Returns:
             The draws, NumPy arrays by name, for `make`.

@@ -7,12 +7,12 @@ stripes, checks, cells, rings, clutter, often bent by noise); a palette gives ea
 Two such textures are often mixed, and their brightness falls off to one side.
 """
 
-import functools
 from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio
 
+from lime_keras.arrays import spline_weights
 from lime_keras.io import untrusted
 
 LARGEST = 2**27
@@ -158,16 +158,8 @@ def _coordinates(size: int) -> tuple[np.ndarray, np.ndarray]:
 
 def _spread(lattice: np.ndarray, size: int) -> np.ndarray:
     """Interpolate a lattice over the image by uniform cubic B-splines, which blur its cells."""
-    rows, columns = (_spline_weights(count, size) for count in lattice.shape)
+    rows, columns = (spline_weights(count, size) for count in lattice.shape)
     return rows @ lattice.astype(np.float32) @ columns.T
-
-
-@functools.lru_cache(64)
-def _spline_weights(count: int, size: int) -> np.ndarray:
-    position = np.linspace(1, count - 2, size)[:, None]
-    d = np.abs(position - np.arange(count))
-    near = 2 / 3 - d**2 + d**3 / 2
-    return np.where(d < 1, near, np.maximum(2 - d, 0) ** 3 / 6).astype(np.float32)
 
 
 def _contrasted(values: np.ndarray, gain: float) -> np.ndarray:

@@ -70,7 +70,7 @@ def test_one_report_gathers_what_each_command_made(compared, corpus, runs, capsy
 
 
 def test_the_trade_leaves_its_table_and_its_picture(corpus, runs, tmp_path, monkeypatch):
-    shared = recommendation.scored([row["errors"] for row in trade.ROWS])
+    shared = recommendation.scored(trade.ROWS)
     measured = {"rows": trade.ROWS, "scored": shared, "machine": {"cores": 2}}
     monkeypatch.setattr(measure, "measure", lambda *_, **__: measured)
     monkeypatch.setattr(table, "markdown", lambda result: "| a |\n|---|\n| b |\n")

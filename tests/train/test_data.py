@@ -10,7 +10,7 @@ import pytest
 import stage_runs
 from sphere_corpus import write_split
 
-from lime_keras.data import prints
+from lime_keras.data import clutter, prints
 from lime_keras.data.features import LEARNT_FROM
 from lime_keras.synthesis import bank
 from lime_keras.train import data as train_data
@@ -154,27 +154,48 @@ def test_the_data_are_identified_by_their_files(paths):
     assert len(digests | {corpus_sha256([paths / name for name in names])}) == 4
 
 
+def _own(path):
+    """Return the config of a brief run that is not trained as in the paper."""
+    plain = stage_runs.config(path)
+    schedule = dataclasses.replace(plain.schedule, papers=False)
+    return dataclasses.replace(plain, schedule=schedule)
+
+
+def test_every_process_of_a_run_damages_its_own_masks(paths, monkeypatch):
+    monkeypatch.setattr(
+        train_data.masks, "seen", lambda masker, images, true, draws: draws.random()
+    )
+    drawn = []
+    for part in range(2):
+        data = Data([paths / "bank"], _own(paths / "bank"), rows=(part, 2))
+        batches = data.training(Stage(("albedo",), 4, 1e-3), ["image", "mask", SEEN_MASK], 0)
+        drawn += [batch[SEEN_MASK] for batch in itertools.islice(batches, 3)]
+    assert len(set(drawn)) == 6
+
+
 @pytest.mark.parametrize("name", ["corpus", "bank"])
 @pytest.mark.parametrize("stage", ["segmentation", "specular"])
 def test_clutter_is_of_masks_alone_and_prints_are_of_all_others(paths, name, stage, monkeypatch):
     monkeypatch.setattr(prints, "_PRINTED", 1.0)
-    plain = stage_runs.config(paths / name)
-    schedule = dataclasses.replace(plain.schedule, clutter=True)
-    both = [
-        Data([paths / name], config)
-        for config in (plain, dataclasses.replace(plain, schedule=schedule))
-    ]
-    here = Stage((stage,), 4, 1e-3)
-    seen = [list(itertools.islice(data.training(here, LEARNT_FROM, 0), 4)) for data in both]
+    data, here = Data([paths / name], _own(paths / name)), Stage((stage,), 4, 1e-3)
+
+    def batches():
+        return list(itertools.islice(data.training(here, LEARNT_FROM, 0), 4))
+
+    with monkeypatch.context() as without:
+        without.setattr(clutter, "add", lambda images, masks, generator: images)
+        without.setattr(prints, "add", lambda batch, generator: batch["image"])
+        plain = batches()
+    seen = batches()
     changed, around = [], []
-    for one, other in zip(*seen, strict=True):
+    for one, other in zip(plain, seen, strict=True):
         differs = np.asarray(one["image"]) != np.asarray(other["image"])
         changed.append(differs.any())
         around.append((differs & (np.asarray(one["mask"]) == 0)).mean())
     assert any(changed)
     assert (max(around) > 0.01) == (stage == "segmentation")
-    later = next(both[1].training(here, LEARNT_FROM, 3))
-    assert np.array_equal(np.asarray(later["image"]), np.asarray(seen[1][3]["image"]))
+    later = next(data.training(here, LEARNT_FROM, 3))
+    assert np.array_equal(np.asarray(later["image"]), np.asarray(seen[3]["image"]))
 
 
 @pytest.mark.parametrize("name", ["corpus", "bank"])
@@ -221,14 +242,13 @@ def _seen(data, step=0, count=3):
     ]
 
 
-@pytest.mark.parametrize("masks", [False, True])
-def test_all_stages_but_segmentation_see_masks_that_are_not_true(paths, masks):
-    plain = stage_runs.config(paths / "bank")
-    schedule = dataclasses.replace(plain.schedule, masks=masks)
-    data = Data([paths / "bank"], dataclasses.replace(plain, schedule=schedule))
+@pytest.mark.parametrize("papers", [False, True])
+def test_all_stages_but_segmentation_see_masks_that_are_not_true(paths, papers):
+    config = stage_runs.config(paths / "bank") if papers else _own(paths / "bank")
+    data = Data([paths / "bank"], config)
     assert data.seen(STAGE, ["image"]) == ("image",)
     for names in (("albedo",), ("specular", "mirror")):
-        expected = ("image", SEEN_MASK) if masks else ("image",)
+        expected = ("image",) if papers else ("image", SEEN_MASK)
         assert data.seen(Stage(names, 4, 1e-3), ["image"]) == expected
 
 

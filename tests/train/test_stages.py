@@ -37,7 +37,7 @@ def test_the_papers_schedule_is_the_papers():
     assert {stage.learning_rate for stage in stages[5:]} == {1e-4}
     assert SCHEDULES["paper"].batch_size == 32
     assert not any(stage.cosine for stage in stages)
-    assert not SCHEDULES["paper"].flips and not SCHEDULES["paper"].repaints
+    assert {stage.optimizer for stage in stages} == {"adam"} and SCHEDULES["paper"].papers
 
 
 def test_the_live_presets_learning_rate_falls_in_every_stage():

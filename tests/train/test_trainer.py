@@ -32,6 +32,7 @@ from lime_keras.train import (
 )
 from lime_keras.train.config import Config, check, claim, config_path, corpus_sha256
 from lime_keras.train.data import Data
+from lime_keras.train.devices import Devices
 from lime_keras.train.stages import SCHEDULES, Schedule, Stage
 from lime_keras.train.state import Means, Position
 
@@ -44,7 +45,6 @@ BRIEF = Schedule(
     joint_steps=4,
     joint_learning_rate=1e-3,
     validation_examples=2,
-    cosine=True,
 )
 
 
@@ -515,6 +515,18 @@ def test_ablations_take_over_what_is_the_same(corpus, config, finished, tmp_path
     alone = {"specular", "exponent", "specular+exponent"}
     assert _trained_anew(corpus, two, no_mirror, only=alone) == alone
     assert all(_same_stage(one, two, name) for name in alone)
+
+
+def test_photographs_count_for_the_mask_and_for_all_that_follows_from_it(config, tmp_path):
+    schedule = dataclasses.replace(BRIEF, papers=False)
+
+    def signatures(cutouts):
+        changed = dataclasses.replace(config, schedule=schedule, cutouts=cutouts)
+        subnetworks = networks.build(TINY, 0)
+        parts = trainer._parts(tmp_path, changed, subnetworks, Devices(1), None, None)
+        return [part.checkpoint._signature for part in parts]
+
+    assert all(a != b for a, b in zip(signatures(None), signatures("a hash"), strict=True))
 
 
 @pytest.mark.parametrize(

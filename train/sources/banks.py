@@ -18,8 +18,8 @@ _ALWAYS = ("shininess",)
 class Banks:
     """Banks of geometry and lights, of which some shapes and lights are held out.
 
-    Every scene is drawn anew from the seed and its position, light, material and photo, whether or
-    not the schedule flips and repaints the scenes of corpora.
+    Every scene is drawn anew from the seed and its position, light, material and photo, whatever
+    the schedule does with the scenes of corpora.
 
     Args:
         folders: folders of complete banks.

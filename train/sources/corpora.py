@@ -46,8 +46,8 @@ class Corpora:
             seed=seed,
             first_step=first_step,
             camera=config.camera,
-            flips=config.schedule.flips,
-            repaints=config.schedule.repaints,
+            flips=not config.schedule.papers,
+            repaints=not config.schedule.papers,
             materials=config.materials or (UNIFORM,),
             features=features,
         )

@@ -76,6 +76,12 @@ def test_intervals_are_those_of_each_runs_own_metrics():
         assert interval == pytest.approx(own[name]), name
 
 
+def test_other_images_of_the_same_corpus_are_refused():
+    other = _rows() | {"index": np.arange(COUNT) + COUNT}
+    with pytest.raises(ValueError, match="not measured on the same images"):
+        comparison.compare({"a": _rows(), "b": other}, dict.fromkeys("ab", comparison.FULL))
+
+
 def test_runs_of_other_images_are_refused():
     rows = {"a": _rows(), "b": _rows(seed=1)}
     with pytest.raises(ValueError, match="same images"):
@@ -106,6 +112,8 @@ def test_another_system_stands_below_with_what_it_answers():
         ({"mirror": False}, True, "without MirrorNet"),
         ({"exponent": "regression"}, True, "exponent regression"),
         ({"system": "reflectance-map"}, True, "reflectance map"),
+        ({"dichromatic": True}, True, "with the split of colours"),
+        ({"hue": True, "mirror": False}, True, "with the hue of pixels, without MirrorNet"),
         ({"mirror": False}, False, "without perceptual loss, without MirrorNet"),
     ],
 )

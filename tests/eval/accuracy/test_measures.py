@@ -10,7 +10,7 @@ from evaluations import LIME, four
 
 from lime_keras.eval.accuracy import measures
 from lime_keras.eval.accuracy.evaluate import Evaluation
-from lime_keras.optics import shininess
+from lime_keras.optics import material_law, shininess
 
 
 def test_the_means_are_those_of_hand_arithmetic():
@@ -55,7 +55,7 @@ def test_an_image_with_a_black_layer_does_not_count_and_is_counted():
 
 def test_exact_and_adjacent_add_up_to_within_one():
     summary = measures.summarise(four())
-    for part in (summary, summary["true_mask"], summary["paper"], summary["chance"]):
+    for part in (summary, summary["true_mask"], summary["paper"]):
         total = part["exponent_exact"] + part["exponent_adjacent"]
         assert total == pytest.approx(part["exponent_within_one"])
 
@@ -67,23 +67,23 @@ def test_errors_with_the_true_mask_are_summarised_from_their_own_columns():
     assert "mask_iou" not in found
 
 
-def test_chance_is_what_uniform_draws_give():
-    rng = np.random.default_rng(0)
-    drawn = rng.uniform(size=200_000)
-    chance = measures.summarise(four())["chance"]
-    assert np.mean(np.abs(drawn - 0.5)) == pytest.approx(chance["specular_albedo_mae"], rel=0.01)
-    rmse = np.sqrt(np.mean((drawn - 0.5) ** 2))
-    assert rmse == pytest.approx(chance["diffuse_albedo_rmse"], rel=0.01)
-    log_error = np.mean(np.abs(3 * drawn - 1.5))
-    assert log_error == pytest.approx(chance["log_exponent_mae"], rel=0.01)
-    log_rmse = np.sqrt(np.mean((3 * drawn - 1.5) ** 2))
-    assert log_rmse == pytest.approx(chance["log_exponent_rmse"], rel=0.01)
-    alpha = (2 / (10 ** (3 * drawn) + 2)) ** 0.625
-    middle = (2 / (10**1.5 + 2)) ** 0.625
-    alpha_error = np.mean(np.abs(np.minimum(alpha, 0.6) - middle))
-    assert alpha_error == pytest.approx(chance["ggx_alpha_mae"], rel=0.01)
+def test_chance_is_the_best_answer_that_ignores_the_image():
+    evaluation = four()
+    chance = measures.summarise(evaluation)["chance"]
+    assert chance.items() >= measures.constant_answers(evaluation.rows).items()
+    assert chance["specular_shading_relative"] == chance["mirror_relative"] == 1.0  # black layers
     # What the middle of all ranges does on these very examples.
     assert (chance["relighting_psnr"], chance["relighting_psnr_unseen"]) == (11.0, 9.0)
+
+
+@pytest.mark.parametrize("law, specular", [("uniform", 0.25), ("natural", 0.08)])
+def test_chance_follows_from_the_law_of_the_materials(law, specular):
+    """Most natural materials have an m_s near 0.04, so knowing nothing errs little there."""
+    rng = np.random.default_rng(0)
+    drawn = [material_law.sample_material(rng, law).specular_albedo for _ in range(4000)]
+    rows = {name: np.repeat(values[:1], 4000, axis=0) for name, values in four().rows.items()}
+    found = measures.constant_answers(rows | {"specular_albedo": np.array(drawn)})
+    assert found["specular_albedo_mae"] == pytest.approx(specular, rel=0.1)
 
 
 def test_the_floor_is_what_a_perfect_classifier_errs():
@@ -178,9 +178,9 @@ def test_what_a_system_does_not_have_is_left_out_everywhere(columns, lacking):
     summary = measures.summarise(Evaluation(rows, true_mask, LIME))
     complete = measures.summarise(whole)
     assert set(complete) - set(summary) == lacking
-    for kind in ("interval", "true_mask", "paper", "chance", "floor", "constant"):
+    for kind in ("interval", "true_mask", "paper", "chance", "floor"):
         assert set(summary[kind]) == set(complete[kind]) - lacking, kind
-    for name in set(summary) - {"interval", "true_mask", "paper", "chance", "floor", "constant"}:
+    for name in set(summary) - {"interval", "true_mask", "paper", "chance", "floor"}:
         assert summary[name] == complete[name]
 
 

@@ -45,7 +45,8 @@ def evaluated(monkeypatch):
 
     def summarise(answer):
         interval = {"mask_iou": [answer - 1, answer + 1]}
-        return {"mask_iou": answer, "interval": interval, "count": 7, "system": "LIME"}
+        chance = {"mask_iou": 0.25}
+        return {"mask_iou": answer, "interval": interval, "chance": chance, "count": 7}
 
     monkeypatch.setattr(fidelity, "evaluate", evaluate)
     monkeypatch.setattr(fidelity.measures, "summarise", summarise)
@@ -80,6 +81,7 @@ def test_answers_that_are_keras_have_its_errors(tmp_path, images, evaluated, apa
         "measured_on": KERAS,
         "errors": {"mask_iou": 0.5},
         "interval": {"mask_iou": [-0.5, 1.5]},
+        "chance": {"mask_iou": 0.25},
         "count": 7,
     }
     assert of.errors(ONNX, "float32") == of.errors(KERAS, "float32") == expected

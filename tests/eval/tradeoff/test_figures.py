@@ -17,7 +17,7 @@ from lime_keras.eval.tradeoff.recommendation import scored
 
 def pareto(rows, *theme):
     """The picture of a result with these rows."""
-    shared = scored([row["errors"] for row in rows])
+    shared = scored(rows)
     return draw({"rows": rows, "scored": shared, "machine": {"cores": 2}}, *theme)
 
 

@@ -56,7 +56,8 @@ class Counted:
     @staticmethod
     def summarise(errors):
         interval = {name: [error - 0.1, error + 0.1] for name, error in errors.items()}
-        return {**errors, "interval": interval, "count": 4, "system": "LIME"}
+        chance = dict.fromkeys(SCORED, 1.0)
+        return {**errors, "interval": interval, "chance": chance, "count": 4, "system": "LIME"}
 
 
 @pytest.fixture(scope="module")

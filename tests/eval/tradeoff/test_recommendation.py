@@ -23,19 +23,35 @@ ERRORS = {
 }
 
 
+CHANCE = {
+    "log_exponent_mae": 0.75,
+    "diffuse_albedo_mae": 0.25,
+    "specular_albedo_mae": 0.25,
+    "specular_shading_relative": 1.0,
+    "mirror_relative": 1.0,
+}
+ROW = {"errors": ERRORS, "chance": CHANCE}
+
+
 def test_the_score_is_the_mean_of_error_over_chance():
-    """Chance is 0.75 decades, 0.25 for both albedos and 1 for S and M."""
-    assert scored([ERRORS]) == list(recommendation.SCORED)
-    assert score(ERRORS, scored([ERRORS])) == pytest.approx((0.5 + 0.2 + 1 + 0.5 + 1) / 5)
+    assert scored([ROW]) == list(recommendation.SCORED)
+    assert score(ROW, scored([ROW])) == pytest.approx((0.5 + 0.2 + 1 + 0.5 + 1) / 5)
+    assert score({"errors": CHANCE, "chance": CHANCE}, scored([ROW])) == 1
+
+
+def test_a_measure_whose_truth_never_varies_is_not_scored():
+    rows = [ROW, {"errors": ERRORS, "chance": CHANCE | {"diffuse_albedo_mae": 0.0}}]
+    assert "diffuse_albedo_mae" not in scored(rows) and len(scored(rows)) == 4
 
 
 def test_scores_compare_what_all_systems_answer():
-    without = {name: value for name, value in ERRORS.items() if name != "mirror_relative"}
-    shared = scored([ERRORS, without])
+    errors = {name: value for name, value in ERRORS.items() if name != "mirror_relative"}
+    without = {"errors": errors, "chance": CHANCE}
+    shared = scored([ROW, without])
     assert "mirror_relative" not in shared and len(shared) == 4
-    assert score(ERRORS, shared) == score(without, shared) == pytest.approx(2.2 / 4)
+    assert score(ROW, shared) == score(without, shared) == pytest.approx(2.2 / 4)
     with pytest.raises(ValueError, match="share none of log_exponent_mae"):
-        score(ERRORS, scored([ERRORS, {}]))
+        score(ROW, scored([ROW, {"errors": {}, "chance": {}}]))
 
 
 FRONTS = {

@@ -266,6 +266,26 @@ def test_every_other_scene_is_a_mirrors(shards):
     assert all(0 < epochs.sum() < 20 for epochs in each.reshape(COUNT, 20))
 
 
+def test_a_mirrored_scene_has_any_cast_of_the_light(shards):
+    options = {"size": SIZE, "batch_size": COUNT, "seed": 0, "camera": True}
+    features = ("mirror", "cast", "index")
+    plain, flipped = (
+        list(pipeline.training(shards, **options, flips=flips, features=features).take(30))
+        for flips in (False, True)
+    )
+    turned = np.concatenate(
+        [
+            (seen["mirror"] != stored["mirror"]).numpy().any(axis=(1, 2, 3))
+            for stored, seen in zip(plain, flipped, strict=True)
+        ]
+    )
+    casts = np.concatenate([batch["cast"] for batch in plain])
+    assert casts.shape == (30 * COUNT, 4)
+    # Five standard deviations of the correlation of independent draws.
+    for cast in casts.T:
+        assert abs(np.corrcoef(turned, cast)[0, 1]) < 5 / np.sqrt(len(turned))
+
+
 @pytest.mark.parametrize("augmentation", ["flips", "repaints"])
 def test_resuming_augments_as_an_uninterrupted_run(shards, augmentation):
     whole = photos(shards, 8, **{augmentation: True})

@@ -1,6 +1,7 @@
 """The subnetworks' shapes and sizes, and what the joined model holds and answers."""
 
 import dataclasses
+import random
 
 import keras
 import numpy as np
@@ -198,6 +199,22 @@ def test_the_seed_decides_the_weights(tiny):
     one, again, other = first(0), first(0), first(1)
     assert all(np.array_equal(a, b) for a, b in zip(one, again, strict=True))
     assert not all(np.array_equal(a, b) for a, b in zip(one, other, strict=True))
+
+
+def test_the_seed_leaves_the_callers_random_numbers_alone(tiny):
+    random.seed(1)
+    build(tiny, seed=0)
+    drawn = random.random()
+    random.seed(1)
+    assert random.random() == drawn
+
+
+def test_m_d_has_the_hue_of_the_pixels_but_in_the_paper(tiny):
+    with_hue = {name: preset.hue for name, preset in PRESETS.items()}
+    assert with_hue == {"smoke": True, "nano": True, "live": True, "paper": False}
+    for hue in (False, True):
+        network = build(dataclasses.replace(tiny, hue=hue))["albedo"]
+        assert any(layer.name == "hue" for layer in network.layers) == hue
 
 
 # The joined model holds what is needed.

@@ -1,5 +1,6 @@
 """Compressed G-buffers: what comes back, and how broken ones are told."""
 
+import tracemalloc
 import zlib
 
 import bank_files
@@ -92,6 +93,18 @@ def test_any_other_bytes_are_refused_or_are_a_gbuffer(content):
     except ValueError:
         return
     assert [a.shape for a in found] == [(4, 4), (4, 4), (2, 4, 4, 2), (2, 4, 4)]
+
+
+def test_bytes_that_swell_are_refused_before_they_do():
+    coder = zlib.compressobj(wbits=-15)
+    content = coder.compress(bytes(50_000_000)) + coder.flush()
+    tracemalloc.start()
+    try:
+        with pytest.raises(ValueError, match="too many"):
+            geometry.decode(content, 16)
+        assert tracemalloc.get_traced_memory()[1] < 1_000_000
+    finally:
+        tracemalloc.stop()
 
 
 def test_spread_is_coded_by_powers_of_two():
