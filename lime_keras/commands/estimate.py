@@ -1,6 +1,7 @@
 """`lime-estimate`: estimate materials from photos and videos."""
 
 import argparse
+import contextlib
 import functools
 import os
 import sys
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
 _ENGINES = ("onnx", "keras")
 _FAMILIES = ("u2net", "birefnet", "isnet")
+_NORMALS = (".exr", ".png")
 _OF_A_FRAME = ("mask", "albedo", "exponent")
 """Parts of an estimate that a video's table and overlay show."""
 
@@ -39,7 +41,7 @@ clip. DIR/index.html shows all results. Run again, the command keeps the results
 the same, and goes on where it stopped.
 
 Exit status: 0 done; 1 a file cannot be read or shows no object (standard error names it; the others
-are done); 2 wrong usage; 130 interrupted.
+are done), or options contradict each other; 2 an option is unknown; 130 interrupted.
 
 More: docs/how-to/photos.md, docs/how-to/folders.md, docs/how-to/videos.md, docs/how-to/light.md.
 """
@@ -122,7 +124,7 @@ def _add_output(output: argparse._ArgumentGroup) -> None:
     output.add_argument(
         "--json",
         action="store_true",
-        help="print a line of JSON for each photo at a terminal, too, as a pipe gets it",
+        help="print one line of JSON for each photo at a terminal, too; a pipe always gets it",
     )
     output.add_argument(
         "--folders",
@@ -132,8 +134,8 @@ def _add_output(output: argparse._ArgumentGroup) -> None:
     output.add_argument(
         "--overwrite",
         action="store_true",
-        help="make all results again, and replace those of other photos, weights or options, which "
-        "are else refused",
+        help="make all results again, and replace those of other photos, weights or options; "
+        "without it, the command refuses to begin",
     )
 
 
@@ -183,10 +185,27 @@ def _estimate(options: argparse.Namespace) -> int:
     _check(options, photos, videos)
     # Mitsuba must be imported before TensorFlow, or the process crashes.
     clone = _clone_onto(options) if options.clone_onto else None
+    from lime_keras.io import atomic, locking
+
+    with contextlib.ExitStack() as locked:
+        with atomic.naming_writer(options.out):
+            locked.enter_context(locking.lock_folder(options.out, "lime-estimate is writing into"))
+        failed = _write(options, clone, photos, videos, places, len(missing))
+    return 1 if failed else 0
+
+
+def _write(
+    options: argparse.Namespace,
+    clone: "Clone | None",
+    photos: list[Path],
+    videos: list[str],
+    places: list[Path],
+    missing: int,
+) -> int:
+    """Write all results, and return how many sources, with the missing ones, have none."""
     from lime_keras.estimate import gallery
     from lime_keras.estimate.batch import Batch
     from lime_keras.estimate.files import distinct_names
-    from lime_keras.io import atomic
 
     gallery.check(options.out)
     names = distinct_names(places)
@@ -197,12 +216,10 @@ def _estimate(options: argparse.Namespace) -> int:
         if results.json(name).exists():
             results.standing(name, _made(results, source))
     finished: list[str] = []
-    failed = len(missing)
+    failed = missing
     try:
         if photos:
             estimator = _estimator(options, options.only)
-            with atomic.naming_writer(options.out):
-                options.out.mkdir(parents=True, exist_ok=True)
             batch = Batch(
                 estimator,
                 results,
@@ -214,7 +231,7 @@ def _estimate(options: argparse.Namespace) -> int:
             )
             finished = batch.finished
             batch.run(dict(zip(names, photos, strict=False)))
-            print(batch.summary(), file=sys.stderr)
+            print(batch.summary(missing), file=sys.stderr)
             failed += batch.failed + batch.empty
         if videos:
             estimator = _estimator(options, options.only or _OF_A_FRAME)
@@ -227,7 +244,7 @@ def _estimate(options: argparse.Namespace) -> int:
     finally:
         if finished:
             gallery.update(options.out, finished)
-    return 1 if failed else 0
+    return failed
 
 
 def _results(options: argparse.Namespace) -> "Results":
@@ -288,8 +305,14 @@ def _check(options: argparse.Namespace, photos: list[Path], videos: list[str]) -
         console.require("--clone-onto", "mitsuba", "trimesh", "scipy", "skimage")
     if options.normals:
         console.require("--normals", "scipy", "skimage")
+        if options.normals.is_file() and options.normals.suffix.lower() not in _NORMALS:
+            raise ValueError(f"{options.normals}: save normals as OpenEXR or PNG")
     if options.clone_onto and not options.clone_onto.is_file():
         raise ValueError(f"{options.clone_onto} is no file: pass a mesh to --clone-onto")
+    if options.clone_onto:
+        from lime_keras.render.shapes import meshes
+
+        meshes.check_kind(options.clone_onto)
 
 
 def _clone_onto(options: argparse.Namespace) -> "Clone":

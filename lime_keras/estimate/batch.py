@@ -86,7 +86,7 @@ class Batch:
             self.empty += not found.get("mask_coverage")
             self._tell(name, found)
         self._there = len(self.finished)
-        with tqdm(total=len(left), unit="photo", delay=2) as bar:
+        with tqdm(total=len(left), unit="photo", delay=2, disable=None) as bar:
             for batch in self._batches(left):
                 for _ in self._estimated(batch):
                     bar.update(self._done + self.failed - bar.n)
@@ -110,7 +110,7 @@ class Batch:
             if result is not None:
                 found[name] = result
         if conflicts:
-            more = f" (so it is with {len(conflicts)} results)" if len(conflicts) > 1 else ""
+            more = f" ({len(conflicts)} results are in the way)" if len(conflicts) > 1 else ""
             raise ValueError(f"{conflicts[0]}{more}")
         return found
 
@@ -125,12 +125,16 @@ class Batch:
         """Return the file of a photo's mask; None if it has none."""
         return mask_beside(path) if self._masks is None else _belonging(path, self._masks)
 
-    def summary(self) -> str:
-        """Return counts and, if any photo was done, times of the run in one line."""
+    def summary(self, missing: int) -> str:
+        """Return counts and, if any photo was done, times of the run in one line.
+
+        Args:
+            missing: number of sources that were not there; they count as failed.
+        """
         there = f"{self._there} there already, " if self._there else ""
         counts = (
-            f"{self._done} done, {there}{self.failed} failed, {self.empty} without an object, in "
-            f"{self._results.out}"
+            f"{self._done} done, {there}{self.failed + missing} failed, {self.empty} without an "
+            f"object, in {self._results.out}"
         )
         if not self._done:
             return counts

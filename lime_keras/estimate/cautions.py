@@ -220,11 +220,12 @@ def _of_darkness(pixels_srgb: np.ndarray, of_what: str, share: float) -> list[tu
     bright = float(np.quantile(colour.luminance(colour.srgb_to_linear(pixels_srgb)), share))
     if bright >= DARKEST:
         return []
+    below = f"is below {bright:.1%} of white" if bright >= 5e-4 else "is black"
     return [
         (
             "too-dark",
-            f"the {of_what} is nearly black: {share:.0%} of it is below {bright:.1%} of white; "
-            "expose the photo longer, or light the object",
+            f"the {of_what} is nearly black: {share:.0%} of it {below}; expose the photo longer, "
+            "or light the object",
         )
     ]
 
@@ -257,9 +258,8 @@ def _of_colour(pixels_srgb: np.ndarray) -> list[tuple[str, str]]:
         return [
             (
                 "grey",
-                "the object has no colour in the photo, and so nothing tells its highlights from "
-                "its shading but their shape: if the photo is black-and-white, pass a photo in "
-                "colour",
+                "the object is grey, so only the shape of its highlights tells them from its "
+                "shading: if the photo is black-and-white, pass a photo in colour",
             )
         ]
     second = dichromatic.second_colour(pixels_srgb[pixels_srgb.max(axis=-1) < _WHITE])

@@ -152,7 +152,8 @@ def _card(out: Path, row: dict[str, Any], content: dict[str, Any]) -> str:
     told = "".join(f"<li>{html.escape(line)}</li>" for line in _told(row))
     swatch = f'<i style="background:{row["colour"]}"></i>' if row["colour"] else ""
     return (
-        f"<article {data}>{picture}<h2>{swatch}{html.escape(title)}</h2>"
+        f"<article {data}>{picture}"
+        f'<h2 title="{html.escape(str(row["source"]))}">{swatch}{html.escape(title)}</h2>'
         f"<ul>{told}</ul><p>{' · '.join(links)}</p></article>"
     )
 
@@ -184,8 +185,8 @@ def _told(row: dict[str, Any]) -> Iterator[str]:
         yield gloss.sentence(row["exponent"], None if None in ends else ends)
     if row["mask_coverage"] is not None:
         sure = row["mask_confidence"]
-        mask = f"mask {sure:.0%} sure, " if sure is not None else ""
-        yield mask + (f"covers {row['mask_coverage']:.0%}" if row["mask_coverage"] else "no object")
+        mask = f"mask {min(sure, 0.99):.0%} sure, " if sure is not None else ""
+        yield mask + (f"covers {row['mask_coverage']:.1%}" if row["mask_coverage"] else "no object")
     if row["warnings"]:
         yield f"⚠ {row['warnings'].replace(' ', ', ')}"
 

@@ -181,7 +181,7 @@ def caption(material: Material) -> list[str]:
         parts += [f"m_d {red:.2f} {green:.2f} {blue:.2f}", f"m_s {material.specular_albedo:.2f}"]
     if material.exponent is not None:
         parts.append(gloss.sentence(material.exponent, material.exponent_interval))
-    mask = [f"covers {material.mask_coverage or 0:.0%}"]
+    mask = [f"covers {material.mask_coverage or 0:.1%}"]
     if material.mask_confidence is not None:
         mask.append(f"mask confidence {material.mask_confidence:.2f}")
     return ["    ".join(line) for line in (parts, mask) if line]

@@ -58,6 +58,8 @@ def material(numbers: Mapping[str, Any], *, colour: bool) -> str:
         parts.append(gloss.sentence(numbers["exponent"], numbers.get("exponent_interval")))
     if numbers.get("specular_albedo") is not None:
         parts.append(f"specular {numbers['specular_albedo']:.2f}")
+    if not parts and numbers.get("mask_coverage"):
+        parts.append(f"mask alone, {numbers['mask_coverage']:.1%} of the picture")
     return "   ".join(parts) or "no material"
 
 

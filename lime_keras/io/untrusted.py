@@ -92,7 +92,10 @@ def naming(path: Path, what: str) -> Iterator[None]:
             if not others:
                 raise
             raise ValueError(f"{path}{' '.join((first, *map(str.strip, others)))}") from error
-        reason = " ".join(str(error).split())[:_LONGEST] or type(error).__name__
+        lines = dict.fromkeys(" ".join(line.split()) for line in str(error).splitlines())
+        reason = " ".join(filter(None, lines))[:_LONGEST] or type(error).__name__
+        if path.is_file() and not path.stat().st_size:
+            reason = "it is empty; copy or make it again"
         raise ValueError(f"{path} cannot be read as {what}: {reason}") from error
 
 

@@ -39,6 +39,14 @@ class Mesh:
     normals: np.ndarray
 
 
+def check_kind(path: Path) -> None:
+    """Raise ValueError if a path has none of the `EXTENSIONS`."""
+    if path.suffix.lower() not in EXTENSIONS:
+        raise ValueError(
+            f"{path}: not a mesh format known here; convert it to one of {', '.join(EXTENSIONS)}."
+        )
+
+
 def load(path: str | Path) -> Mesh:
     """Read a mesh file and normalise the mesh; see `read`, which also returns notes."""
     return read(path)[0]
@@ -62,10 +70,7 @@ def read(path: str | Path) -> tuple[Mesh, tuple[str, ...]]:
         ValueError: If the file is missing, is no mesh file, cannot be read or has no faces.
     """
     path = Path(path)
-    if path.suffix.lower() not in EXTENSIONS:
-        raise ValueError(
-            f"{path}: not a mesh format known here; convert it to one of {', '.join(EXTENSIONS)}."
-        )
+    check_kind(path)
     untrusted.check(path, "a mesh")
     try:
         with np.errstate(invalid="ignore", over="ignore"):  # what is not finite is dropped below

@@ -132,6 +132,7 @@ function show(image, answer, round, wanted) {
   tellAbout();
   if (last.source !== source) last = { ...NOTHING, source };
   if (answer.cut) last.light = null;
+  const wasLost = last.answer && !last.answer.found;
   last.answer = answer;
   const seen = answer.material;
   if (seen) {
@@ -150,6 +151,8 @@ function show(image, answer, round, wanted) {
   // A frame of the mask alone is judged by that alone.
   if (seen || !answer.found) {
     warn(answer.warnings.map(words));
+  } else if (wasLost) {
+    warn([]);
   }
   const drawing = performance.now() - begun;
   timing(answer.ms, round, drawing, wanted);

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from lime_keras.commands import estimate as estimate_cli
+from lime_keras.io import locking
 from lime_keras.io.photo import read_srgb, write
 
 
@@ -65,6 +66,20 @@ def test_each_photo_may_have_its_folder(folder, tmp_path):
     }
 
 
+def test_a_second_command_is_refused_while_one_writes_there(folder, tmp_path, capsys):
+    out = tmp_path / "out"
+    with locking.lock_folder(out, "lime-estimate is writing into"):
+        assert run(folder, out=out) == 1
+        assert "another lime-estimate is writing into" in capsys.readouterr().err
+        assert not any(out.iterdir())
+    assert run(folder, out=out) == 0
+
+
+def test_what_is_missing_counts_as_failed(folder, tmp_path, capsys):
+    assert run(folder / "a.png", folder / "not there.png", out=tmp_path / "out") == 1
+    assert "1 done, 1 failed, 0 without an object" in capsys.readouterr().err
+
+
 def test_what_is_there_is_not_made_again(folder, tmp_path, capsys):
     out = tmp_path / "out"
     assert run(folder, out=out) == 0
@@ -88,6 +103,9 @@ def test_the_progress_moves_with_each_photo(folder, tmp_path, monkeypatch):
     moves = []
 
     class Bar(batch.tqdm):
+        def __init__(self, **options):
+            super().__init__(**options | {"disable": False})  # as at a terminal
+
         def update(self, n=1):
             moves.append(n)
             return super().update(n)
@@ -216,7 +234,7 @@ def test_a_broken_video_leaves_no_result(tmp_path, capsys):
     (tmp_path / "clip.mp4").write_bytes(b"nothing")
     assert estimate_video(tmp_path / "clip.mp4", tmp_path / "out") == 1
     assert "clip.mp4 cannot be read as a video" in capsys.readouterr().err
-    assert not list((tmp_path / "out").iterdir())
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize(

@@ -51,6 +51,11 @@ def test_a_photo_without_an_object_has_no_material():
     assert lines[1:4] == ["  no material", "  ! nothing there", "  ! more"]
 
 
+def test_a_mask_alone_says_how_much_it_covers():
+    found = Material(mask_coverage=0.4804)
+    assert terminal.material(found.to_json(), colour=False) == "mask alone, 48.0% of the picture"
+
+
 def test_each_scene_of_a_video_has_its_line():
     scenes = [{"scene": n, "exponent": 3.0, "warnings": []} for n in (1, 4)]
     told = {"video": "clip.mp4", "scenes": scenes, "files": ["clip.csv"], "warnings": []}
