@@ -83,7 +83,7 @@ def in_words(exponent: float, ends: Sequence[float] | None) -> str:
 
 
 def sentence(exponent: float, ends: Sequence[float] | None) -> str:
-    """Return the gloss in words with its numbers; where it is uncertain, the interval alone.
+    """Return the gloss in words with its numbers.
 
     Args:
         exponent: s, at least 0.
@@ -93,15 +93,13 @@ def sentence(exponent: float, ends: Sequence[float] | None) -> str:
         >>> sentence(20.0, (8.0, 50.0))
         'satin, s 20 (8.0 to 50)'
         >>> sentence(20.0, (2.0, 500.0))
-        'gloss uncertain: matte to mirror-like, s 2.0 to 500'
+        'gloss uncertain: matte to mirror-like, s 20 (2.0 to 500)'
     """
-    said = in_words(exponent, ends)
+    said = f"{in_words(exponent, ends)}, s {_digits(exponent)}"
     if ends is None:
-        return f"{said}, s {_digits(exponent)}"
-    between = f"{_digits(ends[0])} to {_digits(ends[1])}"
-    if is_flat(ends):
-        return f"gloss {said}, s {between}"
-    return f"{said}, s {_digits(exponent)} ({between})"
+        return said
+    between = f"({_digits(ends[0])} to {_digits(ends[1])})"
+    return f"{'gloss ' if is_flat(ends) else ''}{said} {between}"
 
 
 def _digits(exponent: float) -> str:

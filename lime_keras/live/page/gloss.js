@@ -39,11 +39,10 @@ export function inWords(exponent, ends) {
   return `uncertain: ${word(ends[0])} to ${word(ends[1])}`;
 }
 
-/** The exponent with its interval; where it is uncertain, the interval alone. */
+/** The exponent with its interval. */
 export function inNumbers(exponent, ends) {
   if (!ends) return digits(exponent);
-  const between = `${digits(ends[0])} to ${digits(ends[1])}`;
-  return isFlat(ends) ? between : `${digits(exponent)} (${between})`;
+  return `${digits(exponent)} (${digits(ends[0])} to ${digits(ends[1])})`;
 }
 
 const digits = (exponent) => (exponent >= 9.95 ? exponent.toFixed(0) : exponent.toFixed(1));

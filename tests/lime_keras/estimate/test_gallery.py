@@ -78,7 +78,7 @@ def test_the_gloss_is_told_with_how_sure_it_is(tmp_path):
     assert [float(flat[f"exponent_{end}"]) for end in ("low", "high")] == [1.99526, 501.187]
     assert float(sure["roughness"]) == pytest.approx(0.42, abs=0.01)
     text = Page(tmp_path / "index.html").text
-    assert "gloss uncertain: matte to mirror-like, s 2.0 to 501" in text
+    assert "gloss uncertain: matte to mirror-like, s 30 (2.0 to 501)" in text
     assert "satin, s 30 (15 to 29)" in text
 
 

@@ -152,5 +152,6 @@ def test_the_caption_leaves_out_what_is_not_known():
     found = dataclasses.replace(
         whole, mask_confidence=0.914, exponent_bin_probabilities=np.full(8, 0.125)
     )
-    first = "m_d 0.10 0.20 0.30    m_s 0.50    gloss uncertain: matte to mirror-like, s 2.0 to 501"
+    gloss = "gloss uncertain: matte to mirror-like, s 123 (2.0 to 501)"
+    first = f"m_d 0.10 0.20 0.30    m_s 0.50    {gloss}"
     assert preview.caption(found) == [first, "covers 50.0%    mask confidence 0.91"]

@@ -39,10 +39,10 @@ def test_the_swatch_has_the_colour_of_its_hex():
     assert line.startswith("\x1b[48;2;188;124;89m    \x1b[0m #bc7c59")
 
 
-def test_an_uncertain_gloss_has_no_bare_exponent():
+def test_an_uncertain_gloss_is_told_with_its_interval():
     flat = Material(exponent=20.0, exponent_bin_probabilities=np.full(8, 0.125))
     told = terminal.material(flat.to_json(), colour=False)
-    assert told == "gloss uncertain: matte to mirror-like, s 2.0 to 501"
+    assert told == "gloss uncertain: matte to mirror-like, s 20 (2.0 to 501)"
 
 
 def test_a_photo_without_an_object_has_no_material():

@@ -43,9 +43,9 @@ def test_only_where_the_bins_are_nearly_flat_a_range_is_told():
     assert gloss.is_flat(edge * [1, 1.001]) and not gloss.is_flat(edge * [1, 0.999])
 
 
-def test_an_uncertain_gloss_is_told_without_a_bare_exponent():
+def test_an_exponent_is_never_told_bare():
     assert gloss.sentence(31.6, (2.0, 501.2)) == (
-        "gloss uncertain: matte to mirror-like, s 2.0 to 501"
+        "gloss uncertain: matte to mirror-like, s 32 (2.0 to 501)"
     )
     assert gloss.sentence(206.2, (45.7, 758.6)) == "mirror-like, s 206 (46 to 759)"
     assert gloss.sentence(9.96, None) == "satin, s 10"
