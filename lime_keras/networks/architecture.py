@@ -92,9 +92,9 @@ class Architecture:
             return "the reflectance-map baseline"
         without = [] if self.mirror else ["without MirrorNet"]
         regresses = ["with its exponent by regression"] if self.exponent == "regression" else []
-        splits = ["with the dichromatic split"] if self.dichromatic else []
-        hues = ["with the hue of the pixels"] if self.hue else []
-        return " ".join(["LIME", *splits, *hues, *without, *regresses])
+        parts = {"the dichromatic split": self.dichromatic, "the hue of the pixels": self.hue}
+        read = " and ".join(name for name, there in parts.items() if there)
+        return " ".join(["LIME", *([f"with {read}"] if read else []), *without, *regresses])
 
 
 _LIVE = Architecture(

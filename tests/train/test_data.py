@@ -168,7 +168,7 @@ def test_every_process_of_a_run_damages_its_own_masks(paths, monkeypatch):
     drawn = []
     for part in range(2):
         data = Data([paths / "bank"], _own(paths / "bank"), rows=(part, 2))
-        batches = data.training(Stage(("albedo",), 4, 1e-3), ["image", "mask", SEEN_MASK], 0)
+        batches = data.training(Stage(("albedo",), 4, 1e-3), [*LEARNT_FROM, SEEN_MASK], 0)
         drawn += [batch[SEEN_MASK] for batch in itertools.islice(batches, 3)]
     assert len(set(drawn)) == 6
 

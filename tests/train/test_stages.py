@@ -12,7 +12,7 @@ PAPER = PRESETS["paper"]
 
 def changed(preset, **changes):
     if "system" in changes:
-        changes |= {"dichromatic": False}
+        changes |= {"dichromatic": False, "hue": False}
     return dataclasses.replace(PRESETS[preset], **changes)
 
 

@@ -37,8 +37,7 @@ def test_a_set_is_whole_described_and_there_once(name):
     assert f"## `{name}`" in (SHIPPED.parent / "README.md").read_text(encoding="utf-8")
     assert model_folder.in_graphs(SETS[name])
     architecture, subnetworks = weights.load(SETS[name])
-    split = " with the dichromatic split" if architecture.dichromatic else ""
-    assert architecture.description == f"LIME{split}" and len(subnetworks) == 5
+    assert architecture.system == "lime" and architecture.hue and len(subnetworks) == 5
 
 
 @pytest.mark.parametrize("name", SETS)

@@ -364,6 +364,8 @@ def test_architectures_say_what_they_are(tiny, ablation):
     assert ablation.description in ABLATED
     both = dataclasses.replace(tiny, mirror=False, exponent="regression")
     assert both.description == "LIME without MirrorNet with its exponent by regression"
+    split = dataclasses.replace(tiny, dichromatic=True, hue=True)
+    assert split.description == "LIME with the dichromatic split and the hue of the pixels"
 
 
 def test_the_ablations_exponent_nets_by_hand(tiny):
