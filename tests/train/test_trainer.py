@@ -726,7 +726,7 @@ def test_the_commands_ablations(corpus, tmp_path):
         config("--baseline", "reflectance-map", "--without", "mirror")
 
 
-@pytest.mark.parametrize("part", ["mirror", "dichromatic", "pretrained"])
+@pytest.mark.parametrize("part", ["mirror", "dichromatic", "hue", "pretrained"])
 def test_the_command_puts_parts_in_and_leaves_them_out(corpus, tmp_path, part):
     for preset in ("paper", "live"):
         required = [str(corpus), "--out", str(tmp_path), "--preset", preset]
@@ -761,7 +761,7 @@ def test_the_baseline_of_every_preset_is_the_papers_kind(corpus, tmp_path):
         required = [str(corpus), "--out", str(tmp_path), "--preset", preset]
         options = [*required, "--baseline", "reflectance-map"]
         found = cli.config_of(cli.parser().parse_args(options)).architecture
-        assert (found.system, found.dichromatic) == ("reflectance-map", False)
+        assert (found.system, found.dichromatic, found.hue) == ("reflectance-map", False, False)
 
 
 def test_the_command_learns_masks_from_cut_outs(corpus, tmp_path, brief_smoke, capsys):
