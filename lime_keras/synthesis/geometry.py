@@ -106,16 +106,16 @@ def decode(data: bytes, size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, 
     """
     pixels = size * size
     start = -(-pixels // 8)
-    most = start + 10 * pixels  # a pixel of two surfaces, the second with a large spread
+    most = start + 12 * pixels  # a pixel of two surfaces, the first's code far from predicted
     decoder = zlib.decompressobj(-15)
     try:
         raw = np.frombuffer(decoder.decompress(data, most + 1), np.uint8)
     except zlib.error as error:
         raise ValueError(f"the bytes cannot be decompressed ({error})") from error
+    if len(raw) > most:
+        raise ValueError(f"the bytes are no G-buffer of {size}×{size} pixels")
     if not decoder.eof:
-        raise ValueError(
-            "the bytes cannot be decompressed (some are cut off, or they are too many)"
-        )
+        raise ValueError("the bytes cannot be decompressed (some are cut off)")
     # Split the bytes: one part after another, each as long as what is covered.
     covered = np.flatnonzero(np.unpackbits(raw[:start]))
     count = len(covered)

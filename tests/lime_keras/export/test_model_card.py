@@ -43,7 +43,7 @@ def test_every_output_of_an_ablation_has_a_unit(ablation):
     assert ("exponent_bin_edges" in card) == ("exponent_bin_means" in card) == classified
 
 
-BASELINE = {"system": "reflectance-map", "dichromatic": False}
+BASELINE = {"system": "reflectance-map", "dichromatic": False, "hue": False}
 
 
 @pytest.mark.parametrize("preset", PRESETS)

@@ -100,7 +100,7 @@ def test_bytes_that_swell_are_refused_before_they_do():
     content = coder.compress(bytes(50_000_000)) + coder.flush()
     tracemalloc.start()
     try:
-        with pytest.raises(ValueError, match="too many"):
+        with pytest.raises(ValueError, match="no G-buffer"):
             geometry.decode(content, 16)
         assert tracemalloc.get_traced_memory()[1] < 1_000_000
     finally:
