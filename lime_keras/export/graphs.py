@@ -1,4 +1,4 @@
-"""The graphs that the estimator runs: an ONNX file for each subnetwork (`lime_keras.runtime`).
+"""The graphs that the estimator runs, ONNX files of `standalone.parts` (`lime_keras.runtime`).
 
 The same weights always give the same bytes. The converter, left alone, numbers its names through
 the process and walks through sets, so that each file would be another.
@@ -14,7 +14,7 @@ import onnx
 from onnx import numpy_helper
 
 from lime_keras.export import formats
-from lime_keras.export.standalone import standalone
+from lime_keras.export.standalone import parts
 from lime_keras.io import untrusted
 from lime_keras.model import graphs as graph_folder
 from lime_keras.model import weights_in_graphs
@@ -28,7 +28,7 @@ _LEAST_NARROWED = 256
 def write(
     folder: Path, architecture: Architecture, subnetworks: Mapping[str, keras.Model], digest: str
 ) -> None:
-    """Write a graph for each subnetwork, and their description, into a new folder.
+    """Write a graph for each part of a model, and their description, into a new folder.
 
     Weights that float16 holds exactly, such as those that were stored in float16, are stored in
     float16 and computed with in float32. `model.weights_in_graphs` reads them back for Keras.
@@ -41,8 +41,8 @@ def write(
     """
     folder.mkdir(parents=True)
     graphs = {}
-    for name, network in subnetworks.items():
-        alone, path = standalone(name, network), folder / f"{name}.onnx"
+    for name, alone in parts(subnetworks).items():
+        path = folder / f"{name}.onnx"
         formats.write_onnx(alone, path)
         graph = onnx.load(path)
         _narrow(graph)
@@ -51,7 +51,8 @@ def write(
             sizes = alone.output[tensor.name].shape[1:]
             for dimension, size in zip(tensor.type.tensor_type.shape.dim[1:], sizes, strict=True):
                 dimension.dim_value = size
-        values = {weight.path: keras.ops.convert_to_numpy(weight) for weight in network.weights}
+        held = subnetworks[name].weights if name in subnetworks else []
+        values = {weight.path: keras.ops.convert_to_numpy(weight) for weight in held}
         weights_in_graphs.describe(graph, values)
         path.write_bytes(graph.SerializeToString(deterministic=True))
         graphs[name] = Graph(

@@ -15,6 +15,7 @@ import onnx
 from onnxruntime import quantization
 from onnxruntime.transformers import float16
 
+from lime_keras.export.formats import REPEATED
 from lime_keras.networks import SUBNETWORKS
 
 HEADS = {head for subnetwork in SUBNETWORKS.values() for head in subnetwork.heads}
@@ -34,6 +35,8 @@ reach 115 times their 99th percentile, too far for 256 equal steps."""
 _GUIDED = re.compile(r"/segmentation_net\w*/guided")
 """Nodes of the guided filter, by name: it takes small differences of means, of which few bits leave
 nothing."""
+_REPEATED = re.compile(f"/{REPEATED}$")
+"""Nodes that repeat a channel for arithmetic in float32, by name."""
 
 
 def prepare(source: Path, target: Path) -> None:
@@ -109,12 +112,14 @@ def write_int8(prepared: Path, target: Path, images: np.ndarray) -> None:
 def in_float32(model: onnx.ModelProto) -> list[str]:
     """Return the names of the nodes that `write_int8` leaves in float32.
 
-    They are the last layers, SpecularNet's way up, the guided filter, and `Clip` where it is not
-    the ReLU6 of a convolution in eight bits. Other operators than `_INTEGER` need no name.
+    They are the last layers, SpecularNet's way up, the guided filter, repeated channels, which no
+    convolution reads, and `Clip` where it is not the ReLU6 of a convolution in eight bits. Other
+    operators than `_INTEGER` need no name.
     """
     nodes = model.graph.node
-    named = (node.name for node in nodes)
-    out = [*heads(model), *(name for name in named if _WAY_UP.search(name) or _GUIDED.search(name))]
+    exact = (_WAY_UP, _GUIDED, _REPEATED)
+    named = [node.name for node in nodes if any(words.search(node.name) for words in exact)]
+    out = [*heads(model), *named]
     narrow = (node for node in nodes if node.op_type == "Conv" and node.name not in out)
     convolved = {output for node in narrow for output in node.output}
     clips = (node for node in nodes if node.op_type == "Clip")

@@ -1,20 +1,44 @@
 """Each subnetwork as a model of its own, which together answer what `assemble` answers.
 
+The split of colours (`optics.dichromatic`), which several subnetworks read, is a model beside them.
+
 A part reads and answers quantities in the form that subnetworks exchange, so a program that joins
 parts by these names needs no arithmetic of its own:
 
-- `image`, sRGB in [0, 1], and `mask`, coverage in [0, 1], are themselves;
+- `image`, sRGB in [0, 1], `mask`, coverage in [0, 1], and `dichromatic` are themselves;
 - `compressed_specular_shading` and the like are S, M and the reflectance map as the registry's
   `Quantity.estimated` returns them: compressed, and 0 outside the object.
 """
 
+from collections.abc import Mapping
 from typing import Any
 
 import keras
 from keras import layers
 
+from lime_keras.model.graphs import SPLIT
 from lime_keras.networks.registry import DERIVED, OUTPUT_ROWS, QUANTITIES, answered
 from lime_keras.networks.wiring import Wiring
+from lime_keras.optics import dichromatic
+
+
+def parts(subnetworks: Mapping[str, keras.Model]) -> dict[str, keras.Model]:
+    """Return models that together answer what the subnetworks answer when they are joined.
+
+    Args:
+        subnetworks: subnetworks by name, none before another that it reads.
+
+    Returns:
+        `standalone` of each subnetwork by name; and before the first that reads it the split of
+        colours, computed once for all.
+    """
+    out: dict[str, keras.Model] = {}
+    for name, network in subnetworks.items():
+        alone = standalone(name, network)
+        if SPLIT in alone.input and SPLIT not in out:
+            out[SPLIT] = _split(network.inputs[0].shape[1])
+        out[name] = alone
+    return out
 
 
 def standalone(name: str, network: keras.Model) -> keras.Model:
@@ -44,9 +68,24 @@ def standalone(name: str, network: keras.Model) -> keras.Model:
     return keras.Model(graph.inputs, outputs, name=f"{name}_part")
 
 
+def _split(size: int) -> keras.Model:
+    """Return the split of colours as a model of its own, from `image` and `mask`."""
+    inputs = {
+        name: keras.Input((size, size, channels), name=name)
+        for name, channels in (("image", 3), ("mask", 1))
+    }
+    found = DERIVED[SPLIT](inputs.__getitem__)
+    outputs = {SPLIT: layers.Identity(dtype="float32", name=SPLIT)(found)}
+    return keras.Model(inputs, outputs, name=f"{SPLIT}_part")
+
+
 def _exchanged(quantity: str) -> str:
     """Return the name of a quantity in the form that subnetworks read."""
-    return quantity if quantity in ("image", "mask") else f"compressed_{quantity}"
+    return quantity if quantity in ("image", "mask", SPLIT) else f"compressed_{quantity}"
+
+
+_CHANNELS = {"image": 3, SPLIT: dichromatic.CHANNELS}
+"""Number of channels of what is read and is no quantity."""
 
 
 class _Alone(Wiring):
@@ -63,9 +102,9 @@ class _Alone(Wiring):
         self.inputs: dict[str, keras.KerasTensor] = {}
 
     def _fed(self, quantity: str) -> Any:
-        if quantity in DERIVED or quantity in self._answering:
+        if (quantity in DERIVED and quantity != SPLIT) or quantity in self._answering:
             return super()._fed(quantity)
         name = _exchanged(quantity)
-        channels = 3 if quantity == "image" else QUANTITIES[quantity].channels
+        channels = _CHANNELS.get(quantity) or QUANTITIES[quantity].channels
         self.inputs[name] = keras.Input((self._size, self._size, channels), name=name)
         return self.inputs[name]

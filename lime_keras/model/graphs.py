@@ -1,5 +1,7 @@
 """The folder of a model's exported graphs: `SUBNETWORK.onnx` for each, and `graphs.json`.
 
+A model whose subnetworks read the split of colours has a graph for it, too, `dichromatic.onnx`.
+
 `graphs.json` names the weights that the graphs were exported from, so graphs of other weights are
 noticed, and what each graph reads and answers, so that only those are opened that are needed.
 """
@@ -18,6 +20,9 @@ from lime_keras.version import __version__
 
 LAYOUT = 1
 """Version of the graphs' names and meanings; it rises when graphs of before no longer fit."""
+SPLIT = "dichromatic"
+"""Name of the graph that is no subnetwork, and of its only answer: the split of colours, which
+several subnetworks read (`lime_keras.optics.dichromatic`)."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +48,7 @@ class Description:
         weights: digest of the weights that were exported (`model.folder.digest`).
         size: height and width of the images in pixels.
         system: name of the system in words, such as `LIME without MirrorNet`.
-        graphs: description of each subnetwork's graph by name; none comes before another whose
+        graphs: description of each graph by name; none comes before another whose
             answers it reads.
     """
 

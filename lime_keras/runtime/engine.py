@@ -8,7 +8,7 @@ import onnxruntime
 
 from lime_keras.model import graphs as graph_folder
 from lime_keras.model.folder import DESCRIPTION
-from lime_keras.model.graphs import Description
+from lime_keras.model.graphs import SPLIT, Description
 from lime_keras.outputs import OUTPUTS
 
 _LONGEST = 200
@@ -47,16 +47,7 @@ class OnnxEngine:
             outputs: names out of `self.outputs`.
             given: names of the quantities that are given: `image`, or `image` and `mask`.
         """
-        answering = {
-            output: name for name, graph in self._graphs.items() for output in graph.outputs
-        }
-        needed, open_names = set(), set(outputs) - set(given)
-        while open_names:
-            name = answering[open_names.pop()]
-            if name not in needed:
-                needed.add(name)
-                open_names |= set(self._graphs[name].inputs) - set(given)
-        return tuple(filter(needed.__contains__, self._graphs))
+        return tuple(name for name in self._needed(outputs, given) if name != SPLIT)
 
     def run(
         self, outputs: Collection[str], given: Mapping[str, np.ndarray]
@@ -73,7 +64,7 @@ class OnnxEngine:
             MemoryError: if memory is used up.
         """
         values = dict(given)
-        for name in self.subnetworks(outputs, given):
+        for name in self._needed(outputs, given):
             graph = self._graphs[name]
             fed = {quantity: values[quantity] for quantity in graph.inputs}
             session = self._session(name)
@@ -91,6 +82,19 @@ class OnnxEngine:
                 ) from error
             values |= zip(graph.outputs, found, strict=True)
         return {output: values[output] for output in outputs}
+
+    def _needed(self, outputs: Iterable[str], given: Collection[str]) -> list[str]:
+        """Return the names of the graphs that outputs need, each after those it reads."""
+        answering = {
+            output: name for name, graph in self._graphs.items() for output in graph.outputs
+        }
+        needed, open_names = set(), set(outputs) - set(given)
+        while open_names:
+            name = answering[open_names.pop()]
+            if name not in needed:
+                needed.add(name)
+                open_names |= set(self._graphs[name].inputs) - set(given)
+        return [name for name in self._graphs if name in needed]
 
     def _session(self, name: str) -> onnxruntime.InferenceSession:
         if name not in self._sessions:

@@ -8,6 +8,7 @@ import onnx
 import onnxruntime
 import pytest
 import tensorflow as tf
+from onnx import numpy_helper
 
 from lime_keras.export import exporter, formats, parity
 from lime_keras.model import weights
@@ -149,3 +150,53 @@ def test_the_description_is_an_onnx_files_properties(onnx_file):
     assert {name: json.loads(text) for name, text in found.items()} == {
         name: value for name, value in CARD.items() if name != "version"
     }
+
+
+def test_operands_get_shapes_that_are_fast_and_no_value_changes():
+    """A number beside one channel, one channel beside three, and what is fast already."""
+    shapes = {"rgb": ["batch", 8, 8, 3], "grey": ["batch", 8, 8, 1], "row": ["batch", 1]}
+    nodes = [
+        onnx.helper.make_node("Mul", ["rgb", "grey"], ["masked"], "first"),
+        onnx.helper.make_node("Sub", ["grey", "masked"], ["difference"], "second"),
+        onnx.helper.make_node("Max", ["grey", "half"], ["floored"], "third"),
+        onnx.helper.make_node("Add", ["half", "row"], ["raised"], "fourth"),
+        onnx.helper.make_node("Add", ["floored", "floored"], ["doubled"], "fifth"),
+        onnx.helper.make_node("Mul", ["difference", "half"], ["halved"], "sixth"),
+    ]
+
+    def info(name, shape):
+        return onnx.helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, shape)
+
+    outputs = {"halved": shapes["rgb"], "doubled": shapes["grey"], "raised": shapes["row"]}
+    graph = onnx.helper.make_graph(
+        nodes,
+        "operands",
+        [info(*row) for row in shapes.items()],
+        [info(*row) for row in outputs.items()],
+        [numpy_helper.from_array(np.array(0.5, np.float32), "half")],
+    )
+    opset = onnx.helper.make_opsetid("", formats.OPSET)
+    model = onnx.helper.make_model(graph, opset_imports=[opset], ir_version=8)
+    rng = np.random.default_rng(0)
+    given = {
+        name: rng.uniform(size=(2, *shape[1:])).astype(np.float32) for name, shape in shapes.items()
+    }
+
+    def answers():
+        onnx.checker.check_model(model)
+        session = onnxruntime.InferenceSession(model.SerializeToString())
+        return session.run(list(outputs), given)
+
+    expected = answers()
+    formats._ease_broadcasts(model)
+    for found, value in zip(answers(), expected, strict=True):
+        np.testing.assert_array_equal(found, value)
+    read = {one.name: list(one.input) for one in model.graph.node}
+    assert read["first/repeated"] == ["grey"] * 3
+    # One copy of the channel for both that read it, and each number as its operand asks.
+    assert read["first"] == ["rgb", "grey/3_channels"] and read["second"] == [
+        "grey/3_channels",
+        "masked",
+    ]
+    assert read["third"] == ["grey", "half/1_channels"] and read["fourth"] == ["half", "row"]
+    assert read["sixth"] == ["difference", "half"] and len(read) == len(nodes) + 1

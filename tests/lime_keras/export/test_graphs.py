@@ -1,5 +1,6 @@
 """The graphs of the subnetworks: written, described, and stored in half the space at no loss."""
 
+import dataclasses
 import hashlib
 import os
 import subprocess
@@ -15,7 +16,7 @@ from lime_keras.export import graphs, parity
 from lime_keras.model import folder as model_folder
 from lime_keras.model import graphs as graph_folder
 from lime_keras.model import weights
-from lime_keras.networks import Architecture, build, subnetwork_names
+from lime_keras.networks import Architecture, assemble, build, subnetwork_names
 from lime_keras.runtime.engine import OnnxEngine
 
 
@@ -53,6 +54,23 @@ def test_the_command_writes_a_graph_for_each_subnetwork(tiny, tiny_model, tmp_pa
         held = onnx.load_from_string(content).graph
         assert set(graph.inputs) == {tensor.name for tensor in held.input}
         assert set(graph.outputs) == {tensor.name for tensor in held.output}
+
+
+def test_a_model_with_the_split_has_one_graph_for_it_that_keras_needs_not(tiny, tmp_path):
+    architecture = dataclasses.replace(tiny, dichromatic=True)
+    subnetworks = build(architecture, seed=2)
+    weights.save(tmp_path / "model", architecture, subnetworks)
+    graphs.write(tmp_path / "onnx", architecture, subnetworks, "digest")
+    for path in (tmp_path / "model").glob("*.weights.h5"):
+        path.unlink()
+    engine = OnnxEngine(tmp_path / "onnx", graph_folder.read(tmp_path / "onnx"))
+    images = parity.images(32)
+    found = parity.answers(lambda batch: engine.run(engine.outputs, {"image": batch}), images)
+    joined = assemble(weights.load(tmp_path)[1])  # from the graphs, which alone hold weights now
+    parity.judge(parity.answers(joined, images), found, "float32")
+    assert (tmp_path / "onnx" / "dichromatic.onnx") in model_folder.files(tmp_path)
+    assert "dichromatic" in engine._sessions and "dichromatic" not in engine.outputs
+    assert engine.subnetworks(["diffuse_albedo"], ["image", "mask"]) == ("specular", "albedo")
 
 
 def test_weights_that_float16_holds_are_stored_in_it_at_no_loss(tmp_path):

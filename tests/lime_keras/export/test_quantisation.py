@@ -1,5 +1,7 @@
 """Fewer bits: what stays float32, what the files keep, and how their harm is counted."""
 
+import dataclasses
+
 import keras
 import numpy as np
 import onnx
@@ -8,8 +10,17 @@ from keras import layers
 from onnx import numpy_helper
 
 from lime_keras.export import exporter, formats, parity, quantisation
+from lime_keras.export.standalone import parts
 from lime_keras.networks import build
 from lime_keras.networks.guided_filter import GuidedFilter
+
+
+def test_what_the_split_of_colours_is_computed_from_keeps_its_bits(tiny, tmp_path):
+    subnetworks = build(dataclasses.replace(tiny, dichromatic=True))
+    formats.write_onnx(parts(subnetworks)["dichromatic"], tmp_path / "split.onnx")
+    model = onnx.load(tmp_path / "split.onnx")
+    repeated = {one.name for one in model.graph.node if one.name.endswith(formats.REPEATED)}
+    assert repeated and repeated <= set(quantisation.in_float32(model))
 
 
 def test_harm_by_hand():
