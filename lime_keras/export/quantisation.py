@@ -22,12 +22,12 @@ HEADS = {head for subnetwork in SUBNETWORKS.values() for head in subnetwork.head
 """Names of the subnetworks' last layers."""
 
 _INTEGER = (
-    *("Conv", "MatMul", "Gemm", "Relu", "Clip", "MaxPool", "Concat"),
-    *("Unsqueeze", "Tile", "Transpose", "Reshape"),
+    *("Conv", "MatMul", "Gemm", "Relu", "Clip", "MaxPool", "Concat", "Resize"),
+    *("Transpose", "Reshape"),
 )
 """Operators that compute in eight bits. `Clip` is the ReLU6 of a pretrained encoder: a convolution
-before it has the scale of 0 to 6, not of all that is clipped. Those of the second line are what the
-converter makes of upsampling; in floating point they would separate the eight-bit convolutions."""
+before it has the scale of 0 to 6, not of all that is clipped. Those of the second line move values;
+in floating point they would separate the eight-bit convolutions."""
 
 _WAY_UP = re.compile(r"/specular_net\w*/(up|skip)\d")
 """Nodes of SpecularNet's way up, by name. Its features have the range of radiance: those of `live`

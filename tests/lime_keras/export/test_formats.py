@@ -200,3 +200,17 @@ def test_operands_get_shapes_that_are_fast_and_no_value_changes():
     ]
     assert read["third"] == ["grey", "half/1_channels"] and read["fourth"] == ["half", "row"]
     assert read["sixth"] == ["difference", "half"] and len(read) == len(nodes) + 1
+
+
+def test_upsampling_is_one_operator_whose_coordinates_onnx_knows(onnx_file):
+    nodes = onnx.load(onnx_file).graph.node
+    resizing = [node for node in nodes if node.op_type == "Resize"]
+    names = {attribute.s for node in resizing for attribute in node.attribute}
+    assert resizing and b"asymmetric" in names and b"tf_half_pixel_for_nn" not in names
+    assert not any(node.op_type == "Tile" for node in nodes)
+
+
+def test_an_onnx_file_holds_no_constant_that_nothing_reads(onnx_file):
+    graph = onnx.load(onnx_file).graph
+    read = {name for node in graph.node for name in node.input}
+    assert {constant.name for constant in graph.initializer} <= read
