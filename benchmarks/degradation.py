@@ -191,6 +191,7 @@ def main() -> None:
     options.add_argument("--materials", choices=material_law.LAWS, default="natural")
     options.add_argument("--weights", nargs="+", default=["live"])
     options.add_argument("--count", type=console.count, default=160)
+    options.add_argument("--knobs", nargs="+", choices=KNOBS, default=list(KNOBS))
     options.add_argument("--out", type=Path, default=Path("degradation"))
     arguments = options.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
@@ -199,7 +200,8 @@ def main() -> None:
     scenes = list(dataset.take(arguments.count).as_numpy_iterator())
     settings: dict[str, dict[float, tuple[list[_Scene], Turn]]] = {
         knob: {setting: (scenes, functools.partial(turn, to=setting)) for setting in all_settings}
-        for knob, (turn, all_settings) in KNOBS.items()
+        for knob in arguments.knobs
+        for turn, all_settings in [KNOBS[knob]]
     }
     if arguments.bank is not None:
         lit = under_lamps(arguments.bank, arguments.materials, arguments.count)
@@ -273,7 +275,12 @@ def _draw(
     path: Path,
 ) -> None:
     figure, axes = plt.subplots(
-        len(MEASURES), len(settings_of), figsize=(15, 10), sharex="col", sharey="row"
+        len(MEASURES),
+        len(settings_of),
+        figsize=(2.5 * len(settings_of), 10),
+        sharex="col",
+        sharey="row",
+        squeeze=False,
     )
     for column, (knob, settings) in enumerate(settings_of.items()):
         ordered = sorted(settings)
