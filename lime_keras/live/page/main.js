@@ -72,7 +72,7 @@ const wait = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
 /** Name what estimates: in the browser the processor may hand over to WebGPU between two frames. */
 function tellAbout() {
   const told = `lime_keras ${config.version} · ${config.system} · ${engine.about}`;
-  if ($("about").textContent !== told) $("about").textContent = told;
+  if ($("about").textContent !== told) $("about").textContent = $("about").title = told;
 }
 
 /** Whether an engine was found; one that is gone is waited for. */
