@@ -108,8 +108,8 @@ def _add_estimated(estimated: argparse._ArgumentGroup) -> None:
     estimated.add_argument(
         "--full-size",
         action="store_true",
-        help="let the edges of mask and layers follow those of the photo; by default the 128 "
-        "pixels of the networks are interpolated",
+        help="let the edges of mask and layers follow those of the photo; by default the "
+        "networks' own pixels are interpolated",
     )
 
 
