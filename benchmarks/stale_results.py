@@ -3,10 +3,10 @@
 python benchmarks/stale_results.py
 
 A comment `<!-- measured: COMMIT PATH PATH ... -->` stands above each figure. It is stale if what
-lies below one of the paths has changed since that commit. No figure follows from the comments,
-docstrings, layout and imports of a Python file, nor from its place among these paths: they do not
-count. Not every other change moves a figure, and one that lies elsewhere may: this says where to
-look, and no more.
+lies below one of the paths has changed since that commit. No figure follows from a page of text,
+from the comments, docstrings, layout and imports of a Python file, nor from its place among these
+paths: they do not count. Not every other change moves a figure, and one that lies elsewhere may:
+this says where to look, and no more.
 """
 
 import re
@@ -87,6 +87,8 @@ def _at_present(name: str) -> str | bytes:
 
 
 def _essence(name: str, content: bytes) -> str | bytes:
+    if name.endswith(".md"):
+        return b""
     return essence(content.decode(), imports=False) if name.endswith(".py") else content
 
 

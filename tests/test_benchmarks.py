@@ -51,6 +51,7 @@ CHANGES = {
     ),
     "a file of words that is gone": ({"code/__init__.py": None}, []),
     "a copy": ({"code/b.py": CODE}, ["code/b.py"]),
+    "a page of text": ({"code/README.md": "Words.\n"}, []),
     "data": ({"code/weights": "2"}, ["code/weights"]),
 }
 
