@@ -87,6 +87,7 @@ def main() -> None:
     )
     options.add_argument("--out", type=Path, metavar="PNG", help="picture of the first materials")
     arguments = options.parse_args()
+    # Materials and lights.
     variants.activate(variants.choose(), 2)
     rng = np.random.default_rng(arguments.seed)
     materials = {"random": [material_law.sample_material(rng) for _ in range(arguments.count)]}
@@ -96,6 +97,7 @@ def main() -> None:
     if arguments.environments:
         paths = sorted(arguments.environments.iterdir())[: arguments.count]
         lightings["maps"] = [_map(path) for path in paths]
+    # Compare.
     sphere = _sphere(arguments.size)
     print("| materials | light | file | export | median ꟻLIP | worst |")
     print("|---|---|---|---|---:|---:|")

@@ -205,6 +205,7 @@ def _storage(chosen: list[Scene]) -> str:
 
     from lime_keras.data import records
 
+    # Encodings.
     encodings: dict[str, tuple[Callable[[Any], bytes], Callable[[bytes, Any], Any]]] = {
         **{
             f"half floats as 16-bit PNG, zlib's level {level}": (
@@ -234,6 +235,7 @@ def _storage(chosen: list[Scene]) -> str:
             lambda b, x: tf.io.decode_png(b, 1).numpy() / 255 * x.max(),
         ),
     }
+    # Sizes, times and errors.
     images = [image for scene in chosen for image in _images(scene, FAST, LOBES["middle"])]
     rows = []
     for name, (encode, decode) in encodings.items():

@@ -37,6 +37,22 @@ def parser() -> argparse.ArgumentParser:
         epilog=_EPILOG,
         formatter_class=console.Help,
     )
+    _add_input(command)
+    _add_measurements(command)
+    written = command.add_argument_group("output")
+    written.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="folder of the results (default: RUN/eval for one run of your own, results/NAME for "
+        "one set that comes with the package, else results)",
+    )
+    command.add_argument("--version", action="version", version=__version__)
+    return command
+
+
+def _add_input(command: argparse.ArgumentParser) -> None:
+    """Add the corpus and how its images are shown."""
     given = command.add_argument_group("input")
     given.add_argument(
         "corpus",
@@ -51,6 +67,10 @@ def parser() -> argparse.ArgumentParser:
         help="show photos of the scenes instead of clean images: exposure, defocus, noise, "
         "clipping and JPEG of a consumer camera",
     )
+
+
+def _add_measurements(command: argparse.ArgumentParser) -> None:
+    """Add what can be measured, and of which models."""
     measured = command.add_argument_group(
         "what to measure",
         "RUN is a run of lime-train, a folder with its model, or the name of a set that comes with "
@@ -101,16 +121,6 @@ def parser() -> argparse.ArgumentParser:
         help="photos, in a folder at any depth: the order of their gloss, the specular albedo of "
         "dielectrics, colours, masks",
     )
-    written = command.add_argument_group("output")
-    written.add_argument(
-        "--out",
-        type=Path,
-        metavar="DIR",
-        help="folder of the results (default: RUN/eval for one run of your own, results/NAME for "
-        "one set that comes with the package, else results)",
-    )
-    command.add_argument("--version", action="version", version=__version__)
-    return command
 
 
 def main(argv: list[str] | None = None) -> int:

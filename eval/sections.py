@@ -79,6 +79,7 @@ def compare(
     from .accuracy.evaluate import confusion
     from .report import figures
 
+    # Evaluate.
     named, store = names([*runs, *answers]), _store(out)
     of_runs, of_answers = list(named.items())[: len(runs)], list(named.items())[len(runs) :]
     rows: dict[str, Mapping[str, np.ndarray]] = {}
@@ -94,6 +95,7 @@ def compare(
         evaluated = stored.evaluation(store, run, corpus, camera=camera)
         rows[name] = evaluated.rows
         systems[name] = comparison.system(evaluated.architecture, run)
+    # Compare.
     in_order = {name: rows[name] for name in named}
     compared = comparison.compare(in_order, systems) | {"camera": camera}
     text = comparison.markdown(compared)
@@ -102,6 +104,7 @@ def compare(
         for name in compared["runs"]
         if "predicted_bin" in rows[name]
     }
+    # Write.
     _write_json(out / "comparison.json", compared)
     write(out / "comparison.md", text)
     pictures = []

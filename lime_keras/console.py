@@ -7,6 +7,7 @@ import argparse
 import contextlib
 import importlib.util
 import itertools
+import math
 import os
 import sys
 import textwrap
@@ -92,7 +93,7 @@ def message(error: Exception) -> str | None:
     # TensorFlow's own errors, such as that of a damaged record, are expected too. The name of
     # their module identifies them, so that TensorFlow need not be imported.
     if type(error).__module__.startswith("tensorflow"):
-        first_line = str(error).splitlines()[0]
+        first_line = next(iter(str(error).splitlines()), "an error without words")
         return f"TensorFlow: {first_line} ({type(error).__name__})"
     return None
 
@@ -130,8 +131,8 @@ count = whole(1)
 def positive(text: str) -> float:
     """Parse the value of an option that is a number above 0."""
     value = float(text)
-    if not value > 0:
-        raise argparse.ArgumentTypeError(f"{text} is not above 0")
+    if not 0 < value < math.inf:
+        raise argparse.ArgumentTypeError(f"{text} is not above 0 and finite")
     return value
 
 

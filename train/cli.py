@@ -177,6 +177,7 @@ def _add_networks(out: argparse.ArgumentParser) -> None:
 def _add_schedule(out: argparse.ArgumentParser) -> None:
     """Add the options of the stages, their lengths and initial weights."""
     schedule = out.add_argument_group("schedule")
+    # Lengths, rates and batches.
     length = schedule.add_mutually_exclusive_group()
     length.add_argument(
         "--scale-steps",
@@ -203,6 +204,7 @@ def _add_schedule(out: argparse.ArgumentParser) -> None:
         metavar="EXAMPLES",
         help="in a batch; a large one fills a large GPU (default: the preset's)",
     )
+    # Stages, and the weights that they begin with.
     schedule.add_argument(
         "--stages",
         nargs="+",

@@ -36,7 +36,7 @@ Batch = dict[str, Any]
 
 
 class Data:
-    """The data of a run, without what is held out.
+    """The training and held-out batches of a run.
 
     Batches of corpora and of banks alternate in proportion to the number of paths of each kind: of
     two corpora and a bank, every third batch is the bank's. Each batch is of one kind, and mixes

@@ -62,10 +62,7 @@ class SystemModel(keras.Model):
 
     def measured(self) -> dict[str, float]:
         """Return the measures by name, over all batches since `reset_measures`."""
-        return {
-            name: float(ops.convert_to_numpy(metric.result()))
-            for name, metric in self._measures.items()
-        }
+        return terms.measured(self._measures)
 
 
 class SystemEvaluation:

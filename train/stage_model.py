@@ -122,10 +122,7 @@ class StageModel(keras.Model):
 
     def measured(self) -> dict[str, float]:
         """Return the measures by name, over all batches with weights since `reset_measures`."""
-        return {
-            name: float(ops.convert_to_numpy(metric.result()))
-            for name, metric in self._measures.items()
-        }
+        return terms.measured(self._measures)
 
     def _of_a_batch(self) -> list[keras.metrics.Metric]:
         return [metric for metric in self.metrics if metric.name not in self._measures]

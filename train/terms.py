@@ -29,7 +29,8 @@ class StageAnswer(NamedTuple):
 
     Attributes:
         raw: raw predictions of the stage's subnetworks, by name of the quantity.
-        seen: values that the subnetworks read, by name of the quantity, `image` or `masked_image`.
+        seen: values that the subnetworks read, by name of the quantity, `image`, `masked_image` or
+            `dichromatic`.
         outputs: outputs by name, computed from the predictions as in an assembled system.
     """
 
@@ -126,6 +127,11 @@ def update(
     """Update metrics with a batch, its `StageAnswer.outputs`, and the examples' weights `(B,)`."""
     for name, metric in metrics.items():
         metric.update_state(*MEASURES[name].compared(batch, outputs), sample_weight=weights)
+
+
+def measured(metrics: Mapping[str, keras.metrics.Metric]) -> dict[str, float]:
+    """Return the results of metrics by name, over all batches since they were reset."""
+    return {name: float(ops.convert_to_numpy(metric.result())) for name, metric in metrics.items()}
 
 
 def _reflectance_map(batch: Batch) -> Any:

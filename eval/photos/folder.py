@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from lime_keras.io import untrusted
 from lime_keras.io.sources import SUFFIXES
 
 LABELS = "labels.csv"
@@ -135,7 +136,10 @@ def _begin(path: Path, ends: tuple[str, ...]) -> str:
 def _labels(path: Path) -> dict[str, tuple[int, dict[str, Any]]]:
     """Return line and fields of `Photo` of each photo that a file of labels names."""
     labels: dict[str, tuple[int, dict[str, Any]]] = {}
-    with path.open(newline="", encoding="utf-8-sig") as file:
+    with (
+        untrusted.naming(path, "labels"),
+        path.open(newline="", encoding="utf-8-sig") as file,
+    ):
         reader = csv.DictReader(file, skipinitialspace=True)
         header = reader.fieldnames or []
         unknown = [name for name in header if name not in COLUMNS]

@@ -80,9 +80,9 @@ def choose(rows: Mapping[str, np.ndarray]) -> list[Selection]:
     return chosen
 
 
-def worst(rows: Mapping[str, np.ndarray], count: int = 20) -> list[Selection]:
-    """Choose the `count` examples with the lowest PSNR relit under their own light, worst first."""
-    order = np.argsort(rows["relit"], kind="stable")[:count]
+def worst(rows: Mapping[str, np.ndarray]) -> list[Selection]:
+    """Choose the twenty examples with the lowest PSNR relit under their own light, worst first."""
+    order = np.argsort(rows["relit"], kind="stable")[:20]
     return [Selection(position, "worst relit") for position in order.tolist()]
 
 

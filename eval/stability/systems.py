@@ -41,7 +41,7 @@ class TrialSystem:
 
     @functools.cached_property
     def _scratch(self) -> Path:
-        """A temporary folder that is deleted with this object."""
+        """A temporary folder that is deleted when the process ends."""
         self._temporary = tempfile.TemporaryDirectory(prefix="lime-stability-")
         return Path(self._temporary.name)
 

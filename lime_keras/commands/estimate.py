@@ -207,6 +207,7 @@ def _write(
     from lime_keras.estimate.batch import Batch
     from lime_keras.estimate.files import distinct_names
 
+    # Names, and videos that are there with other options.
     gallery.check(options.out)
     names = distinct_names(places)
     if options.folders:
@@ -215,6 +216,7 @@ def _write(
     for source, name in zip(videos, names[len(photos) :], strict=True):
         if results.json(name).exists():
             results.standing(name, _made(results, source))
+    # Estimate.
     finished: list[str] = []
     failed = missing
     try:
@@ -267,6 +269,7 @@ def _results(options: argparse.Namespace) -> "Results":
 
 def _check(options: argparse.Namespace, photos: list[Path], videos: list[str]) -> None:
     """Raise an error if options cannot be carried out, before anything is loaded."""
+    # Folders and files.
     console.check_folder(options.out, "--out")
     for option, given in (("--mask", options.mask), ("--normals", options.normals)):
         if given and videos:
@@ -285,6 +288,7 @@ def _check(options: argparse.Namespace, photos: list[Path], videos: list[str]) -
             f"{_masker(options.masker)[1]} is no file: pass an ONNX file to --masker; none is "
             "downloaded"
         )
+    # Options that exclude each other.
     if options.only and videos and not set(options.only) & set(_OF_A_FRAME):
         raise ValueError(
             f"a video leaves no layers, so --only {','.join(options.only)} leaves nothing of "
@@ -299,6 +303,7 @@ def _check(options: argparse.Namespace, photos: list[Path], videos: list[str]) -
         raise ValueError("--normals and --clone-onto take the whole estimate: leave out --only")
     if not options.clone_onto and (options.up or options.shadow):
         raise ValueError("--up and --shadow say how a mesh is shown: pass one to --clone-onto")
+    # What options need.
     if options.weights:
         model_folder.files(options.weights)
     if options.clone_onto:
@@ -368,6 +373,7 @@ def _estimate_video(
         words = terminal.answer(content, target.parent, more, colour=colour) if for_people else ""
         print(words or json.dumps(content))
 
+    # Is it there already?
     try:
         made = _made(results, source)
         if found := results.standing(name, made):
@@ -379,12 +385,14 @@ def _estimate_video(
     except ValueError as error:
         print(f"error: {error}", file=sys.stderr)
         return False
+    # Estimate.
     try:
         summary = estimate_video(source, estimator, target.parent, target.stem)
     except ValueError as error:
         results.clear(name, [])
         print(f"error: {error}", file=sys.stderr)
         return False
+    # Tell.
     numbers = {"video": source} | summary.to_json()
     content = result_json.write(target, numbers, made, [*summary.files, target.name])
     bright = {scene.number: files.remark(scene.material) for scene in summary.scenes}

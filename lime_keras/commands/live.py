@@ -54,7 +54,7 @@ def parser() -> argparse.ArgumentParser:
     page = out.add_argument_group("page")
     page.add_argument(
         "--port",
-        type=_port,
+        type=console.whole(0, 2**16 - 1),
         default=_PORT,
         help=f"port on this computer; 0 takes any free one (default: {_PORT})",
     )
@@ -134,10 +134,3 @@ def _open(url: str) -> None:
 
     if not webbrowser.open(url):
         print(f"no browser could be opened: open {url} in one", file=sys.stderr)
-
-
-def _port(text: str) -> int:
-    value = int(text)
-    if not 0 <= value < 2**16:
-        raise argparse.ArgumentTypeError(f"{text} is not in 0 to {2**16 - 1}")
-    return value

@@ -18,8 +18,6 @@ _PRINTED, _MOTTLED = 0.1, 0.1
 """
 _LEVELS = 0.2, 1.8
 """Least and largest level of the noise from which on there is a print: on 42 to 4 %."""
-_CELLS = 2, 24
-"""Smallest and largest number of the noise's cells along an image."""
 _BRIGHTEST = 0.9
 """Largest albedo of a print."""
 _MOTTLING = 0.15
@@ -61,12 +59,12 @@ def _change(own: np.ndarray, size: int, generator: np.random.Generator) -> np.nd
     if not (is_mottled or is_printed):
         return None
     if is_mottled:
-        noise = clutter.smooth_noise(size, generator, _CELLS)
+        noise = clutter.smooth_noise(size, generator)
         tint = 1 + 0.5 * generator.uniform(-1, 1, 3).astype(np.float32)
         albedo = albedo * np.maximum(1 + generator.uniform(0, _MOTTLING) * noise * tint, 0)
     if is_printed:
         for _ in range(generator.integers(1, 4)):
-            part = clutter.pattern(size, generator, generator.uniform(*_LEVELS), _CELLS)
+            part = clutter.pattern(size, generator, generator.uniform(*_LEVELS))
             paint = generator.uniform(0, _BRIGHTEST, 3).astype(np.float32)
             albedo = albedo + part * (paint - albedo)
     return (albedo - own).astype(np.float32)

@@ -5,7 +5,7 @@ The networks were trained on objects that fill 0.55 to 0.92 of the frame around 
 they see a square around it.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cc3d
 import numpy as np
@@ -17,8 +17,13 @@ FILL = 0.73
 """Share of a square's side that the object fills: the middle of the range in training."""
 _SMALLEST_FILL = 0.5
 """Share of a square's side below which the networks see a smaller square."""
+_PART = 2**22
+"""Pixels of a square that are padded and averaged at a time."""
 THRESHOLD = 0.5
 """Smallest coverage, in [0, 1], of a pixel that belongs to the object."""
+
+
+_Beyond = tuple[tuple[int, int], ...]
 
 
 class Square(NamedTuple):
@@ -121,8 +126,12 @@ def cut(image_srgb: np.ndarray, square: Square, size: int) -> np.ndarray:
     beyond = (*zip(first, last, strict=True), (0, 0))
     if side == size:
         return np.pad(seen, beyond, mode="edge")
-    linear = np.pad(colour.srgb_to_linear(seen), beyond, mode="edge")
-    resampled = colour.linear_to_srgb(_resampled(linear, size, size))
+    linear = colour.srgb_to_linear(seen)
+    if side > size:
+        resampled = _shrunk(linear, beyond, size, "edge")
+    else:
+        resampled = _enlarged(np.pad(linear, beyond, mode="edge"), size)
+    resampled = colour.linear_to_srgb(resampled)
     return np.clip(resampled, seen.min(), seen.max())
 
 
@@ -136,10 +145,15 @@ def cut_layer(layer: np.ndarray, square: Square, size: int) -> np.ndarray:
         square: square of the photo.
         size: height and width of the result in pixels.
     """
-    seen = np.zeros((square.side, square.side, layer.shape[-1]), np.float32)
     inside, outside = overlap(square, *layer.shape[:2])
-    seen[inside] = layer[outside]
-    return _resampled(seen, size, size)
+    seen = np.asarray(layer[outside], np.float32)
+    if not seen.size:
+        return np.zeros((size, size, layer.shape[-1]), np.float32)
+    beyond = (*((part.start, square.side - part.stop) for part in inside), (0, 0))
+    if square.side > size:
+        return _shrunk(seen, beyond, size, "constant")
+    padded = np.pad(seen, beyond)
+    return padded if square.side == size else _enlarged(padded, size)
 
 
 def paste(layer: np.ndarray, square: Square, height: int, width: int) -> np.ndarray:
@@ -201,17 +215,34 @@ def overlap(square: Square, height: int, width: int) -> tuple[tuple[slice, ...],
     return inside, outside
 
 
-def _resampled(image: np.ndarray, height: int, width: int) -> np.ndarray:
-    """Resample `(H, W, C)`: average areas to make it smaller, else interpolate linearly."""
-    if image.shape[:2] == (height, width):
-        return np.asarray(image, np.float32)
-    if len(image) > height:
-        return _averaged(_averaged(image, height, 0), width, 1)
+def _enlarged(image: np.ndarray, size: int) -> np.ndarray:
+    """Interpolate `(S, S, C)` linearly to `(size, size, C)`."""
     channels = image.shape[-1]
     source = oiio.ImageBuf(np.ascontiguousarray(image, np.float32))
-    region = oiio.ROI(0, width, 0, height, 0, 1, 0, channels)
+    region = oiio.ROI(0, size, 0, size, 0, 1, 0, channels)
     resized = oiio.ImageBufAlgo.resize(source, filtername="triangle", roi=region)
-    return np.asarray(resized.get_pixels(oiio.FLOAT)).reshape(height, width, channels)
+    return np.asarray(resized.get_pixels(oiio.FLOAT)).reshape(size, size, channels)
+
+
+def _shrunk(image: np.ndarray, beyond: _Beyond, size: int, mode: Any) -> np.ndarray:
+    """Average the areas of an image `(H, W, C)`, padded to a square, to `(size, size, C)`.
+
+    The square is padded and averaged by parts, as that of a long photo is many times as large.
+
+    Args:
+        image: what the square shows of a photo.
+        beyond: pixels to pad, for each axis before and after the image.
+        size: height and width of the result, less than the square's.
+        mode: how to pad, as for `np.pad`.
+    """
+    rows, columns, channels = beyond
+    step = max(1, _PART // (rows[0] + len(image) + rows[1]))
+    parts = []
+    for first in range(0, image.shape[1], step):
+        part = np.pad(image[:, first : first + step], (rows, (0, 0), channels), mode=mode)
+        parts.append(_averaged(part, size, 0))
+    across = np.pad(np.concatenate(parts, axis=1), ((0, 0), columns, channels), mode=mode)
+    return _averaged(across, size, 1)
 
 
 def _averaged(image: np.ndarray, size: int, axis: int) -> np.ndarray:

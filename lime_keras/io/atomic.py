@@ -48,9 +48,7 @@ def replacing(path: Path, *, shared: bool = False) -> Iterator[Path]:
         path.parent.mkdir(parents=True, exist_ok=True)
         remove(partial)
         yield partial
-        if partial.is_dir():  # no folder can be renamed onto another
-            remove(path)
-        os.replace(partial, path)
+        _take_place(partial, path)
     except BaseException as error:
         with contextlib.suppress(OSError):  # the first error is the one to tell
             remove(partial)
@@ -60,6 +58,20 @@ def replacing(path: Path, *, shared: bool = False) -> Iterator[Path]:
         if isinstance(error, OSError) and _is_of(error, path, partial):
             raise _named(error, path) from error
         raise
+
+
+def _take_place(partial: Path, path: Path) -> None:
+    """Rename a finished file or folder to `path`, and remove a folder that is there before."""
+    while True:
+        if partial.is_dir():  # no folder can be renamed onto another
+            remove(path)
+        try:
+            os.replace(partial, path)
+            return
+        except OSError as error:
+            # Another process put its folder there just now: the last one wins.
+            if not partial.is_dir() or error.errno not in (errno.ENOTEMPTY, errno.EEXIST):
+                raise
 
 
 @contextlib.contextmanager
@@ -103,7 +115,7 @@ def _partial(name: str, own: str) -> str:
     prefix, suffix = os.fsencode(f"partial-{own}"), os.fsencode(Path(name).suffix)
     left = _LONGEST - len(prefix) - len(suffix)
     stem = os.fsencode(name)[: len(os.fsencode(name)) - len(suffix)]
-    while len(stem) > left:  # a whole character at a time
+    while stem and len(stem) > left:  # a whole character at a time
         stem = os.fsencode(os.fsdecode(stem)[:-1])
     return os.fsdecode(prefix + stem + suffix)
 

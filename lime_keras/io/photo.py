@@ -27,6 +27,8 @@ An estimate takes some 100 bytes a pixel. A larger photo is read at half its wid
 """
 SMALLEST = 16
 """Smallest number of pixels on a photo's shorter side; fewer show no object's shading."""
+_LONGEST = 256
+"""Largest ratio of a photo's sides; the networks would see a longer one less than a pixel wide."""
 _HEIF = (".heic", ".heif", ".hif")
 _LINEAR_FORMATS = ("openexr", "hdr")
 _LINEAR_SPACES = ("lin", "scene_linear")
@@ -376,6 +378,11 @@ def _check_size(path: Path, width: int, height: int, channels: int) -> None:
         raise ValueError(
             f"{path} has {width}×{height} pixels, too few to see an object in: pass a picture of "
             f"at least {SMALLEST} on each side"
+        )
+    if max(width, height) > _LONGEST * min(width, height):
+        raise ValueError(
+            f"{path} has {width}×{height} pixels, more than {_LONGEST} times as many one way as "
+            "the other: cut out the object"
         )
     untrusted.check_size(path, width, height, channels, LARGEST)
 

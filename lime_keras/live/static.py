@@ -7,15 +7,16 @@ written, in the one release that was tested.
 import base64
 import contextlib
 import hashlib
+import http.client
 import io
 import json
 import shutil
 import tarfile
 import tempfile
-import urllib.error
 import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
+from typing import IO, cast
 
 from lime_keras.io import atomic, untrusted
 from lime_keras.live import graphs
@@ -137,9 +138,9 @@ def fetched_runtime() -> Iterator[Path]:
     with tempfile.TemporaryDirectory() as scratch:
         with tarfile.open(fileobj=io.BytesIO(content)) as archive:
             for member, name in wanted.items():
-                opened = archive.extractfile(member)
-                if opened is not None:
-                    (Path(scratch) / name).write_bytes(opened.read())
+                # The archive's checksum says that each member is there, and a file.
+                opened = cast(IO[bytes], archive.extractfile(member))
+                (Path(scratch) / name).write_bytes(opened.read())
         yield Path(scratch)
 
 
@@ -151,7 +152,7 @@ def _archive() -> bytes:
     try:
         with urllib.request.urlopen(_ADDRESS, timeout=_PATIENCE) as answer:
             return answer.read()
-    except (OSError, urllib.error.URLError) as error:
+    except (OSError, http.client.HTTPException) as error:
         raise OSError(
             f"{_ADDRESS} cannot be fetched ({error}): connect to the network; or run `npm pack "
             f"onnxruntime-web@{RUNTIME_VERSION}` where there is one, and put {_ARCHIVE} into the "

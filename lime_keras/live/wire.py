@@ -101,7 +101,7 @@ def _split(body: bytes) -> tuple[dict[str, Any], memoryview]:
     view = memoryview(body)[_LENGTH.size :]
     try:
         header = json.loads(bytes(view[:length]))
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise ValueError(f"a request's header is JSON: {error}") from error
     if not isinstance(header, dict):
         raise ValueError(f"a request's header is a JSON object, got {header!r}")

@@ -138,9 +138,11 @@ def _write(target: Path, name: str, network: keras.Model, half: bool) -> None:
         network.save_weights(partial)
         if half:
             whole = partial.rename(path.with_name(f"partial-whole-{path.name}"))
-            with h5py.File(whole) as source, h5py.File(partial, "w") as narrow:
-                _copy_half(source, narrow)
-            whole.unlink()
+            try:
+                with h5py.File(whole) as source, h5py.File(partial, "w") as narrow:
+                    _copy_half(source, narrow)
+            finally:
+                whole.unlink()
 
 
 def _reserve(path: Path, network: keras.Model, half: bool) -> None:

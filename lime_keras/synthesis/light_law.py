@@ -189,6 +189,7 @@ def draw(rngs: Sequence[np.random.Generator], bank: LightBank, allowed: np.ndarr
     """
     if len(allowed) == 0:
         raise ValueError("no map to draw a light from; allow at least one")
+    # Uniform numbers.
     batch = len(rngs)
     numbers = np.stack([rng.random(NUMBERS) for rng in rngs])
     count, setting, looking = numbers[:, :3].T
@@ -196,6 +197,7 @@ def draw(rngs: Sequence[np.random.Generator], bank: LightBank, allowed: np.ndarr
     number, part = numbers[:, 3 + 4 * MAPS : 5 + 4 * MAPS].T
     lamp_numbers = numbers[:, 5 + 4 * MAPS :].reshape(batch, 13, LAMPS).swapaxes(0, 1)
 
+    # Maps, each turned so that its strong light has a direction drawn for it.
     maps = np.asarray(allowed)[(which * len(allowed)).astype(np.int64)]
     mirrored = flip < 0.5
     present = np.arange(MAPS) <= _chosen(count, np.array(_MAP_COUNTS))[:, None]
@@ -207,6 +209,7 @@ def draw(rngs: Sequence[np.random.Generator], bank: LightBank, allowed: np.ndarr
     target = _in_front(turn, polar, pitch, np.zeros_like(polar), math.pi / columns)
     shifts = np.rint((target - azimuth) * (columns / (2 * math.pi))).astype(np.int64) % columns
 
+    # Lamps.
     setting = _chosen(setting, _SETTINGS[:, 0])
     _, fewest, most, least, largest = _SETTINGS[setting].T
     lamp_count = (fewest + np.floor(number * (most - fewest + 1))).astype(np.int64)
@@ -215,6 +218,7 @@ def draw(rngs: Sequence[np.random.Generator], bank: LightBank, allowed: np.ndarr
     lamps = _lamps(lamp_numbers, setting, lamp_count, share, pitch)
     lamps[..., LAMP_PARTS["power"]] *= environment.MEAN_RADIANCE
 
+    # The camera's pitch.
     sine, cosine = np.sin(pitch), np.cos(pitch)
     rotation = np.zeros((batch, 3, 3), np.float32)
     rotation[:, 0, 0] = 1

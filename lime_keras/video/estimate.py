@@ -160,7 +160,8 @@ class _Run:
     def summary(self, remarks: list[str], materials: list[str]) -> Summary:
         """Return the result so far; `materials` are the names of the scenes' files."""
         found = self.scenes.with_objects()
-        last = found[-1].material if found else Material(warnings=(NO_OBJECT,))
+        last = found[-1].material if found else Material()
+        cautions = last.warnings if self._found else (NO_OBJECT,)
         return Summary(
             frames=self._frames,
             found=self._found,
@@ -170,7 +171,7 @@ class _Run:
                 material_of(self._last),
                 mask_confidence=last.mask_confidence,
                 exponent_bin_probabilities=last.exponent_bin_probabilities,
-                warnings=last.warnings,
+                warnings=cautions,
             ),
             remarks=tuple(remarks),
             table=self._paths[0],

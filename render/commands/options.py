@@ -129,8 +129,12 @@ def described(options: argparse.Namespace, most: int) -> dict[str, Any]:
         most: largest number of things in a shard where `--shard-size` does not say.
     """
     named = {name: getattr(options, name) for name in ("split", "count", "seed", "size")}
-    shard_size = options.shard_size or min(most, -(-options.count // 20))
-    return named | {"shard_size": shard_size} | _folders(options)
+    return named | {"shard_size": shard_size(options, most)} | _folders(options)
+
+
+def shard_size(options: argparse.Namespace, most: int) -> int:
+    """Return the number of things in a shard; `most` as for `described`."""
+    return options.shard_size or min(most, -(-options.count // 20))
 
 
 def _folders(options: argparse.Namespace) -> dict[str, str | None]:

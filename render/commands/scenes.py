@@ -35,9 +35,7 @@ def add(subparsers: Any) -> None:
         default=shared.MATERIALS[0],
         help="law of the materials; training may draw others (default: uniform)",
     )
-    shared.add_shard_size(
-        command, "examples", ", an even number (default: a twentieth of the count, at most 512)"
-    )
+    shared.add_shard_size(command, "examples", " (default: a twentieth of the count, at most 512)")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -47,7 +45,7 @@ def run(options: argparse.Namespace) -> int:
     from .. import cards
     from ..corpus import from_bank
 
-    shard_size = options.shard_size or min(512, 2 * -(-options.count // 40))
+    shard_size = shared.shard_size(options, 512)
     with console.Bar("scenes", "example") as bar:
         manifest = from_bank.make_split(
             options.bank,

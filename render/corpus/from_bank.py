@@ -71,27 +71,33 @@ def make_split(
         "materials": materials,
     }
     split = Split(out, "train")
-    begun = resuming.held(split.description_path)
-    resuming.refuse_another(split.folder, "split", begun, description)
+    _refuse_another(split, description)
     features = {*records.FEATURES}
     scenes = Scenes(
         folder, size=held["size"], camera=False, features=features, materials=(materials,)
     )
     # Make what is missing.
     with locking.lock_folder(split.folder, "lime-render is rendering"):
+        _refuse_another(split, description)
         resuming.write_json(split.description_path, description)
         resuming.write_json(split.inputs_path, {})
         resuming.remove_partials(split.folder)
         for shard, first in enumerate(range(0, count, shard_size)):
             indices = range(first, min(first + shard_size, count))
             tell(first, count)
-            if not split.sidecar_path(shard).is_file():
+            files = split.shard_path(shard), split.sidecar_path(shard)
+            if not all(path.is_file() for path in files):
                 examples = _examples(scenes, seed, indices, tell, count)
                 shards.write(split, shard, examples, _PACKAGES)
         manifest = _manifest(split, description, scenes)
         resuming.write_json(split.manifest_path, manifest)
     tell(count, count)
     return manifest
+
+
+def _refuse_another(split: Split, description: dict[str, Any]) -> None:
+    begun = resuming.held(split.description_path)
+    resuming.refuse_another(split.folder, "split", begun, description)
 
 
 def _manifest(split: Split, description: dict[str, Any], scenes: Scenes) -> dict[str, Any]:

@@ -5,7 +5,6 @@ mask widens the blending with the background; the quantisation of the image wide
 No other difference is allowed.
 """
 
-import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -28,20 +27,18 @@ _HIGHEST = colour.srgb_to_linear((_CODES + _HALF_CODE) / 255).astype(np.float32)
 _LOWEST[0], _HIGHEST[-1] = -np.inf, np.inf
 
 
-def misfit(example: Mapping, brightest: float = 1.0) -> str | None:
+def misfit(example: Mapping) -> str | None:
     """Return how a record's image differs from its layers; None if it does not.
 
-    The image must be Eq. 4 over some background, clipped to [0, 1].
+    The image must be Eq. 4 over some background in [0, 1], clipped to [0, 1].
 
     Args:
         example: parsed record (see `records.parse`) in NumPy.
-        brightest: largest linear radiance of a background. A picture's is 1; the surroundings
-            in scenes of a bank have no limit.
     """
     covered = covered_pixels(example)
     code = (pixels_at(example["image"], covered) * 255 + 0.5).astype(np.uint8)
     coverage = pixels_at(example["mask"], covered)
-    low, high = _blended(coverage, *_composed(example, covered), brightest)
+    low, high = _blended(coverage, *_composed(example, covered))
     darkest, lightest = _LOWEST[code], _HIGHEST[code]
     wrong = (low > lightest) | (high < darkest)
     if not wrong.any():
@@ -71,25 +68,21 @@ def _composed(example: Mapping, covered: np.ndarray) -> tuple[np.ndarray, np.nda
 
 
 def _blended(
-    coverage: np.ndarray, low: np.ndarray, high: np.ndarray, brightest: float
+    coverage: np.ndarray, low: np.ndarray, high: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the bounds of the radiance after blending with a background in [0, brightest].
+    """Return the bounds of the radiance after blending with a background in [0, 1].
 
     Args:
         coverage: `(N, 1)`, quantised to 8 bits; only 0 and 1 are exact.
         low: lower bounds of the object's radiance, `(N, 3)`; changed in place.
         high: upper bounds of the object's radiance, `(N, 3)`; changed in place.
-        brightest: largest radiance of a background.
     """
     partial = np.flatnonzero(coverage < 1)
     slack = np.float32(0.5 / 255)
     shares, tops = coverage[partial], high[partial]
     low[partial] *= shares - slack
-    if math.isinf(brightest):
-        high[partial] = np.inf
-    else:
-        above = tops - brightest
-        high[partial] = brightest + np.where(above > 0, shares + slack, shares - slack) * above
+    above = tops - 1
+    high[partial] = 1 + np.where(above > 0, shares + slack, shares - slack) * above
     return low, high
 
 

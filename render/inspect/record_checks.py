@@ -53,7 +53,6 @@ class Expected:
     size: int
     shapes: frozenset[str]
     lights: frozenset[str]
-    brightest_background: float
 
 
 def faults(example: Mapping[str, np.ndarray], expected: Expected) -> list[tuple[str, str]]:
@@ -63,7 +62,7 @@ def faults(example: Mapping[str, np.ndarray], expected: Expected) -> list[tuple[
         example: parsed record (see `records.parse`) in NumPy.
         expected: values that the split's manifest prescribes.
     """
-    found = [*_origin(example, expected), *_name(example, "light", expected.lights)]
+    found = [*_origin(example, expected)]
     square = expected.size, expected.size
     sizes = dict.fromkeys(("image", "mask", "normal", *_LAYERS), square)
     found += _sizes(example, sizes | {"environment": STORED_SHAPE})
@@ -76,7 +75,7 @@ def faults(example: Mapping[str, np.ndarray], expected: Expected) -> list[tuple[
         return found
     normals = [*_normals(example)]
     found += normals
-    if (misfit := recomposition.misfit(example, expected.brightest_background)) is not None:
+    if (misfit := recomposition.misfit(example)) is not None:
         found.append(("recomposition", misfit))
     if not normals:
         found += _shading_sums(example)
@@ -87,6 +86,7 @@ def _origin(example: Mapping, expected: Expected) -> Iterator[tuple[str, str]]:
     if example["seed"] != expected.seed:
         yield "seed", f"seed is {example['seed']}, expected the corpus' {expected.seed}"
     yield from _name(example, "shape", expected.shapes)
+    yield from _name(example, "light", expected.lights)
 
 
 def _name(example: Mapping, kind: str, allowed: frozenset[str]) -> Iterator[tuple[str, str]]:

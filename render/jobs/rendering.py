@@ -36,8 +36,7 @@ def begin(
     Raises:
         ValueError: if the folder was begun with another description, or an input is unusable.
     """
-    begun = resuming.held(job.description_path)
-    resuming.refuse_another(job.folder, job.kind, begun, job.recorded())
+    begun = _refuse_another(job)
     known = None if begun is None else inputs.read(job.inputs_path)
     findings = _inspected(job, pool, known, tell)
     if begun is None and not skip_unusable:
@@ -65,10 +64,11 @@ def complete(
         The manifest.
 
     Raises:
-        ValueError: if an input has changed meanwhile.
+        ValueError: if an input has changed meanwhile, or another command has begun the folder.
         RuntimeError: if another process renders into this folder.
     """
     with locking.lock_folder(job.folder, "lime-render is rendering"):
+        _refuse_another(job)
         resuming.write_json(job.description_path, job.recorded())
         inputs.write(job.inputs_path, findings)
         manifest = render()
@@ -76,6 +76,13 @@ def complete(
         _inspected(job, pool, findings, tell)
         resuming.write_json(job.manifest_path, manifest)
     return manifest
+
+
+def _refuse_another(job: Job) -> dict[str, Any] | None:
+    """Return the description of the job's folder; ValueError is raised if it is of another job."""
+    begun = resuming.held(job.description_path)
+    resuming.refuse_another(job.folder, job.kind, begun, job.recorded())
+    return begun
 
 
 def render_shards(

@@ -63,6 +63,13 @@ def test_a_count_is_at_least_one():
             console.count(text)
 
 
+def test_a_positive_number_is_finite():
+    assert [console.positive(text) for text in ("1e-9", "3")] == [1e-9, 3]
+    for text in ("0", "-1", "nan", "inf"):
+        with pytest.raises(argparse.ArgumentTypeError, match=f"{text} is not above 0 and finite"):
+            console.positive(text)
+
+
 def test_names_are_known():
     parse = console.names(("mask", "albedo", "exponent"))
     assert parse("exponent, mask") == ("exponent", "mask")

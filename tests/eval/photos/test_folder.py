@@ -113,6 +113,10 @@ def test_labels(photos, read):
         ("photo,dielectric\na.png,yes\n", "line 2: dielectric is 'yes': write 1 or 0"),
         ("photo\na.png\na.png\n", r"line 3: a\.png is named in line 2 already"),
         ("photo,note\na.png,old, red\n", "line 2: there are more fields than columns: quote"),
+        (
+            f'photo,note\na.png,"{"x" * 2**18}\n',
+            r"labels\.csv cannot be read as labels: field larger",
+        ),
     ],
 )
 def test_labels_that_cannot_be_right_are_refused(photos, read, text, told):

@@ -20,6 +20,24 @@ def fitted(image, size):
     return framing.cut(image, framing.whole(*image.shape[:2]), size)
 
 
+@pytest.mark.parametrize(("height", "width"), [(40, 3), (3, 40), (31, 40)])
+@pytest.mark.parametrize("part", [1, 100, framing._PART])
+def test_a_square_that_is_averaged_by_parts_is_that_of_the_whole(height, width, part, monkeypatch):
+    """To the last bit, for a photo, whose edge is repeated, and a layer, which is 0 beyond."""
+    image, square = noise(3, height, width), framing.whole(height, width)
+    (top, left, side), size = square, 16
+    below, right = side - height + top, side - width + left
+    beyond = ((-top, below), (-left, right), (0, 0))
+    monkeypatch.setattr(framing, "_PART", part)
+    layer = framing.cut_layer(image, square, size)
+    padded = framing._averaged(framing._averaged(np.pad(image, beyond), size, 0), size, 1)
+    assert np.array_equal(layer, padded)
+    linear = np.pad(colour.srgb_to_linear(image), beyond, mode="edge")
+    averaged = framing._averaged(framing._averaged(linear, size, 0), size, 1)
+    expected = np.clip(colour.linear_to_srgb(averaged), image.min(), image.max())
+    assert np.array_equal(framing.cut(image, square, size), expected)
+
+
 # Finding the square.
 
 

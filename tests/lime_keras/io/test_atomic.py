@@ -2,6 +2,7 @@
 
 import errno
 import os
+import shutil
 
 import full_disk
 import numpy as np
@@ -129,6 +130,29 @@ def test_a_folder_whose_name_a_file_has_is_told(tmp_path):
     (tmp_path / "out").touch()
     with pytest.raises(OSError, match=r"out/f cannot be written: .*; a file has the name of its f"):
         atomic.write(tmp_path / "out" / "f", b"")
+
+
+def test_a_suffix_that_fills_the_name_is_told(tmp_path):
+    with pytest.raises(OSError, match="cannot be written: File name too long; shorten its name"):
+        atomic.write(tmp_path / f"v1.{'x' * 260}", b"")
+
+
+def test_of_two_processes_that_replace_a_folder_the_last_wins(tmp_path, monkeypatch):
+    path, removed = tmp_path / "model", []
+
+    def overtaken(one):
+        removed.append(one)
+        if one == path and removed.count(path) == 1:  # the other process is faster, once
+            path.mkdir()
+            (path / "theirs").touch()
+        elif one.is_dir():
+            shutil.rmtree(one)
+
+    monkeypatch.setattr(atomic, "remove", overtaken)
+    with atomic.replacing(path, shared=True) as partial:
+        partial.mkdir()
+        (partial / "ours").touch()
+    assert [one.name for one in path.iterdir()] == ["ours"] and removed.count(path) == 2
 
 
 @pytest.mark.parametrize("shared", [False, True])

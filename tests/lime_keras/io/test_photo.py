@@ -105,6 +105,12 @@ def test_pictures_too_small_to_show_an_object_are_named(tmp_path, shape, suffix)
     refused(path, reason=f"has {shape[1]}×{shape[0]} pixels, too few")
 
 
+@pytest.mark.parametrize("shape", [(16, 4_100), (4_100, 16)])
+def test_a_picture_like_a_thread_is_named(tmp_path, shape):
+    path = save(tmp_path / "p.png", np.zeros((*shape, 3), np.uint8))
+    refused(path, reason=f"has {shape[1]}×{shape[0]} pixels, more than 256 times as many one way")
+
+
 def test_pictures_too_large_are_named_before_they_are_decoded(tmp_path):
     path = save(tmp_path / "huge.png", np.zeros((7_100, 7_100), bool))
     refused(path, reason="has 7100×7100 pixels, more than the 50 million")

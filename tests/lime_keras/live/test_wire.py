@@ -55,6 +55,7 @@ FRAME = {"number": 1, "width": 2, "height": 2}
         (struct.pack("<I", 2**31) + b"{}", "shorter than"),
         (struct.pack("<I", 3) + b"{]}", "JSON"),
         (struct.pack("<I", 2) + b"[]", "JSON object"),
+        (struct.pack("<I", 4096) + b"[" * 4096, "JSON: .*recursion"),
         (body(b"", width=2, height=2), "number"),
         (body(b"\0" * 15, **FRAME), "16 bytes, got 15"),
         (body(b"\0" * 17, **FRAME), "16 bytes, got 17"),

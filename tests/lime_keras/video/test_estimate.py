@@ -126,6 +126,12 @@ def test_a_video_without_any_object(tmp_path):
         assert np.isnan([*numbers(row), *numbers(row, "fused_")]).all()
 
 
+def test_an_object_of_which_masks_alone_are_asked_is_found(tmp_path):
+    seen = Material(mask_coverage=0.25, layers={"mask": np.ones((48, 64, 1), np.float32)})
+    summary = run(tmp_path, scene(3, 0), [seen] * 3)
+    assert summary.found == 3 and summary.material.warnings == ()
+
+
 def test_a_frames_warnings_stand_in_its_line_and_a_scenes_in_the_summary(tmp_path):
     """The scene's are those of most frames since the last cut."""
     dark, parts = Caution("too-dark", "dark"), Caution("many-parts", "parts")

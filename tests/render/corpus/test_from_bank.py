@@ -66,6 +66,15 @@ def test_training_reads_the_corpus(corpus):
 
 
 @pytest.mark.slow
+def test_a_shard_that_was_lost_is_made_again(bank, corpus, tmp_path):
+    make(bank, tmp_path)
+    split = Split(tmp_path, "train")
+    split.shard_path(1).unlink()
+    make(bank, tmp_path)
+    assert split.shard_path(1).read_bytes() == Split(corpus, "train").shard_path(1).read_bytes()
+
+
+@pytest.mark.slow
 def test_an_interrupted_command_goes_on(bank, corpus, tmp_path):
     def interrupt(done, total):
         if done > SHARD:

@@ -22,7 +22,7 @@ from lime_keras.data.corpus import SPLITS, Split
 from lime_keras.render.corpus import split
 from lime_keras.render.corpus.description import Description, Job
 from lime_keras.render.corpus.random_example import Sources, render_example
-from lime_keras.render.jobs import processes
+from lime_keras.render.jobs import processes, rendering, resuming
 
 
 @pytest.fixture(autouse=True)
@@ -186,6 +186,18 @@ def test_other_options_in_the_same_folder_are_refused(
     with pytest.raises(ValueError, match=f"holds another split: {message}"):
         render(out, other, mitsuba_choice)
     assert contents(out) == before
+
+
+def test_other_options_that_came_while_inputs_were_checked_are_refused(
+    description, mitsuba_choice, tmp_path, monkeypatch
+):
+    def inspected(job, *_):
+        resuming.write_json(job.description_path, job.recorded() | {"seed": 99})
+        return {}
+
+    monkeypatch.setattr(rendering, "_inspected", inspected)
+    with pytest.raises(ValueError, match="seed 99 there, "):
+        render(tmp_path, description, mitsuba_choice)
 
 
 def test_an_example_alone_is_that_of_the_shard_field_by_field(
