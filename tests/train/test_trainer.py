@@ -9,6 +9,7 @@ import shutil
 
 import numpy as np
 import pytest
+import stage_runs
 import tensorflow as tf
 from PIL import Image
 from sphere_corpus import vouch, write_split
@@ -104,7 +105,7 @@ def test_measures_are_pooled_over_the_held_out_examples(corpus, config, tmp_path
     trainer.train([corpus], run, more, _ignore, only=["exponent"])
     with (run / "curves" / "5-exponent.csv").open(encoding="utf-8") as file:
         last = list(csv.DictReader(file))[-1]
-    network, left = networks.build(TINY)["exponent"], _stage(run, "exponent")
+    network, left = networks.build(TINY)["exponent"], stage_runs.left(run, "exponent")
     network.set_weights([left[f"arr_{i}"] for i in range(len(network.weights))])
     shards = Split(corpus, "train").shard_paths()[1:]
     (batch,) = pipeline.evaluation(shards, size=32, batch_size=3, camera=True).as_numpy_iterator()
@@ -118,15 +119,8 @@ def test_measures_are_pooled_over_the_held_out_examples(corpus, config, tmp_path
     assert float(last["measure_exponent_within_one"]) == pytest.approx(np.mean(distance <= 1))
 
 
-def _stage(run, name):
-    """What a stage left: weights, optimiser state and step."""
-    (path,) = (run / "stages").glob(f"?-{name}.npz")
-    with np.load(path) as stored:
-        return {key: stored[key] for key in stored}
-
-
 def _same_stage(one, other, name):
-    a, b = _stage(one, name), _stage(other, name)
+    a, b = stage_runs.left(one, name), stage_runs.left(other, name)
     return a.keys() == b.keys() and all(np.array_equal(a[key], b[key]) for key in a)
 
 
@@ -184,7 +178,7 @@ def test_the_single_stages_of_a_run_make_a_model_of_their_own(corpus, config, fi
     run = _begun(finished, tmp_path / "run", config, 6)
     assert trainer.train([corpus], run, config, _ignore, only=["segmentation"]) == []
     for name, network in weights.load(run)[1].items():
-        left = _stage(finished, name)
+        left = stage_runs.left(finished, name)
         for index, values in enumerate(network.get_weights()):
             assert np.array_equal(values, left[f"arr_{index}"]), name
 
@@ -305,7 +299,8 @@ def test_another_seed_gives_other_weights(corpus, config, finished, tmp_path):
     other = dataclasses.replace(config, seed=1)
     trainer.train([corpus], tmp_path, other, _ignore, only=["exponent"])
     assert not np.array_equal(
-        _stage(tmp_path, "exponent")["arr_0"], _stage(finished, "exponent")["arr_0"]
+        stage_runs.left(tmp_path, "exponent")["arr_0"],
+        stage_runs.left(finished, "exponent")["arr_0"],
     )
 
 
@@ -777,7 +772,9 @@ def test_the_command_learns_masks_from_cut_outs(corpus, tmp_path, brief_smoke, c
     plain, seen = ([str(corpus), "--out", str(tmp_path / name)] for name in ("plain", "seen"))
     assert cli.main([*plain, "--preset", "smoke", *stage]) == 0
     assert cli.main([*seen, "--preset", "smoke", *folders, *stage]) == 0
-    weights = [_stage(tmp_path / name, "segmentation")["arr_0"] for name in ("plain", "seen")]
+    weights = [
+        stage_runs.left(tmp_path / name, "segmentation")["arr_0"] for name in ("plain", "seen")
+    ]
     assert not np.array_equal(*weights)
     assert cli.main([*seen, "--resume", *folders, *stage]) == 0
     capsys.readouterr()
@@ -796,7 +793,7 @@ def test_the_commands_sizes(corpus, tmp_path, brief_smoke, nudged, capsys):
     assert cli.main([*run, "--preset", "smoke", *sizes, *stage]) == 0
     architecture = dataclasses.replace(TINY, unet_width=3, size=64)
     assert Config.read(tmp_path / "run").architecture == architecture
-    assert _stage(tmp_path / "run", "specular")["arr_0"].shape == (3, 3, 3, 3)
+    assert stage_runs.left(tmp_path / "run", "specular")["arr_0"].shape == (3, 3, 3, 3)
     held = cli.config_of(cli.parser().parse_args([*run, "--resume"]))
     assert held == Config.read(tmp_path / "run")
     capsys.readouterr()

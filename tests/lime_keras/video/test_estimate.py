@@ -7,6 +7,7 @@ import clips
 import full_disk
 import numpy as np
 import pytest
+from clips import NOTHING, material
 
 from lime_keras import Estimator, Material
 from lime_keras.estimate.cautions import NO_OBJECT
@@ -16,14 +17,6 @@ from lime_keras.material import Caution
 from lime_keras.video.estimate import estimate_video
 from lime_keras.video.fusion import Fusion
 from lime_keras.video.tracking import LOST_AFTER, PARAMETERS, parameters
-
-NOTHING = Material(np.zeros(3), 0.9, 9.0, mask_coverage=0.0)
-
-
-def material(seed, coverage=0.25):
-    rng = np.random.default_rng(seed)
-    diffuse, specular, log = rng.uniform(size=3), rng.uniform(), rng.uniform(0, 3)
-    return Material(diffuse, specular, 10**log, mask_coverage=coverage)
 
 
 class Scripted:

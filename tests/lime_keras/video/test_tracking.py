@@ -2,19 +2,13 @@
 
 import numpy as np
 import pytest
+from clips import NOTHING, material
 
 from lime_keras.material import Material
 from lime_keras.video.fusion import Fusion
 from lime_keras.video.tracking import LOST_AFTER, Tracker, material_of, parameters
 
 STILL = np.full((8, 8, 3), 128, np.uint8)
-NOTHING = Material(np.zeros(3), 0.9, 9.0, mask_coverage=0.0)
-
-
-def material(seed, coverage=0.25):
-    rng = np.random.default_rng(seed)
-    diffuse, specular, log = rng.uniform(size=3), rng.uniform(), rng.uniform(0, 3)
-    return Material(diffuse, specular, 10**log, mask_coverage=coverage)
 
 
 def test_parameters_and_back():

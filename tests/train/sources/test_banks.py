@@ -28,12 +28,6 @@ def noise(monkeypatch):
     monkeypatch.setattr(banks, "scenes", noise_bank)
 
 
-def _stage(run, name):
-    (path,) = (run / "stages").glob(f"?-{name}.npz")
-    with np.load(path) as stored:
-        return {key: stored[key] for key in stored}
-
-
 @pytest.mark.parametrize(
     "names", [pytest.param(["bank"], marks=pytest.mark.slow), ["bank", "corpus"]]
 )
@@ -46,9 +40,9 @@ def test_a_run_is_resumed_bit_for_bit(names, paths, tmp_path, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         interrupt = stage_runs.interrupted_at("exponent", 2)
         trainer.train(found, tmp_path / "broken", config, interrupt, only=only)
-    assert _stage(tmp_path / "broken", "exponent")["step"] == 2
+    assert stage_runs.left(tmp_path / "broken", "exponent")["step"] == 2
     trainer.train(found, tmp_path / "broken", config, stage_runs.ignore, only=only)
-    whole, resumed = (_stage(tmp_path / run, "exponent") for run in ("whole", "broken"))
+    whole, resumed = (stage_runs.left(tmp_path / run, "exponent") for run in ("whole", "broken"))
     assert whole.keys() == resumed.keys()
     for name, expected in whole.items():
         assert np.array_equal(resumed[name], expected), name
