@@ -16,7 +16,7 @@ def add(subparsers: Any) -> None:
         "scenes",
         run,
         "Make scenes of a bank, as training does, and store them as the train split of a corpus. "
-        "On a processor, reading them is six times as fast as making them.",
+        "On a processor, reading them is three to six times as fast as making them.",
         "  lime-render scenes bank corpus --count 20000\n"
         "  lime-train corpus --out runs/live --preset live",
         shared.GOES_ON,

@@ -1,8 +1,8 @@
 """A corpus of a bank's scenes: made once by the law of a bank, and read many times.
 
 On a processor, making a scene takes as long as training on it (`benchmarks/synthesis_rate.py`), and
-reading a record a tenth of that. The bytes of a shard depend on the bank, the seed and the shard's
-number alone, as far as the floating-point arithmetic of the machine is the same.
+reading a record a third of that or less. The bytes of a shard depend on the bank, the seed and the
+shard's number alone, as far as the floating-point arithmetic of the machine is the same.
 """
 
 import hashlib
