@@ -40,6 +40,8 @@ FAMILIES = {
 """Families by name: `u2net` (U²-Net, U²-NetP, silueta), `birefnet`, `isnet` (IS-Net of DIS)."""
 _DTYPES = {"tensor(float16)": np.float16}
 """NumPy types of inputs that are not float32."""
+_LARGEST = 4096
+"""Largest height and width of a network's picture in pixels."""
 _ROUNDING = 1e-3
 """What a coverage may leave [0, 1] by, in float16."""
 
@@ -86,6 +88,11 @@ class Masker:
         self._height, self._width = (
             edge if isinstance(edge, int) else self._family.size for edge in shape[2:]
         )
+        if not all(1 <= edge <= _LARGEST for edge in (self._height, self._width)):
+            raise ValueError(
+                f"{path} takes pictures of {self._width}×{self._height} pixels, and a masker's "
+                f"edges have 1 to {_LARGEST}: the file is damaged, or no masker"
+            )
 
     def __call__(self, image_srgb: np.ndarray) -> np.ndarray:
         """Return the coverage `(H, W, 1)` float32 in [0, 1] of the object in a photo.

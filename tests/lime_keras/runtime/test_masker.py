@@ -124,6 +124,14 @@ def test_a_network_of_something_else_is_refused(inputs, tmp_path):
         Masker(path)
 
 
+@pytest.mark.parametrize("edge", [0, 5000])
+def test_a_picture_of_no_size_or_of_a_hall_is_refused(edge, tmp_path):
+    nodes = [helper.make_node("Identity", ["image"], ["mask"])]
+    path = write(tmp_path / "m.onnx", nodes, {"image": [1, 3, 8, edge]}, {"mask": None})
+    with pytest.raises(ValueError, match=rf"m\.onnx takes pictures of {edge}×8 pixels, and"):
+        Masker(path)
+
+
 def test_a_network_that_answers_nothing_is_refused(tmp_path):
     path = write(tmp_path / "m.onnx", SIGMOID, outputs={})
     with pytest.raises(ValueError, match=r"m\.onnx answers nothing, and a masker answers a mask"):
