@@ -43,7 +43,7 @@ from lime_keras.render.mitsuba_setup import variants
 from lime_keras.render.scene import environments, lights
 
 _BOX_LIGHTS = 300
-"""Number of lights that stand for each soft box."""
+"""Number of lights that stand for each light."""
 _FINEST = (64, 128)
 _SAMPLES = 256
 """Samples of a pixel in Mitsuba."""
@@ -163,9 +163,9 @@ def _sphere(size: int) -> Sphere:
 
 
 def _studio() -> Light:
-    """Return lights that fill the soft boxes evenly, on spirals."""
+    """Return lights that fill the lights of the studio evenly, on spirals."""
     directions, energies = [], []
-    for towards, radius, strength in studio_light.SOFT_BOXES:
+    for towards, radius, strength in studio_light.LIGHTS:
         axis = np.array(towards) / np.linalg.norm(towards)
         frame = np.linalg.svd(axis[None, :])[2]  # its first row is ± the axis
         share = (np.arange(_BOX_LIGHTS) + 0.5) / _BOX_LIGHTS
@@ -329,9 +329,9 @@ def _mitsuba(scene: dict[str, Any], light: Light, size: int) -> np.ndarray:
     scene = json.loads(json.dumps(scene))
     scene["sensor"]["film"] |= {"width": size, "height": size, "rfilter": {"type": "box"}}
     if light.radiance is not None:
-        boxes = [name for name in scene if name.startswith("soft_box")]
+        boxes = [name for name in scene if name.startswith("light_")]
         written = scene[boxes[0]]["emitter"]["radiance"]["value"][0]
-        factor = written / studio_light.SOFT_BOXES[0][2]
+        factor = written / studio_light.LIGHTS[0][2]
         for name in boxes:
             del scene[name]
         # Camera space has x and z the other way round.

@@ -14,6 +14,12 @@ from lime_keras.optics import colour, shading, shininess, studio_light
 from lime_keras.optics.blinn_phong import BlinnPhong
 from lime_keras.optics.compositing import compose
 
+_SOFT_BOXES = (
+    ((-0.6, 0.6, 0.55), 22.0, 4.5),
+    ((0.9, 0.1, 0.35), 16.0, 2.5),
+    ((0.1, 0.9, -0.5), 18.0, 4.5),
+)
+"""The light not seen, as `studio_light.LIGHTS` has it; the same for all figures in docs/results.md."""
 PIXELS = 128
 """Number of pixels rendered of an object, evenly spaced in reading order. With all 5,000 pixels the
 mean over 1,000 images changes by less than 0.05 dB (docs/explanation/decisions.md)."""
@@ -90,13 +96,16 @@ def relight(
         materials: materials by name, to be compared with the true one.
 
     Returns:
-        By material, `relit` (light of the photo) and `relit_unseen` (studio light).
+        By material, `relit` (light of the photo) and `relit_unseen` (`_SOFT_BOXES`).
     """
     truth = BlinnPhong(
         example["diffuse_albedo"], float(example["specular_albedo"]), float(example["shininess"])
     )
     out: dict[str, dict[str, float]] = {name: {} for name in materials}
-    lights = {"relit": example["environment"][..., 0], "relit_unseen": studio_light.light()}
+    lights = {
+        "relit": example["environment"][..., 0],
+        "relit_unseen": studio_light.light(_SOFT_BOXES),
+    }
     for column, radiance in lights.items():
         lit = Lit(example, radiance)
         true = lit.photo(truth)

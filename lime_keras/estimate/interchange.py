@@ -36,6 +36,8 @@ SPHERE_DISTANCE = 3.5
 """Distance of Mitsuba's camera from the middle of the unit sphere."""
 _FAR = 1000.0
 """Distance of Mitsuba's lights, in radii of the sphere."""
+_BEHIND = 100.0
+"""Distance of the fill, over that of the lights before it."""
 _FLOAT, _UNSIGNED_SHORT = 5126, 5123
 _VERTICES, _INDICES = 34962, 34963
 """Numbers of glTF for component types and buffer targets."""
@@ -193,9 +195,9 @@ def mitsuba_scene(material: Material) -> dict[str, Any]:
     bright as the estimate. The material itself is `sphere.bsdf`, to be copied into other scenes.
     All values are plain numbers and lists, so JSON can hold the scene.
     """
-    boxes = {
-        f"soft_box_{index}": _soft_box(*box, 1 / albedo_scale(material))
-        for index, box in enumerate(studio_light.SOFT_BOXES, 1)
+    lights = {
+        f"light_{index}": _light(*disc, index, 1 / albedo_scale(material))
+        for index, disc in enumerate(studio_light.LIGHTS)
     }
     return {
         "type": "scene",
@@ -206,7 +208,7 @@ def mitsuba_scene(material: Material) -> dict[str, Any]:
             "film": {"type": "hdrfilm", "width": 256, "height": 256},
             "sampler": {"type": "multijitter", "sample_count": 256},
         },
-        **boxes,
+        **lights,
         "sphere": {
             "type": "sphere",
             "center": [0.0, 0.0, SPHERE_DISTANCE],
@@ -229,16 +231,18 @@ def mitsuba_scene(material: Material) -> dict[str, Any]:
     }
 
 
-def _soft_box(
-    direction: tuple[float, float, float], radius: float, strength: float, factor: float
+def _light(
+    direction: tuple[float, float, float], radius: float, strength: float, index: int, factor: float
 ) -> dict[str, Any]:
-    """Return a far sphere that looks as a soft box of this angular radius in degrees does."""
+    """Return a far sphere that looks as a disc of light of this angular radius in degrees does."""
+    # The fill comes first. It bulges towards the middle, so it lies far behind the others.
+    far = _FAR * (1 if index else _BEHIND)
     # Mitsuba's camera looks along z with x to the left; camera space has both the other way round.
-    x, y, z = _FAR * np.array(direction) / np.linalg.norm(direction)
+    x, y, z = far * np.array(direction) / np.linalg.norm(direction)
     return {
         "type": "sphere",
         "center": _numbers(np.array([-x, y, SPHERE_DISTANCE - z])),
-        "radius": _number(_FAR * math.sin(math.radians(radius))),
+        "radius": _number(far * math.sin(math.radians(radius))),
         "emitter": {
             "type": "area",
             "radiance": {"type": "rgb", "value": [_number(strength * factor)] * 3},

@@ -36,7 +36,7 @@ _TITLES = {
 
 
 def sphere(material: Material, size: int) -> np.ndarray:
-    """Render a sphere of the material in a dark studio with three soft boxes.
+    """Render a sphere of the material in the studio (`lime_keras.optics.studio_light`).
 
     The sphere is shaded by Eqs. 2–4; its rim is averaged from twice the size.
 

@@ -3,10 +3,10 @@
 
 import { toLevel } from "./colour.js";
 
-const SOFT_BOXES = [
-  [[-0.6, 0.6, 0.55], 22, 4.5],
-  [[0.9, 0.1, 0.35], 16, 2.5],
-  [[0.1, 0.9, -0.5], 18, 4.5],
+const LIGHTS = [
+  [[-0.25, 0.7, 0.6], 80, 0.42],
+  [[-0.6, 0.6, 0.55], 7, 45],
+  ...[-0.15, 0, 0.15, 0.3, 0.45].map((height) => [[0.9, height, 0.35], 6, 3]),
 ];
 
 /** Unit direction through the middle of a texel. */
@@ -22,11 +22,11 @@ export function solidAngle(row, width, height) {
   return ((edge(row) - edge(row + 1)) * 2 * Math.PI) / width;
 }
 
-/** The studio of optics/studio_light.py: three soft boxes in a dark room. */
+/** The studio of optics/studio_light.py: a wide dim fill, a small lamp and a strip. */
 export function studio() {
   const [width, height] = [128, 64];
   const data = new Float32Array(width * height);
-  for (const [towards, radius, strength] of SOFT_BOXES) {
+  for (const [towards, radius, strength] of LIGHTS) {
     const length = Math.hypot(...towards);
     const least = Math.cos((radius * Math.PI) / 180);
     for (let row = 0, at = 0; row < height; row++) {

@@ -207,7 +207,7 @@ def test_mitsuba_reflects_what_was_estimated(exponent, lobe, mitsuba_choice):
 
     scene = interchange.mitsuba_scene(material([0.3, 0.2, 0.1], 0.4, exponent))
     scene = json.loads(json.dumps(scene))
-    scene = {name: part for name, part in scene.items() if not name.startswith("soft_box")}
+    scene = {name: part for name, part in scene.items() if not name.startswith("light_")}
     scene["furnace"] = {"type": "constant"}
     image = _rendered(mi, scene, 64)
     expected = np.array([0.3, 0.2, 0.1]) + lobe * 0.4
