@@ -18,10 +18,10 @@ import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import keras
 import numpy as np
-import onnxruntime
 import tensorflow as tf
 from tqdm import tqdm
 
@@ -100,7 +100,9 @@ def _runners(network: keras.Model, threads: int) -> tuple[Callable, Callable]:
     return lambda: serve(*tensors), lambda: session.run(None, images)
 
 
-def _session(network: keras.Model, threads: int) -> onnxruntime.InferenceSession:
+def _session(network: keras.Model, threads: int) -> Any:
+    import onnxruntime  # after lime_keras, which switches its telemetry off
+
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = threads
     # Idle threads would otherwise wait in a busy loop while TensorFlow is timed.

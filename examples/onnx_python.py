@@ -7,11 +7,14 @@ The photo shows one object near its middle.
 """
 
 import json
+import os
 import sys
 
 import numpy as np
-import onnxruntime
 from PIL import Image, ImageOps
+
+os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")  # read while the library is loaded
+import onnxruntime
 
 model = onnxruntime.InferenceSession(sys.argv[1])
 about = model.get_modelmeta().custom_metadata_map

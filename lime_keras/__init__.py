@@ -7,11 +7,17 @@
 TensorFlow and Keras are imported for `Estimator(engine="keras")` alone, and once to export a run.
 """
 
+import os
 from typing import Any
 
 from lime_keras.version import __version__
 
 __all__ = ["Estimator", "Material", "__version__"]
+
+# Estimating and rendering tell nobody. ONNX Runtime reads its switch while its library is loaded,
+# so it stands here, before any import of it; a user's own setting stays.
+os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
+os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
 
 
 def __getattr__(name: str) -> Any:

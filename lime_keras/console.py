@@ -39,6 +39,10 @@ _SUFFIXES_OF_FILES = frozenset(
 """Suffixes that no folder is given by intention; a version such as `v1.2` may be one's name."""
 
 
+_RAN_TENSORFLOW: set[int] = set()
+"""Numbers of the processes that started TensorFlow: this one, or one that it was forked from."""
+
+
 class MissingExtra(ImportError):
     """A package that is not installed, with the command that installs it."""
 
@@ -249,8 +253,11 @@ def import_tensorflow() -> None:
 
     Raises:
         MissingExtra: if TensorFlow is not installed.
+        RuntimeError: in a forked child (see `check_fork`).
     """
     require("this command", "tensorflow")
+    check_fork()
+    _RAN_TENSORFLOW.add(os.getpid())
     os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
     with standard_error_closed():
         import tensorflow as tf
@@ -259,6 +266,15 @@ def import_tensorflow() -> None:
             # TensorFlow only reads here, and would reserve the GPU's memory for itself.
             tf.config.set_visible_devices([], "GPU")
         tf.constant(0)
+
+
+def check_fork() -> None:
+    """Raise RuntimeError in a child of a process that ran TensorFlow, where it waits for ever."""
+    if _RAN_TENSORFLOW and os.getpid() not in _RAN_TENSORFLOW:
+        raise RuntimeError(
+            "TensorFlow cannot run in a process forked from one that ran it: start processes by "
+            "multiprocessing.get_context('spawn'), or estimate by the engine onnx"
+        )
 
 
 @contextlib.contextmanager

@@ -4,6 +4,7 @@ One renders what a corpus holds.
 """
 
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -74,8 +75,9 @@ def exported(tiny_model, tiny_export, corpus, tmp_path_factory):
     return path
 
 
-def run(*command):
-    done = subprocess.run(list(map(str, command)), cwd=EXAMPLES, capture_output=True, text=True)
+def run(*command, env=None):
+    command = list(map(str, command))
+    done = subprocess.run(command, cwd=EXAMPLES, capture_output=True, text=True, env=env)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
 
@@ -95,8 +97,12 @@ def test_no_example_of_an_exported_model_imports_this_package():
         assert "lime_keras" not in path.read_text(encoding="utf-8"), path
 
 
-def test_onnx_runtime_in_python(exported, photo, expected):
-    check(run(sys.executable, "onnx_python.py", exported("onnx"), photo[1]), expected, "float32")
+def test_onnx_runtime_in_python(exported, photo, expected, tmp_path):
+    """It leaves nothing in the user's folders, as ONNX Runtime does if it may."""
+    command = (sys.executable, "onnx_python.py", exported("onnx"), photo[1])
+    found = run(*command, env={"PATH": os.environ["PATH"], "HOME": str(tmp_path)})
+    check(found, expected, "float32")
+    assert not list(tmp_path.iterdir())
 
 
 NARROW = [pytest.param(name, marks=pytest.mark.slow) for name in ("float16", "int8")]

@@ -4,7 +4,6 @@ The same networks are evaluated with the true mask, too: the difference is what 
 SegmentationNet cost.
 """
 
-import os
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -15,7 +14,7 @@ import tensorflow as tf
 from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
-from lime_keras import metrics
+from lime_keras import metrics, processors
 from lime_keras.arrays import Predict
 from lime_keras.data import pipeline, records
 from lime_keras.data.corpus import Split
@@ -124,7 +123,7 @@ def evaluate(
     dataset = pipeline.evaluation(
         shards, size=architecture.size, batch_size=batch_size, camera=camera
     )
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
+    with ThreadPoolExecutor(processors.count()) as pool:
         for first, example in _batches(dataset, shards, count):
             number = len(example["mask"])
             # TensorFlow would compile the networks again for a batch of another size.
@@ -175,7 +174,7 @@ def evaluate_predictions(predictions: Predictions, corpus: Path) -> dict[str, np
     answers = Answers(predictions, count, size, _constant_answer(shards, size))
     rows: list[dict[str, np.ndarray]] = []
     dataset = pipeline.evaluation(shards, size=size, batch_size=_AT_ONCE)
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
+    with ThreadPoolExecutor(processors.count()) as pool:
         for first, example in _batches(dataset, shards, count):
             found = answers.batch(first, len(example["mask"]))
             columns = measure(example, found) | _layers_flip(example, found, pool)

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lime_keras import console
+from lime_keras import console, processors
 from lime_keras.commands import model_option
 from lime_keras.io.sources import SUFFIXES, inside, is_camera, is_video, photo_of_mask
 from lime_keras.model import folder as model_folder
@@ -324,7 +324,7 @@ def _clone_onto(options: argparse.Namespace) -> "Clone":
     """Return the function that renders a material on the mesh, and set Mitsuba up for it."""
     from lime_keras.render.mitsuba_setup import variants
 
-    variants.activate(variants.choose(), os.cpu_count() or 1)
+    variants.activate(variants.choose(), processors.count())
     from lime_keras.render import cloning
 
     return functools.partial(

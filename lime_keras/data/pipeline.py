@@ -7,7 +7,6 @@ the features of `records`, and also `exponent_bin` `(B,)`, the class of the expo
 
 import functools
 import math
-import os
 from collections.abc import Callable, Collection, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -17,6 +16,7 @@ import tensorflow as tf
 import tensorflow.experimental.numpy as tnp
 from tqdm import tqdm
 
+from lime_keras import processors
 from lime_keras.data import records
 from lime_keras.data.camera import SCENE, photograph
 from lime_keras.data.corpus import Split
@@ -78,7 +78,7 @@ def whole_shards(split: Split) -> list[Path]:
         )
     sizes = [path.stat().st_size for path in paths]
     with (
-        ThreadPoolExecutor(os.cpu_count()) as threads,
+        ThreadPoolExecutor(processors.count()) as threads,
         tqdm(total=sum(sizes), desc="checksums", unit="B", unit_scale=True, delay=2) as bar,
     ):
         found = threads.map(_digest, paths, (path.stat().st_mtime_ns for path in paths), sizes)

@@ -91,7 +91,12 @@ class KerasEngine:
     def run(
         self, outputs: Collection[str], given: Mapping[str, np.ndarray]
     ) -> dict[str, np.ndarray]:
-        """Return outputs by name for a batch; only the subnetworks that they need are run."""
+        """Return outputs by name for a batch; only the subnetworks that they need are run.
+
+        Raises:
+            RuntimeError: in a forked child (`console.check_fork`).
+        """
+        console.check_fork()
         inputs = dict(given) if len(given) > 1 else given["image"]
         found = self._network(outputs, given).predict_on_batch(inputs)
         return {name: np.array(found[name]) for name in outputs}

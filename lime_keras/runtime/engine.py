@@ -1,15 +1,16 @@
 """The run of exported graphs in ONNX Runtime, each opened when it is first needed."""
 
 from collections.abc import Collection, Iterable, Mapping
+from functools import partial
 from pathlib import Path
 
 import numpy as np
-import onnxruntime
 
 from lime_keras.model import graphs as graph_folder
 from lime_keras.model.folder import DESCRIPTION
 from lime_keras.model.graphs import SPLIT, Description
 from lime_keras.outputs import OUTPUTS
+from lime_keras.runtime.sessions import Session
 
 _LONGEST = 200
 """Largest number of characters of ONNX Runtime's own words that are told."""
@@ -34,8 +35,8 @@ class OnnxEngine:
 
     def __init__(self, folder: Path, description: Description, *, streaming: bool = False):
         self._folder, self._graphs = folder, description.graphs
-        self._options = session_options(streaming=streaming)
-        self._sessions: dict[str, onnxruntime.InferenceSession] = {}
+        self._streaming = streaming
+        self._sessions: dict[str, Session] = {}
         self.size, self.system = description.size, description.system
         answered = {output for graph in self._graphs.values() for output in graph.outputs}
         self.outputs = tuple(filter(answered.__contains__, OUTPUTS))
@@ -96,25 +97,8 @@ class OnnxEngine:
                 open_names |= set(self._graphs[name].inputs) - set(given)
         return [name for name in self._graphs if name in needed]
 
-    def _session(self, name: str) -> onnxruntime.InferenceSession:
+    def _session(self, name: str) -> Session:
         if name not in self._sessions:
-            content = graph_folder.checked(self._folder, name, self._graphs[name])
-            self._sessions[name] = onnxruntime.InferenceSession(
-                content, self._options, providers=["CPUExecutionProvider"]
-            )
+            content = partial(graph_folder.checked, self._folder, name, self._graphs[name])
+            self._sessions[name] = Session(content, streaming=self._streaming)
         return self._sessions[name]
-
-
-def session_options(*, streaming: bool = False) -> onnxruntime.SessionOptions:
-    """Return the options of a session that runs beside others.
-
-    Args:
-        streaming: whether it keeps its memory from run to run, or gives it back.
-    """
-    options = onnxruntime.SessionOptions()
-    # Each graph has threads of its own. Threads that wait for work by spinning would take the
-    # processor from the next graph.
-    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
-    # The arena keeps the largest batch's memory for the life of the process.
-    options.enable_cpu_mem_arena = streaming
-    return options

@@ -9,10 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import onnxruntime
 from PIL import Image
 
-from lime_keras.runtime.engine import session_options
+from lime_keras.runtime.sessions import Session
 
 
 @dataclass(frozen=True)
@@ -67,19 +66,17 @@ class Masker:
                 f"{path} is no file: pass the ONNX file of a masker; none is downloaded"
             )
         try:
-            self._session = onnxruntime.InferenceSession(
-                str(path), session_options(), providers=["CPUExecutionProvider"]
-            )
+            self._session = Session(lambda: str(path))
         except Exception as error:  # ONNX Runtime's own classes have no common base.
             raise ValueError(f"{path} cannot be opened as an ONNX network: {error}") from error
-        inputs = self._session.get_inputs()
+        inputs = self._session.opened().get_inputs()
         shape = inputs[0].shape if len(inputs) == 1 else []
         if len(shape) != 4 or (isinstance(shape[1], int) and shape[1] != 3):
             raise ValueError(
                 f"{path} takes {[entry.shape for entry in inputs]}, and a masker takes one picture "
                 "(1, 3, height, width): pass a network of the U²-Net family"
             )
-        if not self._session.get_outputs():
+        if not self._session.opened().get_outputs():
             raise ValueError(
                 f"{path} answers nothing, and a masker answers a mask: pass a network of the "
                 "U²-Net family"
@@ -118,7 +115,7 @@ class Masker:
 
     def _mask(self, seen: np.ndarray) -> np.ndarray:
         """Return the coverage `(h, w)` that the network answers."""
-        output = self._session.get_outputs()[0].name
+        output = self._session.opened().get_outputs()[0].name
         try:
             answer = np.asarray(self._session.run([output], {self._input: seen})[0], np.float32)
         except Exception as error:  # As above.

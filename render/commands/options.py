@@ -1,13 +1,12 @@
 """Options, kinds of numbers and messages that the commands of `lime-render` share."""
 
 import argparse
-import os
 import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lime_keras import console
+from lime_keras import console, processors
 from lime_keras.data.corpus import SPLITS, Split
 
 if TYPE_CHECKING:
@@ -89,8 +88,8 @@ def add_workers(out: Any) -> None:
     out.add_argument(
         "--workers",
         type=console.count,
-        default=os.cpu_count(),
-        help="processes (default: all cores)",
+        default=processors.count(),
+        help="processes (default: all cores that this process may use)",
     )
 
 

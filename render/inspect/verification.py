@@ -5,13 +5,13 @@ goes on after a fault and reports all faults.
 """
 
 import collections
-import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
 import tensorflow as tf
 
+from lime_keras import processors
 from lime_keras.data import records
 from lime_keras.data.corpus import SPLITS, Split
 from lime_keras.io import untrusted
@@ -53,7 +53,7 @@ def verify(corpus: Path, split: str, on_example: Callable[[int, int], None]) -> 
         shapes=frozenset(files.shapes),
         lights=frozenset(files.lights),
     )
-    with ThreadPoolExecutor(os.cpu_count()) as threads:
+    with ThreadPoolExecutor(processors.count()) as threads:
         for shard in range(files.shards):
             path = files.shard_path(shard)
             indices = range(shard * shard_size, min((shard + 1) * shard_size, count))
@@ -162,7 +162,7 @@ def _check_records(
     done = 0
     for serialized in _serialized(path, faults):
         window.append(threads.submit(_check_record, serialized, expected))
-        if len(window) >= _AHEAD * (os.cpu_count() or 1):
+        if len(window) >= _AHEAD * processors.count():
             _gather(window.popleft(), path, indices, done, faults)
             yield (done := done + 1)
     while window:
