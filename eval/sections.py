@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from lime_keras.data.corpus import Split
 from lime_keras.io import photo
 from lime_keras.io.atomic import write
 
@@ -44,7 +45,8 @@ def evaluation(out: Path, run: Path, corpus: Path, *, camera: bool, command: str
     from .report import examples, figures
 
     found = stored.evaluation(_store(out), run, corpus, camera=camera)
-    summary = measures.summarise(found) | {"camera": camera}
+    lobe = Split(corpus, "test").lobe
+    summary = measures.summarise(found) | {"camera": camera, "lobe": lobe}
     choices, worst = examples.choose(found.rows), examples.worst(found.rows)
     shown = examples.read(run, corpus, choices + worst, camera=camera)
     chosen, failed = shown[: len(choices)], shown[len(choices) :]
@@ -97,7 +99,8 @@ def compare(
         systems[name] = comparison.system(evaluated.architecture, run)
     # Compare.
     in_order = {name: rows[name] for name in named}
-    compared = comparison.compare(in_order, systems) | {"camera": camera}
+    lobe = Split(corpus, "test").lobe
+    compared = comparison.compare(in_order, systems, lobe) | {"camera": camera}
     text = comparison.markdown(compared)
     matrices = {
         f"{name}: {systems[name]}": confusion(rows[name])

@@ -367,7 +367,7 @@ def config_of(options: argparse.Namespace) -> Any:
     """Return the config: from the options, else from the resumed run, else from the defaults."""
     from lime_keras.networks import PRESETS
 
-    from .config import Config, corpus_sha256
+    from .config import Config, corpus_sha256, lobe_of
     from .stages import SCHEDULES
 
     asked = _asked(options)
@@ -384,6 +384,7 @@ def config_of(options: argparse.Namespace) -> Any:
         schedule=schedule.scaled(asked.get("steps_scale", 1.0), asked.get("rate_scale", 1.0)),
         seed=0,
         corpus_sha256=corpus_sha256(options.paths),
+        lobe=lobe_of(options.paths),
         camera=True,
     )
     return _with(fresh, asked)

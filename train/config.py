@@ -43,6 +43,7 @@ class Config:
             None for those that a corpus was rendered by, and `uniform` wherever they are drawn.
         frozen: subnetworks that keep the weights that the run begins with; None if all are trained.
         rate_scale: factor by which the preset's learning rates were multiplied.
+        lobe: lobe of S in the data, one of `corpus.LOBES`, which decides the unit of m_s.
         cutouts: hash of the photographs that a part of SegmentationNet's batches is composed of
             (`lime_keras.data.cutouts.sha256`); None for none.
     """
@@ -61,6 +62,7 @@ class Config:
     materials: tuple[str, ...] | None = None
     frozen: tuple[str, ...] | None = None
     rate_scale: float = 1.0
+    lobe: str = "furnace"
     cutouts: str | None = None
 
     @classmethod
@@ -108,6 +110,22 @@ def corpus_sha256(paths: Sequence[Path]) -> str:
     """
     digests = [digest for path in paths for digest in _digests(path)]
     return hashlib.sha256("".join(digests).encode()).hexdigest()
+
+
+def lobe_of(paths: Sequence[Path]) -> str:
+    """Return the lobe of S in the data of a run, one of `corpus.LOBES`; banks have `furnace`.
+
+    Raises:
+        ValueError: if corpora have different lobes.
+    """
+    lobes = ["furnace" if is_bank(path) else Split(path, "train").lobe for path in paths]
+    for path, lobe in zip(paths, lobes, strict=True):
+        if lobe != lobes[0]:
+            raise ValueError(
+                f"{paths[0]} has --lobe {lobes[0]} and {path} --lobe {lobe}: their m_s have "
+                "different units; train on one of them, or render the other again"
+            )
+    return lobes[0]
 
 
 def _digests(path: Path) -> list[str]:

@@ -10,11 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from lime_keras.io import untrusted
 from lime_keras.networks import Architecture
 
 from ..markdown_table import ABSENT, aligned
-from . import measures
+from . import measures, training_record
 from .measures import MEASURES
 
 COLUMNS = (
@@ -56,7 +55,7 @@ def system(architecture: Architecture, run: Path) -> str:
         for name, is_so in (
             ("with the split of colours", architecture.dichromatic),
             ("with the hue of pixels", architecture.hue),
-            ("without perceptual loss", not _compositing(run)),
+            ("without perceptual loss", not training_record.read(run).get("compositing", True)),
             ("without MirrorNet", not architecture.mirror),
             ("exponent regression", architecture.exponent == "regression"),
         )
@@ -78,18 +77,22 @@ def other_system(rows: Mapping[str, np.ndarray]) -> str:
 
 
 def compare(
-    evaluated: Mapping[str, Mapping[str, np.ndarray]], systems: Mapping[str, str]
+    evaluated: Mapping[str, Mapping[str, np.ndarray]],
+    systems: Mapping[str, str],
+    lobe: str = "furnace",
 ) -> dict[str, Any]:
     """Compare runs on the same test images; return the content of `comparison.json`.
 
     Args:
         evaluated: columns of `Evaluation.rows` on the same test images, by name of the run.
         systems: names of the paper's rows (see `system`) or of others, by name of the run.
+        lobe: lobe of the corpus, one of `corpus.LOBES`.
 
     Returns:
-        `count` of the images; `reference`, the run that the others are compared with: the full
-        approach, or else the first run; and `runs` by name, in the paper's order. Each run has its
-        `system`, and by measure of `COLUMNS` its `value` and its 95 % `interval` `[low, high]`.
+        `count` of the images; the `lobe`; `reference`, the run that the others are compared with:
+        the full approach, or else the first run; and `runs` by name, in the paper's order. Each run
+        has its `system`, and by measure of `COLUMNS` its `value` and its 95 % `interval`
+        `[low, high]`.
         Each run but the reference also has, by measure, the 95 % interval of its `difference` from
         the reference.
 
@@ -121,7 +124,7 @@ def compare(
                     if key in drawn[name] and key in drawn[reference]
                 }
             )
-    return {"count": counts[order[0]], "reference": reference, "runs": runs}
+    return {"count": counts[order[0]], "lobe": lobe, "reference": reference, "runs": runs}
 
 
 def markdown(compared: Mapping[str, Any]) -> str:
@@ -130,7 +133,7 @@ def markdown(compared: Mapping[str, Any]) -> str:
     A value is marked where the interval of its difference from the reference excludes 0: `+` is
     better, `−` is worse.
     """
-    runs = compared["runs"]
+    runs, unit = compared["runs"], training_record.UNITS[compared["lobe"]]
     shown = [name for name in COLUMNS if any(name in run["value"] for run in runs.values())]
     lines = [("Run", *(MEASURES[name].short for name in shown))]
     for name, run in runs.items():
@@ -144,7 +147,7 @@ def markdown(compared: Mapping[str, Any]) -> str:
         f"{compared['count']} test images. ±: half the 95 % interval over them. + and − mark what "
         f"is better or worse than {compared['reference']} beyond the 95 % interval of the "
         "difference on the same images; another training of the same system would differ too. "
-        "Rows of the paper that are not shown are not known to us."
+        f"Rows of the paper that are not shown are not known to us. {unit}."
     )
     return f"{aligned(lines)}\n\n{note}\n"
 
@@ -167,14 +170,3 @@ def _cell(run: Mapping[str, Any], name: str) -> str:
 
 def _ends(drawn: Mapping[str, np.ndarray]) -> dict[str, list[float]]:
     return {name: np.percentile(values, (2.5, 97.5)).tolist() for name, values in drawn.items()}
-
-
-def _compositing(run: Path) -> bool:
-    """Return whether the run's record says that it was trained with the loss of Eq. 5."""
-    for path in (run / "config.json", run / "training.json", run / "model" / "training.json"):
-        if path.is_file():
-            try:
-                return bool(untrusted.read_json(path)["config"]["compositing"])
-            except (KeyError, TypeError, ValueError) as error:
-                raise ValueError(f"{path} is no record of a run ({error}): train again") from error
-    return True

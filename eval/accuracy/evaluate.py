@@ -23,7 +23,7 @@ from lime_keras.networks import Architecture, assemble
 from lime_keras.optics import environment, shininess
 from lime_keras.optics.blinn_phong import BlinnPhong
 
-from . import flip_error, relighting
+from . import flip_error, relighting, training_record
 from .predictions import Answers, Predictions
 
 _AT_ONCE = 16
@@ -97,12 +97,13 @@ def evaluate(
 
     Raises:
         FileNotFoundError: if the weights or the test split are missing.
-        ValueError: if the split is empty, damaged or of a size that the model cannot take, or if
-            an output of the model is not finite.
+        ValueError: if the split is empty, damaged, of another lobe than the model's, or of a size
+            that it cannot take, or if an output of the model is not finite.
     """
     # The model and its images.
     architecture, subnetworks = weights.load(model_dir)
     split = Split(corpus, "test")
+    training_record.check_lobe(model_dir, split)
     shards = pipeline.whole_shards(split)
     count, stored = _count_and_size(shards)
     if stored % architecture.size:
@@ -137,7 +138,7 @@ def evaluate(
             # Of what is not finite, no picture can be made.
             for columns in (measured, with_mask):
                 _check_finite(columns, model_dir, first)
-            relit = _relit(example, answers, pool)
+            relit = _relit(example, answers, split.lobe, pool)
             rows.append(
                 measured | _layers_flip(example, answers["found"], pool) | _relit_columns(relit)
             )
@@ -179,7 +180,7 @@ def evaluate_predictions(predictions: Predictions, corpus: Path) -> dict[str, np
             found = answers.batch(first, len(example["mask"]))
             columns = measure(example, found) | _layers_flip(example, found, pool)
             if {"diffuse_found", "specular_found", "log_exponent_found"} <= columns.keys():
-                columns |= _relit_columns(_relit(example, {"found": found}, pool))
+                columns |= _relit_columns(_relit(example, {"found": found}, split.lobe, pool))
             rows.append(columns)
     return _joined(rows) | {"answered": answers.answered}
 
@@ -323,6 +324,7 @@ def _layers_flip(
 def _relit(
     example: Mapping[str, np.ndarray],
     answers: Mapping[str, Mapping[str, np.ndarray]],
+    lobe: str,
     pool: ThreadPoolExecutor,
 ) -> dict[str, dict[str, np.ndarray]]:
     """Return the columns `relit` and `relit_unseen`, `(B,)` decibel, by answer and for `average`.
@@ -330,6 +332,7 @@ def _relit(
     Args:
         example: batch as `pipeline.evaluation` yields it.
         answers: outputs of the system and of the networks with the true mask, by name.
+        lobe: lobe of the corpus, one of `corpus.LOBES`.
         pool: threads that compute the examples in parallel.
     """
 
@@ -343,7 +346,7 @@ def _relit(
             for name, answer in answers.items()
         }
         scene = {name: example[name][row] for name in relighting.FEATURES}
-        return relighting.relight(scene, materials | {"average": relighting.AVERAGE})
+        return relighting.relight(scene, materials | {"average": relighting.AVERAGE}, lobe)
 
     each = list(pool.map(one, range(len(example["mask"]))))
     return {

@@ -53,9 +53,13 @@ class Lit:
     Args:
         example: record, resized to the model's size, with `mask`, `normal`, `camera`, `ambient`.
         radiance: radiance of the light `(H, W)` in camera space.
+        lobe: lobe of the materials, one of `corpus.LOBES`.
     """
 
-    def __init__(self, example: Mapping[str, np.ndarray], radiance: np.ndarray):
+    def __init__(
+        self, example: Mapping[str, np.ndarray], radiance: np.ndarray, lobe: str = "furnace"
+    ):
+        self._lobe = lobe
         rows, columns = _pixels(example["mask"][..., 0])
         view = shading.view_directions(example["camera"], *example["mask"].shape[:2])
         self._normal = example["normal"][rows, columns].astype(np.float32)
@@ -67,6 +71,7 @@ class Lit:
     def photo(self, material: BlinnPhong) -> np.ndarray:
         """Render the pixels with a material by Eq. 4, `(P, 3)` sRGB in [0, 1]."""
         specular = shading.specular(self._normal, self._view, material.exponent, *self._light)
+        specular *= np.float32(shading.lobe_factor(material.exponent, self._lobe))
         radiance = compose(
             material.diffuse_albedo,
             np.asarray(material.specular_albedo),
@@ -87,13 +92,14 @@ def psnr(true: np.ndarray, found: np.ndarray) -> float:
 
 
 def relight(
-    example: Mapping[str, np.ndarray], materials: Mapping[str, BlinnPhong]
+    example: Mapping[str, np.ndarray], materials: Mapping[str, BlinnPhong], lobe: str = "furnace"
 ) -> dict[str, dict[str, float]]:
     """Compute the PSNR in decibel of each material under the two lights.
 
     Args:
         example: record, resized to the model's size, with `FEATURES`.
         materials: materials by name, to be compared with the true one.
+        lobe: lobe of the record and of the materials, one of `corpus.LOBES`.
 
     Returns:
         By material, `relit` (light of the photo) and `relit_unseen` (`_SOFT_BOXES`).
@@ -107,7 +113,7 @@ def relight(
         "relit_unseen": studio_light.light(_SOFT_BOXES),
     }
     for column, radiance in lights.items():
-        lit = Lit(example, radiance)
+        lit = Lit(example, radiance, lobe)
         true = lit.photo(truth)
         for name, material in materials.items():
             out[name][column] = psnr(true, lit.photo(material))

@@ -8,6 +8,7 @@ from lime_keras.networks import Architecture
 from ..markdown_table import aligned
 from .labels import exponent
 from .measures import MEASURES, Measure
+from .training_record import UNITS
 
 HEADER = ("Measure", "Ours (± 95 % interval)", "With the true mask", "Paper", "Chance", "Floor")
 """Titles of the columns."""
@@ -42,5 +43,6 @@ def _note(summary: Mapping[str, Any], architecture: Architecture) -> str:
     return (
         f"{summary['count']} test images, answered by {architecture.description}. Exponent: "
         f"{exponent(architecture)}. Chance: the best answer that is the same for every image. "
-        "Floor: what perfect classification into bins still errs by."
+        "Floor: what perfect classification into bins still errs by. "
+        f"{UNITS[summary['lobe']]}."
     )

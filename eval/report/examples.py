@@ -38,12 +38,14 @@ class Example:
         truth: the record, resized to the model's size: arrays, and names as bytes.
         estimate: the system's outputs for this image, without the batch axis.
         photo_srgb: the input image at its stored size, sRGB in [0, 1].
+        lobe: lobe of the corpus, one of `corpus.LOBES`.
     """
 
     choice: Selection
     truth: dict[str, Any]
     estimate: dict[str, np.ndarray]
     photo_srgb: np.ndarray
+    lobe: str = "furnace"
 
     @property
     def exponent(self) -> float:
@@ -129,6 +131,7 @@ def read(
             truth,
             {name: values[row] for name, values in estimates.items()},
             photos[choice.position],
+            split.lobe,
         )
         for row, (choice, truth) in enumerate(zip(choices, truths, strict=True))
     ]

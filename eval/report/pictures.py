@@ -76,6 +76,7 @@ def estimated_render(example: Example) -> np.ndarray:
     specular[inside, 0] = shading.specular(
         truth["normal"][inside], view[inside], example.exponent, light, energy
     )
+    specular *= np.float32(shading.lobe_factor(example.exponent, example.lobe))
     return _over_background(
         truth, estimate["diffuse_albedo"], estimate["specular_albedo"], specular
     )

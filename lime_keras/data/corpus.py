@@ -8,8 +8,10 @@ from typing import Any
 from lime_keras.io import untrusted
 
 SPLITS = ("train", "test")
-_GONE = {"lights": 1, "shading": "furnace"}
-"""Options that corpora were once rendered with, and the value of each that is still read."""
+LOBES = ("furnace", "printed")
+"""Lobes of S: normalised to the white furnace, or Eq. 3 as printed (`shading.lobe_factor`)."""
+_READ = {"lights": (1,), "shading": LOBES}
+"""Options that corpora are or were rendered with, and the values of each that are still read."""
 
 
 @dataclass(frozen=True)
@@ -143,16 +145,21 @@ class Split:
         """The height and width of the images in pixels."""
         return self._described("size", int)
 
-    def _described(self, name: str, kind: type) -> Any:
+    @property
+    def lobe(self) -> str:
+        """The lobe of S, one of `corpus.LOBES`, which decides the unit of m_s."""
+        return self._described("shading", str, LOBES[0])
+
+    def _described(self, name: str, kind: type, absent: Any = None) -> Any:
         found = self._recorded("description", dict)
-        for option, only in _GONE.items():
-            if found.get(option, only) != only:
+        for option, values in _READ.items():
+            if found.get(option, values[0]) not in values:
                 raise ValueError(
                     f"{self.folder} was rendered with --{option} {found[option]}, which is no "
                     "longer read: render it again without, or make scenes of a bank by "
                     "`lime-render scenes`"
                 )
-        return self._checked(found.get(name), kind, f"description.{name}")
+        return self._checked(found.get(name, absent), kind, f"description.{name}")
 
     def _texts(self, name: str) -> list[str]:
         return [self._checked(one, str, name) for one in self._recorded(name, list)]

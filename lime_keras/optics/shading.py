@@ -126,6 +126,27 @@ def normaliser(exponent: Any) -> Any:
     return (exponent + 2.0) / (8.0 * math.pi * spread)
 
 
+def lobe_factor(exponent: Any, lobe: str) -> Any:
+    """Return the factor from the furnace-normalised S to the S of a corpus; m_s is divided by it.
+
+    With the printed lobe S = 1/π ∫_{i·n>0} (h·n)^s E(i) di: Eq. 3 without c(s), divided by π as D
+    is, so that m_s and m_d keep the ratio that Eqs. 2 and 3 print. The light's scale is free, so
+    this is the printed pair under a light 1/π as bright.
+
+    Args:
+        exponent: s, at least 0, of any shape; a NumPy array or a Keras tensor.
+        lobe: one of `lime_keras.data.corpus.LOBES`.
+
+    Returns:
+        1 for `furnace`; 1 / (π c(s)) for `printed`: 2 at s = 0, 0.008 at s = 1000.
+
+    Example:
+        >>> float(lobe_factor(0.0, "printed")), lobe_factor(0.0, "furnace")
+        (2.0, 1.0)
+    """
+    return 1.0 if lobe == "furnace" else 1.0 / (math.pi * normaliser(exponent))
+
+
 def specular(
     normal: np.ndarray, view: np.ndarray, exponent: float, light: np.ndarray, energy: np.ndarray
 ) -> np.ndarray:

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from lime_keras import console
-from lime_keras.data.corpus import Split
+from lime_keras.data.corpus import LOBES, Split
 
 from ..scene.quality import QUALITIES
 from . import options as shared
@@ -24,6 +24,14 @@ def add_options(out: argparse.ArgumentParser) -> None:
         choices=shared.MATERIALS,
         default=shared.MATERIALS[0],
         help="law of the materials: the paper's, or as common objects have them (default: uniform)",
+    )
+    contents.add_argument(
+        "--lobe",
+        dest="shading",
+        choices=LOBES,
+        default=LOBES[0],
+        help="S normalised to the white furnace, or Eq. 3 as printed, which gives m_s in the "
+        "paper's unit (default: furnace)",
     )
     contents.add_argument(
         "--quality",
@@ -60,6 +68,7 @@ def run(options: argparse.Namespace) -> int:
     choice = shared.chosen_variant(Split(options.out, options.split).description_path)
     description = Description(
         quality=options.quality,
+        shading=options.shading,
         variant=choice.variant,
         materials=options.materials,
         **shared.described(options, 512),

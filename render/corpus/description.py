@@ -17,7 +17,7 @@ class Description(base.Description):
 
     Attributes:
         quality: name of the quality (see `QUALITIES`).
-        shading: the normalisation of D and S: to the white furnace.
+        shading: the lobe of S, one of `corpus.LOBES`.
         shapes: folder of meshes, or None for the built-in shapes.
         environments: folder of environment maps, or None for the built-in rooms.
         backgrounds: folder of pictures, or None for random textures.

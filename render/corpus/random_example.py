@@ -102,6 +102,7 @@ def render_example(
     quality: Quality = FAST,
     shard_size: int = 512,
     materials: str = UNIFORM,
+    lobe: str = "furnace",
 ) -> Example:
     """Draw shape, light, pose, material and background of an example, and render it.
 
@@ -116,6 +117,7 @@ def render_example(
         quality: quality of the layers.
         shard_size: number of examples in a shard; these draw from the same 64 shapes and 64 lights.
         materials: name of the law of the materials, one of `material_law.LAWS`.
+        lobe: one of `corpus.LOBES`.
 
     Raises:
         ValueError: if an input file cannot be used.
@@ -139,7 +141,7 @@ def render_example(
         )
         names = {"shape": shape, "light": light.name}
         try:
-            rendered = example.render(tracer, light, *scene)
+            rendered = example.render(tracer, light, *scene, lobe=lobe)
             features = rendered | names | {"seed": seed, "index": index}
             return Example(features, records.encode(features), failures)
         except ValueError as error:  # the object is too small, or a value is not finite

@@ -41,6 +41,7 @@ class Worker:
             quality=QUALITIES[description.quality],
             shard_size=description.shard_size,
             materials=description.materials,
+            lobe=description.shading,
         )
 
 

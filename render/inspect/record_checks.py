@@ -51,6 +51,7 @@ class Expected:
 
     seed: int
     size: int
+    lobe: str
     shapes: frozenset[str]
     lights: frozenset[str]
 
@@ -78,7 +79,7 @@ def faults(example: Mapping[str, np.ndarray], expected: Expected) -> list[tuple[
     if (misfit := recomposition.misfit(example)) is not None:
         found.append(("recomposition", misfit))
     if not normals:
-        found += _shading_sums(example)
+        found += _shading_sums(example, expected.lobe)
     return found
 
 
@@ -168,7 +169,7 @@ def _views(example: Mapping, pixels: np.ndarray) -> np.ndarray:
     return view.astype(np.float32)
 
 
-def _shading_sums(example: Mapping) -> Iterator[tuple[str, str]]:
+def _shading_sums(example: Mapping, lobe: str) -> Iterator[tuple[str, str]]:
     """Compare D and S of a few pixels with sums over the stored environment; yield the faults.
 
     The check finds a turned light, a flipped normal, a wrong exponent or a wrong normalisation. It
@@ -181,11 +182,12 @@ def _shading_sums(example: Mapping) -> Iterator[tuple[str, str]]:
     view = _views(example, probes)
     exponent = float(example["shininess"])
     light = shading.texels(example["environment"][..., 0])
+    factor = shading.lobe_factor(exponent, lobe)
     sums: tuple[tuple[str, Callable[[], np.ndarray], float], ...] = (
         ("diffuse_shading", lambda: shading.diffuse(normal, *light), _DIFFUSE_TOLERANCE),
         (
             "specular_shading",
-            lambda: shading.specular(normal, view, exponent, *light),
+            lambda: factor * shading.specular(normal, view, exponent, *light),
             _SPECULAR_TOLERANCE + _SPECULAR_BLUR * exponent,
         ),
     )

@@ -23,7 +23,7 @@ _AHEAD = 8
 """Number of records per thread that are held in memory at once."""
 _READ = (
     *("shards", "count", "sha256", "shapes", "lights", "inputs"),
-    *("seed", "size", "shard_size"),
+    *("seed", "size", "shard_size", "lobe"),
 )
 """Properties of a split that its manifest must record."""
 
@@ -50,6 +50,7 @@ def verify(corpus: Path, split: str, on_example: Callable[[int, int], None]) -> 
     expected = record_checks.Expected(
         seed=files.seed,
         size=files.size,
+        lobe=files.lobe,
         shapes=frozenset(files.shapes),
         lights=frozenset(files.lights),
     )

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from lime_keras.optics import colour, environment
+from lime_keras.optics import colour, environment, shading
 from lime_keras.optics.blinn_phong import BlinnPhong
 from lime_keras.optics.compositing import compose
 
@@ -24,6 +24,8 @@ def render(
     light_rotation: np.ndarray,
     material: BlinnPhong,
     background_srgb: np.ndarray,
+    *,
+    lobe: str = "furnace",
 ) -> dict[str, Any]:
     """Render the images and numbers of a record, all features but shape, light, seed and index.
 
@@ -34,6 +36,7 @@ def render(
         light_rotation: rotation `(3, 3)` from the map's frame to camera space.
         material: material of the object.
         background_srgb: background, `(S, S, 3)` sRGB in [0, 1].
+        lobe: one of `corpus.LOBES`; it decides the scale of S, and so the unit of m_s.
 
     Returns:
         The features by name, as in `lime_keras.data.records`.
@@ -46,6 +49,7 @@ def render(
     if coverage.mean() < LEAST_COVERAGE:
         raise ValueError(f"the object covers {coverage.mean():.1%} of the image")
     diffuse, specular, mirror = layers(gbuffer, light, light_rotation, material.exponent)
+    specular *= np.float32(shading.lobe_factor(material.exponent, lobe))
     stored = environment.rotate(light.coarse(), light_rotation, *environment.STORED_SHAPE)
     composed = compose(
         material.diffuse_albedo,

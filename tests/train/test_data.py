@@ -14,7 +14,7 @@ from lime_keras.data import clutter, prints
 from lime_keras.data.features import LEARNT_FROM
 from lime_keras.synthesis import bank
 from lime_keras.train import data as train_data
-from lime_keras.train.config import corpus_sha256
+from lime_keras.train.config import corpus_sha256, lobe_of
 from lime_keras.train.data import SEEN_MASK, Data
 from lime_keras.train.sources import banks
 from lime_keras.train.stages import Stage
@@ -135,6 +135,18 @@ def test_data_of_another_unit_or_size_is_refused(paths, tmp_path):
     small = noise_bank.write(tmp_path / "small", size=48)
     with pytest.raises(ValueError, match="small holds images of 48 pixels"):
         Data([small], stage_runs.config(small))
+
+
+def test_corpora_of_different_lobes_are_refused_by_name(tmp_path):
+    corpora = [write_split(tmp_path / name, "train", [range(1), range(1)]) for name in "ab"]
+    assert lobe_of(corpora) == "furnace"
+    path = corpora[1] / "train" / "manifest.json"
+    manifest = json.loads(path.read_text(encoding="utf-8"))
+    manifest["description"]["shading"] = "printed"
+    path.write_text(json.dumps(manifest), encoding="utf-8")
+    assert lobe_of(corpora[1:]) == "printed"
+    with pytest.raises(ValueError, match=r"a has --lobe furnace and .*b --lobe printed: their m_s"):
+        lobe_of(corpora)
 
 
 def test_a_bank_that_is_not_complete_or_of_another_version_is_refused(tmp_path):

@@ -66,6 +66,15 @@ def test_the_photo_is_eq_4_of_the_reference_shading(example):
     assert found == pytest.approx(expected[chosen], abs=2e-4)
 
 
+def test_with_the_printed_lobe_the_same_material_has_another_m_s(example):
+    furnace = _true(example, exponent=40.0)
+    factor = shading.lobe_factor(40.0, "printed")
+    printed = BlinnPhong(furnace.diffuse_albedo, furnace.specular_albedo / factor, 40.0)
+    radiance = example["environment"][..., 0]
+    expected = Lit(example, radiance).photo(furnace)
+    assert Lit(example, radiance, "printed").photo(printed) == pytest.approx(expected, abs=1e-5)
+
+
 def test_psnr_is_scikit_images_below_the_ceiling():
     rng = np.random.default_rng(0)
     true, found = rng.uniform(size=(2, 100, 3))

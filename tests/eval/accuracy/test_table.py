@@ -14,6 +14,7 @@ def summary():
     numbers = dict.fromkeys(MEASURES, 0.25)
     return numbers | {
         "count": 7,
+        "lobe": "furnace",
         "interval": {name: [0.2, 0.3] for name in MEASURES},
         "true_mask": {"exponent_exact": 0.6},
         "paper": {"exponent_exact": 0.4507, "specular_albedo_mae": 0.2158},
@@ -31,6 +32,11 @@ def test_shares_are_per_cent_and_errors_are_not(summary):
     assert rows["specular_albedo_mae"] == specular
     assert rows["exponent_adjacent"][0] == "Exponent, neighbouring bin"
     assert rows["log_exponent_mae_winning"][-1] == "0.0938"
+
+
+def test_the_unit_of_m_s_stands_below(summary):
+    assert "the paper's m_s has another unit" in table.markdown(summary, LIME)
+    assert "in the paper's unit" in table.markdown(summary | {"lobe": "printed"}, LIME)
 
 
 def test_markdown_is_a_rectangular_table(summary):

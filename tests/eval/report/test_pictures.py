@@ -1,5 +1,6 @@
 """Pictures of one example: renders by analytic light, one scale for truth and estimate."""
 
+import dataclasses
 import io
 
 import numpy as np
@@ -87,6 +88,15 @@ def test_the_estimated_exponent_shapes_the_highlight(example):
 def _at_angle(degrees):
     """Unit direction in the horizontal plane, so far from the camera's axis."""
     return np.array([np.sin(np.radians(degrees)), 0, np.cos(np.radians(degrees))])
+
+
+def test_the_printed_lobe_keeps_its_unit_of_m_s(example):
+    factor = np.float32(shading.lobe_factor(example.exponent, "printed"))
+    example.truth["specular_shading"] = example.truth["specular_shading"] * factor
+    printed = dataclasses.replace(example, lobe="printed")
+    difference = pictures.estimated_render(printed) - pictures.true_render(printed)
+    assert np.abs(difference).max() < 5e-3
+    assert np.abs(pictures.estimated_render(example) - pictures.true_render(example)).max() > 0.1
 
 
 def test_the_background_is_the_photos_own(example):

@@ -75,6 +75,14 @@ def test_a_split_of_an_option_that_is_gone_is_refused_by_name(tmp_path, option, 
     assert len(one.shard_paths()) == 2
 
 
+def test_the_lobe_is_told_and_was_the_furnaces_where_a_description_does_not_say(tmp_path):
+    for split, said, lobe in (
+        ("train", {}, "furnace"),
+        ("test", {"shading": "printed"}, "printed"),
+    ):
+        assert write(tmp_path, split, 1, description=said).lobe == lobe
+
+
 def test_a_split_without_its_manifest_names_the_command(tmp_path):
     write(tmp_path, "train", 2).manifest_path.unlink()
     for name in SPLITS:

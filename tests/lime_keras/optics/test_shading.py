@@ -133,6 +133,23 @@ def test_a_linear_sky():
     np.testing.assert_allclose(found, 1 + 2 / 3 * normal @ axis, rtol=1e-3)
 
 
+@pytest.mark.parametrize("exponent", [0.0, 1.0, 40.0, 1000.0])
+def test_the_printed_lobe_is_eq_3_without_a_normaliser(furnace, exponent):
+    """In a furnace at n = o, ∫ (h·n)^s di is 1 / c(s): 2π at s = 0, 8π / 1002 at s = 1000."""
+    normal = sphere(10)[0]
+    found = shading.lobe_factor(exponent, "printed") * shading.specular(
+        normal, normal, exponent, *furnace
+    )
+    directions, energy = furnace
+    half = directions[None] + normal[:, None]
+    half /= np.maximum(np.linalg.norm(half, axis=-1, keepdims=True), 1e-12)
+    cosine = np.maximum(np.einsum("ntk,nk->nt", half, normal), 0)
+    lit = normal @ directions.T > 0
+    printed = np.where(lit, cosine**exponent, 0.0) @ energy
+    np.testing.assert_allclose(found, printed / math.pi, rtol=1e-5)
+    assert shading.lobe_factor(exponent, "furnace") == 1.0
+
+
 # Brute force.
 
 

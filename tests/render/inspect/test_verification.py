@@ -11,7 +11,7 @@ import tensorflow as tf
 
 from lime_keras.data import records
 from lime_keras.data.corpus import Split
-from lime_keras.optics import colour
+from lime_keras.optics import colour, shading
 from lime_keras.optics.compositing import compose
 from lime_keras.render.inspect import verification
 
@@ -69,6 +69,46 @@ def test_progress_ends_at_the_count(sound):
     told = []
     verification.verify(sound, "train", lambda *progress: told.append(progress))
     assert told[0] == (1, 5) and told[-1] == (5, 5) and told == sorted(told)
+
+
+def relabelled(corpus, lobe):
+    """Let manifest and description say that the corpus has this lobe."""
+    for name in ("manifest", "description"):
+        path = corpus / "train" / f"{name}.json"
+        content = json.loads(path.read_text(encoding="utf-8"))
+        (content["description"] if name == "manifest" else content)["shading"] = lobe
+        path.write_text(json.dumps(content), encoding="utf-8")
+
+
+def test_the_printed_lobe_is_judged_by_eq_3_as_printed(corpus, examples):
+    def as_printed(example):
+        # The image is the same scene's, because m_s changes with S.
+        factor = shading.lobe_factor(example["shininess"], "printed")
+        layers = {"specular_shading": example["specular_shading"] * factor}
+        return example | layers | {"specular_albedo": example["specular_albedo"] / factor}
+
+    printed = [as_printed(example) for example in examples]
+    # m_s of a sharp lobe is far above 1 in the paper's unit, and no record of `lime-render` is.
+    printed = [dark(example) if example["specular_albedo"] > 1 else example for example in printed]
+    for shard, indices in enumerate(SHARDS):
+        chosen = [printed[index] for index in indices]
+        digest = sphere_corpus.write_shard(corpus / "train", shard, chosen)
+        manifest = corpus / "train" / "manifest.json"
+        digests = json.loads(manifest.read_text(encoding="utf-8"))["sha256"]
+        digests[shard] = digest
+        edit(manifest, sha256=digests)
+    relabelled(corpus, "printed")
+    assert verify(corpus).lines() == []
+    relabelled(corpus, "furnace")
+    assert set(verify(corpus).kinds) == {"shading"}
+
+
+def dark(example):
+    """The same scene without a highlight."""
+    linear = example["ambient"] + example["diffuse_albedo"] * example["diffuse_shading"]
+    shown = np.where(example["mask"] > 0, linear, colour.srgb_to_linear(example["image"]))
+    image = np.clip(colour.linear_to_srgb(np.clip(shown, 0, 1)), 0, 1)
+    return example | {"specular_albedo": 0.0, "image": image}
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ import pytest
 from render_scenes import photographed, sphere
 
 from lime_keras.data import records
+from lime_keras.data.corpus import LOBES
 from lime_keras.optics import colour, environment, shading
 from lime_keras.optics.blinn_phong import BlinnPhong
 from lime_keras.optics.compositing import compose
@@ -38,9 +39,9 @@ def turn(light):
     return sampling.sample_light_rotation(np.random.default_rng(2), light.strong_direction)
 
 
-def parsed(tracer, light, turn, material=MATERIAL, pose=POSE):
+def parsed(tracer, light, turn, material=MATERIAL, pose=POSE, lobe="furnace"):
     """An example, encoded as a record and read back."""
-    features = render(tracer, light, pose, turn, material, BACKGROUND)
+    features = render(tracer, light, pose, turn, material, BACKGROUND, lobe=lobe)
     names = {"shape": "sphere", "light": light.name, "seed": 0, "index": 0}
     read = records.parse(records.encode(features | names))
     return {name: tensor.numpy() for name, tensor in read.items()}
@@ -65,7 +66,9 @@ def recomposed(example):
     return colour.linear_to_srgb(np.clip(radiance(example), 0, 1))
 
 
-def test_the_layers_recompose_to_the_image(example):
+@pytest.mark.parametrize("lobe", LOBES)
+def test_the_layers_recompose_to_the_image(tracer, light, turn, lobe):
+    example = parsed(tracer, light, turn, lobe=lobe)
     whole = example["mask"][..., 0] == 1
     assert whole.sum() > 500
     difference = np.abs(recomposed(example) - example["image"])[whole]
@@ -151,6 +154,17 @@ def test_a_white_sphere_in_a_white_world_is_white(tracer):
     np.testing.assert_allclose(example["environment"], 1, atol=1e-3)
     whole = example["mask"][..., 0] == 1
     np.testing.assert_allclose(example["image"][whole], 1, atol=1.01 / 255)
+
+
+@pytest.mark.parametrize("exponent", [0.0, 1000.0])
+def test_the_printed_lobe_changes_s_alone_and_half_floats_hold_it(tracer, light, turn, exponent):
+    """At s = 1000 the printed S is 125 times smaller: half floats still have their 11 digits."""
+    material = BlinnPhong(np.zeros(3), 0.9, exponent, 0.0)
+    furnace, printed = (parsed(tracer, light, turn, material, lobe=lobe) for lobe in LOBES)
+    for name in ("mask", "normal", "diffuse_shading", "mirror", "environment"):
+        np.testing.assert_array_equal(printed[name], furnace[name])
+    expected = furnace["specular_shading"] * shading.lobe_factor(exponent, "printed")
+    np.testing.assert_allclose(printed["specular_shading"], expected, rtol=1e-3, atol=2**-25)
 
 
 def test_the_material_and_the_camera_are_stored(example):
