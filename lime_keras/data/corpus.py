@@ -150,6 +150,11 @@ class Split:
         """The lobe of S, one of `corpus.LOBES`, which decides the unit of m_s."""
         return self._described("shading", str, LOBES[0])
 
+    @property
+    def light_split(self) -> str:
+        """The split whose lights it has: `train` also of a test split under known lights."""
+        return self._described("light_split", str, self.name)
+
     def _described(self, name: str, kind: type, absent: Any = None) -> Any:
         found = self._recorded("description", dict)
         for option, values in _READ.items():

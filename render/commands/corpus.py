@@ -39,11 +39,29 @@ def add_options(out: argparse.ArgumentParser) -> None:
         default="fast",
         help="reference converges, and takes many times as long (default: fast)",
     )
+    contents.add_argument(
+        "--lights",
+        choices=("unseen", "known"),
+        default="unseen",
+        help="of a test split: lights of its own, or those of the train split, newly turned, as "
+        "the paper tests (default: unseen)",
+    )
+    contents.add_argument(
+        "--shape-count",
+        type=console.count,
+        metavar="N",
+        help="of the built-in shapes (default: 400 for training, 100 for test)",
+    )
+    contents.add_argument(
+        "--light-count",
+        type=console.count,
+        metavar="N",
+        help="of the built-in rooms (default: 40 for training, 12 for test)",
+    )
     shared.add_inputs(
         out,
-        shapes="instead of the built-in shapes: 400 for training, 100 for test",
-        environments="environment maps (HDR, EXR; equirectangular) instead of the built-in rooms: "
-        "40 for training, 12 for test",
+        shapes="instead of the built-in shapes",
+        environments="environment maps (HDR, EXR; equirectangular) instead of the built-in rooms",
     )
     speed = out.add_argument_group("speed")
     machines = speed.add_mutually_exclusive_group()
@@ -59,6 +77,7 @@ def add_options(out: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Render the split and return the exit status."""
+    _check(options)
     console.check_folder(options.out, "OUT")
     console.require("lime-render", *console.EXTRAS["render"], "tensorflow")
     from .. import cards
@@ -71,6 +90,9 @@ def run(options: argparse.Namespace) -> int:
         shading=options.shading,
         variant=choice.variant,
         materials=options.materials,
+        light_split="train" if options.lights == "known" else None,
+        shape_count=options.shape_count,
+        light_count=options.light_count,
         **shared.described(options, 512),
     )
     with (
@@ -93,3 +115,15 @@ def run(options: argparse.Namespace) -> int:
     shared.tell(manifest, "example")
     print(f"{manifest['examples']} examples in {options.out / options.split}")
     return 0
+
+
+def _check(options: argparse.Namespace) -> None:
+    """Raise ValueError for options that contradict each other."""
+    if options.lights == "known" and options.split != "test":
+        raise ValueError("--lights known is of a test split: pass --split test, or leave it out")
+    for count, folder in (("shape_count", "shapes"), ("light_count", "environments")):
+        if getattr(options, count) is not None and getattr(options, folder) is not None:
+            raise ValueError(
+                f"--{count.replace('_', '-')} is of what is built in: leave it out beside "
+                f"--{folder}, whose files are all used"
+            )

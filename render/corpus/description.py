@@ -23,6 +23,10 @@ class Description(base.Description):
         backgrounds: folder of pictures, or None for random textures.
         variant: variant of Mitsuba.
         materials: name of the law of the materials (see `material_law.LAWS`).
+        light_split: split whose lights are used, where it is not this one: `train`, for a test
+            split of unseen shapes under known lights.
+        shape_count: number of built-in shapes; None for that of `sources`.
+        light_count: number of built-in rooms; None for that of `sources`.
     """
 
     quality: str
@@ -32,6 +36,13 @@ class Description(base.Description):
     backgrounds: str | None
     variant: str
     materials: str = UNIFORM
+    light_split: str | None = None
+    shape_count: int | None = None
+    light_count: int | None = None
+
+    def split_of(self, kind: str) -> str:
+        """Return the split whose files of a kind of `inputs.KINDS` are used."""
+        return self.light_split or self.split if kind == "environments" else self.split
 
 
 @dataclasses.dataclass(frozen=True)
@@ -64,7 +75,11 @@ class Job(base.Job):
         """The source of the split's shapes."""
         given = self.description
         return sources.ShapeSource(
-            given.folder("shapes"), given.split, given.seed, self.usable["shapes"]
+            given.folder("shapes"),
+            given.split,
+            given.seed,
+            self.usable["shapes"],
+            given.shape_count,
         )
 
     @property
@@ -73,8 +88,9 @@ class Job(base.Job):
         given = self.description
         return sources.LightSource(
             given.folder("environments"),
-            given.split,
+            given.split_of("environments"),
             given.seed,
             self.folder / "rooms",
             self.usable["environments"],
+            given.light_count,
         )

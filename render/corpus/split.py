@@ -57,7 +57,7 @@ def render_split(
         skip_unusable=skip_unusable,
         tell=on_input,
     )
-    _refuse_shared_inputs(job, findings)
+    _check_other_split(job, findings)
     renderers: cluster.Cluster | Pool
     if ray:
         renderers = cluster.Cluster(ray, worker.PACKAGES, worker.start, job)
@@ -86,13 +86,22 @@ def _render_missing(
     resuming.remove_partials(job.folder, job.folder / "rooms")
 
 
-def _refuse_shared_inputs(job: Job, findings: inputs.Findings) -> None:
-    """Raise ValueError if both splits use a shape or a map with the same contents."""
+def _check_other_split(job: Job, findings: inputs.Findings) -> None:
+    """Check the inputs of a split against those of the other one, if that was begun.
+
+    Raises:
+        ValueError: if both use a shape or a map with the same contents; or, where one is to have
+            the lights of the other, if it has others.
+    """
     other = Split(job.out, next(name for name in SPLITS if name != job.description.split))
-    theirs = inputs.read(other.inputs_path)
-    if theirs is None:
+    theirs, beside = inputs.read(other.inputs_path), resuming.held(other.description_path)
+    if theirs is None or beside is None:
         return
-    for kind in ("shapes", "environments"):
+    separate = ["shapes", "environments"]
+    if job.description.light_split or beside.get("light_split"):
+        separate.remove("environments")
+        _check_known_lights(job, findings, other, beside)
+    for kind in separate:
         names = {digest: name for name, digest in inputs.digests(theirs)[kind].items()}
         for name, digest in inputs.digests(findings)[kind].items():
             if digest in names:
@@ -102,6 +111,23 @@ def _refuse_shared_inputs(job: Job, findings: inputs.Findings) -> None:
                     "of them, or sort the files into subfolders train and test, and render "
                     f"{other.folder} anew"
                 )
+
+
+def _check_known_lights(
+    job: Job, findings: inputs.Findings, other: Split, beside: dict[str, Any]
+) -> None:
+    """Raise ValueError unless a test split and its train split have the same lights."""
+    recorded = job.recorded()
+    maps = [
+        inputs.digests(found)["environments"]
+        for found in (findings, inputs.read(other.inputs_path) or {})
+    ]
+    rooms = [(one.get("seed"), one.get("light_count")) for one in (recorded, beside)]
+    if maps[0] != maps[1] or (not maps[0] and rooms[0] != rooms[1]):
+        raise ValueError(
+            f"{job.folder} and {other.folder} are to have the same lights, by --lights known, and "
+            "would have others: pass the same --environments, or the same --seed and --light-count"
+        )
 
 
 def _manifest(job: Job, findings: inputs.Findings) -> dict[str, Any]:

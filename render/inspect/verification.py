@@ -101,14 +101,21 @@ def _check_manifest(split: Split, faults: Faults) -> None:
 def _check_other_split(split: Split, faults: Faults) -> None:
     """Check that none of the user's shapes and environment maps is in both splits.
 
-    Built-in shapes and rooms need no check: they are seeded by split.
+    Built-in shapes and rooms need no check: they are seeded by split. A test split under known
+    lights must have those of the train split.
     """
     other = Split(split.corpus, next(name for name in SPLITS if name != split.name))
     try:
         beside = other.inputs
+        known = split.light_split == other.light_split
+        rooms = [(one.lights, one.seed) for one in (split, other)]
     except (FileNotFoundError, ValueError):
         return
-    for kind in ("shapes", "environments"):
+    maps = [of_one.get("environments") for of_one in (split.inputs, beside)]
+    if known and (maps[0] != maps[1] or (not maps[0] and rooms[0] != rooms[1])):
+        what = f"has other lights or another seed than the {other.name} split, expected the same"
+        faults.add("split", split.manifest_path, what)
+    for kind in ("shapes",) if known else ("shapes", "environments"):
         # Contents are compared: files of one name may differ, and one file may have two names.
         theirs = set(beside.get(kind, {}).values())
         ours = split.inputs.get(kind, {})

@@ -48,6 +48,10 @@ class Description:
         folder = getattr(self, kind)
         return Path(folder) if folder else None
 
+    def split_of(self, kind: str) -> str:
+        """Return the split whose files of a kind of `inputs.KINDS` are used."""
+        return self.split
+
     def recorded(self) -> dict[str, Any]:
         """Return the description as it is stored in JSON.
 
@@ -67,7 +71,7 @@ class Description:
         """
         extensions = {"shapes": meshes.EXTENSIONS, "environments": environments.EXTENSIONS}
         found = {
-            kind: sources.files(folder, self.split, known) if folder else []
+            kind: sources.files(folder, self.split_of(kind), known) if folder else []
             for kind, known in extensions.items()
             for folder in [self.folder(kind)]
         }

@@ -1,6 +1,7 @@
 """Sources of shapes, lights and backgrounds: built-in ones, or the user's folders.
 
-Training and test never share a shape or a light. Built-in shapes and lights are seeded by split.
+Training and test never share a shape, nor a light unless that is asked for. Built-in shapes and
+lights are seeded by split.
 The files of a folder are split by a hash of their names, or by the subfolders `train` and `test`
 if the folder has both.
 """
@@ -100,12 +101,14 @@ class ShapeSource:
         split: `train` or `test`.
         seed: seed of the corpus.
         usable: names of the folder's files that were found usable; None to list the folder.
+        count: number of built-in shapes; None for `PROCEDURAL_SHAPES`.
     """
 
     folder: Path | None
     split: str
     seed: int
     usable: tuple[str, ...] | None = None
+    count: int | None = None
 
     def names(self) -> list[str]:
         """Return the names of all shapes of the split, in a fixed order."""
@@ -113,7 +116,8 @@ class ShapeSource:
             return list(self.usable)
         if self.folder:
             return [path.name for path in files(self.folder, self.split, meshes.EXTENSIONS)]
-        return [f"{self.split}-{index:04d}" for index in range(PROCEDURAL_SHAPES[self.split])]
+        count = self.count or PROCEDURAL_SHAPES[self.split]
+        return [f"{self.split}-{index:04d}" for index in range(count)]
 
     def load(self, name: str) -> meshes.Mesh:
         """Load or make the mesh of that name.
@@ -137,6 +141,7 @@ class LightSource:
         seed: seed of the corpus.
         cache: folder that keeps the maps of rendered rooms.
         usable: names of the folder's files that were found usable; None to list the folder.
+        count: number of built-in rooms; None for `PROCEDURAL_ROOMS`.
     """
 
     folder: Path | None
@@ -144,6 +149,7 @@ class LightSource:
     seed: int
     cache: Path
     usable: tuple[str, ...] | None = None
+    count: int | None = None
 
     def names(self) -> list[str]:
         """Return the names of all maps of the split, in a fixed order."""
@@ -151,7 +157,8 @@ class LightSource:
             return list(self.usable)
         if self.folder:
             return [path.name for path in files(self.folder, self.split, environments.EXTENSIONS)]
-        return [f"room-{index:04d}.exr" for index in range(PROCEDURAL_ROOMS[self.split])]
+        count = self.count or PROCEDURAL_ROOMS[self.split]
+        return [f"room-{index:04d}.exr" for index in range(count)]
 
     def load(self, name: str, quality: Quality = FAST) -> Light:
         """Load the map of that name and prepare it as a light; a missing room is rendered first.

@@ -66,8 +66,22 @@ def test_the_options_reach_the_renderer(render, monkeypatch, tmp_path):
     assert out == tmp_path / "corpus"
     assert options == {"workers": 8, "ray": None, "skip_unusable": True}
     expected = ("train", 9, 3, 64, 4, "reference", "furnace", str(tmp_path / "meshes"), None, None)
-    assert tuple(vars(description).values())[:-2] == expected
+    assert tuple(vars(description).values())[: len(expected)] == expected
     assert description.materials == "uniform"
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--lights", "known"), "--lights known is of a test split: pass --split test"),
+        (("--shape-count", 5, "--shapes", "m"), "--shape-count is of what is built in: leave it"),
+        (("--light-count", 5, "--environments", "m"), "leave it out beside --environments"),
+    ],
+)
+def test_options_that_contradict_each_other_are_told(render, tmp_path, options, message):
+    status, _, errors = render("--count", 1, *options)
+    assert status == 1 and message in errors
+    assert not (tmp_path / "corpus").exists()
 
 
 @pytest.mark.parametrize("kind", ["shapes", "environments", "backgrounds"])

@@ -22,6 +22,7 @@ from lime_keras.data.corpus import SPLITS, Split
 from lime_keras.render.corpus import split
 from lime_keras.render.corpus.description import Description, Job
 from lime_keras.render.corpus.random_example import Sources, render_example
+from lime_keras.render.inspect import verification
 from lime_keras.render.jobs import processes, rendering, resuming
 
 
@@ -289,6 +290,79 @@ def test_files_of_one_name_may_differ_between_the_splits(
     manifest = render(out, other, mitsuba_choice)
     assert manifest["shapes"] == [name]
     assert manifest["inputs"]["shapes"][name] != rendered[1]["inputs"]["shapes"][name]
+
+
+@pytest.fixture(scope="module")
+def under_known_lights(rendered, description, mitsuba_choice, tmp_path_factory):
+    """The corpus with a test split of the other shape under the lights of its train split."""
+    out = tmp_path_factory.mktemp("known") / "corpus"
+    shutil.copytree(rendered[0], out)
+    changes = {"split": "test", "light_split": "train", "count": 3}
+    manifest = render(out, Description(**(vars(description) | changes)), mitsuba_choice)
+    return out, manifest
+
+
+def test_a_test_split_under_known_lights_has_the_train_splits_newly_turned(
+    rendered, under_known_lights
+):
+    out, manifest = under_known_lights
+    assert manifest["lights"] == rendered[1]["lights"]
+    assert manifest["inputs"]["environments"] == rendered[1]["inputs"]["environments"]
+    assert not set(manifest["shapes"]) & set(rendered[1]["shapes"])
+    for name in SPLITS:
+        assert Split(out, name).light_split == "train"
+        assert verification.verify(out, name, nothing).lines() == []
+    turned = [
+        records.parse(serialized)["environment"].numpy()
+        for name in SPLITS
+        for serialized in tf.data.TFRecordDataset([*map(str, Split(out, name).shard_paths())])
+    ]
+    assert len({one.tobytes() for one in turned}) == len(turned) == 8
+
+
+def test_other_lights_than_the_train_splits_are_refused_as_known_ones(
+    under_known_lights, description, mitsuba_choice, inputs, tmp_path
+):
+    out = tmp_path / "corpus"
+    shutil.copytree(under_known_lights[0], out)
+    # Verification finds them, and so does rendering, whichever split comes last.
+    path = Split(out, "test").inputs_path
+    path.write_text(path.read_text(encoding="utf-8").replace('"sha256": "', '"sha256": "f'))
+    manifest = Split(out, "test").manifest_path
+    content = json.loads(manifest.read_text(encoding="utf-8"))
+    digests = content["inputs"]["environments"]
+    content["inputs"]["environments"] = {name: f"f{digest}" for name, digest in digests.items()}
+    manifest.write_text(json.dumps(content), encoding="utf-8")
+    assert verification.verify(out, "train", nothing).kinds == {"split": 1}
+    shutil.rmtree(out / "train")
+    with pytest.raises(ValueError, match="are to have the same lights, by --lights known"):
+        render(out, description, mitsuba_choice)
+    # Built-in rooms follow from the seed and their number.
+    built_in = {"environments": None, "shapes": None, "light_split": "train", "split": "test"}
+    begun = tmp_path / "begun"
+    resuming.write_json(begun / "train" / "description.json", {"seed": 0, "light_count": 45})
+    resuming.write_json(
+        begun / "train" / "inputs.json", {"shapes": [], "environments": [], "backgrounds": []}
+    )
+    for changes in ({"light_count": 44}, {"light_count": 45, "seed": 1}):
+        other = Description(**(vars(description) | built_in | changes))
+        with pytest.raises(ValueError, match="the same --seed and --light-count"):
+            render(begun, other, mitsuba_choice)
+
+
+def test_known_lights_of_a_test_split_are_the_rooms_of_the_train_split(description, tmp_path):
+    built_in = {"environments": None, "shapes": None, "shape_count": 5, "light_count": 45}
+    jobs = [
+        Job(tmp_path, Description(**(vars(description) | built_in | changes)), None)
+        for changes in ({}, {"split": "test", "light_split": "train"})
+    ]
+    train, test = (job.lights for job in jobs)
+    assert (train.split, len(train.names())) == (test.split, len(test.names())) == ("train", 45)
+    assert train.seed == test.seed
+    names = [job.shapes.names() for job in jobs]
+    assert [len(one) for one in names] == [5, 5] and not set(names[0]) & set(names[1])
+    # What is not asked for is not recorded, so that a split that was begun goes on.
+    assert not {"light_split"} & jobs[0].recorded().keys()
 
 
 def test_files_that_come_while_it_renders_change_no_byte_and_are_told(
