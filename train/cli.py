@@ -2,9 +2,7 @@
 
 import argparse
 import operator
-import os
-import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +33,6 @@ _OPTIONS = {
     "seed": "seed",
     "camera": "camera",
     "precision": "precision",
-    "minutes": "minutes",
     "materials": "materials",
     "freeze": "frozen",
 }
@@ -46,7 +43,7 @@ examples:
   lime-train corpus --out runs/first --preset smoke
   lime-train corpus --out runs/first --resume
   lime-train meshes procedural --out runs/both --preset live --precision bfloat16
-  lime-train bank --out runs/bank --preset live --minutes 22 --batch-size 64
+  lime-train corpus --out runs/wide --preset live --width 32 --batch-size 64
   lime-train corpus --out runs/no-mirror --preset paper --without mirror --reuse runs/paper
 
 The stages: segmentation, specular, mirror, albedo and exponent, each subnetwork alone; then
@@ -54,7 +51,7 @@ specular+mirror, specular+mirror+exponent and specular+mirror+exponent+albedo, j
 An interrupted command, run again, goes on from its last checkpoint, at most a minute back.
 `tensorboard --logdir runs` shows the curves; KERAS_BACKEND=jax trains under JAX.
 
-More: docs/how-to/training.md, docs/how-to/banks.md, docs/how-to/machines.md.
+More: docs/how-to/training.md, docs/how-to/machines.md.
 """
 
 
@@ -63,7 +60,7 @@ def parser() -> argparse.ArgumentParser:
     out = argparse.ArgumentParser(
         prog="lime-train",
         usage="lime-train PATH [PATH ...] --out RUN (--preset NAME | --resume) [options]",
-        description="Train the networks on corpora and banks of lime-render.",
+        description="Train the networks on corpora of lime-render.",
         epilog=_EXAMPLE,
         formatter_class=console.Help,
     )
@@ -84,7 +81,7 @@ def _add_data(out: argparse.ArgumentParser) -> None:
         nargs="+",
         type=Path,
         metavar="PATH",
-        help="corpus or bank that lime-render wrote; several are learnt from together",
+        help="corpus that lime-render wrote; several are learnt from together",
     )
     data.add_argument(
         "--camera",
@@ -98,7 +95,7 @@ def _add_data(out: argparse.ArgumentParser) -> None:
         choices=_MATERIALS,
         metavar="LAW",
         help="laws of the albedos: `uniform`, the paper's; `natural`, as common objects have them; "
-        "or both in turns (default: uniform; held-out scenes of a corpus then keep their own)",
+        "or both in turns (default: uniform; held-out scenes then keep their own)",
     )
     data.add_argument(
         "--cutouts",
@@ -178,18 +175,11 @@ def _add_schedule(out: argparse.ArgumentParser) -> None:
     """Add the options of the stages, their lengths and initial weights."""
     schedule = out.add_argument_group("schedule")
     # Lengths, rates and batches.
-    length = schedule.add_mutually_exclusive_group()
-    length.add_argument(
+    schedule.add_argument(
         "--scale-steps",
         type=console.positive,
         metavar="FACTOR",
         help="multiply the batches of each stage of the preset (default: 1)",
-    )
-    length.add_argument(
-        "--minutes",
-        type=console.positive,
-        metavar="M",
-        help="end within M minutes of wall-clock time, start-up and evaluation included",
     )
     schedule.add_argument(
         "--scale-rate",
@@ -266,24 +256,21 @@ def _add_speed(out: argparse.ArgumentParser) -> None:
 
 def main(argv: list[str] | None = None) -> int:
     """Train a run and return the exit status."""
-    began = time.monotonic()
     options = parser().parse_args(argv)
-    return console.run(
-        lambda: _train(options, began), "the same command goes on from the last checkpoint"
-    )
+    return console.run(lambda: _train(options), "the same command goes on from the last checkpoint")
 
 
-def _train(options: argparse.Namespace, began: float) -> int:
+def _train(options: argparse.Namespace) -> int:
     console.check_folder(options.out, "--out")
     console.require("lime-train", "keras")
-    _import_tensorflow(options.paths)
+    _import_tensorflow()
     if options.hosts is None and options.host is None and options.coordinator is None:
-        return _train_here(options, began)
+        return _train_here(options)
     _check_hosts(options)
     from . import hosts
 
     with hosts.joined(options.hosts, options.host, options.coordinator):
-        return _train_here(options, began)
+        return _train_here(options)
 
 
 def _check_hosts(options: argparse.Namespace) -> None:
@@ -304,7 +291,7 @@ def _check_hosts(options: argparse.Namespace) -> None:
         )
 
 
-def _train_here(options: argparse.Namespace, began: float) -> int:
+def _train_here(options: argparse.Namespace) -> int:
     from . import hosts, initial_weights, summary, trainer
 
     config = config_of(options)
@@ -320,7 +307,6 @@ def _train_here(options: argparse.Namespace, began: float) -> int:
             start_from=options.start_from,
             cutouts=options.cutouts,
             devices=options.devices,
-            began=began,
         )
     if not leads:
         return 0
@@ -339,28 +325,18 @@ def _train_here(options: argparse.Namespace, began: float) -> int:
     return 0
 
 
-def _import_tensorflow(paths: Sequence[Path]) -> None:
-    """Import TensorFlow if it is the backend or reads records.
+def _import_tensorflow() -> None:
+    """Import TensorFlow, which reads records whatever the backend.
 
     Raises:
-        ValueError: if it is needed and not installed.
+        ValueError: if it is not installed.
     """
-    from lime_keras.synthesis import bank
-
-    backend = os.environ.get("KERAS_BACKEND", "tensorflow")
-    corpora = [str(path) for path in paths if not bank.is_bank(path)]
-    if backend != "tensorflow" and not corpora:
-        return
     try:
         console.import_tensorflow()
     except ImportError as error:
-        mend = (
-            f"{', '.join(corpora)} holds records, or is an incomplete bank: install TensorFlow to "
-            "read records"
-            if corpora
-            else "set KERAS_BACKEND=jax to train from banks without it"
-        )
-        raise ValueError(f"TensorFlow is not installed; {mend}") from error
+        raise ValueError(
+            "TensorFlow is not installed: install it to read the records of corpora"
+        ) from error
 
 
 def config_of(options: argparse.Namespace) -> Any:
@@ -435,22 +411,16 @@ def _with(config: Any, values: Mapping[str, Any]) -> Any:
 
 def _check_materials(options: argparse.Namespace, preset: str, papers: bool) -> None:
     """Raise ValueError if materials are asked for that the data cannot show."""
-    from .config import is_bank
-
-    corpora = [str(path) for path in options.paths if not is_bank(path)]
-    if options.materials is not None and corpora and papers:
+    if options.materials is not None and papers:
         raise ValueError(
             f"--materials: the preset {preset} shows the materials that "
-            f"{', '.join(corpora)} holds; render a corpus by `lime-render --materials`, train from "
-            "a bank, or pass --preset live"
+            f"{', '.join(map(str, options.paths))} holds; render a corpus by `lime-render "
+            "--materials`, or pass --preset live"
         )
 
 
 class _Bars:
-    """Progress bars, one for each stage: steps, rate, time left, mean losses and wait for data.
-
-    The bar of a stage with a share of a budget shows per cent of its time, and the run's time left.
-    """
+    """Progress bars, one for each stage: steps, rate, time left, mean losses and wait for data."""
 
     def __init__(self, stages: list[Any]):
         self._names = [stage.name for stage in stages]
@@ -465,24 +435,12 @@ class _Bars:
             self._bar.__exit__()
 
     def tell(self, progress: Any) -> None:
-        """Show the progress of a stage, or of what precedes the stages of a run with a budget."""
-        stage, timed = progress.stage, progress.left is not None
-        if progress.compiled:
-            self._named("compiling and measuring", "stage").move(*progress.compiled)
-            return
+        """Show the progress of a stage."""
+        stage = progress.stage
         title = f"{self._names.index(stage.name) + 1}/{len(self._names)} {stage.name}"
-        bar = self._named(title, "%" if timed else "step")
         told = {name: f"{value:.3g}" for name, value in progress.losses.items() if name != "loss"}
         told["data"] = f"{progress.data_wait:.0%}"
-        if timed:
-            minutes, seconds = divmod(max(0, int(progress.left)), 60)
-            told |= {"step": str(progress.step), "left": f"{minutes}:{seconds:02}"}
-            bar.move(int(100 * progress.done), 100, told)
-        else:
-            bar.move(progress.step, stage.steps, told)
-
-    def _named(self, title: str, unit: str) -> console.Bar:
         if self._bar is None or title != self._title:
             self.__exit__()
-            self._title, self._bar = title, console.Bar(title, unit)
-        return self._bar
+            self._title, self._bar = title, console.Bar(title, "step")
+        self._bar.move(progress.step, stage.steps, told)

@@ -13,7 +13,6 @@ import keras
 from lime_keras.data.corpus import Split
 from lime_keras.io import atomic, untrusted
 from lime_keras.networks import Architecture
-from lime_keras.synthesis import bank
 from lime_keras.version import __version__, installed
 
 from .stages import Schedule
@@ -31,14 +30,12 @@ class Config:
         architecture: architecture of the subnetworks.
         schedule: schedule of the stages.
         seed: seed of the initial weights, of the order of examples and of the photos; 0 is a seed.
-        corpus_sha256: hash of the train splits and banks (function `corpus_sha256`).
+        corpus_sha256: hash of the train splits (function `corpus_sha256`).
         camera: whether the camera model photographs the scenes (`lime_keras.data.camera`).
         compositing: whether the loss of the albedos contains Eq. 5.
         precision: precision in which the subnetworks compute, a key of `precision.POLICIES`.
         begun_from: hash of the trained model whose weights the run begins with
             (`initial_weights.sha256`); None for fresh weights.
-        minutes: wall-clock time of the whole run (`train.budget`); None if each stage has as many
-            batches as the schedule says.
         materials: laws of the materials (`optics.material_law`), any of which each scene's follows;
             None for those that a corpus was rendered by, and `uniform` wherever they are drawn.
         frozen: subnetworks that keep the weights that the run begins with; None if all are trained.
@@ -58,7 +55,6 @@ class Config:
     compositing: bool = True
     precision: str = "float32"
     begun_from: str | None = None
-    minutes: float | None = None
     materials: tuple[str, ...] | None = None
     frozen: tuple[str, ...] | None = None
     rate_scale: float = 1.0
@@ -71,7 +67,7 @@ class Config:
 
         Raises:
             FileNotFoundError: if the folder holds no run.
-            ValueError: if another version of this package began the run.
+            ValueError: if another version of this package began the run, or it ends by the clock.
         """
         path = config_path(run)
         if not path.is_file():
@@ -81,16 +77,19 @@ class Config:
             )
         try:
             held = untrusted.read_json(path)["config"]
+            minutes = held.pop("minutes", None)
             architecture = Architecture(**held.pop("architecture"))
             schedule = Schedule(**held.pop("schedule"))
             for name in ("materials", "frozen"):
                 if held.get(name) is not None:
                     held[name] = tuple(held[name])
-            return cls(architecture=architecture, schedule=schedule, **held)
+            config = cls(architecture=architecture, schedule=schedule, **held)
         except (AttributeError, KeyError, TypeError, ValueError) as error:
             raise ValueError(
                 f"{path} is not of this version ({error}): pass another --out"
             ) from error
+        _refuse_minutes(run, minutes)
+        return config
 
 
 def config_path(run: Path) -> Path:
@@ -98,27 +97,37 @@ def config_path(run: Path) -> Path:
     return run / "config.json"
 
 
-def is_bank(path: Path) -> bool:
-    """Return whether a path is a bank, complete or not, and no corpus."""
-    return bank.is_bank(path) or (path / "geometry").is_dir()
+def _refuse_minutes(run: Path, minutes: Any) -> None:
+    """Raise ValueError if a run was begun with an end by the clock."""
+    if minutes is not None:
+        raise ValueError(
+            f"{run} was begun with --minutes {minutes}, and stages end by their number of batches "
+            f"now: begin another --out with --start-from {run}, its length by --scale-steps"
+        )
 
 
 def corpus_sha256(paths: Sequence[Path]) -> str:
     """Return a hash that identifies the data of a run.
 
-    It is made of the checksums of corpora's train shards and of banks' files, in order.
+    It is made of the checksums of the train shards, in order.
+
+    Raises:
+        FileNotFoundError: if a split is incomplete.
+        ValueError: if a path is a bank of an earlier version, or a manifest is broken.
     """
-    digests = [digest for path in paths for digest in _digests(path)]
+    for path in paths:
+        _refuse_bank(path)
+    digests = [digest for path in paths for digest in Split(path, "train").sha256]
     return hashlib.sha256("".join(digests).encode()).hexdigest()
 
 
 def lobe_of(paths: Sequence[Path]) -> str:
-    """Return the lobe of S in the data of a run, one of `corpus.LOBES`; banks have `furnace`.
+    """Return the lobe of S in the data of a run, one of `corpus.LOBES`.
 
     Raises:
         ValueError: if corpora have different lobes.
     """
-    lobes = ["furnace" if is_bank(path) else Split(path, "train").lobe for path in paths]
+    lobes = [Split(path, "train").lobe for path in paths]
     for path, lobe in zip(paths, lobes, strict=True):
         if lobe != lobes[0]:
             raise ValueError(
@@ -128,10 +137,13 @@ def lobe_of(paths: Sequence[Path]) -> str:
     return lobes[0]
 
 
-def _digests(path: Path) -> list[str]:
-    if not is_bank(path):
-        return Split(path, "train").sha256
-    return [digest for _, digest in sorted(bank.manifest(path)["files"].items())]
+def _refuse_bank(path: Path) -> None:
+    """Raise ValueError if a folder is a bank, which earlier versions made scenes of."""
+    if (path / "bank.json").is_file() or (path / "geometry").is_dir():
+        raise ValueError(
+            f"{path} is a bank, which is no longer trained from: render a corpus by `lime-render "
+            "OUT --split train --endless SHARE` and pass OUT"
+        )
 
 
 def check(run: Path, config: Config) -> None:
@@ -145,6 +157,7 @@ def check(run: Path, config: Config) -> None:
         raise ValueError(
             f"{path} is no record of a run ({error}): pass another --out, or remove {run}"
         ) from error
+    _refuse_minutes(run, held.get("minutes"))
     differing = [
         f"{name} {there} there, {asked} asked"
         for name, there, asked in _differences(held, _plain(config))
@@ -169,7 +182,8 @@ def claim(run: Path, paths: Sequence[Path], config: Config) -> None:
     record = {
         "config": _plain(config),
         "corpora": [
-            {"path": str(path), "description": _manifest(path).get("description")} for path in paths
+            {"path": str(path), "description": Split(path, "train").manifest.get("description")}
+            for path in paths
         ],
         "version": __version__,
         "backend": keras.backend.backend(),
@@ -182,10 +196,6 @@ def claim(run: Path, paths: Sequence[Path], config: Config) -> None:
 def _plain(config: Config) -> dict[str, Any]:
     """Return a config in the form that JSON gives back."""
     return json.loads(json.dumps(dataclasses.asdict(config)))
-
-
-def _manifest(path: Path) -> Mapping[str, Any]:
-    return bank.manifest(path) if is_bank(path) else Split(path, "train").manifest
 
 
 def _differences(

@@ -18,7 +18,6 @@ from lime_keras.io import atomic
 from lime_keras.networks import assemble
 
 from . import terms
-from .budget import seconds_of_evaluation
 from .data import Batch, Data
 from .devices import Devices
 
@@ -79,10 +78,6 @@ class SystemEvaluation:
         with devices.scope():
             self._model = SystemModel(subnetworks)
             self._model.compile()
-
-    def measure(self) -> float:
-        """Compile what the evaluation needs, and return the seconds that it then takes."""
-        return seconds_of_evaluation(self._data.held_out(_FEATURES), self._evaluate)
 
     def write(self, run: Path) -> None:
         """Evaluate the system and write the result to `RUN/evaluation.json`.

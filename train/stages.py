@@ -9,7 +9,6 @@ from .terms import LEARNING
 
 WARM_UP = 0.02
 """Share of a stage in which Muon's learning rate rises from nearly 0."""
-_FIRST_SHARE = 0.05  # of the learning rate, at the first batch of a stage that has a clock
 
 
 @dataclass(frozen=True)
@@ -36,12 +35,6 @@ class Stage:
         """The names of the subnetworks, joined by "+", such as `specular+mirror`."""
         return "+".join(self.subnetworks)
 
-    def risen(self, progress: float) -> float:
-        """Return the share of the learning rate that a stage's progress in [0, 1] allows."""
-        if self.optimizer != "muon":
-            return 1.0
-        return min(1.0, _FIRST_SHARE + (1 - _FIRST_SHARE) * progress / WARM_UP)
-
 
 @dataclass(frozen=True)
 class Schedule:
@@ -61,8 +54,8 @@ class Schedule:
             albedos. Otherwise
 
             - Muon trains, and the learning rate of each stage falls to 0 along half a cosine;
-            - scenes of corpora are mirrored left to right, each with a probability of one half,
-              and get new albedos each time (a bank's scenes are drawn anew in every way);
+            - scenes are mirrored left to right, each with a probability of one half, and get new
+              albedos each time;
             - SegmentationNet learns from images with several colours on the objects
               (`lime_keras.data.clutter`), all others from images with prints
               (`lime_keras.data.prints`), and on masks as SegmentationNet finds them and on damaged

@@ -2,9 +2,8 @@
 
 import csv
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
 
 import keras
 import numpy as np
@@ -12,21 +11,6 @@ import numpy as np
 from lime_keras.io import atomic
 
 from .stage_model import StageModel
-
-
-class Position(NamedTuple):
-    """The point of a stage at which a checkpoint was written.
-
-    Attributes:
-        step: number of batches done.
-        progress: share of the stage's time that was over, in [0, 1]; None if the stage has a number
-            of batches.
-        spent: seconds that the whole run had taken; 0 if the stage has a number of batches.
-    """
-
-    step: int
-    progress: float | None = None
-    spent: float = 0.0
 
 
 class Checkpoint:
@@ -42,8 +26,8 @@ class Checkpoint:
         self.path = path
         self._signature = signature
 
-    def position(self, refuse: bool = True) -> Position | None:
-        """Return the point at which the checkpoint was written; None if there is no file.
+    def step(self, refuse: bool = True) -> int | None:
+        """Return the number of batches done when it was written; None if there is no file.
 
         Args:
             refuse: whether to raise an error for a file with another signature. If False, such a
@@ -56,10 +40,7 @@ class Checkpoint:
             return None
         try:
             with np.load(self.path) as stored:
-                signature, position = str(stored["signature"]), Position(int(stored["step"]))
-                if "progress" in stored:
-                    progress, spent = float(stored["progress"]), float(stored["spent"])
-                    position = Position(position.step, progress, spent)
+                signature, step = str(stored["signature"]), int(stored["step"])
         except Exception as error:  # NumPy and zipfile raise whatever a byte leads them to
             raise ValueError(
                 f"{self.path} cannot be read: {error}; delete it to train the stage again"
@@ -71,13 +52,13 @@ class Checkpoint:
                 f"{self.path} was trained from other weights than an earlier stage now has: delete "
                 "it to train the stage again"
             )
-        return position
+        return step
 
-    def save(self, model: StageModel, position: Position) -> None:
-        """Write the state of a model at a point of its stage."""
-        point = position._asdict() if position.progress is not None else {"step": position.step}
+    def save(self, model: StageModel, step: int) -> None:
+        """Write the state of a model after a number of batches."""
+        values = [keras.ops.convert_to_numpy(variable) for variable in _variables(model)]
         with atomic.replacing(self.path) as partial:
-            np.savez(partial, *values(model), signature=self._signature, **point)
+            np.savez(partial, *values, signature=self._signature, step=step)
 
     def restore(self, model: StageModel) -> None:
         """Load the state into a model, or only the weights if it is not compiled.
@@ -85,21 +66,12 @@ class Checkpoint:
         The file must exist.
         """
         with np.load(self.path) as stored:
-            restore(model, [stored[f"arr_{index}"] for index in range(len(_variables(model)))])
-
-
-def values(model: StageModel) -> list[np.ndarray]:
-    """Return copies of all values that later steps depend on: metrics are not among them."""
-    return [np.array(keras.ops.convert_to_numpy(variable)) for variable in _variables(model)]
-
-
-def restore(model: StageModel, saved: Sequence[np.ndarray]) -> None:
-    """Set the values of a model to those that `values` returned."""
-    for variable, value in zip(_variables(model), saved, strict=True):
-        variable.assign(value)
+            for index, variable in enumerate(_variables(model)):
+                variable.assign(stored[f"arr_{index}"])
 
 
 def _variables(model: StageModel) -> list[keras.Variable]:
+    """Return all that later steps depend on; metrics are not among them."""
     weights = [variable for network in model.subnetworks.values() for variable in network.weights]
     return [*weights, *(model.optimizer.variables if model.compiled else [])]
 

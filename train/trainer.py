@@ -16,9 +16,8 @@ import dataclasses
 import hashlib
 import json
 import shutil
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from time import monotonic
 from typing import Any
 
 import keras
@@ -29,20 +28,16 @@ from lime_keras.networks import build
 from lime_keras.networks.precision import computing_in
 
 from . import backbone, hosts, initial_weights
-from .budget import SAVING, Budget, Plan
 from .config import Config, check, claim, config_path
 from .data import Data
 from .devices import Devices
 from .evaluation import SystemEvaluation, evaluation_path
 from .optimizer import OPTIMIZERS, LossScale
-from .pace import Clock, Count
 from .stage_model import StageModel
 from .stage_training import Files, Progress, StageTraining, Tell
 from .stages import WARM_UP, Stage
-from .state import Checkpoint, Position
+from .state import Checkpoint
 from .terms import TERMS
-
-_SECONDS_BETWEEN_MODELS = 120
 
 
 def train(
@@ -56,18 +51,13 @@ def train(
     start_from: Path | None = None,
     cutouts: tuple[Path, Path] | None = None,
     devices: int = 1,
-    began: float | None = None,
 ) -> list[str]:
     """Run or resume the stages of a run, and write its trained subnetworks to `RUN/model/`.
-
-    If the config has `minutes`, the stages are first compiled and measured. Then each gets a share
-    of the time left (`train.budget`), and the model trained so far is written every two minutes.
 
     Several processes that `train.hosts` has joined train one run; each calls this function.
 
     Args:
-        paths: folders of corpora with complete train splits, and of banks; training mixes them
-            (`train.data.Data`).
+        paths: folders of corpora with complete train splits; training mixes them.
         run: folder of the run; a run that was begun there with the same config is resumed.
         config: config of the run.
         tell: function called with the progress of training.
@@ -77,7 +67,6 @@ def train(
         start_from: trained model whose hash is `config.begun_from`; not needed to resume a run.
         cutouts: folders of photographs whose hash is `config.cutouts`.
         devices: number of devices of each process that each batch is split between.
-        began: `time.monotonic()` from which on the time of this command counts; by default now.
 
     Returns:
         Names of the subnetworks without trained weights: no finished stage has trained them, and
@@ -85,15 +74,13 @@ def train(
         is also evaluated (`train.evaluation`).
 
     Raises:
-        FileNotFoundError: if a corpus or bank is incomplete, or there is no run to reuse.
-        ValueError: if the folder holds a run of another config; if a corpus or bank is too small,
+        FileNotFoundError: if a corpus is incomplete, or there is no run to reuse.
+        ValueError: if the folder holds a run of another config; if a corpus is too small,
             damaged, or of an image size that does not fit; if a stage's name is unknown; if a
-            subnetwork is to be frozen that the run does not begin with; if the minutes are too few
-            for a batch of each stage; or if several processes are called differently, or with
-            minutes.
+            subnetwork is to be frozen that the run does not begin with; or if several processes are
+            called differently.
         RuntimeError: if a loss or a gradient is not finite, or another process is training the run.
     """
-    began = monotonic() if began is None else began
     place = hosts.place()
     lock: contextlib.AbstractContextManager = contextlib.nullcontext()
     if place[0] == 0:  # of joined processes, the first locks the folder
@@ -104,15 +91,10 @@ def train(
         data = Data(paths, config, place, cutouts)
         check(run, config)
         hosts.agree({"options or data": dataclasses.asdict(config), "--devices": devices})
-        if config.minutes is None and place[0] == 0:
+        if place[0] == 0:
             claim(run, paths, config)
         opened = _Run(run, config, data, Devices(devices), tell, only, reuse, start_from)
-        # Measure: a run is claimed when its minutes are known to be enough.
-        timetable = None
-        if config.minutes is not None and opened.left:
-            timetable = opened.measured(began)
-            claim(run, paths, config)
-        opened.learn(timetable)
+        opened.learn()
         opened.evaluate()
     return opened.untrained
 
@@ -128,10 +110,6 @@ def _refuse(config: Config, only: Collection[str] | None, reuse: Path | None, de
             f"batches of {config.schedule.batch_size} cannot be split between "
             f"{devices * processes} devices"
         )
-    if processes > 1 and config.minutes is not None:
-        raise ValueError("--minutes is the time of one process: leave it out beside --hosts")
-    if reuse is not None and config.minutes is not None:
-        raise ValueError("--reuse takes over stages of a number of batches: leave out --minutes")
     if reuse is not None and not (reuse / "stages").is_dir():
         raise FileNotFoundError(f"{reuse} holds no stages of a run to take over: check --reuse")
 
@@ -181,7 +159,7 @@ class _Run:
         self._trained = set(begun)
         # The stages, as far as their checkpoints stand.
         self._parts = _parts(folder, config, self._subnetworks, split, only, reuse)
-        positions = [[part.stage.name, *part.position] for part in self._parts]
+        positions = [[part.stage.name, part.step] for part in self._parts]
         hosts.agree({"checkpoints or --stages": positions})
         self.left = [part for part in self._parts if not part.finished]
         learnt = (name for part in self._parts for name in part.stage.subnetworks)
@@ -190,43 +168,15 @@ class _Run:
         self._evaluation = (
             None if self.untrained else SystemEvaluation(self._subnetworks, data, split)
         )
-        self._written = 0.0
 
-    def measured(self, began: float) -> "_Timetable":
-        """Compile and measure the stages that are left, and return their timetable.
-
-        Args:
-            began: `time.monotonic()` from which on the time of this command counts.
-
-        Raises:
-            ValueError: if the config's minutes are too few for a batch of each stage.
-        """
-        spent = max(part.position.spent for part in self._parts)
-        budget = Budget(self._config.minutes or 0.0, began, spent)
-        learnt = any(part.stage.name == "segmentation" for part in self._parts)
-        if learnt:  # its masks will take their time, too
-            self._data.cut_out_by(self._subnetworks["segmentation"])
-        timetable = _Timetable(budget, self.left, self._prepared, self._evaluation, self._tell)
-        if learnt and "segmentation" not in self._trained:
-            self._data.cut_out_by(None)
-        return timetable
-
-    def learn(self, timetable: "_Timetable | None") -> None:
+    def learn(self) -> None:
         """Load the finished stages, train the others in order, and write the model."""
-        self._written = monotonic()
-
-        def keep() -> None:
-            if timetable and monotonic() - self._written > _SECONDS_BETWEEN_MODELS:
-                self._write()
-
         for part in self._parts:
             self._trained |= set(part.stage.subnetworks)
             if part.finished:
                 self._load(part)
-            elif timetable is None:
-                self._prepared(part).run(Count(part.stage.steps), keep)
             else:
-                timetable.run(keep)
+                self._prepared(part).run()
             name = part.stage.name
             if name == "segmentation":
                 self._data.cut_out_by(self._subnetworks[name])
@@ -241,8 +191,7 @@ class _Run:
 
     def _load(self, part: "_Part") -> None:
         part.checkpoint.restore(part.model)
-        seconds_left = None if part.position.progress is None else 0.0
-        self._tell(Progress(part.stage, part.position.step, {}, 0.0, left=seconds_left))
+        self._tell(Progress(part.stage, part.step, {}, 0.0))
 
     def _prepared(self, part: "_Part") -> StageTraining:
         with self._split.scope():
@@ -263,24 +212,21 @@ class _Run:
         with self._split.alone(), atomic.replacing(self._folder / "model") as partial:
             weights.save(partial, self._config.architecture, trained)
             atomic.write(partial / "training.json", config_path(self._folder).read_bytes())
-        self._written = monotonic()
 
 
 @dataclasses.dataclass(frozen=True)
 class _Part:
-    """A stage to load or to train, with the point at which its checkpoint stands."""
+    """A stage to load or to train, with the number of batches at which its checkpoint stands."""
 
     stage: Stage
     model: StageModel
     checkpoint: Checkpoint
     files: Files
-    position: Position
+    step: int
 
     @property
     def finished(self) -> bool:
-        if self.position.progress is None:
-            return self.position.step == self.stage.steps
-        return self.position.progress >= 1
+        return self.step == self.stage.steps
 
 
 def stages_of(config: Config) -> list[Stage]:
@@ -331,54 +277,11 @@ def _parts(
             if split.leads:
                 _take_over(reuse, stage, signature, files)
             hosts.agree({"--reuse": stage.name})
-        part = _Part(stage, model, checkpoint, files, checkpoint.position() or Position(0))
+        part = _Part(stage, model, checkpoint, files, checkpoint.step() or 0)
         if part.finished or only is None or stage.name in only:
             parts.append(part)
             trained |= dict.fromkeys(stage.subnetworks, signature)
     return parts
-
-
-class _Timetable:
-    """The training of stages that share a budget: all are measured before the first is trained.
-
-    Raises:
-        ValueError: if the budget is too short for a batch of each stage.
-    """
-
-    def __init__(
-        self,
-        budget: Budget,
-        parts: Sequence[_Part],
-        prepared: Callable[[_Part], StageTraining],
-        evaluation: SystemEvaluation | None,
-        tell: Tell,
-    ):
-        self._budget = budget
-        self._plans: list[Plan] = []
-        self._trainings: list[StageTraining] = []
-
-        def compiled(number: int) -> None:
-            stage = parts[min(number, len(parts) - 1)].stage
-            counted = (number, len(parts))
-            tell(Progress(stage, 0, {}, 0.0, 0.0, budget.left, compiled=counted))
-
-        compiled(0)
-        # The model is written at the end, and the interpreter takes its time to stop.
-        self._last = 2 * SAVING
-        for number, part in enumerate(parts, 1):
-            self._trainings.append(prepared(part))
-            cost = self._trainings[-1].measure()
-            self._plans.append(Plan(part.stage.steps, cost, part.position.progress or 0.0))
-            if evaluation is not None and number == 1:
-                self._last += evaluation.measure()
-            budget.check([plan.cost for plan in self._plans], len(parts), self._last)
-            compiled(number)
-
-    def run(self, keep: Callable[[], None]) -> None:
-        """Train the next stage for its share of the time left."""
-        seconds = self._budget.share(self._plans, self._last)
-        plan, training = self._plans.pop(0), self._trainings.pop(0)
-        training.run(Clock(self._budget, seconds, plan.cost.look, plan.done), keep)
 
 
 def _build(config: Config) -> dict[str, keras.Model]:
@@ -392,10 +295,7 @@ def _compile(model: StageModel, stage: Stage, config: Config) -> None:
     groups = [
         (name, len(network.trainable_variables)) for name, network in model.subnetworks.items()
     ]
-    rate: Any = stage.learning_rate
-    if config.minutes is None:
-        rate = _learning_rates(stage)
-    optimizer: Any = OPTIMIZERS[stage.optimizer](rate, groups)
+    optimizer: Any = OPTIMIZERS[stage.optimizer](_learning_rates(stage), groups)
     if config.precision == "float16":
         optimizer = LossScale(optimizer)
     model.compile(optimizer=optimizer)
@@ -437,7 +337,6 @@ def _signature(config: Config, stage: Stage, model: StageModel, trained: Mapping
         "camera": config.camera,
         "materials": config.materials,
         "precision": config.precision,
-        "minutes": config.minutes,
         "begun_from": config.begun_from,
         "frozen": config.frozen,
         "earlier": {
@@ -456,8 +355,7 @@ def _take_over(reuse: Path, stage: Stage, signature: str, files: Files) -> None:
     if files.checkpoint.is_file():
         return
     for path in (reuse / "stages").glob(f"[0-9]-{stage.name}.npz"):
-        position = Checkpoint(path, signature).position(refuse=False)
-        if position is not None and position.step == stage.steps:
+        if Checkpoint(path, signature).step(refuse=False) == stage.steps:
             other = Files(reuse, path.stem)
             for source, target in ((other.curve, files.curve), (path, files.checkpoint)):
                 with atomic.replacing(target) as partial:

@@ -161,8 +161,7 @@ class Split:
             if found.get(option, values[0]) not in values:
                 raise ValueError(
                     f"{self.folder} was rendered with --{option} {found[option]}, which is no "
-                    "longer read: render it again without, or make scenes of a bank by "
-                    "`lime-render scenes`"
+                    "longer read: render it again without"
                 )
         return self._checked(found.get(name, absent), kind, f"description.{name}")
 

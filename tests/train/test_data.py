@@ -1,10 +1,9 @@
-"""Batches of corpora and of banks take turns, and go on where they were."""
+"""Batches of corpora go on where they were, and are painted and cut out as the stage asks."""
 
 import dataclasses
 import itertools
 import json
 
-import noise_bank
 import numpy as np
 import pytest
 import stage_runs
@@ -12,11 +11,9 @@ from sphere_corpus import write_split
 
 from lime_keras.data import clutter, prints
 from lime_keras.data.features import LEARNT_FROM
-from lime_keras.synthesis import bank
 from lime_keras.train import data as train_data
 from lime_keras.train.config import corpus_sha256, lobe_of
 from lime_keras.train.data import SEEN_MASK, Data
-from lime_keras.train.sources import banks
 from lime_keras.train.stages import Stage
 
 STAGE = Stage(("segmentation",), 4, 1e-3)
@@ -24,18 +21,11 @@ STAGE = Stage(("segmentation",), 4, 1e-3)
 
 @pytest.fixture(scope="module")
 def paths(tmp_path_factory):
-    """Two corpora, of seeds 0 and 1, and two banks."""
+    """Two corpora, of seeds 0 and 1."""
     folder = tmp_path_factory.mktemp("paths")
     write_split(folder / "corpus", "train", [range(4), range(4, 12)], size=32)
     write_split(folder / "other", "train", [range(4), range(4, 12)], seed=1, size=32)
-    noise_bank.write(folder / "bank")
-    noise_bank.write(folder / "thin", digest="1")
     return folder
-
-
-@pytest.fixture(autouse=True)
-def noise(monkeypatch):
-    monkeypatch.setattr(banks, "scenes", noise_bank)
 
 
 def _data(folder, *names):
@@ -47,32 +37,8 @@ def _first(data, step, count):
     return list(itertools.islice(data.training(STAGE, ["image"], step), count))
 
 
-def _of_banks(batch):
-    """Corpora of spheres have seeds 0 and 1, and noise has the stage's."""
-    return int(batch["seed"][0]) > 1
-
-
-@pytest.mark.parametrize(
-    "names, expected",
-    [
-        (["bank"], [True] * 6),
-        (["corpus"], [False] * 6),
-        (["corpus", "bank"], [False, True] * 3),
-        (["bank", "corpus", "other"], [False, False, True] * 2),
-        (["bank", "thin", "corpus"], [False, True, True] * 2),
-    ],
-)
-def test_kinds_take_turns_in_proportion_to_their_paths(paths, names, expected):
-    batches = _first(_data(paths, *names), 0, 6)
-    assert all(set(batch) == {"image", "seed", "index"} for batch in batches)
-    assert [_of_banks(batch) for batch in batches] == expected
-    # Positions go on from one batch of banks to the next.
-    positions = [int(batch["index"][0]) for batch in batches if _of_banks(batch)]
-    assert positions == [4 * index for index in range(sum(expected))]
-
-
 def test_rows_are_equal_parts_of_the_batches(paths):
-    found = [paths / "corpus", paths / "bank"]
+    found = [paths / "corpus", paths / "other"]
     config = stage_runs.config(*found)
     whole, *parts = (_first(Data(found, config, rows), 1, 4) for rows in [(0, 1), (0, 2), (1, 2)])
     for expected, one, other in zip(whole, *parts, strict=True):
@@ -81,7 +47,7 @@ def test_rows_are_equal_parts_of_the_batches(paths):
             np.testing.assert_array_equal(value, np.concatenate([one[name], other[name]]))
 
 
-@pytest.mark.parametrize("names", [["bank", "thin", "corpus"], ["bank", "corpus", "other"]])
+@pytest.mark.parametrize("names", [["corpus"], ["corpus", "other"]])
 def test_batches_go_on_from_any_step(paths, names):
     whole = _first(_data(paths, *names), 0, 7)
     for step in (1, 2, 4):
@@ -92,36 +58,29 @@ def test_batches_go_on_from_any_step(paths, names):
 
 
 def test_held_out_batches_are_of_every_path_and_kept(paths, monkeypatch):
-    data = _data(paths, "bank", "corpus", "thin")
+    data = _data(paths, "corpus", "other")
     batches = list(data.held_out(["mask", "seed"]))
     # Four examples make up a batch, of which each path gets one.
-    assert [set(map(int, batch["seed"])) for batch in batches] == [{0}, {10**6}, {10**6}]
-    monkeypatch.setattr(noise_bank, "held_out", None)
+    assert [set(map(int, batch["seed"])) for batch in batches] == [{0}, {1}]
+    monkeypatch.setattr(data._corpora, "held_out", None)
     again = list(data.held_out(["mask"]))
-    assert [set(batch) for batch in again] == [{"mask"}] * 3
+    assert [set(batch) for batch in again] == [{"mask"}] * 2
     assert all(one["mask"] is other["mask"] for one, other in zip(batches, again, strict=True))
 
 
 def test_held_out_batches_are_made_anew_for_more_features(paths):
-    data = _data(paths, "bank")
+    data = _data(paths, "corpus")
     assert "environment" not in next(data.held_out(["mask"]))
     (batch,) = data.held_out(["environment", "shininess"])
     assert set(batch) == {"environment", "shininess"}
 
 
 def test_who_is_to_blame(paths):
-    data = _data(paths, "bank", "corpus", "thin")
-    batches = _first(data, 0, 6)
-    seed = int(batches[1]["seed"][0])
-    assert data.blamed(0, batches[0], [0, 1]).endswith(
-        "of the train split: render it again, or leave it out"
-    )
-    # The banks take turns: the second batch of theirs is the other bank's.
-    found = [data.blamed(step, batches[step], [3]) for step in (1, 2, 4)]
-    for words, position, name in zip(found, (3, 7, 11), ("bank", "thin", "bank"), strict=True):
-        expected = f"scene at position {position} of seed {seed} of bank {paths / name}: check the "
-        assert words.startswith(expected)
-    assert "position 3 of seed" in data.blamed(1, batches[1], [0, 3])
+    data = _data(paths, "corpus")
+    (batch,) = _first(data, 0, 1)
+    index = int(batch["index"][3])
+    expected = f"example {index} of seed 0 of the train split: render it again, or leave it out"
+    assert data.blamed(batch, [3]) == expected
 
 
 def test_data_of_another_unit_or_size_is_refused(paths, tmp_path):
@@ -131,8 +90,8 @@ def test_data_of_another_unit_or_size_is_refused(paths, tmp_path):
     manifest["description"]["shading"] = "literal"
     path.write_text(json.dumps(manifest), encoding="utf-8")
     with pytest.raises(ValueError, match="rendered with --shading literal, which is no"):
-        Data([corpus, paths / "bank"], stage_runs.config(corpus))
-    small = noise_bank.write(tmp_path / "small", size=48)
+        Data([corpus, paths / "other"], stage_runs.config(corpus))
+    small = write_split(tmp_path / "small", "train", [range(2), range(2)], size=48)
     with pytest.raises(ValueError, match="small holds images of 48 pixels"):
         Data([small], stage_runs.config(small))
 
@@ -149,21 +108,16 @@ def test_corpora_of_different_lobes_are_refused_by_name(tmp_path):
         lobe_of(corpora)
 
 
-def test_a_bank_that_is_not_complete_or_of_another_version_is_refused(tmp_path):
-    (tmp_path / "begun" / "geometry").mkdir(parents=True)
-    with pytest.raises(FileNotFoundError, match=r"begun.bank\.json is missing: `lime-render bank"):
-        corpus_sha256([tmp_path / "begun"])
-    other = noise_bank.write(tmp_path / "other")
-    path = other / bank.MANIFEST
-    path.write_text(path.read_text(encoding="utf-8").replace('"version": 1', '"version": 9'))
-    with pytest.raises(ValueError, match="of version 9"):
-        corpus_sha256([other])
+def test_a_bank_is_refused_with_what_took_its_place(tmp_path):
+    (tmp_path / "bank" / "geometry").mkdir(parents=True)
+    with pytest.raises(ValueError, match=r"is a bank.* `lime-render OUT --split train --endless"):
+        corpus_sha256([tmp_path / "bank"])
 
 
 def test_the_data_are_identified_by_their_files(paths):
-    names = ("corpus", "bank", "thin")
+    names = ("corpus", "other")
     digests = {corpus_sha256([paths / name]) for name in names}
-    assert len(digests | {corpus_sha256([paths / name for name in names])}) == 4
+    assert len(digests | {corpus_sha256([paths / name for name in names])}) == 3
 
 
 def _own(path):
@@ -179,17 +133,16 @@ def test_every_process_of_a_run_damages_its_own_masks(paths, monkeypatch):
     )
     drawn = []
     for part in range(2):
-        data = Data([paths / "bank"], _own(paths / "bank"), rows=(part, 2))
+        data = Data([paths / "corpus"], _own(paths / "corpus"), rows=(part, 2))
         batches = data.training(Stage(("albedo",), 4, 1e-3), [*LEARNT_FROM, SEEN_MASK], 0)
         drawn += [batch[SEEN_MASK] for batch in itertools.islice(batches, 3)]
     assert len(set(drawn)) == 6
 
 
-@pytest.mark.parametrize("name", ["corpus", "bank"])
 @pytest.mark.parametrize("stage", ["segmentation", "specular"])
-def test_clutter_is_of_masks_alone_and_prints_are_of_all_others(paths, name, stage, monkeypatch):
+def test_clutter_is_of_masks_alone_and_prints_are_of_all_others(paths, stage, monkeypatch):
     monkeypatch.setattr(prints, "_PRINTED", 1.0)
-    data, here = Data([paths / name], _own(paths / name)), Stage((stage,), 4, 1e-3)
+    data, here = Data([paths / "corpus"], _own(paths / "corpus")), Stage((stage,), 4, 1e-3)
 
     def batches():
         return list(itertools.islice(data.training(here, LEARNT_FROM, 0), 4))
@@ -210,8 +163,7 @@ def test_clutter_is_of_masks_alone_and_prints_are_of_all_others(paths, name, sta
     assert np.array_equal(np.asarray(later["image"]), np.asarray(seen[3]["image"]))
 
 
-@pytest.mark.parametrize("name", ["corpus", "bank"])
-def test_cut_outs_are_of_masks_alone(paths, name, monkeypatch):
+def test_cut_outs_are_of_masks_alone(paths, monkeypatch):
     class Painted:
         def __init__(self, things, places, size):
             assert (things, places, size) == ("things", "places", 32)
@@ -220,10 +172,10 @@ def test_cut_outs_are_of_masks_alone(paths, name, monkeypatch):
             return np.zeros_like(images), np.ones_like(masks)
 
     monkeypatch.setattr(train_data, "Cutouts", Painted)
-    config = dataclasses.replace(stage_runs.config(paths / name), cutouts="some hash")
+    config = dataclasses.replace(stage_runs.config(paths / "corpus"), cutouts="some hash")
     with pytest.raises(FileNotFoundError, match="pass its --cutouts again"):
-        Data([paths / name], config)
-    data = Data([paths / name], config, photographs=("things", "places"))
+        Data([paths / "corpus"], config)
+    data = Data([paths / "corpus"], config, photographs=("things", "places"))
     features = ["image", "mask"]
     seen = next(data.training(STAGE, features, 0))
     assert not seen["image"].any() and (seen["mask"] == 1).all()
@@ -256,17 +208,16 @@ def _seen(data, step=0, count=3):
 
 @pytest.mark.parametrize("papers", [False, True])
 def test_all_stages_but_segmentation_see_masks_that_are_not_true(paths, papers):
-    config = stage_runs.config(paths / "bank") if papers else _own(paths / "bank")
-    data = Data([paths / "bank"], config)
+    config = stage_runs.config(paths / "corpus") if papers else _own(paths / "corpus")
+    data = Data([paths / "corpus"], config)
     assert data.seen(STAGE, ["image"]) == ("image",)
     for names in (("albedo",), ("specular", "mirror")):
         expected = ("image",) if papers else ("image", SEEN_MASK)
         assert data.seen(Stage(names, 4, 1e-3), ["image"]) == expected
 
 
-@pytest.mark.parametrize("name", ["corpus", "bank"])
-def test_batches_are_cut_out_by_what_is_seen(paths, name):
-    data = _data(paths, name)
+def test_batches_are_cut_out_by_what_is_seen(paths):
+    data = _data(paths, "corpus")
     for seen, true in _seen(data):
         changed = (seen != true).any(axis=(1, 2, 3))
         assert changed.tolist() == [True, False, False, False]
@@ -284,7 +235,7 @@ def test_batches_are_cut_out_by_what_is_seen(paths, name):
 
 
 def test_held_out_batches_are_cut_out_by_the_network_alone(paths):
-    data = _data(paths, "bank", "corpus")
+    data = _data(paths, "corpus", "other")
     wanted = ["mask", "image", SEEN_MASK]
 
     def seen():

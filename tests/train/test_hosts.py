@@ -4,10 +4,10 @@ import csv
 
 import host_runs
 import keras
-import noise_bank
 import numpy as np
 import pytest
 import stage_runs
+from sphere_corpus import write_split
 
 from lime_keras.model import weights
 from lime_keras.train import cli, hosts, trainer
@@ -18,7 +18,7 @@ from lime_keras.train.devices import Devices
 def folder(tmp_path_factory):
     pytest.importorskip("jax")
     folder = tmp_path_factory.mktemp("hosts")
-    noise_bank.write(folder / host_runs.BANK)
+    write_split(folder / host_runs.CORPUS, "train", [range(4), range(4, 8)], size=32)
     return folder
 
 
@@ -100,20 +100,13 @@ def test_each_process_takes_its_part_of_a_batch(hosts_, rows, of_each, counted, 
     ],
 )
 def test_options_that_do_not_join_are_refused(options, expected, tmp_path, capsys):
-    bank = noise_bank.write(tmp_path / "bank")
-    command = [str(bank), "--out", str(tmp_path / "run"), "--preset", "smoke", *options]
-    assert cli.main(command) == 1
+    run = [str(tmp_path / "corpus"), "--out", str(tmp_path / "run"), "--preset", "smoke"]
+    assert cli.main([*run, *options]) == 1
     assert expected in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    "changes, expected",
-    [({"minutes": 5.0}, "leave it out beside --hosts"), ({}, "cannot be split between 3 devices")],
-)
-def test_what_several_processes_cannot_do_is_refused(changes, expected, tmp_path, monkeypatch):
-    count = 2 if changes else 3
-    monkeypatch.setattr(hosts, "place", lambda: (0, count))
-    bank = noise_bank.write(tmp_path / "bank")
-    config = stage_runs.config(bank, **changes)
-    with pytest.raises(ValueError, match=expected):
-        trainer.train([bank], tmp_path / "run", config, stage_runs.ignore)
+def test_a_batch_that_processes_cannot_share_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(hosts, "place", lambda: (0, 3))
+    config = stage_runs.config()
+    with pytest.raises(ValueError, match="cannot be split between 3 devices"):
+        trainer.train([tmp_path / "corpus"], tmp_path / "run", config, stage_runs.ignore)

@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 
 from lime_keras.networks import PRESETS, Architecture, subnetwork_names
-from lime_keras.train.stages import SCHEDULES, WARM_UP, Stage
+from lime_keras.train.stages import SCHEDULES
 
 PAPER = PRESETS["paper"]
 
@@ -110,11 +110,3 @@ def test_every_preset_has_networks_and_a_schedule():
 def test_an_unknown_system_is_refused():
     with pytest.raises(ValueError, match="no system reflection"):
         Architecture(32, 1, 1, 1, 1, system="reflection")
-
-
-def test_muons_rate_rises_evenly_to_the_end_of_its_warm_up():
-    """In a stage with a clock; Adam's is whole from the first batch on."""
-    muon, adam = (Stage(("mirror",), 100, 0.1, optimizer=name) for name in ("muon", "adam"))
-    found = [muon.risen(share * WARM_UP) for share in (0, 0.5, 1, 2)]
-    assert found == pytest.approx([0.05, 0.525, 1, 1])
-    assert adam.risen(0.0) == 1

@@ -25,7 +25,6 @@ from lime_keras.optics.dynamic_range import compress
 from lime_keras.train import (
     cli,
     initial_weights,
-    pace,
     stage_model,
     stage_training,
     terms,
@@ -35,7 +34,7 @@ from lime_keras.train.config import Config, check, claim, config_path, corpus_sh
 from lime_keras.train.data import Data
 from lime_keras.train.devices import Devices
 from lime_keras.train.stages import SCHEDULES, Schedule, Stage
-from lime_keras.train.state import Means, Position
+from lime_keras.train.state import Means
 
 TINY = Architecture(size=32, unet_width=2, unet_depth=1, encoder_width=2, dense_width=4)
 BRIEF = Schedule(
@@ -154,7 +153,7 @@ class Nudge:
     def _end(self, stage, model, checkpoint):
         for network in model.subnetworks.values():
             network.set_weights([value + 1 for value in network.get_weights()])
-        checkpoint.save(model, Position(stage.steps))
+        checkpoint.save(model, stage.steps)
 
 
 @pytest.fixture
@@ -216,7 +215,7 @@ def test_an_interrupted_stage_ends_with_the_same_weights(
 @pytest.mark.slow
 def test_curves_hold_means_over_their_interval(corpus, config, tmp_path, monkeypatch):
     """Not the last batch's losses, which is what Keras tells."""
-    monkeypatch.setattr(pace, "_CURVE_POINTS", 1)
+    monkeypatch.setattr(stage_training, "_CURVE_POINTS", 1)
     seen = []
     longer = dataclasses.replace(config.schedule, single_steps=4, single_learning_rate=0.1)
     trainer.train(
@@ -713,7 +712,6 @@ def test_the_commands_ablations(corpus, tmp_path):
     assert config("--exponent", "regression").architecture.exponent == "regression"
     assert config("--baseline", "reflectance-map").architecture.system == "reflectance-map"
     assert config("--precision", "bfloat16").precision == "bfloat16"
-    assert full.minutes is None and config("--minutes", "22").minutes == 22
     larger = dataclasses.replace(SCHEDULES["paper"], batch_size=256)
     assert config("--batch-size", "256").schedule == larger
     assert config("--batch-size", "256", "--scale-steps", "2").schedule == larger.scaled(2)
@@ -821,8 +819,7 @@ def test_a_size_that_cannot_be_is_refused(size, found, corpus, tmp_path, capsys)
         ["--preset", "smoke", "--scale-steps", "0"],
         ["--preset", "smoke", "--width", "0"],
         ["--preset", "smoke", "--size", "1.5"],
-        ["--preset", "smoke", "--minutes", "0"],
-        ["--preset", "smoke", "--minutes", "5", "--scale-steps", "2"],
+        ["--preset", "smoke", "--minutes", "5"],
         ["--preset", "smoke", "--batch-size", "0"],
     ],
 )
@@ -838,20 +835,30 @@ def _bars(*told):
             bars.tell(progress)
 
 
-def test_the_bars_of_a_run_within_minutes_show_the_time_left(capsys):
+def test_the_bars_show_losses_and_the_wait_for_data(capsys):
     first, second = BRIEF.stages(TINY)[:2]
     _bars(
-        stage_training.Progress(first, 0, {}, 0.0, 0.0, 600.0, compiled=(0, 8)),
-        stage_training.Progress(first, 0, {}, 0.0, 0.0, 590.0, compiled=(8, 8)),
-        stage_training.Progress(first, 0, {}, 0.0, 0.0, 580.0),
-        stage_training.Progress(first, 70, {"mask": 0.25}, 0.1, 0.999, 125.7),
-        stage_training.Progress(first, 71, {"mask": 0.25}, 0.1, 1.0, 125.4),
-        stage_training.Progress(second, 5, {}, 0.0, 0.5, -3.0),
+        stage_training.Progress(first, 0, {}, 0.0),
+        stage_training.Progress(first, 2, {"mask": 0.25}, 0.1),
+        stage_training.Progress(second, 1, {}, 0.0),
     )
     shown = capsys.readouterr().err
-    assert "compiling and measuring: 100%" in shown and " 8/8 " in shown
-    assert "1/8 segmentation: 100%" in shown and "step=71, left=2:05" in shown
-    assert "2/8 specular:  50%" in shown and "left=0:00" in shown
+    assert "1/8 segmentation: 100%" in shown and "mask=0.25, data=10%" in shown
+    assert "2/8 specular:  50%" in shown
+
+
+def test_a_run_with_an_end_by_the_clock_is_refused(corpus, config, tmp_path):
+    claim(tmp_path, [corpus], config)
+    path = config_path(tmp_path)
+    record = json.loads(path.read_text(encoding="utf-8"))
+    record["config"]["minutes"] = None
+    path.write_text(json.dumps(record), encoding="utf-8")
+    assert Config.read(tmp_path) == config
+    record["config"]["minutes"] = 22.0
+    path.write_text(json.dumps(record), encoding="utf-8")
+    for refused in (lambda: Config.read(tmp_path), lambda: check(tmp_path, config)):
+        with pytest.raises(ValueError, match=r"was begun with --minutes 22.*--scale-steps"):
+            refused()
 
 
 def test_means():

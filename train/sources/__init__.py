@@ -1,1 +1,1 @@
-"""The sources of training batches: banks, corpora, and the masks that objects are cut out with."""
+"""The sources of training batches: corpora, and the masks that objects are cut out with."""

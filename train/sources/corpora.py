@@ -70,8 +70,8 @@ class Corpora:
             found = pipeline.naming_damage(dataset, shards)
             yield from map(_native, itertools.islice(found, batches))
 
-    def blamed(self, step: int, origins: Sequence[tuple[int, int]]) -> str:
-        """Return words for examples of a step, of these seeds and indices, and what mends them."""
+    def blamed(self, origins: Sequence[tuple[int, int]]) -> str:
+        """Return words for examples of these seeds and indices, and what mends them."""
         named = ", ".join(f"example {index} of seed {seed}" for seed, index in origins)
         return f"{named} of the train split: render it again, or leave it out"
 
