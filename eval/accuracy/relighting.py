@@ -19,7 +19,7 @@ _SOFT_BOXES = (
     ((0.9, 0.1, 0.35), 16.0, 2.5),
     ((0.1, 0.9, -0.5), 18.0, 4.5),
 )
-"""The light not seen, as `studio_light.LIGHTS` has it; the same for all figures in docs/results.md."""
+"""The light not seen (`studio_light.LIGHTS`), the same for all figures in docs/results.md."""
 PIXELS = 128
 """Number of pixels rendered of an object, evenly spaced in reading order. With all 5,000 pixels the
 mean over 1,000 images changes by less than 0.05 dB (docs/explanation/decisions.md)."""
