@@ -2,16 +2,14 @@
 
     python benchmarks/cautions.py CORPUS [--weights live]
 
-Estimates each held-out image, photographed, as `lime-estimate` does, and prints three tables:
+Estimates each held-out image, photographed, as `lime-estimate` does, and prints two tables, and how
+often the interval of s holds the truth:
 
 - the masks below each limit of confidence (`cautions.CONFIDENT`), and how many of them are wrong,
   with an IoU below 0.7;
-- the words for a gloss that are wrong from each width of its interval on, and below it
-  (`gloss.FLAT`); a word is wrong if the true exponent has another one, as three guesses in four
-  have. The limit to set is the highest below which a word is at least as often right as wrong;
-- the photos with more of a second colour than each limit (`cautions.SECOND_COLOUR`), in grey light
-  under the camera's casts, and in light with 1.6 times as much red as green and 0.4 times as much
-  blue.
+- the photos of one material whose patches differ more in colour than each limit
+  (`cautions.SPREAD`), in grey light under the camera's casts, and in light with 1.6 times as much
+  red as green and 0.4 times as much blue.
 """
 
 import argparse
@@ -35,8 +33,7 @@ from lime_keras.train.stages import SCHEDULES
 
 _WRONG_MASK = 0.7
 _CONFIDENCES = (0.75, 0.8, 0.825, 0.85, 0.875, 0.9, 0.925, 0.95)
-_WIDTHS = (1.0, 1.2, 1.4, 1.6, 1.7, 1.8, 1.9, 2.0, 2.1, 2.2)
-_SECONDS = (0.05, 0.1, 0.15, 0.2, 0.3)
+_SPREADS = (0.05, 0.08, 0.1, 0.11, 0.12, 0.15, 0.2)
 _WARM = np.array([1.6, 1.0, 0.4], np.float32)
 
 
@@ -47,21 +44,19 @@ class Answer(NamedTuple):
         confidence: of the mask.
         iou: of the mask.
         width: of the exponent's interval, in decades.
-        is_wrong: whether the word for the gloss is that of another exponent.
         error: of log10 s.
         is_inside: whether the true exponent lies in the interval.
-        second: second colour inside the true mask, in grey light.
-        second_warm: the same in warm light.
+        spread: spread of the colours inside the true mask, in grey light.
+        spread_warm: the same in warm light.
     """
 
     confidence: float
     iou: float
     width: float
-    is_wrong: bool
     error: float
     is_inside: bool
-    second: float
-    second_warm: float
+    spread: float
+    spread_warm: float
 
 
 def main() -> None:
@@ -98,25 +93,20 @@ def _answers(estimator: Estimator, corpus: Path) -> list[Answer]:
             if material.exponent is None or material.exponent_interval is None:
                 continue
             low, high = material.exponent_interval
-            pixels = image[mask[..., 0] >= 0.5]
-            warm = colour.linear_to_srgb(np.clip(colour.srgb_to_linear(pixels) * _WARM, 0, 1))
+            inside = mask[..., 0] >= 0.5
+            warm = colour.linear_to_srgb(np.clip(colour.srgb_to_linear(image) * _WARM, 0, 1))
             out.append(
                 Answer(
                     material.mask_confidence or 0.0,
                     overlap_ratio(*overlap(mask[None], material.layers["mask"][None]))[0],
                     np.log10(high / low),
-                    gloss.word(material.exponent) != gloss.word(exponent),
                     abs(np.log10(material.exponent / exponent)),
                     low <= exponent <= high,
-                    _second(pixels),
-                    _second(warm),
+                    dichromatic.colour_spread(image, inside),
+                    dichromatic.colour_spread(warm, inside),
                 )
             )
     return out
-
-
-def _second(pixels_srgb: np.ndarray) -> float:
-    return dichromatic.second_colour(pixels_srgb[pixels_srgb.max(axis=-1) < colour.CLIPPED])
 
 
 def _of_masks(found: Answer) -> None:
@@ -138,33 +128,19 @@ def _of_masks(found: Answer) -> None:
 
 
 def _of_gloss(found: Answer) -> None:
-    width, wrong, error = (np.asarray(x) for x in (found.width, found.is_wrong, found.error))
+    width, error = np.asarray(found.width), np.asarray(found.error)
     print(
         f"The interval holds the true s in {np.mean(found.is_inside):.1%} ({gloss.SHARE:.0%} are "
         f"meant), its median width is {np.median(width):.2f} decades; its rank correlation with "
-        f"the error of log10 s is {stats.spearmanr(width, error).statistic:.2f}"
+        f"the error of log10 s is {stats.spearmanr(width, error).statistic:.2f}\n"
     )
-    rows = []
-    for limit in _WIDTHS:
-        parts = (width >= limit, width < limit)
-        wrongs = [f"{_mean(wrong[part]):.0%}" for part in parts]
-        errors = [f"{_mean(error[part]):.2f}" for part in parts]
-        rows.append((f"{limit}", f"{parts[0].mean():.1%}", *wrongs, *errors))
-    heads = ("limit", "above", "wrong words above", "below", "error of log10 s above", "below")
-    _table(heads, rows, gloss.FLAT)
-    fit = [x for x in _WIDTHS if _mean(wrong[width < x]) <= 0.5]
-    print(f"limit to set: {max(fit, default=min(_WIDTHS))}\n")
 
 
 def _of_colours(found: Answer) -> None:
-    print("Photos with more of a second colour than the limit")
-    lights = [np.asarray(found.second), np.asarray(found.second_warm)]
-    rows = [(f"{x}", *(f"{np.mean(light > x):.1%}" for light in lights)) for x in _SECONDS]
-    _table(("limit", "in grey light", "in warm light"), rows, cautions.SECOND_COLOUR)
-
-
-def _mean(values: np.ndarray) -> float:
-    return float(values.mean()) if len(values) else float("nan")
+    print("Photos of one material with a larger spread of colours than the limit")
+    lights = [np.asarray(found.spread), np.asarray(found.spread_warm)]
+    rows = [(f"{x}", *(f"{np.mean(light > x):.1%}" for light in lights)) for x in _SPREADS]
+    _table(("limit", "in grey light", "in warm light"), rows, cautions.SPREAD)
 
 
 def _table(heads: Sequence[str], rows: Sequence[Sequence[str]], now: float) -> None:

@@ -42,6 +42,7 @@ class Material:
             one, in [0, 1] (`lime_keras.estimate.cautions.confidence`); None if it was given.
         exponent_entropy: entropy of the class probabilities in bits, from 0 (certain) to 3 (all
             classes equally likely); None from a model that regresses the exponent.
+        gloss_calibration: what makes `glossy_probability` of the numbers; of the model, if known.
         square: top row, left column and side, in pixels of the photo, of the square that the
             networks saw; it may reach beyond the photo.
         warnings: reasons why the estimate may be wrong (`lime_keras.estimate.cautions`); empty if
@@ -62,6 +63,7 @@ class Material:
     mask_coverage: float | None = None
     mask_confidence: float | None = None
     exponent_entropy: float | None = None
+    gloss_calibration: gloss.Calibration = gloss.DEFAULT
     square: tuple[int, int, int] | None = None
     warnings: tuple[Caution, ...] = ()
     layers: dict[str, np.ndarray] = field(default_factory=dict)
@@ -78,10 +80,17 @@ class Material:
 
     @property
     def gloss(self) -> str | None:
-        """The gloss in words, such as `satin`, or `uncertain: matte to glossy`."""
+        """The gloss in words (`gloss.describe`), such as `rather glossy (81 %)`."""
+        if self.exponent is None or self.glossy_probability is None:
+            return None
+        return gloss.describe(self.glossy_probability, self.exponent, self.specular_albedo)
+
+    @property
+    def glossy_probability(self) -> float | None:
+        """The probability in [0, 1] that the object is semi-gloss, glossy or high-gloss."""
         if self.exponent is None:
             return None
-        return gloss.in_words(self.exponent, self.exponent_interval)
+        return self.gloss_calibration.probability(self.exponent, self.specular_albedo)
 
     @property
     def roughness(self) -> float | None:
@@ -107,13 +116,13 @@ class Material:
         Six significant digits are kept: more than an estimate has, and as many as float32 holds.
         """
         numbers = {name: getattr(self, name) for name in self.__dataclass_fields__}
-        del numbers["layers"], numbers["warnings"]
+        del numbers["layers"], numbers["warnings"], numbers["gloss_calibration"]
         numbers |= {name: getattr(self, name) for name in _DERIVED}
         known = {name: _plain(value) for name, value in numbers.items() if value is not None}
         return known | {"warnings": [asdict(caution) for caution in self.warnings]}
 
 
-_DERIVED = ("exponent_interval", "gloss", "roughness", "diffuse_srgb_hex")
+_DERIVED = ("exponent_interval", "gloss", "glossy_probability", "roughness", "diffuse_srgb_hex")
 """Properties that `Material.to_json` writes after the fields."""
 
 

@@ -19,8 +19,9 @@ from lime_keras.estimate.framing import Square
 from lime_keras.estimate.pictures import Picture, mask_of, photo_of
 from lime_keras.material import Material
 from lime_keras.model import folder as model_folder
+from lime_keras.model import gloss_file
 from lime_keras.model.folder import FOR_PHOTOS
-from lime_keras.optics import colour, compositing, highlights, shininess
+from lime_keras.optics import colour, compositing, dichromatic, highlights, shininess
 from lime_keras.outputs import NEEDED, OUTPUTS, available
 
 _PIXELS_AT_ONCE = 1 << 18
@@ -72,6 +73,7 @@ class Estimator:
     Attributes:
         size: height and width in pixels of the square that the networks see.
         system: name of the system in words.
+        gloss_calibration: what makes a probability of the estimated gloss (`optics.gloss`).
         subnetworks: names of the subnetworks that are run, in order; `segmentation` is always
             among them, but is loaded and run only for photos without a mask; with a masker, never.
 
@@ -93,6 +95,7 @@ class Estimator:
     ):
         self._masker = masker
         self._model = weights
+        self.gloss_calibration = gloss_file.read(model_folder.find(weights))
         self._engine = engines.load(model_folder.find(weights), engine, streaming=streaming)
         self.size, self.system = self._engine.size, self._engine.system
         needed = available(self._engine.outputs)
@@ -312,6 +315,11 @@ class Estimator:
         """Return the material of one photo with the estimates that were asked for."""
         only = self._only
         fields: dict[str, Any] = {}
+        if "diffuse_albedo" in answer:
+            raised = dichromatic.with_saturation_of_pixels(
+                answer["diffuse_albedo"], seen, seen_mask
+            )
+            answer = answer | {"diffuse_albedo": raised}
 
         def placed(name: str) -> np.ndarray:
             """Return a layer of the answer at the photo's size."""
@@ -338,6 +346,7 @@ class Estimator:
             fields["specular_albedo"] = float(answer["specular_albedo"][0])
         if "exponent" in only:
             fields["exponent"] = float(10.0 ** shininess.log_of_outputs(answer))
+            fields["gloss_calibration"] = self.gloss_calibration
         if "exponent_bin_probabilities" in answer:
             probabilities = answer["exponent_bin_probabilities"]
             fields["exponent_bin_probabilities"] = probabilities

@@ -28,7 +28,7 @@ COLUMNS = (
     *("json", "source", "scene", "diffuse_r", "diffuse_g", "diffuse_b", "colour"),
     *("specular_albedo", "exponent", "exponent_entropy"),
     *("mask_coverage", "mask_confidence", "warnings"),
-    *("exponent_low", "exponent_high", "gloss", "roughness"),
+    *("exponent_low", "exponent_high", "gloss", "roughness", "glossy_probability"),
 )
 """Columns of the table. Albedos are linear; `colour` is the diffuse one, sRGB, as #rrggbb."""
 _MARK = '<meta name="generator" content="lime-estimate">'
@@ -162,7 +162,7 @@ def _keys(row: dict[str, Any]) -> dict[str, float | str]:
     """Return the values to sort by; what is not known is empty, and comes last."""
     keys: dict[str, float | str] = dict.fromkeys(("gloss", "colour", "confidence", "mask"), "")
     if row["exponent"] is not None:
-        keys["gloss"] = row["exponent"]
+        keys["gloss"] = gloss.level(row["exponent"], row["specular_albedo"])
     if row["diffuse_r"] is not None:
         levels = bytes.fromhex(row["colour"].removeprefix("#"))
         hue, saturation, value = colorsys.rgb_to_hsv(*(level / 255 for level in levels))
@@ -177,12 +177,17 @@ def _keys(row: dict[str, Any]) -> dict[str, float | str]:
 
 def _told(row: dict[str, Any]) -> Iterator[str]:
     """Yield the lines of a card."""
+    if row["gloss"] is not None:
+        yield row["gloss"]
+    numbers = []
     if row["diffuse_r"] is not None:
         red, green, blue = (row[f"diffuse_{channel}"] for channel in "rgb")
-        yield f"m_d {red:.2f} {green:.2f} {blue:.2f}  m_s {row['specular_albedo']:.2f}"
+        numbers.append(f"m_d {red:.2f} {green:.2f} {blue:.2f}  m_s {row['specular_albedo']:.2f}")
     if row["exponent"] is not None:
         ends = row["exponent_low"], row["exponent_high"]
-        yield gloss.sentence(row["exponent"], None if None in ends else ends)
+        numbers.append(gloss.numbers(row["exponent"], None if None in ends else ends))
+    if numbers:
+        yield "  ".join(numbers)
     if row["mask_coverage"] is not None:
         sure = row["mask_confidence"]
         mask = f"mask {min(sure, 0.99):.0%} sure, " if sure is not None else ""

@@ -174,17 +174,18 @@ def rim(inside: np.ndarray, width: int = 1) -> np.ndarray:
 
 
 def caption(material: Material) -> list[str]:
-    """Return the estimated numbers in lines of text: the material, then the mask."""
+    """Return the estimated numbers in lines of text: in words, in numbers, then the mask."""
+    words = [said for said in (material.gloss, material.diffuse_srgb_hex) if said is not None]
     parts = []
     if material.diffuse_albedo is not None:
         red, green, blue = material.diffuse_albedo
         parts += [f"m_d {red:.2f} {green:.2f} {blue:.2f}", f"m_s {material.specular_albedo:.2f}"]
     if material.exponent is not None:
-        parts.append(gloss.sentence(material.exponent, material.exponent_interval))
+        parts.append(gloss.numbers(material.exponent, material.exponent_interval))
     mask = [f"covers {material.mask_coverage or 0:.1%}"]
     if material.mask_confidence is not None:
         mask.append(f"mask confidence {material.mask_confidence:.2f}")
-    return ["    ".join(line) for line in (parts, mask) if line]
+    return ["    ".join(line) for line in (words, parts, mask) if line]
 
 
 def _with_outline(image_srgb: np.ndarray, material: Material) -> np.ndarray:

@@ -55,7 +55,8 @@ def material(numbers: Mapping[str, Any], *, colour: bool) -> str:
         swatch = f"\x1b[48;2;{red};{green};{blue}m{' ' * _SWATCH}\x1b[0m " if colour else ""
         parts.append(f"{swatch}{said}")
     if numbers.get("exponent") is not None:
-        parts.append(gloss.sentence(numbers["exponent"], numbers.get("exponent_interval")))
+        told = gloss.numbers(numbers["exponent"], numbers.get("exponent_interval"))
+        parts.append(f"{numbers['gloss']}, {told}")
     if numbers.get("specular_albedo") is not None:
         parts.append(f"specular {numbers['specular_albedo']:.2f}")
     if not parts and numbers.get("mask_coverage"):

@@ -94,6 +94,7 @@ class LiveServer(ThreadingHTTPServer):
             "version": __version__,
             "system": estimator.system,
             "size": estimator.size,
+            "gloss": estimator.gloss_calibration._asdict(),
             "about": "ONNX Runtime on this computer",
             "start": start and {"kind": start.kind, "name": start.path and start.path.name},
         }

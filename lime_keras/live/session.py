@@ -87,7 +87,7 @@ class Session:
 
         # What is known of it since the last cut.
         step = self._tracker.step(image_srgb, material)
-        fused = material_of(step.fused)
+        fused = material_of(step.fused, material.gloss_calibration)
         if step.cut or np.isnan(step.fused).all():
             self._light.restart()
 

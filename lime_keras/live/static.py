@@ -21,6 +21,7 @@ from typing import IO, cast
 from lime_keras.io import atomic, untrusted
 from lime_keras.live import graphs
 from lime_keras.model import folder as model_folder
+from lime_keras.model import gloss_file
 from lime_keras.model import graphs as graph_folder
 from lime_keras.version import __version__
 
@@ -90,6 +91,7 @@ def write(out: Path, run: Path, runtime: Path) -> None:
             "version": __version__,
             "system": description.system,
             "size": description.size,
+            "gloss": gloss_file.read(run)._asdict(),
             "runtime": {name: _placed(partial, backend) for name, backend in _RUNTIME.items()},
             "graphs": {
                 graph: {"path": path, "bytes": (partial / path).stat().st_size}

@@ -36,6 +36,20 @@ _COVERED = 0.75
 _LEAST_CHROMA = 1e-3
 """Least chroma, linear radiance, over which a mean has a direction: a quarter of an 8-bit level."""
 _LEAST_SQUARE = 1e-20
+SECOND_COLOUR = 0.15
+"""`second_colour` above which an object has several hues; one in grey light has 0.04 at most."""
+_FEWEST = 64
+"""Pixels from which on their median is trusted."""
+_COLOURED = (0.5, 0.65)
+"""Chroma over mean, of the median pixel, from which a colour is the object's, and no longer may be
+the light's: that of white paper and china by a lamp is below, and felt, cloth and wood above."""
+_PATCHES = 48
+"""Number of patches along the longer side of an object, about, whose colours are compared."""
+_FEWEST_PATCHES = 24
+_NEAR = 0.8
+"""Share of the patches that are compared: the nearest to their median."""
+_SPREAD_DARK = 0.01
+"""Radiance that is added to the mean of a patch where its colour is compared."""
 _ROOT = 1e-4
 """Radiance added below the root of the grey light, which has no gradient at 0."""
 
@@ -144,6 +158,40 @@ def with_hue_of_pixels(diffuse_albedo: Any, masked_image: Any) -> Any:
     return xp.where(known > 0, turned, diffuse_albedo)
 
 
+def with_saturation_of_pixels(
+    diffuse_albedo: np.ndarray, image: np.ndarray, mask: np.ndarray
+) -> np.ndarray:
+    """Return an albedo at least as saturated as half of the object's pixels; its mean stays.
+
+    What is added to m_d · D in grey light is grey, so m_d is at least as saturated as any pixel.
+    Networks, which learn a mean, fall a tenth below (docs/explanation/decisions.md). The albedo
+    stays as it is where the pixels do not show it: fewer than 64 that are not clipped, a second
+    hue, or so little colour that the light's own may be all of it.
+
+    Args:
+        diffuse_albedo: estimated m_d, linear RGB `(3,)` in [0, 1].
+        image: picture of the object `(H, W, 3)`, sRGB in [0, 1].
+        mask: coverage of the object `(H, W, 1)` in [0, 1].
+    """
+    inside = (mask[..., 0] >= 0.5) & (image.max(axis=-1) < colour.CLIPPED)
+    pixels = image[inside]
+    mean, own = float(np.mean(diffuse_albedo)), diffuse_albedo - np.mean(diffuse_albedo)
+    length = float(np.linalg.norm(own))
+    if len(pixels) < _FEWEST or length <= _LEAST_CHROMA or second_colour(pixels) > SECOND_COLOUR:
+        return diffuse_albedo
+    linear = colour.srgb_to_linear(pixels)
+    grey = linear.mean(axis=-1)
+    chroma = np.linalg.norm(linear - grey[:, None], axis=-1)
+    median = float(np.median(chroma / (grey + _DARK)))
+    low, high = _COLOURED
+    share = min(max((median - low) / (high - low), 0.0), 1.0)
+    factor = 1 + share * max(median * mean / length - 1, 0.0)
+    # No channel may leave [0, 1].
+    room = np.where(own < 0, mean, 1 - mean) / np.maximum(np.abs(own), _LEAST_SQUARE)
+    factor = min(factor, max(float(room.min()), 1.0))
+    return np.asarray(mean + factor * own, diffuse_albedo.dtype)
+
+
 def second_colour(pixels_srgb: np.ndarray) -> float:
     """Return how much colour an object has beside its own, over its brightness.
 
@@ -166,6 +214,42 @@ def second_colour(pixels_srgb: np.ndarray) -> float:
         direction = mean / length
         chroma = chroma - (chroma @ direction)[:, None] * direction
     return float(np.sqrt(np.mean(np.sum(chroma**2, axis=-1)))) / brightness
+
+
+def colour_spread(image_srgb: np.ndarray, inside: np.ndarray) -> float:
+    """Return how far the colours of an object's patches are from one, 0 for one colour.
+
+    The relative chroma of a patch is its linear colour less its grey mean, over that mean. The root
+    mean square of its distance from the mean is returned, without the fifth of the patches that is
+    farthest from the median: highlights take little of the surface, a second material takes much.
+    Patches are used because noise and JPEG colour single pixels.
+
+    Args:
+        image_srgb: picture `(H, W, 3)`, sRGB in [0, 1].
+        inside: pixels of the object, bool `(H, W)`.
+    """
+    lit = [np.flatnonzero(inside.any(axis=axis)) for axis in (1, 0)]
+    if not lit[0].size:
+        return 0.0
+    extent = max(int(part[-1] - part[0]) + 1 for part in lit)
+    step = max(1, extent // (4 * _PATCHES))
+    patch = max(1, -(-extent // (step * _PATCHES)))
+    rows, columns = (slice(part[0], part[-1] + 1, step) for part in lit)
+    image, covered = image_srgb[rows, columns], inside[rows, columns]
+    high, wide = (size // patch for size in covered.shape)
+    shape = (high, patch, wide, patch)
+    cut = slice(0, high * patch), slice(0, wide * patch)
+    usable = covered[cut] & (image[cut].max(axis=-1) < colour.CLIPPED)
+    whole = usable.reshape(shape).all(axis=(1, 3))
+    if whole.sum() < _FEWEST_PATCHES:
+        return 0.0
+    linear = colour.srgb_to_linear(image[cut].astype(np.float32))
+    means = linear.reshape(*shape, 3).mean(axis=(1, 3))[whole].astype(np.float64)
+    grey = means.mean(axis=-1, keepdims=True)
+    relative = (means - grey) / (grey + _SPREAD_DARK)
+    far = np.sum((relative - np.median(relative, axis=0)) ** 2, axis=-1)
+    near = relative[np.argsort(far, kind="stable")[: round(_NEAR * len(far))]]
+    return float(np.sqrt(np.mean(np.sum((near - near.mean(axis=0)) ** 2, axis=-1))))
 
 
 def _usable(image: Any, mask: Any, xp: Any) -> tuple[Any, Any]:

@@ -1,40 +1,118 @@
-"""The gloss of a material in words, and how sure its exponent is.
+"""The gloss of a material in words, and how likely they are.
 
-The words name the sharpness of a reflection. Its strength is the specular albedo, so a material of
-a small m_s looks dull even where its exponent is called glossy.
+Gloss is sharpness and strength. The level of a material is log10 s, lowered where the specular
+albedo is below that of a plastic: a sharp lobe of no strength is not glossy. An estimate gets the
+side that is more likely, matte or glossy, and how likely that is: networks draw what they are not
+sure of towards the middle of the scale, so that s alone would call most things satin.
+
+How likely a level makes either side was counted for each set of weights on rendered scenes
+(`benchmarks/gloss.py`); the two numbers lie beside the weights (`lime_keras.model.gloss_file`).
 """
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from lime_keras.optics import shininess
 
-WORDS = ("matte", "satin", "glossy", "mirror-like")
-"""Names of four equal ranges of log10 s, two bins each: below s = 5.6, 32, 178, and above."""
-_WORD_WIDTH = (shininess.LOG_HIGH - shininess.LOG_LOW) / len(WORDS)
+WORDS = ("matte", "satin", "semi-gloss", "glossy", "high-gloss")
+"""Words of the trade; with m_s of a plastic they begin at s = 0, 32, 75, 178 and 422."""
+_EDGES = (1.5, 1.875, 2.25, 2.625)
+"""Levels where words change: edges of the bins of s."""
+SIDE = 1.875
+"""Level from which a material is on the glossy side: semi-gloss, glossy or high-gloss."""
+PLASTIC = 0.04
+"""Specular albedo of a smooth plastic, glaze or varnish, of refractive index 1.5."""
+MIRROR = 0.3
+"""Specular albedo from which what is glossy mirrors: metals and what is silvered."""
+EVEN, SURE = 0.6, 0.85
+"""Probability of a side from which it is said, and from which it is said without a number."""
 SHARE = 0.8
 """Probability that the exponent lies in its interval."""
-FLAT = 1.4
-"""Width of the interval in decades from which the probabilities count as nearly flat.
-
-Flat ones have 2.4. On 512 scenes held out from training, of natural materials, a word is wrong for
-71 % of the intervals above the limit and for 33 % of those below with `best`, 37 % with `live`; at
-1.6 more than half of the words below would be wrong with `best` (`benchmarks/cautions.py`).
-"""
 
 
-def word(exponent: float) -> str:
-    """Return the word for an exponent s of at least 0; s below 1 is matte, above 1000 mirror-like.
+class Calibration(NamedTuple):
+    """How likely an estimated level is glossy: 1 / (1 + exp(−slope · (level − even))).
+
+    Attributes:
+        even: level at which both sides are as likely.
+        slope: growth of the log-odds with a decade of s.
+    """
+
+    even: float
+    slope: float
+
+    def probability(self, exponent: float, specular_albedo: float | None) -> float:
+        """Return the probability in [0, 1] that a material is glossy, from its estimate.
+
+        Args:
+            exponent: estimated s, at least 0.
+            specular_albedo: estimated m_s, at least 0; None counts as a plastic's.
+        """
+        odds = self.slope * (level(exponent, specular_albedo) - self.even)
+        return 1 / (1 + math.exp(min(max(-odds, -700), 700)))
+
+
+DEFAULT = Calibration(1.6, 3.0)
+"""The calibration of a model without one of its own: near those of the sets that ship."""
+
+
+def level(exponent: float, specular_albedo: float | None = None) -> float:
+    """Return the level of gloss: log10 s, and log10(m_s / `PLASTIC`) more where that is below 0.
+
+    Args:
+        exponent: s, at least 0.
+        specular_albedo: m_s, at least 0; None counts as a plastic's.
 
     Example:
-        >>> word(20.0)
-        'satin'
+        >>> level(100.0), round(level(100.0, 0.004), 6), level(100.0, 0.9)
+        (2.0, 1.0, 2.0)
     """
-    place = (math.log10(max(exponent, 1e-9)) - shininess.LOG_LOW) / _WORD_WIDTH
-    return WORDS[min(max(math.floor(place), 0), len(WORDS) - 1)]
+    strength = PLASTIC if specular_albedo is None else specular_albedo
+    return math.log10(max(exponent, 1e-9)) + math.log10(min(max(strength, 1e-9) / PLASTIC, 1.0))
+
+
+def word(exponent: float, specular_albedo: float | None = None) -> str:
+    """Return the word for a material that is known, such as a rendered one.
+
+    Args:
+        exponent: s, at least 0.
+        specular_albedo: m_s, at least 0; None counts as a plastic's.
+
+    Example:
+        >>> word(60.0, 0.05), word(250.0, 0.05), word(250.0, 0.004), word(250.0, 0.9)
+        ('satin', 'glossy', 'matte', 'mirror-like')
+    """
+    place = int(np.searchsorted(_EDGES, level(exponent, specular_albedo), side="right"))
+    is_mirror = specular_albedo is not None and specular_albedo >= MIRROR
+    return "mirror-like" if is_mirror and place >= WORDS.index("glossy") else WORDS[place]
+
+
+def describe(probability: float, exponent: float, specular_albedo: float | None) -> str:
+    """Return the words for an estimated gloss: the likelier side, or both where that is even.
+
+    Args:
+        probability: that the material is glossy, in [0, 1] (`Calibration.probability`).
+        exponent: estimated s, at least 0.
+        specular_albedo: estimated m_s, at least 0; None if it is not known.
+
+    Example:
+        >>> describe(0.81, 70.0, 0.05), describe(0.2, 9.0, 0.05), describe(0.5, 40.0, 0.05)
+        ('rather glossy (81 %)', 'rather matte (80 %)', 'satin to semi-gloss')
+        >>> describe(0.9, 250.0, 0.05), describe(0.1, 3.0, 0.05)
+        ('glossy', 'matte or satin')
+    """
+    likely = max(probability, 1 - probability)
+    if likely < EVEN:
+        return "satin to semi-gloss"
+    if likely < SURE:
+        return f"rather {'glossy' if probability > 0.5 else 'matte'} ({100 * likely:.0f} %)"
+    if probability < 0.5:
+        return "matte or satin"
+    finer = word(exponent, specular_albedo)
+    return finer if finer in ("high-gloss", "mirror-like") else "glossy"
 
 
 def interval(probabilities: Any) -> tuple[float, float]:
@@ -61,45 +139,19 @@ def interval(probabilities: Any) -> tuple[float, float]:
     return ends[0], ends[1]
 
 
-def is_flat(ends: Sequence[float]) -> bool:
-    """Return whether an interval `(low, high)` of s is so wide that no word is sure."""
-    return math.log10(ends[1] / ends[0]) >= FLAT
-
-
-def in_words(exponent: float, ends: Sequence[float] | None) -> str:
-    """Return the word for a gloss, or the range of words where it is uncertain.
+def numbers(exponent: float, ends: Sequence[float] | None) -> str:
+    """Return an exponent with its interval.
 
     Args:
         exponent: s, at least 0.
         ends: `interval` of s; None if no probabilities are known.
 
     Example:
-        >>> in_words(20.0, (2.0, 500.0))
-        'uncertain: matte to mirror-like'
+        >>> numbers(20.0, (8.0, 50.0))
+        's 20 (8.0 to 50)'
     """
-    if ends is None or not is_flat(ends):
-        return word(exponent)
-    return f"uncertain: {word(ends[0])} to {word(ends[1])}"
-
-
-def sentence(exponent: float, ends: Sequence[float] | None) -> str:
-    """Return the gloss in words with its numbers.
-
-    Args:
-        exponent: s, at least 0.
-        ends: `interval` of s; None if no probabilities are known.
-
-    Example:
-        >>> sentence(20.0, (8.0, 50.0))
-        'satin, s 20 (8.0 to 50)'
-        >>> sentence(20.0, (2.0, 500.0))
-        'gloss uncertain: matte to mirror-like, s 20 (2.0 to 500)'
-    """
-    said = f"{in_words(exponent, ends)}, s {_digits(exponent)}"
-    if ends is None:
-        return said
-    between = f"({_digits(ends[0])} to {_digits(ends[1])})"
-    return f"{'gloss ' if is_flat(ends) else ''}{said} {between}"
+    between = "" if ends is None else f" ({_digits(ends[0])} to {_digits(ends[1])})"
+    return f"s {_digits(exponent)}{between}"
 
 
 def _digits(exponent: float) -> str:

@@ -144,7 +144,8 @@ class _Run:
                 rows.write(_row(self._frames, frame.time, material, step))
                 status = "new scene" if step.cut else "" if step.found else "no object"
                 seen = material if step.found else Material(layers=material.layers)
-                picture = draw(frame.image_srgb, frame.time, status, seen, material_of(step.fused))
+                fused = material_of(step.fused, material.gloss_calibration)
+                picture = draw(frame.image_srgb, frame.time, status, seen, fused)
                 video.write(picture, frame.time)
                 self.scenes.add(frame, material, step)
                 self._count(frame, step)
@@ -168,7 +169,7 @@ class _Run:
             cuts=self._cuts,
             seconds=self._seconds,
             material=replace(
-                material_of(self._last),
+                material_of(self._last, last.gloss_calibration),
                 mask_confidence=last.mask_confidence,
                 exponent_bin_probabilities=last.exponent_bin_probabilities,
                 warnings=cautions,

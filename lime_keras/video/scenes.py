@@ -73,7 +73,7 @@ class _Running:
             return None
         image, seen = self.largest
         material = dataclasses.replace(
-            material_of(self.fused),
+            material_of(self.fused, seen.gloss_calibration),
             mask_coverage=seen.mask_coverage,
             mask_confidence=self.cautions.mask_confidence,
             exponent_bin_probabilities=self.cautions.exponent_bin_probabilities,

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lime_keras.material import Material
+from lime_keras.optics.gloss import Calibration
 from lime_keras.video.cuts import CutDetector
 from lime_keras.video.fusion import Fusion
 
@@ -81,11 +82,17 @@ def parameters(material: Material) -> np.ndarray:
     return np.array([*diffuse, specular, log_exponent], np.float64)
 
 
-def material_of(fused: np.ndarray) -> Material:
-    """Return the material of parameters `(5,)` (see `parameters`); NaN becomes None."""
+def material_of(fused: np.ndarray, calibration: Calibration) -> Material:
+    """Return the material of parameters `(5,)` (see `parameters`); NaN becomes None.
+
+    Args:
+        fused: parameters.
+        calibration: `Material.gloss_calibration` of the model that estimated them.
+    """
     *diffuse, specular, log_exponent = (float(value) for value in fused)
     return Material(
         diffuse_albedo=None if math.isnan(diffuse[0]) else np.array(diffuse, np.float32),
         specular_albedo=None if math.isnan(specular) else specular,
         exponent=None if math.isnan(log_exponent) else 10.0**log_exponent,
+        gloss_calibration=calibration,
     )

@@ -34,7 +34,8 @@ def test_json_holds_every_number_and_no_layer(material):
         "mask_coverage": 0.0,
         "exponent_entropy": 3.0,
         "exponent_interval": [1.99526, 501.187],
-        "gloss": "uncertain: matte to mirror-like",
+        "gloss": "matte or satin",  # m_s is 0
+        "glossy_probability": pytest.approx(0, abs=1e-9),
         "roughness": 0.538449,
         "diffuse_srgb_hex": "#bc8900",
         "warnings": [],
@@ -55,9 +56,9 @@ def test_a_regressed_exponent_has_no_probabilities_in_json(material):
         material, exponent_bin_probabilities=None, exponent_entropy=None
     )
     numbers = {"diffuse_albedo", "specular_albedo", "exponent", "mask_coverage", "warnings"}
-    derived = {"gloss", "roughness", "diffuse_srgb_hex"}
+    derived = {"gloss", "glossy_probability", "roughness", "diffuse_srgb_hex"}
     assert set(regressed.to_json()) == numbers | derived
-    assert regressed.gloss == "satin"
+    assert regressed.gloss == "matte or satin"
 
 
 def test_the_roughness_is_that_of_the_gltf_file(material):

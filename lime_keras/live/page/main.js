@@ -4,7 +4,7 @@ import { css, hex } from "./colour.js";
 import { loadEngine } from "./engine.js";
 import { EngineError } from "./errors.js";
 import { download, gltf, gltfMaterial } from "./exports.js";
-import { inNumbers, interval, inWords } from "./gloss.js";
+import { describe, inNumbers, interval, probability } from "./gloss.js";
 import { parse } from "./meshes.js";
 import { picture, studio, turned } from "./panorama.js";
 import { Renderer, TABLE } from "./renderer.js";
@@ -338,6 +338,12 @@ function current() {
   };
 }
 
+/** The gloss of a material in words, and how likely it is glossy. */
+function glossOf({ exponent, specular_albedo: specular }) {
+  const likely = probability(config.gloss, exponent, specular);
+  return { gloss: describe(likely, exponent, specular), glossy_probability: likely };
+}
+
 function showNumbers() {
   const found = estimated();
   for (const id of ["copy", "save-json", "save-gltf", "save-png"]) $(id).disabled = !found;
@@ -345,7 +351,7 @@ function showNumbers() {
   $("diffuse").textContent = found ? found.diffuse_albedo.map(digits).join("  ") : "–";
   $("specular-albedo").textContent = found ? digits(found.specular_albedo) : "–";
   const ends = interval(last.material?.exponent_bin_probabilities);
-  $("gloss").textContent = found ? inWords(found.exponent, ends) : "–";
+  $("gloss").textContent = found ? glossOf(found).gloss : "–";
   $("exponent").textContent = found ? inNumbers(found.exponent, ends) : "–";
   showBins(last.material?.exponent_bin_probabilities ?? []);
   if (!found) for (const id of ["specular", "mirror"]) $(id).width = 128; // which empties it
@@ -396,7 +402,7 @@ function numbersText() {
   const ends = interval(probabilities);
   const derived = {
     exponent_interval: ends,
-    gloss: inWords(exponent, ends),
+    ...glossOf(material),
     roughness: gltfMaterial(material).pbrMetallicRoughness.roughnessFactor,
     diffuse_srgb_hex: hex(material.diffuse_albedo),
   };

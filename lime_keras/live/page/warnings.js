@@ -15,7 +15,7 @@ const WORDS = {
   "burnt-highlight": "Highlights are burnt out to white: take less light, or expose the picture shorter.",
   grey: "The picture shows no colour of the object, which helps to tell its highlights: take one in colour.",
   "second-colour":
-    "The object has a second colour: the light is strongly coloured, or it is a coloured metal or has several colours.",
+    "The object seems to have several colours, and the numbers are one for all: show one, or mend the mask.",
   "no-light": "No light was found from it: the virtual object keeps the one that it has.",
 };
 

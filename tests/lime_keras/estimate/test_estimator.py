@@ -55,8 +55,13 @@ def check(material, shape):
     assert material.exponent_bin_probabilities.sum() == pytest.approx(1, rel=1e-5)
     assert 0 <= material.exponent_entropy <= 3.0001
     numbers = json.loads(json.dumps(material.to_json(), allow_nan=False))
-    derived = {"exponent_interval", "gloss", "roughness", "diffuse_srgb_hex"}
-    assert set(numbers) == set(Material.__dataclass_fields__) - {"layers"} | derived
+    derived = {
+        *("exponent_interval", "gloss", "glossy_probability", "roughness", "diffuse_srgb_hex")
+    }
+    assert (
+        set(numbers)
+        == set(Material.__dataclass_fields__) - {"layers", "gloss_calibration"} | derived
+    )
     assert 0.5 <= material.mask_confidence <= 1
 
 
@@ -283,7 +288,7 @@ FIELDS = {
     "albedo": ({"diffuse_albedo", "specular_albedo", "diffuse_srgb_hex"}, {"mask"}),
     "exponent": (
         {"exponent", "exponent_bin_probabilities", "exponent_entropy"}
-        | {"exponent_interval", "gloss", "roughness"},
+        | {"exponent_interval", "gloss", "glossy_probability", "roughness"},
         {"mask"},
     ),
     "diffuse": (set(), {"mask", "diffuse", "recomposed"}),

@@ -147,11 +147,10 @@ def test_the_mask_is_outlined():
 def test_the_caption_leaves_out_what_is_not_known():
     assert preview.caption(Material(mask_coverage=0.25)) == ["covers 25.0%"]
     whole = material([0.1, 0.2, 0.3], 0.5, 123.4, mask_coverage=0.5)
-    first = "m_d 0.10 0.20 0.30    m_s 0.50    glossy, s 123"
-    assert preview.caption(whole) == [first, "covers 50.0%"]
+    words, first = "rather glossy (81 %)    #597c95", "m_d 0.10 0.20 0.30    m_s 0.50    s 123"
+    assert preview.caption(whole) == [words, first, "covers 50.0%"]
     found = dataclasses.replace(
         whole, mask_confidence=0.914, exponent_bin_probabilities=np.full(8, 0.125)
     )
-    gloss = "gloss uncertain: matte to mirror-like, s 123 (2.0 to 501)"
-    first = f"m_d 0.10 0.20 0.30    m_s 0.50    {gloss}"
-    assert preview.caption(found) == [first, "covers 50.0%    mask confidence 0.91"]
+    first = "m_d 0.10 0.20 0.30    m_s 0.50    s 123 (2.0 to 501)"
+    assert preview.caption(found) == [words, first, "covers 50.0%    mask confidence 0.91"]

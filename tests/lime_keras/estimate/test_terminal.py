@@ -28,7 +28,7 @@ def test_four_lines_tell_a_photo():
     lines = terminal.answer(content(), Path("out"), colour=False).splitlines()
     assert lines == [
         "photos/vase.jpg",
-        "  #bc7c59   satin, s 20 (15 to 29)   specular 0.05",
+        "  #bc7c59   rather matte (71 %), s 20 (15 to 29)   specular 0.05",
         "  ! it is grey",
         "  out/: vase-preview.png, vase.gltf, vase-mitsuba.json, vase.json and 1 more",
     ]
@@ -39,10 +39,10 @@ def test_the_swatch_has_the_colour_of_its_hex():
     assert line.startswith("\x1b[48;2;188;124;89m    \x1b[0m #bc7c59")
 
 
-def test_an_uncertain_gloss_is_told_with_its_interval():
+def test_a_gloss_is_told_with_the_interval_of_the_exponent():
     flat = Material(exponent=20.0, exponent_bin_probabilities=np.full(8, 0.125))
     told = terminal.material(flat.to_json(), colour=False)
-    assert told == "gloss uncertain: matte to mirror-like, s 20 (2.0 to 501)"
+    assert told == "rather matte (71 %), s 20 (2.0 to 501)"
 
 
 def test_a_photo_without_an_object_has_no_material():
@@ -57,7 +57,7 @@ def test_a_mask_alone_says_how_much_it_covers():
 
 
 def test_each_scene_of_a_video_has_its_line():
-    scenes = [{"scene": n, "exponent": 3.0, "warnings": []} for n in (1, 4)]
+    scenes = [{"scene": n, "gloss": "matte", "exponent": 3.0, "warnings": []} for n in (1, 4)]
     told = {"video": "clip.mp4", "scenes": scenes, "files": ["clip.csv"], "warnings": []}
     lines = terminal.answer(told, Path("out"), colour=False).splitlines()
     assert lines[1:3] == ["  scene 1  matte, s 3.0", "  scene 4  matte, s 3.0"]

@@ -6,10 +6,35 @@ import pytest
 from lime_keras.optics import gloss, shininess
 
 
-def test_a_word_covers_two_bins():
+def test_words_change_at_edges_of_bins():
     words = [gloss.word(10.0**log) for log in shininess.LOG_MEANS]
-    assert words == ["matte"] * 2 + ["satin"] * 2 + ["glossy"] * 2 + ["mirror-like"] * 2
-    assert gloss.word(0.0) == "matte" and gloss.word(1e6) == "mirror-like"
+    assert words == ["matte"] * 4 + ["satin", "semi-gloss", "glossy", "high-gloss"]
+    assert gloss.word(0.0) == "matte" and gloss.word(1e9) == "high-gloss"
+
+
+def test_a_sharp_lobe_of_no_strength_is_not_glossy_and_only_a_strong_one_mirrors():
+    words = [gloss.word(900.0, specular) for specular in (0.0, 0.0005, 0.004, 0.04, 0.3)]
+    assert words == ["matte", "matte", "semi-gloss", "high-gloss", "mirror-like"]
+    assert gloss.word(30.0, 0.9) == "matte"
+
+
+def test_the_likelier_side_is_said_and_how_likely_it_is():
+    said = [gloss.describe(p, 100.0, 0.05) for p in (0.0, 0.15, 0.16, 0.4, 0.41, 0.59, 0.6, 0.85)]
+    assert said == [
+        *("matte or satin", "matte or satin", "rather matte (84 %)", "rather matte (60 %)"),
+        *("satin to semi-gloss", "satin to semi-gloss", "rather glossy (60 %)", "glossy"),
+    ]
+    assert gloss.describe(0.95, 500.0, 0.05) == "high-gloss"
+    assert gloss.describe(0.95, 200.0, 0.6) == "mirror-like"
+
+
+def test_the_calibration_grows_with_the_level_and_never_overflows():
+    calibration = gloss.Calibration(even=1.6, slope=3.0)
+    likely = [calibration.probability(s, 0.05) for s in (0.0, 1.0, 10**1.6, 200.0, 1e30)]
+    assert likely == sorted(likely) and likely[2] == pytest.approx(0.5)
+    assert 0 <= likely[0] and likely[-1] <= 1
+    assert calibration.probability(200.0, 0.001) < 0.5 < calibration.probability(200.0, None)
+    assert gloss.Calibration(1.6, 1e9).probability(1.0, 0.05) < 1e-300
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -35,17 +60,6 @@ def test_bins_without_probability_are_passed_over():
     assert [int(shininess.bin_of(s)) for s in (low, high)] == [1, 6]
 
 
-def test_only_where_the_bins_are_nearly_flat_a_range_is_told():
-    flat, peak = np.full(8, 0.125), np.array([0, 0.05, 0.2, 0.5, 0.2, 0.05, 0, 0])
-    assert gloss.in_words(32.0, gloss.interval(flat)) == "uncertain: matte to mirror-like"
-    assert gloss.in_words(20.0, gloss.interval(peak)) == "satin"
-    edge = 10.0 ** np.array([0.5, 0.5 + gloss.FLAT])
-    assert gloss.is_flat(edge * [1, 1.001]) and not gloss.is_flat(edge * [1, 0.999])
-
-
 def test_an_exponent_is_never_told_bare():
-    assert gloss.sentence(31.6, (2.0, 501.2)) == (
-        "gloss uncertain: matte to mirror-like, s 32 (2.0 to 501)"
-    )
-    assert gloss.sentence(206.2, (45.7, 758.6)) == "mirror-like, s 206 (46 to 759)"
-    assert gloss.sentence(9.96, None) == "satin, s 10"
+    assert gloss.numbers(206.2, (45.7, 758.6)) == "s 206 (46 to 759)"
+    assert gloss.numbers(9.96, None) == "s 10"

@@ -5,6 +5,7 @@ import pytest
 from clips import NOTHING, material
 
 from lime_keras.material import Material
+from lime_keras.optics import gloss
 from lime_keras.video.fusion import Fusion
 from lime_keras.video.tracking import LOST_AFTER, Tracker, material_of, parameters
 
@@ -16,7 +17,7 @@ def test_parameters_and_back():
     values = parameters(one)
     np.testing.assert_array_equal(values[:4], [*one.diffuse_albedo, one.specular_albedo])
     assert values[4] == np.log10(one.exponent)
-    back = material_of(values)
+    back = material_of(values, gloss.DEFAULT)
     np.testing.assert_allclose(back.diffuse_albedo, one.diffuse_albedo, rtol=1e-6)
     assert back.specular_albedo == one.specular_albedo
     assert back.exponent == pytest.approx(one.exponent, rel=1e-12)
@@ -26,8 +27,8 @@ def test_what_was_not_found_or_not_asked_for_is_nan():
     assert np.isnan(parameters(NOTHING)).all()
     only_albedo = Material(np.ones(3), 0.5, mask_coverage=0.1)
     np.testing.assert_array_equal(parameters(only_albedo), [1, 1, 1, 0.5, np.nan])
-    assert material_of(parameters(only_albedo)).exponent is None
-    nothing = material_of(np.full(5, np.nan))
+    assert material_of(parameters(only_albedo), gloss.DEFAULT).exponent is None
+    nothing = material_of(np.full(5, np.nan), gloss.DEFAULT)
     assert nothing.to_json() == {"warnings": []}
 
 

@@ -3,6 +3,7 @@
 
 import { LINEAR } from "../colour.js";
 import { roundHalfEven, THRESHOLD } from "./framing.js";
+import { median, SECOND_COLOUR, secondColour } from "./saturation.js";
 
 const CONFIDENT = 0.925;
 const SMALLEST_SHARE = 0.04;
@@ -13,8 +14,8 @@ const DARKEST = 0.05;
 const CLIPPED = 0.15;
 const BURNT = 0.01;
 const [GREY, GREY_SHARE] = [2, 0.99];
-const SECOND_COLOUR = 0.15;
-const LEAST_CHROMA = 1e-3;
+const SPREAD = 0.11;
+const [PATCHES, FEWEST_PATCHES, DARK, NEAR] = [48, 24, 0.01, 0.8]; // `dichromatic.colour_spread`
 const WHITE = 254;
 const JUDGED = 20_000;
 const LUMINANCE = [0.2126, 0.7152, 0.0722];
@@ -53,9 +54,17 @@ export function codes(photo, inside, maskConfidence) {
     clipped: white > CLIPPED,
     "burnt-highlight": white > BURNT && white <= CLIPPED,
     grey: grey >= GREY_SHARE,
-    "second-colour": grey < GREY_SHARE && secondColour(pixels) > SECOND_COLOUR,
+    "second-colour": grey < GREY_SHARE && isOfSeveralColours(),
   };
   return Object.keys(found).filter((code) => found[code]);
+
+  function isOfSeveralColours() {
+    if (colourSpread(photo, inside) > SPREAD) return true;
+    const linear = pixels
+      .filter((levels) => Math.max(...levels) < WHITE)
+      .map((levels) => levels.map((level) => LINEAR[level]));
+    return secondColour(linear) > SECOND_COLOUR;
+  }
 }
 
 /** The longer side of the box around all that is inside. */
@@ -147,20 +156,51 @@ function brightTenth(pixels) {
   return below + (above - below) * (place % 1);
 }
 
-const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+/** How far the colours of the object's patches are from one, 0 for one colour. */
+export function colourSpread({ data, width, height }, inside) {
+  // The box around the object, and the patches that fill it.
+  let [left, right, top, bottom] = [width, -1, height, -1];
+  for (let at = 0; at < inside.length; at++) {
+    if (!inside[at]) continue;
+    const column = at % width;
+    left = Math.min(left, column);
+    right = Math.max(right, column);
+    top = Math.min(top, Math.floor(at / width));
+    bottom = Math.floor(at / width);
+  }
+  if (right < 0) return 0;
+  const longer = Math.max(right - left, bottom - top) + 1;
+  const step = Math.max(1, Math.floor(longer / (4 * PATCHES)));
+  const patch = Math.max(1, Math.ceil(longer / (step * PATCHES)));
+  const high = Math.floor(Math.ceil((bottom - top + 1) / step) / patch);
+  const wide = Math.floor(Math.ceil((right - left + 1) / step) / patch);
 
-/** How much colour the object has beside its own, over its brightness; 0 for one colour. */
-export function secondColour(pixels) {
-  const linear = pixels
-    .filter((levels) => Math.max(...levels) < WHITE)
-    .map((levels) => levels.map((level) => LINEAR[level]));
-  const greys = linear.map(([r, g, b]) => (r + g + b) / 3);
-  const brightness = greys.reduce((sum, grey) => sum + grey, 0) / linear.length;
-  if (!(brightness > 0)) return 0;
-  const chroma = linear.map((colour, at) => colour.map((value) => value - greys[at]));
-  const mean = [0, 1, 2].map((k) => chroma.reduce((sum, one) => sum + one[k], 0) / chroma.length);
-  const length = Math.hypot(...mean);
-  const direction = length > LEAST_CHROMA ? mean.map((value) => value / length) : [0, 0, 0];
-  const squares = chroma.reduce((sum, one) => sum + dot(one, one) - dot(one, direction) ** 2, 0);
-  return Math.sqrt(Math.max(squares, 0) / chroma.length) / brightness;
+  // The relative chroma of each patch that the object fills.
+  const chromas = [];
+  for (let place = 0; place < high * wide; place++) {
+    const chroma = patchChroma(place);
+    if (chroma) chromas.push(chroma);
+  }
+  if (chromas.length < FEWEST_PATCHES) return 0;
+  const centre = [0, 1, 2].map((k) => median(chromas.map((one) => one[k])));
+  const from = (middle) => (one) => one.reduce((sum, value, k) => sum + (value - middle[k]) ** 2, 0);
+  const near = chromas
+    .sort((a, b) => from(centre)(a) - from(centre)(b))
+    .slice(0, roundHalfEven(NEAR * chromas.length));
+  const mean = [0, 1, 2].map((k) => near.reduce((sum, one) => sum + one[k], 0) / near.length);
+  return Math.sqrt(near.map(from(mean)).reduce((sum, square) => sum + square, 0) / near.length);
+
+  function patchChroma(place) {
+    const sums = [0, 0, 0];
+    for (let pixel = 0; pixel < patch * patch; pixel++) {
+      const row = top + step * (Math.floor(place / wide) * patch + Math.floor(pixel / patch));
+      const column = left + step * ((place % wide) * patch + (pixel % patch));
+      const at = row * width + column;
+      const levels = [data[4 * at], data[4 * at + 1], data[4 * at + 2]];
+      if (!inside[at] || Math.max(...levels) >= WHITE) return null;
+      levels.forEach((level, k) => (sums[k] += LINEAR[level] / patch ** 2));
+    }
+    const grey = (sums[0] + sums[1] + sums[2]) / 3;
+    return sums.map((value) => (value - grey) / (grey + DARK));
+  }
 }

@@ -7,6 +7,7 @@ import { withContrast } from "./contrast.js";
 import * as framing from "./framing.js";
 import * as lighting from "./light.js";
 import { normals } from "./normals.js";
+import { raised } from "./saturation.js";
 import { Fusion, Tracker } from "./tracking.js";
 
 const BIN_WIDTH = 0.375; // Decades of s.
@@ -58,6 +59,10 @@ export class Session {
     let warned = found ? [] : ["no-object"];
     if (options.material && found) {
       layers = await this.run("material", { image: view.seen, mask: view.mask });
+      if (layers.diffuse_albedo) {
+        const albedo = raised([...layers.diffuse_albedo], view.seen, view.mask);
+        layers = { ...layers, diffuse_albedo: albedo };
+      }
       warned = this.cautions(image, view, given);
       lap("material");
     }

@@ -1,0 +1,125 @@
+"""The calibration of the words for a gloss: what a set of weights says, and how often it is right.
+
+    python benchmarks/gloss.py CORPUS [--weights best] [--write] [--photos DIR]
+
+Estimates photos of the scenes in the train split of CORPUS, which must be scenes that no training
+has seen (`lime-render CORPUS --split train --count 1000 --size 128 --materials natural --seed N`).
+Fits the probability of being glossy to half of them, and prints for the other half the share of
+answers that name a side, and how many of those are right. `--write` fits all scenes, and writes
+`gloss.json` beside the weights. `--photos` names a folder with the photographs of
+docs/reference/photographs.csv; they are only reported.
+"""
+
+import argparse
+import csv
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from tqdm import tqdm
+
+from lime_keras import Estimator
+from lime_keras.data import pipeline
+from lime_keras.data.corpus import Split
+from lime_keras.model import folder as model_folder
+from lime_keras.model import gloss_file
+from lime_keras.optics import gloss
+
+_LABELS = Path(__file__).parents[1] / "docs" / "reference" / "photographs.csv"
+_STEPS = 50
+
+
+def main() -> None:
+    """Print, and with --write keep, the calibration of a set."""
+    options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    options.add_argument("corpus", type=Path)
+    options.add_argument("--weights", default="best", help="a run, or a set that ships")
+    options.add_argument("--photos", type=Path, help="folder of the labelled photographs")
+    options.add_argument("--write", action="store_true", help="write gloss.json beside the weights")
+    arguments = options.parse_args()
+    estimator = Estimator(arguments.weights, ["mask", "albedo", "exponent"])
+    levels, glossy = (np.array(column) for column in zip(*_scenes(arguments), strict=True))
+    # Every second scene: both halves hold all shapes and lights.
+    fitted, kept = slice(0, None, 2), slice(1, None, 2)
+    measured = _measure(fit(levels[fitted], glossy[fitted]), levels[kept], glossy[kept])
+    calibration = fit(levels, glossy)
+    print(f"{arguments.weights}: {len(levels)} scenes, {glossy.mean():.0%} glossy; {calibration}")
+    print("held-out half:", _told(measured))
+    if arguments.photos:
+        pairs = list(_photographs(estimator, calibration, arguments.photos))
+        print(
+            "photographs:", _told(_measure(calibration, *map(np.array, zip(*pairs, strict=True))))
+        )
+    if arguments.write:
+        run = model_folder.find(arguments.weights)
+        facts = {"scenes": len(levels), "held_out_half": measured}
+        print(f"written to {gloss_file.write(run, calibration, facts)}")
+
+
+def fit(levels: np.ndarray, glossy: np.ndarray) -> gloss.Calibration:
+    """Return the logistic regression of `glossy` `(N,)` by `levels` `(N,)`, by Newton's method."""
+    columns = np.stack([np.ones_like(levels), levels], axis=-1)
+    weights = np.zeros(2)
+    for _ in range(_STEPS):
+        likely = 1 / (1 + np.exp(-columns @ weights))
+        curvature = (columns * (likely * (1 - likely))[:, None]).T @ columns
+        weights += np.linalg.solve(curvature + 1e-6 * np.eye(2), columns.T @ (glossy - likely))
+    return gloss.Calibration(even=float(-weights[0] / weights[1]), slope=float(weights[1]))
+
+
+def _scenes(arguments: argparse.Namespace) -> Iterator[tuple[float, bool]]:
+    """Yield the estimated level of each photographed scene, and whether it is glossy."""
+    estimator = Estimator(arguments.weights, ["mask", "albedo", "exponent"])
+    shards = pipeline.whole_shards(Split(arguments.corpus, "train"))
+    size = Split(arguments.corpus, "train").size
+    batches = pipeline.evaluation(shards, size=size, batch_size=8, camera=True)
+    for batch in tqdm(batches.as_numpy_iterator(), unit="batch"):
+        numbers = (np.ravel(batch[name]) for name in ("shininess", "specular_albedo"))
+        for image, exponent, specular in zip(batch["image"], *numbers, strict=True):
+            material = estimator.estimate(np.uint8(np.rint(255 * image)))
+            if material.exponent is None:
+                continue
+            found = gloss.level(material.exponent, material.specular_albedo)
+            yield found, gloss.level(float(exponent), float(specular)) >= gloss.SIDE
+
+
+def _photographs(
+    estimator: Estimator, calibration: gloss.Calibration, folder: Path
+) -> Iterator[tuple[float, bool]]:
+    """Print what is said of each labelled photograph; yield its level and whether it is glossy."""
+    with _LABELS.open(newline="", encoding="utf-8") as file:
+        for row in csv.DictReader(file):
+            material = estimator.estimate(folder / row["photo"])
+            if material.exponent is None:
+                continue
+            numbers = material.exponent, material.specular_albedo
+            said = gloss.describe(calibration.probability(*numbers), *numbers)
+            print(f"  {row['photo']:28} {row['finish']:7} {said}")
+            if row["finish"]:
+                yield gloss.level(*numbers), row["finish"] == "glossy"
+
+
+def _measure(
+    calibration: gloss.Calibration, levels: np.ndarray, glossy: np.ndarray
+) -> dict[str, float]:
+    """Return the shares of answers that name a side, and of these that are right."""
+    likely = np.array([calibration.probability(10.0**level, None) for level in levels])
+    right = (likely > 0.5) == glossy
+    sides = np.maximum(likely, 1 - likely)
+    named, sure = sides >= gloss.EVEN, sides >= gloss.SURE
+    shares = {
+        "named": named.mean(),
+        "named_right": right[named].mean() if named.any() else np.nan,
+        "sure": sure.mean(),
+        "sure_right": right[sure].mean() if sure.any() else np.nan,
+    }
+    return {name: round(float(share), 3) for name, share in shares.items()}
+
+
+def _told(measured: dict[str, float]) -> str:
+    named, right, sure, sure_right = (f"{share:.0%}" for share in measured.values())
+    return f"{named} name a side, {right} of these right; {sure} are sure, {sure_right} right"
+
+
+if __name__ == "__main__":
+    main()

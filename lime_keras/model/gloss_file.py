@@ -1,0 +1,48 @@
+"""The file beside a model's weights that says how likely its estimates are glossy.
+
+`benchmarks/gloss.py` writes it. It changes the words for a gloss alone, so it is no part of the
+model's digest.
+"""
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+
+from lime_keras.io import atomic, untrusted
+from lime_keras.model import folder as model_folder
+from lime_keras.optics.gloss import DEFAULT, Calibration
+
+NAME = "gloss.json"
+
+
+def read(run: Path) -> Calibration:
+    """Return the calibration of a model; `gloss.DEFAULT` if it has none.
+
+    Args:
+        run: folder of the trained model (see `model_folder.folder`).
+
+    Raises:
+        ValueError: if the file is damaged.
+    """
+    path = model_folder.folder(run) / NAME
+    if not path.exists():
+        return DEFAULT
+    try:
+        held = untrusted.read_json(path)
+        found = Calibration(float(held["even"]), float(held["slope"]))
+        if not (math.isfinite(found.even) and 0 < found.slope < math.inf):
+            raise ValueError(f"its numbers are {found}")
+    except (ValueError, LookupError, TypeError) as error:
+        raise ValueError(
+            f"{path} is damaged ({error}): delete it, or write it with benchmarks/gloss.py"
+        ) from error
+    return found
+
+
+def write(run: Path, calibration: Calibration, measured: Mapping[str, object]) -> Path:
+    """Write the calibration of a model, with what was measured of it, and return its path."""
+    path = model_folder.folder(run) / NAME
+    content = {"even": round(calibration.even, 3), "slope": round(calibration.slope, 3)}
+    atomic.write(path, json.dumps(content | dict(measured), indent=1) + "\n")
+    return path

@@ -1,0 +1,27 @@
+"""The calibration of the words for a gloss, beside a model's weights."""
+
+import pytest
+
+from lime_keras.model import folder as model_folder
+from lime_keras.model import gloss_file
+from lime_keras.optics import gloss
+
+
+def test_it_is_read_as_it_was_written(tmp_path):
+    (tmp_path / "model").mkdir()
+    assert gloss_file.read(tmp_path) == gloss.DEFAULT
+    calibration = gloss.Calibration(1.5, 2.25)
+    assert gloss_file.write(tmp_path, calibration, {"scenes": 9}).parent == tmp_path / "model"
+    assert gloss_file.read(tmp_path) == calibration
+
+
+@pytest.mark.parametrize("text", ["{", "[]", '{"even": 1}', '{"even": 1, "slope": -2}', "{}"])
+def test_a_damaged_one_is_refused_with_its_name(tmp_path, text):
+    (tmp_path / gloss_file.NAME).write_text(text)
+    with pytest.raises(ValueError, match=r"gloss.json is damaged.*benchmarks/gloss.py"):
+        gloss_file.read(tmp_path)
+
+
+def test_every_set_that_ships_has_its_own():
+    found = {name: gloss_file.read(run) for name, run in model_folder.shipped().items()}
+    assert gloss.DEFAULT not in found.values() and len(set(found.values())) == len(found)
