@@ -34,7 +34,7 @@ SHARE = 0.8
 
 
 class Calibration(NamedTuple):
-    """How likely an estimated level is glossy: 1 / (1 + exp(−slope · (level − even))).
+    """The probability that an estimated level is glossy: 1 / (1 + exp(−slope · (level − even))).
 
     Attributes:
         even: level at which both sides are as likely.
