@@ -1,33 +1,40 @@
 """LIME: Live Intrinsic Material Estimation (CVPR 2018), in TensorFlow and Keras.
 
     from lime_keras import Estimator
-    material = Estimator().estimate("photo.jpg")
+
+    material = Estimator()("photo.jpg")
+    print(material)          # what it is, in words
+    material.show()          # its preview
+    material.save("out")     # numbers, layers, files for Blender and others
 
 `import lime_keras` is cheap: NumPy and ONNX Runtime are imported when `Estimator` is first used.
 TensorFlow and Keras are imported for `Estimator(engine="keras")` alone, and once to export a run.
 """
 
-import os
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from lime_keras.version import __version__
 
-__all__ = ["Estimator", "Material", "__version__"]
+if TYPE_CHECKING:
+    from lime_keras.estimate.estimator import Estimator
+    from lime_keras.material import Caution, Material
+    from lime_keras.video.estimate import estimate_video
 
-# Estimating and rendering tell nobody. ONNX Runtime reads its switch while its library is loaded,
-# so it stands here, before any import of it; a user's own setting stays.
-os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
-os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+__all__ = ["Caution", "Estimator", "Material", "__version__", "estimate_video"]
 
 
 def __getattr__(name: str) -> Any:
-    """Import the two public classes on first use, so that `--help` does not wait for NumPy."""
+    """Import the public names on first use, so that `--help` does not wait for NumPy."""
     if name == "Estimator":
         from lime_keras.estimate.estimator import Estimator
 
         return Estimator
-    if name == "Material":
-        from lime_keras.material import Material
+    if name in ("Caution", "Material"):
+        from lime_keras import material
 
-        return Material
+        return getattr(material, name)
+    if name == "estimate_video":
+        from lime_keras.video.estimate import estimate_video
+
+        return estimate_video
     raise AttributeError(f"module 'lime_keras' has no attribute {name!r}")

@@ -1,13 +1,21 @@
 """An estimate of a material, and the reasons to distrust it."""
 
+import base64
+import html
+import io
+import json
 import math
 from dataclasses import asdict, dataclass, field
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from lime_keras.optics import colour, gloss, microfacets
 from lime_keras.optics.blinn_phong import BlinnPhong
+
+if TYPE_CHECKING:
+    from PIL import Image
 
 
 @dataclass(frozen=True)
@@ -23,9 +31,12 @@ class Caution:
     message: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Material:
     """An estimate of a material and its layers; a quantity that was not estimated is None.
+
+    `print` says it in a line, a notebook shows its preview, and `show` opens that in a window.
+    `save` writes everything, `to_gltf`, `to_mtl` and `to_mitsuba` a file for another program.
 
     Where no object was found nothing is estimated: `mask_coverage` is 0, and `warnings` say so.
     What follows from the numbers, such as `exponent_interval` and `gloss`, are properties.
@@ -54,6 +65,12 @@ class Material:
             linear radiance, Eq. 4 of the estimate with the grey D that fits the photo best. From
             the baseline `reflectance_map` `(S, S, 3)` instead of S and M: linear radiance of a
             sphere of the material, 0 beside the sphere.
+        image_srgb: the photo `(H, W, 3)` that it was estimated from, sRGB in [0, 1]; None if it
+            is not known, as for a video.
+
+    Example:
+        >>> Material(np.array([0.5, 0.2, 0.1]), 0.05, 250.0, mask_coverage=0.4)
+        Material(glossy, s 250, #bc7c59, m_s 0.05, covers 40.0%)
     """
 
     diffuse_albedo: np.ndarray | None = None
@@ -67,6 +84,7 @@ class Material:
     square: tuple[int, int, int] | None = None
     warnings: tuple[Caution, ...] = ()
     layers: dict[str, np.ndarray] = field(default_factory=dict)
+    image_srgb: np.ndarray | None = None
 
     @property
     def exponent_interval(self) -> tuple[float, float] | None:
@@ -116,14 +134,118 @@ class Material:
         Six significant digits are kept: more than an estimate has, and as many as float32 holds.
         """
         numbers = {name: getattr(self, name) for name in self.__dataclass_fields__}
-        del numbers["layers"], numbers["warnings"], numbers["gloss_calibration"]
+        for name in ("layers", "warnings", "gloss_calibration", "image_srgb"):
+            del numbers[name]
         numbers |= {name: getattr(self, name) for name in _DERIVED}
         known = {name: _plain(value) for name, value in numbers.items() if value is not None}
         return known | {"warnings": [asdict(caution) for caution in self.warnings]}
 
+    def preview(self) -> "Image.Image":
+        """Draw the layers, a sphere of the material and its numbers; without a photo, the sphere.
+
+        Raises:
+            ValueError: if there is neither a photo with its mask nor a whole material.
+        """
+        from PIL import Image
+
+        from lime_keras.estimate import preview
+
+        if self.image_srgb is not None and "mask" in self.layers:
+            picture = preview.sheet(self.image_srgb, self)
+        else:
+            picture = preview.sphere(self, _SPHERE)
+        return Image.fromarray(np.rint(255 * picture).astype(np.uint8))
+
+    def show(self) -> None:
+        """Show `preview` in a window."""
+        self.preview().show()
+
+    def save(self, folder: str | Path, name: str = "material") -> list[Path]:
+        """Write numbers, layers, preview and the files for other programs, as `lime-estimate` does.
+
+        Files of these names are replaced.
+
+        Args:
+            folder: folder for the files; made if it is missing.
+            name: beginning of the files' names.
+
+        Returns:
+            Paths of the files, the numbers, `NAME.json`, first.
+
+        Raises:
+            OSError: if a file cannot be written.
+        """
+        from lime_keras.estimate import files
+        from lime_keras.io import atomic
+
+        folder = Path(folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        written = files.write_pictures(folder, name, self)
+        written += files.write_formats(folder, name, self)
+        numbers = folder / f"{name}.json"
+        atomic.write(numbers, json.dumps(self.to_json(), indent=1, allow_nan=False) + "\n")
+        return [numbers, *(folder / file for file in written)]
+
+    def to_gltf(self, path: str | Path) -> Path:
+        """Write a glTF 2.0 file, the material on a sphere (`lime_keras.estimate.interchange`).
+
+        Raises:
+            ValueError: if the material is not whole.
+            OSError: if the file cannot be written.
+        """
+        from lime_keras.estimate import interchange
+
+        return _written(path, interchange.gltf(self, Path(path).stem))
+
+    def to_mtl(self, path: str | Path) -> Path:
+        """Write a Wavefront MTL file (`lime_keras.estimate.interchange`); raises as `to_gltf`."""
+        from lime_keras.estimate import interchange
+
+        return _written(path, interchange.wavefront(self, Path(path).stem))
+
+    def to_mitsuba(self, path: str | Path) -> Path:
+        """Write a scene for `mitsuba.load_dict`, as JSON; raises as `to_gltf`."""
+        from lime_keras.estimate import interchange
+
+        return _written(path, json.dumps(interchange.mitsuba_scene(self), indent=1) + "\n")
+
+    def __repr__(self) -> str:
+        parts = []
+        if self.exponent is not None:
+            parts += [self.gloss, gloss.numbers(self.exponent, self.exponent_interval)]
+        if self.diffuse_albedo is not None:
+            parts.append(self.diffuse_srgb_hex)
+        if self.specular_albedo is not None:
+            parts.append(f"m_s {self.specular_albedo:.2f}")
+        if self.mask_coverage is not None:
+            parts.append(f"covers {self.mask_coverage:.1%}" if self.mask_coverage else "no object")
+        parts += [f"! {caution.code}" for caution in self.warnings]
+        return f"Material({', '.join(str(part) for part in parts)})"
+
+    def _repr_html_(self) -> str:
+        told = "".join(f"<li>{html.escape(caution.message)}</li>" for caution in self.warnings)
+        text = f"<p><code>{html.escape(repr(self))}</code></p><ul>{told}</ul>"
+        try:
+            picture = self.preview()
+        except ValueError:
+            return text
+        encoded = io.BytesIO()
+        picture.save(encoded, "JPEG", quality=90)
+        data = base64.b64encode(encoded.getvalue()).decode()
+        return f'<img src="data:image/jpeg;base64,{data}" alt="preview">{text}'
+
+
+def _written(path: str | Path, text: str) -> Path:
+    from lime_keras.io import atomic
+
+    atomic.write(Path(path), text)
+    return Path(path)
+
 
 _DERIVED = ("exponent_interval", "gloss", "glossy_probability", "roughness", "diffuse_srgb_hex")
 """Properties that `Material.to_json` writes after the fields."""
+_SPHERE = 320
+"""Height and width in pixels of a sphere without a photo."""
 
 
 def srgb_hex(linear: Any) -> str:

@@ -71,6 +71,10 @@ ROWS = {
 }
 
 
+# What the methods of a Material call, when they are called: it is drawn, saved and exported.
+METHODS = {("material", "estimate"), ("material", "io")}
+
+
 def _imports(path):
     """Dotted names that a file imports, at any depth: modules, or what is in them."""
     package = ["lime_keras", *path.parent.relative_to(ROOT).parts]
@@ -108,7 +112,7 @@ def test_each_room_imports_from_the_rows_above_it(folder):
             other = name.removeprefix(inside).split(".")[0]
             if other in {"render", "train", "eval", "__version__"}:
                 continue
-            if other != room and row_of[other] >= row_of[room]:
+            if other != room and row_of[other] >= row_of[room] and (room, other) not in METHODS:
                 wrong.append(f"{path.relative_to(ROOT)} imports {name}")
     assert not wrong, "\n".join(wrong)
 

@@ -10,7 +10,7 @@ Example:
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 
@@ -98,6 +98,8 @@ class Estimator:
         self.gloss_calibration = gloss_file.read(model_folder.find(weights))
         self._engine = engines.load(model_folder.find(weights), engine, streaming=streaming)
         self.size, self.system = self._engine.size, self._engine.system
+        if isinstance(only, str):
+            raise ValueError(f"only is a list of names: pass [{only!r}]")
         needed = available(self._engine.outputs)
         self._full_size = full_size
         self._only = set(needed if only is None else only)
@@ -113,12 +115,42 @@ class Estimator:
             *self._engine.subnetworks(self._read, ["image", "mask"]),
         )
 
+    @overload
+    def __call__(
+        self, photo: list[Picture], mask: list[Picture] | None = None
+    ) -> list[Material]: ...
+
+    @overload
+    def __call__(self, photo: Picture, mask: Picture | None = None) -> Material: ...
+
+    def __call__(
+        self,
+        photo: Picture | list[Picture],
+        mask: Picture | list[Picture] | None = None,
+    ) -> Material | list[Material]:
+        """Estimate the material of the object in a photo, or of several in a list (`estimate`)."""
+        if not isinstance(photo, list):
+            if isinstance(mask, list):
+                raise ValueError(
+                    "one photo with a list of masks: pass one mask, or a list of photos"
+                )
+            return self.estimate(photo, mask)
+        if mask is not None and not isinstance(mask, list):
+            raise ValueError("a list of photos with one mask: pass a list of masks, one for each")
+        return list(self.estimate_many(photo, mask))
+
+    def __repr__(self) -> str:
+        return (
+            f"Estimator({Path(self._model).name}: {self.system}, {self.size} x {self.size} pixels)"
+        )
+
     def estimate(self, photo: Picture, mask: Picture | None = None) -> Material:
         """Estimate the material of the object in a photo.
 
         Args:
-            photo: photo of one object of uniform material: path of a file, PIL image, uint8 array
-                `(H, W, 3)`, or array of floats `(H, W, 3)`; arrays are sRGB, floats in [0, 1].
+            photo: photo of one object of uniform material: path of a file, its bytes, an open
+                binary file, PIL image, uint8 array `(H, W, 3)`, or array of floats `(H, W, 3)`;
+                arrays are sRGB, floats in [0, 1].
             mask: coverage of the object: path of a picture that is white where the object is, PIL
                 image, or array `(H, W)` or `(H, W, 1)` of bools, of uint8, or of floats in [0, 1].
                 None to take the transparency of a file or PIL image, if it has any, or else to find
@@ -180,11 +212,20 @@ class Estimator:
             told = cautions.of(image, mask, confidences[index])
             if cautions.NO_OBJECT in told:
                 yield Material(
-                    mask_coverage=0.0, square=square, layers={"mask": mask}, warnings=told
+                    mask_coverage=0.0,
+                    square=square,
+                    layers={"mask": mask},
+                    warnings=told,
+                    image_srgb=image,
                 )
                 continue
             material = self._material(image, mask, square, seen[index], masks_seen[index], own)
-            yield replace(material, mask_confidence=confidences[index], warnings=told)
+            yield replace(
+                material,
+                mask_confidence=confidences[index],
+                warnings=told,
+                image_srgb=image,
+            )
 
     def view(self, photo: Picture, mask: Picture | None = None) -> View:
         """Find the object in a photo, and return the square that the networks see.

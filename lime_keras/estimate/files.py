@@ -4,6 +4,7 @@ import json
 import os
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -46,10 +47,25 @@ def write(
     Raises:
         OSError: if a file cannot be written.
     """
-    _write_layers(folder, name, material)
-    photo.write(folder / f"{name}-preview.png", preview.sheet(image_srgb, material))
+    write_pictures(folder, name, replace(material, image_srgb=image_srgb))
     write_formats(folder, name, material)
     return {"photo": str(source)} | material.to_json()
+
+
+def write_pictures(folder: Path, name: str, material: Material) -> list[str]:
+    """Write the layers of an estimate and, if its photo is known, its preview.
+
+    Returns:
+        The names of the files, as `write` describes them.
+
+    Raises:
+        OSError: if a file cannot be written.
+    """
+    written = _write_layers(folder, name, material)
+    if material.image_srgb is not None and "mask" in material.layers:
+        written.append(f"{name}-preview.png")
+        photo.write(folder / written[-1], preview.sheet(material.image_srgb, material))
+    return written
 
 
 def write_formats(folder: Path, name: str, material: Material) -> list[str]:
@@ -113,20 +129,22 @@ def _taking(name: str) -> set[str]:
     return {name.casefold(), f"{name}-mitsuba".casefold()}
 
 
-def _write_layers(folder: Path, name: str, material: Material) -> None:
-    """Write each layer in a format for viewing and, if its range needs it, as OpenEXR."""
+def _write_layers(folder: Path, name: str, material: Material) -> list[str]:
+    """Write each layer for viewing and, if its range needs it, as OpenEXR; return the names."""
 
-    def write_layer(layer: str) -> None:
+    def write_layer(layer: str) -> list[str]:
         path, image = folder / f"{name}-{layer}.png", material.layers[layer]
         output = OUTPUTS.get(layer)
+        paths = [path]
         if output is not None and output.levels is None:
-            photo.write(path.with_suffix(".exr"), image)
+            paths.append(path.with_suffix(".exr"))
+            photo.write(paths[-1], image)
         photo.write(path, _viewed(image, output))
+        return [path.name for path in paths]
 
     # Compression takes most of the time, and one core.
     with ThreadPoolExecutor(_WRITERS) as pool:
-        for _ in pool.map(write_layer, material.layers):
-            pass
+        return [file for files in pool.map(write_layer, material.layers) for file in files]
 
 
 def _viewed(image: np.ndarray, output: Output | None) -> np.ndarray:

@@ -1,7 +1,8 @@
-"""The forms in which a photo or a mask may be given: a path, a PIL image, or an array."""
+"""The forms in which a photo or a mask may be given: a file, its bytes, a PIL image, an array."""
 
+import tempfile
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from PIL import Image
@@ -13,7 +14,7 @@ _RANGE = (
     "8-bit ones as uint8"
 )
 
-Picture = str | Path | np.ndarray | Image.Image
+Picture = str | Path | bytes | IO[bytes] | np.ndarray | Image.Image
 """A photo or a mask in one of the forms that `photo_of` and `mask_of` take."""
 
 
@@ -21,8 +22,9 @@ def photo_of(picture: Any) -> tuple[np.ndarray, np.ndarray | None]:
     """Return a photo as an array, and its alpha channel if a part of it is transparent.
 
     Args:
-        picture: path of a file (`photo.read`); PIL image (`photo.from_pil`); uint8 array
-            `(H, W, 3)`, sRGB; or array of floats `(H, W, 3)`, sRGB in [0, 1].
+        picture: path of a file (`photo.read`), its bytes, or an open binary file; PIL image
+            (`photo.from_pil`); uint8 array `(H, W, 3)`, sRGB; or array of floats `(H, W, 3)`, sRGB
+            in [0, 1].
 
     Returns:
         image: `(H, W, 3)` float32, sRGB in [0, 1].
@@ -87,7 +89,23 @@ def _read(picture: Any) -> tuple[np.ndarray, np.ndarray | None] | None:
     """Return colour and alpha of a file or PIL image; None for what is an array."""
     if isinstance(picture, str | Path):
         return photo.read(picture)
+    if isinstance(picture, bytes | bytearray | memoryview) or hasattr(picture, "read"):
+        return _read_bytes(picture.read() if hasattr(picture, "read") else bytes(picture))
     return photo.from_pil(picture) if isinstance(picture, Image.Image) else None
+
+
+def _read_bytes(content: bytes) -> tuple[np.ndarray, np.ndarray | None]:
+    """Return colour and alpha of a file's content, read by its kind, as `photo.read` does."""
+    if not isinstance(content, bytes) or not content:
+        raise ValueError("the file is empty, or open as text: open it in binary mode, 'rb'")
+    suffix = ".heic" if content[4:8] == b"ftyp" else ".png"  # of others the content alone counts
+    with tempfile.TemporaryDirectory(prefix="lime-") as folder:
+        path = Path(folder) / f"picture{suffix}"
+        path.write_bytes(content)
+        try:
+            return photo.read(path)
+        except ValueError as error:
+            raise ValueError(str(error).replace(str(path), "the picture's bytes")) from error
 
 
 def _floats(values: Any) -> np.ndarray:

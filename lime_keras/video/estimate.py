@@ -1,13 +1,10 @@
 """The material of a video: estimated in each frame alone, and fused over time (section 5.5).
 
 Example:
-    from pathlib import Path
+    from lime_keras import estimate_video
 
-    from lime_keras import Estimator
-    from lime_keras.video.estimate import estimate_video
-
-    summary = estimate_video("turntable.mp4", Estimator("runs/live"), Path("materials"), "vase")
-    print(summary.material.to_json(), summary.table, summary.overlay)
+    summary = estimate_video("turntable.mp4", folder="materials")
+    print(summary.material, summary.table, summary.overlay)
 """
 
 import csv
@@ -41,6 +38,10 @@ COLUMNS = (
     *("mask_confidence", "warnings"),
 )
 """Columns of the table that `estimate_video` writes; warnings are codes with a space between."""
+
+
+_ESTIMATED = ("mask", "albedo", "exponent")
+"""What is estimated of a frame by default: a video leaves no layers."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +81,12 @@ class Summary:
         return counts | self.material.to_json() | listed
 
 
-def estimate_video(source: str, estimator: Estimator, folder: Path, name: str) -> Summary:
+def estimate_video(
+    source: str | Path,
+    estimator: Estimator | None = None,
+    folder: str | Path = "materials",
+    name: str | None = None,
+) -> Summary:
     """Estimate every frame of a video, and write its table and overlay frame by frame.
 
     At the end the fused material of each scene is written, too (`scenes.write`).
@@ -90,9 +96,9 @@ def estimate_video(source: str, estimator: Estimator, folder: Path, name: str) -
 
     Args:
         source: path of a video file, or name of a camera (see `video_reader.Footage`).
-        estimator: estimator of single frames.
+        estimator: estimator of single frames; by default that of the weights for photos.
         folder: folder for `NAME.csv`, `NAME-overlay.mp4` and the materials; made if it is missing.
-        name: NAME of the files.
+        name: NAME of the files; by default that of the video.
 
     Returns:
         Counts, fused material and paths of the files.
@@ -101,6 +107,8 @@ def estimate_video(source: str, estimator: Estimator, folder: Path, name: str) -
         ValueError: if the source cannot be opened or holds no picture; nothing is written then.
         OSError: if a file cannot be written.
     """
+    source, folder = str(source), Path(folder)
+    name = name or ("camera" if is_camera(source) else Path(source).stem)
     with Footage(source) as footage:
         pictures = iter(footage)
         first = next(pictures, None)
@@ -116,7 +124,7 @@ def estimate_video(source: str, estimator: Estimator, folder: Path, name: str) -
         folder.mkdir(parents=True, exist_ok=True)
         run = _Run(folder / f"{name}.csv", folder / f"{name}-overlay.mp4")
         try:
-            run.follow(shown, estimator)
+            run.follow(shown, estimator or Estimator(only=_ESTIMATED))
         except KeyboardInterrupt:
             if not is_camera(source):
                 raise
