@@ -91,7 +91,8 @@ setup(
         "onnxruntime>=1.20,<2",
         # 3.2.2 has FLIP_diff, which is still experimental there.
         "OpenImageIO>=3.2.2,<4",
-        "pillow>=10.1,<13",
+        # 11.3 reads AVIF.
+        "pillow>=11.3,<13",
         # OpenImageIO's wheels are built without HEIF.
         "pillow-heif>=0.18,<2",
         # FFmpeg with it: reads and writes videos, and reads cameras.

@@ -156,7 +156,7 @@ def _thing(path: Path, longest: int) -> np.ndarray | None:
     spec = oiio.ImageBuf(str(path)).spec()
     if 0 < min(spec.width, spec.height) < photo.SMALLEST:
         return None
-    image, alpha = photo.read(path)
+    image, alpha, _ = photo.load(path)
     if alpha is None or alpha.mean() > _OPAQUE:
         return None
     rows, columns = (np.flatnonzero((alpha > 0.5).any(axis=(axis, 2))) for axis in (1, 0))
@@ -173,7 +173,7 @@ def _thing(path: Path, longest: int) -> np.ndarray | None:
 
 def _place(path: Path, size: int) -> np.ndarray:
     """Return a picture of a place, `(H, W, 3)` uint8, its shorter side 1 to 1.5 times `size`."""
-    pixels = np.round(255 * photo.read(path)[0]).astype(np.uint8)
+    pixels = np.round(255 * photo.load(path).image).astype(np.uint8)
     short = min(pixels.shape[:2])
     return _resized(pixels, np.clip(short, size, 1.5 * size) / short)
 

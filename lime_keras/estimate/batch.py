@@ -4,7 +4,6 @@ import json
 import os
 import sys
 import time
-import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -150,59 +149,53 @@ class Batch:
         )
 
     def _batches(self, photos: Mapping[str, Path]) -> Iterator[list[tuple[Any, ...]]]:
-        """Yield batches of path, name, photo, mask and transparency; report unreadable photos."""
+        """Yield batches of path, name, photo and mask; report unreadable photos."""
         batch: list[tuple[Any, ...]] = []
         pixels = 0
         for name, path in photos.items():
             begun = time.perf_counter()
             try:
-                image, mask, alpha = self._read(path)
+                read, mask = self._read(path)
             except (ValueError, OSError, MemoryError) as error:
                 self._tell_failure(path, error)
                 continue
             finally:
                 self._seconds["reading"] += time.perf_counter() - begun
-            if batch and pixels + image[..., 0].size > _BATCH_PIXELS:
+            size = read.image[..., 0].size
+            if batch and pixels + size > _BATCH_PIXELS:
                 yield batch
                 batch, pixels = [], 0
-            batch.append((path, name, image, mask, alpha))
-            pixels += image[..., 0].size
+            batch.append((path, name, read, mask))
+            pixels += size
             if len(batch) == _BATCH:
                 yield batch
                 batch, pixels = [], 0
         if batch:
             yield batch
 
-    def _read(self, path: Path) -> tuple[np.ndarray, np.ndarray | None, np.ndarray | None]:
-        """Read a photo, its mask and its transparency, each None if it has none.
-
-        What the photo's reader warns of is told.
-        """
-        with warnings.catch_warnings(record=True) as told:
-            warnings.simplefilter("always", UserWarning)
-            image, alpha = photo.read(path)
-        for warning in told:
-            tqdm.write(f"warning: {warning.message}", file=sys.stderr)
+    def _read(self, path: Path) -> tuple[photo.Photo, np.ndarray | None]:
+        """Read a photo and its mask; None if it has none."""
+        read = photo.load(path)
         own = self._mask_file(path)
         if own is None:
             # Without a file of its own, the mask is the photo's transparency.
-            return image, alpha, alpha
-        mask = photo.read_mask(own, *image.shape[:2])
+            return read, read.alpha
+        mask = photo.read_mask(own, *read.image.shape[:2])
         if self._masks is None:
             tqdm.write(f"{own} is taken as the mask of {path}", file=sys.stderr)
-        return image, mask, None
+        return read._replace(alpha=None), mask
 
     def _estimated(self, batch: list[tuple[Any, ...]]) -> Iterator[None]:
         """Estimate the photos of a batch, and yield after each, when its files are written."""
-        paths, names, images, masks, alphas = zip(*batch, strict=True)
+        paths, names, photos, masks = zip(*batch, strict=True)
         self._masks_looked_for += sum(mask is None for mask in masks)
         begun = time.perf_counter()
-        materials = self._estimator.estimate_many(images, masks)
-        for path, name, image, alpha in zip(paths, names, images, alphas, strict=True):
+        materials = self._estimator.estimate_many(photos, masks)
+        for path, name, read in zip(paths, names, photos, strict=True):
             try:
                 material = next(materials)
                 estimated = time.perf_counter()
-                self._write(path, name, image, material, alpha)
+                self._write(path, name, read, material)
             except MemoryError as error:
                 raise MemoryError(
                     f"{path} and what is estimated from it do not fit into memory: close other "
@@ -217,14 +210,13 @@ class Batch:
         self,
         path: Path,
         name: str,
-        image: np.ndarray,
+        read: photo.Photo,
         material: Material,
-        alpha: np.ndarray | None,
     ) -> None:
         try:
             with self._results.writing(name, self._made(path)) as draft:
                 folder, stem = draft.folder, Path(name).name
-                draft.numbers = files.write(folder, stem, path, image, material)
+                draft.numbers = files.write(folder, stem, path, read.image, material)
                 if self._light and material.mask_coverage:
                     # SciPy and scikit-image are large, and only the light needs them.
                     from lime_keras.lighting import files as lighting_files
@@ -233,11 +225,11 @@ class Batch:
                     lighting_files.write(
                         folder,
                         stem,
-                        image,
+                        read.image,
                         material,
                         normals=normals,
                         clone=self._clone,
-                        alpha=alpha,
+                        alpha=read.alpha,
                     )
         except ValueError as error:
             self._tell_failure(path, error)

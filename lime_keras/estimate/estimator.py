@@ -17,7 +17,7 @@ import numpy as np
 from lime_keras.estimate import cautions, engines, framing, full_size
 from lime_keras.estimate.framing import Square
 from lime_keras.estimate.pictures import Picture, mask_of, photo_of
-from lime_keras.material import Material
+from lime_keras.material import Caution, Material
 from lime_keras.model import folder as model_folder
 from lime_keras.model import gloss_file
 from lime_keras.model.folder import FOR_PHOTOS
@@ -193,8 +193,10 @@ class Estimator:
         images: list[np.ndarray] = []
         given: list[np.ndarray | None] = []
         confidences: list[float | None] = []
+        of_reading: list[tuple[Caution, ...]] = []
         for picture, mask in zip(photos, masks, strict=True):
-            image, known, confidence = self._taken(picture, mask)
+            image, known, confidence, read = self._taken(picture, mask)
+            of_reading.append(read)
             images.append(image)
             given.append(known)
             confidences.append(confidence)
@@ -209,7 +211,7 @@ class Estimator:
             if mask is None:
                 confidences[index] = cautions.confidence(masks_seen[index])
                 mask = self._full_mask(image, square, seen[index], masks_seen[index])
-            told = cautions.of(image, mask, confidences[index])
+            told = (*cautions.of(image, mask, confidences[index]), *of_reading[index])
             if cautions.NO_OBJECT in told:
                 yield Material(
                     mask_coverage=0.0,
@@ -240,7 +242,7 @@ class Estimator:
         Raises:
             ValueError: if the photo or the mask is refused (see `estimate`).
         """
-        image, given, confidence = self._taken(photo, mask)
+        image, given, confidence, _ = self._taken(photo, mask)
         height, width = image.shape[:2]
         squares, seen, masks = self._find([image], [given])
         square, found = squares[0], masks[0] >= framing.THRESHOLD
@@ -278,19 +280,21 @@ class Estimator:
 
     def _taken(
         self, photo: Picture, mask: Picture | None
-    ) -> tuple[np.ndarray, np.ndarray | None, float | None]:
+    ) -> tuple[np.ndarray, np.ndarray | None, float | None, tuple[Caution, ...]]:
         """Return a photo, its mask if SegmentationNet is not to find it, and a masker's confidence.
+
+        The last are what may be wrong with the photo as it was read.
 
         Raises:
             ValueError: if the photo or the mask is refused (see `estimate`).
         """
-        image, alpha = photo_of(photo)
+        image, alpha, read = photo_of(photo)
         if mask is not None:
-            return image, mask_of(mask, *image.shape[:2]), None
+            return image, mask_of(mask, *image.shape[:2]), None, read
         if alpha is not None or self._masker is None:
-            return image, alpha, None
+            return image, alpha, None, read
         known = mask_of(self._masker(image), *image.shape[:2])
-        return image, known, cautions.confidence(known)
+        return image, known, cautions.confidence(known), read
 
     def _find(
         self, images: list[np.ndarray], given: list[np.ndarray | None]

@@ -14,21 +14,22 @@ _RANGE = (
     "8-bit ones as uint8"
 )
 
-Picture = str | Path | bytes | IO[bytes] | np.ndarray | Image.Image
+Picture = str | Path | bytes | IO[bytes] | np.ndarray | Image.Image | photo.Photo
 """A photo or a mask in one of the forms that `photo_of` and `mask_of` take."""
 
 
-def photo_of(picture: Any) -> tuple[np.ndarray, np.ndarray | None]:
-    """Return a photo as an array, and its alpha channel if a part of it is transparent.
+def photo_of(picture: Any) -> photo.Photo:
+    """Return a photo as an array, its alpha channel if that masks a part of it, and cautions.
 
     Args:
         picture: path of a file (`photo.read`), its bytes, or an open binary file; PIL image
-            (`photo.from_pil`); uint8 array `(H, W, 3)`, sRGB; or array of floats `(H, W, 3)`, sRGB
-            in [0, 1].
+            (`photo.from_pil`); what `photo.load` has read; uint8 array `(H, W, 3)`, sRGB; or array
+            of floats `(H, W, 3)`, sRGB in [0, 1].
 
     Returns:
         image: `(H, W, 3)` float32, sRGB in [0, 1].
-        alpha: `(H, W, 1)` float32 in [0, 1]; None if nothing is transparent, and for an array.
+        alpha: `(H, W, 1)` float32 in [0, 1]; None if it masks nothing, and for an array.
+        cautions: what may be wrong with the photo as it was read.
 
     Raises:
         ValueError: if the file or the PIL image cannot be read, or the array has another shape, is
@@ -44,7 +45,7 @@ def photo_of(picture: Any) -> tuple[np.ndarray, np.ndarray | None]:
             "of RGBA pass a PIL image, or the alpha channel as the mask"
         )
     _check_range(image, "photo")
-    return image, None
+    return photo.Photo(image, None)
 
 
 def mask_of(picture: Any, height: int, width: int) -> np.ndarray:
@@ -74,7 +75,7 @@ def mask_of(picture: Any, height: int, width: int) -> np.ndarray:
                 "bool"
             )
     else:
-        image, alpha = read
+        image, alpha, _ = read
         mask = image.mean(-1) if alpha is None else alpha
     if mask.shape not in ((height, width), (height, width, 1)):
         raise ValueError(
@@ -85,25 +86,26 @@ def mask_of(picture: Any, height: int, width: int) -> np.ndarray:
     return mask.reshape(height, width, 1)
 
 
-def _read(picture: Any) -> tuple[np.ndarray, np.ndarray | None] | None:
-    """Return colour and alpha of a file or PIL image; None for what is an array."""
+def _read(picture: Any) -> photo.Photo | None:
+    """Return what is read of a file or PIL image; None for what is an array."""
+    if isinstance(picture, photo.Photo):
+        return picture
     if isinstance(picture, str | Path):
-        return photo.read(picture)
+        return photo.load(picture)
     if isinstance(picture, bytes | bytearray | memoryview) or hasattr(picture, "read"):
         return _read_bytes(picture.read() if hasattr(picture, "read") else bytes(picture))
-    return photo.from_pil(picture) if isinstance(picture, Image.Image) else None
+    return photo.load_pil(picture) if isinstance(picture, Image.Image) else None
 
 
-def _read_bytes(content: bytes) -> tuple[np.ndarray, np.ndarray | None]:
-    """Return colour and alpha of a file's content, read by its kind, as `photo.read` does."""
+def _read_bytes(content: bytes) -> photo.Photo:
+    """Return what is read of a file's content, as `photo.load` does."""
     if not isinstance(content, bytes) or not content:
         raise ValueError("the file is empty, or open as text: open it in binary mode, 'rb'")
-    suffix = ".heic" if content[4:8] == b"ftyp" else ".png"  # of others the content alone counts
     with tempfile.TemporaryDirectory(prefix="lime-") as folder:
-        path = Path(folder) / f"picture{suffix}"
+        path = Path(folder) / "picture"
         path.write_bytes(content)
         try:
-            return photo.read(path)
+            return photo.load(path)
         except ValueError as error:
             raise ValueError(str(error).replace(str(path), "the picture's bytes")) from error
 

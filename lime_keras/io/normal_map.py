@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 
-from lime_keras.io import photo, untrusted
+from lime_keras.io import photo, picture_file, untrusted
 
 _LEAST_LENGTH = 0.5
 """Length below which a vector is background; files use black or mid-grey for background."""
@@ -41,20 +41,15 @@ def read(path: str | Path) -> np.ndarray:
 
 
 def _read(path: Path) -> np.ndarray:
-    file = oiio.ImageInput.open(str(path), _raw())
-    if file is None:
-        raise ValueError(f"{path} cannot be read: {oiio.geterror()}; check the path")
-    try:
-        kind, names = file.format_name(), file.spec().channelnames
-        size = file.spec().width, file.spec().height, file.spec().nchannels
-        untrusted.check_size(path, *size, largest=photo.FULL)
-        if kind not in ("openexr", "png"):
-            raise ValueError(f"{path} is {kind.upper()}: save normals as OpenEXR or PNG")
-        pixels = file.read_image(oiio.FLOAT)
-        if pixels is None:
-            raise ValueError(f"{path} cannot be read: {file.geterror()}; export it anew")
-    finally:
-        file.close()
+    image = picture_file.open_image(path, straight=True)
+    kind, names = image.file_format_name, image.spec().channelnames
+    size = image.spec().width, image.spec().height, image.spec().nchannels
+    untrusted.check_size(path, *size, largest=photo.FULL)
+    if kind not in ("openexr", "png"):
+        raise ValueError(f"{path} is {kind.upper()}: save normals as OpenEXR or PNG")
+    if not image.read(force=True):
+        raise ValueError(f"{path} cannot be read: {image.geterror()}; export it anew")
+    pixels = np.asarray(image.get_pixels(oiio.FLOAT))
     vectors = pixels[..., _channels(path, names)]
     if not np.all(np.isfinite(vectors)):
         count = np.sum(~np.isfinite(vectors).all(axis=-1))
@@ -65,13 +60,6 @@ def _read(path: Path) -> np.ndarray:
     if "A" in names:
         vectors = np.where(pixels[..., names.index("A"), None] > 0, vectors, 0)
     return _normals(path, vectors.astype(np.float32))
-
-
-def _raw() -> oiio.ImageSpec:
-    """Return the reading options that leave colours as stored, not multiplied by alpha."""
-    config = oiio.ImageSpec()
-    config.attribute("oiio:UnassociatedAlpha", 1)
-    return config
 
 
 def _channels(path: Path, names: tuple[str, ...]) -> list[int]:

@@ -1,18 +1,17 @@
 """Reading and writing of pictures, with OpenImageIO."""
 
 import io
-import mmap
-import re
 import warnings
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import OpenImageIO as oiio
 
-from lime_keras.io import atomic, untrusted
+from lime_keras.io import atomic, picture_file, untrusted
+from lime_keras.io.picture_file import Picture
+from lime_keras.material import Caution
 from lime_keras.optics import colour
 
 if TYPE_CHECKING:
@@ -29,64 +28,101 @@ SMALLEST = 16
 """Smallest number of pixels on a photo's shorter side; fewer show no object's shading."""
 _LONGEST = 256
 """Largest ratio of a photo's sides; the networks would see a longer one less than a pixel wide."""
-_HEIF = (".heic", ".heif", ".hif")
-_LINEAR_FORMATS = ("openexr", "hdr")
-_LINEAR_SPACES = ("lin", "scene_linear")
-_MARKER = re.compile(rb"\xff[^\x00\x01\xd0-\xd7\xff]", re.DOTALL)
-"""A marker of a JPEG that begins a segment or ends the picture; escaped bytes are none."""
-_END_OF_IMAGE = 0xD9
 _BAND = 256
 """Rows of a picture that are converted at a time."""
+_DIM, _FEWEST = 0.8, 16
+"""Part of an object's brightness below which alpha tells whether it is applied, and in how many
+pixels."""
+
+
+class PhotoWarning(UserWarning):
+    """A warning of what may be wrong with a photo as it was read.
+
+    Attributes:
+        caution: what is wrong, with its code (`docs/reference/file-formats.md`).
+    """
+
+    def __init__(self, caution: Caution, path: str | Path):
+        super().__init__(f"{path}: {caution.message}")
+        self.caution = caution
 
 
 def read(path: str | Path) -> tuple[np.ndarray, np.ndarray | None]:
-    """Read a photo of any kind, and its alpha channel if a part of the photo is transparent.
+    """Read a photo of any kind, and its alpha channel if that masks a part of it.
 
-    Integer formats count as sRGB; with a colour profile, such as the Display P3 of phones, they are
-    converted from it to sRGB. OpenEXR, Radiance and files marked as linear (a PNG with gamma 1) are
-    linear: they are clipped at 1 and encoded as sRGB. A grey channel is repeated, palettes and CMYK
-    become RGB, EXIF rotation is applied, and of a file with several pages the first is read.
-    Transparent pixels are composed over black. A photo of more than `FULL` pixels is read at half
-    its width and height, or a smaller whole part of them, averaged in linear light; a UserWarning
-    tells it.
+    A file is what its content says, whatever its name. Its colours are converted to sRGB from what
+    the file tells of them (`colour_space`): profiles, code points, chromaticities and gamma.
+    OpenEXR, Radiance and PFM hold radiance; it is clipped at 1. A grey channel is repeated,
+    palettes and CMYK become RGB, the orientation is applied, and of a file with several pages the
+    first is read; of an OpenEXR the layer without a name, or called RGBA or Combined, or the only
+    one, in its display window. Transparent pixels are composed over black. Alpha that is nowhere
+    at least one half, or the same everywhere, masks nothing, and is ignored. A photo of more than
+    `FULL` pixels is read at half its width and height, or a smaller whole part of them, averaged in
+    linear light. What of this may be wrong is told by a `PhotoWarning`.
 
     Returns:
         image: `(H, W, 3)` float32 sRGB in [0, 1].
-        alpha: `(H, W, 1)` float32 in [0, 1]; None if nothing is transparent.
+        alpha: `(H, W, 1)` float32 in [0, 1]; None if it masks nothing.
 
     Raises:
         ValueError: if the file is missing, not a picture, empty, or holds NaN or infinity; also if
-            it is smaller than `SMALLEST` or larger than `LARGEST`, cut short, or whatever its
-            decoder raises.
+            it is smaller than `SMALLEST` or larger than `LARGEST`, cut short, of layers of which
+            none is the picture, or whatever its decoder raises.
         MemoryError: if it does not fit into memory; the message names it, too.
     """
-    path = Path(path)
-    picture = _opened(path)
-    factor = _factor(picture.height, picture.width)
-    image, alpha = _read(path, picture, factor)
-    if factor > 1:
-        warnings.warn(
-            f"{path} has {picture.width}×{picture.height} pixels, more than the "
-            f"{FULL // 10**6} million that are worked on at full size: it is read at "
-            f"{image.shape[1]}×{image.shape[0]}, and so are its layers",
-            stacklevel=2,
-        )
+    image, alpha, cautions = load(path)
+    for caution in cautions:
+        warnings.warn(PhotoWarning(caution, path), stacklevel=2)
     return image, alpha
 
 
-def from_pil(image: "Image.Image") -> tuple[np.ndarray, np.ndarray | None]:
-    """Return the pixels of a PIL image as `read` returns those of a file.
+class Photo(NamedTuple):
+    """A photo as it was read: see `read`; what may be wrong is in `cautions`."""
 
-    EXIF rotation and a colour profile that the image brings are applied.
+    image: np.ndarray
+    alpha: np.ndarray | None
+    cautions: tuple[Caution, ...] = ()
+
+
+def load(path: str | Path) -> Photo:
+    """Read a photo as `read` does, and return what may be wrong instead of warning."""
+    path = Path(path)
+    picture = _opened(path)
+    factor = _factor(picture.height, picture.width)
+    image, alpha, cautions = _read(path, picture, factor)
+    if factor > 1:
+        cautions += (
+            Caution(
+                "reduced",
+                f"it has {picture.width}×{picture.height} pixels, more than the "
+                f"{FULL // 10**6} million that are worked on at full size: it is read at "
+                f"{image.shape[1]}×{image.shape[0]}, and so are its layers",
+            ),
+        )
+    return Photo(image, alpha, cautions)
+
+
+def from_pil(image: "Image.Image") -> tuple[np.ndarray, np.ndarray | None]:
+    """Return the pixels of a PIL image as `read` returns those of its file.
+
+    Its orientation and what it brings of its colours are applied. The code points of a PNG are read
+    from the file that the image names, as Pillow does not keep them.
 
     Args:
         image: image of 8 bits a channel, of any mode.
 
     Raises:
-        ValueError: if the image is empty, or has a mode of more bits, whose range is not known.
+        ValueError: if the image is empty or cut short, or has a mode of more bits, whose range is
+            not known.
     """
-    from PIL import ImageOps
+    pixels, alpha, cautions = load_pil(image)
+    for caution in cautions:
+        warnings.warn(PhotoWarning(caution, "a PIL image"), stacklevel=2)
+    return pixels, alpha
 
+
+def load_pil(image: "Image.Image") -> Photo:
+    """Return what `from_pil` does, and what may be wrong instead of warning."""
     if image.mode.startswith(("I", "F")):
         raise ValueError(
             f"a PIL image of mode {image.mode} has no known range: pass its path, or an array of "
@@ -94,14 +130,10 @@ def from_pil(image: "Image.Image") -> tuple[np.ndarray, np.ndarray | None]:
         )
     if 0 in image.size:
         raise ValueError("a PIL image without pixels shows nothing: check how it was made")
-    image = ImageOps.exif_transpose(image)
-    profile, transparent = image.info.get("icc_profile"), image.has_transparency_data
-    levels = np.asarray(image.convert("RGBA" if transparent else "RGB"), np.float32)
-    pixels, alpha = levels[..., :3] / np.float32(255), levels[..., 3:] / np.float32(255)
-    pixels = _conversion(profile)(pixels)
-    if not transparent or np.min(alpha) == 1:
-        return pixels, None
-    return pixels * alpha, alpha
+    named = Path("a PIL image")
+    with untrusted.naming(named, "a picture"):
+        picture = picture_file.of_image(image)
+    return _read(named, picture, 1)
 
 
 def read_srgb(path: str | Path) -> np.ndarray:
@@ -146,7 +178,7 @@ def read_coverage(path: str | Path, height: int, width: int) -> np.ndarray:
     picture = _opened(path)
     is_full = (picture.height, picture.width) == (height, width)
     factor = 1 if is_full else _factor(picture.height, picture.width)
-    image, alpha = _read(path, picture, factor)
+    image, alpha, _ = _read(path, picture, factor)
     mask = image.mean(-1, keepdims=True) if alpha is None else alpha
     if mask.shape[:2] != (height, width):
         raise ValueError(
@@ -174,7 +206,7 @@ def read_radiance(path: str | Path, height: int, width: int) -> np.ndarray:
     """
     path = Path(path)
     picture = _opened(path)
-    if not picture.is_linear:
+    if not picture.is_radiance:
         raise ValueError(f"{path} is no OpenEXR: write linear radiance as one")
     if (picture.height, picture.width) != (height, width):
         raise ValueError(
@@ -192,100 +224,19 @@ def read_radiance(path: str | Path, height: int, width: int) -> np.ndarray:
     return values
 
 
-@dataclass(frozen=True)
-class _Picture:
-    """An opened picture, upright, in the numbers of its file.
-
-    Attributes:
-        height: height in pixels.
-        width: width in pixels.
-        rows: `rows(top, bottom)` returns float32 values `(bottom - top, W, C)`, 1 for the largest
-            integer.
-        alpha: index of the alpha channel; None without one.
-        is_linear: whether the colours are linear.
-        is_composed: whether they are multiplied by alpha already.
-        to_srgb: conversion of colours `(h, W, 3)` from the picture's profile to sRGB.
-    """
-
-    height: int
-    width: int
-    rows: Callable[[int, int], np.ndarray]
-    alpha: int | None
-    is_linear: bool
-    is_composed: bool
-    to_srgb: Callable[[np.ndarray], np.ndarray]
-
-
-def _opened(path: Path) -> _Picture:
+def _opened(path: Path) -> Picture:
     """Open and decode a picture, of whose size and kind nothing is known yet."""
     untrusted.check(path, "a picture")
+
+    def check_size(width: int, height: int, channels: int) -> None:
+        _check_size(path, width, height, channels)
+
     with untrusted.naming(path, "a picture"):
-        return _open_heif(path) if path.suffix.lower() in _HEIF else _open(path)
+        return picture_file.open_picture(path, check_size)
 
 
-def _open(path: Path) -> _Picture:
-    image = oiio.ImageBuf(str(path))
-    if not image.has_error:
-        _check_size(path, image.spec().width, image.spec().height, image.spec().nchannels)
-        if image.file_format_name == "jpeg":
-            _check_end(path)
-    # In the file's own numbers, which take a quarter of the memory of floats.
-    if image.has_error or not image.read(force=True):
-        raise ValueError(image.geterror())
-    # Take the format's properties now: the image that `reorient` makes has lost them.
-    space = image.spec().get_string_attribute("oiio:ColorSpace").lower()
-    is_linear = image.file_format_name in _LINEAR_FORMATS or space.startswith(_LINEAR_SPACES)
-    profile = image.spec().getattribute("ICCProfile")
-    alpha, channels = image.spec().alpha_channel, image.spec().nchannels
-    if 1 < image.orientation <= 8:  # some cameras write 0
-        image = oiio.ImageBufAlgo.reorient(image)
-    area = image.roi
-    if area.width * area.height == 0:
-        raise ValueError("it holds no pixels")
-
-    def rows(top: int, bottom: int) -> np.ndarray:
-        across = (area.xbegin, area.xend, area.ybegin + top, area.ybegin + bottom)
-        values = image.get_pixels(oiio.FLOAT, oiio.ROI(*across))
-        if values is None:
-            raise ValueError(image.geterror())
-        return values.reshape(bottom - top, area.width, -1)
-
-    converts = profile is not None and not is_linear and channels >= 3
-    return _Picture(
-        area.height,
-        area.width,
-        rows,
-        alpha if 0 < alpha < channels else None,
-        is_linear,
-        is_composed=True,
-        to_srgb=_conversion(bytes(profile) if converts else None),
-    )
-
-
-def _open_heif(path: Path) -> _Picture:
-    """Open a phone's HEIC as `_open` does; the wheels of OpenImageIO do not support HEIC."""
-    import pillow_heif
-
-    # The image is upright already: the library applies the file's rotation.
-    image = pillow_heif.open_heif(path)
-    width, height = image.size
-    _check_size(path, width, height, channels=4)
-    levels = np.asarray(image)
-    levels = levels.reshape(*levels.shape[:2], -1)
-    most, channels = np.float32(np.iinfo(levels.dtype).max), levels.shape[-1]
-    return _Picture(
-        len(levels),
-        levels.shape[1],
-        lambda top, bottom: levels[top:bottom] / most,
-        alpha=3 if channels == 4 else None,
-        is_linear=False,
-        is_composed=False,
-        to_srgb=_conversion(image.info.get("icc_profile") if channels >= 3 else None),
-    )
-
-
-def _read(path: Path, picture: _Picture, factor: int) -> tuple[np.ndarray, np.ndarray | None]:
-    """Return sRGB `(H, W, 3)` in [0, 1], and alpha `(H, W, 1)` or None, as `read` does.
+def _read(path: Path, picture: Picture, factor: int) -> Photo:
+    """Return sRGB `(H, W, 3)` in [0, 1], alpha `(H, W, 1)` or None, and what may be wrong.
 
     The picture is converted in bands of rows, so that its floats are in memory only once.
 
@@ -296,35 +247,82 @@ def _read(path: Path, picture: _Picture, factor: int) -> tuple[np.ndarray, np.nd
     """
     height, width = -(-picture.height // factor), -(-picture.width // factor)
     with untrusted.naming(path, "a picture"):
+        is_mask, is_multiplied = _alpha_of(picture)
         image = np.empty((height, width, 3), np.float32)
-        alpha = None if picture.alpha is None else np.empty((height, width, 1), np.float32)
+        alpha = np.empty((height, width, 1), np.float32) if is_mask else None
         for top in range(0, height, _BAND):
             first, last = top * factor, min((top + _BAND) * factor, picture.height)
-            colours, opacity = _converted(picture, picture.rows(first, last))
+            values = picture.rows(first, last)
+            colours = picture.conversion.convert(values[..., picture.colours])
+            opacity = None if picture.alpha is None else values[..., [picture.alpha]]
             if not (np.isfinite(colours).all() and (opacity is None or np.isfinite(opacity).all())):
                 raise ValueError(f"{path} holds NaN or infinite pixels: repair or convert it")
             colours = np.clip(colours, 0, 1)
+            if alpha is not None and opacity is not None:
+                if not is_multiplied:
+                    colours = _multiplied(colours, opacity, picture.most)
+                alpha[top : top + _BAND] = _averaged(np.clip(opacity, 0, 1), factor)
             if factor > 1:
                 mean = _averaged(colour.srgb_to_linear(colours), factor)
                 colours = np.clip(colour.linear_to_srgb(mean), 0, 1)
             image[top : top + _BAND] = colours
-            if alpha is not None and opacity is not None:
-                alpha[top : top + _BAND] = _averaged(np.clip(opacity, 0, 1), factor)
-    return image, alpha if alpha is not None and np.min(alpha) < 1 else None
+    cautions = picture.cautions
+    if picture.alpha is not None and not is_mask and not is_multiplied:
+        cautions += (_IGNORED_ALPHA,)
+    return Photo(image, alpha, cautions)
 
 
-def _converted(picture: _Picture, values: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
-    """Return sRGB `(h, W, 3)`, not clipped, and alpha `(h, W, 1)` or None, of rows of a file."""
-    opacity = None if picture.alpha is None else values[..., picture.alpha : picture.alpha + 1]
-    if values.shape[-1] < 3:
-        colours = np.repeat(values[..., :1], 3, axis=-1)
-    else:
-        colours = picture.to_srgb(values[..., :3])
-    if opacity is not None and not picture.is_composed:
-        colours = colours * opacity
-    if picture.is_linear and np.isfinite(colours).all():
-        colours = colour.linear_to_srgb(np.clip(colours, 0, 1))
-    return colours, opacity
+_IGNORED_ALPHA = Caution(
+    "alpha-ignored",
+    "its transparency masks no object, as no part of it is opaque or all of it is alike, and is "
+    "ignored: pass a mask if the object should be cut out",
+)
+
+
+def _alpha_of(picture: Picture) -> tuple[bool, bool]:
+    """Return whether a picture's alpha masks an object, and whether it is applied already.
+
+    Alpha of which no pixel is opaque by half, or all are alike, is no mask; if all are opaque,
+    nothing is transparent, and it counts as applied.
+    """
+    if picture.alpha is None:
+        return False, True
+    least, largest, brightness, opaque, is_hidden = np.inf, -np.inf, 0.0, 0, True
+    for values, alpha in _with_alpha(picture):
+        least, largest = min(least, float(alpha.min())), max(largest, float(alpha.max()))
+        whole = alpha >= 1
+        opaque += int(np.count_nonzero(whole))
+        brightness += float(values.max(-1).sum(where=whole, dtype=np.float64))
+        is_hidden &= not values[alpha <= 0].any()
+    if not np.isfinite([least, largest]).all() or least >= 1:
+        return False, True  # what is not finite is refused elsewhere
+    if largest < 0.5 or least == largest:
+        return False, False
+    if picture.is_multiplied or not (opaque and is_hidden):
+        return True, picture.is_multiplied
+    # Programs that cut objects out may write colours multiplied by alpha: at the soft edges none is
+    # brighter than its alpha, even where the object is.
+    dim, brighter = 0, 0
+    for values, alpha in _with_alpha(picture):
+        edge = (alpha > 0) & (alpha < _DIM * brightness / opaque)
+        dim += int(np.count_nonzero(edge))
+        brighter += int(np.count_nonzero(values.max(-1)[edge] > alpha[edge] + 1.5 / 255))
+    return True, dim >= _FEWEST and brighter == 0
+
+
+def _with_alpha(picture: Picture) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Yield bands of a picture's colours `(h, W, C)`, as in its file, and of its alpha `(h, W)`."""
+    for top in range(0, picture.height, _BAND):
+        values = picture.rows(top, min(top + _BAND, picture.height))
+        yield values[..., picture.colours], values[..., picture.alpha]
+
+
+def _multiplied(colours: np.ndarray, alpha: np.ndarray, most: int) -> np.ndarray:
+    """Return sRGB colours times alpha, rounded to a file's integers, of which `most` is largest."""
+    product = colours * alpha
+    if not most:
+        return product
+    return np.floor(product * np.float32(most) + np.float32(0.5)) / np.float32(most)
 
 
 def _averaged(values: np.ndarray, factor: int) -> np.ndarray:
@@ -346,33 +344,6 @@ def _factor(height: int, width: int) -> int:
     return factor
 
 
-def _conversion(profile: bytes | None) -> Callable[[np.ndarray], np.ndarray]:
-    """Return the conversion of colours `(H, W, 3)` in [0, 1] from an ICC profile, with 8 bits.
-
-    The colours stay unchanged if there is no profile, or it is broken, is not for RGB (OpenImageIO
-    has converted CMYK to RGB already), or is sRGB itself.
-    """
-    if not profile:
-        return lambda colours: colours
-    from PIL import Image, ImageCms
-
-    try:
-        source = ImageCms.ImageCmsProfile(io.BytesIO(profile))
-        is_srgb = "srgb" in ImageCms.getProfileDescription(source).lower()
-        if is_srgb or source.profile.xcolor_space.strip() != "RGB":
-            return lambda colours: colours
-        transform = ImageCms.buildTransform(source, ImageCms.createProfile("sRGB"), "RGB", "RGB")
-    except (OSError, ImageCms.PyCMSError):
-        return lambda colours: colours
-
-    def converted(colours: np.ndarray) -> np.ndarray:
-        levels = (np.clip(colours, 0, 1) * 255 + 0.5).astype(np.uint8)
-        image = ImageCms.applyTransform(Image.fromarray(levels), transform)
-        return np.asarray(image) / np.float32(255)
-
-    return converted
-
-
 def _check_size(path: Path, width: int, height: int, channels: int) -> None:
     if min(width, height) < SMALLEST:
         raise ValueError(
@@ -385,19 +356,6 @@ def _check_size(path: Path, width: int, height: int, channels: int) -> None:
             "the other: cut out the object"
         )
     untrusted.check_size(path, width, height, channels, LARGEST)
-
-
-def _check_end(path: Path) -> None:
-    """Raise ValueError if a JPEG ends before its end marker; its decoder fills what is missing."""
-    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-        place = 2
-        while found := _MARKER.search(data, place):
-            marker, place = data[found.start() + 1], found.end()
-            if marker == _END_OF_IMAGE:
-                return
-            # A segment tells its length; after that of a scan, its data lead to the next marker.
-            place += int.from_bytes(data[place : place + 2])
-    raise ValueError(f"{path} cannot be read as a picture: it is cut short; copy it again")
 
 
 def write(path: str | Path, image: np.ndarray, *, shared: bool = False) -> None:

@@ -10,8 +10,9 @@ from pathlib import Path
 
 from lime_keras.io import result_json
 
-SUFFIXES = tuple(
-    ".jpg .jpeg .png .heic .heif .exr .hdr .tif .tiff .webp .jp2 .jxl .bmp .gif .tga .ppm".split()
+SUFFIXES = (
+    *(".jpg", ".jpeg", ".png", ".heic", ".heif", ".hif", ".avif", ".exr", ".hdr", ".pfm"),
+    *(".tif", ".tiff", ".webp", ".jp2", ".jxl", ".bmp", ".gif", ".tga", ".ppm"),
 )
 """Suffixes of the files in a folder that count as photos; a named file may have any suffix."""
 EXTENSIONS = (

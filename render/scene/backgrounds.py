@@ -13,7 +13,7 @@ import numpy as np
 import OpenImageIO as oiio
 
 from lime_keras.arrays import spline_weights
-from lime_keras.io import untrusted
+from lime_keras.io import picture_file, untrusted
 
 LARGEST = 2**27
 """Largest number of pixels of a picture: a panorama of 16,384 × 8,192."""
@@ -92,15 +92,19 @@ def read(path: str | Path) -> tuple[oiio.ImageBuf, tuple[str, ...]]:
 
 
 def _read(path: Path) -> tuple[oiio.ImageBuf, tuple[str, ...]]:
-    picture = oiio.ImageBuf(str(path))
-    if not picture.has_error:
+    try:
+        picture = picture_file.open_image(path)
         size = picture.spec().width, picture.spec().height, picture.spec().nchannels
         untrusted.check_size(path, *size, largest=LARGEST)
-    if picture.has_error or not picture.read(force=True):
+        if not picture.read(force=True):
+            raise ValueError(picture.geterror())
+    except ValueError as error:
+        if str(error).startswith(str(path)):
+            raise
         raise ValueError(
-            f"{path}: cannot be read as a picture ({picture.geterror()}); check the path, or save "
-            f"it again as PNG or JPEG."
-        )
+            f"{path}: cannot be read as a picture ({error}); check the path, or save it again as "
+            "PNG or JPEG."
+        ) from error
     spec = picture.spec()
     if min(spec.width, spec.height) < LEAST_SIDE:
         raise ValueError(

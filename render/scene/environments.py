@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 
-from lime_keras.io import untrusted
+from lime_keras.io import colour_space, picture_file, untrusted
 from lime_keras.optics import colour
 
 EXTENSIONS = (".hdr", ".exr")
@@ -37,7 +37,8 @@ def read(path: str | Path) -> tuple[np.ndarray, tuple[str, ...]]:
 
     Args:
         path: An OpenEXR or Radiance file with 1, 3 or 4 channels, or R, G and B among others,
-            linear Rec. 709, about 2:1, of any orientation and at most `LARGEST` texels.
+            linear, Rec. 709 unless it tells other chromaticities, about 2:1, of any orientation
+            and at most `LARGEST` texels.
 
     Returns:
         The map, `(H, W)` float32, finite, non-negative: the luminance of the colour channels, in
@@ -55,9 +56,10 @@ def read(path: str | Path) -> tuple[np.ndarray, tuple[str, ...]]:
 
 def _read(path: Path) -> tuple[np.ndarray, tuple[str, ...]]:
     # Open: kind, size and layout of the file.
-    image = oiio.ImageBuf(str(path))
-    if image.has_error:
-        raise _unreadable(path, image)
+    try:
+        image = picture_file.open_image(path)
+    except ValueError as error:
+        raise _unreadable(path, str(error)) from error
     if image.file_format_name not in ("openexr", "hdr"):
         raise ValueError(
             f"{path}: is a {image.file_format_name.upper()} file by its content, whose numbers are "
@@ -84,9 +86,18 @@ def _read(path: Path) -> tuple[np.ndarray, tuple[str, ...]]:
         sound = np.isfinite(texels) & (texels >= 0)
         largest = max(largest, float(texels.max(where=sound, initial=0)))
         broken += int(np.sum(~sound.all(-1)))
-    weights = colour.LUMINANCE_WEIGHTS if len(channels) == 3 else np.ones(1, np.float32)
+    weights = np.ones(1, np.float32)
+    if len(channels) == 3:
+        told = picture_file.chromaticities(path, image)
+        weights = colour.LUMINANCE_WEIGHTS
+        if told:
+            weights = (weights @ colour_space.matrix(told)).astype(np.float32)
+    # Colours beyond those of the film may sum up to less than nothing.
     radiance = np.concatenate(
-        [_repaired(texels, largest) @ weights for texels in _bands(image, channels, path)]
+        [
+            np.maximum(_repaired(texels, largest) @ weights, 0)
+            for texels in _bands(image, channels, path)
+        ]
     )
     if not radiance.any():
         raise ValueError(f"{path}: is black everywhere, expected some light; use another map.")
@@ -102,8 +113,8 @@ def _read(path: Path) -> tuple[np.ndarray, tuple[str, ...]]:
     return _upright(radiance, orientation), tuple(notes)
 
 
-def _unreadable(path: Path, image: oiio.ImageBuf) -> ValueError:
-    reason = image.geterror().strip().splitlines()
+def _unreadable(path: Path, told: str) -> ValueError:
+    reason = told.strip().splitlines()
     return ValueError(
         f"{path}: cannot be read as an image ({reason[0] if reason else 'no reason given'}); check "
         "the path, or save it again as OpenEXR or Radiance HDR."
@@ -129,7 +140,7 @@ def _bands(image: oiio.ImageBuf, channels: list[int], path: Path) -> Iterator[np
         bottom = min(top + _BAND, window.yend)
         texels = image.get_pixels(oiio.FLOAT, oiio.ROI(window.xbegin, window.xend, top, bottom))
         if texels is None or image.has_error:
-            raise _unreadable(path, image)
+            raise _unreadable(path, image.geterror())
         yield texels[..., channels]
 
 

@@ -43,7 +43,7 @@ def _file(folder: Path) -> Path:
 def _photo(folder: Path) -> None:
     from lime_keras.io import photo
 
-    photo.read(_file(folder))
+    photo.load(_file(folder))
 
 
 def _mask(folder: Path) -> None:

@@ -70,6 +70,8 @@ def pictures(folder: Path) -> None:
         ("bmp", rgb, "photo.bmp", {}),
         ("tga", rgb, "photo.tga", {"compression": "tga_rle"}),
         ("ppm", rgb, "photo.ppm", {}),
+        ("avif", rgb, "photo.avif", {"exif": exif}),
+        ("tiff-lab", rgb.convert("LAB"), "photo.tif", {}),
         ("jp2", rgb, "photo.jp2", {}),
     ):
         image.save(_new(folder, name, file), **options)
@@ -77,7 +79,12 @@ def pictures(folder: Path) -> None:
     for name, file, image, options in (
         ("png-16", "photo.png", _levels(3, np.uint16), {}),
         ("png-grey", "photo.png", grey, {}),
-        ("tiff-float", "photo.tif", _levels(3, np.float32), {"compression": "zip"}),
+        (
+            "tiff-float",
+            "photo.tif",
+            _levels(3, np.float32),
+            {"compression": "zip", "profile": _rgb_profile()},
+        ),
         ("tiff-tiled", "photo.tif", colours, {"tile": 16}),
         ("hdr", "photo.hdr", _levels(3, np.float32), {}),
         *(
@@ -85,8 +92,24 @@ def pictures(folder: Path) -> None:
             for kind in ("zip", "zips", "piz", "rle", "none")
         ),
         ("jxl", "photo.jxl", colours, {}),
+        ("pfm", "photo.pfm", _levels(3, np.float32), {}),
+        ("png-16-profile", "photo.png", _levels(3, np.uint16), {"profile": _rgb_profile()}),
+        (
+            "exr-layers",
+            "photo.exr",
+            _levels(4, np.float16),
+            {"names": ("a.Combined.R", "a.Combined.G", "a.Combined.B", "a.Depth.Z")},
+        ),
     ):
         _write(_new(folder, name, file), image, **options)
+
+
+def _rgb_profile() -> bytes:
+    """Return a profile of curves and a matrix, those of sRGB in another order."""
+    from PIL import ImageCms
+
+    content = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
+    return content.replace(b"rXYZ", b"????").replace(b"gXYZ", b"rXYZ").replace(b"????", b"gXYZ")
 
 
 def _heic(path: Path, image: object) -> None:
@@ -102,6 +125,7 @@ def _write(
     compression: str = "",
     tile: int = 0,
     names: tuple[str, ...] = (),
+    profile: bytes = b"",
 ) -> None:
     """Write a picture `(H, W, C)` with OpenImageIO."""
     import OpenImageIO as oiio
@@ -115,6 +139,9 @@ def _write(
         spec.attribute("compression", compression)
     if names:
         spec.channelnames = names
+    if profile:
+        told = np.frombuffer(profile, np.uint8)
+        spec.attribute("ICCProfile", oiio.TypeDesc(f"uint8[{len(profile)}]"), told)
     buffer = oiio.ImageBuf(spec)
     halves = kind == oiio.HALF  # which it takes as floats only
     buffer.set_pixels(oiio.ROI(), np.ascontiguousarray(pixels, np.float32 if halves else None))

@@ -97,8 +97,8 @@ def test_whatever_one_photo_does_the_others_are_done(
     (folder / os.fsdecode(b"caf\xe9.png")).write_bytes((folder / "a.png").read_bytes())
     long = "n" * 250 + ".png"
     (folder / long).write_bytes((folder / "a.png").read_bytes())
-    (folder / "c.heic").write_bytes(b"broken")
-    (folder / "d.heic").write_bytes(b"huge")
+    (folder / "c.heic").write_bytes(b"size" + b"ftypheic" + b"broken")
+    (folder / "d.heic").write_bytes(b"size" + b"ftypheic" + b"huge")
 
     def opened(path):
         raise MemoryError if Path(path).name == "d.heic" else IndexError("list index out of range")
@@ -109,7 +109,7 @@ def test_whatever_one_photo_does_the_others_are_done(
     told = capsys.readouterr().err
     for words in ("pipe.jpg cannot be", "not UTF-8: rename", "c.heic cannot be", "d.heic does not"):
         assert sum(words in line for line in told.splitlines() if "error: " in line) == 1, words
-    assert f"warning: {folder / 'a.png'} has 90×40 pixels, more than" in told
+    assert f"warning: {folder / 'a.png'}: it has 90×40 pixels, more than" in told
     assert "3 done, 4 failed" in told, told
     names = {path.stem for path in (tmp_path / "out").glob("*.gltf")}
     assert names == {"a", "b", "n" * 200}

@@ -21,7 +21,7 @@ def test_every_form_is_the_same_photo(tmp_path):
     path = written(tmp_path, image)
     forms = (path, str(path), image, LEVELS[..., :3], FLOATS, FLOATS.astype(float), FLOATS.tolist())
     for form in forms:
-        found, alpha = photo_of(form)
+        found, alpha, _ = photo_of(form)
         assert found.dtype == np.float32 and alpha is None
         np.testing.assert_allclose(found, FLOATS, atol=1e-7)
 
@@ -38,8 +38,8 @@ MODES = {
 
 @pytest.mark.parametrize("image", MODES.values(), ids=MODES)
 def test_a_pil_image_is_what_its_file_is(image, tmp_path):
-    found, alpha = photo_of(image)
-    expected, its_alpha = photo_of(written(tmp_path, image))
+    found, alpha, _ = photo_of(image)
+    expected, its_alpha, _ = photo_of(written(tmp_path, image))
     # Of a file with transparency, the composition over black has 8 bits.
     np.testing.assert_allclose(found, expected, atol=1e-6 if alpha is None else 0.5 / 255 + 1e-6)
     opaque = image.mode not in ("RGBA", "LA") or image is MODES["opaque"]
@@ -57,7 +57,7 @@ def test_a_pil_image_is_turned_and_its_colours_converted_as_its_file_is(tmp_path
     path = written(
         tmp_path, Image.fromarray(LEVELS[..., :3]), "turned.png", exif=exif, icc_profile=lab
     )
-    found, _ = photo_of(Image.open(path))
+    found, _, _ = photo_of(Image.open(path))
     assert found.shape == (30, 20, 3)
     np.testing.assert_allclose(found, photo.read_srgb(path), atol=1e-6)
 
@@ -89,7 +89,7 @@ def test_every_form_is_the_same_mask(tmp_path):
 def test_a_cut_out_masks_by_its_transparency():
     levels = np.dstack([LEVELS[..., :3], (MASK * 255).astype(np.uint8)])
     np.testing.assert_array_equal(mask_of(Image.fromarray(levels), 20, 30)[..., 0], MASK)
-    image, alpha = photo_of(Image.fromarray(levels))
+    image, alpha, _ = photo_of(Image.fromarray(levels))
     np.testing.assert_array_equal(alpha[..., 0], MASK)
     np.testing.assert_allclose(image, FLOATS * alpha, atol=1e-6)
 

@@ -10,7 +10,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pillow_heif
 import pytest
-from PIL import Image
+from PIL import Image, ImageCms
 
 from lime_keras.io import photo, untrusted
 from lime_keras.optics import colour
@@ -217,14 +217,30 @@ def test_a_profile_is_converted_from(tmp_path, suffix):
 
 @pytest.mark.parametrize(
     "content",
-    [profile(b"GRAY"), profile(description="sRGB IEC61966-2.1"), profile()[:200], b"no profile"],
-    ids=["grey", "sRGB", "cut off", "none"],
+    [profile(b"GRAY"), profile()[:200], b"no profile"],
+    ids=["grey", "cut off", "none"],
 )
-def test_a_profile_that_does_not_apply_changes_nothing(tmp_path, content):
+def test_a_profile_that_does_not_apply_changes_nothing_and_is_told(tmp_path, content):
     levels = (noise() * 255).astype(np.uint8)
     Image.fromarray(levels).save(tmp_path / "photo.png", icc_profile=content)
-    found = photo.read_srgb(tmp_path / "photo.png")
+    with pytest.warns(photo.PhotoWarning, match="read as sRGB, but its profile is"):
+        found = photo.read_srgb(tmp_path / "photo.png")
     np.testing.assert_allclose(found, levels / 255, atol=1e-6)
+
+
+def test_a_profile_of_srgb_changes_nothing(tmp_path):
+    levels = (noise() * 255).astype(np.uint8)
+    content = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
+    Image.fromarray(levels).save(tmp_path / "photo.png", icc_profile=content)
+    np.testing.assert_allclose(photo.read_srgb(tmp_path / "photo.png"), levels / 255, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["sRGB IEC61966-2.1", "Display P3"])
+def test_a_profile_is_taken_by_its_values_not_by_its_name(tmp_path, name):
+    levels = (noise() * 255).astype(np.uint8)
+    Image.fromarray(levels).save(tmp_path / "photo.png", icc_profile=profile(description=name))
+    expected = in_srgb(levels / 255)
+    assert np.abs(photo.read_srgb(tmp_path / "photo.png") - expected).max() < 1.6 / 255
 
 
 def test_a_heics_exif_does_not_turn_it(tmp_path):
@@ -435,7 +451,7 @@ def test_a_header_that_announces_too_much_is_refused(write_header, tmp_path):
 def test_too_many_channels_are_refused(tmp_path):
     path = tmp_path / "p.exr"
     write(path, np.zeros((16, 16, 50)), oiio.HALF)
-    assert photo.read_srgb(path).shape == (16, 16, 3)
+    assert photo.load(path).image.shape == (16, 16, 3)
     with pytest.raises(ValueError, match="has 50 channels of 7000×7000 pixels, more than the 200"):
         untrusted.check_size(path, 7000, 7000, 50, photo.LARGEST)
 
