@@ -154,7 +154,8 @@ def _write(
 def backgrounds(folder: Path) -> None:
     """Write the pictures that a background may be: all but those of phones."""
     pictures(folder)
-    shutil.rmtree(folder / "heic")
+    for name in ("heic", "avif"):
+        shutil.rmtree(folder / name)
 
 
 def masks(folder: Path) -> None:
