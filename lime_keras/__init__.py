@@ -8,7 +8,7 @@
     material.save("out")     # numbers, layers, files for Blender and others
 
 `import lime_keras` is cheap: NumPy and ONNX Runtime are imported when `Estimator` is first used.
-TensorFlow and Keras are imported for `Estimator(engine="keras")` alone, and once to export a run.
+TensorFlow and Keras are imported for `Estimator(engine="keras")` alone.
 """
 
 from typing import TYPE_CHECKING, Any

@@ -189,13 +189,14 @@ def test_the_commands_offer_what_the_library_has():
     """They repeat names, because asking the library would import TensorFlow for `--help`."""
     from lime_keras.commands import estimate as estimate_command
     from lime_keras.commands import export as export_command
-    from lime_keras.estimate import engines
+    from lime_keras.commands import model_option
     from lime_keras.export import exporter
     from lime_keras.networks import PRESETS, precision
-    from lime_keras.runtime import masker
+    from lime_keras.runtime import engine, masker
     from lime_keras.train import cli
 
-    assert estimate_command._ENGINES == engines.ENGINES
+    assert estimate_command._ENGINES == engine.ENGINES
+    assert model_option.PRECISIONS == engine.PRECISIONS
     assert estimate_command._FAMILIES == tuple(masker.FAMILIES)
     assert export_command._PRECISIONS == exporter.PRECISIONS[exporter.ONNX]
     assert cli._PRECISIONS == tuple(precision.POLICIES)

@@ -292,7 +292,7 @@ def _check_hosts(options: argparse.Namespace) -> None:
 
 
 def _train_here(options: argparse.Namespace) -> int:
-    from . import hosts, initial_weights, summary, trainer
+    from . import graphs, hosts, initial_weights, summary, trainer
 
     config = config_of(options)
     leads = hosts.place()[0] == 0
@@ -322,6 +322,7 @@ def _train_here(options: argparse.Namespace) -> int:
         )
     else:
         print(f"trained model in {options.out / 'model'}")
+        print(graphs.write(options.out))
     return 0
 
 

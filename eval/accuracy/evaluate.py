@@ -15,13 +15,14 @@ from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
 from lime_keras import metrics, processors
-from lime_keras.arrays import Predict
 from lime_keras.data import pipeline, records
 from lime_keras.data.corpus import Split
 from lime_keras.model import weights
-from lime_keras.networks import Architecture, assemble
+from lime_keras.networks import Architecture
 from lime_keras.optics import environment, shininess
 from lime_keras.optics.blinn_phong import BlinnPhong
+from lime_keras.runtime.engine import Engine
+from lime_keras.runtime.keras_engine import KerasEngine
 
 from . import flip_error, relighting, training_record
 from .predictions import Answers, Predictions
@@ -56,8 +57,7 @@ class Evaluation:
             exponent by regression has no `log_error_winning` and no `bin_probabilities`. Relighting
             needs a complete material.
         true_mask: error columns of the same networks with the true mask: exponent, albedos, S, M
-            and relighting. It is empty if `evaluate` was given an `answer` other than the Keras
-            model.
+            and relighting.
         architecture: architecture of the system.
     """
 
@@ -82,7 +82,7 @@ def evaluate(
     *,
     batch_size: int = _AT_ONCE,
     camera: bool = False,
-    answer: Predict | None = None,
+    engine: Engine | None = None,
 ) -> Evaluation:
     """Measure a trained system on a corpus' test split, with progress on standard error.
 
@@ -92,8 +92,8 @@ def evaluate(
         batch_size: examples computed at once; changes the speed, not the numbers.
         camera: show the system photos of the scenes (`lime_keras.data.camera`), the same every
             time.
-        answer: function that computes the outputs, such as an exported model; by default the Keras
-            model. It is given full batches only: the last batch is filled up.
+        engine: engine of the system, which takes masks; by default its Keras model. It is given
+            full batches only: the last batch is filled up.
 
     Raises:
         FileNotFoundError: if the weights or the test split are missing.
@@ -101,7 +101,8 @@ def evaluate(
             that it cannot take, or if an output of the model is not finite.
     """
     # The model and its images.
-    architecture, subnetworks = weights.load(model_dir)
+    architecture = weights.read_architecture(model_dir)
+    engine = engine or KerasEngine(model_dir)
     split = Split(corpus, "test")
     training_record.check_lobe(model_dir, split)
     shards = pipeline.whole_shards(split)
@@ -113,12 +114,8 @@ def evaluate(
             "multiple of it"
         )
 
-    # The system, and the same without SegmentationNet.
-    system = answer or assemble(subnetworks).predict_on_batch
-    others = {name: part for name, part in subnetworks.items() if name != "segmentation"}
-    cut_out = assemble(others, given=("mask",)).predict_on_batch
-
-    # Rows, batch by batch.
+    # Rows, batch by batch, and the same without SegmentationNet.
+    others = [name for name in engine.outputs if name != "mask"]
     rows: list[dict[str, np.ndarray]] = []
     true_mask: list[dict[str, np.ndarray]] = []
     dataset = pipeline.evaluation(
@@ -129,12 +126,13 @@ def evaluate(
             number = len(example["mask"])
             # TensorFlow would compile the networks again for a batch of another size.
             full = _filled(example, batch_size)
-            answers = {"found": _cut(system(full["image"]), number)}
-            if answer is None:
-                given = {name: full[name] for name in ("image", "mask")}
-                answers["true_mask"] = _cut(cut_out(given), number)
+            given = {name: full[name] for name in ("image", "mask")}
+            answers = {
+                "found": _cut(engine.run(engine.outputs, {"image": given["image"]}), number),
+                "true_mask": _cut(engine.run(others, given), number),
+            }
             measured = measure(example, answers["found"])
-            with_mask = _errors(example, answers["true_mask"]) if answer is None else {}
+            with_mask = _errors(example, answers["true_mask"])
             # Of what is not finite, no picture can be made.
             for columns in (measured, with_mask):
                 _check_finite(columns, model_dir, first)
@@ -142,14 +140,11 @@ def evaluate(
             rows.append(
                 measured | _layers_flip(example, answers["found"], pool) | _relit_columns(relit)
             )
-            if answer is None:
-                true_mask.append(with_mask | relit["true_mask"])
+            true_mask.append(with_mask | relit["true_mask"])
 
     # All rows, which must be finite.
-    joined = _joined(rows)
-    with_true_mask = _joined(true_mask) if true_mask else {}
-    evaluation = Evaluation(joined, with_true_mask, architecture)
-    for columns in (joined, with_true_mask):
+    evaluation = Evaluation(_joined(rows), _joined(true_mask), architecture)
+    for columns in (evaluation.rows, evaluation.true_mask):
         _check_finite(columns, model_dir)
     return evaluation
 

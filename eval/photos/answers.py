@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 
 from lime_keras.console import Bar
-from lime_keras.estimate import engines
 from lime_keras.estimate.estimator import Estimator
 from lime_keras.io import photo as photo_files
 from lime_keras.material import Material
 from lime_keras.optics.blinn_phong import BlinnPhong
 from lime_keras.outputs import available
+from lime_keras.runtime import engine as runtime
 
 from . import measures
 from .folder import Photo
@@ -46,7 +46,6 @@ def answer(photos: Sequence[Photo], runs: Mapping[str, Path]) -> Answers:
     Raises:
         FileNotFoundError: if a folder holds no trained model.
         ValueError: if a photo or a mask cannot be read, or a mask has another size than its photo.
-        console.MissingExtra: if a run must be exported first, and packages for that are missing.
     """
     estimators = {name: _estimator(run) for name, run in runs.items()}
     rows: dict[tuple[str, str], list[dict[str, object]]] = {
@@ -78,7 +77,7 @@ def answer(photos: Sequence[Photo], runs: Mapping[str, Path]) -> Answers:
 
 def _estimator(run: Path) -> Estimator:
     """Return the estimator of the mask and of what a model can tell of the material's numbers."""
-    outputs = engines.load(run, engines.ENGINES[0]).outputs
+    outputs = runtime.load(run).outputs
     asked = ("mask", "albedo", "exponent")
     return Estimator(run, [name for name in available(outputs) if name in asked])
 

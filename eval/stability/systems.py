@@ -10,12 +10,14 @@ import keras
 import numpy as np
 import tensorflow as tf
 
-from lime_keras.arrays import Predict
 from lime_keras.estimate.estimator import Estimator
-from lime_keras.export import exporter, formats
+from lime_keras.export import exporter
 from lime_keras.model import weights
 from lime_keras.networks import Architecture, assemble, build
 from lime_keras.networks.precision import computing_in
+from lime_keras.runtime.engine import Engine
+from lime_keras.runtime.onnx_file import OnnxFile
+from lime_keras.runtime.saved_model import SavedModel
 
 from . import double_precision
 from .photos import extreme_photos
@@ -81,7 +83,8 @@ class TrialSystem:
 
     def served(self, model_format: str, batch: np.ndarray) -> Answers:
         """Return the exported model's outputs for images `(B, S, S, 3)`."""
-        return _numpy(self._exported(model_format)(batch.astype(np.float32)))
+        engine = self._exported(model_format)
+        return _numpy(engine.run(engine.outputs, {"image": batch.astype(np.float32)}))
 
     def exact(self, image: str) -> Answers:
         """Return the outputs in double precision for one of `images`."""
@@ -146,13 +149,11 @@ class TrialSystem:
         return tf.function(lambda batch: network(batch, training=False), jit_compile=True)
 
     @functools.cache  # noqa: B019 - as above
-    def _exported(self, model_format: str) -> Predict:
-        """Export the model to a format, load it, and return the function that runs it."""
+    def _exported(self, model_format: str) -> Engine:
+        """Export the model to a format, and return the engine that runs it."""
         exporter.export(self._scratch, model_format, self.folder)
         path = exporter.target(self._scratch, model_format)
-        if model_format == exporter.ONNX:
-            return formats.open_onnx(path)
-        return formats.open_saved_model(path)[formats.SERVED]
+        return OnnxFile(path) if model_format == exporter.ONNX else SavedModel(path)
 
 
 def _computing_in(

@@ -71,7 +71,7 @@ class Fidelity:
                 run.folder,
                 run.samples.corpus,
                 camera=run.samples.camera,
-                answer=run.answer(runtime, precision),
+                engine=_Whole(run.answer(runtime, precision)),
             )
             summary = measures.summarise(evaluation)
             known = [name for name in measures.MEASURES if name in summary]
@@ -105,3 +105,19 @@ class Fidelity:
 
     def _name(self, runtime: str, precision: str) -> str:
         return f"{self._run.name}-{runtime}-{precision}".replace(",", "").replace(" ", "-")
+
+
+class _Whole:
+    """A whole system as an engine."""
+
+    size, system = 0, ""
+    outputs: tuple[str, ...] = ()
+
+    def __init__(self, answer: Any):
+        self._answer = answer
+
+    def subnetworks(self, outputs: Any, given: Any) -> tuple[str, ...]:
+        return ()
+
+    def run(self, outputs: Any, given: Any) -> dict[str, np.ndarray]:
+        return dict(self._answer(given["image"]))

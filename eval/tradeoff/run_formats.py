@@ -162,7 +162,8 @@ class Run:
         formats.write_onnx(assemble(self._subnetworks), path)
 
     def _write_int8(self, prepared: Path, path: Path) -> None:
-        quantisation.write_int8(prepared, path, self.samples.calibration(self.image_size))
+        pictures = self.samples.calibration(self.image_size)
+        quantisation.write_int8(prepared, path, [{"image": one[None]} for one in pictures])
 
 
 def _costs(network: keras.Model) -> dict[str, float]:

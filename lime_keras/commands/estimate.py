@@ -66,9 +66,10 @@ def parser() -> argparse.ArgumentParser:
         "--engine",
         choices=_ENGINES,
         default=_ENGINES[0],
-        help="what runs the networks: ONNX Runtime, for which a RUN is exported once, or Keras "
-        "(default: onnx)",
+        help="what runs the networks: ONNX Runtime, which runs a RUN's graphs, or Keras (default: "
+        "onnx)",
     )
+    model_option.add_precision(speed)
     out.add_argument("--version", action="version", version=__version__)
     return out
 
@@ -259,6 +260,7 @@ def _results(options: argparse.Namespace) -> "Results":
         "full-size": options.full_size,
         "masker": masker and f"{masker[0]}:{digest(masker[1])}",
         "engine": options.engine if options.engine != _ENGINES[0] else None,
+        "precision": options.precision if options.precision != "float32" else None,
         "clone-onto": options.clone_onto and digest(options.clone_onto),
         "up": options.up,
         "shadow": options.shadow,
@@ -342,7 +344,14 @@ def _estimator(options: argparse.Namespace, only: tuple[str, ...] | None) -> "Es
         family, file = _masker(options.masker)
         masker = Masker(file, family)
     weights = options.weights or model_folder.FOR_PHOTOS
-    return Estimator(weights, only, options.engine, masker, full_size=options.full_size)
+    return Estimator(
+        weights,
+        only,
+        options.engine,
+        masker,
+        full_size=options.full_size,
+        precision=options.precision,
+    )
 
 
 def _masker(text: str) -> tuple[str, Path]:

@@ -17,6 +17,7 @@ examples:
   lime-export exported --format onnx --weights runs/mine
   lime-export exported --format onnx --precision int8 --corpus corpus
   lime-export exported --format onnx --only mask,diffuse_albedo
+  lime-export small --format graphs --precision int8 --weights live --corpus corpus
   lime-export small --format weights --weights runs/mine
 
 Every file takes `image` (B, S, S, 3), sRGB in [0, 1], any B, and returns the outputs by name. The
@@ -28,7 +29,9 @@ magnitude. Where they are too large, no file is written.
   savedmodel  OUT/saved_model/1/     TensorFlow, TensorFlow Serving
   onnx        OUT/lime.onnx          ONNX Runtime; with --precision, OUT/lime-float16.onnx and so on
   weights     OUT/model/             --weights OUT of every command: float16, half the size
-  graphs      OUT/onnx/              lime-estimate, where OUT is RUN: one ONNX file a subnetwork
+  graphs      OUT/onnx/              --weights OUT of every command: an ONNX file a subnetwork; with
+                                     --precision int8, OUT/onnx-int8/ beside it, for
+                                     --precision int8 of lime-estimate and lime-live
 With --only, the outputs are in the name: OUT/lime-mask.onnx.
 
 More: docs/how-to/exporting.md.
@@ -73,7 +76,7 @@ def parser() -> argparse.ArgumentParser:
     speed.add_argument(
         "--precision",
         choices=_PRECISIONS,
-        help="of the weights and layers of an ONNX model; images and answers stay float32 "
+        help="of the weights and layers of ONNX files; images and answers stay float32 "
         "(default: float32)",
     )
     out.add_argument("--version", action="version", version=__version__)
@@ -84,8 +87,8 @@ def main(argv: list[str] | None = None) -> int:
     """Export a model and return the exit status."""
     command = parser()
     options = command.parse_args(argv)
-    if options.format != "onnx" and options.precision is not None:
-        command.error("--precision is for --format onnx")
+    if options.format not in ("onnx", "graphs") and options.precision is not None:
+        command.error("--precision is for --format onnx and --format graphs")
     if options.precision == "int8" and options.corpus is None:
         command.error("--precision int8 is calibrated on pictures: pass --corpus CORPUS")
     return console.run(lambda: _export(options), "nothing was left half-written in its place")

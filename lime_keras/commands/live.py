@@ -50,7 +50,9 @@ def parser() -> argparse.ArgumentParser:
     start.add_argument(
         "--static", type=Path, metavar="OUT", help="write the page for a web host, and end"
     )
-    model_option.add(out.add_argument_group("model"))
+    model = out.add_argument_group("model")
+    model_option.add(model)
+    model_option.add_precision(model)
     page = out.add_argument_group("page")
     page.add_argument(
         "--port",
@@ -77,11 +79,11 @@ def _write(options: argparse.Namespace) -> int:
     console.require("lime-live --static", "onnx")
     run = options.weights or model_folder.SHIPPED
     model_folder.files(run)
-    from lime_keras.estimate import engines
     from lime_keras.live import static
+    from lime_keras.runtime import engine
 
     static.check(options.static)
-    engines.load(run, "onnx")
+    engine.load(run)
     print(f"onnxruntime-web {static.RUNTIME_VERSION} is fetched …", file=sys.stderr)
     with static.fetched_runtime() as runtime:
         print("the networks are written …", file=sys.stderr)
@@ -110,7 +112,9 @@ def _serve(options: argparse.Namespace) -> int:
         start = Start("camera")
     elif options.photo or options.video:
         start = Start("photo" if options.photo else "video", options.photo or options.video)
-    estimator = Estimator(options.weights or model_folder.SHIPPED, streaming=True)
+    estimator = Estimator(
+        options.weights or model_folder.SHIPPED, streaming=True, precision=options.precision
+    )
     try:
         server = LiveServer(estimator, options.port, start)
     except OSError as error:

@@ -1,4 +1,4 @@
-"""The option `--weights`: the model that a command runs."""
+"""The options `--weights` and `--precision`: the model that a command runs, and its graphs."""
 
 import argparse
 
@@ -25,4 +25,20 @@ def add(
         metavar="RUN",
         help="run of lime-train, or the name of a set that comes with the package "
         f"({', '.join(model_folder.shipped())}; default: {default})",
+    )
+
+
+PRECISIONS = ("float32", "float16", "int8")
+"""Precisions of a model's graphs, the default first."""
+
+
+def add_precision(parser: "argparse.ArgumentParser | argparse._ArgumentGroup") -> None:
+    """Add the option `--precision` of the graphs that ONNX Runtime runs."""
+    parser.add_argument(
+        "--precision",
+        choices=PRECISIONS,
+        default=PRECISIONS[0],
+        help="of the graphs that ONNX Runtime runs; others than float32 are written once, by "
+        "`lime-export OUT --format graphs --precision int8 --weights RUN --corpus CORPUS`, and "
+        "--weights is then OUT (default: float32)",
     )

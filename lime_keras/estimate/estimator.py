@@ -14,18 +14,17 @@ from typing import Any, overload
 
 import numpy as np
 
-from lime_keras.estimate import cautions, engines, framing, full_size
+from lime_keras.estimate import cautions, framing, full_size, recomposition
 from lime_keras.estimate.framing import Square
 from lime_keras.estimate.pictures import Picture, mask_of, photo_of
 from lime_keras.material import Caution, Material
 from lime_keras.model import folder as model_folder
 from lime_keras.model import gloss_file
 from lime_keras.model.folder import FOR_PHOTOS
-from lime_keras.optics import colour, compositing, dichromatic, highlights, shininess
+from lime_keras.optics import dichromatic, shininess
 from lime_keras.outputs import NEEDED, OUTPUTS, available
-
-_PIXELS_AT_ONCE = 1 << 18
-"""Number of pixels of a photo, about, whose layers are recomposed at once."""
+from lime_keras.runtime import engine as runtime
+from lime_keras.runtime.engine import ENGINES, PRECISIONS, Engine
 
 
 @dataclass(frozen=True)
@@ -36,24 +35,37 @@ class View:
         square: square of the photo; it may reach beyond the photo.
         image: its content `(S, S, 3)` float32, sRGB in [0, 1].
         mask: coverage `(S, S, 1)` in [0, 1], as the networks see it, beyond the photo too.
-        coverage: share of the photo that the object covers, in [0, 1].
         confidence: `Material.mask_confidence`.
         photo: the photo `(H, W, 3)`, sRGB in [0, 1].
         given: coverage `(H, W, 1)` in [0, 1] of a mask that was not found by SegmentationNet, or
             None.
+        doubts: what may be wrong with the photo as it was read.
     """
 
     square: Square
     image: np.ndarray
     mask: np.ndarray
-    coverage: float
     confidence: float | None
     photo: np.ndarray
     given: np.ndarray | None
+    doubts: tuple[Caution, ...] = ()
+
+    @property
+    def coverage(self) -> float:
+        """The share of the photo that the object covers, in [0, 1]."""
+        height, width = self.photo.shape[:2]
+        size = len(self.mask)
+        inside = framing.inside(self.square, height, width, size)
+        pixels = np.sum((self.mask >= framing.THRESHOLD) & inside)
+        return min(float(pixels) * (self.square.side / size) ** 2 / (height * width), 1.0)
 
 
 class Estimator:
     """A trained model, loaded once and applied to many photos.
+
+    `estimate` finds the object (`view`), estimates its material in the square that the networks see
+    (`read`), and brings the layers to the photo's size (`place`). Who shows the layers in the
+    square alone calls the first two.
 
     Args:
         weights: folder of the trained model, from `lime-train` or
@@ -61,7 +73,7 @@ class Estimator:
             as `live`; by default `lime_keras.model.folder.FOR_PHOTOS`.
         only: names of the estimates to make, out of `outputs.NEEDED`; only the subnetworks that
             these need are loaded and run. By default all estimates that this model can make.
-        engine: `onnx` for ONNX Runtime or `keras` (`engines.load`).
+        engine: `onnx` for ONNX Runtime or `keras` (`runtime.engine.load`); or a loaded engine.
         masker: function that finds the object in place of SegmentationNet, such as
             `lime_keras.runtime.masker.Masker("u2net.onnx")`: it takes a photo `(H, W, 3)`, float32
             sRGB in [0, 1], and returns coverage `(H, W)` or `(H, W, 1)` in [0, 1].
@@ -69,6 +81,8 @@ class Estimator:
             the layers are interpolated from the networks' size. The mask's coverage follows.
         streaming: whether single frames follow each other, as in `lime-live`: the engine then keeps
             its memory between them, which makes them faster.
+        precision: precision of the graphs that ONNX Runtime runs: `float32`, `float16` or `int8`.
+            Others than float32 are written by `lime-export --format graphs --precision …`.
 
     Attributes:
         size: height and width in pixels of the square that the networks see.
@@ -79,8 +93,8 @@ class Estimator:
 
     Raises:
         FileNotFoundError: if the folder holds no trained model.
-        ValueError: if the model's files are damaged, `only` is empty, or `only` names something
-            that this model cannot estimate.
+        ValueError: if the model's files are damaged, its graphs are missing, `only` is empty, or
+            `only` names something that this model cannot estimate.
         console.MissingExtra: if the engine needs packages that are not installed.
     """
 
@@ -88,15 +102,19 @@ class Estimator:
         self,
         weights: str | Path = FOR_PHOTOS,
         only: Collection[str] | None = None,
-        engine: str = engines.ENGINES[0],
+        engine: str | Engine = ENGINES[0],
         masker: Callable[[np.ndarray], np.ndarray] | None = None,
         full_size: bool = False,
         streaming: bool = False,
+        precision: str = PRECISIONS[0],
     ):
         self._masker = masker
         self._model = weights
         self.gloss_calibration = gloss_file.read(model_folder.find(weights))
-        self._engine = engines.load(model_folder.find(weights), engine, streaming=streaming)
+        if isinstance(engine, str):
+            run = model_folder.find(weights)
+            engine = runtime.load(run, engine, precision=precision, streaming=streaming)
+        self._engine = engine
         self.size, self.system = self._engine.size, self._engine.system
         if isinstance(only, str):
             raise ValueError(f"only is a list of names: pass [{only!r}]")
@@ -109,10 +127,12 @@ class Estimator:
                 f"cannot estimate {unknown}: {weights} holds "
                 f"{self._engine.system}; choose from {', '.join(needed)}"
             )
-        self._read = sorted({output for name in self._only for output in needed[name]} - {"mask"})
+        self._outputs = sorted(
+            {output for name in self._only for output in needed[name]} - {"mask"}
+        )
         self.subnetworks = (
             *(() if masker else self._engine.subnetworks(["mask"], ["image"])),
-            *self._engine.subnetworks(self._read, ["image", "mask"]),
+            *self._engine.subnetworks(self._outputs, ["image", "mask"]),
         )
 
     @overload
@@ -190,50 +210,12 @@ class Estimator:
         masks = [None] * len(photos) if masks is None else masks
         if len(masks) != len(photos):
             raise ValueError(f"{len(photos)} photos with {len(masks)} masks: pass one for each")
-        images: list[np.ndarray] = []
-        given: list[np.ndarray | None] = []
-        confidences: list[float | None] = []
-        of_reading: list[tuple[Caution, ...]] = []
-        for picture, mask in zip(photos, masks, strict=True):
-            image, known, confidence, read = self._taken(picture, mask)
-            of_reading.append(read)
-            images.append(image)
-            given.append(known)
-            confidences.append(confidence)
-        if not images:
-            return
-        squares, seen, masks_seen = self._find(images, given)
-        answer: Mapping[str, np.ndarray] = {}
-        if self._read:
-            answer = self._answers(self._read, {"image": seen, "mask": masks_seen})
-        for index, (image, mask, square) in enumerate(zip(images, given, squares, strict=True)):
-            own = {name: value[index] for name, value in answer.items()}
-            if mask is None:
-                confidences[index] = cautions.confidence(masks_seen[index])
-                mask = self._full_mask(image, square, seen[index], masks_seen[index])
-            told = (*cautions.of(image, mask, confidences[index]), *of_reading[index])
-            if cautions.NO_OBJECT in told:
-                yield Material(
-                    mask_coverage=0.0,
-                    square=square,
-                    layers={"mask": mask},
-                    warnings=told,
-                    image_srgb=image,
-                )
-                continue
-            material = self._material(image, mask, square, seen[index], masks_seen[index], own)
-            yield replace(
-                material,
-                mask_confidence=confidences[index],
-                warnings=told,
-                image_srgb=image,
-            )
+        views = self._views(photos, masks)
+        for view, material in zip(views, self._read(views), strict=True):
+            yield self.place(view, material)
 
     def view(self, photo: Picture, mask: Picture | None = None) -> View:
         """Find the object in a photo, and return the square that the networks see.
-
-        `view` and `read` are the two halves of `estimate` for who shows the layers in the square
-        alone: nothing is brought to the photo's size.
 
         Args:
             photo: photo, as `estimate` takes it.
@@ -242,43 +224,93 @@ class Estimator:
         Raises:
             ValueError: if the photo or the mask is refused (see `estimate`).
         """
-        image, given, confidence, _ = self._taken(photo, mask)
-        height, width = image.shape[:2]
-        squares, seen, masks = self._find([image], [given])
-        square, found = squares[0], masks[0] >= framing.THRESHOLD
-        pixels = np.sum(found & framing.inside(square, height, width, len(found)))
-        share = float(pixels) * (square.side / len(found)) ** 2 / (height * width)
-        if given is None:
-            confidence = cautions.confidence(masks[0])
-        return View(square, seen[0], masks[0], min(share, 1.0), confidence, image, given)
+        return self._views([photo], [mask])[0]
 
     def read(self, view: View) -> Material:
         """Estimate the material of the object in a view.
 
         Returns:
-            The material, with the photo's square, coverage and warnings, and with its layers in the
-            pixels of the view.
+            The material, with the view's coverage, confidence and square, and with its layers in
+            the pixels of the view: the mask, and the networks' layers that the estimates need. It
+            has no warnings.
 
         Raises:
             ValueError: if the model's answers are not finite, as its weights are damaged.
         """
-        given = {"image": view.image[None], "mask": view.mask[None]}
-        answer = self._answers(self._read, given) if self._read else {}
-        own = {name: value[0] for name, value in answer.items()}
-        whole = Square(0, 0, len(view.image))
-        material = self._material(view.image, view.mask, whole, view.image, view.mask, own)
+        return next(self._read([view]))
+
+    def place(self, view: View, material: Material) -> Material:
+        """Bring the material of a view to its photo.
+
+        Args:
+            view: view that `view` returned.
+            material: material that `read` returned for it.
+
+        Returns:
+            The material with the layers that were asked for at the photo's size, the coverage and
+            the warnings; where no object was found, with nothing but the mask.
+        """
         mask = view.given
         if mask is None:
-            mask = self._full_mask(view.photo, view.square, view.image, view.mask)
+            mask = self._place_mask(view)
+        warnings = (*cautions.of(view.photo, mask, view.confidence), *view.doubts)
+        if cautions.NO_OBJECT in warnings:
+            return Material(
+                mask_coverage=0.0,
+                square=view.square,
+                layers={"mask": mask},
+                warnings=warnings,
+                image_srgb=view.photo,
+            )
+        layers = {"mask": mask}
+        for asked in filter(self._only.__contains__, NEEDED):
+            if asked == "diffuse":
+                shading = layers.get("specular_shading")
+                if shading is None:
+                    shading = self._place_layer(view, material.layers["specular_shading"], mask)
+                layers["diffuse"] = recomposition.diffuse(view.photo, mask, shading, material)
+                layers["recomposed"] = recomposition.recompose(
+                    layers["diffuse"], mask, shading, material
+                )
+                continue
+            for name in NEEDED[asked]:
+                if OUTPUTS[name].layer == "sphere":
+                    # The sphere is not a part of the photo, so it keeps its own size.
+                    layers[name] = material.layers[name]
+                elif OUTPUTS[name].layer == "photo" and name != "mask":
+                    layers[name] = self._place_layer(view, material.layers[name], mask)
+        if "albedo" not in self._only:
+            material = replace(material, diffuse_albedo=None, specular_albedo=None)
+        coverage = float(np.mean(mask >= framing.THRESHOLD))
         return replace(
             material,
-            square=view.square,
-            mask_coverage=view.coverage,
-            mask_confidence=view.confidence,
-            warnings=cautions.of(view.photo, mask, view.confidence),
+            mask_coverage=coverage,
+            layers=layers,
+            warnings=warnings,
+            image_srgb=view.photo,
         )
 
-    def _taken(
+    def _views(self, photos: Sequence[Picture], masks: Sequence[Picture | None]) -> list[View]:
+        """Return the view of each photo; SegmentationNet looks at all of them as one batch."""
+        inputs = [self._load_inputs(*pair) for pair in zip(photos, masks, strict=True)]
+        size, views = self._engine.size, []
+        for image, given, confidence, doubts in inputs:
+            if given is None:
+                square, mask = (
+                    framing.whole(*image.shape[:2]),
+                    np.zeros((size, size, 1), np.float32),
+                )
+            else:
+                square = framing.around_given(given)
+                mask = framing.cut_layer(given, square, size)
+            seen = framing.cut(image, square, size)
+            views.append(View(square, seen, mask, confidence, image, given, doubts))
+        searched = [index for index, view in enumerate(views) if view.given is None]
+        for index, view in zip(searched, self._find([views[at] for at in searched]), strict=True):
+            views[index] = replace(view, confidence=cautions.confidence(view.mask))
+        return views
+
+    def _load_inputs(
         self, photo: Picture, mask: Picture | None
     ) -> tuple[np.ndarray, np.ndarray | None, float | None, tuple[Caution, ...]]:
         """Return a photo, its mask if SegmentationNet is not to find it, and a masker's confidence.
@@ -288,46 +320,48 @@ class Estimator:
         Raises:
             ValueError: if the photo or the mask is refused (see `estimate`).
         """
-        image, alpha, read = photo_of(photo)
+        image, alpha, doubts = photo_of(photo)
         if mask is not None:
-            return image, mask_of(mask, *image.shape[:2]), None, read
+            return image, mask_of(mask, *image.shape[:2]), None, doubts
         if alpha is not None or self._masker is None:
-            return image, alpha, None, read
+            return image, alpha, None, doubts
         known = mask_of(self._masker(image), *image.shape[:2])
-        return image, known, cautions.confidence(known), read
+        return image, known, cautions.confidence(known), doubts
 
-    def _find(
-        self, images: list[np.ndarray], given: list[np.ndarray | None]
-    ) -> tuple[list[Square], np.ndarray, np.ndarray]:
-        """Return each photo's square, and its content `(N, S, S, 3)` and mask `(N, S, S, 1)`."""
-        size = self._engine.size
-        squares = [
-            framing.whole(*image.shape[:2]) if mask is None else framing.around_given(mask)
-            for image, mask in zip(images, given, strict=True)
-        ]
-        seen = np.stack([framing.cut(*pair, size) for pair in zip(images, squares, strict=True)])
-        masks = np.zeros((len(images), size, size, 1), np.float32)
-        for index, mask in enumerate(given):
-            if mask is not None:
-                masks[index] = framing.cut_layer(mask, squares[index], size)
-        looked = [index for index, mask in enumerate(given) if mask is None]
-        masks[looked] = self._masks(seen[looked])
-        closer = [framing.around(mask, square) for mask, square in zip(masks, squares, strict=True)]
-        again = [index for index in looked if closer[index] != squares[index]]
-        near = [framing.cut(images[index], closer[index], size) for index in again]
-        for index, view, mask in zip(again, near, self._masks(np.array(near)), strict=True):
+    def _find(self, views: list[View]) -> list[View]:
+        """Return views with the mask of their object, closer ones where the object is small."""
+        found = self._segment(views)
+        closer = []
+        for index, view in enumerate(found):
+            square = framing.around(view.mask, view.square)
+            if square != view.square:
+                seen = framing.cut(view.photo, square, self._engine.size)
+                closer.append((index, replace(view, square=square, image=seen)))
+        for (index, _), view in zip(closer, self._segment([one for _, one in closer]), strict=True):
             # If the closer view shows no object, keep the whole photo.
-            if np.any(mask >= framing.THRESHOLD):
-                squares[index], seen[index], masks[index] = closer[index], view, mask
-        return squares, seen, masks
+            if np.any(view.mask >= framing.THRESHOLD):
+                found[index] = view
+        return found
 
-    def _masks(self, seen: np.ndarray) -> np.ndarray:
-        """Return SegmentationNet's masks `(N, S, S, 1)` of images `(N, S, S, 3)`; N may be 0."""
-        if not len(seen):
-            return np.empty((0, self._engine.size, self._engine.size, 1), np.float32)
-        return self._answers(["mask"], {"image": seen})["mask"]
+    def _segment(self, views: list[View]) -> list[View]:
+        """Return views with SegmentationNet's masks; there may be none."""
+        if not views:
+            return []
+        masks = self._run(["mask"], {"image": np.stack([view.image for view in views])})["mask"]
+        return [replace(view, mask=mask) for view, mask in zip(views, masks, strict=True)]
 
-    def _answers(
+    def _read(self, views: list[View]) -> Iterator[Material]:
+        """Yield the material of each view; the networks run on all of them as one batch."""
+        answers: Mapping[str, np.ndarray] = {}
+        if self._outputs and views:
+            images, masks = (
+                np.stack([getattr(view, name) for view in views]) for name in ("image", "mask")
+            )
+            answers = self._run(self._outputs, {"image": images, "mask": masks})
+        for index, view in enumerate(views):
+            yield self._material(view, {name: value[index] for name, value in answers.items()})
+
+    def _run(
         self, outputs: Collection[str], given: Mapping[str, np.ndarray]
     ) -> Mapping[str, np.ndarray]:
         """Return the model's outputs by name; raise ValueError if one is not finite."""
@@ -340,96 +374,39 @@ class Estimator:
                 )
         return answers
 
-    def _full_mask(
-        self, image: np.ndarray, square: Square, seen: np.ndarray, seen_mask: np.ndarray
-    ) -> np.ndarray:
-        """Return the mask of a square at the photo's size."""
-        if self._full_size:
-            return full_size.mask(image, square, seen, seen_mask)
-        return framing.paste(seen_mask, square, *image.shape[:2])
-
-    def _material(
-        self,
-        image: np.ndarray,
-        mask: np.ndarray,
-        square: Square,
-        seen: np.ndarray,
-        seen_mask: np.ndarray,
-        answer: dict[str, np.ndarray],
-    ) -> Material:
-        """Return the material of one photo with the estimates that were asked for."""
-        only = self._only
+    def _material(self, view: View, answer: Mapping[str, np.ndarray]) -> Material:
+        """Return the material of a view from the networks' answer."""
         fields: dict[str, Any] = {}
+        layers = {name: value for name, value in answer.items() if OUTPUTS[name].layer}
         if "diffuse_albedo" in answer:
-            raised = dichromatic.with_saturation_of_pixels(
-                answer["diffuse_albedo"], seen, seen_mask
+            fields["diffuse_albedo"] = dichromatic.with_saturation_of_pixels(
+                answer["diffuse_albedo"], view.image, view.mask
             )
-            answer = answer | {"diffuse_albedo": raised}
-
-        def placed(name: str) -> np.ndarray:
-            """Return a layer of the answer at the photo's size."""
-            if not self._full_size:
-                return framing.paste(answer[name], square, *image.shape[:2])
-            return full_size.radiance(image, square, seen, seen_mask, answer[name], mask)
-
-        layers = {"mask": mask}
-        for asked in filter(only.__contains__, NEEDED):
-            if asked == "diffuse":
-                shading = layers.get("specular_shading")
-                if shading is None:
-                    shading = placed("specular_shading")
-                layers |= _recomposed(image, mask, shading, answer)
-                continue
-            for name in NEEDED[asked]:
-                if OUTPUTS[name].layer == "sphere":
-                    # The sphere is not a part of the photo, so it keeps its own size.
-                    layers[name] = answer[name]
-                elif OUTPUTS[name].layer == "photo" and name != "mask":
-                    layers[name] = placed(name)
-        if "albedo" in only:
-            fields["diffuse_albedo"] = answer["diffuse_albedo"]
+        if "specular_albedo" in answer:
             fields["specular_albedo"] = float(answer["specular_albedo"][0])
-        if "exponent" in only:
+        if "exponent" in self._only:
             fields["exponent"] = float(10.0 ** shininess.log_of_outputs(answer))
             fields["gloss_calibration"] = self.gloss_calibration
         if "exponent_bin_probabilities" in answer:
             probabilities = answer["exponent_bin_probabilities"]
             fields["exponent_bin_probabilities"] = probabilities
             fields["exponent_entropy"] = float(shininess.entropy(probabilities))
-        coverage = float(np.mean(mask >= framing.THRESHOLD))
-        return Material(mask_coverage=coverage, square=square, layers=layers, **fields)
+        return Material(
+            mask_coverage=view.coverage,
+            mask_confidence=view.confidence,
+            square=view.square,
+            layers={"mask": view.mask} | layers,
+            **fields,
+        )
 
+    def _place_mask(self, view: View) -> np.ndarray:
+        """Return the mask of a view at the photo's size."""
+        if self._full_size:
+            return full_size.mask(view.photo, view.square, view.image, view.mask)
+        return framing.paste(view.mask, view.square, *view.photo.shape[:2])
 
-def _recomposed(
-    image_srgb: np.ndarray, mask: np.ndarray, shading: np.ndarray, answer: dict[str, np.ndarray]
-) -> dict[str, np.ndarray]:
-    """Return the layers `diffuse`, the photo's diffuse part, and `recomposed`, Eq. 4 of the fit."""
-    diffuse_albedo, specular_albedo = answer["diffuse_albedo"], answer["specular_albedo"]
-    layers = {name: np.empty(image_srgb.shape, np.float32) for name in ("diffuse", "recomposed")}
-    hidden = np.empty(image_srgb.shape[:2], bool)
-    # Row by row: a large photo's intermediate images would take more memory than its layers.
-    height = max(1, _PIXELS_AT_ONCE // mask.shape[1])
-    parts = [slice(top, top + height) for top in range(0, len(mask), height)]
-
-    # What the highlights leave.
-    for part in parts:
-        specular = specular_albedo * shading[part]
-        linear = colour.srgb_to_linear(image_srgb[part])
-        layers["diffuse"][part] = np.maximum(linear - specular, 0) * mask[part]
-        hidden[part] = highlights.hidden(image_srgb[part], specular)
-
-    # Where they leave nothing that can be read, what is around; never more than is seen.
-    inside = mask[..., 0] >= framing.THRESHOLD
-    hidden &= inside
-    if hidden.any():
-        likely = highlights.closed(layers["diffuse"], inside & ~hidden, hidden)
-        seen = colour.srgb_to_linear(image_srgb[hidden]) * mask[hidden]
-        layers["diffuse"][hidden] = np.minimum(likely, seen)
-
-    # The grey shading that fits the diffuse part, and the highlights on it.
-    for part in parts:
-        # The D of a black material is NaN. It does not matter: m_d · D is 0 for every D.
-        shade = np.nan_to_num(compositing.diffuse_shading(layers["diffuse"][part], diffuse_albedo))
-        specular = specular_albedo * shading[part]
-        layers["recomposed"][part] = shade * diffuse_albedo + specular * mask[part]
-    return layers
+    def _place_layer(self, view: View, layer: np.ndarray, mask: np.ndarray) -> np.ndarray:
+        """Return a layer of radiance at the photo's size, with the photo's mask `(H, W, 1)`."""
+        if self._full_size:
+            return full_size.radiance(view.photo, view.square, view.image, view.mask, layer, mask)
+        return framing.paste(layer, view.square, *view.photo.shape[:2])

@@ -8,25 +8,29 @@ from pathlib import Path
 import keras
 import numpy as np
 
-from lime_keras.arrays import Predict
 from lime_keras.data import pipeline, samples
 from lime_keras.data.corpus import Split
-from lime_keras.export import formats, graphs, model_card, parity, quantisation
-from lime_keras.export.formats import SERVED
+from lime_keras.export import formats, graphs, model_card, parity, quantisation, reference
 from lime_keras.io import atomic
 from lime_keras.model import folder as model_folder
 from lime_keras.model import graphs as graph_folder
 from lime_keras.model import weights
-from lime_keras.networks import assemble, output_names
+from lime_keras.model.folder import ARCHITECTURE
+from lime_keras.networks import assemble
 from lime_keras.outputs import OUTPUTS
-from lime_keras.runtime.engine import OnnxEngine
+from lime_keras.runtime import onnx_graphs
+from lime_keras.runtime.engine import Engine
+from lime_keras.runtime.keras_engine import KerasEngine
+from lime_keras.runtime.onnx_file import OnnxFile
+from lime_keras.runtime.onnx_graphs import OnnxGraphs
+from lime_keras.runtime.saved_model import SavedModel
 
 SAVED_MODEL, ONNX, WEIGHTS, GRAPHS = "savedmodel", "onnx", "weights", "graphs"
 PRECISIONS = {
     SAVED_MODEL: ("float32",),
     ONNX: ("float32", "float16", "int8"),
     WEIGHTS: ("float16",),
-    GRAPHS: ("float32",),
+    GRAPHS: ("float32", "float16", "int8"),
 }
 """Precisions of each format, its default first. Float16 weights are computed with in float32."""
 
@@ -58,7 +62,7 @@ def export(
             the parity check, too. The first pictures of the train split calibrate int8.
 
     Returns:
-        Difference from Keras of each output (`parity.judge`), by set of images: `extremes`
+        Difference from Keras of each output (`parity.check`), by set of images: `extremes`
         (`parity.images`) and, with a corpus, `pictures`.
 
     Raises:
@@ -71,38 +75,63 @@ def export(
     precision = PRECISIONS[model_format][0] if precision is None else precision
     _check(model_format, precision, corpus, only)
     digest = model_folder.digest(weights_folder)
-    architecture, subnetworks = weights.load(weights_folder)
-    known = output_names(subnetworks)
-    if unknown := sorted(set(only or ()) - set(known)):
+    keras_engine = KerasEngine(weights_folder)
+    architecture, subnetworks = keras_engine.architecture, keras_engine.parts
+    if unknown := sorted(set(only or ()) - set(keras_engine.outputs)):
         raise ValueError(
             f"cannot export {unknown}: {weights_folder} holds {architecture.description}; "
-            f"choose from {', '.join(known)}"
+            f"choose from {', '.join(keras_engine.outputs)}"
         )
     network = assemble(subnetworks, only)
     card = model_card.card(architecture, network, precision)
     images = _images(architecture.size, corpus)
+    plain = None
+    if model_format == GRAPHS:
+        _complete(folder, weights_folder)
+        if precision != "float32":
+            plain = _plain_graphs(folder, weights_folder, digest)
     path = target(folder, model_format, precision, only)
-    # Two estimators may export the same run at once.
+    engine: Engine
+    # Two commands may export the same run at once.
     with atomic.replacing(path, shared=model_format == GRAPHS) as partial:
         if model_format == SAVED_MODEL:
             formats.write_saved_model(network, partial)
             formats.describe_saved_model(partial, card)
-            signatures = formats.open_saved_model(partial)
+            engine = SavedModel(partial)
         elif model_format == WEIGHTS:
             weights.save(partial, architecture, subnetworks, half=True)
             formats.describe_weights(partial, card)
             record = model_folder.folder(weights_folder) / "training.json"
             if record.is_file():
                 shutil.copyfile(record, partial / record.name)
-            signatures = {SERVED: assemble(weights.load(partial)[1])}
+            engine = KerasEngine(partial)
         elif model_format == GRAPHS:
-            graphs.write(partial, architecture, subnetworks, digest)
-            signatures = {SERVED: _joined(partial)}
+            if plain is None:
+                graphs.write(partial, architecture, subnetworks, digest)
+            else:
+                pictures = _calibration(corpus, architecture.size) if precision == "int8" else None
+                graphs.write_narrow(partial, subnetworks, precision, plain, pictures)
+            engine = onnx_graphs.open_folder(partial)
         else:
             _write_onnx(network, partial, precision, corpus)
-            formats.describe_onnx(partial, card)
-            signatures = {SERVED: formats.open_onnx(partial)}
-        differences = _check_parity(network, signatures, images, precision)
+            formats.finish_onnx(partial, card)
+            engine = OnnxFile(partial)
+        names = tuple(network.output)
+        expected = {
+            kind: parity.predictions(keras_engine, batch, names) for kind, batch in images.items()
+        }
+        differences = {
+            kind: parity.check(found, parity.predictions(engine, images[kind]), precision)
+            for kind, found in expected.items()
+        }
+        if model_format == SAVED_MODEL and len(names) > 1:
+            # Each output has a signature of its own, too.
+            for name in names:
+                found = parity.predictions(engine, images["extremes"], [name])
+                alone = parity.check({name: expected["extremes"][name]}, found, precision)
+                differences["extremes"][name] = max(differences["extremes"][name], alone[name])
+        elif model_format in (ONNX, GRAPHS):
+            _check_second_runtime(expected["extremes"], engine, partial, images, precision)
     return differences
 
 
@@ -115,8 +144,7 @@ def target(
     """Return the path that `export` writes.
 
     It is an ONNX file, a SavedModel's folder inside a folder of versions, a folder of weights, or a
-    folder of graphs. With weights, every command takes `folder` as its `--weights`; graphs are used
-    where `folder` is the run that they were exported from.
+    folder of graphs. With weights or graphs, every command takes `folder` as its `--weights`.
 
     What answers `only` some outputs is named after them, so it takes no other model's place.
     """
@@ -125,9 +153,9 @@ def target(
         return folder / f"saved_model{part}" / _VERSION
     if model_format == WEIGHTS:
         return folder / "model"
-    if model_format == GRAPHS:
-        return folder / "onnx"
     bits = "" if precision == "float32" else f"-{precision}"
+    if model_format == GRAPHS:
+        return folder / f"onnx{bits}"
     return folder / f"lime{part}{bits}.onnx"
 
 
@@ -144,13 +172,26 @@ def _check(
         raise ValueError(f"{model_format} are of a whole model: leave out what is to be answered")
 
 
-def _joined(folder: Path) -> Predict:
-    """Return the answer of a folder of graphs."""
-    description = graph_folder.read(folder)
-    if description is None:
-        raise ValueError(f"{folder} holds no graphs: export them")
-    engine = OnnxEngine(folder, description)
-    return lambda images: engine.run(engine.outputs, {"image": images})
+def _complete(folder: Path, weights_folder: Path) -> None:
+    """Make a folder of graphs one of a model, which holds an architecture, too."""
+    about = model_folder.folder(folder) / ARCHITECTURE
+    if not about.is_file():
+        model = folder / "model"
+        model.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(model_folder.folder(weights_folder) / ARCHITECTURE, model / ARCHITECTURE)
+
+
+def _plain_graphs(folder: Path, weights_folder: Path, digest: str) -> OnnxGraphs:
+    """Return the engine of the graphs in float32, written before if they are not there."""
+    path = target(folder, GRAPHS)
+    description = graph_folder.read(path)
+    if description is None or description.weights != digest:
+        export(folder, GRAPHS, weights_folder)
+    return onnx_graphs.open_folder(path)
+
+
+def _calibration(corpus: Path | None, size: int) -> np.ndarray | None:
+    return None if corpus is None else samples.calibration(corpus, size, camera=True)
 
 
 def _images(size: int, corpus: Path | None) -> dict[str, np.ndarray]:
@@ -172,29 +213,23 @@ def _write_onnx(network: keras.Model, path: Path, precision: str, corpus: Path |
         quantisation.prepare(whole, prepared)
         if precision == "float16":
             quantisation.write_float16(prepared, path)
-        elif corpus is not None:
-            pictures = samples.calibration(corpus, network.input_shape[1], camera=True)
-            quantisation.write_int8(prepared, path, pictures)
+        elif (pictures := _calibration(corpus, network.input_shape[1])) is not None:
+            inputs = ({"image": picture[None]} for picture in pictures)
+            quantisation.write_int8(prepared, path, inputs)
 
 
-def _check_parity(
-    network: keras.Model,
-    signatures: Mapping[str, Predict],
+def _check_second_runtime(
+    expected: Mapping[str, np.ndarray],
+    engine: Engine,
+    path: Path,
     images: Mapping[str, np.ndarray],
     precision: str,
-) -> dict[str, dict[str, float]]:
-    """Check the parity of a written model.
+) -> None:
+    """Check the parity of ONNX files on one image in onnx's own evaluator.
 
-    The signature with all outputs is checked on all images, the signatures with a single output on
-    the extremes alone.
+    It computes in the precision that a file promises; ONNX Runtime computes float16 in float32 on a
+    processor, and sees no overflow. It is slow: a second for a GFLOP.
     """
-    out = {}
-    for name, batch in images.items():
-        expected = parity.answers(network, batch)
-        out[name] = parity.judge(expected, parity.answers(signatures[SERVED], batch), precision)
-        if name == "extremes":
-            for output in set(signatures) - {SERVED}:
-                found = parity.answers(signatures[output], batch)
-                alone = parity.judge({output: expected[output]}, found, precision)
-                out[name][output] = max(out[name][output], alone[output])
-    return out
+    evaluator = reference.open_engine(path, engine)
+    first = {name: values[:1] for name, values in expected.items()}
+    parity.check(first, parity.predictions(evaluator, images["extremes"][:1]), precision)

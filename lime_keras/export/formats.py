@@ -1,4 +1,4 @@
-"""The file formats of an exported model: functions to write, describe and open it."""
+"""The file formats of an exported model: functions to write, describe and check it."""
 
 import gc
 import json
@@ -8,19 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import keras
-import numpy as np
 import onnx
-import onnxruntime
 import tensorflow as tf
 from keras import layers
 from onnx import numpy_helper
 
-from lime_keras.arrays import Predict
+from lime_keras.runtime.saved_model import CARD, SERVED
 
-SERVED = "serving_default"
-"""Name of the signature with every output; each output also has a signature with its own name."""
-
-_CARD = Path("assets.extra") / "lime.json"  # the folder of a SavedModel for files no loader reads
 OPSET = 17
 """Version of the ONNX operator set in the written files."""
 _ELEMENTWISE = (
@@ -48,28 +42,13 @@ def write_saved_model(network: keras.Model, path: Path) -> None:
 
 def describe_saved_model(path: Path, card: Mapping[str, Any]) -> None:
     """Write a model card (`export.model_card`) into a SavedModel: `assets.extra/lime.json`."""
-    (path / _CARD).parent.mkdir()
-    (path / _CARD).write_text(json.dumps(card, indent=2) + "\n", encoding="utf-8")
-
-
-def open_saved_model(path: Path) -> dict[str, Predict]:
-    """Load a SavedModel folder and return its signatures by name."""
-    # The signatures alone do not keep the loaded model, and its variables, alive.
-    loaded = tf.saved_model.load(str(path))
-
-    def opened(name: str) -> Predict:
-        def answer(images: np.ndarray) -> dict[str, np.ndarray]:
-            found = loaded.signatures[name](image=tf.constant(images))
-            return {output: value.numpy() for output, value in found.items()}
-
-        return answer
-
-    return {name: opened(name) for name in loaded.signatures}
+    (path / CARD).parent.mkdir()
+    (path / CARD).write_text(json.dumps(card, indent=2) + "\n", encoding="utf-8")
 
 
 def describe_weights(path: Path, card: Mapping[str, Any]) -> None:
     """Write a model card beside weights: `lime.json`."""
-    (path / _CARD.name).write_text(json.dumps(card, indent=2) + "\n", encoding="utf-8")
+    (path / CARD.name).write_text(json.dumps(card, indent=2) + "\n", encoding="utf-8")
 
 
 def write_onnx(network: keras.Model, path: Path) -> None:
@@ -153,24 +132,85 @@ def _ease_broadcasts(model: onnx.ModelProto) -> None:
         graph.initializer.remove(numbers[name])
 
 
-def describe_onnx(path: Path, card: Mapping[str, Any]) -> None:
-    """Write a model card into the properties of an ONNX file; values that are no text become JSON.
+def finish_onnx(path: Path, card: Mapping[str, Any]) -> None:
+    """Sort the nodes of an ONNX file, write a model card into it, and check it.
 
-    The first dimension of inputs and outputs gets the name `batch`.
+    The card becomes the file's properties; values that are no text become JSON. The first dimension
+    of inputs and outputs gets the name `batch`.
+
+    Raises:
+        onnx.checker.ValidationError: if the file is no valid ONNX.
     """
     model = onnx.load(path)
+    settle(model)
     texts = {k: v if isinstance(v, str) else json.dumps(v) for k, v in card.items()}
     onnx.helper.set_model_props(model, texts)
-    for tensor in (*model.graph.input, *model.graph.output):
+    write_checked(model, path)
+
+
+def write_checked(model: onnx.ModelProto, path: Path) -> None:
+    """Write an ONNX file, the same model always as the same bytes.
+
+    Raises:
+        onnx.checker.ValidationError: if it is no valid ONNX: not every runtime forgives what ONNX
+            Runtime does.
+    """
+    onnx.checker.check_model(model, full_check=True)
+    path.write_bytes(model.SerializeToString(deterministic=True))
+
+
+def settle(model: onnx.ModelProto) -> None:
+    """Order and name the nodes and constants of a graph by their use alone.
+
+    A node comes after those that it reads, in the order in which the outputs ask for them; names
+    count in this order. Of equal constants one is kept, and of what nothing reads none.
+    """
+    # Visit: what the outputs ask for, in order.
+    graph = model.graph
+    made_by = {output: node for node in graph.node for output in node.output}
+    constants = {constant.name: constant for constant in graph.initializer}
+    names = {"": ""} | {tensor.name: tensor.name for tensor in (*graph.input, *graph.output)}
+    nodes: dict[str, onnx.NodeProto] = {}
+    kept: dict[tuple[Any, ...], onnx.TensorProto] = {}
+
+    def name_constant(constant: onnx.TensorProto) -> None:
+        values = numpy_helper.to_array(constant)
+        first = kept.setdefault((values.dtype.str, values.shape, values.tobytes()), constant)
+        names[constant.name] = f"constant{len(kept)}" if first is constant else names[first.name]
+
+    def visit(name: str) -> None:
+        # A stack of its own: a joined graph is deeper than Python's.
+        waiting = [(name, 0)]
+        while waiting:
+            name, index = waiting.pop()
+            node, constant = made_by.get(name), constants.get(name)
+            if node is not None and node.output[0] not in nodes:
+                if index < len(node.input):
+                    waiting += [(name, index + 1), (node.input[index], 0)]
+                    continue
+                nodes[node.output[0]] = node
+                for number, output in enumerate(node.output):
+                    names.setdefault(output, f"{node.op_type}{len(nodes)}.{number}")
+            elif constant is not None and name not in names:
+                name_constant(constant)
+
+    for output in sorted(tensor.name for tensor in graph.output):
+        visit(output)
+    # Rebuild: kept nodes and constants by their new names.
+    settled = onnx.GraphProto(
+        name=graph.name, node=nodes.values(), input=graph.input, output=graph.output
+    )
+    for constant in kept.values():
+        settled.initializer.add().CopyFrom(constant)
+        settled.initializer[-1].name = names[constant.name]
+    for tensor in (*settled.input, *settled.output):
         tensor.type.tensor_type.shape.dim[0].dim_param = "batch"
-    onnx.save(model, path)
-
-
-def open_onnx(path: Path) -> Predict:
-    """Load an ONNX model with ONNX Runtime on the processor."""
-    session = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
-    names = [output.name for output in session.get_outputs()]
-    return lambda images: dict(zip(names, session.run(names, {"image": images}), strict=True))
+    for node in settled.node:
+        node.input[:] = [names[name] for name in node.input]
+        node.output[:] = [names[name] for name in node.output]
+        node.name = node.output[0]
+        node.attribute.sort(key=lambda attribute: attribute.name)
+    graph.CopyFrom(settled)
 
 
 def served(network: keras.Model) -> tf.types.experimental.PolymorphicFunction:

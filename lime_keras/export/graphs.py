@@ -4,22 +4,24 @@ The same weights always give the same bytes. The converter, left alone, numbers 
 the process and walks through sets, so that each file would be another.
 """
 
-from collections.abc import Mapping
+import dataclasses
+import tempfile
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
 
 import keras
 import numpy as np
 import onnx
 from onnx import numpy_helper
 
-from lime_keras.export import formats
+from lime_keras.export import formats, quantisation
 from lime_keras.export.standalone import parts
 from lime_keras.io import untrusted
 from lime_keras.model import graphs as graph_folder
 from lime_keras.model import weights_in_graphs
-from lime_keras.model.graphs import Description, Graph
+from lime_keras.model.graphs import SPLIT, Description, Graph
 from lime_keras.networks.architecture import Architecture
+from lime_keras.runtime.onnx_graphs import OnnxGraphs
 
 _LEAST_NARROWED = 256
 """Number of values from which on it is worth to store a constant in half the space."""
@@ -46,7 +48,7 @@ def write(
         formats.write_onnx(alone, path)
         graph = onnx.load(path)
         _narrow(graph)
-        _settle(graph)
+        formats.settle(graph)
         for tensor in graph.graph.output:  # of which the converter forgets some channels
             sizes = alone.output[tensor.name].shape[1:]
             for dimension, size in zip(tensor.type.tensor_type.shape.dim[1:], sizes, strict=True):
@@ -54,7 +56,7 @@ def write(
         held = subnetworks[name].weights if name in subnetworks else []
         values = {weight.path: keras.ops.convert_to_numpy(weight) for weight in held}
         weights_in_graphs.describe(graph, values)
-        path.write_bytes(graph.SerializeToString(deterministic=True))
+        formats.write_checked(graph, path)
         graphs[name] = Graph(
             inputs=tuple(tensor.name for tensor in alone.inputs),
             outputs=tuple(alone.output),
@@ -63,6 +65,53 @@ def write(
     graph_folder.write(
         folder, Description(digest, architecture.size, architecture.description, graphs)
     )
+
+
+def write_narrow(
+    folder: Path,
+    subnetworks: Mapping[str, keras.Model],
+    precision: str,
+    plain: OnnxGraphs,
+    pictures: np.ndarray | None,
+) -> None:
+    """Write the graphs of a model in fewer bits, and their description, into a new folder.
+
+    The split of colours, which takes small differences and has no weights, stays float32.
+
+    Args:
+        folder: path of the folder.
+        subnetworks: subnetworks by name.
+        precision: `float16` or `int8`.
+        plain: engine of the graphs in float32, which answers what the others read.
+        pictures: for int8, calibration images `(N, S, S, 3)`, sRGB in [0, 1].
+    """
+    folder.mkdir(parents=True)
+    description, graphs = plain.description, {}
+    with tempfile.TemporaryDirectory() as scratch:
+        whole, prepared = Path(scratch) / "whole.onnx", Path(scratch) / "prepared.onnx"
+        for name, alone in parts(subnetworks).items():
+            path, row = folder / f"{name}.onnx", description.graphs[name]
+            formats.write_onnx(alone, whole)
+            quantisation.prepare(whole, prepared)
+            if name == SPLIT:
+                prepared.replace(path)
+            elif precision == "float16":
+                quantisation.write_float16(prepared, path)
+            elif pictures is not None:
+                quantisation.write_int8(prepared, path, _inputs(plain, row, pictures))
+            graph = onnx.load(path)
+            formats.settle(graph)
+            formats.write_checked(graph, path)
+            graphs[name] = Graph(row.inputs, row.outputs, untrusted.sha256(path))
+    graph_folder.write(folder, dataclasses.replace(description, graphs=graphs))
+
+
+def _inputs(
+    plain: OnnxGraphs, graph: Graph, pictures: np.ndarray
+) -> Iterator[dict[str, np.ndarray]]:
+    """Yield what a graph reads for each picture."""
+    for picture in pictures:
+        yield plain.run(graph.inputs, {"image": picture[None]})
 
 
 def _narrow(model: onnx.ModelProto) -> None:
@@ -82,49 +131,3 @@ def _narrow(model: onnx.ModelProto) -> None:
     nodes = [*casts, *model.graph.node]
     del model.graph.node[:]
     model.graph.node.extend(nodes)
-
-
-def _settle(model: onnx.ModelProto) -> None:
-    """Order and name the nodes and constants of a graph by their use alone.
-
-    A node comes after those that it reads, in the order in which the outputs ask for them; names
-    count in this order. Of equal constants one is kept, and of what nothing reads none.
-    """
-    # Visit: what the outputs ask for, in order.
-    graph = model.graph
-    made_by = {output: node for node in graph.node for output in node.output}
-    constants = {constant.name: constant for constant in graph.initializer}
-    names = {"": ""} | {tensor.name: tensor.name for tensor in (*graph.input, *graph.output)}
-    nodes: dict[str, onnx.NodeProto] = {}
-    kept: dict[tuple[Any, ...], onnx.TensorProto] = {}
-
-    def visit(name: str) -> None:
-        node, constant = made_by.get(name), constants.get(name)
-        if node is not None and node.output[0] not in nodes:
-            for read in node.input:
-                visit(read)
-            nodes[node.output[0]] = node
-            for index, output in enumerate(node.output):
-                names.setdefault(output, f"{node.op_type}{len(nodes)}.{index}")
-        elif constant is not None and name not in names:
-            values = numpy_helper.to_array(constant)
-            first = kept.setdefault((values.dtype.str, values.shape, values.tobytes()), constant)
-            names[name] = f"constant{len(kept)}" if first is constant else names[first.name]
-
-    for output in sorted(tensor.name for tensor in graph.output):
-        visit(output)
-    # Rebuild: kept nodes and constants by their new names.
-    settled = onnx.GraphProto(
-        name=graph.name, node=nodes.values(), input=graph.input, output=graph.output
-    )
-    for constant in kept.values():
-        settled.initializer.add().CopyFrom(constant)
-        settled.initializer[-1].name = names[constant.name]
-    for tensor in (*settled.input, *settled.output):
-        tensor.type.tensor_type.shape.dim[0].dim_param = "batch"
-    for node in settled.node:
-        node.input[:] = [names[name] for name in node.input]
-        node.output[:] = [names[name] for name in node.output]
-        node.name = node.output[0]
-        node.attribute.sort(key=lambda attribute: attribute.name)
-    graph.CopyFrom(settled)

@@ -1,20 +1,20 @@
 """The parity check of a written model with Keras: its test images and its tolerances."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 import tensorflow as tf
 
-from lime_keras.arrays import Predict
-from lime_keras.export.quantisation import harm
+from lime_keras.export.quantisation import relative_error
+from lime_keras.runtime.engine import Engine
 
 TOLERANCE = 1e-3
 """Largest accepted difference in float32: absolute, but relative for values above 1."""
 GROSS = {"float16": 0.05, "int8": 0.5}
-"""Largest accepted `quantisation.harm` of an output in fewer bits.
+"""Largest accepted `quantisation.relative_error` of an output in fewer bits.
 
 Beyond these limits a model is broken; whether a smaller loss is acceptable is the user's choice.
-float16 has 11 significant bits. An output of zeros has a harm of 1, and int8 may have half of that.
+float16 has 11 significant bits. An output of zeros has an error of 1; int8 may have half of that.
 """
 _BATCH = 4
 
@@ -53,13 +53,23 @@ def _ball(size: int, exponent: float) -> np.ndarray:
     return np.clip(np.where(z[..., None] > 0, ball, stripes), 0, 1).astype(np.float32)
 
 
-def answers(answer: Predict, images: np.ndarray) -> dict[str, np.ndarray]:
-    """Return a model's outputs for all images: for the first alone, then in batches of several."""
-    found = [answer(batch) for batch in np.split(images, range(1, len(images), _BATCH))]
-    return {name: np.concatenate([np.array(one[name]) for one in found]) for name in found[0]}
+def predictions(
+    engine: Engine, images: np.ndarray, outputs: Collection[str] | None = None
+) -> dict[str, np.ndarray]:
+    """Return an engine's outputs for all images: for the first alone, then in batches of several.
+
+    Args:
+        engine: engine of the model.
+        images: images `(N, S, S, 3)`, sRGB in [0, 1].
+        outputs: names of the outputs; by default all of the engine's.
+    """
+    names = engine.outputs if outputs is None else outputs
+    batches = np.split(images, range(1, len(images), _BATCH))
+    answers = [engine.run(names, {"image": batch}) for batch in batches]
+    return {name: np.concatenate([one[name] for one in answers]) for name in names}
 
 
-def judge(
+def check(
     expected: Mapping[str, np.ndarray], found: Mapping[str, np.ndarray], precision: str
 ) -> dict[str, float]:
     """Return the difference between a written model and Keras for each output, by name.
@@ -70,7 +80,7 @@ def judge(
         precision: precision of the written model: `float32`, `float16` or `int8`.
 
     Returns:
-        The largest difference (`compare`) in float32, else `quantisation.harm`.
+        The largest difference (`compare`) in float32, else `quantisation.relative_error`.
 
     Raises:
         ParityError: if names or shapes differ, a value is not finite, or the difference is beyond
@@ -80,7 +90,7 @@ def judge(
     if not np.all(np.isfinite(list(differences.values()))):
         raise ParityError(f"the written model's answers are not finite: {differences}")
     if precision != "float32":
-        differences, limit = harm(expected, found), GROSS[precision]
+        differences, limit = relative_error(expected, found), GROSS[precision]
     if wrong := {name: value for name, value in differences.items() if value > limit}:
         raise ParityError(
             f"the written model differs from Keras: {wrong}; in {precision} it may by {limit}"

@@ -7,7 +7,7 @@ float32. Input images and outputs are always float32.
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +35,8 @@ reach 115 times their 99th percentile, too far for 256 equal steps."""
 _GUIDED = re.compile(r"/segmentation_net\w*/guided")
 """Nodes of the guided filter, by name: it takes small differences of means, of which few bits leave
 nothing."""
+_SUMS = ("ReduceSum", "ReduceMean")
+"""Operators over all pixels, whose sums in float16 lose what they sum, or overflow."""
 _REPEATED = re.compile(f"/{REPEATED}$")
 """Nodes that repeat a channel for arithmetic in float32, by name."""
 
@@ -50,14 +52,19 @@ def prepare(source: Path, target: Path) -> None:
 
 
 def write_float16(prepared: Path, target: Path) -> None:
-    """Write the model with float16 weights and activations, but for the guided filter.
+    """Write the model with float16 weights and activations, but for the guided filter and sums.
 
     Its S and M have the 11 significant bits of float16. Their largest value, 59,873, is below
     float16's largest value, 65,504.
     """
     model = onnx.load(prepared)
     exact = [node.name for node in model.graph.node if _GUIDED.search(node.name)]
-    narrow = float16.convert_float_to_float16(model, keep_io_types=True, node_block_list=exact)
+    narrow = float16.convert_float_to_float16(
+        model,
+        keep_io_types=True,
+        op_block_list=[*float16.DEFAULT_OP_BLOCK_LIST, *_SUMS],
+        node_block_list=exact,
+    )
     _keep_between(narrow)
     onnx.save(narrow, target)
 
@@ -86,19 +93,19 @@ def _keep_between(model: onnx.ModelProto) -> None:
         nodes.remove(node)
 
 
-def write_int8(prepared: Path, target: Path, images: np.ndarray) -> None:
+def write_int8(prepared: Path, target: Path, inputs: Iterable[Mapping[str, np.ndarray]]) -> None:
     """Write the model with eight-bit weights and activations, but for `in_float32`.
 
     Args:
         prepared: ONNX file that `prepare` wrote.
         target: path to write to.
-        images: calibration images `(N, S, S, 3)`, sRGB in [0, 1].
+        inputs: the model's inputs for each calibration image, by name.
     """
     # Scales are from the extremes over all images; what else was tried: docs/how-to/exporting.md.
     quantization.quantize_static(
         str(prepared),
         str(target),
-        _Reader(images),
+        _Reader(inputs),
         quant_format=quantization.QuantFormat.QDQ,
         op_types_to_quantize=list(_INTEGER),
         nodes_to_exclude=in_float32(onnx.load(prepared)),
@@ -136,7 +143,9 @@ def heads(model: onnx.ModelProto) -> list[str]:
     ]
 
 
-def harm(expected: Mapping[str, np.ndarray], answer: Mapping[str, np.ndarray]) -> dict[str, float]:
+def relative_error(
+    expected: Mapping[str, np.ndarray], answer: Mapping[str, np.ndarray]
+) -> dict[str, float]:
     """Return each output's mean difference divided by its mean magnitude, by name.
 
     It is 0 without any difference, and 1 for an output of zeros.
@@ -154,10 +163,9 @@ def harm(expected: Mapping[str, np.ndarray], answer: Mapping[str, np.ndarray]) -
 class _Reader(quantization.CalibrationDataReader):
     """A reader of calibration images, one at a time, so that ONNX Runtime sees a range for each."""
 
-    def __init__(self, images: np.ndarray):
-        self._images = iter(images)
+    def __init__(self, inputs: Iterable[Mapping[str, np.ndarray]]):
+        self._inputs = iter(inputs)
 
-    def get_next(self) -> dict[str, np.ndarray] | None:
-        """Return the next input of the model, or None at the end."""
-        image = next(self._images, None)
-        return None if image is None else {"image": image[None]}
+    def get_next(self) -> Mapping[str, np.ndarray] | None:
+        """Return the next inputs of the model, or None at the end."""
+        return next(self._inputs, None)

@@ -45,7 +45,7 @@ def write(folder: Path, graphs: Path) -> None:
 
 def _opened(graphs: Path, description: Description, part: str) -> onnx.ModelProto:
     """Return a subnetwork's graph, for one image at a time."""
-    content = graph_folder.checked(graphs, part, description.graphs[part])
+    content = graph_folder.read_verified(graphs, part, description.graphs[part])
     model = onnx.load_from_string(content)
     for tensor in (*model.graph.input, *model.graph.output):
         tensor.type.tensor_type.shape.dim[0].dim_value = 1

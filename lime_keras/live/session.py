@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from lime_keras.estimate import framing
+from lime_keras.estimate import framing, recomposition
 from lime_keras.estimate.cautions import NO_OBJECT
 from lime_keras.estimate.estimator import Estimator, View
 from lime_keras.lighting import guessed_light
@@ -83,6 +83,8 @@ class Session:
         material = Material(mask_coverage=view.coverage, square=view.square)
         if wanted.material and is_found(material):
             material = self._estimator.read(view)
+            told = self._estimator.place(view, material).warnings
+            material = dataclasses.replace(material, warnings=told)
             watch.lap("material")
 
         # What is known of it since the last cut.
@@ -127,7 +129,11 @@ class Session:
         size, (top, left, side) = len(view.mask), view.square
         # What lies beyond the photo was not seen.
         mask = np.minimum(view.mask, 1) * framing.inside(view.square, height, width, size)
-        seen = dataclasses.replace(material, layers=material.layers | {"mask": mask})
+        specular = material.layers["specular_shading"]
+        diffuse = recomposition.diffuse(view.image, view.mask, specular, material)
+        seen = dataclasses.replace(
+            material, layers=material.layers | {"mask": mask, "diffuse": diffuse}
+        )
         focal, _, x, y = shading.assumed_camera(height, width)
         camera = np.array([focal, focal, x - left, y - top]) * (size / side)
         light = guessed_light.estimate(view.image, seen, camera)

@@ -52,13 +52,15 @@ def folder(run: Path) -> Path:
     return run / "model" if (run / "model").is_dir() else run
 
 
-def graphs(run: Path) -> Path:
+def graphs(run: Path, precision: str = "float32") -> Path:
     """Return the folder of the model's exported graphs: `onnx/` of the run, beside `model/`.
 
-    A model that lies in a folder of another name has its graphs inside that folder.
+    Graphs of another precision lie beside it, such as `onnx-int8/`. A model that lies in a folder
+    of another name has its graphs inside that folder.
     """
     model = folder(run)
-    return (model.parent if model.name == "model" else model) / "onnx"
+    home = model.parent if model.name == "model" else model
+    return home / ("onnx" if precision == "float32" else f"onnx-{precision}")
 
 
 def graph(graphs: Path, name: str) -> Path:

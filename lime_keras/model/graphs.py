@@ -78,7 +78,7 @@ def read(folder: Path) -> Description | None:
         description = Description(held["weights"], held["size"], held["system"], graphs)
         return description if _is_sound(description) else None
     except (AttributeError, LookupError, TypeError, ValueError):
-        # Without a description that can be read, the graphs are exported anew.
+        # A description that cannot be read is as good as none.
         return None
 
 
@@ -95,7 +95,7 @@ def _is_sound(description: Description) -> bool:
     return is_size and "mask" in answered and all(isinstance(text, str) for text in told)
 
 
-def checked(folder: Path, name: str, graph: Graph) -> bytes:
+def read_verified(folder: Path, name: str, graph: Graph) -> bytes:
     """Return the content of a graph's file.
 
     Args:
@@ -109,14 +109,33 @@ def checked(folder: Path, name: str, graph: Graph) -> bytes:
     file = model_folder.graph(folder, name)
     content = file.read_bytes() if file.is_file() else b""
     if hashlib.sha256(content).hexdigest() != graph.sha256:
-        raise ValueError(f"{file} is missing or damaged: {mend(folder)}")
+        raise ValueError(f"{file} is missing or damaged: {repair_hint(folder)}")
     return content
 
 
-def mend(folder: Path) -> str:
+def repair_hint(folder: Path) -> str:
     """Return what to do about a damaged folder of graphs, as the end of an error's sentence."""
     if folder.is_relative_to(model_folder.PRETRAINED):
         return "install the package again"
-    if model_folder.in_graphs(folder.parent):
+    if model_folder.in_graphs(folder.parent) and folder == model_folder.graphs(folder.parent):
         return f"take {folder}, which holds the only weights, from where it came from again"
-    return f"delete {folder}, which is then exported anew"
+    precision = folder.name.removeprefix("onnx").lstrip("-") or "float32"
+    return export_hint(folder.parent, precision)
+
+
+def export_hint(run: Path, precision: str = "float32") -> str:
+    """Return which command writes a model's graphs, as the end of an error's sentence.
+
+    Args:
+        run: folder of the trained model (see `folder`).
+        precision: precision of the graphs.
+    """
+    more = "" if precision == "float32" else f" --precision {precision}"
+    more += " --corpus CORPUS" if precision == "int8" else ""
+    home = model_folder.graphs(run).parent
+    if not home.is_relative_to(model_folder.PRETRAINED):
+        return f"run `lime-export {home} --format graphs --weights {run}{more}`"
+    if precision == "float32":
+        return "install the package again"
+    command = f"lime-export OUT --format graphs --weights {home.name}{more}"
+    return f"run `{command}`, and pass OUT as the weights"

@@ -75,7 +75,7 @@ def load(model: Path, *, whole: bool = True) -> tuple[Architecture, dict[str, ke
             this package.
     """
     model = folder(model)
-    architecture = _architecture(model)
+    architecture = read_architecture(model)
     exported = in_graphs(model)
     paths = {
         name: graph(graphs(model), name) if exported else _weights_path(model, name)
@@ -116,7 +116,17 @@ def copy(model: Path, target: Path) -> None:
         shutil.copyfile(path, copied)
 
 
-def _architecture(model: Path) -> Architecture:
+def read_architecture(model: Path) -> Architecture:
+    """Return the architecture of a trained model.
+
+    Args:
+        model: folder that `save` wrote, or run of `lime-train`.
+
+    Raises:
+        FileNotFoundError: if the folder holds no model.
+        ValueError: if its file cannot be read.
+    """
+    model = folder(model)
     description = model / ARCHITECTURE
     check_present(model, description)
     try:
@@ -213,10 +223,11 @@ def _read_graph(path: Path, name: str, folder: Path, network: keras.Model) -> No
     description = graph_folder.read(folder)
     if description is None or name not in description.graphs:
         raise ValueError(
-            f"{folder / DESCRIPTION} does not describe {path.name}: {graph_folder.mend(folder)}"
+            f"{folder / DESCRIPTION} does not describe {path.name}: "
+            f"{graph_folder.repair_hint(folder)}"
         )
     held = weights_in_graphs.read(
-        graph_folder.checked(folder, name, description.graphs[name]), path
+        graph_folder.read_verified(folder, name, description.graphs[name]), path
     )
     try:
         network.set_weights([held[weight.path] for weight in network.weights])

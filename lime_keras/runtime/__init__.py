@@ -1,1 +1,1 @@
-"""The networks without Keras: exported graphs, one for each subnetwork, run by ONNX Runtime."""
+"""The engines that run a trained model: its graphs, Keras, a SavedModel, or one ONNX file."""

@@ -118,7 +118,7 @@ class Masker:
         output = self._session.opened().get_outputs()[0].name
         try:
             answer = np.asarray(self._session.run([output], {self._input: seen})[0], np.float32)
-        except Exception as error:  # As above.
+        except ValueError as error:
             raise ValueError(f"{self._path} fails on a picture {seen.shape}: {error}") from error
         if answer.size == 0 or answer.ndim < 2 or answer.size != np.prod(answer.shape[-2:]):
             raise ValueError(

@@ -10,6 +10,11 @@ import onnxruntime
 
 from lime_keras import processors
 
+_LONGEST = 200
+"""Largest number of characters of ONNX Runtime's own words that are told."""
+_NO_MEMORY = ("bad_alloc", "Failed to allocate memory")
+"""Words by which ONNX Runtime tells that memory is used up, in errors of its own classes."""
+
 
 class Session:
     """An ONNX graph that is run on the processor, in a forked child as in its parent.
@@ -43,8 +48,20 @@ class Session:
         return self._session
 
     def run(self, outputs: Sequence[str], inputs: Mapping[str, np.ndarray]) -> list[np.ndarray]:
-        """Return outputs, in the order of their names, for inputs by name."""
-        return self.opened().run(outputs, inputs)
+        """Return outputs, in the order of their names, for inputs by name.
+
+        Raises:
+            ValueError: in ONNX Runtime's words, if the graph takes or answers something else.
+            MemoryError: if memory is used up.
+        """
+        try:
+            return self.opened().run(outputs, inputs)
+        except (MemoryError, ValueError):
+            raise
+        except Exception as error:  # ONNX Runtime's own classes have no common base.
+            words = " ".join(str(error).split())[:_LONGEST]
+            kind = MemoryError if any(sign in words for sign in _NO_MEMORY) else ValueError
+            raise kind(words) from error
 
     def leave(self) -> None:
         """Let go of the session without closing it."""

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from lime_keras.estimate import pictures
-from lime_keras.eval.stability import suite
+from lime_keras.eval.stability import suite, systems
 from lime_keras.eval.stability.verdicts import Verdict
-from lime_keras.export import exporter, formats
-from lime_keras.networks import registry, system, wiring
+from lime_keras.export import exporter
+from lime_keras.networks import registry, wiring
+from lime_keras.runtime.keras_engine import KerasEngine
 from tests.stability.cases import networks
 
 CASES = networks.cases()
@@ -114,15 +115,14 @@ def test_a_mistake_turns_verdicts(name, module, replaced, broken, monkeypatch):
 
 
 def test_an_export_that_answers_otherwise_turns_verdicts(monkeypatch):
-    def shifted(images):
-        network = system.assemble(subnetworks)
-        return {name: np.array(value) + 1e-3 for name, value in network(images).items()}
+    class Shifted(KerasEngine):
+        def run(self, outputs, given):
+            return {name: value + 1e-3 for name, value in super().run(outputs, given).items()}
 
     [case] = [c for c in networks.cases() if c.precision == "ONNX" and c.name == "constant"]
     trial = case.measure.args[0]
-    _, subnetworks = trial._loaded
     monkeypatch.setattr(exporter, "export", lambda *_: None)
-    monkeypatch.setattr(formats, "open_onnx", lambda path: shifted)
+    monkeypatch.setattr(systems, "OnnxFile", lambda path: Shifted(trial.folder))
     assert suite.failures([case.judge()])
 
 

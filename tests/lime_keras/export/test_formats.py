@@ -9,10 +9,12 @@ import onnxruntime
 import pytest
 import tensorflow as tf
 from onnx import numpy_helper
+from whole_engines import File, Network
 
 from lime_keras.export import exporter, formats, parity
 from lime_keras.model import weights
 from lime_keras.networks import assemble
+from lime_keras.runtime.saved_model import SERVED, SavedModel
 
 CARD = {"version": "1.2", "preset": None, "bins": [1.0, 2.5], "outputs": {"mask": "share"}}
 NEEDED = {
@@ -24,7 +26,7 @@ NEEDED = {
     "exponent_bin_probabilities": ["segmentation", "specular", "mirror", "exponent"],
     "serving_default": ["segmentation", "specular", "mirror", "albedo", "exponent"],
 }
-OUTPUTS = set(NEEDED) - {formats.SERVED}
+OUTPUTS = set(NEEDED) - {SERVED}
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +47,7 @@ def saved_model(tiny_export, tmp_path_factory):
 def onnx_file(tiny_export, tmp_path_factory):
     path = tmp_path_factory.mktemp("formats") / "lime.onnx"
     shutil.copyfile(exporter.target(tiny_export("onnx")[0], "onnx"), path)
-    formats.describe_onnx(path, CARD)
+    formats.finish_onnx(path, CARD)
     return path
 
 
@@ -55,9 +57,9 @@ def loaded(saved_model):
 
 
 def test_there_is_a_signature_for_everything_and_one_for_each_output(loaded):
-    assert set(loaded.signatures) == set(NEEDED) == {formats.SERVED, *OUTPUTS}
+    assert set(loaded.signatures) == set(NEEDED) == {SERVED, *OUTPUTS}
     for name, signature in loaded.signatures.items():
-        outputs = OUTPUTS if name == formats.SERVED else {name}
+        outputs = OUTPUTS if name == SERVED else {name}
         assert set(signature.structured_outputs) == outputs
         [image] = signature.structured_input_signature[1].values()
         assert image == tf.TensorSpec((None, 32, 32, 3), tf.float32, name="image")
@@ -83,7 +85,7 @@ def nodes(signature):
 
 
 def test_signatures_share_the_variables(loaded, saved_model, subnetworks):
-    whole = {id(handle) for handle in loaded.signatures[formats.SERVED].captured_inputs}
+    whole = {id(handle) for handle in loaded.signatures[SERVED].captured_inputs}
     for signature in loaded.signatures.values():
         assert {id(handle) for handle in signature.captured_inputs} <= whole
     stored = tf.train.list_variables(str(saved_model / "variables" / "variables"))
@@ -102,18 +104,21 @@ def test_what_tensorflow_serving_reads_is_there(saved_model, subnetworks):
             assert definition.method_name == "tensorflow/serving/predict"
             fetched = {key: tensor.name for key, tensor in definition.outputs.items()}
             found = session.run(fetched, {definition.inputs["image"].name: images})
-            assert set(found) == (OUTPUTS if name == formats.SERVED else {name})
+            assert set(found) == (OUTPUTS if name == SERVED else {name})
             for output, value in found.items():
                 np.testing.assert_allclose(value, expected[output], rtol=1e-4, atol=1e-5)
 
 
-def test_a_saved_model_answers_one_image_and_several(saved_model, subnetworks):
+def test_a_saved_model_answers_one_image_and_several(tiny_export, subnetworks):
     images = parity.images(32)
-    expected = parity.answers(assemble(subnetworks), images)
-    for name, answer in formats.open_saved_model(saved_model).items():
-        found = parity.answers(answer, images)
-        alone = {output: expected[output] for output in found}
-        assert max(parity.compare(alone, found).values()) < 1e-4, name
+    expected = parity.predictions(Network(assemble(subnetworks)), images)
+    engine = SavedModel(exporter.target(tiny_export("savedmodel")[0], "savedmodel"))
+    for outputs in (engine.outputs, *([name] for name in engine.outputs)):
+        found = parity.predictions(engine, images, outputs)
+        alone = {output: expected[output] for output in outputs}
+        assert max(parity.compare(alone, found).values()) < 1e-4, outputs
+    with pytest.raises(ValueError, match="takes no mask"):
+        engine.run(["mirror"], {"image": images, "mask": images[..., :1]})
 
 
 def test_the_description_lies_in_a_saved_models_extra_assets(saved_model):
@@ -138,8 +143,8 @@ def test_an_onnx_file_names_its_tensors_and_the_batch(onnx_file):
 
 def test_an_onnx_file_answers_one_image_and_several(onnx_file, subnetworks):
     images = parity.images(32)
-    expected = parity.answers(assemble(subnetworks), images)
-    found = parity.answers(formats.open_onnx(onnx_file), images)
+    expected = parity.predictions(Network(assemble(subnetworks)), images)
+    found = parity.predictions(File(onnx_file), images)
     assert max(parity.compare(expected, found).values()) < 1e-4
 
 

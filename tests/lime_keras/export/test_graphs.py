@@ -10,14 +10,15 @@ import numpy as np
 import onnx
 import pytest
 from onnx import numpy_helper
+from whole_engines import Network
 
 from lime_keras.commands import export as export_cli
-from lime_keras.export import graphs, parity
+from lime_keras.export import formats, graphs, parity
 from lime_keras.model import folder as model_folder
 from lime_keras.model import graphs as graph_folder
 from lime_keras.model import weights
 from lime_keras.networks import Architecture, assemble, build, subnetwork_names
-from lime_keras.runtime.engine import OnnxEngine
+from lime_keras.runtime.onnx_graphs import OnnxGraphs
 
 
 def constants(path):
@@ -63,11 +64,11 @@ def test_a_model_with_the_split_has_one_graph_for_it_that_keras_needs_not(tiny, 
     graphs.write(tmp_path / "onnx", architecture, subnetworks, "digest")
     for path in (tmp_path / "model").glob("*.weights.h5"):
         path.unlink()
-    engine = OnnxEngine(tmp_path / "onnx", graph_folder.read(tmp_path / "onnx"))
+    engine = OnnxGraphs(tmp_path / "onnx", graph_folder.read(tmp_path / "onnx"))
     images = parity.images(32)
-    found = parity.answers(lambda batch: engine.run(engine.outputs, {"image": batch}), images)
+    found = parity.predictions(engine, images)
     joined = assemble(weights.load(tmp_path)[1])  # from the graphs, which alone hold weights now
-    parity.judge(parity.answers(joined, images), found, "float32")
+    parity.check(parity.predictions(Network(joined), images), found, "float32")
     assert (tmp_path / "onnx" / "dichromatic.onnx") in model_folder.files(tmp_path)
     assert "dichromatic" in engine._sessions and "dichromatic" not in engine.outputs
     assert engine.subnetworks(["diffuse_albedo"], ["image", "mask"]) == ("specular", "albedo")
@@ -78,7 +79,7 @@ def test_weights_that_float16_holds_are_stored_in_it_at_no_loss(tmp_path):
     types = constants(folder / "segmentation.onnx")
     assert types and set(types.values()) == {onnx.TensorProto.FLOAT16}
     images = parity.images(32)
-    engine = OnnxEngine(folder, graph_folder.read(folder))
+    engine = OnnxGraphs(folder, graph_folder.read(folder))
     found = engine.run(["mask"], {"image": images})["mask"]
     raw = network.predict_on_batch(images)
     np.testing.assert_allclose(found, np.clip((raw - 0.5) * 1.5 + 0.5, 0, 1), atol=1e-5)
@@ -175,7 +176,7 @@ def test_a_graph_is_settled_by_what_it_computes_alone():
     settled = []
     for order in (1, -1):
         changed = renamed(model, order)
-        graphs._settle(changed)
+        formats.settle(changed)
         settled.append(changed.SerializeToString(deterministic=True))
     assert settled[0] == settled[1]
     graph = onnx.load_from_string(settled[0]).graph

@@ -24,13 +24,17 @@ def test_answers_to_all_images_come_from_batches_of_one_and_of_several():
     images = np.arange(12.0).reshape(6, 2)
     batches = []
 
-    def answer(batch):
-        batches.append(len(batch))
-        return {"doubled": 2 * batch}
+    class Doubling:
+        outputs = ("doubled",)
 
-    np.testing.assert_array_equal(parity.answers(answer, images)["doubled"], 2 * images)
+        def run(self, outputs, given):
+            batches.append(len(given["image"]))
+            return {name: 2 * given["image"] for name in outputs}
+
+    engine = Doubling()
+    np.testing.assert_array_equal(parity.predictions(engine, images)["doubled"], 2 * images)
     assert batches == [1, 4, 1]
-    assert len(parity.answers(answer, images[:1])["doubled"]) == 1
+    assert len(parity.predictions(engine, images[:1])["doubled"]) == 1
 
 
 def test_differences_are_relative_above_one():
@@ -47,19 +51,19 @@ def test_what_is_within_the_limit_is_told_and_what_is_beyond_is_refused(precisio
     """The mask's mean is 0.5: an error of one value is, on average, as large relative to it."""
     for error in (0.9 * limit, -0.9 * limit):
         found = EXPECTED | {"mask": np.array([error, 1.0])}
-        differences = parity.judge(EXPECTED, found, precision)
+        differences = parity.check(EXPECTED, found, precision)
         assert differences == pytest.approx({"mask": abs(error), "mirror": 0})
     for error in (1.1 * limit, -1.1 * limit):
         found = EXPECTED | {"mask": np.array([error, 1.0])}
         with pytest.raises(parity.ParityError, match=f"differs from Keras.*mask.*in {precision}"):
-            parity.judge(EXPECTED, found, precision)
+            parity.check(EXPECTED, found, precision)
 
 
 @pytest.mark.parametrize("precision", ["float32", *parity.GROSS])
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 def test_what_is_not_finite_is_refused(precision, value):
     with pytest.raises(parity.ParityError, match="not finite"):
-        parity.judge(EXPECTED, EXPECTED | {"mirror": np.array([value, 1.0])}, precision)
+        parity.check(EXPECTED, EXPECTED | {"mirror": np.array([value, 1.0])}, precision)
 
 
 @pytest.mark.parametrize("precision", ["float32", *parity.GROSS])
@@ -74,4 +78,4 @@ def test_what_is_not_finite_is_refused(precision, value):
 )
 def test_other_names_or_shapes_are_refused(precision, found):
     with pytest.raises(parity.ParityError, match="outputs"):
-        parity.judge(EXPECTED, found, precision)
+        parity.check(EXPECTED, found, precision)

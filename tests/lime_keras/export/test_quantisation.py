@@ -8,10 +8,12 @@ import onnx
 import pytest
 from keras import layers
 from onnx import numpy_helper
+from whole_engines import File
 
-from lime_keras.export import exporter, formats, parity, quantisation
+from lime_keras.export import formats, parity, quantisation
 from lime_keras.export.standalone import parts
-from lime_keras.networks import build
+from lime_keras.model import weights
+from lime_keras.networks import assemble, build
 from lime_keras.networks.guided_filter import GuidedFilter
 
 
@@ -26,7 +28,7 @@ def test_what_the_split_of_colours_is_computed_from_keeps_its_bits(tiny, tmp_pat
 def test_harm_by_hand():
     expected = {"mask": np.array([1.0, -3.0]), "mirror": np.zeros(2)}
     answer = {"mask": np.array([1.5, -2.5]), "mirror": np.zeros(2)}
-    assert quantisation.harm(expected, answer) == {"mask": 0.25, "mirror": 0.0}
+    assert quantisation.relative_error(expected, answer) == {"mask": 0.25, "mirror": 0.0}
 
 
 def test_the_heads_are_every_subnetworks_last_layers(ablation, tiny):
@@ -49,17 +51,19 @@ def test_the_heads_are_every_subnetworks_last_layers(ablation, tiny):
 
 
 @pytest.fixture(scope="module")
-def prepared(tiny_export, tmp_path_factory):
-    path = tmp_path_factory.mktemp("quantised") / "prepared.onnx"
-    quantisation.prepare(exporter.target(tiny_export("onnx")[0], "onnx"), path)
-    return path
+def prepared(tiny_model, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("quantised")
+    formats.write_onnx(assemble(weights.load(tiny_model)[1]), folder / "whole.onnx")
+    quantisation.prepare(folder / "whole.onnx", folder / "prepared.onnx")
+    return folder / "prepared.onnx"
 
 
 def write(precision, prepared, path):
     if precision == "float16":
         quantisation.write_float16(prepared, path)
     else:
-        quantisation.write_int8(prepared, path, parity.images(32)[:4])
+        inputs = [{"image": image[None]} for image in parity.images(32)[:4]]
+        quantisation.write_int8(prepared, path, inputs)
 
 
 BITS = {"float16": 16, "int8": 8}
@@ -70,10 +74,10 @@ def test_a_narrow_file_takes_any_batch_of_float32_and_has_fewer_bits(precision, 
     path = tmp_path / "narrow.onnx"
     write(precision, prepared, path)
     images = parity.images(32)
-    expected = parity.answers(formats.open_onnx(prepared), images)
-    found = parity.answers(formats.open_onnx(path), images)
+    expected = parity.predictions(File(prepared), images)
+    found = parity.predictions(File(path), images)
     assert all(value.dtype == np.float32 for value in found.values())
-    assert 0 < max(quantisation.harm(expected, found).values()) < parity.GROSS[precision]
+    assert 0 < max(quantisation.relative_error(expected, found).values()) < parity.GROSS[precision]
     kernels = kernels_of(path)
     if precision == "int8":
         # The rest of what stays float32 has a test of its own.
@@ -121,10 +125,10 @@ def saturated(tmp_path_factory):
 
 def test_relu6_and_depthwise_layers_cost_little_in_eight_bits(saturated, tmp_path):
     path, images = tmp_path / "narrow.onnx", parity.images(32)
-    quantisation.write_int8(saturated, path, images)
-    expected = parity.answers(formats.open_onnx(saturated), images)
-    found = parity.answers(formats.open_onnx(path), images)
-    assert 0 < quantisation.harm(expected, found)["mask"] < 0.01
+    quantisation.write_int8(saturated, path, [{"image": one[None]} for one in images])
+    expected = parity.predictions(File(saturated), images)
+    found = parity.predictions(File(path), images)
+    assert 0 < quantisation.relative_error(expected, found)["mask"] < 0.01
     graph = onnx.load(path).graph
     # What cuts is in the scales.
     assert not [node for node in graph.node if node.op_type == "Clip"]
@@ -166,9 +170,9 @@ def test_the_guided_filter_computes_in_float32(precision, bound, filtered, tmp_p
     path = tmp_path / "narrow.onnx"
     write(precision, filtered, path)
     images = 0.7 + 0.02 * parity.images(32)
-    expected = parity.answers(formats.open_onnx(filtered), images)
-    found = parity.answers(formats.open_onnx(path), images)
-    assert quantisation.harm(expected, found)["mask"] < bound
+    expected = parity.predictions(File(filtered), images)
+    found = parity.predictions(File(path), images)
+    assert quantisation.relative_error(expected, found)["mask"] < bound
     model = onnx.load(path)
     produced = {output: node for node in model.graph.node for output in node.output}
     assert any(quantisation._GUIDED.search(node.name) for node in model.graph.node)

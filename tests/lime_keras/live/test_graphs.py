@@ -7,8 +7,7 @@ import pytest
 
 from lime_keras.live import graphs
 from lime_keras.model import folder as model_folder
-from lime_keras.model import graphs as graph_folder
-from lime_keras.runtime.engine import OnnxEngine
+from lime_keras.runtime import onnx_graphs
 
 SHIPPED = model_folder.graphs(model_folder.SHIPPED)
 SIZE = 128
@@ -16,7 +15,7 @@ SIZE = 128
 
 @pytest.fixture(scope="module")
 def engine():
-    return OnnxEngine(SHIPPED, graph_folder.read(SHIPPED))
+    return onnx_graphs.open_folder(SHIPPED)
 
 
 @pytest.fixture(scope="module")

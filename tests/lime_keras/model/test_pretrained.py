@@ -4,6 +4,7 @@ import keras
 import numpy as np
 import pytest
 from keras import ops
+from whole_engines import Network
 
 from lime_keras import Estimator
 from lime_keras.export import parity
@@ -14,7 +15,7 @@ from lime_keras.model.folder import SHIPPED
 from lime_keras.networks import assemble
 from lime_keras.networks.precision import computing_in
 from lime_keras.optics import dichromatic
-from lime_keras.runtime.engine import OnnxEngine
+from lime_keras.runtime.onnx_graphs import OnnxGraphs
 
 SETS = model_folder.shipped()
 
@@ -46,18 +47,18 @@ def test_its_graphs_answer_what_keras_answers(name):
     folder = model_folder.graphs(SETS[name])
     description = graph_folder.read(folder)
     assert description is not None and description.weights == model_folder.digest(SETS[name])
-    engine, images = OnnxEngine(folder, description), parity.images(description.size)
+    engine, images = OnnxGraphs(folder, description), parity.images(description.size)
     joined = assemble(weights.load(SETS[name])[1])
-    expected = parity.answers(joined, images)
-    found = parity.answers(lambda batch: engine.run(engine.outputs, {"image": batch}), images)
-    parity.judge(expected, found, "float32")
+    expected = parity.predictions(Network(joined), images)
+    found = parity.predictions(engine, images)
+    parity.check(expected, found, "float32")
 
 
 @pytest.mark.parametrize("name", SETS)
 def test_it_answers_in_half_precision(name):
     with computing_in("float16"):
         architecture, subnetworks = weights.load(SETS[name])
-    found = parity.answers(assemble(subnetworks), parity.images(architecture.size))
+    found = parity.predictions(Network(assemble(subnetworks)), parity.images(architecture.size))
     for output, value in found.items():
         assert np.isfinite(value).all(), output
 

@@ -8,12 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from lime_keras.estimate import engines
 from lime_keras.estimate.estimator import Estimator
 from lime_keras.eval.stability.photos import extreme_photos
 from lime_keras.eval.stability.systems import BATCH, Answers, TrialSystem
 from lime_keras.eval.stability.verdicts import Case, Compared, Outcome, joined
-from lime_keras.export import exporter, formats
+from lime_keras.export import exporter
+from lime_keras.runtime import engine as runtime
+from lime_keras.runtime.engine import Engine
+from lime_keras.runtime.onnx_file import OnnxFile
 
 from ..precisions import HALF, SINGLE
 from .networks import FRESH, FreshSystem
@@ -53,8 +55,8 @@ def cases() -> list[Case]:
 
 
 @functools.cache
-def _engine(system: TrialSystem, streaming: bool) -> engines.Engine:
-    return engines.load(system.folder, "onnx", streaming=streaming)
+def _engine(system: TrialSystem, streaming: bool) -> Engine:
+    return runtime.load(system.folder, streaming=streaming)
 
 
 @functools.cache
@@ -68,8 +70,9 @@ def _narrow(system: TrialSystem) -> Answers:
     folder = system.folder.parent / "narrow"
     folder.mkdir()
     exporter.export(folder, exporter.ONNX, system.folder, precision="float16")
-    answer = formats.open_onnx(exporter.target(folder, exporter.ONNX, "float16"))
-    return _double(answer(np.stack(list(system.images.values()))))
+    engine = OnnxFile(exporter.target(folder, exporter.ONNX, "float16"))
+    images = np.stack(list(system.images.values()))
+    return _double(engine.run(engine.outputs, {"image": images}))
 
 
 @functools.cache

@@ -5,17 +5,19 @@ import shutil
 
 import numpy as np
 import pytest
+from whole_engines import Network
 
 from lime_keras.export import parity
 from lime_keras.model import folder as model_folder
 from lime_keras.model import graphs as graph_folder
 from lime_keras.model import weights
 from lime_keras.networks import assemble
-from lime_keras.runtime.engine import OnnxEngine
+from lime_keras.runtime.onnx_graphs import OnnxGraphs
+from lime_keras.runtime.sessions import Session
 
 
 def opened(folder):
-    return OnnxEngine(folder, graph_folder.read(folder))
+    return OnnxGraphs(folder, graph_folder.read(folder))
 
 
 @pytest.fixture(scope="module")
@@ -32,18 +34,18 @@ def test_the_graphs_answer_what_keras_answers(tiny_model, graphs):
     images, engine = parity.images(32), opened(graphs)
     joined = assemble(weights.load(tiny_model)[1])
     assert set(engine.outputs) == set(joined.output) and engine.size == 32
-    expected = parity.answers(joined, images)
-    found = parity.answers(lambda batch: engine.run(engine.outputs, {"image": batch}), images)
-    parity.judge(expected, found, "float32")
+    expected = parity.predictions(Network(joined), images)
+    found = parity.predictions(engine, images)
+    parity.check(expected, found, "float32")
     assert all(np.ptp(value) > 0 for value in expected.values())
 
 
 def test_an_ablations_graphs_answer_what_keras_answers(ablation_model):
     images, engine = parity.images(32), opened(model_folder.graphs(ablation_model))
     joined = assemble(weights.load(ablation_model)[1])
-    expected = parity.answers(joined, images)
-    found = parity.answers(lambda batch: engine.run(engine.outputs, {"image": batch}), images)
-    parity.judge(expected, found, "float32")
+    expected = parity.predictions(Network(joined), images)
+    found = parity.predictions(engine, images)
+    parity.check(expected, found, "float32")
 
 
 def test_a_given_mask_replaces_segmentation(tiny_model, graphs):
@@ -53,7 +55,7 @@ def test_a_given_mask_replaces_segmentation(tiny_model, graphs):
     expected = assemble(weights.load(tiny_model)[1], outputs, given={"mask"})
     expected = expected.predict_on_batch({"image": images, "mask": mask})
     found = engine.run(outputs, {"image": images, "mask": mask})
-    parity.judge(expected, found, "float32")
+    parity.check(expected, found, "float32")
     assert list(engine._sessions) == ["specular", "mirror", "albedo"]
 
 
@@ -84,11 +86,12 @@ def test_all_sizes_of_batch_are_answered(graphs):
         np.testing.assert_allclose(part, whole[:count], atol=1e-5)
 
 
-def test_a_damaged_graph_of_a_run_is_exported_anew(tiny_model, tmp_path):
+def test_a_damaged_graph_of_a_run_names_the_command(tiny_model, tmp_path):
     run = shutil.copytree(tiny_model.parent, tmp_path / "run")
     (run / "onnx" / "specular.onnx").write_bytes(b"not a graph")
     engine, image = opened(run / "onnx"), {"image": parity.images(32)[:1]}
-    with pytest.raises(ValueError, match=r"specular\.onnx is missing or damaged: delete .*anew"):
+    told = r"specular\.onnx is missing or damaged: run `lime-export .*run --format graphs"
+    with pytest.raises(ValueError, match=told):
         engine.run(["specular_shading"], image)
 
 
@@ -127,12 +130,12 @@ def test_a_graph_that_is_described_otherwise_is_told(wrong, copy):
 
 @pytest.mark.parametrize("told", ["std::bad_alloc", "Failed to allocate memory for buffer of 9"])
 def test_want_of_memory_is_no_fault_of_a_graph(told, graphs, monkeypatch):
-    class Session:
+    class Native:
         def run(self, *_):
             raise RuntimeError(f"Non-zero status code while running Conv: {told}")
 
     engine = opened(graphs)
-    monkeypatch.setattr(engine, "_session", lambda name: Session())
+    monkeypatch.setattr(Session, "opened", lambda session: Native())
     with pytest.raises(MemoryError, match=told):
         engine.run(["mask"], {"image": parity.images(32)[:1]})
 

@@ -1,4 +1,4 @@
-"""The engines: when a run is exported, and what is told if it cannot be."""
+"""The engines that a model's folder is loaded with, and what is told where it cannot be."""
 
 import shutil
 import subprocess
@@ -7,11 +7,12 @@ import sys
 import numpy as np
 import pytest
 
-from lime_keras import Estimator, console
-from lime_keras.estimate import engines
+from lime_keras import Estimator
 from lime_keras.export import exporter
 from lime_keras.model import folder as model_folder
 from lime_keras.model import weights
+from lime_keras.runtime import engine as runtime
+from lime_keras.runtime.engine import ENGINES
 
 PHOTO = np.random.default_rng(0).uniform(size=(40, 90, 3)).astype(np.float32)
 
@@ -22,47 +23,49 @@ def run(tiny_model, tmp_path):
     return shutil.copytree(tiny_model.parent, tmp_path / "run")
 
 
-@pytest.fixture
-def exports(monkeypatch):
-    """The runs that were exported."""
-    asked, export = [], exporter.export
-    monkeypatch.setattr(exporter, "export", lambda *a: (asked.append(a[2]), export(*a)))
-    return asked
-
-
-def test_an_exported_run_is_not_exported_again(run, exports, capsys):
-    Estimator(run)
-    Estimator(run / "model")
-    assert not exports and capsys.readouterr() == ("", "")
-
-
-def test_a_run_is_exported_again_when_its_weights_change(run, exports, capsys):
-    first = Estimator(run, ["albedo"]).estimate(PHOTO)
+def change_weights(run):
     architecture, subnetworks = weights.load(run)
     subnetworks["albedo"].get_layer("albedos").bias.assign([0.9, 0.1, 0.4, 0.2])
     weights.save(run / "model", architecture, subnetworks)
-    changed = Estimator(run, ["albedo"]).estimate(PHOTO)
-    told = capsys.readouterr()
-    assert told.out == "" and told.err.startswith(f"{run} is exported to {run / 'onnx'}, once")
-    Estimator(run)
-    assert exports == [run] and capsys.readouterr().err == ""
-    assert not np.allclose(changed.diffuse_albedo, first.diffuse_albedo, atol=0.05)
+
+
+@pytest.mark.parametrize("lack", ["no graphs", "graphs of other weights"])
+def test_graphs_that_are_not_there_are_named_with_the_command(lack, run):
+    if lack == "no graphs":
+        shutil.rmtree(run / "onnx")
+    else:
+        change_weights(run)
+    told = f"holds {lack}: run `lime-export {run} --format graphs --weights {run}`"
+    with pytest.raises(ValueError, match=told):
+        Estimator(run)
+    exporter.export(run, exporter.GRAPHS, run)
+    found = Estimator(run, ["albedo"]).estimate(PHOTO)
     keras = Estimator(run, ["albedo"], engine="keras").estimate(PHOTO)
-    np.testing.assert_allclose(changed.diffuse_albedo, keras.diffuse_albedo, atol=1e-5)
+    np.testing.assert_allclose(found.diffuse_albedo, keras.diffuse_albedo, atol=1e-5)
     assert not [path for path in run.rglob("*") if path.name.startswith("partial-")]
 
 
-def test_a_run_without_graphs_is_exported(run, tiny_model, monkeypatch, capsys):
-    shutil.rmtree(run / "onnx")
+def test_another_precision_has_graphs_of_its_own(run, tiny_model):
+    told = f"onnx-float16 holds no graphs: run `lime-export {run} --format graphs --weights {run} "
+    with pytest.raises(ValueError, match=f"{told}--precision float16`"):
+        Estimator(run, precision="float16")
+    exporter.export(run, exporter.GRAPHS, tiny_model, precision="float16")
+    expected, found = (Estimator(run, precision=p).estimate(PHOTO) for p in ("float32", "float16"))
+    np.testing.assert_allclose(found.diffuse_albedo, expected.diffuse_albedo, atol=5e-3)
+    assert not np.array_equal(found.diffuse_albedo, expected.diffuse_albedo)
 
-    def export(folder, model_format, weights_folder):
-        assert (folder, model_format, weights_folder) == (run, exporter.GRAPHS, run)
-        shutil.copytree(tiny_model.parent / "onnx", folder / "onnx")
 
-    monkeypatch.setattr(exporter, "export", export)
+def test_graphs_in_a_new_folder_are_a_model_of_their_own(tiny_model, tmp_path):
+    exporter.export(tmp_path / "new", exporter.GRAPHS, tiny_model)
     expected = Estimator(tiny_model).estimate(PHOTO)
-    assert Estimator(run).estimate(PHOTO).to_json() == expected.to_json()
-    assert f"{run} is exported" in capsys.readouterr().err
+    for engine in ENGINES:
+        found = Estimator(tmp_path / "new", engine=engine).estimate(PHOTO)
+        np.testing.assert_allclose(found.diffuse_albedo, expected.diffuse_albedo, atol=1e-5)
+
+
+def test_sets_of_the_package_name_the_command(monkeypatch):
+    with pytest.raises(ValueError, match=r"lime-export OUT --format graphs --weights nano .*int8"):
+        Estimator("nano", precision="int8")
 
 
 class Without:
@@ -76,30 +79,24 @@ class Without:
             raise ImportError(f"{name} is kept away")
 
 
-@pytest.mark.parametrize("missing", console.EXPORTING)
-def test_a_run_that_cannot_be_exported_says_what_to_install(missing, run, exports, monkeypatch):
-    shutil.rmtree(run / "onnx")
-    monkeypatch.setattr(sys, "meta_path", [Without(missing), *sys.meta_path])
-    monkeypatch.delitem(sys.modules, missing, raising=False)
-    with pytest.raises(ImportError, match=rf"{run} must .* needs {missing}: pip .*\[train\]"):
-        Estimator(run)
-    assert not exports and not (run / "onnx").exists()
-
-
 def test_the_keras_engine_says_what_to_install(run, monkeypatch):
     monkeypatch.setattr(sys, "meta_path", [Without("keras"), *sys.meta_path])
     monkeypatch.delitem(sys.modules, "keras", raising=False)
     with pytest.raises(ImportError, match=r"Keras engine needs keras: pip .*\[train\]"):
-        engines.load(run, "keras")
+        runtime.load(run, "keras")
 
 
 def test_an_unknown_engine_is_refused(run):
     with pytest.raises(ValueError, match="no engine 'torch': choose from onnx, keras"):
         Estimator(run, engine="torch")
+    with pytest.raises(ValueError, match="no precision 'int4': choose from float32, "):
+        Estimator(run, precision="int4")
+    with pytest.raises(ValueError, match="Keras computes in float32, not in int8"):
+        Estimator(run, engine="keras", precision="int8")
 
 
 def test_the_engines_agree_on_what_they_run(tiny_model):
-    onnx, keras = (engines.load(tiny_model, name) for name in engines.ENGINES)
+    onnx, keras = (runtime.load(tiny_model, name) for name in ENGINES)
     assert (onnx.size, onnx.system, onnx.outputs) == (keras.size, keras.system, keras.outputs)
     for outputs in ([], ["mask"], ["diffuse_albedo", "mirror"], list(onnx.outputs)):
         for given in (["image"], ["image", "mask"]):

@@ -1,0 +1,79 @@
+"""The reference evaluator of onnx as an engine: a second opinion on the files that are written.
+
+It is NumPy, node by node, in the types that a file names. So it finds what ONNX Runtime forgives:
+nodes in a wrong order, and values that overflow float16, which ONNX Runtime widens.
+"""
+
+from collections.abc import Callable, Collection, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnx
+from onnx.reference import ReferenceEvaluator
+from onnx.reference.ops.op_dequantize_linear import DequantizeLinear_19
+from onnx.reference.ops.op_quantize_linear import QuantizeLinear_19
+
+from lime_keras.runtime.engine import Engine
+from lime_keras.runtime.onnx_graphs import OnnxGraphs
+
+
+class DequantizeLinear(DequantizeLinear_19):
+    """The operator in the files' older set, where it is the same; onnx has it from 19 on."""
+
+    op_domain = ""
+
+    def _run(self, *operands: Any, axis: int = 1, **_: Any) -> Any:
+        return super()._run(*operands, axis=axis)  # type: ignore[misc]
+
+
+class QuantizeLinear(QuantizeLinear_19):
+    """The inverse operator, likewise."""
+
+    op_domain = ""
+
+    def _run(self, *operands: Any, axis: int = 1, **_: Any) -> Any:
+        return super()._run(*operands, axis=axis)  # type: ignore[misc]
+
+
+def _evaluator(model: onnx.ModelProto) -> ReferenceEvaluator:
+    return ReferenceEvaluator(model, new_ops=[DequantizeLinear, QuantizeLinear])
+
+
+def open_engine(path: Path, engine: Engine) -> Engine:
+    """Return an engine of an ONNX file or folder of graphs that the reference evaluator runs.
+
+    Args:
+        path: file or folder.
+        engine: engine of the same in ONNX Runtime.
+    """
+    if isinstance(engine, OnnxGraphs):
+        return _Graphs(engine)
+    return _File(path, engine)
+
+
+class _Graphs(OnnxGraphs):
+    """The graphs of another engine."""
+
+    def __init__(self, engine: OnnxGraphs):
+        super().__init__(engine.folder, engine.description)
+
+    def _open(self, content: Callable[[], bytes]) -> Any:
+        return _evaluator(onnx.load_from_string(content()))
+
+
+class _File:
+    """One ONNX file of a whole model."""
+
+    def __init__(self, path: Path, engine: Engine):
+        self._evaluator = _evaluator(onnx.load(path))
+        self.size, self.system, self.outputs = engine.size, engine.system, engine.outputs
+        self.subnetworks = engine.subnetworks
+
+    def run(
+        self, outputs: Collection[str], given: Mapping[str, np.ndarray]
+    ) -> dict[str, np.ndarray]:
+        names = list(outputs)
+        with np.errstate(over="ignore", invalid="ignore"):
+            answer = self._evaluator.run(names, dict(given))
+        return dict(zip(names, answer, strict=True))
