@@ -15,6 +15,8 @@ from lime_keras.optics.dynamic_range import compress, expand
 from lime_keras.optics.masking import masked_mean
 from lime_keras.optics.shininess import LOG_LOW
 
+_NEVER = -1e30
+"""Logit of a class that cannot be: finite, so that no gradient is NaN."""
 _EDGES = 15
 """Width of the window, in pixels, whose mean says how near an edge a pixel of a mask lies.
 
@@ -76,22 +78,24 @@ def mask_structure(mask: Any, predicted: Any) -> Any:
     return ops.sum(share * entropy, axis=axes) + 1 - (both + pixel) / (either + pixel)
 
 
-def shading_l1(shading: Any, predicted_compressed: Any, mask: Any) -> Any:
-    """Return the mean absolute error of compressed S or M inside the mask, `(B,)`, at least 0.
+def shading_l1(shading: Any, predicted: Any, mask: Any, linear: bool = False) -> Any:
+    """Return the mean absolute error of S or M inside the mask, `(B,)`, at least 0.
 
-    The compression is log(1 + x) (`lime_keras.optics.dynamic_range`). An empty mask gives 0.
+    An empty mask gives 0.
 
     Args:
         shading: true S or M, linear radiance `(B, H, W, 1)`, at least 0.
-        predicted_compressed: output of the network `(B, H, W, 1)`, compressed.
+        predicted: output of the network `(B, H, W, 1)`: linear, or else compressed by log(1 + x)
+            (`lime_keras.optics.dynamic_range`).
         mask: coverage `(B, H, W, 1)` in [0, 1], the weight of each pixel.
+        linear: whether the network predicts linear radiance.
 
     Example:
         >>> nothing = ops.zeros((1, 2, 2, 1))
         >>> float(shading_l1(nothing, nothing + 0.5, nothing + 1)[0])
         0.5
     """
-    return masked_mean(ops.abs(predicted_compressed - compress(shading)), mask)
+    return masked_mean(ops.abs(predicted - (shading if linear else compress(shading))), mask)
 
 
 def albedo_l2(albedo: Any, predicted: Any) -> Any:
@@ -143,6 +147,45 @@ def exponent_cross_entropy(exponent_bin: Any, logits: Any) -> Any:
     return ops.sparse_categorical_crossentropy(exponent_bin, logits, from_logits=True)
 
 
+def exponent_binary_cross_entropy(exponent_bin: Any, logits: Any) -> Any:
+    """Return the binary cross-entropy of the one-hot bins in nats, a mean over bins, `(B,)`.
+
+    −1/8 Σ_k [t_k log p_k + (1 − t_k) log(1 − p_k)] with the softmax p of the logits. Computed from
+    the logits, it is finite where a probability rounds to 0 or 1.
+
+    Args:
+        exponent_bin: true classes `(B,)`, integers 0…7 (`lime_keras.optics.shininess`).
+        logits: logits of the classes `(B, 8)`, finite.
+
+    Example:
+        A network that cannot tell pays (log 8 + 7 log 8/7) / 8:
+
+        >>> round(float(exponent_binary_cross_entropy(ops.array([3]), ops.zeros((1, 8)))[0]), 4)
+        0.3768
+    """
+    count = logits.shape[-1]
+    total = ops.logsumexp(logits, axis=-1, keepdims=True)
+    # 1 − p_k is the sum of the other probabilities: a difference would lose its digits near 1.
+    alone = ops.eye(count, dtype="bool")
+    others = ops.logsumexp(ops.where(alone, _NEVER, ops.expand_dims(logits, -2)), axis=-1)
+    true = ops.one_hot(exponent_bin, count, dtype=logits.dtype)
+    return -ops.mean(true * (logits - total) + (1 - true) * (others - total), axis=-1)
+
+
+def log_exponent_l1(exponent: Any, log_predicted: Any) -> Any:
+    """Return the absolute error of log10 s in decades, `(B,)`, at least 0.
+
+    Args:
+        exponent: true exponents s `(B,)`, at least 0; below 1 they count as 1, as in the classes.
+        log_predicted: predicted log10 s, `(B, 1)`.
+
+    Example:
+        >>> float(log_exponent_l1(ops.array([10.0]), ops.array([[3.0]]))[0])
+        2.0
+    """
+    return ops.abs(log_predicted[:, 0] - _log_exponent(exponent))
+
+
 def log_exponent_l2(exponent: Any, log_predicted: Any) -> Any:
     """Return the squared error of log10 s in squared decades, `(B,)`, at least 0.
 
@@ -154,8 +197,38 @@ def log_exponent_l2(exponent: Any, log_predicted: Any) -> Any:
         >>> float(log_exponent_l2(ops.array([10.0]), ops.array([[3.0]]))[0])
         4.0
     """
-    log = ops.log10(ops.maximum(exponent, 10.0**LOG_LOW))
-    return ops.square(log_predicted[:, 0] - log)
+    return ops.square(log_predicted[:, 0] - _log_exponent(exponent))
+
+
+def compositing_l2(
+    image_srgb: Any,
+    mask: Any,
+    diffuse_albedo: Any,
+    specular_albedo: Any,
+    ambient: Any,
+    diffuse_shading: Any,
+    specular_compressed: Any,
+) -> Any:
+    """Return the mean squared error of the recomposed image, as Eq. 5 is printed, `(B,)`.
+
+    The residual B · (I − m_a − m_d D − m_s S) is squared and averaged over the pixels and channels
+    of the image, clipped ones and those of the silhouette as any, in linear radiance.
+
+    The arguments are those of `compositing_l1`; the mask is B.
+
+    Example:
+        White under D = 1 without gloss, estimated as black:
+
+        >>> one, zero = ops.ones((1, 2, 2, 1)), ops.zeros((1, 2, 2, 1))
+        >>> black = ops.zeros((1, 3)), ops.zeros((1, 1)), ops.zeros((1,)), one, zero
+        >>> float(compositing_l2(ops.ones((1, 2, 2, 3)), one, *black)[0])
+        1.0
+    """
+    composed = compose(
+        diffuse_albedo, specular_albedo, ambient, diffuse_shading, expand(specular_compressed)
+    )
+    residual = mask * (colour.srgb_to_linear(image_srgb) - composed)
+    return ops.mean(ops.square(residual), axis=(1, 2, 3))
 
 
 def compositing_l1(
@@ -169,7 +242,7 @@ def compositing_l1(
     clipped: Any = None,
     balance: Any = 1.0,
 ) -> Any:
-    """Return the mean absolute error of the recomposed image (Eq. 5), `(B,)`, at least 0.
+    """Return the mean absolute error of the recomposed image, our Eq. 5, `(B,)`, at least 0.
 
     The image is recomposed by Eq. 4 from the predicted m_d, m_s and S and the true D and m_a, and
     compared with the photo in linear radiance. In a clipped channel the photo gives only a lower
@@ -211,3 +284,7 @@ def compositing_l1(
     error = ops.where(clipped > 0, ops.maximum(image - composed, 0.0), ops.abs(composed - image))
     full = ops.cast(mask >= 1.0, error.dtype)
     return masked_mean(error, full)
+
+
+def _log_exponent(exponent: Any) -> Any:
+    return ops.log10(ops.maximum(exponent, 10.0**LOG_LOW))

@@ -19,6 +19,7 @@ _PARTS = {
     "dichromatic": "architecture.dichromatic",
     "hue": "architecture.hue",
     "pretrained": "architecture.pretrained",
+    "linear": "architecture.linear",
 }
 """What `--with` and `--without` name, and the field of the config that says whether it is there."""
 _OPTIONS = {
@@ -27,11 +28,12 @@ _OPTIONS = {
     "scale_rate": "rate_scale",
     "size": "architecture.size",
     "width": "architecture.unet_width",
+    "encoder_width": "architecture.encoder_width",
     "baseline": "architecture.system",
     "exponent": "architecture.exponent",
     "batch_size": "schedule.batch_size",
     "seed": "seed",
-    "camera": "camera",
+    "camera": "schedule.camera",
     "precision": "precision",
     "materials": "materials",
     "freeze": "frozen",
@@ -87,7 +89,7 @@ def _add_data(out: argparse.ArgumentParser) -> None:
         "--camera",
         action=argparse.BooleanOptionalAction,
         help="photograph each image anew every time it is seen: exposure, defocus, noise, clipping "
-        "and JPEG of consumer cameras (default: on)",
+        "and JPEG of consumer cameras (default: on, but with paper)",
     )
     data.add_argument(
         "--materials",
@@ -142,6 +144,13 @@ def _add_networks(out: argparse.ArgumentParser) -> None:
         help="of the U-Nets' first level (default: the preset's)",
     )
     networks.add_argument(
+        "--encoder-width",
+        type=console.count,
+        metavar="CHANNELS",
+        help="of the encoders' first block; their dense layers change alike (default: the "
+        "preset's)",
+    )
+    networks.add_argument(
         "--exponent",
         choices=("classification", "regression"),
         help="eight bins, or log10 s (default: classification)",
@@ -153,7 +162,8 @@ def _add_networks(out: argparse.ArgumentParser) -> None:
         choices=tuple(_PARTS),
         metavar="PART",
         help="leave out: perceptual, Eq. 5 in the loss; mirror, MirrorNet; dichromatic, the split "
-        "of colours; hue, m_d in the hue of the pixels; pretrained, the mask's encoder",
+        "of colours; hue, m_d in the hue of the pixels; pretrained, the mask's encoder; linear, S "
+        "and M as linear radiance, which are log(1 + x) without",
     )
     networks.add_argument(
         "--with",
@@ -353,7 +363,11 @@ def config_of(options: argparse.Namespace) -> Any:
         asked = {field: operator.attrgetter(field)(held) for field in _FIELDS} | asked
     preset = asked["preset"]
     schedule = SCHEDULES[preset]
-    _check_materials(options, preset, schedule.papers)
+    _check_materials(options, preset, schedule.repaints)
+    if "architecture.encoder_width" in asked:
+        usual = PRESETS[preset]
+        share = asked["architecture.encoder_width"] / usual.encoder_width
+        asked["architecture.dense_width"] = max(1, round(usual.dense_width * share))
     fresh = Config(
         preset=preset,
         steps_scale=1.0,
@@ -362,7 +376,6 @@ def config_of(options: argparse.Namespace) -> Any:
         seed=0,
         corpus_sha256=corpus_sha256(options.paths),
         lobe=lobe_of(options.paths),
-        camera=True,
     )
     return _with(fresh, asked)
 
@@ -410,9 +423,9 @@ def _with(config: Any, values: Mapping[str, Any]) -> Any:
     )
 
 
-def _check_materials(options: argparse.Namespace, preset: str, papers: bool) -> None:
+def _check_materials(options: argparse.Namespace, preset: str, repaints: bool) -> None:
     """Raise ValueError if materials are asked for that the data cannot show."""
-    if options.materials is not None and papers:
+    if options.materials is not None and not repaints:
         raise ValueError(
             f"--materials: the preset {preset} shows the materials that "
             f"{', '.join(map(str, options.paths))} holds; render a corpus by `lime-render "

@@ -31,7 +31,6 @@ class Config:
         schedule: schedule of the stages.
         seed: seed of the initial weights, of the order of examples and of the photos; 0 is a seed.
         corpus_sha256: hash of the train splits (function `corpus_sha256`).
-        camera: whether the camera model photographs the scenes (`lime_keras.data.camera`).
         compositing: whether the loss of the albedos contains Eq. 5.
         precision: precision in which the subnetworks compute, a key of `precision.POLICIES`.
         begun_from: hash of the trained model whose weights the run begins with
@@ -51,7 +50,6 @@ class Config:
     schedule: Schedule
     seed: int
     corpus_sha256: str
-    camera: bool
     compositing: bool = True
     precision: str = "float32"
     begun_from: str | None = None
@@ -158,6 +156,11 @@ def check(run: Path, config: Config) -> None:
             f"{path} is no record of a run ({error}): pass another --out, or remove {run}"
         ) from error
     _refuse_minutes(run, held.get("minutes"))
+    if "papers" in (held.get("schedule") or {}):
+        raise ValueError(
+            f"{run} was begun by the recipe of before (schedule.papers), which no longer is: pass "
+            "another --out, or remove it"
+        )
     differing = [
         f"{name} {there} there, {asked} asked"
         for name, there, asked in _differences(held, _plain(config))

@@ -78,7 +78,7 @@ class Data:
         cutouts = self._cutouts if is_of_masks else None
         for step, batch in enumerate(batches, first_step):
             generator = np.random.default_rng((seed, step, self._part))
-            if not self._config.schedule.papers:
+            if self._config.schedule.paints:
                 image = (
                     clutter.add(batch["image"], batch["mask"], generator)
                     if is_of_masks
@@ -101,7 +101,7 @@ class Data:
 
     def seen(self, stage: Stage, features: Collection[str]) -> tuple[str, ...]:
         """Return a stage's features, with `seen_mask` if it learns on masks that are not true."""
-        sees = not (self._config.schedule.papers or "segmentation" in stage.subnetworks)
+        sees = self._config.schedule.found_masks and "segmentation" not in stage.subnetworks
         return (*features, *([SEEN_MASK] if sees else []))
 
     def held_out(self, features: Collection[str]) -> Iterator[Batch]:

@@ -101,8 +101,8 @@ class WatchedMuon(_Watched, keras.optimizers.Muon):
     and biases stay with Adam.
     """
 
-    def __init__(self, learning_rate: Any, groups: Sequence[tuple[str, int]]):
-        super().__init__(learning_rate, groups, weight_decay=None, adam_weight_decay=None)
+    def __init__(self, learning_rate: Any, groups: Sequence[tuple[str, int]], **kwargs: Any):
+        super().__init__(learning_rate, groups, weight_decay=None, adam_weight_decay=None, **kwargs)
 
     def _should_use_adamw(self, variable: keras.Variable) -> bool:
         """Return whether Adam updates a variable; Keras asks this method."""

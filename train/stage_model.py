@@ -11,6 +11,7 @@ from keras import ops
 
 from lime_keras.data.features import LEARNT_FROM
 from lime_keras.networks import output_names
+from lime_keras.networks.registry import is_plain
 from lime_keras.networks.wiring import Wiring, needed, quantities
 
 from . import terms
@@ -27,7 +28,8 @@ class StageModel(keras.Model):
     Args:
         subnetworks: subnetworks of the stage by name; all of them are trained.
         compositing: whether the loss of the albedos contains Eq. 5.
-        squares: which terms masks and albedos are learnt by: those with this `terms.Term.squares`.
+        losses: which terms are learnt by: those of this `Schedule.losses`.
+        lobe: lobe of S in the data, one of `corpus.LOBES`.
         replicas: number of devices that each compute the loss of their part of a batch. Their
             gradients are added up, so each loss is divided by this number.
     """
@@ -36,7 +38,8 @@ class StageModel(keras.Model):
         self,
         subnetworks: Mapping[str, keras.Model],
         compositing: bool = True,
-        squares: bool = True,
+        losses: str = "printed",
+        lobe: str = "furnace",
         replicas: int = 1,
     ):
         # Truth and losses are in single precision, even if the subnetworks compute in half.
@@ -45,9 +48,10 @@ class StageModel(keras.Model):
         self._replicas = replicas
         self._given = needed(subnetworks)
         self._answered, self._found = tuple(quantities(subnetworks)), output_names(subnetworks)
-        left_out = {name for name, term in TERMS.items() if term.squares == (not squares)}
+        self._units = terms.Units(lobe, any(map(is_plain, _of_radiance(subnetworks))))
+        left_out = {name for name, term in TERMS.items() if term.losses not in (None, losses)}
         if not compositing:
-            left_out.add("compositing")
+            left_out.update(terms.PERCEPTUAL)
         self.terms = [
             term
             for name in subnetworks
@@ -70,15 +74,17 @@ class StageModel(keras.Model):
 
     def call(self, batch: Mapping[str, Any], training: bool = False) -> StageAnswer:
         """Return the predictions of the stage's subnetworks, and what they read, for a batch."""
-        truths = {quantity: terms.truth(quantity, batch) for quantity in self._given}
+        truths = {name: terms.truth(name, batch, self._units) for name in self._given}
         truths["mask"] = batch.get("seen_mask", batch["mask"])
         graph = Wiring(self.subnetworks, truths | {"image": batch["image"]}, training=training)
         return StageAnswer(
             raw={quantity: graph.answer(quantity) for quantity in self._answered},
+            # Eq. 5 reads S in this form, whatever AlbedoNet reads.
             seen={
-                tensor.name: graph.seen(tensor.name)
+                name: graph.seen(name)
                 for network in self.subnetworks.values()
                 for tensor in network.inputs
+                for name in {tensor.name, tensor.name.removeprefix("linear_")}
             },
             outputs={name: graph.output(name) for name in self._found},
         )
@@ -90,7 +96,7 @@ class StageModel(keras.Model):
         total = 0.0
         for name in self.terms:
             term = TERMS[name]
-            value = ops.mean(term.loss(x, y_pred))
+            value = ops.mean(term.loss(x, y_pred, self._units))
             self._means[name].update_state(value)
             total = total + term.weight * value
         return total / self._replicas
@@ -126,3 +132,8 @@ class StageModel(keras.Model):
 
     def _of_a_batch(self) -> list[keras.metrics.Metric]:
         return [metric for metric in self.metrics if metric.name not in self._measures]
+
+
+def _of_radiance(subnetworks: Mapping[str, keras.Model]) -> list[keras.Model]:
+    """Return the subnetworks that predict S or M."""
+    return [one for name, one in subnetworks.items() if name in ("specular", "mirror")]

@@ -19,6 +19,7 @@ from lime_keras.optics import camera_law, shininess
 from lime_keras.optics.dynamic_range import compress
 from lime_keras.optics.masking import masked_mean
 from lime_keras.optics.reflectance_map import disc, true_reflectance_map
+from lime_keras.optics.shading import lobe_factor
 
 Batch = Mapping[str, Any]
 """Features of a batch by name, as `data.pipeline` names them."""
@@ -40,6 +41,19 @@ class StageAnswer(NamedTuple):
 
 
 @dataclass(frozen=True)
+class Units:
+    """What the numbers of a stage's data and predictions mean.
+
+    Attributes:
+        lobe: lobe of S in the data, one of `corpus.LOBES`.
+        linear: whether S and M are predicted as linear radiance (`Architecture.linear`).
+    """
+
+    lobe: str = "furnace"
+    linear: bool = False
+
+
+@dataclass(frozen=True)
 class Term:
     """A loss term.
 
@@ -47,17 +61,17 @@ class Term:
         weight: factor of the term in the total loss; the paper gives none
             (docs/explanation/decisions.md).
         quantity: name of the quantity whose prediction the term compares with the truth.
-        loss: function of a batch and a `StageAnswer`; returns the loss of each example, `(B,)`.
+        loss: function of a batch, a `StageAnswer` and the `Units` of the stage; returns the loss of
+            each example, `(B,)`.
         features: names of the features that it reads, beside `data.features.LEARNT_FROM`.
-        squares: True for a squared error of the paper's, False for the term that stands in its
-            place and comes closer to the measures of Table 1; None if every schedule has the term.
+        losses: value of `Schedule.losses` that has the term; None if every schedule has it.
     """
 
     weight: float
     quantity: str
-    loss: Callable[[Batch, StageAnswer], Any]
+    loss: "Callable[[Batch, StageAnswer, Units], Any]"
     features: tuple[str, ...] = ()
-    squares: bool | None = None
+    losses: str | None = None
 
 
 @dataclass(frozen=True)
@@ -80,7 +94,7 @@ class Learning:
 
     Attributes:
         terms: names out of `TERMS`; terms of quantities that no subnetwork of the stage predicts
-            are left out, and those with the other `Term.squares`.
+            are left out, and those of the other `Term.losses`.
         measures: names out of `MEASURES`.
         joined: number, from 1, of the first joined stage that trains it; None if it is only trained
             alone.
@@ -98,13 +112,13 @@ class Learning:
 class _Truth:
     """A function that computes a truth from a batch, and the features that it reads."""
 
-    of: Callable[[Batch], Any]
+    of: Callable[[Batch, Units], Any]
     features: tuple[str, ...]
 
 
-def truth(quantity: str, batch: Batch) -> Any:
+def truth(quantity: str, batch: Batch, units: Units) -> Any:
     """Return the ground truth of a quantity, linear if it is radiance."""
-    return _COMPUTED[quantity].of(batch) if quantity in _COMPUTED else batch[quantity]
+    return _COMPUTED[quantity].of(batch, units) if quantity in _COMPUTED else batch[quantity]
 
 
 def features_of_truth(quantity: str) -> tuple[str, ...]:
@@ -134,37 +148,64 @@ def measured(metrics: Mapping[str, keras.metrics.Metric]) -> dict[str, float]:
     return {name: float(ops.convert_to_numpy(metric.result())) for name, metric in metrics.items()}
 
 
-def _reflectance_map(batch: Batch) -> Any:
-    return ops.stop_gradient(true_reflectance_map(batch))
+def _reflectance_map(batch: Batch, units: Units) -> Any:
+    # The map is shaded by the furnace-normalised S.
+    factor = lobe_factor(batch["shininess"], units.lobe)
+    shaded = {**batch, "specular_albedo": batch["specular_albedo"] * factor}
+    return ops.stop_gradient(true_reflectance_map(shaded))
 
 
 _COMPUTED = {"reflectance_map": _Truth(_reflectance_map, ("environment", "shininess"))}
 """Quantities whose truth is computed, because records do not hold it."""
 
 
-def _shading(name: str) -> Callable[[Batch, StageAnswer], Any]:
-    return lambda batch, answer: losses.shading_l1(batch[name], answer.raw[name], batch["mask"])
+Loss = Callable[[Batch, StageAnswer, Units], Any]
 
 
-def _reflectance_map_l1(batch: Batch, answer: StageAnswer) -> Any:
-    true = compress(truth("reflectance_map", batch))
-    inside = ops.broadcast_to(disc(true.shape[1])[None], (ops.shape(true)[0], *true.shape[1:3], 1))
-    return masked_mean(ops.abs(answer.raw["reflectance_map"] - true), inside)
+def _mask(loss: Callable[[Any, Any], Any]) -> Loss:
+    return lambda batch, answer, units: loss(batch["mask"], answer.raw["mask"])
 
 
-def _diffuse_albedo(loss: Callable[[Any, Any], Any]) -> Callable[[Batch, StageAnswer], Any]:
-    return lambda batch, answer: loss(batch["diffuse_albedo"], answer.raw["albedos"][:, :3])
+def _shading(name: str) -> Loss:
+    return lambda batch, answer, units: losses.shading_l1(
+        batch[name], answer.raw[name], batch["mask"], units.linear
+    )
 
 
-def _specular_albedo(loss: Callable[[Any, Any], Any]) -> Callable[[Batch, StageAnswer], Any]:
-    return lambda batch, answer: loss(
+def _map(error: Callable[[Any], Any]) -> Loss:
+    def loss(batch: Batch, answer: StageAnswer, units: Units) -> Any:
+        true = compress(truth("reflectance_map", batch, units))
+        shape = (ops.shape(true)[0], *true.shape[1:3], 1)
+        inside = ops.broadcast_to(disc(true.shape[1])[None], shape)
+        return masked_mean(error(answer.raw["reflectance_map"] - true), inside)
+
+    return loss
+
+
+def _diffuse_albedo(loss: Callable[[Any, Any], Any]) -> Loss:
+    return lambda batch, answer, units: loss(batch["diffuse_albedo"], answer.raw["albedos"][:, :3])
+
+
+def _specular_albedo(loss: Callable[[Any, Any], Any]) -> Loss:
+    return lambda batch, answer, units: loss(
         ops.expand_dims(batch["specular_albedo"], -1), answer.raw["albedos"][:, 3:]
     )
 
 
-def _compositing(batch: Batch, answer: StageAnswer) -> Any:
+def _exponent(loss: Callable[[Any, Any], Any]) -> Loss:
+    return lambda batch, answer, units: loss(
+        batch["exponent_bin"], answer.raw["exponent_bin_probabilities"]
+    )
+
+
+def _log_exponent(loss: Callable[[Any, Any], Any]) -> Loss:
+    return lambda batch, answer, units: loss(batch["shininess"], answer.raw["log_exponent"])
+
+
+def _composed(batch: Batch, answer: StageAnswer) -> tuple[Any, ...]:
+    """Return what both forms of Eq. 5 compare: the photo, and Eq. 4 of what is estimated."""
     albedos = answer.raw["albedos"]
-    return losses.compositing_l1(
+    return (
         batch["image"],
         batch["mask"],
         albedos[:, :3],
@@ -172,51 +213,61 @@ def _compositing(batch: Batch, answer: StageAnswer) -> Any:
         batch["ambient"],
         batch["diffuse_shading"],
         answer.seen["specular_shading"],
+    )
+
+
+def _compositing_printed(batch: Batch, answer: StageAnswer, units: Units) -> Any:
+    return losses.compositing_l2(*_composed(batch, answer))
+
+
+def _compositing(batch: Batch, answer: StageAnswer, units: Units) -> Any:
+    return losses.compositing_l1(
+        *_composed(batch, answer),
         batch["clipped"],
         camera_law.balance(batch["cast"], camera_law.places(batch["image"].shape[1])),
     )
 
 
+_OF_MAP = features_of_truth("reflectance_map")
+_EXPONENTS = ("shininess",)
 TERMS = {
-    "mask": Term(
-        1.0,
-        "mask",
-        lambda batch, answer: losses.mask_l2(batch["mask"], answer.raw["mask"]),
-        squares=True,
-    ),
-    "structure": Term(
-        1.0,
-        "mask",
-        lambda batch, answer: losses.mask_structure(batch["mask"], answer.raw["mask"]),
-        squares=False,
-    ),
+    # The paper's. It gives no weights.
+    "mask": Term(1.0, "mask", _mask(losses.mask_l2), losses="printed"),
     "specular": Term(1.0, "specular_shading", _shading("specular_shading")),
     "mirror": Term(1.0, "mirror", _shading("mirror")),
+    "exponent_binary": Term(
+        1.0,
+        "exponent_bin_probabilities",
+        _exponent(losses.exponent_binary_cross_entropy),
+        _EXPONENTS,
+        "printed",
+    ),
+    "log_exponent_l1": Term(
+        1.0, "log_exponent", _log_exponent(losses.log_exponent_l1), _EXPONENTS, "printed"
+    ),
+    "diffuse_albedo": Term(1.0, "albedos", _diffuse_albedo(losses.albedo_l2), losses="printed"),
+    "specular_albedo": Term(1.0, "albedos", _specular_albedo(losses.albedo_l2), losses="printed"),
+    "compositing_printed": Term(1.0, "albedos", _compositing_printed, losses="printed"),
+    "reflectance_map_l2": Term(1.0, "reflectance_map", _map(ops.square), _OF_MAP, "printed"),
+    # Those in their place.
+    "structure": Term(1.0, "mask", _mask(losses.mask_structure), losses="robust"),
     "exponent": Term(
         0.1,
         "exponent_bin_probabilities",
-        lambda batch, answer: losses.exponent_cross_entropy(
-            batch["exponent_bin"], answer.raw["exponent_bin_probabilities"]
-        ),
-        ("shininess",),
+        _exponent(losses.exponent_cross_entropy),
+        _EXPONENTS,
+        "robust",
     ),
     "log_exponent": Term(
-        0.3,
-        "log_exponent",
-        lambda batch, answer: losses.log_exponent_l2(
-            batch["shininess"], answer.raw["log_exponent"]
-        ),
-        ("shininess",),
+        0.3, "log_exponent", _log_exponent(losses.log_exponent_l2), _EXPONENTS, "robust"
     ),
-    "diffuse_albedo": Term(5.0, "albedos", _diffuse_albedo(losses.albedo_l2), squares=True),
-    "diffuse_albedo_l1": Term(1.0, "albedos", _diffuse_albedo(losses.albedo_l1), squares=False),
-    "specular_albedo": Term(5.0, "albedos", _specular_albedo(losses.albedo_l2), squares=True),
-    "specular_albedo_l1": Term(1.0, "albedos", _specular_albedo(losses.albedo_l1), squares=False),
-    "compositing": Term(1.0, "albedos", _compositing),
-    "reflectance_map": Term(
-        1.0, "reflectance_map", _reflectance_map_l1, features_of_truth("reflectance_map")
-    ),
+    "diffuse_albedo_l1": Term(1.0, "albedos", _diffuse_albedo(losses.albedo_l1), losses="robust"),
+    "specular_albedo_l1": Term(1.0, "albedos", _specular_albedo(losses.albedo_l1), losses="robust"),
+    "compositing": Term(1.0, "albedos", _compositing, losses="robust"),
+    "reflectance_map": Term(1.0, "reflectance_map", _map(ops.abs), _OF_MAP, "robust"),
 }
+PERCEPTUAL = ("compositing", "compositing_printed")
+"""The terms of Eq. 5."""
 
 
 def _log_exponents(batch: Batch, outputs: Mapping[str, Any]) -> tuple[Any, Any]:
@@ -268,14 +319,15 @@ _ALBEDO_TERMS = (
     "diffuse_albedo_l1",
     "specular_albedo_l1",
 )
+_EXPONENT_TERMS = ("exponent_binary", "exponent", "log_exponent_l1", "log_exponent")
 LEARNING = {
     "segmentation": Learning(("mask", "structure"), ("mask_iou_pooled",)),
     "specular": Learning(("specular",), ("specular_shading_relative",), joined=1),
     # Under Muon its deep levels grew by a factor of five each, until a level above them died.
     "mirror": Learning(("mirror",), ("mirror_relative",), joined=1, optimizer="adam"),
-    "albedo": Learning((*_ALBEDO_TERMS, "compositing"), _ALBEDOS, joined=3),
-    "exponent": Learning(("exponent", "log_exponent"), _EXPONENT, joined=2),
-    "reflectance_map": Learning(("reflectance_map",), joined=1),
-    "material": Learning((*_ALBEDO_TERMS, "exponent"), (*_EXPONENT, *_ALBEDOS), joined=1),
+    "albedo": Learning((*_ALBEDO_TERMS, *PERCEPTUAL), _ALBEDOS, joined=3),
+    "exponent": Learning(_EXPONENT_TERMS, _EXPONENT, joined=2),
+    "reflectance_map": Learning(("reflectance_map_l2", "reflectance_map"), joined=1),
+    "material": Learning((*_ALBEDO_TERMS, *_EXPONENT_TERMS), (*_EXPONENT, *_ALBEDOS), joined=1),
 }
 """Row of each subnetwork by name, in the order in which subnetworks are trained alone."""

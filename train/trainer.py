@@ -267,7 +267,8 @@ def _parts(
             model = StageModel(
                 {part: subnetworks[part] for part in stage.subnetworks},
                 config.compositing,
-                config.schedule.papers,
+                config.schedule.losses,
+                config.lobe,
                 split.replicas,
             )
         signature = _signature(config, stage, model, trained)
@@ -295,7 +296,8 @@ def _compile(model: StageModel, stage: Stage, config: Config) -> None:
     groups = [
         (name, len(network.trainable_variables)) for name, network in model.subnetworks.items()
     ]
-    optimizer: Any = OPTIMIZERS[stage.optimizer](_learning_rates(stage), groups)
+    rates = _learning_rates(stage)
+    optimizer: Any = OPTIMIZERS[stage.optimizer](rates, groups, epsilon=stage.epsilon)
     if config.precision == "float16":
         optimizer = LossScale(optimizer)
     model.compile(optimizer=optimizer)
@@ -306,7 +308,9 @@ def _learning_rates(stage: Stage) -> Any:
     """Return the learning rates of a stage: a number, or a schedule of Keras."""
     rising = round(WARM_UP * stage.steps) if stage.optimizer == "muon" else 0
     if not stage.cosine:
-        return stage.learning_rate
+        if not stage.decay:
+            return stage.learning_rate
+        return keras.optimizers.schedules.InverseTimeDecay(stage.learning_rate, 1, stage.decay)
     if not rising:
         return keras.optimizers.schedules.CosineDecay(stage.learning_rate, stage.steps)
     return keras.optimizers.schedules.CosineDecay(
@@ -330,18 +334,20 @@ def _signature(config: Config, stage: Stage, model: StageModel, trained: Mapping
         "size": config.architecture.size,
         "terms": {term: TERMS[term].weight for term in model.terms},
         "batch_size": schedule.batch_size,
-        "papers": schedule.papers,
+        "losses": schedule.losses,
+        "images": [schedule.camera, schedule.flips, schedule.repaints, schedule.paints],
+        "found_masks": schedule.found_masks,
         "cutouts": config.cutouts if alone else None,
         "seed": config.seed,
         "corpus": config.corpus_sha256,
-        "camera": config.camera,
+        "lobe": config.lobe,
         "materials": config.materials,
         "precision": config.precision,
         "begun_from": config.begun_from,
         "frozen": config.frozen,
         "earlier": {
             name: trained.get(name)
-            for name in (*stage.subnetworks, *([] if schedule.papers else ["segmentation"]))
+            for name in (*stage.subnetworks, *(["segmentation"] if schedule.found_masks else []))
         },
     }
     return hashlib.sha256(json.dumps(follows_from, sort_keys=True).encode()).hexdigest()

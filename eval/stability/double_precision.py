@@ -15,7 +15,7 @@ from keras import layers
 
 from lime_keras.networks.blocks import HueOfPixels
 from lime_keras.networks.guided_filter import GuidedFilter
-from lime_keras.networks.registry import MASK_CONTRAST, SUBNETWORKS
+from lime_keras.networks.registry import MASK_CONTRAST, SUBNETWORKS, is_plain
 from lime_keras.optics.dichromatic import channels, with_hue_of_pixels
 from lime_keras.optics.dynamic_range import HIGHEST_COMPRESSED
 from lime_keras.optics.reflectance_map import disc
@@ -72,14 +72,19 @@ def answers(
         return _run(network, [seen[tensor.name] for tensor in network.inputs], rounding)
 
     seen = {"image": images}
-    mask = np.clip(MASK_CONTRAST * (run("segmentation") - 0.5) + 0.5, 0, 1)
+    contrast = 1 if is_plain(subnetworks["segmentation"]) else MASK_CONTRAST
+    mask = np.clip(contrast * (run("segmentation") - 0.5) + 0.5, 0, 1)
     seen |= {"masked_image": images * mask, "dichromatic": channels(images, mask)}
     out = {"mask": mask}
     shapes = {"specular": mask, "mirror": mask, "reflectance_map": disc(images.shape[1])}
     for name in filter(subnetworks.__contains__, shapes):
         [quantity] = SUBNETWORKS[name].answers
-        seen[quantity] = run(name) * shapes[name]
+        raw = run(name)
+        if is_plain(subnetworks[name]):
+            raw = np.log1p(np.maximum(raw, 0))
+        seen[quantity] = raw * shapes[name]
         out[quantity] = np.expm1(np.clip(seen[quantity], 0, HIGHEST_COMPRESSED))
+        seen[f"linear_{quantity}"] = out[quantity]
     if "material" in subnetworks:
         exponent, albedos = run("material")
     else:

@@ -41,6 +41,10 @@ class Architecture:
         dichromatic: whether SpecularNet and the encoders see the split of the colours into diffuse
             and grey light (`optics.dichromatic`).
         hue: whether m_d is turned to the hue of the object's pixels (`blocks.HueOfPixels`).
+        mask_contrast: whether the mask is stretched before it cuts the object out
+            (`registry.MASK_CONTRAST`).
+        linear: whether SpecularNet and MirrorNet answer, and other subnetworks read, linear
+            radiance in place of log(1 + x).
 
     Raises:
         ValueError: if a name is unknown, two settings exclude each other, or the size cannot be
@@ -58,6 +62,8 @@ class Architecture:
     pretrained: bool = False
     dichromatic: bool = False
     hue: bool = False
+    mask_contrast: bool = True
+    linear: bool = False
 
     def __post_init__(self) -> None:
         """Raise ValueError if the settings describe no system."""
@@ -117,5 +123,13 @@ PRESETS = {
     "live": _LIVE,
     # The figures that show the paper's layer sizes are lost. Its run times bound the sizes: a U-Net
     # takes at most 28 GFLOP.
-    "paper": Architecture(size=256, unet_width=32, unet_depth=4, encoder_width=32, dense_width=256),
+    "paper": Architecture(
+        size=256,
+        unet_width=32,
+        unet_depth=4,
+        encoder_width=32,
+        dense_width=256,
+        mask_contrast=False,
+        linear=True,
+    ),
 }

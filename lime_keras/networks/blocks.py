@@ -8,6 +8,9 @@ from lime_keras.networks.architecture import ENCODER_BLOCKS
 from lime_keras.networks.efficientnet import features
 from lime_keras.optics.dichromatic import with_hue_of_pixels
 
+PLAIN_HEAD = "plain_head"
+"""Name of the last layer of a network whose images are read as they are: a mask that is not
+stretched, S and M in linear radiance."""
 _PRETRAINED_WIDTHS = (16, 32, 64, 96, 128)
 """Channels of the decoder behind EfficientNet-Lite0 at strides 1, 2, 4, 8 and 16."""
 
@@ -24,7 +27,9 @@ def convolutions(x: KerasTensor, width: int, name: str) -> KerasTensor:
     return _convolution(_convolution(x, width, f"{name}_conv1"), width, f"{name}_conv2")
 
 
-def unet(x: KerasTensor, *, width: int, depth: int, channels: int) -> KerasTensor:
+def unet(
+    x: KerasTensor, *, width: int, depth: int, channels: int, head: str = "head"
+) -> KerasTensor:
     """Apply a U-Net whose skip connections concatenate.
 
     Args:
@@ -33,6 +38,7 @@ def unet(x: KerasTensor, *, width: int, depth: int, channels: int) -> KerasTenso
             times this number.
         depth: number of levels below the first.
         channels: number of output channels.
+        head: name of the last layer, which says how its numbers are read (`registry.PLAIN_HEAD`).
 
     Returns:
         `(B, H, W, channels)`, linear (no activation function), float32.
@@ -51,7 +57,7 @@ def unet(x: KerasTensor, *, width: int, depth: int, channels: int) -> KerasTenso
         x = convolutions(x, widths[level], f"up{level}")
     # Linear: with a softplus head the output became all black in training
     # (docs/explanation/decisions.md).
-    return layers.Conv2D(channels, 1, dtype="float32", name="head")(x)
+    return layers.Conv2D(channels, 1, dtype="float32", name=head)(x)
 
 
 def pretrained_unet(image: KerasTensor, *, channels: int) -> KerasTensor:

@@ -24,6 +24,7 @@ from keras import ops
 
 from lime_keras.networks.architecture import Architecture
 from lime_keras.networks.baseline import material_net, reflectance_map_net
+from lime_keras.networks.blocks import PLAIN_HEAD
 from lime_keras.networks.subnetworks import (
     albedo_net,
     exponent_net,
@@ -60,7 +61,7 @@ class Subnetwork:
     answers: tuple[str, ...]
     part_of: Callable[[Architecture], bool]
     encoder: bool = False
-    heads: tuple[str, ...] = ("head",)
+    heads: tuple[str, ...] = ("head", PLAIN_HEAD)
 
 
 Seen = Callable[[str], Any]
@@ -82,12 +83,15 @@ class Quantity:
     Attributes:
         estimated: function of the subnetwork's raw prediction.
         given: function of the ground truth, which is linear if it is radiance.
+        plain: function of the raw prediction of a subnetwork with a `PLAIN_HEAD`, in the form that
+            `estimated` takes.
         channels: number of channels if the quantity is an image; None if it is numbers, which no
             subnetwork reads.
     """
 
     estimated: Callable[[Any, Seen], Any] = _as_it_is
     given: Callable[[Any, Seen], Any] = _as_it_is
+    plain: Callable[[Any], Any] = lambda raw: raw
     channels: int | None = None
 
 
@@ -138,18 +142,23 @@ SUBNETWORKS = {
 DERIVED: dict[str, Callable[[Seen], Any]] = {
     "masked_image": lambda seen: seen("image") * seen("mask"),
     "dichromatic": lambda seen: channels(seen("image"), seen("mask")),
+    "linear_specular_shading": lambda seen: expand(seen("specular_shading")),
+    "linear_mirror": lambda seen: expand(seen("mirror")),
 }
 """Function of each value that no subnetwork predicts and all may read, by name."""
 
 QUANTITIES = {
     "mask": Quantity(
-        lambda answer, _: ops.clip((answer - 0.5) * MASK_CONTRAST + 0.5, 0.0, 1.0), channels=1
+        lambda answer, _: ops.clip((answer - 0.5) * MASK_CONTRAST + 0.5, 0.0, 1.0),
+        plain=lambda raw: (raw - 0.5) / MASK_CONTRAST + 0.5,
+        channels=1,
     ),
     **dict.fromkeys(
         ("specular_shading", "mirror"),
         Quantity(
             lambda answer, seen: answer * seen("mask"),
             lambda truth, seen: compress(truth) * seen("mask"),
+            plain=compress,
             channels=1,
         ),
     ),
@@ -191,3 +200,21 @@ def answered(name: str, network: keras.Model) -> tuple[str, ...]:
     if answers[0] == "exponent_bin_probabilities" and network.outputs[0].shape[-1] == 1:
         return ("log_exponent", *answers[1:])
     return answers
+
+
+def estimate(quantity: str, network: keras.Model, raw: Any, seen: Seen) -> Any:
+    """Return a quantity in the form that other subnetworks read, from a raw prediction.
+
+    Args:
+        quantity: name of the quantity.
+        network: subnetwork that predicted it.
+        raw: its prediction.
+        seen: function that returns what subnetworks read.
+    """
+    row = QUANTITIES[quantity]
+    return row.estimated(row.plain(raw) if is_plain(network) else raw, seen)
+
+
+def is_plain(network: keras.Model) -> bool:
+    """Return whether a subnetwork predicts an image as it is (`PLAIN_HEAD`)."""
+    return any(layer.name == PLAIN_HEAD for layer in network.layers)

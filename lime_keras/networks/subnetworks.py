@@ -8,6 +8,7 @@ from keras import layers
 
 from lime_keras.networks.architecture import Architecture
 from lime_keras.networks.blocks import (
+    PLAIN_HEAD,
     HueOfPixels,
     encoder,
     pretrained_unet,
@@ -30,24 +31,28 @@ def segmentation_net(architecture: Architecture) -> keras.Model:
         found = pretrained_unet(image, channels=1)
         mask = GuidedFilter(dtype="float32", name="guided")([found, image])
     else:
-        mask = _unet(image, architecture, channels=1)
+        mask = _unet(image, architecture, plain=not architecture.mask_contrast)
     return keras.Model(image, mask, name="segmentation_net")
 
 
 def specular_net(architecture: Architecture) -> keras.Model:
     """Build SpecularNet: `masked_image` `(B, S, S, 3)` sRGB → `(B, S, S, 1)` compressed S.
 
-    With `dichromatic`, it reads the split, too.
+    With `dichromatic`, it reads the split, too. With `linear`, S is linear radiance.
     """
     inputs = _inputs(architecture, "masked_image", *_split(architecture))
-    shading = _unet(_joined(inputs), architecture, channels=1)
+    shading = _unet(_joined(inputs), architecture, plain=architecture.linear)
     return keras.Model(_one_or_all(inputs), shading, name="specular_net")
 
 
 def mirror_net(architecture: Architecture) -> keras.Model:
-    """Build MirrorNet: compressed `specular_shading` `(B, S, S, 1)` → compressed M, same shape."""
-    [shading] = _inputs(architecture, "specular_shading")
-    return keras.Model(shading, _unet(shading, architecture, channels=1), name="mirror_net")
+    """Build MirrorNet: compressed S `(B, S, S, 1)` → compressed M, same shape.
+
+    With `linear`, both are linear radiance.
+    """
+    [shading] = _inputs(architecture, _radiance(architecture, "specular_shading"))
+    mirror = _unet(shading, architecture, plain=architecture.linear)
+    return keras.Model(shading, mirror, name="mirror_net")
 
 
 def exponent_net(architecture: Architecture) -> keras.Model:
@@ -59,9 +64,11 @@ def exponent_net(architecture: Architecture) -> keras.Model:
     regression the output is log10 s, `(B, 1)`.
     """
     if architecture.dichromatic:
-        names = ["masked_image", "dichromatic", "specular_shading"]
+        shading = _radiance(architecture, "specular_shading")
+        names = ["masked_image", "dichromatic", shading]
     else:
-        names = ["specular_shading", *(["mirror"] if architecture.mirror else [])]
+        layers_read = ["specular_shading", *(["mirror"] if architecture.mirror else [])]
+        names = [_radiance(architecture, name) for name in layers_read]
     inputs = _inputs(architecture, *names)
     features = _encoded(inputs, architecture)
     if architecture.exponent == "classification":
@@ -81,7 +88,8 @@ def albedo_net(architecture: Architecture) -> keras.Model:
     With `dichromatic`, it reads the split, too. The output is `(B, 4)`: linear RGB diffuse albedo,
     with `hue` in the hue of the object's pixels, then specular albedo, not yet clipped to [0, 1].
     """
-    inputs = _inputs(architecture, "masked_image", *_split(architecture), "specular_shading")
+    shading = _radiance(architecture, "specular_shading")
+    inputs = _inputs(architecture, "masked_image", *_split(architecture), shading)
     albedos = layers.Dense(4, dtype="float32", name="albedos")(_encoded(inputs, architecture))
     if architecture.hue:
         albedos = HueOfPixels(dtype="float32", name="hue")([albedos, inputs[0]])
@@ -99,6 +107,8 @@ _CHANNELS = {
     "dichromatic": CHANNELS,
     "specular_shading": 1,
     "mirror": 1,
+    "linear_specular_shading": 1,
+    "linear_mirror": 1,
 }
 """Number of channels of what the subnetworks read."""
 
@@ -122,5 +132,16 @@ def _one_or_all(inputs: list[keras.KerasTensor]) -> keras.KerasTensor | list[ker
     return inputs if len(inputs) > 1 else inputs[0]
 
 
-def _unet(x: keras.KerasTensor, architecture: Architecture, channels: int) -> keras.KerasTensor:
-    return unet(x, width=architecture.unet_width, depth=architecture.unet_depth, channels=channels)
+def _radiance(architecture: Architecture, name: str) -> str:
+    """Return the name of S or M in the form that subnetworks of this architecture read."""
+    return f"linear_{name}" if architecture.linear else name
+
+
+def _unet(x: keras.KerasTensor, architecture: Architecture, *, plain: bool) -> keras.KerasTensor:
+    return unet(
+        x,
+        width=architecture.unet_width,
+        depth=architecture.unet_depth,
+        channels=1,
+        head=PLAIN_HEAD if plain else "head",
+    )

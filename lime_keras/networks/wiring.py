@@ -5,7 +5,7 @@ from typing import Any
 
 import keras
 
-from lime_keras.networks.registry import DERIVED, OUTPUT_ROWS, QUANTITIES, answered
+from lime_keras.networks.registry import DERIVED, OUTPUT_ROWS, QUANTITIES, answered, estimate
 
 
 def quantities(subnetworks: Mapping[str, keras.Model]) -> dict[str, str]:
@@ -23,7 +23,11 @@ def needed(subnetworks: Mapping[str, keras.Model]) -> tuple[str, ...]:
     They are the quantities that the subnetworks read and do not predict, and always the mask, which
     cuts the object out.
     """
-    seen = {tensor.name for network in subnetworks.values() for tensor in network.inputs}
+    seen = {
+        tensor.name.removeprefix("linear_")
+        for network in subnetworks.values()
+        for tensor in network.inputs
+    }
     unanswered = seen - set(quantities(subnetworks))
     return tuple(name for name in QUANTITIES if name == "mask" or name in unanswered)
 
@@ -89,6 +93,8 @@ class Wiring:
 
     def _estimate(self, quantity: str) -> Any:
         if quantity not in self._estimates:
-            answer = self.answer(quantity)
-            self._estimates[quantity] = QUANTITIES[quantity].estimated(answer, self.seen)
+            network = self._subnetworks[self._answering[quantity]]
+            self._estimates[quantity] = estimate(
+                quantity, network, self.answer(quantity), self.seen
+            )
         return self._estimates[quantity]

@@ -150,6 +150,60 @@ def test_cross_entropy_picks_the_true_class(differentiate):
     np.testing.assert_allclose(gradient, probabilities - np.eye(8)[bins], rtol=1e-4, atol=1e-6)
 
 
+def test_binary_cross_entropy_is_that_of_the_one_hot_bins(differentiate):
+    bins, logits = np.array([1, 7]), uniform(2, 8, high=4.0)
+    value, [gradient] = differentiate(
+        lambda x: losses.exponent_binary_cross_entropy(bins, x), logits
+    )
+    p = np.exp(np.float64(logits))
+    p /= p.sum(-1, keepdims=True)
+    true = np.eye(8)[bins]
+    expected = -(true * np.log(p) + (1 - true) * np.log(1 - p)).mean(-1)
+    np.testing.assert_allclose(value, expected, rtol=1e-5)
+    check(value, [gradient])
+
+
+@pytest.mark.parametrize("lead", [20.0, 100.0, 1e4])
+def test_binary_cross_entropy_goes_on_teaching_and_of_certainty_is_zero(lead, differentiate):
+    logits = np.zeros((2, 8), np.float32)
+    logits[:, 3] = lead
+    value, [gradient] = differentiate(
+        lambda x: losses.exponent_binary_cross_entropy(np.array([3, 4]), x), logits
+    )
+    check(value, [gradient])
+    assert value[0] == pytest.approx(0, abs=1e-6)
+    assert value[1] == pytest.approx(2 * lead / 8, rel=0.1) and gradient[1, 3] > 0.1
+
+
+def test_log_exponent_l1_is_the_distance_in_decades(differentiate):
+    exponent = np.array([0.0, 100.0], np.float32)
+    predicted = np.array([[0.5], [1.25]], np.float32)
+    value, [gradient] = differentiate(lambda x: losses.log_exponent_l1(exponent, x), predicted)
+    np.testing.assert_allclose(value, [0.5, 0.75], rtol=1e-6)
+    np.testing.assert_allclose(gradient[:, 0], [1, -1])
+
+
+@pytest.mark.parametrize("name", masks())
+def test_the_printed_eq_5_is_the_mean_square_of_the_masked_residual(name, differentiate):
+    """Over all of B: clipped channels and partly covered pixels count as any."""
+    image, mask = uniform(*SHAPE, 3, seed=8), masks()[name]
+    image[:, 0] = 1.0
+    arguments = photo(image, mask)
+    value, gradients = differentiate(losses.compositing_l2, *arguments)
+    _, _, m_d, m_s, m_a, diffuse, specular = arguments
+    composed = compose(m_d, m_s, m_a, diffuse, np.expm1(specular))
+    residual = mask * (colour.srgb_to_linear(image) - composed)
+    np.testing.assert_allclose(value, np.square(residual).mean((1, 2, 3)), rtol=1e-4, atol=1e-9)
+    check(value, gradients)
+
+
+def test_linear_shading_is_compared_as_radiance(differentiate):
+    true, predicted = uniform(*SHAPE, 1, high=9.0), uniform(*SHAPE, 1, seed=1)
+    full = masks()["full"]
+    value, _ = differentiate(lambda x: losses.shading_l1(true, x, full, True), predicted)
+    np.testing.assert_allclose(value, np.abs(predicted - true).mean((1, 2, 3)), rtol=1e-5)
+
+
 def test_compositing_of_the_truth_is_zero(differentiate):
     value, _ = differentiate(losses.compositing_l1, *photo())
     np.testing.assert_allclose(value, 0, atol=1e-6)

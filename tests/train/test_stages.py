@@ -33,11 +33,11 @@ def test_the_papers_schedule_is_the_papers():
         "specular+mirror+exponent",
         "specular+mirror+exponent+albedo",
     ]
-    assert [stage.steps for stage in stages] == [100_000] * 5 + [45_000] * 3
+    assert [stage.steps for stage in stages] == [100_000] * 5 + [15_000] * 3
     assert {stage.learning_rate for stage in stages[5:]} == {1e-4}
     assert SCHEDULES["paper"].batch_size == 32
     assert not any(stage.cosine for stage in stages)
-    assert {stage.optimizer for stage in stages} == {"adam"} and SCHEDULES["paper"].papers
+    assert {stage.optimizer for stage in stages} == {"adam"}
 
 
 def test_the_live_presets_learning_rate_falls_in_every_stage():
@@ -49,6 +49,14 @@ def test_muon_trains_all_but_the_lone_mirror(preset):
     stages = SCHEDULES[preset].stages(PRESETS[preset])
     assert [stage.name for stage in stages if stage.optimizer != "muon"] == ["mirror"]
     assert next(stage for stage in stages if stage.name == "mirror").optimizer == "adam"
+
+
+@pytest.mark.parametrize(
+    "changes", [{}, {"mirror": False}, {"system": "reflectance-map"}], ids=["3", "2", "1"]
+)
+def test_every_row_of_table_1_is_joined_for_the_same_batches(changes):
+    stages = SCHEDULES["paper"].stages(changed("paper", **changes))
+    assert sum(stage.steps for stage in stages if "+" in stage.name) == 45_000
 
 
 def test_without_a_mirror_nothing_is_joined_with_it():
@@ -90,7 +98,7 @@ def test_each_subnetwork_is_trained_alone_first(preset, changes):
 
 def test_a_scaled_schedule_keeps_all_but_its_lengths():
     scaled = SCHEDULES["paper"].scaled(0.01)
-    assert [stage.steps for stage in scaled.stages(PAPER)] == [1000] * 5 + [450] * 3
+    assert [stage.steps for stage in scaled.stages(PAPER)] == [1000] * 5 + [150] * 3
     assert scaled.scaled(100) == SCHEDULES["paper"]
     assert {stage.steps for stage in scaled.scaled(1e-9).stages(PAPER)} == {1}
 

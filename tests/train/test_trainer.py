@@ -42,9 +42,10 @@ BRIEF = Schedule(
     single_steps=2,
     encoder_steps=2,
     single_learning_rate=1e-3,
-    joint_steps=4,
+    joint_steps=12,
     joint_learning_rate=1e-3,
     validation_examples=2,
+    camera=True,
 )
 
 
@@ -55,7 +56,7 @@ def corpus(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def config(corpus):
-    return Config("tiny", 1.0, TINY, BRIEF, 0, corpus_sha256([corpus]), camera=True)
+    return Config("tiny", 1.0, TINY, BRIEF, 0, corpus_sha256([corpus]))
 
 
 @pytest.fixture(scope="module")
@@ -512,7 +513,7 @@ def test_ablations_take_over_what_is_the_same(corpus, config, finished, tmp_path
 
 
 def test_photographs_count_for_the_mask_and_for_all_that_follows_from_it(config, tmp_path):
-    schedule = dataclasses.replace(BRIEF, papers=False)
+    schedule = dataclasses.replace(BRIEF, found_masks=True)
 
     def signatures(cutouts):
         changed = dataclasses.replace(config, schedule=schedule, cutouts=cutouts)
@@ -586,8 +587,8 @@ def test_the_example_that_breaks_a_step_is_named(corpus, config, tmp_path):
         rf"stage albedo, step \d: .*compositing.* not finite; from example {index} of seed {seed} "
         "of the train split: render it again.*last checkpoint is from before"
     )
-    longer = dataclasses.replace(BRIEF, encoder_steps=9)
-    unseen = dataclasses.replace(config, schedule=longer, camera=False)
+    longer = dataclasses.replace(BRIEF, encoder_steps=9, camera=False)
+    unseen = dataclasses.replace(config, schedule=longer)
     with pytest.raises(RuntimeError, match=expected):
         trainer.train([broken], tmp_path / "run", unseen, _ignore, only=["albedo"])
     assert not (tmp_path / "run" / "model").exists()
@@ -626,9 +627,10 @@ def test_damage_stops_the_run_by_name(corpus, config, tmp_path, shard, record):
 
 def test_the_camera_is_on_unless_refused(corpus, config, finished, tmp_path, monkeypatch):
     required = [str(corpus), "--out", str(tmp_path), "--preset", "smoke"]
-    assert cli.config_of(cli.parser().parse_args(required)).camera
-    assert not cli.config_of(cli.parser().parse_args([*required, "--no-camera"])).camera
-    clean = dataclasses.replace(config, camera=False)
+    assert cli.config_of(cli.parser().parse_args(required)).schedule.camera
+    refused = cli.config_of(cli.parser().parse_args([*required, "--no-camera"]))
+    assert not refused.schedule.camera
+    clean = dataclasses.replace(config, schedule=dataclasses.replace(BRIEF, camera=False))
     with pytest.raises(ValueError, match="camera True there, False asked"):
         trainer.train([corpus], finished, clean, _ignore)
     trainer.train([corpus], tmp_path, clean, _ignore, only=["specular"])

@@ -8,7 +8,7 @@ import keras
 import numpy as np
 
 from lime_keras.data import clutter
-from lime_keras.networks.registry import QUANTITIES
+from lime_keras.networks.registry import estimate
 
 _ESTIMATED, _DAMAGED = 0.5, 0.25
 """Shares of the images with the network's own mask, and with a damaged one; the others' are true.
@@ -50,7 +50,7 @@ def seen(
 def own(network: keras.Model, images: np.ndarray) -> np.ndarray:
     """Return the masks that SegmentationNet finds in images, as other subnetworks see them."""
     answer = network.predict_on_batch(np.asarray(images))
-    return keras.ops.convert_to_numpy(QUANTITIES["mask"].estimated(answer, lambda name: None))
+    return keras.ops.convert_to_numpy(estimate("mask", network, answer, lambda name: None))
 
 
 def damaged(mask: np.ndarray, generator: np.random.Generator) -> np.ndarray:
