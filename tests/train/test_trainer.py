@@ -91,7 +91,7 @@ def test_a_run_leaves_a_model_and_its_curves(finished):
     with (finished / "curves" / curves[-1]).open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert [int(row["step"]) for row in rows] == [0, 1, 2, 3, 4]
-    assert float(rows[-1]["train_compositing"]) > 0
+    assert float(rows[-1]["train_compositing_printed"]) > 0
     assert float(rows[0]["validation_loss"]) > 0
     assert float(rows[-1]["measure_log_exponent_mae"]) > 0
 
@@ -313,7 +313,7 @@ def test_another_config_is_refused_with_the_difference(corpus, config, finished)
 def test_what_was_run_is_recorded(config, finished):
     record = json.loads((finished / "config.json").read_text(encoding="utf-8"))
     assert record["config"]["corpus_sha256"] == config.corpus_sha256
-    assert record["config"]["schedule"]["joint_steps"] == 4
+    assert record["config"]["schedule"]["joint_steps"] == 12
     assert record["corpora"][0]["description"] is not None
     assert record["backend"] == "tensorflow"
     assert {"tensorflow", "jax", "keras", "numpy"} == set(record["packages"])
@@ -540,7 +540,10 @@ def test_photographs_count_for_the_mask_and_for_all_that_follows_from_it(config,
             {"schedule": dataclasses.replace(BRIEF, joint_steps=1)},
             {stage.name for stage in BRIEF.stages(TINY)[5:]},
         ),
-        ({"camera": False}, {stage.name for stage in BRIEF.stages(TINY)}),
+        (
+            {"schedule": dataclasses.replace(BRIEF, camera=False)},
+            {stage.name for stage in BRIEF.stages(TINY)},
+        ),
         ({"seed": 1}, {stage.name for stage in BRIEF.stages(TINY)}),
         ({"precision": "bfloat16"}, {stage.name for stage in BRIEF.stages(TINY)}),
         (
@@ -670,6 +673,11 @@ def test_the_record_of_another_version_is_refused_by_name(tmp_path, brief_smoke,
     config_path(tmp_path).write_text(json.dumps(record))
     with pytest.raises(ValueError, match=r"another run: rate_scale None there, 1\.0 asked"):
         check(tmp_path, config)
+    record["config"]["schedule"] |= {"papers": True}
+    config_path(tmp_path).write_text(json.dumps(record))
+    with pytest.raises(ValueError, match="was begun by the recipe of before"):
+        check(tmp_path, config)
+    del record["config"]["schedule"]["papers"]
     record["config"]["lens"] = "wide"
     config_path(tmp_path).write_text(json.dumps(record))
     with pytest.raises(ValueError, match=r"is not of this version .*lens"):
@@ -683,7 +691,7 @@ def test_the_command_trains_some_stages_and_resumes(corpus, tmp_path, brief_smok
     assert cli.main([*begun, "--stages", "exponent"]) == 0
     told = capsys.readouterr()
     assert "no whole model yet: segmentation, specular, albedo not trained" in told.out
-    assert re.search(r"exponent +4 +\d+\.\d +exponent +\d\.\d{4} +\d\.\d{4}", told.out)
+    assert re.search(r"exponent +4 +\d+\.\d +exponent_binary +\d\.\d{4} +\d\.\d{4}", told.out)
     assert re.search(r"\n +exponent_within_one +[01]\.\d{4} +[01]\.\d{4}\n", told.out)
     assert "4/6 exponent: 100%" in told.err and "data=" in told.err
     held = Config.read(tmp_path / "run")
@@ -694,7 +702,7 @@ def test_the_command_trains_some_stages_and_resumes(corpus, tmp_path, brief_smok
     assert cli.main(resumed) == 0
     assert cli.main([*resumed, "--seed", "4", "--no-camera"]) == 1
     assert re.search(
-        r"holds another run: camera True there, False asked; seed 0 there, 4 asked",
+        r"holds another run: schedule.camera True there, False asked; seed 0 there, 4 asked",
         capsys.readouterr().err,
     )
 

@@ -1,5 +1,7 @@
 """What is given takes the place of estimates, for models and for tensors alike."""
 
+import dataclasses
+
 import keras
 import numpy as np
 import pytest
@@ -93,6 +95,33 @@ def test_tensors_go_the_same_way_as_a_model(tiny, given):
     found, graph = network(inputs), Wiring(subnetworks, inputs, training=False)
     for name, value in found.items():
         np.testing.assert_allclose(graph.output(name), value, rtol=1e-4, atol=1e-5, err_msg=name)
+
+
+def test_a_plain_system_stretches_no_mask_and_exchanges_radiance(tiny, given):
+    plain = dataclasses.replace(tiny, mask_contrast=False, linear=True)
+    subnetworks = build(plain, seed=4)
+    image = given["image"]
+    mask = np.clip(run(subnetworks["segmentation"], image), 0, 1)
+    specular = np.maximum(run(subnetworks["specular"], image * mask), 0) * mask
+    mirror = np.maximum(run(subnetworks["mirror"], specular), 0) * mask
+    logits = run(subnetworks["exponent"], specular, mirror)
+    albedos = run(subnetworks["albedo"], image * mask, specular)
+    expected = {
+        "mask": mask,
+        "specular_shading": specular,
+        "mirror": mirror,
+        "exponent_bin_probabilities": softmax(logits, axis=-1),
+        "diffuse_albedo": np.clip(albedos[:, :3], 0, 1),
+    }
+    found = assemble(subnetworks)(image)
+    for name, value in expected.items():
+        np.testing.assert_allclose(found[name], value, rtol=1e-4, atol=1e-5, err_msg=name)
+    # True radiance goes in as it is.
+    true = assemble({"mirror": subnetworks["mirror"]}, given=("mask", "specular_shading"))
+    inputs = {name: given[name] for name in ("image", "mask", "specular_shading")}
+    seen = given["specular_shading"] * given["mask"]
+    expected = np.maximum(run(subnetworks["mirror"], seen), 0) * given["mask"]
+    np.testing.assert_allclose(true(inputs)["mirror"], expected, rtol=1e-4, atol=1e-5)
 
 
 def test_what_is_given_replaces_no_answer(tiny, given):

@@ -23,6 +23,8 @@ def _batch(count, size=32, seed=0):
 class Grey:
     """In place of SegmentationNet: one answer for all pixels, and what it was asked."""
 
+    layers = ()
+
     def __init__(self, level=0.4):
         self._level, self.asked = level, []
 
