@@ -1,4 +1,4 @@
-"""The command `lime-render`: render a corpus or a bank, verify it, preview it, export from it."""
+"""The command `lime-render`: render a corpus, verify it, preview it, export from it."""
 
 import argparse
 import sys
@@ -6,7 +6,7 @@ import sys
 from lime_keras import console
 from lime_keras.version import __version__
 
-from .commands import bank, corpus, images, layers, preview, scenes, verify, views
+from .commands import corpus, images, layers, preview, verify, views
 
 COMMANDS = {
     "verify": verify,
@@ -14,16 +14,13 @@ COMMANDS = {
     "layers": layers,
     "images": images,
     "views": views,
-    "bank": bank,
-    "scenes": scenes,
 }
 """Commands by their first argument; any other first argument is the folder of a corpus."""
+_GONE = ("bank", "scenes")
 _EXAMPLE = """
 other commands, each with a --help of its own:
-  lime-render bank OUT              render a bank of geometry and light, to train from
-  lime-render scenes BANK OUT       make a corpus of a bank's scenes, to train on processors
-  lime-render verify CORPUS|BANK    check files, checksums and every record or entry
-  lime-render preview CORPUS|BANK   draw a contact sheet
+  lime-render verify CORPUS         check files, checksums and every record
+  lime-render preview CORPUS        draw a contact sheet
   lime-render layers CORPUS INDEX   write one example as OpenEXR layers
   lime-render images CORPUS OUT     write the images of the test split, for other systems
   lime-render views HDRIS OUT       take pictures inside HDR maps, for --backgrounds
@@ -39,7 +36,7 @@ examples:
 An interrupted command, run again, goes on where it stopped. The same seed gives the same bytes,
 whatever the number of workers.
 
-More: docs/how-to/corpus.md, docs/how-to/banks.md, docs/how-to/machines.md.
+More: docs/how-to/corpus.md, docs/how-to/machines.md.
 """
 
 
@@ -77,5 +74,11 @@ def main(argv: list[str] | None = None) -> int:
     if arguments and arguments[0] in COMMANDS:
         options = commands().parse_args(arguments)
         return console.run(lambda: options.run(options), options.interrupted)
+    if arguments and arguments[0] in _GONE:
+        parser().error(
+            f"there are no banks any more, and no `lime-render {arguments[0]}`: `lime-render OUT "
+            "--split train --count N` renders exact scenes with mixed lights and endless bodies. "
+            f"For a corpus of this name, write its path: ./{arguments[0]}"
+        )
     options = parser().parse_args(arguments)
     return console.run(lambda: corpus.run(options), corpus.INTERRUPTED)

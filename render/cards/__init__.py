@@ -1,4 +1,4 @@
-"""The cards of a corpus or a bank: what it holds, for people and for programs."""
+"""The cards of a corpus: what it holds, for people and for programs."""
 
 from pathlib import Path
 
@@ -15,7 +15,7 @@ def write(folder: Path) -> list[Path]:
     the line `data_card.WRITTEN` is somebody's own, and is left alone.
 
     Args:
-        folder: folder of a corpus or a bank.
+        folder: folder of a corpus.
 
     Returns:
         The paths of the files that were written.

@@ -1,4 +1,4 @@
-"""The Croissant metadata of a corpus or a bank: its files, and the fields of its records.
+"""The Croissant metadata of a corpus: its files, and the fields of its records.
 
 The format is version 1.0 of https://docs.mlcommons.org/croissant/docs/croissant-spec.html.
 """
@@ -10,7 +10,7 @@ from typing import Any
 
 from lime_keras.version import __version__
 
-from .contents import BANK, Part
+from .contents import Part
 
 FIELDS = {
     "image": ("sc:ImageObject", "LDR sRGB over its background, (S, S, 3); PNG, 8 bits"),
@@ -34,11 +34,7 @@ FIELDS = {
 _REPEATED = ("camera", "diffuse_albedo")
 _CONTEXT = Path(__file__).with_name("croissant_context.json")
 """The context that the format prescribes."""
-_TYPES = {
-    ".tfrecord": "application/x-tfrecord",
-    ".json": "application/json",
-    ".npy": "application/x-npy",
-}
+_TYPE = "application/x-tfrecord"
 _CITED = (
     "Meka, Maximov, Zollhöfer, Chatterjee, Seidel, Richardt, Theobalt: LIME: Live Intrinsic "
     "Material Estimation, CVPR 2018"
@@ -52,34 +48,33 @@ def text(name: str, parts: Sequence[Part]) -> str:
         name: name of the folder.
         parts: its complete parts, at least one.
     """
-    is_bank = parts[0].name == BANK
-    what = "geometry, lights and textures" if is_bank else "images of single objects with layers"
     metadata: dict[str, Any] = {
         "@context": json.loads(_CONTEXT.read_text(encoding="utf-8")),
         "@type": "sc:Dataset",
         "name": name,
         "conformsTo": "http://mlcommons.org/croissant/1.0",
-        "description": f"Rendered {what}, for the estimation of materials; README.md says more.",
+        "description": "Rendered images of single objects with layers, for the estimation of "
+        "materials; README.md says more.",
         "citeAs": _CITED,
         "version": __version__,
-        "distribution": [_file(*file) for part in parts for file in sorted(part.files.items())],
+        "distribution": [
+            *(_file(*file) for part in parts for file in sorted(part.files.items())),
+            *map(_shards, parts),
+        ],
     }
     if all(part.is_built_in for part in parts):
         metadata["license"] = "https://spdx.org/licenses/MIT.html"
-    if not is_bank:
-        metadata["distribution"] += [_shards(part) for part in parts]
-        metadata["recordSet"] = [_records(part) for part in parts]
+    metadata["recordSet"] = [_records(part) for part in parts]
     return json.dumps(metadata, indent=1, ensure_ascii=False) + "\n"
 
 
 def _file(path: str, digest: str) -> dict[str, Any]:
-    suffix = path[path.rindex(".") :]
     return {
         "@type": "cr:FileObject",
         "@id": path,
         "name": path,
         "contentUrl": path,
-        "encodingFormat": _TYPES.get(suffix, "application/octet-stream"),
+        "encodingFormat": _TYPE,
         "sha256": digest,
     }
 
@@ -89,7 +84,7 @@ def _shards(part: Part) -> dict[str, Any]:
         "@type": "cr:FileSet",
         "@id": f"{part.name}-shards",
         "name": f"{part.name}-shards",
-        "encodingFormat": _TYPES[".tfrecord"],
+        "encodingFormat": _TYPE,
         "includes": f"{part.name}/*.tfrecord",
     }
 

@@ -1,4 +1,4 @@
-"""The data card of a corpus or a bank: `README.md`, with the fields that Hugging Face reads.
+"""The data card of a corpus: `README.md`, with the fields that Hugging Face reads.
 
 It says what the manifests record, and nothing that they do not: licences and authors of a user's
 meshes and maps are the user's to add.
@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from string import Template
 
-from .contents import BANK, Part
+from .contents import Part
 from .croissant import FIELDS
 
 _CARD = Path(__file__).with_name("data_card.md")
@@ -21,10 +21,6 @@ _OTHERS = (
     "The licences of the meshes, maps and pictures named above decide. Name their authors and "
     "licences here\nbefore you share this folder.\n"
 )
-_LAYERS = """\
-Layers follow Eq. 4 of the paper: image = m_a + m_d · D + m_s · S, in linear radiance, with the
-light's spherical mean at 0.4. `lime-render verify` checks every record against it.
-"""
 
 
 def text(name: str, parts: Sequence[Part]) -> str:
@@ -34,16 +30,15 @@ def text(name: str, parts: Sequence[Part]) -> str:
         name: name of the folder.
         parts: its complete parts, at least one.
     """
-    is_bank, built_in = parts[0].name == BANK, all(part.is_built_in for part in parts)
+    built_in = all(part.is_built_in for part in parts)
     count = sum(part.count for part in parts)
     return Template(_CARD.read_text(encoding="utf-8")).substitute(
         name=name,
         written=WRITTEN,
         licence="mit" if built_in else "other",
         size=next((label for limit, label in _SIZES if count < limit), "n>1M"),
-        summary=_summary(is_bank),
         parts=_parts(parts),
-        records="" if is_bank else f"## Records\n\n{_fields()}\n{_LAYERS}\n",
+        fields=_fields(),
         made="\n".join(map(_made, parts)),
         terms=_BUILT_IN if built_in else _OTHERS,
     )
@@ -57,30 +52,15 @@ def is_ours(path: Path) -> bool:
         return True
 
 
-def _summary(is_bank: bool) -> str:
-    if is_bank:
-        return (
-            "A bank of `lime-render`: G-buffers of single objects, lights and textures, from which "
-            "training\nmakes scenes without end. Made for the estimation of materials from single "
-            "images (LIME, CVPR 2018).\n"
-        )
-    return (
-        "A corpus of `lime-render`: rendered images of single objects, each with its mask, diffuse "
-        "and specular\nshading, mirror image, normals, light and material. Made for the estimation "
-        "of materials from single\nimages (LIME, CVPR 2018).\n"
-    )
-
-
 def _parts(parts: Sequence[Part]) -> str:
     rows = [
         "| part | entries | pixels | shapes | lights | files |",
         "|---|---:|---:|---:|---:|---:|",
     ]
     for part in parts:
-        lights = "" if part.lights is None else part.lights
         size = part.description["size"]
         rows.append(
-            f"| {part.name} | {part.count} | {size} × {size} | {len(part.shapes)} | {lights} "
+            f"| {part.name} | {part.count} | {size} × {size} | {len(part.shapes)} | {part.lights} "
             f"| {len(part.files)} |"
         )
     return "\n".join(rows) + "\n"

@@ -34,6 +34,20 @@ def add_options(out: argparse.ArgumentParser) -> None:
         "paper's unit (default: furnace)",
     )
     contents.add_argument(
+        "--light-law",
+        choices=shared.LIGHT_LAWS,
+        help="mixed: each light is made of maps, rooms, skies and lamps, and crops and backgrounds "
+        "vary more; maps: each light is one map, as the paper has it (default: mixed for training, "
+        "maps for test)",
+    )
+    contents.add_argument(
+        "--endless",
+        type=shared.share,
+        metavar="SHARE",
+        help="share of the bodies that are made for eight examples alone: random shapes, and those "
+        "of --shapes deformed; 0 to 1 (default: 0.5 for training, 0 for test)",
+    )
+    contents.add_argument(
         "--quality",
         choices=tuple(QUALITIES),
         default="fast",
@@ -61,7 +75,8 @@ def add_options(out: argparse.ArgumentParser) -> None:
     shared.add_inputs(
         out,
         shapes="instead of the built-in shapes",
-        environments="environment maps (HDR, EXR; equirectangular) instead of the built-in rooms",
+        environments="environment maps (HDR, EXR; equirectangular) instead of the built-in rooms; "
+        "mixed lights have rooms and skies beside them",
     )
     speed = out.add_argument_group("speed")
     machines = speed.add_mutually_exclusive_group()
@@ -93,6 +108,7 @@ def run(options: argparse.Namespace) -> int:
         light_split="train" if options.lights == "known" else None,
         shape_count=options.shape_count,
         light_count=options.light_count,
+        **_laws(options),
         **shared.described(options, 512),
     )
     with (
@@ -127,3 +143,21 @@ def _check(options: argparse.Namespace) -> None:
                 f"--{count.replace('_', '-')} is of what is built in: leave it out beside "
                 f"--{folder}, whose files are all used"
             )
+
+
+def _laws(options: argparse.Namespace) -> dict[str, str | float]:
+    """Return the law of the lights and the share of endless bodies.
+
+    Raises:
+        ValueError: if a test split is asked for with anything but maps and shapes as they are.
+    """
+    is_test = options.split == "test"
+    mixed, maps = shared.LIGHT_LAWS
+    law = options.light_law or (maps if is_test else mixed)
+    share = options.endless if options.endless is not None else (0.0 if is_test else 0.5)
+    if is_test and (law != maps or share):
+        raise ValueError(
+            "--split test has single maps and shapes as they are, so that scores can be compared: "
+            "leave out --light-law and --endless"
+        )
+    return {"light_law": law, "endless": share}

@@ -13,11 +13,20 @@ if TYPE_CHECKING:
     from ..mitsuba_setup.variants import Choice
 
 MATERIALS = ("uniform", "natural")  # `material_law.LAWS`, without NumPy
+LIGHT_LAWS = ("mixed", "maps")  # `sources.LIGHT_LAWS`, without NumPy
 _MESHES = "meshes (OBJ, PLY, STL, GLB)"  # `meshes.EXTENSIONS`, without trimesh
 index, seed, size = console.whole(0), console.whole(0, 2**63 - 1), console.whole(32, multiple=32)
 """Kinds of numbers: of an example; a seed; of pixels."""
 GOES_ON = "the same command goes on with what is missing"
 """The message after Ctrl-C of a command that can be resumed."""
+
+
+def share(text: str) -> float:
+    """Parse an option that is a share, 0 to 1."""
+    value = float(text)
+    if not 0 <= value <= 1:
+        raise argparse.ArgumentTypeError(f"{text} is not in 0 … 1")
+    return value
 
 
 def add_command(
@@ -60,7 +69,7 @@ def add_contents(out: argparse.ArgumentParser, unit: str) -> "argparse._Argument
 
 
 def add_inputs(out: argparse.ArgumentParser, *, shapes: str, environments: str) -> None:
-    """Add the folders that a corpus and a bank are made from; the texts say what they replace."""
+    """Add the folders that a corpus is made from; the texts say what they replace."""
     given = out.add_argument_group(
         "input",
         "A fifth of the files of --shapes and --environments is kept for the test split. Folders "
@@ -145,29 +154,9 @@ def _folders(options: argparse.Namespace) -> dict[str, str | None]:
 
 
 def add_folder(command: argparse.ArgumentParser) -> None:
-    """Add the folder of a corpus or a bank, and the split."""
-    command.add_argument(
-        "corpus", type=Path, metavar="CORPUS|BANK", help="folder of the corpus or the bank"
-    )
-    command.add_argument("--split", choices=SPLITS, help="of a corpus (default: both)")
-
-
-def is_bank(options: argparse.Namespace) -> bool:
-    """Return whether the folder holds a bank, or the beginning of one.
-
-    Raises:
-        ValueError: if a split of it is asked for.
-    """
-    from lime_keras.synthesis import bank
-
-    from ..jobs import resuming
-
-    folder = options.corpus
-    begun = resuming.held(folder / "description.json") or {}
-    found = bank.is_bank(folder) or begun.get("format") == bank.FORMAT
-    if found and options.split:
-        raise ValueError(f"{folder} is a bank, which has one split: leave out --split")
-    return found
+    """Add the folder of a corpus, and the split."""
+    command.add_argument("corpus", type=Path, metavar="CORPUS", help="folder of the corpus")
+    command.add_argument("--split", choices=SPLITS, help="which half of it (default: both)")
 
 
 def splits(corpus: Path, name: str | None) -> list[Split]:

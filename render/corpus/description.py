@@ -27,6 +27,8 @@ class Description(base.Description):
             split of unseen shapes under known lights.
         shape_count: number of built-in shapes; None for that of `sources`.
         light_count: number of built-in rooms; None for that of `sources`.
+        light_law: name of the law of the lights (see `sources.LIGHT_LAWS`).
+        endless: share of the bodies that no other shard has (see `bodies`).
     """
 
     quality: str
@@ -39,6 +41,8 @@ class Description(base.Description):
     light_split: str | None = None
     shape_count: int | None = None
     light_count: int | None = None
+    light_law: str = sources.MAPS
+    endless: float = 0.0
 
     def split_of(self, kind: str) -> str:
         """Return the split whose files of a kind of `inputs.KINDS` are used."""
@@ -67,8 +71,17 @@ class Job(base.Job):
         return self.split.shard_path(shard), self.split.sidecar_path(shard)
 
     def recorded(self) -> dict[str, Any]:
-        """Return the description as it is stored in JSON; a built-in kind has no entry."""
-        return {name: value for name, value in super().recorded().items() if value is not None}
+        """Return the description as it is stored in JSON.
+
+        A built-in kind has no entry, and neither has an option that corpora of before did not have,
+        where it changes nothing.
+        """
+        left_out = {"light_law": sources.MAPS, "endless": 0.0}
+        return {
+            name: value
+            for name, value in super().recorded().items()
+            if value is not None and (name not in left_out or value != left_out[name])
+        }
 
     @property
     def shapes(self) -> sources.ShapeSource:
@@ -93,4 +106,5 @@ class Job(base.Job):
             self.folder / "rooms",
             self.usable["environments"],
             given.light_count,
+            given.light_law,
         )

@@ -5,13 +5,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from lime_keras.optics.material_law import UNIFORM, sample_material
 
-from ..scene import example
+from ..scene import backgrounds as pictures
+from ..scene import example, light_law, mixing
 from ..scene.gbuffer import Tracer
+from ..scene.lights import Light, prepare
 from ..scene.quality import FAST, Quality
-from ..scene.sampling import sample_light_rotation, sample_pose
+from ..scene.sampling import NARROW, WIDE, sample_light_rotation, sample_pose
 from ..scene.sources import (
+    MIXED,
     BackgroundSource,
     LightSource,
     ShapeSource,
@@ -19,34 +24,44 @@ from ..scene.sources import (
     random_subset,
 )
 from ..shapes.meshes import Mesh
+from . import bodies
+from .bodies import Body
 
 _TRIES = 20
-_SHAPES_PER_SHARD, _LIGHTS_PER_SHARD = 64, 64
-"""Largest numbers of shapes and lights that a shard draws from.
 
-A worker can hold so many in memory, so each is read once in a shard.
-"""
+Lamp = str | tuple[int, int]
+"""What lights a scene: the name of a map, or the numbers of a shard and of a mixed light in it."""
 
 
 class Sources:
     """The sources that the scenes of a split are drawn from.
 
-    The meshes and maps that were used last stay in memory.
+    The meshes and lights that were used last stay in memory, and so do all maps that are mixed.
 
     Args:
         shapes: source of the split's shapes.
-        lights: source of the split's lights.
+        lights: source of the split's lights. Under the law of mixed lights, crops and backgrounds
+            are drawn more widely, too (`sampling.WIDE`, `backgrounds.varied`).
         backgrounds: source of the split's backgrounds.
+        endless: share of the bodies that no other shard has (`bodies`).
     """
 
-    def __init__(self, shapes: ShapeSource, lights: LightSource, backgrounds: BackgroundSource):
+    def __init__(
+        self,
+        shapes: ShapeSource,
+        lights: LightSource,
+        backgrounds: BackgroundSource,
+        endless: float = 0.0,
+    ):
         self.split = shapes.split
         self.shape_names = shapes.names()
         self.light_names = lights.names()
         self.backgrounds = backgrounds
-        self._shapes, self._lights = shapes, lights
-        self.mesh = functools.lru_cache(_SHAPES_PER_SHARD)(self._mesh)
-        self.light = functools.lru_cache(_LIGHTS_PER_SHARD)(self._lights.load)
+        self.is_mixed = lights.law == MIXED
+        self._shapes, self._lights, self._endless = shapes, lights, endless
+        self.mesh = functools.lru_cache(bodies.MOST)(self._mesh)
+        self.light = functools.lru_cache(bodies.MOST)(self._light)
+        self._map = functools.cache(lambda name: mixing.as_map(lights.radiance(name)))
 
     @classmethod
     def built_in(cls, split: str, seed: int, rooms: Path) -> "Sources":
@@ -64,17 +79,32 @@ class Sources:
             BackgroundSource(None),
         )
 
-    def of_shard(self, seed: int, shard: int) -> tuple[list[str], list[str]]:
-        """Return the names of the shapes and the names of the lights that a shard draws from."""
+    def names_in_shard(
+        self, seed: int, shard: int, shard_size: int
+    ) -> tuple[list[Body], list[Lamp]]:
+        """Return the bodies and the lights that a shard draws from."""
         rng = generator(seed, self.split, "shard", shard)
-        return (
-            random_subset(rng, self.shape_names, _SHAPES_PER_SHARD),
-            random_subset(rng, self.light_names, _LIGHTS_PER_SHARD),
-        )
+        if self._endless:
+            drawn = bodies.draw(rng, self.shape_names, self._endless, shard, shard_size)
+        else:
+            drawn = [Body(name) for name in random_subset(rng, self.shape_names, bodies.MOST)]
+        if self.is_mixed:
+            return drawn, [(shard, number) for number in range(bodies.count(shard_size))]
+        return drawn, [*random_subset(rng, self.light_names, bodies.MOST)]
 
-    def _mesh(self, name: str, size: int, quality: Quality) -> tuple[Mesh, Tracer]:
-        mesh = self._shapes.load(name)
+    def _mesh(self, body: Body, size: int, quality: Quality) -> tuple[Mesh, Tracer]:
+        mesh = bodies.load(body, self._shapes)
         return mesh, Tracer(mesh, size, quality)
+
+    def _light(self, lamp: Lamp, quality: Quality) -> Light:
+        """Load the map of that name, or mix the light of that number, under its strongest map's."""
+        if isinstance(lamp, str):
+            return self._lights.load(lamp, quality)
+        rng = generator(self._lights.seed, self.split, "light", *lamp)
+        drawn = light_law.draw(rng, len(self.light_names))
+        names = [self.light_names[index] for index in drawn.maps]
+        radiance = mixing.mixed([self._map(name) for name in names], drawn)
+        return prepare(names[drawn.powers.argmax()], radiance, quality=quality)
 
 
 @dataclass(frozen=True)
@@ -115,7 +145,7 @@ def render_example(
         sources: sources of the scene; built-in sources must be made with the same seed.
         size: height and width of the images in pixels.
         quality: quality of the layers.
-        shard_size: number of examples in a shard; these draw from the same 64 shapes and 64 lights.
+        shard_size: number of examples in a shard; these share at most 64 bodies and 64 lights.
         materials: name of the law of the materials, one of `material_law.LAWS`.
         lobe: one of `corpus.LOBES`.
 
@@ -126,20 +156,19 @@ def render_example(
     # `records` imports TensorFlow, which must come after Mitsuba.
     from lime_keras.data import records
 
-    shapes, light_names = sources.of_shard(seed, index // shard_size)
+    drawn, lamps = sources.names_in_shard(seed, index // shard_size, shard_size)
     failures: list[dict[str, Any]] = []
     for attempt in range(_TRIES):
         rng = generator(seed, sources.split, "example", index, attempt)
-        shape = shapes[rng.integers(len(shapes))]
-        light = sources.light(light_names[rng.integers(len(light_names))], quality)
-        mesh, tracer = sources.mesh(shape, size, quality)
-        scene = (
-            sample_pose(rng, mesh.vertices, size),
-            sample_light_rotation(rng, light.strong_direction),
-            sample_material(rng, materials),
-            sources.backgrounds.sample(rng, size),
-        )
-        names = {"shape": shape, "light": light.name}
+        body = drawn[rng.integers(len(drawn))]
+        light = sources.light(lamps[rng.integers(len(lamps))], quality)
+        mesh, tracer = sources.mesh(body, size, quality)
+        pose = sample_pose(rng, mesh.vertices, size, WIDE if sources.is_mixed else NARROW)
+        rotation = sample_light_rotation(rng, light.strong_direction)
+        material = sample_material(rng, materials)
+        background = _background(rng, sources, light, rotation, pose.camera, size)
+        scene = pose, rotation, material, background
+        names = {"shape": body.name, "light": light.name}
         try:
             rendered = example.render(tracer, light, *scene, lobe=lobe)
             features = rendered | names | {"seed": seed, "index": index}
@@ -149,4 +178,23 @@ def render_example(
     raise RuntimeError(
         f"example {index} of seed {seed} failed {_TRIES} times, last of {failures[-1]['shape']} "
         f"under {failures[-1]['light']}: {failures[-1]['error']}; look at these files"
+    )
+
+
+def _background(
+    rng: np.random.Generator,
+    sources: Sources,
+    light: Light,
+    rotation: np.ndarray,
+    camera: np.ndarray,
+    size: int,
+) -> np.ndarray:
+    """Draw a background `(size, size, 3)`, sRGB; a varied one under the law of mixed lights."""
+    if not sources.is_mixed:
+        return sources.backgrounds.sample(rng, size)
+    return pictures.varied(
+        rng,
+        size,
+        lambda: sources.backgrounds.sample(rng, size),
+        lambda: pictures.surroundings(rng, light, rotation, camera, size),
     )

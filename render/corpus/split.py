@@ -15,6 +15,7 @@ from ..jobs.rendering import Tell
 from ..mitsuba_setup import variants
 from . import worker
 from .description import Description, Job
+from .random_example import Sources
 
 
 def render_split(
@@ -76,7 +77,7 @@ def _render_missing(
 ) -> None:
     """Render the rooms and shards that are missing."""
     resuming.remove_partials(job.folder, job.folder / "rooms")
-    rooms = [] if job.description.environments else job.lights.names()
+    rooms = job.lights.rooms()
     missing = [name for name in rooms if not (job.lights.cache / name).is_file()]
     if missing and job.missing():
         finished = len(rooms) - len(missing)
@@ -140,7 +141,21 @@ def _manifest(job: Job, findings: inputs.Findings) -> dict[str, Any]:
         "examples": job.description.count,
         "sha256": [sidecar["sha256"] for sidecar in sidecars],
         "failures": [failure for sidecar in sidecars for failure in sidecar["failures"]],
-        "shapes": job.shapes.names(),
+        "shapes": job.shapes.names() + _endless_bodies(job),
         "lights": job.lights.names(),
         **rendering.of_inputs(findings),
     }
+
+
+def _endless_bodies(job: Job) -> list[str]:
+    """Return the names of the endless bodies of all shards."""
+    given = job.description
+    if not given.endless:
+        return []
+    sources = Sources(job.shapes, job.lights, job.backgrounds, given.endless)
+    return [
+        body.name
+        for shard in range(given.shards)
+        for body in sources.names_in_shard(given.seed, shard, given.shard_size)[0]
+        if body.is_endless
+    ]

@@ -49,7 +49,8 @@ def start(job: Job, ticks: Ticks) -> Worker:
     """Set up this process for rendering, and return its state."""
     variants.activate(job.choice, threads=1)
     console.import_tensorflow()
-    return Worker(job, Sources(job.shapes, job.lights, job.backgrounds), ticks)
+    sources = Sources(job.shapes, job.lights, job.backgrounds, job.description.endless)
+    return Worker(job, sources, ticks)
 
 
 def render_room(worker: Worker, name: str) -> None:

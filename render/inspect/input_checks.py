@@ -1,5 +1,6 @@
-"""The check of what a corpus or a bank records of the user's files: `inputs.json`."""
+"""The check of what a corpus records of the user's files: `inputs.json`."""
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -7,13 +8,16 @@ from lime_keras.io import untrusted
 
 from .faults import Faults
 
+_BUILT_IN = re.compile(r"room-\d{4}\.exr|sky-\d{4}|endless-\d{5}-\d{2}")
+"""Names of lights and bodies that a corpus may have beside those of the user's files."""
+
 
 def check(path: Path, manifest: dict[str, Any], faults: Faults) -> None:
     """Check that the findings agree with the manifest beside them, and names with the findings.
 
     Args:
         path: file of the findings.
-        manifest: manifest of a split or a bank.
+        manifest: manifest of a split.
         faults: list of faults to add to.
     """
     listed = manifest.get("inputs")
@@ -29,8 +33,7 @@ def check(path: Path, manifest: dict[str, Any], faults: Faults) -> None:
         faults.add("inputs", path, "differs from the inputs in the manifest: render again")
     for kind, key in (("shapes", "shapes"), ("environments", "lights")):
         used, named = set(held.get(kind, {})), set(manifest.get(key, []))
-        # A bank has built-in shapes beside the user's, and names its lights elsewhere.
-        others = named - used if "lights" in manifest else set()
-        if used and key in manifest and (used - named or others):
+        others = {name for name in named - used if not _BUILT_IN.fullmatch(str(name))}
+        if used and (used - named or others):
             told = ", ".join(sorted(map(str, (used - named) | others))[:5])
             faults.add("inputs", path, f"has other {kind} than the manifest: {told}; render again")

@@ -5,20 +5,35 @@ A background is `(size, size, 3)` float32, sRGB-encoded, within [0, 1].
 A procedural background is made in two steps. A pattern gives every pixel a number in [0, 1] (noise,
 stripes, checks, cells, rings, clutter, often bent by noise); a palette gives each number a colour.
 Two such textures are often mixed, and their brightness falls off to one side.
+
+A varied background, to train on, is a picture of either kind, or the light's own map out of focus,
+or two of these on both sides of a smooth border, each with a gain and a tint of its own.
 """
 
+import functools
+import math
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio
 
-from lime_keras.arrays import spline_weights
 from lime_keras.io import picture_file, untrusted
+from lime_keras.optics import colour, environment, shading
+
+from .lights import Light
 
 LARGEST = 2**27
 """Largest number of pixels of a picture: a panorama of 16,384 × 8,192."""
 LEAST_SIDE = 8
 """Least number of pixels along either side of a picture; smaller pictures show nothing."""
+_BLENDED = 0.4  # share of the varied backgrounds that blend two pictures
+_SURROUNDED = 0.3  # share of those whose first picture is the light's map
+_GAIN, _MAP_GAIN = (-0.7, 0.4), (-1.0, 1.0)  # stops; at 0 a map is as bright as it lights the object
+_TINT, _MAP_TINT = 0.08, 0.2  # standard deviations of each channel's log gain; light is grey
+_CONTRAST = 1.0, 12.0  # of a blend's border: from a gradual change to an edge
+_LATTICE = 6  # nodes along each side of the smooth field that a blend's border follows
+_FOCUS = 5, 9  # powers of two, the last excluded: rows of the map as it is seen, 5.6° to 0.7° a texel
 
 
 def procedural(rng: np.random.Generator, size: int) -> np.ndarray:
@@ -122,6 +137,62 @@ def _read(path: Path) -> tuple[oiio.ImageBuf, tuple[str, ...]]:
     return picture, notes
 
 
+def varied(
+    rng: np.random.Generator,
+    size: int,
+    picture: Callable[[], np.ndarray],
+    surroundings: Callable[[], np.ndarray],
+) -> np.ndarray:
+    """Make a varied background.
+
+    Args:
+        rng: source of randomness.
+        size: pixels along each side.
+        picture: draws a picture `(size, size, 3)`, sRGB in [0, 1].
+        surroundings: draws the light's map as the camera sees it, linear radiance
+            `(size, size, 1)` (`surroundings`).
+
+    Returns:
+        `(size, size, 3)` float32, sRGB-encoded, within [0, 1].
+    """
+
+    def graded(linear: np.ndarray, gain: tuple[float, float], tint: float) -> np.ndarray:
+        factor = np.exp(rng.normal(rng.uniform(*gain) * math.log(2), tint, 3))
+        return np.clip(linear * factor.astype(np.float32), 0, 1)
+
+    if rng.random() < _SURROUNDED:
+        out = graded(surroundings(), _MAP_GAIN, _MAP_TINT)
+    else:
+        out = graded(colour.srgb_to_linear(picture()), _GAIN, _TINT)
+    if rng.random() < _BLENDED:
+        contrast = math.exp(rng.uniform(*np.log(_CONTRAST)))
+        border = _spread(rng.normal(0, contrast, (_LATTICE, _LATTICE)), size)
+        other = graded(colour.srgb_to_linear(picture()), _GAIN, _TINT)
+        out += (0.5 + 0.5 * np.tanh(border / 2))[..., None] * (other - out)
+    return np.clip(colour.linear_to_srgb(out), 0, 1).astype(np.float32)
+
+
+def surroundings(
+    rng: np.random.Generator, light: Light, rotation: np.ndarray, camera: np.ndarray, size: int
+) -> np.ndarray:
+    """Return the light's map as a camera sees it, more or less out of focus.
+
+    Args:
+        rng: source of randomness.
+        light: the light.
+        rotation: rotation `(3, 3)` from the map's frame to camera space.
+        camera: fx, fy, cx, cy in pixels.
+        size: pixels along each side.
+
+    Returns:
+        Linear radiance `(size, size, 1)` float32, at least 0.
+    """
+    energy = light.levels[min(2 ** int(rng.integers(*_FOCUS)), max(light.levels))].energy
+    rays = -shading.view_directions(camera, size, size).reshape(-1, 3) @ rotation
+    radiance = environment.lookup(energy / environment.solid_angles(*energy.shape), rays)
+    return radiance.reshape(size, size, 1).astype(np.float32)
+
+
 def _texture(rng: np.random.Generator, size: int) -> np.ndarray:
     pattern = PATTERNS[rng.integers(len(PATTERNS))]
     return _coloured(rng, pattern(rng, size))
@@ -162,8 +233,20 @@ def _coordinates(size: int) -> tuple[np.ndarray, np.ndarray]:
 
 def _spread(lattice: np.ndarray, size: int) -> np.ndarray:
     """Interpolate a lattice over the image by uniform cubic B-splines, which blur its cells."""
-    rows, columns = (spline_weights(count, size) for count in lattice.shape)
+    rows, columns = (_spline_weights(count, size) for count in lattice.shape)
     return rows @ lattice.astype(np.float32) @ columns.T
+
+
+@functools.lru_cache(64)
+def _spline_weights(count: int, size: int) -> np.ndarray:
+    """Return the weights `(size, count)` float32 of uniform cubic B-splines, for each pixel.
+
+    The outermost of `count` nodes, at least 4, lie outside of the image.
+    """
+    position = np.linspace(1, count - 2, size)[:, None]
+    d = np.abs(position - np.arange(count))
+    near = 2 / 3 - d**2 + d**3 / 2
+    return np.where(d < 1, near, np.maximum(2 - d, 0) ** 3 / 6).astype(np.float32)
 
 
 def _contrasted(values: np.ndarray, gain: float) -> np.ndarray:

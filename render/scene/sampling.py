@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,9 +15,28 @@ It reaches from the view of a long lens to the view from an arm's length.
 """
 OFF_AXIS = math.radians(10)
 """Largest angle of the object, and so of the crop, from the photo's axis, across and up, in rad."""
-FILL = (0.55, 0.92)
-"""Share of the crop that the object's longer side takes."""
 _LIGHT_TRIES = 64
+
+
+class Framing(NamedTuple):
+    """A law of the crop around the object.
+
+    Attributes:
+        fill: range of the share of the crop that the object's longer side takes. An object that
+            takes more than the crop is cut by its frame.
+        cut: share of the crops that are moved further, so that the frame may cut the object: by up
+            to a quarter of the longest fill, across and up.
+    """
+
+    fill: tuple[float, float]
+    cut: float = 0.0
+
+
+NARROW = Framing((0.55, 0.92))
+"""The crops of photos that are framed by the detector of the mask."""
+WIDE = Framing((0.35, 1.05), cut=0.15)
+"""More widely drawn crops, to train on."""
+_FARTHEST_CUT = 0.25
 
 
 @dataclass(frozen=True)
@@ -50,7 +70,7 @@ def sample_pose(
     rng: np.random.Generator,
     vertices: np.ndarray,
     size: int,
-    fill: tuple[float, float] = FILL,
+    framing: Framing = NARROW,
 ) -> Pose:
     """Draw the pose of an object before the camera, and the crop of the photo around it.
 
@@ -58,8 +78,7 @@ def sample_pose(
         rng: source of all randomness.
         vertices: vertices of the object, `(V, 3)`, inside the unit sphere.
         size: height and width of the crop in pixels.
-        fill: range of the share of the crop that the object's longer side takes. An object that
-            takes more than the crop is cut by its frame.
+        framing: law of the crop.
     """
     rotation = sample_rotation(rng)
     distance = 1.0 / math.sin(rng.uniform(*_ANGULAR_RADIUS))
@@ -68,10 +87,12 @@ def sample_pose(
     points = vertices @ rotation.T + translation
     projected = points[:, :2] / -points[:, 2:]
     low, high = projected.min(axis=0), projected.max(axis=0)
-    share = rng.uniform(*fill)
+    share = rng.uniform(*framing.fill)
     focal = share * size / np.max(high - low)
     slack = abs(1 - share) / 2 * size
     shift = rng.uniform(-slack, slack, 2)
+    if framing.cut and rng.random() < framing.cut:
+        shift += rng.uniform(-_FARTHEST_CUT, _FARTHEST_CUT, 2) * size * framing.fill[1]
     centre = focal * (low + high) / 2
     camera = np.array(
         [focal, focal, size / 2 - centre[0] + shift[0], size / 2 + centre[1] + shift[1]]

@@ -25,10 +25,18 @@ from .quality import FAST, Quality
 TEST_SHARE = 0.2
 PROCEDURAL_SHAPES = {"train": 400, "test": 100}
 PROCEDURAL_ROOMS = {"train": 40, "test": 12}
+SKIES = 48
+"""Number of skies, which mixed lights have beside rooms."""
+LIGHT_LAWS = ("mixed", "maps")
+"""Laws of the lights: mixtures of maps, rooms, skies and lamps (`light_law`); or single maps."""
+MIXED, MAPS = LIGHT_LAWS
+_SKY_ROWS = 512
+# Seeds hold the place of a kind: append, and never remove or reorder. `entry`, `order` and
+# `texture` are no longer drawn.
 _KINDS = {
     kind: number
     for number, kind in enumerate(
-        ("example", "shape", "room", "shard", "entry", "body", "order", "sky", "texture")
+        ("example", "shape", "room", "shard", "entry", "body", "order", "sky", "texture", "light")
     )
 }
 
@@ -39,8 +47,7 @@ def generator(seed: int, split: str, kind: str, *indices: int) -> np.random.Gene
     Args:
         seed: seed of the corpus.
         split: `train` or `test`.
-        kind: kind of the thing: in a corpus `example`, `shape`, `room` or `shard`; in a bank
-            `entry`, `body`, `order`, `room`, `sky` or `texture`.
+        kind: kind of the thing: `example`, `shape`, `room`, `shard`, `body`, `sky` or `light`.
         indices: numbers of the thing, such as its index.
     """
     key = (SPLITS.index(split), _KINDS[kind], *indices)
@@ -136,12 +143,14 @@ class LightSource:
     """The environment maps of one split, by name.
 
     Args:
-        folder: folder of environment maps, or None for built-in rooms.
+        folder: folder of environment maps, or None for built-in ones.
         split: `train` or `test`.
         seed: seed of the corpus.
         cache: folder that keeps the maps of rendered rooms.
         usable: names of the folder's files that were found usable; None to list the folder.
         count: number of built-in rooms; None for `PROCEDURAL_ROOMS`.
+        law: one of `LIGHT_LAWS`. Single maps are those of the folder, or rooms; mixed lights are
+            made of all: the folder's maps, rooms and skies.
     """
 
     folder: Path | None
@@ -150,13 +159,20 @@ class LightSource:
     cache: Path
     usable: tuple[str, ...] | None = None
     count: int | None = None
+    law: str = MAPS
 
     def names(self) -> list[str]:
         """Return the names of all maps of the split, in a fixed order."""
-        if self.usable is not None:
-            return list(self.usable)
-        if self.folder:
-            return [path.name for path in files(self.folder, self.split, environments.EXTENSIONS)]
+        own = self._files()
+        if self.law == MAPS:
+            return own or self.rooms()
+        skies = [f"sky-{index:04d}" for index in range(SKIES)]
+        return own + [name for name in [*self.rooms(), *skies] if name not in own]
+
+    def rooms(self) -> list[str]:
+        """Return the names of the built-in rooms that light the split; an empty list if none do."""
+        if self.folder and self.law == MAPS:
+            return []
         count = self.count or PROCEDURAL_ROOMS[self.split]
         return [f"room-{index:04d}.exr" for index in range(count)]
 
@@ -166,17 +182,35 @@ class LightSource:
         Raises:
             ValueError: if the file of the map cannot be used.
         """
-        if self.folder:
-            path = _find(self.folder, self.split, name)
+        return prepare(name, self.radiance(name), quality=quality)
+
+    def radiance(self, name: str) -> np.ndarray:
+        """Return the radiance `(H, W)` of the map of that name, H at most 512; see `load`."""
+        if self.folder and name in self._files():
+            radiance = environments.load(_find(self.folder, self.split, name))
+        elif name.startswith("sky-"):
+            # `skies` imports Mitsuba, which must wait until `variants.activate` chose its library.
+            from . import skies
+
+            index = int(name.removeprefix("sky-"))
+            return skies.sample(generator(self.seed, self.split, "sky", index), _SKY_ROWS)
         else:
             path = self.cache / name
             if not path.is_file():
                 self.render_room(name)
-        radiance = environments.load(path)
+            radiance = environments.load(path)
         if len(radiance) > _LARGEST_MAP:
             height = min(_LARGEST_MAP, radiance.shape[1] // 2)
             radiance = environments.resized(radiance, height)
-        return prepare(name, radiance, quality=quality)
+        return radiance
+
+    def _files(self) -> list[str]:
+        """Return the names of the folder's maps; an empty list without a folder."""
+        if self.usable is not None:
+            return list(self.usable)
+        if self.folder:
+            return [path.name for path in files(self.folder, self.split, environments.EXTENSIONS)]
+        return []
 
     def render_room(self, name: str) -> None:
         """Render one built-in room into the cache; Mitsuba's variant must be set before."""

@@ -1,1 +1,0 @@
-"""Banks of geometry and light, from which scenes are made where the training runs."""

@@ -1,0 +1,81 @@
+"""The bodies of a shard: listed shapes as they are, and bodies that no other shard has.
+
+Half of the latter are `endless` shapes, the others listed shapes, deformed.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..scene.sources import ShapeSource, generator
+from ..shapes.deformation import deformed
+from ..shapes.endless import endless
+from ..shapes.meshes import Mesh
+
+MOST = 64
+"""Largest number of bodies, and of lights, that a shard draws from.
+
+A worker can hold so many in memory, so each is made once in a shard.
+"""
+EXAMPLES = 8
+"""Examples that share a body or a mixed light: to make one takes as long as to render three."""
+
+
+@dataclass(frozen=True)
+class Body:
+    """A body of a shard.
+
+    Attributes:
+        name: name of the listed shape; or, of an endless one, that of shard and number.
+        place: numbers of the shard and of the body in it, if it is made for the shard; None for a
+            listed shape as it is.
+        is_endless: whether it is an endless shape, else a listed one.
+    """
+
+    name: str
+    place: tuple[int, int] | None = None
+    is_endless: bool = False
+
+
+def count(shard_size: int) -> int:
+    """Return the number of bodies, and of lights, that are made for a shard."""
+    return min(MOST, math.ceil(shard_size / EXAMPLES))
+
+
+def draw(
+    rng: np.random.Generator, names: Sequence[str], share: float, shard: int, shard_size: int
+) -> list[Body]:
+    """Draw the bodies of a shard.
+
+    Args:
+        rng: source of randomness.
+        names: names of the listed shapes; each comes as often as the others.
+        share: share of the bodies that are made for the shard, above 0.
+        shard: number of the shard.
+        shard_size: number of examples in a shard.
+    """
+    number = count(shard_size)
+    order = np.concatenate([rng.permutation(len(names)) for _ in range(-(-number // len(names)))])
+    lots = rng.random(number)
+    bodies = []
+    for place, lot in enumerate(lots):
+        if lot < share / 2:
+            bodies.append(Body(f"endless-{shard:05d}-{place:02d}", (shard, place), True))
+        else:
+            made = (shard, place) if lot < share else None
+            bodies.append(Body(names[order[place]], made))
+    return bodies
+
+
+def load(body: Body, shapes: ShapeSource) -> Mesh:
+    """Load or make the mesh of a body.
+
+    Raises:
+        ValueError: if the file of the shape cannot be used.
+    """
+    if body.place is None:
+        return shapes.load(body.name)
+    rng = generator(shapes.seed, shapes.split, "body", *body.place)
+    return endless(rng) if body.is_endless else deformed(shapes.load(body.name), rng)
