@@ -2,8 +2,7 @@
 
 Light → exposure → defocus → white balance → noise → clipping → sRGB → 8 bits → JPEG. The constants
 and the ranges of what is drawn for each photo stand here; photos are taken in
-`lime_keras.data.camera` (of stored scenes, with TensorFlow) and in
-XX.
+`lime_keras.data.camera`.
 """
 
 import functools

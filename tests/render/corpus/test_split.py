@@ -292,6 +292,49 @@ def test_files_of_one_name_may_differ_between_the_splits(
     assert manifest["inputs"]["shapes"][name] != rendered[1]["inputs"]["shapes"][name]
 
 
+def test_a_varied_split_lists_what_it_is_made_of_and_is_sound(
+    rendered, description, mitsuba_choice, tmp_path
+):
+    """The rooms are the user's map, under their names: to render them takes a minute."""
+    changes = {"light_law": "mixed", "endless": 1.0, "shard_size": 8, "count": 10}
+    varied = Description(**(vars(description) | changes))
+    job = Job(tmp_path, varied, mitsuba_choice)
+    job.lights.cache.mkdir(parents=True)
+    folder = varied.folder("environments")
+    for name in job.lights.rooms():
+        shutil.copy(folder / rendered[1]["lights"][0], job.lights.cache / name)
+    manifest = render(tmp_path, varied, mitsuba_choice)
+    assert manifest["description"]["light_law"] == "mixed" and manifest["failures"] == []
+    assert manifest["lights"] == [*rendered[1]["lights"], *job.lights.names()[1:]]
+    assert len(manifest["lights"]) == 1 + 40 + 48
+    own = rendered[1]["shapes"]
+    assert manifest["shapes"][: len(own)] == own
+    assert all(name.startswith("endless-0000") for name in manifest["shapes"][len(own) :])
+    assert verification.verify(tmp_path, "train", nothing).kinds == {}
+    by_workers = tmp_path / "again"
+    shutil.copytree(job.lights.cache, by_workers / "train" / "rooms")
+    assert render(by_workers, varied, mitsuba_choice, 2) == manifest
+    assert contents(by_workers) == contents(tmp_path)
+
+
+def test_a_split_of_single_maps_is_described_as_before_and_draws_as_before(rendered, description):
+    """Corpora that were begun go on, and test splits keep their scenes.
+
+    Bytes depend on the processor's rounding, too, so the drawn numbers stand here.
+    """
+    recorded = rendered[1]["description"]
+    assert not {"light_law", "endless", "light_split", "shape_count"} & recorded.keys()
+    serialized = next(iter(tf.data.TFRecordDataset(str(Split(rendered[0], "train").shard_path(0)))))
+    example = records.parse(serialized)
+    assert (example["shape"].numpy(), example["light"].numpy()) == (b"ball.ply", b"map0.exr")
+    drawn = [*example["camera"].numpy(), *example["diffuse_albedo"].numpy()]
+    drawn += [example[name].numpy() for name in ("specular_albedo", "shininess", "ambient")]
+    drawn += [example[name].numpy().mean() for name in ("image", "mask", "diffuse_shading")]
+    pinned = [142.1143, 142.1143, 11.72828, 25.96969]
+    pinned += [0.4234111, 0.4342457, 0.3239408, 0.6191571, 2.540985, 0.01562816]
+    np.testing.assert_allclose(drawn, [*pinned, 0.5241287, 0.4579532, 0.3900922], rtol=1e-4)
+
+
 @pytest.fixture(scope="module")
 def under_known_lights(rendered, description, mitsuba_choice, tmp_path_factory):
     """The corpus with a test split of the other shape under the lights of its train split."""

@@ -68,7 +68,7 @@ def test_size_and_shift_in_the_crop_follow_their_laws():
         fill.append(max(np.ptp(x), np.ptp(y)) / 256)
         across.append((x.min() + x.max()) / 512 - 0.5)
         up.append(0.5 - (y.min() + y.max()) / 512)
-    low, high = sampling.FILL
+    low, high = sampling.NARROW.fill
     free = (1 - np.linspace(low, high, 201)) / 2
 
     def shift(value):
@@ -77,6 +77,23 @@ def test_size_and_shift_in_the_crop_follow_their_laws():
     assert stats.kstest(fill, stats.uniform(low, high - low).cdf).pvalue > PLAUSIBLE
     for values in (across, up):
         assert stats.kstest(values, shift).pvalue > PLAUSIBLE
+
+
+def test_wide_crops_cut_the_object_at_times():
+    """15 % are moved further; without these, a crop cuts only what is longer than it."""
+    rng = np.random.default_rng(4)
+    vertices = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) / 2
+    cut, fill = [], []
+    for _ in range(2000):
+        pose = sampling.sample_pose(rng, vertices, 128, sampling.WIDE)
+        fx, fy, cx, cy = pose.camera
+        seen = vertices @ pose.rotation.T + pose.translation
+        x, y = cx - fx * seen[:, 0] / seen[:, 2], cy + fy * seen[:, 1] / seen[:, 2]
+        fill.append(max(np.ptp(x), np.ptp(y)) / 128)
+        cut.append(min(x.min(), y.min()) < -1e-6 or max(x.max(), y.max()) > 128 + 1e-6)
+    assert stats.kstest(fill, stats.uniform(0.35, 0.7).cdf).pvalue > PLAUSIBLE
+    longer = np.mean(np.array(fill) > 1)
+    assert longer < np.mean(cut) < longer + sampling.WIDE.cut
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from lime_keras.optics import environment
-from lime_keras.render.bank import skies
+from lime_keras.render.scene import skies
 
 HEIGHT = 64
 TOWARDS = environment.directions(HEIGHT, 2 * HEIGHT)
