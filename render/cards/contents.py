@@ -34,8 +34,8 @@ class Part:
 
     @property
     def is_built_in(self) -> bool:
-        """True if no file of a user is in it."""
-        return not any(self.inputs.values())
+        """True if no file of a user is in it, not even through a bank, as corpora once had."""
+        return not any(self.inputs.values()) and "bank" not in self.description
 
 
 def read(folder: Path) -> list[Part]:

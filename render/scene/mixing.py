@@ -76,7 +76,7 @@ def mixed(maps: Sequence[Map], light: LightDraw) -> np.ndarray:
 
 
 def _sized(radiance: np.ndarray, height: int) -> np.ndarray:
-    """Return a map of `height` rows with the same light: averaged, or repeated and then averaged."""
+    """Return a map of `height` rows with the same light: texels repeated, then averaged."""
     rows = min(len(radiance), radiance.shape[1] // 2)
     repeats = -(-height // rows)
     if repeats > 1:

@@ -91,7 +91,7 @@ def _video(folder: Path) -> None:
             pass
 
 
-# ---- corpora and banks -----------------------------------------------------------------------
+# ---- corpora ---------------------------------------------------------------------------------
 
 
 def _corpus(folder: Path) -> None:
@@ -121,27 +121,6 @@ def _training(folder: Path) -> None:
     pipeline.training_shards(folder)
     config.corpus_sha256([folder])
     _ = split.count, split.size, split.inputs, split.shard_size
-
-
-def _bank(folder: Path) -> None:
-    import numpy as np
-
-    from lime_keras.synthesis import bank
-    from lime_keras.synthesis.geometry import GeometryBank
-    from lime_keras.synthesis.lights import LightBank
-
-    geometry = GeometryBank(folder)
-    geometry.read(np.arange(min(len(geometry), 100)))
-    lights = LightBank(folder)
-    lights.map(len(lights) - 1)
-    bank.textures(folder)[-1].mean()
-
-
-def _verified_bank(folder: Path) -> None:
-    """Read a bank as `lime-render verify` does."""
-    from lime_keras.render.bank import verification
-
-    _refuse(verification.verify(folder, lambda done, total: None))
 
 
 def _refuse(faults: object) -> None:
@@ -310,8 +289,6 @@ DOORS = {
     "corpus": Door(_corpus, "corpora", 2),
     "training": Door(_training, "corpora", 1),
     "records": Door(_records, "records", 1),
-    "bank": Door(_bank, "banks", 4),
-    "verified-bank": Door(_verified_bank, "whole_banks", 2),
     "weights": Door(_weights, "weights", 1),
     "graphs": Door(_graphs, "graphs", 1),
     "graph-weights": Door(_graph_weights, "graphs", 4),

@@ -1,6 +1,6 @@
 """Sound inputs to damage, made anew at every start: tiny, and the same bytes each time.
 
-A seed is a folder. Most hold one file; those of corpora, banks, models and results hold all files
+A seed is a folder. Most hold one file; those of corpora, models and results hold all files
 that a command expects there.
 """
 
@@ -17,7 +17,7 @@ sys.path.append(str(Path(__file__).parents[1] / "fixtures"))
 HEIGHT, WIDTH = 20, 24
 """Rows and columns of the pictures in pixels."""
 SIZE = 32
-"""Height and width in pixels of what corpora, banks and models hold."""
+"""Height and width in pixels of what corpora and models hold."""
 _MAP = (8, 16)
 """Rows and columns of the environment maps."""
 
@@ -226,7 +226,7 @@ def clips(folder: Path) -> None:
         files.write(_new(folder, name.partition(".")[2], name), frames, codec=codec)
 
 
-# ---- corpora and banks -----------------------------------------------------------------------
+# ---- corpora ---------------------------------------------------------------------------------
 
 
 def corpora(folder: Path) -> None:
@@ -243,39 +243,6 @@ def records(folder: Path) -> None:
     (folder / "sphere").mkdir(parents=True)
     sphere_corpus.write_shard(folder / "sphere", 0, [sphere_corpus.example(0, size=SIZE)])
     (folder / "sphere" / "00000.json").unlink()
-
-
-def banks(folder: Path) -> None:
-    """Write a bank of random numbers, with lights and textures."""
-    import bank_files
-
-    (folder / "noise").mkdir(parents=True)
-    bank_files.write(folder / "noise", shards=(2, 1))
-
-
-def whole_banks(folder: Path) -> None:
-    """Write a bank of ellipsoids with all that `lime-render verify` asks for."""
-    import sphere_bank
-
-    from lime_keras.synthesis import bank
-
-    seed = folder / "ellipsoids"
-    sphere_bank.write(seed, size=16, count=3, shapes=2, maps=2)
-    path = seed / bank.MANIFEST
-    manifest = json.loads(path.read_text())
-    digests = {name.name: manifest["files"][f"geometry/{name.name}"] for name in _shard(seed)}
-    description = manifest["description"] | {"size": 16, "count": 3}
-    for name, content in {
-        bank.MANIFEST: manifest | {"description": description, "inputs": {}},
-        "description.json": description,
-        "inputs.json": {},
-        "geometry/00000.json": {"entries": 3, "sha256": digests},
-    }.items():
-        (seed / name).write_text(json.dumps(content))
-
-
-def _shard(bank: Path) -> list[Path]:
-    return [bank / "geometry" / f"00000.{end}" for end in ("bin", "npy")]
 
 
 # ---- models ----------------------------------------------------------------------------------
@@ -452,8 +419,6 @@ MAKERS: dict[str, Callable[[Path], None]] = {
             clips,
             corpora,
             records,
-            banks,
-            whole_banks,
         ),
         *(weights, graphs, maskers, runs, predictions, results, requests),
     )

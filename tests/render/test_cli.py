@@ -4,7 +4,6 @@ import json
 import subprocess
 import sys
 
-import bank_files
 import numpy as np
 import OpenImageIO as oiio
 import pytest
@@ -13,7 +12,6 @@ from in_process import InProcess
 
 from lime_keras.data.corpus import SPLITS
 from lime_keras.render import cli
-from lime_keras.render.bank import rendering as bank_rendering
 from lime_keras.render.commands import corpus
 from lime_keras.render.corpus import split as rendering
 from lime_keras.render.jobs.processes import THREAD_VARIABLES
@@ -173,58 +171,13 @@ def test_the_same_mesh_under_another_name_is_kept_out_of_the_other_split(render,
     assert status == 1 and "copy.ply has the contents of ball-train.ply" in errors
 
 
-def test_the_options_of_a_bank_reach_the_renderer(monkeypatch, capsys, tmp_path, mitsuba_choice):
-    calls = []
-
-    def render_bank(out, description, choice, **options):
-        for name in ("on_input", "on_light", "on_texture", "on_entry"):
-            options.pop(name)(2, 2)
-        calls.append((out, description, options))
-        failure = {"index": 4, "attempt": 0, "error": "the object covers 0.1% of the image"}
-        return {"count": 9, "failures": [failure], "skipped": {}, "repaired": ["shapes: a.ply: b"]}
-
-    monkeypatch.setattr(variants, "choose", lambda: mitsuba_choice)
-    monkeypatch.setattr(bank_rendering, "render_bank", render_bank)
-    monkeypatch.chdir(tmp_path)
-    options = ["--split", "test", "--count", "9", "--seed", "3", "--shapes", "meshes"]
-    assert cli.main(["bank", "out", *options, "--workers", "8", "--unusable", "skip"]) == 0
-    printed, progress = capsys.readouterr()
-    assert printed == "9 entries in out\n"
-    assert "replaced: entry 4: the object covers 0.1%" in progress
-    assert "repaired: shapes: a.ply: b" in progress
-    assert cli.main(["bank", "out", *options, "--count", "9000"]) == 0
-    [(out, description, options), (_, larger, _)] = calls
-    assert str(out) == "out" and options == {"workers": 8, "skip_unusable": True}
-    expected = ("test", 9, 3, 128, 1, str(tmp_path / "meshes"), None, None)
-    assert tuple(vars(description).values())[:-1] == expected
-    assert larger.shard_size == 256
-
-
-def test_a_bank_is_verified_and_previewed_as_a_corpus_is(tmp_path, capsys):
-    bank = tmp_path / "bank"
-    bank_files.write(bank)  # its normals are random: some face away
-    assert cli.main(["verify", str(bank)]) == 1
-    printed, errors = capsys.readouterr()
-    assert printed.startswith(f"5 entries in {bank}: ") and "normals face away" in errors
-    for options, out in (([], bank / "preview.png"), (["--out"], tmp_path / "sheet.png")):
-        assert cli.main(["preview", str(bank), *options, *map(str, [out][: len(options)])]) == 0
-        assert capsys.readouterr().out == f"{out}\n"
-        assert not oiio.ImageBuf(str(out)).has_error
-    assert cli.main(["verify", str(bank), "--split", "train"]) == 1
-    assert "is a bank, which has one split: leave out --split" in capsys.readouterr().err
-
-
-def test_a_bank_that_was_only_begun_is_told_as_one(tmp_path, capsys):
-    (tmp_path / "description.json").write_text('{"format": "lime-bank"}')
-    assert cli.main(["verify", str(tmp_path)]) == 1
-    assert "bank.json: is missing: `lime-render bank" in capsys.readouterr().err
-    assert cli.main(["preview", str(tmp_path)]) == 1
-    assert "completes it where it was interrupted" in capsys.readouterr().err
-
-
-def test_only_the_preview_of_a_bank_can_lie_elsewhere(tmp_path, capsys):
-    assert cli.main(["preview", str(tmp_path), "--out", "sheet.png"]) == 1
-    assert "is no bank: --out is for the preview of a bank" in capsys.readouterr().err
+@pytest.mark.parametrize("name", ["bank", "scenes"])
+def test_what_took_the_place_of_banks_is_told(capsys, name):
+    with pytest.raises(SystemExit) as stop:
+        cli.main([name, "out", "--split", "train", "--count", "8"])
+    assert stop.value.code == 2
+    assert "there are no banks any more" in (told := capsys.readouterr().err)
+    assert "lime-render OUT --split train --count N" in told and f"./{name}" in told
 
 
 def test_looking_at_nothing_is_an_error(tmp_path, capsys):
@@ -260,20 +213,12 @@ def test_wrong_usage_ends_with_2(capsys, options, message):
         (["corpus", "--count", "3"], "required: --split"),
         (["verify", "corpus", "--count", "3"], "unrecognized arguments: --count 3"),
         (["verify", "corpus", "--split", "valid"], "invalid choice"),
-        (["preview"], "required: CORPUS|BANK"),
+        (["preview"], "required: CORPUS"),
         (["layers", "corpus", "0"], "required: --split"),
         (["layers", "corpus", "--split", "test"], "required: INDEX"),
         (["layers", "corpus", "first", "--split", "test"], "invalid"),
         (["images", "corpus"], "required: OUT"),
         (["views", "hdris"], "required: OUT"),
-        (["bank"], "required: OUT, --split, --count"),
-        (["bank", "out", "--split", "train", "--count", "8", "--size", "100"], "multiple of 32"),
-        (
-            ["bank", "out", "--split", "train", "--count", "8", "--size", "2048"],
-            "2048 is not in 32 … 1024",
-        ),
-        (["bank", "out", "--split", "train", "--count", "0"], "0 is not at least 1"),
-        (["bank", "out", "--split", "train", "--count", "1", "--ray", "auto"], "--ray auto"),
         (["views", "hdris", "views", "--count", "0"], "0 is not at least 1"),
     ],
 )

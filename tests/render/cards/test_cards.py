@@ -1,4 +1,4 @@
-"""The cards of a corpus or a bank: what they say is what the manifests record."""
+"""The cards of a corpus: what they say is what the manifests record."""
 
 import fnmatch
 import json
@@ -8,7 +8,6 @@ import pytest
 from lime_keras.data.corpus import Split
 from lime_keras.render import cards
 from lime_keras.render.cards import croissant, data_card
-from lime_keras.synthesis import bank
 
 DIGESTS = ["a" * 64, "b" * 64]
 
@@ -37,25 +36,6 @@ def split(folder, name, **changes):
 def corpus(tmp_path):
     folder = tmp_path / "corpus"
     split(folder, "train")
-    return folder
-
-
-@pytest.fixture
-def stored_bank(tmp_path):
-    folder = tmp_path / "geometry"
-    folder.mkdir()
-    held = {
-        "format": bank.FORMAT,
-        "version": bank.VERSION,
-        "size": 32,
-        "count": 5,
-        "description": {"split": "train", "size": 32, "environments": "hdris"},
-        "files": {"geometry/00000.bin": DIGESTS[0], "textures.npy": DIGESTS[1]},
-        "shapes": ["vase"],
-        "packages": {"numpy": "2.1.0"},
-        "inputs": {"shapes": {}, "environments": {"hall.exr": DIGESTS[0]}, "backgrounds": {}},
-    }
-    (folder / bank.MANIFEST).write_text(json.dumps(held), encoding="utf-8")
     return folder
 
 
@@ -129,7 +109,7 @@ def test_somebodys_own_card_is_kept(corpus):
     ],
 )
 def test_only_what_is_built_in_has_a_licence(tmp_path, change, licence):
-    """A bank's scenes may show anything."""
+    """Scenes of a bank, which older corpora hold, may show anything."""
     folder = tmp_path / "corpus"
     split(folder, "train", **change)
     cards.write(folder)
@@ -137,11 +117,11 @@ def test_only_what_is_built_in_has_a_licence(tmp_path, change, licence):
     assert ("license" in metadata(folder)) == (licence == "mit")
 
 
-def test_the_files_of_users_are_named(stored_bank):
-    cards.write(stored_bank)
-    text = (stored_bank / "README.md").read_text("utf-8")
-    assert "files of environments: hall.exr" in text and "## Records" not in text
-    assert "recordSet" not in metadata(stored_bank)
+def test_the_files_of_users_are_named(tmp_path):
+    split(tmp_path, "train", inputs={"shapes": {}, "environments": {"hall.exr": "c" * 64}})
+    cards.write(tmp_path)
+    text = (tmp_path / "README.md").read_text("utf-8")
+    assert "files of environments: hall.exr" in text
 
 
 @pytest.mark.parametrize(
@@ -155,10 +135,8 @@ def test_sizes_are_those_of_the_hub(tmp_path, count, size):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["corpus", "stored_bank"])
-def test_croissant_is_valid(kind, request):
+def test_croissant_is_valid(corpus):
     mlcroissant = pytest.importorskip("mlcroissant")
-    folder = request.getfixturevalue(kind)
-    cards.write(folder)
-    dataset = mlcroissant.Dataset(folder / "croissant.json")
+    cards.write(corpus)
+    dataset = mlcroissant.Dataset(corpus / "croissant.json")
     assert not dataset.metadata.issues.errors
