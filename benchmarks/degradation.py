@@ -1,12 +1,10 @@
 """Accuracy over what the person with the camera can control: how the answer gets worse.
 
-    python benchmarks/degradation.py CORPUS --bank BANK --weights live uniform --out degradation
+    python benchmarks/degradation.py CORPUS --weights live uniform --out degradation
 
 CORPUS has a test split. Of the same scenes, each knob makes ten photos: the size of the object in
-the photo, JPEG quality, exposure, white balance, and the error of a given mask. With BANK, the
-scenes that it holds out are lit by 0 to 6 small lamps, which give nine tenths of the light; the
-photographed map around them gives the rest. Prints a table, and writes degradation.md and
-degradation.png. The first row of a knob is the photo at its best.
+the photo, JPEG quality, exposure, white balance, and the error of a given mask. Prints a table, and
+writes degradation.md and degradation.png. The first row of a knob is the photo at its best.
 """
 
 import argparse
@@ -26,19 +24,11 @@ from lime_keras import Estimator, console
 from lime_keras.data import clutter, pipeline
 from lime_keras.data.corpus import Split
 from lime_keras.metrics import bin_distance, overlap, overlap_ratio
-from lime_keras.optics import camera_law, colour, environment, material_law
-from lime_keras.synthesis import bank
-from lime_keras.synthesis.light_law import LAMP_PARTS, LAMPS, LightDraw
-from lime_keras.synthesis.lights import LightBank
-from lime_keras.synthesis.scenes import Scenes
+from lime_keras.optics import camera_law, colour
 
 matplotlib.use("Agg")
 
 MEASURES = ("log10 s", "right or neighbouring bin", "m_d", "m_s", "IoU")
-_LAMP = np.radians(3)
-"""Half angle of a small lamp, as a lamp of 20 cm seen from two metres."""
-_LAMPS_SHARE = 0.9
-_SEED = 1
 _Scene = dict[str, np.ndarray]
 
 
@@ -118,77 +108,10 @@ KNOBS: dict[str, tuple[Callable[..., Photo], tuple[float, ...]]] = {
 """By the name of a knob, a function that turns it, and its ten settings, the best first."""
 
 
-def lit_by(light: LightDraw, scale: np.ndarray, count: int, seed: int) -> LightDraw:
-    """Return the lights of a batch with the first map of each, and some small lamps in front.
-
-    Args:
-        light: lights of a batch, as drawn.
-        scale: factor of each map of the bank.
-        count: number of lamps, each of the same power.
-        seed: seed of their places.
-    """
-    batch = len(light.maps)
-    share = _LAMPS_SHARE if count else 0.0
-    weights = np.zeros_like(light.weights)
-    weights[:, 0] = (1 - share) * environment.MEAN_RADIANCE * scale[light.maps[:, 0]]
-    # The same places for any number of lamps: another one comes to those before.
-    rng = np.random.default_rng([_SEED, seed])
-    towards = rng.normal(size=(batch, LAMPS, 3))
-    towards[..., 2] = np.abs(towards[..., 2])
-    across = np.cross(towards, rng.normal(size=towards.shape))
-    to_map = np.swapaxes(light.rotation, 1, 2)[:, None]
-    lamps = np.zeros_like(light.lamps)
-    for name, value in {
-        "towards": (to_map @ (towards / _length(towards))[..., None])[..., 0],
-        "across": (to_map @ (across / _length(across))[..., None])[..., 0],
-        "half": np.tan(_LAMP),
-        "roundness": 1.0,
-        "bars_half": -10.0,
-        "power": (np.arange(LAMPS) < count)[:, None]
-        * (share / max(count, 1) * environment.MEAN_RADIANCE),
-    }.items():
-        lamps[..., LAMP_PARTS[name]] = value
-    return light._replace(weights=weights, lamps=lamps)
-
-
-def _length(vectors: np.ndarray) -> np.ndarray:
-    return np.linalg.norm(vectors, axis=-1, keepdims=True)
-
-
-def under_lamps(folder: Path, law: str, count: int) -> dict[int, list[_Scene]]:
-    """Return the same scenes, which a bank holds out, under each number of lamps.
-
-    Args:
-        folder: folder by `lime-render bank`.
-        law: law of the materials, a key of `material_law.LAWS`.
-        count: number of scenes.
-    """
-    features = ("image", "mask", "shininess", "diffuse_albedo", "specular_albedo")
-    scenes = Scenes(
-        folder,
-        size=bank.manifest(folder)["size"],
-        camera=False,
-        features=features,
-        held_out=True,
-        materials=(law,),
-    )
-    scale = LightBank(folder).scale
-    found: dict[int, list[_Scene]] = {lamps: [] for lamps in range(LAMPS + 1)}
-    for first in tqdm(range(0, count, 2), desc="scenes under lamps", unit="pair"):
-        drawn = scenes.draw(_SEED, np.array([first, first + 1]))
-        for lamps, rows in found.items():
-            batch = scenes.make(drawn | {"light": lit_by(drawn["light"], scale, lamps, first)})
-            values = {name: np.asarray(batch[name]) for name in features}
-            rows += [{name: value[[row]] for name, value in values.items()} for row in (0, 1)]
-    return found
-
-
 def main() -> None:
     """Print and write the tables, and draw the figure."""
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     options.add_argument("corpus", type=Path)
-    options.add_argument("--bank", type=Path)
-    options.add_argument("--materials", choices=material_law.LAWS, default="natural")
     options.add_argument("--weights", nargs="+", default=["live"])
     options.add_argument("--count", type=console.count, default=160)
     options.add_argument("--knobs", nargs="+", choices=KNOBS, default=list(KNOBS))
@@ -203,9 +126,6 @@ def main() -> None:
         for knob in arguments.knobs
         for turn, all_settings in [KNOBS[knob]]
     }
-    if arguments.bank is not None:
-        lit = under_lamps(arguments.bank, arguments.materials, arguments.count)
-        settings["small lamps"] = {lamps: (rows, _unchanged) for lamps, rows in lit.items()}
     found = {
         (weights, knob, setting): _measured(Estimator(weights), *of_setting)
         for weights in arguments.weights
@@ -219,10 +139,6 @@ def main() -> None:
     (arguments.out / "degradation.md").write_text(text + "\n", encoding="utf-8")
     print(text)
     _draw(found, arguments.weights, rows, arguments.out / "degradation.png")
-
-
-def _unchanged(photo: Photo) -> Photo:
-    return photo
 
 
 def _measured(estimator: Estimator, scenes: list[_Scene], turn: Turn) -> np.ndarray:

@@ -119,10 +119,6 @@ def _stages(folder: Path) -> dict[str, Stage]:
             "render.cli",
             ("OUT", "--split", "train", "--count", "24", "--shard-size", "3", *given),
         ),
-        "bank": Stage(
-            "render.cli",
-            ("bank", "OUT", "--split", "test", "--count", "24", "--shard-size", "3", *given),
-        ),
         "train": Stage(
             "train.cli",
             (str(folder / "render"), "--out", "OUT", *small, *few),
