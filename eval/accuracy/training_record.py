@@ -1,4 +1,4 @@
-"""What the record of a run says of its training, beside the weights."""
+"""The record of a run: what it says of its training, beside the weights."""
 
 from collections.abc import Mapping
 from pathlib import Path
