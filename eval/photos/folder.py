@@ -4,7 +4,6 @@ This module reads names and labels only; no picture is opened.
 """
 
 import csv
-import os
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -12,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from lime_keras.io import untrusted
-from lime_keras.io.sources import SUFFIXES
+from lime_keras.io.sources import SUFFIXES, walk
 
 LABELS = "labels.csv"
 """Name of the file of labels in the folder of photos."""
@@ -90,16 +89,9 @@ def read(folder: Path, out: Path) -> list[Photo]:
 
 
 def _pictures(folder: Path, out: Path) -> Iterator[Path]:
-    for inside, folders, files in os.walk(folder):
-        folders[:] = [
-            name
-            for name in folders
-            if not name.startswith(".") and Path(inside, name).resolve() != out
-        ]
-        for name in files:
-            path = Path(inside, name)
-            if not name.startswith(".") and path.suffix.lower() in SUFFIXES:
-                yield path
+    for path in walk(folder, SUFFIXES):
+        if out not in path.resolve().parents:
+            yield path
 
 
 def _assigned(masks: Iterable[Path], photos: Iterable[Path]) -> dict[Path, Path]:

@@ -214,6 +214,8 @@ def _write(
     if options.folders:
         names = [f"{name}/{Path(name).name}" for name in names]
     results = _results(options)
+    paths = [*photos, *(None if is_camera(video) else Path(video) for video in videos)]
+    names = results.keep_names(names, paths, places)
     for source, name in zip(videos, names[len(photos) :], strict=True):
         if results.json(name).exists():
             results.standing(name, _made(results, source))

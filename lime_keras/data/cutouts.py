@@ -12,7 +12,7 @@ import numpy as np
 import OpenImageIO as oiio
 from OpenImageIO import ImageBufAlgo
 
-from lime_keras.io import photo, untrusted
+from lime_keras.io import photo, sources, untrusted
 
 from . import clutter
 
@@ -145,7 +145,7 @@ def sha256(things: Path, places: Path) -> str:
 
 
 def _pictures(folder: Path) -> list[Path]:
-    out = sorted(path for path in folder.rglob("*") if path.suffix.lower() in _SUFFIXES)
+    out = sorted(sources.walk(folder, _SUFFIXES))
     if not out:
         raise FileNotFoundError(f"{folder} holds no PNG or WebP pictures: check --cutouts")
     return out

@@ -15,7 +15,7 @@ from lime_keras.estimate import files, terminal
 from lime_keras.estimate.estimator import Estimator
 from lime_keras.estimate.results import Results
 from lime_keras.io import photo
-from lime_keras.io.sources import mask_beside
+from lime_keras.io.sources import AmbiguousName, mask_beside, of_photo
 from lime_keras.material import Material
 
 if TYPE_CHECKING:
@@ -78,6 +78,7 @@ class Batch:
             ValueError: before any photo is estimated, if a result would replace something else and
                 may not (`Results.standing`).
         """
+        self._check_names(photos)
         left = dict(photos)
         for name, found in self._standing(photos).items():
             del left[name]
@@ -90,6 +91,26 @@ class Batch:
                 for _ in self._estimated(batch):
                     bar.update(self._done + self.failed - bar.n)
             bar.update(self._done + self.failed - bar.n)
+
+    def _check_names(self, photos: Mapping[str, Path]) -> None:
+        """Raise ValueError if a mask or normals could be meant for several photos."""
+        for given in (self._masks, self._normals):
+            if given is None or not given.is_dir():
+                continue
+            owner: dict[Path, Path] = {}
+            for path in photos.values():
+                try:
+                    file = of_photo(path, given)
+                except AmbiguousName:
+                    raise
+                except ValueError:
+                    continue  # told when its turn comes
+                other = owner.setdefault(file, path)
+                if other.parent != path.parent:
+                    raise AmbiguousName(
+                        f"{file} could be meant for {other} and for {path}: put the files of "
+                        f"{given} into folders named as those of the photos"
+                    )
 
     def _standing(self, photos: Mapping[str, Path]) -> dict[str, dict[str, Any]]:
         """Return the results that need not be made again; raise ValueError for those in the way."""
@@ -262,9 +283,4 @@ class Batch:
 
 def _belonging(path: Path, given: Path) -> Path:
     """Return the given file or, in a given folder, the file with the photo's name."""
-    if not given.is_dir():
-        return given
-    found = sorted(file for file in given.iterdir() if file.stem == path.stem)
-    if not found:
-        raise ValueError(f"{given} holds nothing for {path}: call it {path.stem}, as the photo")
-    return found[0]
+    return of_photo(path, given) if given.is_dir() else given

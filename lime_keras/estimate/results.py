@@ -7,7 +7,7 @@ moved to their places together, the JSON last: a result is there completely, or 
 
 import contextlib
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -56,6 +56,37 @@ class Results:
     def json(self, name: str) -> Path:
         """Return the path of the numbers of a result, whose name may begin with folders."""
         return self.out / f"{name}.json"
+
+    def keep_names(
+        self, names: Sequence[str], sources: Sequence[Path | None], places: Sequence[Path]
+    ) -> list[str]:
+        """Return the names of sources, so that each keeps the name under which it is there already.
+
+        A new photo `a.jpg` beside the finished `a.png` may come first, and is called `a-2`.
+
+        Args:
+            names: names of the sources (`files.distinct_names`).
+            sources: photos and videos; None for cameras.
+            places: paths after which they were named.
+        """
+        out = list(names)
+        alike: dict[str, list[int]] = {}
+        for index, place in enumerate(places):
+            alike.setdefault(place.with_suffix("").as_posix().casefold(), []).append(index)
+        for group in alike.values():
+            done = {k: found for k in group if (found := result_json.read(self.json(names[k])))}
+            if len(group) < 2 or not done:
+                continue
+            left = {k: _digest_or_none(sources[k]) for k in group}
+            kept = {}
+            for k, found in done.items():
+                owner = next((i for i in left if left[i] == found["made"].get("source")), None)
+                if owner is not None and left.pop(owner):
+                    kept[owner] = names[k]
+            others = iter(names[k] for k in group if names[k] not in kept.values())
+            for k in group:
+                out[k] = kept.get(k) or next(others)
+        return out
 
     def made(self, source: Path | None, beside: Mapping[str, Path]) -> dict[str, Any]:
         """Return what a result is made of and with, ready for JSON.
@@ -179,6 +210,14 @@ def digest(path: Path) -> str:
     """
     untrusted.check(path, "a source of a result")
     return untrusted.sha256(path)[:_DIGITS]
+
+
+def _digest_or_none(path: Path | None) -> str | None:
+    """Return the digest of a file; None if it is none, or cannot be read, which is told later."""
+    try:
+        return path and digest(path)
+    except (OSError, ValueError):
+        return None
 
 
 def _differences(found: Mapping[str, Any], made: Mapping[str, Any]) -> list[str]:

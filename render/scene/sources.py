@@ -15,6 +15,7 @@ import numpy as np
 
 from lime_keras.data.corpus import SPLITS
 from lime_keras.io import photo
+from lime_keras.io.sources import list_folder
 
 from ..rooms import sampling
 from ..shapes import meshes, procedural
@@ -71,11 +72,11 @@ def files(folder: Path, split: str, extensions: tuple[str, ...]) -> list[Path]:
         raise ValueError(f"{folder} is no folder: pass one with {', '.join(extensions)} files")
     dealt = {name: folder / name for name in SPLITS}
     if all(path.is_dir() for path in dealt.values()):
-        found = _matching(dealt[split], extensions)
+        found = list_folder(dealt[split], extensions)
         if not found:
             raise ValueError(f"{dealt[split]} holds no {', '.join(extensions)} file")
         return found
-    found = _matching(folder, extensions)
+    found = list_folder(folder, extensions)
     lacking = [path for path in dealt.values() if not path.is_dir()]
     if not found and len(lacking) == 1:
         raise ValueError(
@@ -90,13 +91,6 @@ def files(folder: Path, split: str, extensions: tuple[str, ...]) -> list[Path]:
     ranked = sorted(found, key=lambda path: hashlib.sha256(os.fsencode(path.name)).digest())
     tests = set(ranked[: max(1, round(len(ranked) * TEST_SHARE))])
     return [path for path in found if (path in tests) == (split == "test")]
-
-
-def _matching(folder: Path, extensions: tuple[str, ...]) -> list[Path]:
-    """Return the files of a folder with these extensions, sorted, without hidden files."""
-    with os.scandir(folder) as entries:
-        found = [folder / e.name for e in entries if e.name[0] != "." and not e.is_dir()]
-    return sorted(path for path in found if path.suffix.lower() in extensions)
 
 
 @dataclass(frozen=True)
@@ -247,7 +241,7 @@ class BackgroundSource:
             return [self.folder / name for name in self.usable]
         if not self.folder.is_dir():
             raise ValueError(f"{self.folder} is no folder: pass one with pictures")
-        pictures = _matching(self.folder, (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp"))
+        pictures = list_folder(self.folder, (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp"))
         if not pictures:
             raise ValueError(f"{self.folder} holds no picture (PNG, JPEG, TIFF or WebP)")
         return pictures

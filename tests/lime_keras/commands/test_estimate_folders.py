@@ -249,3 +249,31 @@ def test_what_videos_cannot_give_is_refused(arguments, told, clip, tmp_path, cap
     given = [str(clip) if argument == "CLIP" else argument for argument in arguments]
     assert estimate_video(clip, tmp_path / "out", *given) == 1
     assert told in capsys.readouterr().err and not (tmp_path / "out").exists()
+
+
+def test_a_new_photo_beside_a_finished_one_of_its_name_is_done(tmp_path, capsys):
+    """It comes first in the folder, but the finished one keeps its name, and is not made again."""
+    folder, out = tmp_path / "photos", tmp_path / "out"
+    write(folder / "a.png", photo(0))
+    assert run(folder, out=out) == 0
+    before = (out / "a.json").read_bytes(), (out / "a.json").stat().st_mtime_ns
+    write(folder / "a.exr", photo(1))
+    write(folder / "b.png", photo(2))
+    capsys.readouterr()
+    assert run(folder, out=out) == 0
+    assert ((out / "a.json").read_bytes(), (out / "a.json").stat().st_mtime_ns) == before
+    told = {Path(line["photo"]).name for line in lines(capsys.readouterr())}
+    assert told == {"a.png", "a.exr", "b.png"}
+    assert json.loads((out / "a-2.json").read_text())["photo"].endswith("a.exr")
+
+
+def test_one_mask_for_two_photos_is_refused_before_anything_is_done(tmp_path, capsys):
+    masks = tmp_path / "masks"
+    for name in ("one/a.png", "two/a.png"):
+        write(tmp_path / "photos" / name, photo()[..., :3])
+    write(masks / "a.png", photo()[..., 3:])
+    assert run(tmp_path / "photos", "--mask", masks, out=tmp_path / "out") == 1
+    assert "could be meant for" in capsys.readouterr().err and not (tmp_path / "out").exists()
+    for name in ("one/a.png", "two/a.png"):
+        write(masks / name, photo()[..., 3:])
+    assert run(tmp_path / "photos", "--mask", masks, out=tmp_path / "out") == 0

@@ -1,7 +1,20 @@
 """The kinds of sources, told by their names."""
 
+from pathlib import Path
+
+import pytest
+
 from lime_keras.io import result_json
-from lime_keras.io.sources import inside, is_camera, is_video, mask_beside, photo_of_mask
+from lime_keras.io.sources import (
+    AmbiguousName,
+    inside,
+    is_camera,
+    is_video,
+    list_folder,
+    mask_beside,
+    of_photo,
+    photo_of_mask,
+)
 
 
 def test_names_tell_videos_and_cameras():
@@ -43,3 +56,59 @@ def test_what_the_command_wrote_is_no_source(tmp_path):
     (tmp_path / "b.json").write_text('{"files": ["b-mask.png"]}')
     result_json.write(tmp_path / "a.json", {}, {}, ["a-mask.png", "a-overlay.mp4", "a.json"])
     assert [path.name for path in inside(tmp_path)] == ["a.png", "b-mask.png"]
+
+
+def make(folder, *names):
+    for name in names:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(b"")
+
+
+def test_what_systems_leave_in_folders_is_no_photo(tmp_path):
+    """Small files of macOS beside photos, copies on network disks; a link to itself is listed."""
+    make(tmp_path, "a.png", "._a.png", ".DS_Store", "__MACOSX/a.png", "@eaDir/a.jpg/S.jpg")
+    (tmp_path / "loop.png").symlink_to("loop.png")
+    (tmp_path / "gone.png").symlink_to("nowhere.png")
+    (tmp_path / "folder.png").mkdir()
+    names = [path.name for path in inside(tmp_path)]
+    assert names == ["a.png", "gone.png", "loop.png"]
+    assert [path.name for path in list_folder(tmp_path, (".png",))] == names
+
+
+def test_a_mask_in_capitals_lies_beside_its_photo(tmp_path):
+    make(tmp_path, "FOX.PNG", "FOX_mask.PNG", "hat.jpg", "HAT_MASK.PNG", "cup.png", "cup_mask.png")
+    for photo, mask in (("FOX.PNG", "FOX_mask.PNG"), ("hat.jpg", "HAT_MASK.PNG")):
+        assert mask_beside(tmp_path / photo) == tmp_path / mask
+        assert photo_of_mask(tmp_path / mask) == tmp_path / photo
+    make(tmp_path, "cup_mask.PNG")
+    assert mask_beside(tmp_path / "cup.png") == tmp_path / "cup_mask.png"
+
+
+@pytest.mark.parametrize(
+    ("files", "expected"),
+    [
+        (["fox.png", "fox.json", "._fox.png", "fox.txt"], "fox.png"),
+        (["fox.tif"], "fox.tif"),
+        (["fox.jpg.png"], "fox.jpg.png"),
+        (["fox_mask.png"], "fox_mask.png"),
+        (["FOX.PNG"], "FOX.PNG"),
+        (["fox.png", "FOX.PNG"], "fox.png"),
+        (["fox.png", "fox.jpg.png", "fox_mask.png"], "fox.png"),
+        (["fox.png", "fox.jpg"], "fox.jpg"),
+        (["fox.png", "a/fox.png"], "a/fox.png"),
+        (["fox.png", "photos/a/fox.png", "b/fox.png"], "photos/a/fox.png"),
+    ],
+)
+def test_the_mask_of_a_photo_in_a_folder_of_masks(files, expected, tmp_path):
+    masks = tmp_path / "masks"
+    make(masks, *files)
+    assert of_photo(tmp_path / "photos/a/fox.jpg", masks) == masks / expected
+
+
+@pytest.mark.parametrize(
+    "files", [["fox.png", "fox.tif"], ["Fox.png", "FOX.png"], ["fox.jpg.png", "fox.jpg.tif"]]
+)
+def test_two_masks_of_one_photo_are_refused(files, tmp_path):
+    make(tmp_path, *files)
+    with pytest.raises(AmbiguousName, match=r"holds .* and .*: keep one"):
+        of_photo(Path("photos/fox.jpg"), tmp_path)
