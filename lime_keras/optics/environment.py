@@ -4,6 +4,7 @@ direction(u, v) = (sin πv · sin 2πu, cos πv, −sin πv · cos 2πu), v = 0 
 `(H, W)` linear radiance. It has one channel, because the paper's light is white-balanced.
 """
 
+import functools
 import math
 
 import numpy as np
@@ -14,6 +15,8 @@ CAMERA_PITCH = (math.radians(-10), math.radians(30))
 """Range in radians of the angle by which the camera looks down, and so of the light's tilt."""
 STORED_SHAPE = (64, 128)
 """Rows and columns of the environment map that a record stores."""
+_BLOCK = 2**14
+"""Number of directions that are looked up at once: few enough for the processor's cache."""
 
 
 def directions(height: int, width: int) -> np.ndarray:
@@ -65,11 +68,21 @@ def lookup(radiance: np.ndarray, direction: np.ndarray) -> np.ndarray:
 
     Longitude wraps; at the poles the row is clamped. Directions need not have length 1.
     """
+    towards = direction.reshape(-1, 3)
+    out = np.empty(len(towards), np.result_type(radiance, direction))
+    for first in range(0, len(towards), _BLOCK):
+        some = slice(first, first + _BLOCK)
+        out[some] = _lookup(radiance, towards[some])
+    return out.reshape(direction.shape[:-1])
+
+
+def _lookup(radiance: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """Return the radiance `(N,)` of a map in directions `(N, 3)`; see `lookup`."""
     width = radiance.shape[1]
     top, bottom, left, right, right_share, bottom_share = _between(direction, *radiance.shape)
-    texels = radiance.reshape(-1)  # one index takes half the time of two
+    texels = radiance.reshape(-1)  # `take` with one index needs a third of the time of two indices
     rows = [
-        texels[row + left] * (1 - right_share) + texels[row + right] * right_share
+        texels.take(row + left) * (1 - right_share) + texels.take(row + right) * right_share
         for row in (top * width, bottom * width)
     ]
     return rows[0] * (1 - bottom_share) + rows[1] * bottom_share
@@ -130,15 +143,18 @@ def _between(direction: np.ndarray, height: int, width: int) -> tuple[np.ndarray
     """
     x, y, z = np.ascontiguousarray(np.moveaxis(direction, -1, 0))
     u = np.arctan2(x, -z) / (2 * np.pi)
-    v = np.arctan2(np.hypot(x, z), y) / np.pi
+    # This equals `hypot` for lengths of 1e-150 … 1e150, in a third of its time.
+    across = np.sqrt(np.square(x, dtype=np.float64) + np.square(z, dtype=np.float64))
+    v = np.arctan2(across.astype(x.dtype, copy=False), y) / np.pi
     column = u * width - 0.5
     row = np.clip(v * height - 0.5, 0, height - 1)
     left, top = np.floor(column), np.floor(row)
     right_share, bottom_share = column - left, row - top
     # u lies in [-1/2, 1/2], so a column is less than one turn away.
-    left = np.where(left < 0, left + width, left).astype(np.int64)
-    top = top.astype(np.int64)
-    right = np.where(left + 1 == width, 0, left + 1)
+    left, top = left.astype(np.int64), top.astype(np.int64)
+    left += width * (left < 0)
+    right = left + 1
+    right -= width * (right == width)
     return top, np.minimum(top + 1, height - 1), left, right, right_share, bottom_share
 
 
@@ -162,9 +178,27 @@ def rotate(radiance: np.ndarray, rotation: np.ndarray, height: int, width: int) 
     """
     check(radiance)
     supersampling = max(4, -(-len(radiance) // height))
-    fine = directions(height * supersampling, width * supersampling) @ rotation
-    values = lookup(radiance, fine)
-    weights = solid_angles(height * supersampling, width * supersampling)
+    fine, weights, total_weights = _box_filter(height, width, supersampling)
+    total = np.empty((height, width))
+    step = max(1, _BLOCK // (width * supersampling**2))
+    for first in range(0, height, step):
+        some = slice(first, first + step)
+        values = lookup(radiance, fine[some].reshape(-1, 3) @ rotation)
+        total[some] = np.sum(values.reshape(weights[some].shape) * weights[some], axis=(1, 3))
+    return total / total_weights
+
+
+@functools.lru_cache(2)
+def _box_filter(
+    height: int, width: int, supersampling: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the look-ups of the texels of a map `(H, W)`, `s` × `s` in each.
+
+    Returns:
+        Directions `(H, s, W, s, 3)`, their solid angles `(H, s, W, s)`, and the sums `(H, W)` of
+        these.
+    """
     shape = (height, supersampling, width, supersampling)
-    total = np.sum((values * weights).reshape(shape), axis=(1, 3))
-    return total / np.sum(weights.reshape(shape), axis=(1, 3))
+    rows, columns = height * supersampling, width * supersampling
+    weights = solid_angles(rows, columns).reshape(shape)
+    return directions(rows, columns).reshape(*shape, 3), weights, np.sum(weights, axis=(1, 3))

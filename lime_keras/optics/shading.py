@@ -169,17 +169,38 @@ def specular(
         >>> [specular(normal, normal, s, *lights).round(2).tolist() for s in (1.0, 50.0, 500.0)]
         [[1.0], [1.0], [1.0]]
     """
-    out = np.empty(len(normal), normal.dtype)
+    found = sum_lobes(lobe_terms(normal, view), exponent, light, energy)
+    return found * np.asarray(normaliser(float(exponent)), found.dtype)
+
+
+def lobe_terms(normal: np.ndarray, view: np.ndarray) -> np.ndarray:
+    """Return what `sum_lobes` needs of unit normals and view directions.
+
+    Both are `(N, 3)`; the result is `(2, N, 4)`.
+
+    h·n = (i·n + o·n) / |i + o|, and |i + o|² = 2 + 2 i·o. With a fourth coordinate of the light,
+    equal to 1, i·n + o·n and |i + o|² are its products with these terms.
+    """
     cosine = np.einsum("ij,ij->i", normal, view)[:, None]
-    # h·n = (i·n + o·n) / |i + o|, and |i + o|² = 2 + 2 i·o. A fourth coordinate of the light, equal
-    # to 1, adds the constant terms. The square root is worth its time: (h·n)² would lose digits.
-    towards = np.concatenate([light, np.ones((len(light), 1), light.dtype)], axis=1).T
     across = np.concatenate([normal, cosine], axis=1)
-    along = 2 * np.concatenate([view, np.ones_like(cosine)], axis=1)
-    behind = np.maximum(cosine, 0)
-    for rows in _chunks(len(normal), len(light)):
+    return np.stack([across, 2 * np.concatenate([view, np.ones_like(cosine)], axis=1)])
+
+
+def sum_lobes(
+    terms: np.ndarray, exponent: float, light: np.ndarray, energy: np.ndarray
+) -> np.ndarray:
+    """Return S(n, o, s) / c(s), `(N,)`, of surfaces with the terms `(2, N, 4)` by `lobe_terms`.
+
+    The other arguments are those of `specular`.
+    """
+    across, along = terms
+    out = np.empty(len(across), across.dtype)
+    towards = np.concatenate([light, np.ones((len(light), 1), light.dtype)], axis=1).T
+    behind = np.maximum(across[:, 3:], 0)
+    for rows in _chunks(len(across), len(light)):
         lobe = across[rows] @ towards
         lit = lobe > behind[rows]  # i·n > 0 and h·n > 0
+        # The square root is worth its time: (h·n)² would lose digits.
         length = along[rows] @ towards
         # The square is at most 4; `clip` between two numbers takes a third of `maximum`'s time.
         np.sqrt(np.clip(length, 1e-12, 4, out=length), out=length)
@@ -188,9 +209,10 @@ def specular(
         np.log(lobe, out=lobe)
         lobe *= exponent
         np.exp(lobe, out=lobe)
-        lobe *= lit
+        if not lit.all():
+            lobe *= lit
         out[rows] = lobe @ energy
-    return out * np.asarray(normaliser(float(exponent)), out.dtype)
+    return out
 
 
 def texels(radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

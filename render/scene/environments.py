@@ -185,11 +185,19 @@ def resized(radiance: np.ndarray, height: int) -> np.ndarray:
             f"a map of {columns}x{rows} cannot be averaged to {2 * height}x{height}, which is "
             f"larger; ask for at most {min(rows, columns // 2)} rows."
         )
+    return np.ascontiguousarray(means(radiance, height), np.float32)
+
+
+def means(radiance: np.ndarray, height: int) -> np.ndarray:
+    """Return the float64 means `(height, 2 * height)` that `resized` rounds, of the same arguments.
+
+    The map is not checked.
+    """
+    rows, columns = radiance.shape
     zenith = np.cos(np.linspace(0, np.pi, rows + 1))
     rings = _averaged(radiance, -zenith, -np.cos(np.linspace(0, np.pi, height + 1)))
     edges = np.linspace(0, 1, 2 * height + 1)
-    texels = _averaged(rings.T, np.linspace(0, 1, columns + 1), edges).T
-    return np.ascontiguousarray(texels, np.float32)
+    return _averaged(rings.T, np.linspace(0, 1, columns + 1), edges).T
 
 
 def _averaged(values: np.ndarray, edges: np.ndarray, coarse: np.ndarray) -> np.ndarray:
@@ -198,11 +206,19 @@ def _averaged(values: np.ndarray, edges: np.ndarray, coarse: np.ndarray) -> np.n
     Args:
         values: `(R, C)`; row k is constant between `edges[k]` and `edges[k + 1]`.
         edges: borders of the rows, `(R + 1,)`, ascending.
-        coarse: borders of the new rows, `(K + 1,)`, ascending.
+        coarse: borders of the new rows, `(K + 1,)`, ascending; every R/K-th of `edges` where that
+            is a whole number.
 
     Returns:
         The means, `(K, C)`.
     """
+    count, folds = len(coarse) - 1, len(values) // (len(coarse) - 1)
+    if folds * count == len(values):  # `folds` whole rows in each new one
+        weights = np.diff(edges)[:, None]
+        total = values[::folds] * weights[::folds]
+        for row in range(1, folds):
+            total += values[row::folds] * weights[row::folds]
+        return total / np.diff(coarse)[:, None]
     # The integral from the first border to each; between borders it is linear.
     integral = np.zeros((len(edges), values.shape[1]))
     np.multiply(values, np.diff(edges)[:, None], out=integral[1:])

@@ -4,6 +4,7 @@ Directions are in the map's frame. For S, samples are grouped by mirror directio
 the lights of a `Light.cut`, without those behind the surface.
 """
 
+import itertools
 import math
 
 import numpy as np
@@ -39,8 +40,10 @@ def specular(normal: np.ndarray, view: np.ndarray, exponent: float, light: Light
     """
     support = support_angle(exponent, light.quality.negligible)
     mirrored = shading.reflect(normal, view)
-    groups = _groups(mirrored, max(_LEAST_CELLS, round(math.pi / support)))
-    out = np.empty(len(normal), normal.dtype)
+    order, groups = _groups(mirrored, max(_LEAST_CELLS, round(math.pi / support)))
+    mirrored, normal = mirrored[order], normal[order]
+    terms = shading.lobe_terms(normal, view[order])
+    sums = np.empty(len(normal), normal.dtype)
     for first in range(0, len(groups), _TOGETHER):
         some = groups[first : first + _TOGETHER]
         axes, radii = zip(*(_cone(mirrored[rows]) for rows in some), strict=True)
@@ -48,26 +51,30 @@ def specular(normal: np.ndarray, view: np.ndarray, exponent: float, light: Light
         for rows, (directions, energies) in zip(some, cuts, strict=True):
             axis, radius = _cone(normal[rows])
             lit = directions @ axis >= math.cos(min(math.pi / 2 + radius, math.pi))
-            out[rows] = shading.specular(
-                normal[rows], view[rows], exponent, directions[lit], energies[lit]
-            )
-    return out
+            sums[rows] = shading.sum_lobes(terms[:, rows], exponent, directions[lit], energies[lit])
+    out = np.empty_like(sums)
+    out[order] = sums
+    return out * np.asarray(shading.normaliser(float(exponent)), out.dtype)
 
 
-def _groups(directions: np.ndarray, cells: int) -> list[np.ndarray]:
-    """Return the indices of the directions `(N, 3)` in each cell of a grid around the sphere."""
+def _groups(directions: np.ndarray, cells: int) -> tuple[np.ndarray, list[slice]]:
+    """Sort directions `(N, 3)` by the cells of a grid around the sphere.
+
+    Returns:
+        The indices of the directions in their new order, `(N,)`; the part of each cell in it.
+    """
     place = np.floor((directions + 1) * (cells / 2)).astype(np.int64)
-    cell = place @ np.array([(cells + 1) ** 2, cells + 1, 1])
+    cell = (place[:, 0] * (cells + 1) + place[:, 1]) * (cells + 1) + place[:, 2]
     order = np.argsort(cell, kind="stable")
-    groups = np.split(order, np.flatnonzero(np.diff(cell[order])) + 1)
-    return [group for group in groups if len(group)]
+    edges = np.flatnonzero(np.diff(cell[order], prepend=-1, append=-1))
+    return order, [slice(*pair) for pair in itertools.pairwise(edges.tolist())]
 
 
 def _cone(group: np.ndarray) -> tuple[np.ndarray, float]:
     """Return the mean direction of a group, and the largest angle of a member from it."""
-    axis = group.mean(axis=0)
-    axis /= np.linalg.norm(axis)
-    return axis, math.acos(np.clip(np.min(group @ axis), -1, 1))
+    axis = np.add.reduce(group) / group.dtype.type(len(group))  # `mean` takes twice the time
+    axis /= math.sqrt(axis.dot(axis))
+    return axis, math.acos(min(max(float(np.minimum.reduce(group @ axis)), -1), 1))
 
 
 def support_angle(exponent: float, negligible: float) -> float:

@@ -5,6 +5,7 @@ irradiance, the direction of its strongest light. A scene rotates its normals in
 """
 
 import functools
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -34,6 +35,11 @@ class Level:
 
     energy: np.ndarray
     direction: np.ndarray
+
+    @functools.cached_property
+    def total(self) -> float:
+        """The sum of the energies."""
+        return float(np.sum(self.energy))
 
 
 @dataclass(frozen=True)
@@ -67,6 +73,14 @@ class Light:
         energy = self.levels[height].energy
         return energy / environment.solid_angles(*energy.shape)
 
+    @functools.cached_property
+    def _texels(self) -> np.ndarray:
+        """Direction and energy of the texels of all levels, `(4, N)`, the coarsest level first."""
+        levels = [self.levels[height] for height in sorted(self.levels)]
+        directions = np.concatenate([level.direction.reshape(-1, 3) for level in levels])
+        energies = np.concatenate([level.energy.ravel() for level in levels])
+        return np.ascontiguousarray(np.column_stack([directions, energies]).T)
+
     def cut(
         self, exponent: float, support: float, axes: np.ndarray, radii: np.ndarray
     ) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -83,33 +97,55 @@ class Light:
             radii: largest angle in radians between the middle of a lobe and its group's axis,
                 `(G,)`.
         """
-        height = min(self.levels)
-        group, texel = np.indices((len(axes), 2 * height**2)).reshape(2, -1)
-        found = []
+        height, first = min(self.levels), 0
+        x, y, z, energies = self._texels
+        group, texel = self._candidates(support, axes, radii)
+        groups, places = [], []
         while True:
             # Take whole what is not split.
-            level = self.levels[height]
-            direction = level.direction.reshape(-1, 3)[texel]
-            energy = level.energy.reshape(-1)[texel]
-            cosine = np.einsum("ij,ij->i", direction, axes[group])
-            away = np.arccos(np.clip(cosine, -1, 1)) - radii[group]
+            place = texel + first
+            cosine = x.take(place) * axes[:, 0].take(group)
+            cosine += y.take(place) * axes[:, 1].take(group)
+            cosine += z.take(place) * axes[:, 2].take(group)
+            energy = energies.take(place)
+            away = np.arccos(np.clip(cosine, -1, 1)) - radii.take(group)
             nearest = np.clip(away - _DIAGONAL * math.pi / height, 0, math.pi)
             split = (nearest <= support) & self._coarse(energy, nearest, exponent, height)
             whole = np.flatnonzero(~split & (energy > 0) & (away <= support))
-            found.append((group[whole], direction[whole], energy[whole]))
+            groups.append(group.take(whole))
+            places.append(place.take(whole))
             if not split.any():
                 break
             # Go on with the four texels of each other.
-            row, column = np.divmod(texel[split], 2 * height)
-            height, group = 2 * height, np.repeat(group[split], 4)
+            parts = np.flatnonzero(split)
+            row, column = np.divmod(texel.take(parts), 2 * height)
+            first += 2 * height**2
+            height, group = 2 * height, np.repeat(group.take(parts), 4)
             corner = 2 * (2 * height * row + column)
             texel = (corner[:, None] + [0, 1, 2 * height, 2 * height + 1]).ravel()
         # Sort by group.
-        groups, directions, energies = map(np.concatenate, zip(*found, strict=True))
-        order = np.argsort(groups, kind="stable")
-        ends = np.cumsum(np.bincount(groups, minlength=len(axes)))[:-1]
-        parts = np.split(directions[order], ends), np.split(energies[order], ends)
-        return list(zip(*parts, strict=True))
+        group = np.concatenate(groups)
+        order = np.argsort(group, kind="stable")
+        lights = self._texels.take(np.concatenate(places).take(order), axis=1)
+        ends = np.cumsum(np.bincount(group, minlength=len(axes))).tolist()
+        spans = [slice(*pair) for pair in itertools.pairwise([0, *ends])]
+        return [(lights[:3, span].T, lights[3, span]) for span in spans]
+
+    def _candidates(
+        self, support: float, axes: np.ndarray, radii: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the groups and the texels of the coarsest level that `cut` begins with.
+
+        Texels that surely lie beyond all lobes of a group are left out.
+        """
+        height = min(self.levels)
+        reach = support + radii + _DIAGONAL * math.pi / height
+        # Rounding moves a cosine by less than this.
+        least = np.cos(np.minimum(reach, math.pi)) - 1e-5
+        group, texel = np.nonzero(
+            axes @ self.levels[height].direction.reshape(-1, 3).T > least[:, None]
+        )
+        return group.astype(np.uint16), texel
 
     def _coarse(
         self, energy: np.ndarray, away: np.ndarray, exponent: float, height: int
@@ -119,7 +155,7 @@ class Light:
             return np.zeros(len(energy), bool)
         # Share of a uniform light's energy that a lobe of this exponent sees.
         seen = min(1.0, 4.0 / (exponent + 2.0))
-        total = float(np.sum(self.levels[height].energy))
+        total = self.levels[height].total
         fall = exponent * np.log(np.maximum(np.cos(away / 2), 1e-30))
         # How much the lobe is curved there, relative to its middle.
         curved = np.exp(fall) * (1 - 2 * fall)
@@ -143,20 +179,22 @@ def prepare(
     """
     # A small map is enlarged by repeating its texels, which leaves its radiance as it is.
     repeats = -(-_FEWEST_ROWS // min(len(radiance), radiance.shape[1] // 2))
-    radiance = radiance.repeat(repeats, axis=0).repeat(repeats, axis=1)
+    if repeats > 1:
+        radiance = radiance.repeat(repeats, axis=0).repeat(repeats, axis=1)
     rows, columns = radiance.shape
     average = environment.spherical_mean(radiance)
     if not np.isfinite(average) or average <= 0:
         raise ValueError(f"{name}: the map's mean radiance is {average}; a light must shine")
-    scaled = radiance.astype(np.float64) * (mean / average)
+    gain = np.float64(mean / average)
     finest = _COARSEST
     while 2 * finest <= min(rows, columns // 2, quality.finest):
         finest *= 2
-    levels = _levels(environments.resized(scaled, finest), quality.precision)
+    texels = (environments.means(radiance, finest) * gain).astype(np.float32)
+    levels = _levels(texels, quality.precision)
     brightest = np.argmax(levels[_COARSEST].energy)
     return Light(
         name=name,
-        radiance=scaled.astype(quality.precision),
+        radiance=(radiance * gain).astype(quality.precision),
         levels=levels,
         diffuse_shading=_diffuse_shading(
             levels[finest].energy, min(quality.irradiance_rows, finest)
@@ -169,20 +207,34 @@ def prepare(
 def _levels(radiance: np.ndarray, precision: str) -> dict[int, Level]:
     """Return the levels of a map by height; each height is half of the height before."""
     energy = radiance * environment.solid_angles(*radiance.shape)
-    moment = energy[..., None] * environment.directions(*radiance.shape)
+    moment = energy * _directions(len(energy))
     levels = {}
     while len(energy) >= _COARSEST:
-        length = np.linalg.norm(moment, axis=-1, keepdims=True)
-        centres = environment.directions(*energy.shape)
-        direction = np.where(length > 0, moment / np.maximum(length, 1e-300), centres)
-        levels[len(energy)] = Level(energy.astype(precision), direction.astype(precision))
+        length = np.sqrt(moment[0] ** 2 + moment[1] ** 2 + moment[2] ** 2)
+        direction = (moment / np.maximum(length, 1e-300)).astype(precision)
+        if not length.all():
+            direction = np.where(length > 0, direction, _directions(len(energy)).astype(precision))
+        levels[len(energy)] = Level(
+            energy.astype(precision), np.ascontiguousarray(np.moveaxis(direction, 0, -1))
+        )
         energy, moment = _halve(energy), _halve(moment)
     return levels
 
 
+@functools.lru_cache(8)
+def _directions(height: int) -> np.ndarray:
+    """Return the directions through the texels of a map of that many rows, `(3, H, W)`."""
+    towards = np.moveaxis(environment.directions(height, 2 * height), -1, 0)
+    out = np.ascontiguousarray(towards)
+    out.flags.writeable = False  # many lights share it
+    return out
+
+
 def _halve(values: np.ndarray) -> np.ndarray:
-    """Return the sums over 2 × 2 texels of `(H, W)` or `(H, W, C)` values."""
-    return values[0::2, 0::2] + values[1::2, 0::2] + values[0::2, 1::2] + values[1::2, 1::2]
+    """Return the sums over 2 × 2 texels of `(..., H, W)` values."""
+    rows = values[..., 0::2, :], values[..., 1::2, :]
+    left, right = ([row[..., side::2] for row in rows] for side in (0, 1))
+    return left[0] + left[1] + right[0] + right[1]
 
 
 def _diffuse_shading(energy: np.ndarray, rows: int) -> np.ndarray:
@@ -194,25 +246,38 @@ def _diffuse_shading(energy: np.ndarray, rows: int) -> np.ndarray:
     """
     height, width = energy.shape
     precision, energy = energy.dtype, energy.astype(float)  # shadows are differences of large sums
-    moment = np.tensordot(energy, environment.directions(height, width), 2)
+    moment = _directions(height).reshape(3, -1) @ energy.ravel()
     folded = energy[: height // 2] + np.roll(energy[: height // 2 - 1 : -1], height, axis=1)
-    spectrum = _cosine_spectrum(rows, height) @ np.fft.rfft(folded).T[..., None]
-    upper = np.fft.irfft(spectrum[..., 0].T, width)[:, :: height // rows]
+    spectrum = (np.fft.rfft(folded) * _phase(rows, height)).T
+    pairs = np.stack([spectrum.real, spectrum.imag], axis=-1)
+    product = (_cosine_spectrum(rows, height) @ pairs).view(np.complex128)[..., 0]
+    upper = np.fft.irfft(product.T, width)[:, :: height // rows]
     even = np.concatenate([upper, np.roll(upper[::-1], rows, axis=1)])
-    odd = environment.directions(rows, 2 * rows) @ moment
+    odd = np.tensordot(moment, _directions(rows), 1)
     return (np.maximum(even + odd, 0) / (2 * math.pi)).astype(precision)
 
 
 @functools.lru_cache(1)
 def _cosine_spectrum(rows: int, height: int) -> np.ndarray:
-    """Return the spectra of |n·i| along azimuth, `(height + 1, rows / 2, height / 2)`, conjugated.
+    """Return the spectra of |n·i| along azimuth, `(height + 1, rows / 2, height / 2)`.
 
-    n are the texels of the upper half of a first column of `rows` texels, i those of the upper half
-    of a map of `height` rows.
+    They are divided by `_phase`, and then real, because |n·i| is the same to both sides of n. n are
+    the texels of the upper half of a first column of `rows` texels, i those of the upper half of a
+    map of `height` rows.
     """
     normal = environment.directions(rows, 2 * rows)[: rows // 2, 0]
     light = environment.directions(height, 2 * height)[: height // 2]
-    out = np.empty((height + 1, rows // 2, height // 2), np.complex128)
+    out = np.empty((height + 1, rows // 2, height // 2))
     for row, direction in enumerate(normal):  # all rows at once would take three times the memory
-        out[:, row] = np.fft.rfft(np.abs(light @ direction)).conj().T
+        spectrum = np.fft.rfft(np.abs(light @ direction)).conj() / _phase(rows, height)
+        out[:, row] = spectrum.real.T
     return out
+
+
+def _phase(rows: int, height: int) -> np.ndarray:
+    """Return the phases `(height + 1,)` by which the azimuth of a first column shifts spectra.
+
+    A first column of `rows` texels lies between two columns of a map of `height` rows, or on one.
+    """
+    shift = (height / rows - 1) / 2  # in texels of the map
+    return np.exp(1j * math.pi * shift / height * np.arange(height + 1))
