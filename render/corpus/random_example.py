@@ -92,6 +92,15 @@ class Sources:
             return drawn, [(shard, number) for number in range(bodies.count(shard_size))]
         return drawn, [*random_subset(rng, self.light_names, bodies.MOST)]
 
+    def maps_in_shard(self, seed: int, shard: int, shard_size: int) -> set[str]:
+        """Return the names of the maps that the lights of a shard are made of."""
+        lamps = self.names_in_shard(seed, shard, shard_size)[1]
+        return {
+            name
+            for lamp in lamps
+            for name in ([lamp] if isinstance(lamp, str) else self._draw(lamp)[1])
+        }
+
     def _mesh(self, body: Body, size: int, quality: Quality) -> tuple[Mesh, Tracer]:
         mesh = bodies.load(body, self._shapes)
         return mesh, Tracer(mesh, size, quality)
@@ -100,11 +109,15 @@ class Sources:
         """Load the map of that name, or mix the light of that number, under its strongest map's."""
         if isinstance(lamp, str):
             return self._lights.load(lamp, quality)
-        rng = generator(self._lights.seed, self.split, "light", *lamp)
-        drawn = light_law.draw(rng, len(self.light_names))
-        names = [self.light_names[index] for index in drawn.maps]
+        drawn, names = self._draw(lamp)
         radiance = mixing.mixed([self._map(name) for name in names], drawn)
         return prepare(names[drawn.powers.argmax()], radiance, quality=quality)
+
+    def _draw(self, place: tuple[int, int]) -> tuple[light_law.LightDraw, list[str]]:
+        """Return the mixed light of a shard's number and a number in it, and its maps' names."""
+        rng = generator(self._lights.seed, self.split, "light", *place)
+        drawn = light_law.draw(rng, len(self.light_names))
+        return drawn, [self.light_names[index] for index in drawn.maps]
 
 
 @dataclass(frozen=True)

@@ -77,9 +77,9 @@ def _render_missing(
 ) -> None:
     """Render the rooms and shards that are missing."""
     resuming.remove_partials(job.folder, job.folder / "rooms")
-    rooms = job.lights.rooms()
+    rooms = _rooms(job)
     missing = [name for name in rooms if not (job.lights.cache / name).is_file()]
-    if missing and job.missing():
+    if missing:
         finished = len(rooms) - len(missing)
         renderers.run(worker.render_room, missing, finished, len(rooms), on_room)
     rendering.render_shards(job, renderers, worker.render_shard, on_example)
@@ -147,15 +147,25 @@ def _manifest(job: Job, findings: inputs.Findings) -> dict[str, Any]:
     }
 
 
+def _rooms(job: Job) -> list[str]:
+    """Return the names of the built-in rooms that light the missing shards."""
+    given, sources = job.description, _sources(job)
+    rooms, drawn = job.lights.rooms(), set[str]()
+    for shard in job.missing() if rooms else []:
+        drawn |= sources.maps_in_shard(given.seed, shard, given.shard_size)
+    return [name for name in rooms if name in drawn]
+
+
 def _endless_bodies(job: Job) -> list[str]:
     """Return the names of the endless bodies of all shards."""
-    given = job.description
-    if not given.endless:
-        return []
-    sources = Sources(job.shapes, job.lights, job.backgrounds, given.endless)
+    given, sources = job.description, _sources(job)
     return [
         body.name
-        for shard in range(given.shards)
+        for shard in range(given.shards if given.endless else 0)
         for body in sources.names_in_shard(given.seed, shard, given.shard_size)[0]
         if body.is_endless
     ]
+
+
+def _sources(job: Job) -> Sources:
+    return Sources(job.shapes, job.lights, job.backgrounds, job.description.endless)

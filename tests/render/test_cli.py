@@ -66,12 +66,21 @@ def test_the_options_reach_the_renderer(render, monkeypatch, tmp_path):
     expected = ("train", 9, 3, 64, 4, "reference", "furnace", str(tmp_path / "meshes"), None, None)
     assert tuple(vars(description).values())[: len(expected)] == expected
     assert description.materials == "uniform"
+    assert (description.light_law, description.endless) == ("mixed", 0.5)
+    for options, laws in (
+        (("--split", "test"), ("maps", 0.0)),
+        (("--light-law", "maps", "--endless", 0.25), ("maps", 0.25)),
+    ):
+        assert render("--count", 9, *options)[0] == 0
+        assert (calls[-1][1].light_law, calls[-1][1].endless) == laws
 
 
 @pytest.mark.parametrize(
     ("options", "message"),
     [
         (("--lights", "known"), "--lights known is of a test split: pass --split test"),
+        (("--split", "test", "--light-law", "mixed"), "--split test has single maps and shapes as"),
+        (("--split", "test", "--endless", 0.1), "leave out --light-law and --endless"),
         (("--shape-count", 5, "--shapes", "m"), "--shape-count is of what is built in: leave it"),
         (("--light-count", 5, "--environments", "m"), "leave it out beside --environments"),
     ],
@@ -111,7 +120,7 @@ def inputs(tmp_path):
         (tmp_path / "environments" / split / "cut.hdr").write_bytes(b"#?RADIANCE\n")
     return [
         *("--shapes", tmp_path / "shapes", "--environments", tmp_path / "environments"),
-        *("--count", 4, "--size", 64, "--workers", 1),
+        *("--count", 4, "--size", 64, "--workers", 1, "--light-law", "maps", "--endless", 0),
     ]
 
 
