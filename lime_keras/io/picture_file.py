@@ -388,7 +388,8 @@ def _of_radiance(path: Path) -> tuple[float, ...] | None:
         return colour_space.XYZ
     if told := re.search(rb"^PRIMARIES=\s*(.+)$", head, re.MULTILINE):
         numbers = tuple(map(float, told[1].split()))
-        return numbers if len(numbers) == 8 else None
+        # Photoshop writes eight zeros where it knows none.
+        return numbers if len(numbers) == 8 and any(numbers) else None
     return None
 
 

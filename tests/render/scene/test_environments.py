@@ -330,3 +330,11 @@ def test_a_display_window_far_larger_than_the_data_is_refused(tmp_path):
     assert image.write(str(tmp_path / "window.exr"))
     with pytest.raises(ValueError, match="has 100000×50000 pixels, more than the 134 million"):
         environments.read(tmp_path / "window.exr")
+
+
+def test_a_radiance_file_with_photoshops_empty_primaries_is_read_as_rec709(tmp_path):
+    plain = write(tmp_path / "plain.hdr", noise(16))
+    head, rest = plain.read_bytes().split(b"\n\n", 1)
+    photoshop = tmp_path / "photoshop.hdr"
+    photoshop.write_bytes(head + b"\nPRIMARIES=0 0 0 0 0 0 0 0\n\n" + rest)
+    np.testing.assert_array_equal(environments.load(photoshop), environments.load(plain))
