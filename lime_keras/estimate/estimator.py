@@ -127,9 +127,7 @@ class Estimator:
                 f"cannot estimate {unknown}: {weights} holds "
                 f"{self._engine.system}; choose from {', '.join(needed)}"
             )
-        self._outputs = sorted(
-            {output for name in self._only for output in needed[name]} - {"mask"}
-        )
+        self._outputs = self._outputs_of(self._only)
         self.subnetworks = (
             *(() if masker else self._engine.subnetworks(["mask"], ["image"])),
             *self._engine.subnetworks(self._outputs, ["image", "mask"]),
@@ -226,8 +224,38 @@ class Estimator:
         """
         return self._views([photo], [mask])[0]
 
-    def read(self, view: View) -> Material:
+    def look(self, frame: np.ndarray, square: Square | None) -> View:
+        """Find the object in a frame of a stream, first where it was in the frame before.
+
+        Args:
+            frame: frame `(H, W, 3)`, uint8 sRGB, which stays as it is.
+            square: square in which to look (`framing.following`); None to look as `view` does.
+
+        Returns:
+            The view of `square`, if the mask there shows an object that lies in it; else that of
+            the whole frame, or closer, as `view` has it.
+        """
+        if square is not None:
+            view = self._segment([self._unseen(frame, square)])[0]
+            if framing.following(view.mask, square, *frame.shape[:2]) is not None:
+                return replace(view, confidence=cautions.confidence(view.mask))
+        view = self._find([self._unseen(frame, framing.whole(*frame.shape[:2]))])[0]
+        return replace(view, confidence=cautions.confidence(view.mask))
+
+    def doubts(self, view: View) -> tuple[Caution, ...]:
+        """Return the warnings of the estimate of a view: why it may be wrong (`cautions`)."""
+        mask = self._place_mask(view) if view.given is None else view.given
+        photo = view.photo
+        if photo.dtype == np.uint8:
+            photo = photo / np.float32(255)
+        return (*cautions.of(photo, mask, view.confidence), *view.doubts)
+
+    def read(self, view: View, only: Collection[str] | None = None) -> Material:
         """Estimate the material of the object in a view.
+
+        Args:
+            view: view that `view` or `look` returned.
+            only: names of the estimates to make, out of the estimator's own; by default all.
 
         Returns:
             The material, with the view's coverage, confidence and square, and with its layers in
@@ -237,7 +265,7 @@ class Estimator:
         Raises:
             ValueError: if the model's answers are not finite, as its weights are damaged.
         """
-        return next(self._read([view]))
+        return next(self._read([view], only))
 
     def place(self, view: View, material: Material) -> Material:
         """Bring the material of a view to its photo.
@@ -250,9 +278,7 @@ class Estimator:
             The material with the layers that were asked for at the photo's size, the coverage and
             the warnings; where no object was found, with nothing but the mask.
         """
-        mask = view.given
-        if mask is None:
-            mask = self._place_mask(view)
+        mask = self._place_mask(view) if view.given is None else view.given
         warnings = (*cautions.of(view.photo, mask, view.confidence), *view.doubts)
         if cautions.NO_OBJECT in warnings:
             return Material(
@@ -292,23 +318,26 @@ class Estimator:
 
     def _views(self, photos: Sequence[Picture], masks: Sequence[Picture | None]) -> list[View]:
         """Return the view of each photo; SegmentationNet looks at all of them as one batch."""
-        inputs = [self._load_inputs(*pair) for pair in zip(photos, masks, strict=True)]
-        size, views = self._engine.size, []
-        for image, given, confidence, doubts in inputs:
+        views = []
+        for picture, given_mask in zip(photos, masks, strict=True):
+            image, given, confidence, doubts = self._load_inputs(picture, given_mask)
             if given is None:
-                square, mask = (
-                    framing.whole(*image.shape[:2]),
-                    np.zeros((size, size, 1), np.float32),
-                )
+                view = self._unseen(image, framing.whole(*image.shape[:2]))
             else:
-                square = framing.around_given(given)
-                mask = framing.cut_layer(given, square, size)
-            seen = framing.cut(image, square, size)
-            views.append(View(square, seen, mask, confidence, image, given, doubts))
+                view = self._unseen(image, framing.around_given(given))
+                mask = framing.cut_layer(given, view.square, self._engine.size)
+                view = replace(view, mask=mask, given=given, confidence=confidence)
+            views.append(replace(view, doubts=doubts))
         searched = [index for index, view in enumerate(views) if view.given is None]
         for index, view in zip(searched, self._find([views[at] for at in searched]), strict=True):
             views[index] = replace(view, confidence=cautions.confidence(view.mask))
         return views
+
+    def _unseen(self, photo: np.ndarray, square: Square) -> View:
+        """Return a view of a square in which nothing was looked for yet."""
+        size = self._engine.size
+        seen = framing.cut(photo, square, size)
+        return View(square, seen, np.zeros((size, size, 1), np.float32), None, photo, None)
 
     def _load_inputs(
         self, photo: Picture, mask: Picture | None
@@ -350,14 +379,20 @@ class Estimator:
         masks = self._run(["mask"], {"image": np.stack([view.image for view in views])})["mask"]
         return [replace(view, mask=mask) for view, mask in zip(views, masks, strict=True)]
 
-    def _read(self, views: list[View]) -> Iterator[Material]:
+    def _outputs_of(self, only: Collection[str]) -> list[str]:
+        """Return the names of the outputs, all but the mask, that estimates need."""
+        needed = available(self._engine.outputs)
+        return sorted({output for name in only for output in needed[name]} - {"mask"})
+
+    def _read(self, views: list[View], only: Collection[str] | None = None) -> Iterator[Material]:
         """Yield the material of each view; the networks run on all of them as one batch."""
         answers: Mapping[str, np.ndarray] = {}
-        if self._outputs and views:
+        outputs = self._outputs if only is None else self._outputs_of(self._only & set(only))
+        if outputs and views:
             images, masks = (
                 np.stack([getattr(view, name) for view in views]) for name in ("image", "mask")
             )
-            answers = self._run(self._outputs, {"image": images, "mask": masks})
+            answers = self._run(outputs, {"image": images, "mask": masks})
         for index, view in enumerate(views):
             yield self._material(view, {name: value[index] for name, value in answers.items()})
 
@@ -384,7 +419,7 @@ class Estimator:
             )
         if "specular_albedo" in answer:
             fields["specular_albedo"] = float(answer["specular_albedo"][0])
-        if "exponent" in self._only:
+        if {"exponent_bin_probabilities", "log_exponent"} & set(answer):
             fields["exponent"] = float(10.0 ** shininess.log_of_outputs(answer))
             fields["gloss_calibration"] = self.gloss_calibration
         if "exponent_bin_probabilities" in answer:

@@ -23,6 +23,12 @@ THRESHOLD = 0.5
 """Smallest coverage, in [0, 1], of a pixel that belongs to the object."""
 
 
+_LEVELS = np.arange(256, dtype=np.float32) / np.float32(255)
+"""The sRGB levels of uint8, in [0, 1]."""
+_LINEAR = colour.srgb_to_linear(_LEVELS)
+"""Their linear radiance."""
+_LARGEST_FILL = 0.9
+"""Share of a square's side from which a followed object has outgrown it."""
 _Beyond = tuple[tuple[int, int], ...]
 
 
@@ -62,17 +68,59 @@ def around(mask: np.ndarray, square: Square) -> Square:
         `square` itself if the mask shows no object, or if the largest object fills at least half
         of its side. Else a square around that object, which fills `FILL` of its side.
     """
-    found = cc3d.connected_components(mask[..., 0] >= THRESHOLD, connectivity=4)
-    objects = cc3d.statistics(found)
+    found = _largest_object(mask)
+    if found is None or found[1] >= _SMALLEST_FILL * len(mask):
+        return square
+    return _centred(*found, square, square.side / len(mask))
+
+
+def _largest_object(mask: np.ndarray) -> tuple[tuple[slice, ...], int] | None:
+    """Return the box of the largest object of a mask, and its longer side; None without one."""
+    labels = cc3d.connected_components(mask[..., 0] >= THRESHOLD, connectivity=4)
+    objects = cc3d.statistics(labels)
     # The first is what belongs to no object.
     pixels, boxes = objects["voxel_counts"][1:], objects["bounding_boxes"][1:]
     if not boxes:
-        return square
+        return None
     box = boxes[np.argmax(pixels)]
-    extent = max(edge.stop - edge.start for edge in box)
-    if extent >= _SMALLEST_FILL * len(mask):
-        return square
-    return _centred(box, extent, square, square.side / len(mask))
+    return box, max(edge.stop - edge.start for edge in box)
+
+
+def following(mask: np.ndarray, square: Square, height: int, width: int) -> Square | None:
+    """Return the square in which to look for an object in the next frame of a stream.
+
+    Args:
+        mask: coverage `(S, S, 1)` in [0, 1] of `square`.
+        square: square of this frame.
+        height: height of the frame in pixels.
+        width: width of the frame in pixels.
+
+    Returns:
+        A square around the largest object, which fills `FILL` of its side, or the whole frame's if
+        that is smaller; None if the mask shows no object, or one that reaches the square's edge
+        where the frame goes on, or fills more of the square than the networks have seen.
+    """
+    object_box = _largest_object(mask)
+    if object_box is None:
+        return None
+    box, extent = object_box
+    size, everything = len(mask), whole(height, width)
+    inner = (slice(1, size - 1),) * 2
+    cut_off = any(
+        (edge.start < seen.start and origin > 0) or (edge.stop > seen.stop and end < length)
+        for edge, seen, origin, end, length in zip(
+            box,
+            inner,
+            square[:2],
+            (square.top + square.side, square.left + square.side),
+            (height, width),
+            strict=True,
+        )
+    )
+    if square != everything and (cut_off or extent > _LARGEST_FILL * size):
+        return None
+    closer = _centred(box, extent, square, square.side / size)
+    return closer if closer.side < _SMALLEST_FILL / FILL * everything.side else everything
 
 
 def around_given(mask: np.ndarray) -> Square:
@@ -111,7 +159,7 @@ def cut(image_srgb: np.ndarray, square: Square, size: int) -> np.ndarray:
     as the training images are (`pipeline.resize`).
 
     Args:
-        image_srgb: photo `(H, W, 3)`, sRGB in [0, 1].
+        image_srgb: photo `(H, W, 3)`, sRGB, in [0, 1] or uint8; both give the same bits.
         square: square of the photo.
         size: height and width of the result in pixels.
     """
@@ -124,15 +172,18 @@ def cut(image_srgb: np.ndarray, square: Square, size: int) -> np.ndarray:
     first = [min(max(-edge, 0), side - 1) for edge in (top, left)]
     last = [side - count - edge for count, edge in zip(seen.shape[:2], first, strict=True)]
     beyond = (*zip(first, last, strict=True), (0, 0))
+    levels = _LEVELS if seen.dtype == np.uint8 else None
     if side == size:
-        return np.pad(seen, beyond, mode="edge")
-    linear = colour.srgb_to_linear(seen)
+        return np.pad(seen if levels is None else levels[seen], beyond, mode="edge")
+    # A frame's 256 levels are looked up: the power of each pixel takes ten times as long.
+    linear = colour.srgb_to_linear(seen) if levels is None else _LINEAR[seen]
     if side > size:
         resampled = _shrunk(linear, beyond, size, "edge")
     else:
         resampled = _enlarged(np.pad(linear, beyond, mode="edge"), size)
     resampled = colour.linear_to_srgb(resampled)
-    return np.clip(resampled, seen.min(), seen.max())
+    least, most = seen.min(), seen.max()
+    return np.clip(resampled, *((least, most) if levels is None else levels[[least, most]]))
 
 
 def cut_layer(layer: np.ndarray, square: Square, size: int) -> np.ndarray:

@@ -171,9 +171,9 @@ class _Handler(BaseHTTPRequestHandler):
         request = wire.unpack(body)
         if request.restart:
             self.server.session.restart()
-        answer = self.server.session.answer(request.image_srgb, request.mask, request.wanted)
+        result = self.server.session.process(request.image_srgb, request.mask, request.frame)
         height, width, _ = request.image_srgb.shape
-        content = wire.pack(answer, number=request.number, width=width, height=height)
+        content = wire.pack(result, number=request.number, width=width, height=height)
         return HTTPStatus.OK, "application/octet-stream", content
 
     def _decode(self, body: bytes) -> tuple[HTTPStatus, str, bytes]:

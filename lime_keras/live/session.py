@@ -10,39 +10,51 @@ import numpy as np
 from lime_keras.estimate import framing, recomposition
 from lime_keras.estimate.cautions import NO_OBJECT
 from lime_keras.estimate.estimator import Estimator, View
+from lime_keras.estimate.framing import Square
 from lime_keras.lighting import guessed_light
-from lime_keras.material import Material
-from lime_keras.optics import shading
+from lime_keras.material import Caution, Material
+from lime_keras.optics import colour, shading
 from lime_keras.video.fusion import Fusion
-from lime_keras.video.tracking import Tracker, is_found, material_of
+from lime_keras.video.tracking import Step, Tracker, is_found, material_of
 
+_MATERIAL, _LAYERS = ("albedo", "exponent"), ("specular", "mirror")
+"""Estimates of a frame, and those that it takes for its layers and light."""
 _SHOWN = ("diffuse_albedo", "specular_albedo", "exponent")
 _NUMBERS = (*_SHOWN, "exponent_bin_probabilities", "exponent_entropy")
 
 
+_LIGHT_PIXELS = 64
+"""Height and width to which a square is reduced for its light, which has 64 × 128 texels: more
+pixels take four times as long, and move the light by less than the next frame does."""
+_WARNED_EVERY = 10
+"""Number of frames after which warnings are looked for without layers, too."""
+
+
 @dataclass(frozen=True)
-class Wanted:
-    """The parts of an answer that a frame asks for.
+class FrameRequest:
+    """The parts of a result that a frame asks for.
 
     Attributes:
-        material: whether the layers S and M and the material are estimated; else only the mask.
+        material: whether the material is estimated; else only the mask.
+        layers: whether S and M are answered, and the warnings looked for; they take the material.
         light: whether the light is estimated; it takes the material.
         fusion: whether material and light are fused over the frames since the last cut.
     """
 
     material: bool = True
+    layers: bool = True
     light: bool = True
     fusion: bool = True
 
 
 @dataclass(frozen=True)
-class Answer:
-    """The answer to one frame.
+class FrameResult:
+    """The result of one frame.
 
     Attributes:
         numbers: all but the images, ready for `json.dumps`.
         arrays: images by name: `mask` `(S, S)` uint8, 0 to 255; and those of these that were
-            estimated, float32, linear radiance: `specular_shading` and `mirror` `(S, S)`, `light`
+            asked for, float32, linear radiance: `specular_shading` and `mirror` `(S, S)`, `light`
             `(64, 128)` in camera space.
     """
 
@@ -52,6 +64,9 @@ class Answer:
 
 class Session:
     """A stream of frames and what is known of its object so far.
+
+    The object is looked for in the square of the frame before, and in the whole frame when it is
+    not there (`Estimator.look`).
 
     Args:
         estimator: estimator of single frames.
@@ -64,45 +79,55 @@ class Session:
     def restart(self) -> None:
         """Forget all frames, because another stream begins."""
         self._tracker, self._light = Tracker(), Fusion()
+        self._square: Square | None = None
+        self._warnings: tuple[Caution, ...] = ()
+        self._unwarned = _WARNED_EVERY
 
-    def answer(self, image_srgb: np.ndarray, mask: np.ndarray | None, wanted: Wanted) -> Answer:
+    def process(
+        self, image_srgb: np.ndarray, mask: np.ndarray | None, request: FrameRequest
+    ) -> FrameResult:
         """Estimate the next frame.
 
         Args:
             image_srgb: frame `(H, W, 3)`, uint8 sRGB.
             mask: coverage `(H, W)` uint8, 255 where the object is; None to find it.
-            wanted: parts to estimate.
+            request: parts to estimate.
 
         Raises:
             ValueError: if the frame cannot be estimated.
         """
         # The object, and its material.
-        watch = _Watch()
-        view = self._estimator.view(image_srgb, None if mask is None else mask / np.float32(255))
+        watch, height, width = _Watch(), *image_srgb.shape[:2]
+        if mask is None:
+            view = self._estimator.look(image_srgb, self._square)
+            self._square = framing.following(view.mask, view.square, height, width)
+        else:
+            view = self._estimator.view(image_srgb, mask / np.float32(255))
+            self._square = None
         watch.lap("framing_and_mask")
         material = Material(mask_coverage=view.coverage, square=view.square)
-        if wanted.material and is_found(material):
-            material = self._estimator.read(view)
-            told = self._estimator.place(view, material).warnings
-            material = dataclasses.replace(material, warnings=told)
+        if request.material and is_found(material):
+            wanted = request.layers or request.light
+            material = self._estimator.read(view, [*_MATERIAL, *(_LAYERS if wanted else ())])
             watch.lap("material")
 
         # What is known of it since the last cut.
         step = self._tracker.step(image_srgb, material)
-        fused = material_of(step.fused, material.gloss_calibration)
+        fused = material_of(step.fused, self._estimator.gloss_calibration)
         if step.cut or np.isnan(step.fused).all():
             self._light.restart()
+            self._square = None
 
         # The layers, the light and what may be wrong with them.
-        told = material.warnings if is_found(material) else (NO_OBJECT,)
-        warnings = [dataclasses.asdict(caution) for caution in told]
         arrays = {"mask": np.rint(255 * view.mask[..., 0]).astype(np.uint8)}
-        for name in ("specular_shading", "mirror"):
-            if name in material.layers:
+        estimated = request.material and step.found
+        if request.layers:
+            for name in set(material.layers) & {"specular_shading", "mirror"}:
                 arrays[name] = _plain(material.layers[name][..., 0])
-        if wanted.light and material.layers:
+        warnings = [dataclasses.asdict(caution) for caution in self._doubts(view, step, request)]
+        if request.light and estimated:
             try:
-                arrays["light"] = self._lit(view, material, image_srgb.shape, wanted.fusion)
+                arrays["light"] = self._lit(view, material, request.fusion)
             except ValueError as error:
                 warnings.append({"code": "no-light", "message": f"no light was found: {error}"})
             watch.lap("light")
@@ -114,30 +139,56 @@ class Session:
             "square": view.square,
             "mask_coverage": view.coverage,
             "mask_confidence": view.confidence,
-            "material": _numbers(material, _NUMBERS) if material.layers else None,
-            "fused": (_numbers(fused, _SHOWN) or None) if wanted.fusion else None,
+            "material": _numbers(material, _NUMBERS) if estimated else None,
+            "fused": (_numbers(fused, _SHOWN) or None) if request.fusion else None,
             "ms": watch.laps(),
             "warnings": warnings,
         }
-        return Answer(numbers, arrays)
+        return FrameResult(numbers, arrays)
 
-    def _lit(
-        self, view: View, material: Material, shape: tuple[int, ...], fusion: bool
-    ) -> np.ndarray:
+    def _doubts(self, view: View, step: Step, request: FrameRequest) -> tuple[Caution, ...]:
+        """Return the warnings of this frame, or of the last one in which they were looked for.
+
+        They are of the whole frame's pixels, which takes as long as a network.
+        """
+        self._unwarned += 1
+        if not step.found:
+            self._warnings, self._unwarned = (NO_OBJECT,), _WARNED_EVERY
+        elif request.material and (request.layers or self._unwarned >= _WARNED_EVERY):
+            self._warnings, self._unwarned = self._estimator.doubts(view), 0
+        elif not request.material:
+            return ()
+        return self._warnings
+
+    def _lit(self, view: View, material: Material, fusion: bool) -> np.ndarray:
         """Return the light `(64, 128)`, fused if asked for."""
-        height, width = shape[:2]
+        height, width = view.photo.shape[:2]
         size, (top, left, side) = len(view.mask), view.square
-        # What lies beyond the photo was not seen.
-        mask = np.minimum(view.mask, 1) * framing.inside(view.square, height, width, size)
+        if lacking := {"specular_shading", "mirror"} - set(material.layers):
+            raise ValueError(f"the model has no {' and no '.join(sorted(lacking))}")
         specular = material.layers["specular_shading"]
         diffuse = recomposition.diffuse(view.image, view.mask, specular, material)
-        seen = dataclasses.replace(
-            material, layers=material.layers | {"mask": mask, "diffuse": diffuse}
-        )
+        # What lies beyond the photo was not seen.
+        mask = np.minimum(view.mask, 1) * framing.inside(view.square, height, width, size)
+        layers = material.layers | {"mask": mask, "diffuse": diffuse}
+        small = {name: _reduced(layer) for name, layer in layers.items()}
+        image = colour.linear_to_srgb(_reduced(colour.srgb_to_linear(view.image)))
         focal, _, x, y = shading.assumed_camera(height, width)
-        camera = np.array([focal, focal, x - left, y - top]) * (size / side)
-        light = guessed_light.estimate(view.image, seen, camera)
+        camera = np.array([focal, focal, x - left, y - top]) * (len(image) / side)
+        light = guessed_light.estimate(image, dataclasses.replace(material, layers=small), camera)
         return _plain(self._light.update(light) if fusion else light)
+
+
+def _reduced(layer: np.ndarray) -> np.ndarray:
+    """Return the means `(s, s, C)` of the areas of a layer `(S, S, C)`; s is 64 or a little more.
+
+    A side that has no such divisor stays as it is.
+    """
+    size, channels = len(layer), layer.shape[-1]
+    step = size // _LIGHT_PIXELS
+    if step < 2 or size % step:
+        return layer
+    return layer.reshape(size // step, step, size // step, step, channels).mean(axis=(1, 3))
 
 
 class _Watch:

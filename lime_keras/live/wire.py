@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from lime_keras.live.session import Answer, Wanted
+from lime_keras.live.session import FrameRequest, FrameResult
 
 LONGEST = 4096
 """Largest width and height of a frame in pixels; the page makes larger photos smaller."""
@@ -21,7 +21,7 @@ _HEADER = 4096
 LARGEST_BODY = 4 + _HEADER + 5 * LONGEST**2
 """Largest number of bytes of a request: a frame and its mask."""
 _LENGTH = struct.Struct("<I")
-_OPTIONS = ("material", "light", "fusion")
+_OPTIONS = ("material", "layers", "light", "fusion")
 
 
 @dataclass(frozen=True)
@@ -32,14 +32,14 @@ class Request:
         number: number of the frame, which its answer carries.
         image_srgb: `(H, W, 3)` uint8 sRGB.
         mask: coverage `(H, W)` uint8 that the user painted; None to find the object.
-        wanted: parts to estimate.
+        frame: parts to estimate.
         restart: whether another stream begins with the frame.
     """
 
     number: int
     image_srgb: np.ndarray
     mask: np.ndarray | None
-    wanted: Wanted
+    frame: FrameRequest
     restart: bool
 
 
@@ -50,8 +50,8 @@ def unpack(body: bytes) -> Request:
         ValueError: if the body is not as described above.
     """
     header, pixels = _split(body)
-    number = _whole(header, "number", 0, 2**53)
-    width, height = (_whole(header, name, 1, LONGEST) for name in ("width", "height"))
+    number = _integer(header, "number", 0, 2**53)
+    width, height = (_integer(header, name, 1, LONGEST) for name in ("width", "height"))
     options, masked = header.get("options", {}), header.get("mask", False)
     if not isinstance(options, dict) or not set(options) <= set(_OPTIONS):
         raise ValueError(f"a frame's options are some of {', '.join(_OPTIONS)}, got {options!r}")
@@ -67,24 +67,24 @@ def unpack(body: bytes) -> Request:
         number=number,
         image_srgb=np.ascontiguousarray(image),
         mask=levels[4 * area :].reshape(height, width) if masked else None,
-        wanted=Wanted(**{name: bool(value) for name, value in options.items()}),
+        frame=FrameRequest(**{name: bool(value) for name, value in options.items()}),
         restart=bool(header.get("restart", False)),
     )
 
 
-def pack(answer: Answer, **more: Any) -> bytes:
+def pack(result: FrameResult, **more: Any) -> bytes:
     """Return the body of an answer; `more` are further values of its header."""
     told, parts, first = {}, [], 0
-    for name, array in answer.arrays.items():
+    for name, array in result.arrays.items():
         content = np.ascontiguousarray(array, array.dtype.newbyteorder("<")).tobytes()
         told[name] = {"type": array.dtype.name, "shape": array.shape, "first": first}
         parts.append(content)
         first += len(content)
-    header = json.dumps(answer.numbers | more | {"arrays": told}, allow_nan=False).encode()
+    header = json.dumps(result.numbers | more | {"arrays": told}, allow_nan=False).encode()
     return b"".join([_LENGTH.pack(len(header)), header, *parts])
 
 
-def _whole(header: dict[str, Any], name: str, least: int, most: int) -> int:
+def _integer(header: dict[str, Any], name: str, least: int, most: int) -> int:
     value = header.get(name)
     if type(value) is not int or not least <= value <= most:
         raise ValueError(f"a frame's {name} is a whole number up to {most}, got {value!r}")

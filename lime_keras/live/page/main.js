@@ -138,8 +138,10 @@ function show(image, answer, round, wanted) {
   if (seen) {
     last.material = seen;
     last.fused = answer.fused;
-    drawLayer($("specular"), answer.layers.specular_shading, answer.size);
-    drawLayer($("mirror"), answer.layers.mirror, answer.size);
+    if (wanted.layers) {
+      drawLayer($("specular"), answer.layers.specular_shading, answer.size);
+      drawLayer($("mirror"), answer.layers.mirror, answer.size);
+    }
     if (answer.light) last.light = answer.light;
   }
   if (seen || !last.material) {
@@ -190,7 +192,9 @@ async function follow(own) {
     const material = count % every === 0;
     const now = performance.now();
     const light = material && now - lightAt > LIGHT_EVERY;
-    if ((await estimate(image, null, { material, light, fusion }, own)) === "done") {
+    // Layers take a network of their own, and warnings the whole frame.
+    const layers = count % SOME === 0 && $("specular").getClientRects().length > 0;
+    if ((await estimate(image, null, { material, layers, light, fusion }, own)) === "done") {
       if (light) lightAt = now;
       count += 1;
       const done = performance.now();
@@ -208,7 +212,7 @@ async function once(own = run) {
   const count = ++pictures;
   let result = "again";
   while (own === run && count === pictures && source.live === frozen && result === "again") {
-    result = await estimate(image, mask, { material: true, light: true, fusion: false }, own);
+    result = await estimate(image, mask, { material: true, layers: true, light: true, fusion: false }, own);
   }
   // A picture that cannot be estimated leaves the one before it, without its source.
   if (own === run && result === "failed" && last.source !== source) {

@@ -11,7 +11,7 @@ import static_page
 
 from lime_keras.estimate.estimator import Estimator
 from lime_keras.live import static
-from lime_keras.live.session import Session, Wanted
+from lime_keras.live.session import FrameRequest, Session
 
 pytestmark = pytest.mark.slow
 HEADERS = tuple(static._HEADERS.items())
@@ -99,7 +99,7 @@ def test_the_browser_answers_as_python_does(written, page, within=1e-3):
     assert any("MB" in text for text in found["told"])
     session = Session(Estimator("live"))
     for image, mask, answer in zip(images, masks, found["answers"], strict=True):
-        expected = session.answer(image, mask, Wanted())
+        expected = session.process(image, mask, FrameRequest())
         told = expected.numbers
         codes = [[warning["code"] for warning in told["warnings"]] for told in (answer, told)]
         assert codes[0] == codes[1]

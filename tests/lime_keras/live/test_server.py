@@ -176,7 +176,7 @@ def test_a_fault_of_the_estimate_is_told_and_the_server_goes_on(server, monkeypa
         raise RuntimeError("a broken graph")
 
     with monkeypatch.context() as patch:
-        patch.setattr(server.session, "answer", broken)
+        patch.setattr(server.session, "process", broken)
         answer, content = ask(server, "POST", "/estimate", frame(FRAME))
         assert answer.status == 500 and "RuntimeError" in json.loads(content)["error"]
     assert "a broken graph" in capsys.readouterr().err

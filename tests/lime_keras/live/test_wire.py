@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from lime_keras.live import wire
-from lime_keras.live.session import Answer, Wanted
+from lime_keras.live.session import FrameRequest, FrameResult
 
 
 def body(pixels, **header):
@@ -21,11 +21,11 @@ def test_a_frame_comes_out_as_it_went_in():
     header = {"number": 7, "width": 5, "height": 3, "mask": True, "options": {"light": False}}
     found = wire.unpack(body(pixels.tobytes() + mask.tobytes(), **header, restart=True))
     assert found.number == 7 and found.restart
-    assert found.wanted == Wanted(material=True, light=False, fusion=True)
+    assert found.frame == FrameRequest(material=True, light=False, fusion=True)
     assert np.array_equal(found.image_srgb, pixels[..., :3])
     assert found.mask is not None and np.array_equal(found.mask, mask)
     bare = wire.unpack(body(pixels.tobytes(), number=0, width=5, height=3))
-    assert bare.mask is None and not bare.restart and bare.wanted == Wanted()
+    assert bare.mask is None and not bare.restart and bare.frame == FrameRequest()
 
 
 def test_an_answers_arrays_lie_where_its_header_says():
@@ -33,7 +33,7 @@ def test_an_answers_arrays_lie_where_its_header_says():
         "mask": np.arange(9, dtype=np.uint8).reshape(3, 3),
         "mirror": np.arange(4, dtype=np.float32).reshape(2, 2) / 3,
     }
-    packed = wire.pack(Answer({"found": True}, arrays), number=5)
+    packed = wire.pack(FrameResult({"found": True}, arrays), number=5)
     (length,) = struct.unpack_from("<I", packed)
     header, content = json.loads(packed[4 : 4 + length]), packed[4 + length :]
     assert header["found"] is True and header["number"] == 5
