@@ -96,8 +96,8 @@ def run(options: argparse.Namespace) -> int:
     console.check_folder(options.out, "OUT")
     console.require("lime-render", *console.EXTRAS["render"], "tensorflow")
     from .. import cards
-    from ..corpus.description import Description
     from ..corpus.split import render_split
+    from ..jobs.description import Description
 
     choice = shared.chosen_variant(Split(options.out, options.split).description_path)
     description = Description(

@@ -10,11 +10,11 @@ from typing import Any
 from lime_keras.data.corpus import SPLITS, Split
 
 from ..jobs import cluster, inputs, rendering, resuming
+from ..jobs.description import Description, Job
 from ..jobs.processes import Pool
 from ..jobs.rendering import Tell
 from ..mitsuba_setup import variants
 from . import worker
-from .description import Description, Job
 from .random_example import Sources
 
 
@@ -76,7 +76,7 @@ def _render_missing(
     job: Job, renderers: cluster.Cluster | Pool, on_room: Tell, on_example: Tell
 ) -> None:
     """Render the rooms and shards that are missing."""
-    resuming.remove_partials(job.folder, job.folder / "rooms")
+    resuming.remove_partials(job.split.folder, job.split.folder / "rooms")
     rooms = _rooms(job)
     missing = [name for name in rooms if not (job.lights.cache / name).is_file()]
     if missing:
@@ -84,7 +84,7 @@ def _render_missing(
         renderers.run(worker.render_room, missing, finished, len(rooms), on_room)
     rendering.render_shards(job, renderers, worker.render_shard, on_example)
     # A lost node may have left some.
-    resuming.remove_partials(job.folder, job.folder / "rooms")
+    resuming.remove_partials(job.split.folder, job.split.folder / "rooms")
 
 
 def _check_other_split(job: Job, findings: inputs.Findings) -> None:
@@ -118,7 +118,7 @@ def _check_known_lights(
     job: Job, findings: inputs.Findings, other: Split, beside: dict[str, Any]
 ) -> None:
     """Raise ValueError unless a test split and its train split have the same lights."""
-    recorded = job.recorded()
+    recorded = job.description.recorded()
     maps = [
         inputs.digests(found)["environments"]
         for found in (findings, inputs.read(other.inputs_path) or {})
@@ -126,8 +126,9 @@ def _check_known_lights(
     rooms = [(one.get("seed"), one.get("light_count")) for one in (recorded, beside)]
     if maps[0] != maps[1] or (not maps[0] and rooms[0] != rooms[1]):
         raise ValueError(
-            f"{job.folder} and {other.folder} are to have the same lights, by --lights known, and "
-            "would have others: pass the same --environments, or the same --seed and --light-count"
+            f"{job.split.folder} and {other.folder} are to have the same lights, by --lights "
+            "known, and would have others: pass the same --environments, or the same --seed and "
+            "--light-count"
         )
 
 
@@ -136,7 +137,7 @@ def _manifest(job: Job, findings: inputs.Findings) -> dict[str, Any]:
     sidecars = rendering.sidecars(job)
     return {
         "packages": rendering.packages(sidecars),
-        "description": job.recorded(),
+        "description": job.description.recorded(),
         "shards": job.description.shards,
         "examples": job.description.count,
         "sha256": [sidecar["sha256"] for sidecar in sidecars],

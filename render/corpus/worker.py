@@ -6,10 +6,10 @@ from typing import Any
 
 from lime_keras import console
 
+from ..jobs.description import Job
 from ..jobs.processes import Ticks
 from ..mitsuba_setup import variants
 from ..scene.quality import QUALITIES
-from .description import Job
 from .random_example import Example, Sources, render_example
 
 PACKAGES = ("mitsuba", "drjit", "numpy", "OpenImageIO", "tensorflow")

@@ -1,30 +1,45 @@
-"""The base of the descriptions of corpora and banks, and of the jobs that render them."""
+"""The description of a split, on which the split's bytes depend, and the job of rendering it."""
 
-import abc
 import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
+
+from lime_keras.data.corpus import Split
+from lime_keras.optics.material_law import UNIFORM
 
 from ..mitsuba_setup import variants
 from ..scene import environments, sources
 from ..shapes import meshes
 from . import inputs
 
+_LEFT_OUT = {"light_law": sources.MAPS, "endless": 0.0}
+"""Options that corpora of before did not have, each left out of JSON where it changes nothing."""
+
 
 @dataclasses.dataclass(frozen=True)
 class Description:
-    """A description: everything that the bytes of a job depend on, apart from the software.
-
-    A subclass has more fields, among them the user's folders: `inputs.KINDS`, each a path or None
-    for the built-in kind.
+    """A description of a split: everything that its bytes depend on, apart from the software.
 
     Attributes:
         split: `train` or `test`.
-        count: number of examples or entries.
+        count: number of examples.
         seed: seed of everything random; 0 is a valid seed.
         size: height and width in pixels.
-        shard_size: number of examples or entries in a shard.
+        shard_size: number of examples in a shard.
+        quality: name of the quality (see `QUALITIES`).
+        shading: the lobe of S, one of `corpus.LOBES`.
+        shapes: folder of meshes, or None for the built-in shapes.
+        environments: folder of environment maps, or None for the built-in rooms.
+        backgrounds: folder of pictures, or None for random textures.
+        variant: variant of Mitsuba.
+        materials: name of the law of the materials (see `material_law.LAWS`).
+        light_split: split whose lights are used, where it is not this one: `train`, for a test
+            split of unseen shapes under known lights.
+        shape_count: number of built-in shapes; None for that of `sources`.
+        light_count: number of built-in rooms; None for that of `sources`.
+        light_law: name of the law of the lights (see `sources.LIGHT_LAWS`).
+        endless: share of the bodies that no other shard has (see `corpus.bodies`).
     """
 
     split: str
@@ -32,6 +47,18 @@ class Description:
     seed: int
     size: int
     shard_size: int
+    quality: str
+    shading: str = dataclasses.field(default="furnace", kw_only=True)
+    shapes: str | None
+    environments: str | None
+    backgrounds: str | None
+    variant: str
+    materials: str = UNIFORM
+    light_split: str | None = None
+    shape_count: int | None = None
+    light_count: int | None = None
+    light_law: str = sources.MAPS
+    endless: float = 0.0
 
     @property
     def shards(self) -> int:
@@ -50,10 +77,10 @@ class Description:
 
     def split_of(self, kind: str) -> str:
         """Return the split whose files of a kind of `inputs.KINDS` are used."""
-        return self.split
+        return self.light_split or self.split if kind == "environments" else self.split
 
     def recorded(self) -> dict[str, Any]:
-        """Return the description as it is stored in JSON.
+        """Return the description as it is stored in JSON; a built-in kind has no entry.
 
         Folders are stored by name alone: their place on this machine changes no byte.
         """
@@ -61,7 +88,11 @@ class Description:
         for kind in inputs.KINDS:
             folder = self.folder(kind)
             record[kind] = folder.name if folder else None
-        return record
+        return {
+            name: value
+            for name, value in record.items()
+            if value is not None and (name not in _LEFT_OUT or value != _LEFT_OUT[name])
+        }
 
     def files(self) -> dict[str, list[Path]]:
         """Return the user's files for the split, by kind; an empty list for a built-in kind.
@@ -81,21 +112,16 @@ class Description:
 
 
 @dataclasses.dataclass(frozen=True)
-class Job(abc.ABC):
-    """A job of rendering, as a worker needs it.
+class Job:
+    """The job of rendering a split, as a worker needs it.
 
     Attributes:
-        kind: what is rendered, in a word.
-        manifest: name of the manifest's file.
-        out: folder of the corpus or bank.
-        description: description of what is rendered.
+        out: folder of the corpus.
+        description: description of the split.
         choice: variant and library of Mitsuba.
         usable: names of the user's files to use, by kind; None if the folder is to be listed, or if
             the kind is built in.
     """
-
-    kind: ClassVar[str]
-    manifest: ClassVar[str]
 
     out: Path
     description: Description
@@ -105,28 +131,35 @@ class Job(abc.ABC):
     )
 
     @property
-    def folder(self) -> Path:
-        """The folder that the job claims, and in which it records what it does."""
-        return self.out
-
-    @abc.abstractmethod
-    def shard_files(self, shard: int) -> tuple[Path, ...]:
-        """Return the paths of a shard's files; the last is its sidecar, which is written last."""
+    def split(self) -> Split:
+        """The split on disk that the job writes: the folder that it claims."""
+        return Split(self.out, self.description.split)
 
     @property
-    def manifest_path(self) -> Path:
-        """The file that is written last, when everything is rendered."""
-        return self.folder / self.manifest
+    def shapes(self) -> sources.ShapeSource:
+        """The source of the split's shapes."""
+        given = self.description
+        return sources.ShapeSource(
+            given.folder("shapes"),
+            given.split,
+            given.seed,
+            self.usable["shapes"],
+            given.shape_count,
+        )
 
     @property
-    def description_path(self) -> Path:
-        """The file of the description; written before anything is rendered."""
-        return self.folder / "description.json"
-
-    @property
-    def inputs_path(self) -> Path:
-        """The file that records what was found in the user's files."""
-        return self.folder / "inputs.json"
+    def lights(self) -> sources.LightSource:
+        """The source of the split's lights."""
+        given = self.description
+        return sources.LightSource(
+            given.folder("environments"),
+            given.split_of("environments"),
+            given.seed,
+            self.split.folder / "rooms",
+            self.usable["environments"],
+            given.light_count,
+            given.light_law,
+        )
 
     @property
     def backgrounds(self) -> sources.BackgroundSource:
@@ -135,14 +168,11 @@ class Job(abc.ABC):
             self.description.folder("backgrounds"), self.usable["backgrounds"]
         )
 
-    def recorded(self) -> dict[str, Any]:
-        """Return the description as it is stored in JSON."""
-        return self.description.recorded()
-
     def missing(self) -> list[int]:
         """Return the numbers of the shards of which a file is missing."""
+        paths = self.split.shard_path, self.split.sidecar_path
         return [
             shard
             for shard in range(self.description.shards)
-            if not all(path.is_file() for path in self.shard_files(shard))
+            if not all(path(shard).is_file() for path in paths)
         ]

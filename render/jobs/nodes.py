@@ -99,13 +99,13 @@ def _refuse_other_versions(wanted: dict[str, str]) -> None:
 
 
 def _refuse_other_files(job: Job) -> None:
-    path = job.description_path
+    path = job.split.description_path
     if not path.is_file():
         raise RuntimeError(
             f"{path} is not seen there: the corpus must be in a folder that all nodes share, under "
             "the same path"
         )
-    if untrusted.read_json(path) != job.recorded():
+    if untrusted.read_json(path) != job.description.recorded():
         raise RuntimeError(
             f"{path} is another split's there: all nodes must share the corpus' folder, under the "
             "same path"
@@ -113,7 +113,7 @@ def _refuse_other_files(job: Job) -> None:
     try:
         inputs.inspect(
             job.description.files(),
-            inputs.read(job.inputs_path),
+            inputs.read(job.split.inputs_path),
             lambda check, files: [check(file) for file in files],
         )
     except ValueError as error:

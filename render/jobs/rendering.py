@@ -6,7 +6,7 @@ interruptions. What is finished is never made again.
 
 import dataclasses
 from collections.abc import Callable, Sequence
-from typing import Any, TypeVar
+from typing import Any
 
 from lime_keras.io import locking
 
@@ -16,12 +16,9 @@ from .processes import Pool
 
 Tell = Callable[[int, int], None]
 """A function that is called with (done, total) as work goes on."""
-_Job = TypeVar("_Job", bound=Job)
 
 
-def begin(
-    job: _Job, pool: Pool, *, skip_unusable: bool, tell: Tell
-) -> tuple[_Job, inputs.Findings]:
+def begin(job: Job, pool: Pool, *, skip_unusable: bool, tell: Tell) -> tuple[Job, inputs.Findings]:
     """Check a job's inputs before its folder is made, so that an unusable file leaves nothing.
 
     Args:
@@ -37,7 +34,7 @@ def begin(
         ValueError: if the folder was begun with another description, or an input is unusable.
     """
     begun = _refuse_another(job)
-    known = None if begun is None else inputs.read(job.inputs_path)
+    known = None if begun is None else inputs.read(job.split.inputs_path)
     findings = _inspected(job, pool, known, tell)
     if begun is None and not skip_unusable:
         inputs.refuse(findings)
@@ -67,21 +64,21 @@ def complete(
         ValueError: if an input has changed meanwhile, or another command has begun the folder.
         RuntimeError: if another process renders into this folder.
     """
-    with locking.lock_folder(job.folder, "lime-render is rendering"):
+    with locking.lock_folder(job.split.folder, "lime-render is rendering"):
         _refuse_another(job)
-        resuming.write_json(job.description_path, job.recorded())
-        inputs.write(job.inputs_path, findings)
+        resuming.write_json(job.split.description_path, job.description.recorded())
+        inputs.write(job.split.inputs_path, findings)
         manifest = render()
         # A file that changed meanwhile may be in some shards only.
         _inspected(job, pool, findings, tell)
-        resuming.write_json(job.manifest_path, manifest)
+        resuming.write_json(job.split.manifest_path, manifest)
     return manifest
 
 
 def _refuse_another(job: Job) -> dict[str, Any] | None:
     """Return the description of the job's folder; ValueError is raised if it is of another job."""
-    begun = resuming.held(job.description_path)
-    resuming.refuse_another(job.folder, job.kind, begun, job.recorded())
+    begun = resuming.held(job.split.description_path)
+    resuming.refuse_another(job.split.folder, "split", begun, job.description.recorded())
     return begun
 
 
@@ -98,7 +95,7 @@ def render_shards(
 
 def sidecars(job: Job) -> list[dict[str, Any]]:
     """Return the sidecars of all shards; ValueError is raised if one vouches for no shard."""
-    return [resuming.sidecar(job.shard_files(n)[-1]) for n in range(job.description.shards)]
+    return [resuming.sidecar(job.split.sidecar_path(n)) for n in range(job.description.shards)]
 
 
 def packages(vouched: Sequence[dict[str, Any]]) -> dict[str, str]:

@@ -20,10 +20,10 @@ from render_scenes import describe, write_inputs
 from lime_keras.data import records
 from lime_keras.data.corpus import SPLITS, Split
 from lime_keras.render.corpus import split
-from lime_keras.render.corpus.description import Description, Job
 from lime_keras.render.corpus.random_example import Sources, render_example
 from lime_keras.render.inspect import verification
 from lime_keras.render.jobs import processes, rendering, resuming
+from lime_keras.render.jobs.description import Description, Job
 
 
 @pytest.fixture(autouse=True)
@@ -193,7 +193,7 @@ def test_other_options_that_came_while_inputs_were_checked_are_refused(
     description, mitsuba_choice, tmp_path, monkeypatch
 ):
     def inspected(job, *_):
-        resuming.write_json(job.description_path, job.recorded() | {"seed": 99})
+        resuming.write_json(job.split.description_path, job.description.recorded() | {"seed": 99})
         return {}
 
     monkeypatch.setattr(rendering, "_inspected", inspected)
@@ -405,7 +405,7 @@ def test_known_lights_of_a_test_split_are_the_rooms_of_the_train_split(descripti
     names = [job.shapes.names() for job in jobs]
     assert [len(one) for one in names] == [5, 5] and not set(names[0]) & set(names[1])
     # What is not asked for is not recorded, so that a split that was begun goes on.
-    assert not {"light_split"} & jobs[0].recorded().keys()
+    assert not {"light_split"} & jobs[0].description.recorded().keys()
 
 
 def test_files_that_come_while_it_renders_change_no_byte_and_are_told(

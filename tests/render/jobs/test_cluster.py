@@ -18,8 +18,8 @@ from render_scenes import describe, write_inputs
 
 from lime_keras.render import cli
 from lime_keras.render.corpus import split, worker
-from lime_keras.render.corpus.description import Job
 from lime_keras.render.jobs import cluster, inputs, nodes, processes, resuming
+from lime_keras.render.jobs.description import Job
 from lime_keras.render.mitsuba_setup import variants
 
 ray = pytest.importorskip("ray", reason="Ray is in the extra `cluster`")
@@ -82,7 +82,7 @@ def job(tmp_path, description):
     own = dataclasses.replace(description, **folders)
     job = Job(tmp_path / "corpus", own, variants.Choice(variants.SLOW, None))
     job.split.folder.mkdir(parents=True)
-    resuming.write_json(job.split.description_path, job.recorded())
+    resuming.write_json(job.split.description_path, job.description.recorded())
     found = {
         kind: [inputs.check(kind, path) for path in job.description.files()[kind]]
         for kind in job.description.files()
