@@ -23,7 +23,8 @@ def read(path: str | Path) -> np.ndarray:
 
     An OpenEXR file holds n itself, in channels normal.X, normal.Y, normal.Z, or X, Y, Z, or R, G,
     B. A PNG of 8 or 16 bits holds v = (n + 1) / 2, as colours without a gamma. Vectors shorter than
-    one half, black pixels of a PNG and pixels of alpha 0 are background.
+    one half, black pixels of a PNG and pixels of alpha 0 are background. An orientation that the
+    file tells turns its grid, not its vectors.
 
     Returns:
         Normals `(H, W, 3)` float32, of length 1, or 0 in the background.
@@ -49,6 +50,11 @@ def _read(path: Path) -> np.ndarray:
         raise ValueError(f"{path} is {kind.upper()}: save normals as OpenEXR or PNG")
     if not image.read(force=True):
         raise ValueError(f"{path} cannot be read: {image.geterror()}; export it anew")
+    orientation = picture_file.orientation(path, image)
+    if orientation > 1:
+        # The grid is turned as a photo's and a mask's; the vectors are those of the upright photo.
+        image.orientation = orientation
+        image = oiio.ImageBufAlgo.reorient(image)
     pixels = np.asarray(image.get_pixels(oiio.FLOAT))
     vectors = pixels[..., _channels(path, names)]
     if not np.all(np.isfinite(vectors)):

@@ -155,7 +155,7 @@ def _open(path: Path, check_size: CheckSize) -> Picture:
         _check_end(path)
     if kind == "tiff" and _is_lab(spec):
         return _open_lab(path)
-    tags, orientation = _tags(path, image)
+    tags, turned = _tags(path, image), orientation(path, image)
     most = _largest_integer(spec)
     conversion = colour_space.decide(tags, len(colours), deep=most != 255)
     cautions = conversion.cautions
@@ -164,8 +164,8 @@ def _open(path: Path, check_size: CheckSize) -> Picture:
         raise ValueError(image.geterror())
     if kind == "openexr" and not _holds(image.roi, window):
         image = oiio.ImageBufAlgo.crop(image, roi=_with_channels(window, spec.nchannels))
-    if orientation > 1:
-        image.orientation = orientation
+    if turned > 1:
+        image.orientation = turned
         image = oiio.ImageBufAlgo.reorient(image)
         window = image.roi
     aspect = spec.get_float_attribute("PixelAspectRatio", 1.0)
@@ -274,34 +274,43 @@ def _last(layer: str) -> str:
 # ---- what the file says of itself ------------------------------------------------------------
 
 
-def _tags(path: Path, image: oiio.ImageBuf) -> tuple[Tags, int]:
-    """Return what a file says of its colours, and its orientation, 1 to 8."""
+def _tags(path: Path, image: oiio.ImageBuf) -> Tags:
+    """Return what a file says of its colours."""
     kind, spec = image.file_format_name, image.spec()
-    orientation = image.orientation if 1 <= image.orientation <= 8 else 1  # some write 0
     if kind in _LINEAR:
-        told = chromaticities(path, image)
-        return Tags(chromaticities=told, curve=colour_space.linear), orientation
+        return Tags(chromaticities=chromaticities(path, image), curve=colour_space.linear)
     if kind == "pnm" and not _largest_integer(spec):
-        return Tags(curve=colour_space.linear), orientation
+        return Tags(curve=colour_space.linear)
     profile, points = spec.getattribute("ICCProfile"), spec.getattribute("CICP")
     profile = None if profile is None else bytes(profile)
     tags = Tags(profile=profile, code_points=points and (int(points[0]), int(points[1])))
     if kind in _OF_PILLOW:
-        from PIL import Image
-
-        try:
-            with Image.open(path) as opened:
-                tags = of_pillow(opened, path)
-                if orientation == 1:  # of XMP
-                    orientation = opened.getexif().get(_ORIENTATION, 1)
-        except Exception as error:  # of damaged tags, whose pixels may be sound
-            del error
+        tags = _by_pillow(path, lambda opened: of_pillow(opened, path)) or tags
     if kind == "tiff" and not _largest_integer(spec) and tags == Tags():
         raise ValueError(
             "its numbers are floats, and it does not say whether they are linear: save it as "
             "OpenEXR if they are, else in 16 bits, or with a colour profile"
         )
-    return tags, orientation if 1 <= orientation <= 8 else 1
+    return tags
+
+
+def orientation(path: Path, image: oiio.ImageBuf) -> int:
+    """Return the orientation that a file tells by EXIF, or else by XMP, 1 to 8."""
+    told = image.orientation
+    if told == 1 and image.file_format_name in _OF_PILLOW:
+        told = _by_pillow(path, lambda opened: opened.getexif().get(_ORIENTATION, 1))
+    return told if told in range(1, 9) else 1  # some cameras write 0
+
+
+def _by_pillow(path: Path, ask: "Callable[[Image.Image], Any]") -> Any:
+    """Return what Pillow says of a file's header; None if it cannot read it."""
+    from PIL import Image
+
+    try:
+        with Image.open(path) as opened:
+            return ask(opened)
+    except Exception:  # of damaged tags, whose pixels may be sound
+        return None
 
 
 def chromaticities(path: Path, image: oiio.ImageBuf) -> tuple[float, ...] | None:

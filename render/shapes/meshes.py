@@ -4,6 +4,8 @@ Every normalised mesh is centred on its bounding box and scaled so that its fart
 the unit sphere. It is right-handed, Y up; its normals are of length one and point outwards.
 """
 
+import io
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,11 +14,14 @@ import trimesh
 
 from lime_keras.io import untrusted
 
-from . import obj
+from . import gltf, obj
 from .smoothing import face_normals, smoothed
 
 EXTENSIONS = (".obj", ".ply", ".stl", ".glb")
 
+_ELEMENT = re.compile(rb"^element\s+face\s+(\d+)", re.MULTILINE)
+_BETWEEN_SOLIDS = re.compile(rb"^\s*endsolid[^\n]*\n\s*solid[^\n]*\n", re.MULTILINE)
+_FACET = re.compile(rb"^\s*facet\s", re.MULTILINE)
 _TRUSTED = 0.98
 """Least share of faces with all corner normals on one side, for which a file's normals are used.
 
@@ -74,7 +79,7 @@ def read(path: str | Path) -> tuple[Mesh, tuple[str, ...]]:
     untrusted.check(path, "a mesh")
     try:
         with np.errstate(invalid="ignore", over="ignore"):  # what is not finite is dropped below
-            vertices, faces, normals = _parts(path)
+            vertices, faces, normals, notes = _parts(path)
     except MemoryError:
         raise  # this machine's fault, not the file's
     except Exception as error:  # trimesh passes on whatever its many readers raise
@@ -91,7 +96,6 @@ def read(path: str | Path) -> tuple[Mesh, tuple[str, ...]]:
         raise ValueError(
             f"{path}: holds no face of finite, non-zero area; export the surface as triangles."
         )
-    notes = []
     if len(faces) < count:
         notes.append(
             f"{count - len(faces)} of {count} faces dropped: no area, or a corner that is missing "
@@ -140,16 +144,28 @@ def may_cover(mesh: Mesh, share: float) -> bool:
     return False
 
 
-def _parts(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Read vertices, faces and normals of all parts of a file, each part in its place.
+def _parts(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[str]]:
+    """Read vertices, faces and normals of all parts of a file, each part in its place, and notes.
 
     Normals that the file does not give are NaN. Vertex 0 is NaN: it replaces vertices that a face
     names and the file does not have.
+
+    Raises:
+        ValueError: if the file requires what is not read, or fewer faces are read than it holds.
     """
-    if path.suffix.lower() == ".obj":
-        return obj.read(path.read_bytes())
-    with path.open("rb") as file:
-        scene = trimesh.load_scene(file, file_type=path.suffix[1:].lower(), process=False)
+    content, kind, notes, expected = path.read_bytes(), path.suffix[1:].lower(), [], None
+    if kind == "obj":
+        return *obj.read(content), []
+    if kind == "glb":
+        made = gltf.plain(content)
+        content, expected, notes = made.content, made.faces, list(made.notes)
+    elif kind == "ply":
+        expected = _faces_of_ply(content)
+    elif kind == "stl" and content.lstrip().startswith(b"solid") and b"facet" in content[:2048]:
+        # Of two solids of one name, trimesh reads one.
+        content = _BETWEEN_SOLIDS.sub(b"\n", content)
+        expected = len(_FACET.findall(content))
+    scene = trimesh.load_scene(io.BytesIO(content), file_type=kind, process=False)
     nowhere = np.full((1, 3), np.nan)
     vertices, faces, normals, count = [nowhere], [np.zeros((0, 3), int)], [nowhere], 1
     for node in scene.graph.nodes_geometry:
@@ -168,7 +184,18 @@ def _parts(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         blank = np.full(part.vertices.shape, np.nan)
         normals.append(part.vertex_normals @ np.linalg.inv(linear) if given else blank)
         count += len(part.vertices)
-    return np.concatenate(vertices), np.concatenate(faces), np.concatenate(normals)
+    corners = np.concatenate(faces)
+    if expected is not None and (
+        len(corners) < expected or (kind == "glb" and len(corners) > expected)
+    ):
+        raise ValueError(f"{len(corners)} faces were read, and it holds {expected}")
+    return np.concatenate(vertices), corners, np.concatenate(normals), notes
+
+
+def _faces_of_ply(content: bytes) -> int:
+    """Return how many faces the head of a PLY announces; polygons are more than one triangle."""
+    told = _ELEMENT.search(content.partition(b"end_header")[0])
+    return int(told[1]) if told else 0
 
 
 def _sound(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -6,6 +6,7 @@ import lying_headers
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from PIL import Image
 
 from lime_keras.io import normal_map
 
@@ -53,6 +54,16 @@ def test_png_holds_half_of_n_plus_1(tmp_path, kind, tolerance, background):
     assert found == pytest.approx(normal, abs=tolerance)
     assert not found[~inside].any()
     assert np.linalg.norm(found[inside], axis=-1) == pytest.approx(1, abs=1e-6)
+
+
+def test_an_orientation_turns_the_grid_and_not_the_vectors(tmp_path):
+    """As a photo's mask is turned: the normals are those of the upright photo."""
+    normal = _ball()[0][:, 4:]
+    turned = np.rot90(np.where(normal.any(-1, keepdims=True), (normal + 1) / 2, 0))
+    exif = Image.Exif()
+    exif[0x0112] = 6
+    Image.fromarray(np.round(turned * 255).astype(np.uint8)).save(tmp_path / "n.png", exif=exif)
+    assert normal_map.read(tmp_path / "n.png") == pytest.approx(normal, abs=0.01)
 
 
 def test_alpha_cuts_out_and_does_not_darken(tmp_path):
