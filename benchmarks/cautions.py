@@ -89,7 +89,7 @@ def _answers(estimator: Estimator, corpus: Path) -> list[Answer]:
         truths = zip(*(np.asarray(batch[n]) for n in ("image", "mask", "shininess")), strict=True)
         for image, mask, shininess in truths:
             exponent = float(np.ravel(shininess)[0])
-            material = estimator.estimate(np.uint8(np.rint(255 * image)))
+            material = estimator.estimate(np.rint(255 * image).astype(np.uint8))
             if material.exponent is None or material.exponent_interval is None:
                 continue
             low, high = material.exponent_interval

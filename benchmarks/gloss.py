@@ -76,7 +76,7 @@ def _scenes(arguments: argparse.Namespace) -> Iterator[tuple[float, bool]]:
     for batch in tqdm(batches.as_numpy_iterator(), unit="batch"):
         numbers = (np.ravel(batch[name]) for name in ("shininess", "specular_albedo"))
         for image, exponent, specular in zip(batch["image"], *numbers, strict=True):
-            material = estimator.estimate(np.uint8(np.rint(255 * image)))
+            material = estimator.estimate(np.rint(255 * image).astype(np.uint8))
             if material.exponent is None:
                 continue
             found = gloss.level(material.exponent, material.specular_albedo)

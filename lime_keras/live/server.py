@@ -95,7 +95,7 @@ class LiveServer(ThreadingHTTPServer):
             "system": estimator.system,
             "size": estimator.size,
             "gloss": estimator.gloss_calibration._asdict(),
-            "about": "ONNX Runtime on this computer",
+            "about": "on this computer",
             "start": start and {"kind": start.kind, "name": start.path and start.path.name},
         }
         super().__init__(("127.0.0.1", port), _Handler)

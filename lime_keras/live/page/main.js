@@ -38,7 +38,7 @@ let last = { ...NOTHING }; // what is shown, and of which source
 let pictures = 0; // grows with each picture that is estimated once: only the newest is shown
 let tried = 0; // samples that the button has shown
 let edits = {}; // what the sliders changed: diffuse, specular, logExponent
-let lit = { kind: "found", turn: 0, stops: 0, studio: studio() };
+let lit = { kind: "studio", turn: 0, stops: 0, studio: studio() };
 
 // ---------------------------------------------------------------- what is told
 
@@ -71,8 +71,10 @@ const wait = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
 
 /** Name what estimates: in the browser the processor may hand over to WebGPU between two frames. */
 function tellAbout() {
-  const told = `lime_keras ${config.version} · ${config.system} · ${engine.about}`;
-  if ($("about").textContent !== told) $("about").textContent = $("about").title = told;
+  const told = `lime_keras ${config.version} · ${engine.about}`;
+  if ($("about").textContent === told) return;
+  $("about").textContent = told;
+  $("about").title = config.system;
 }
 
 /** Whether an engine was found; one that is gone is waited for. */
@@ -396,7 +398,7 @@ function showSliders() {
   }
   const changed = Object.keys(edits).length > 0;
   $("edited").hidden = !changed;
-  $("reset").disabled = !(changed || lit.turn || lit.stops || lit.kind !== "found");
+  $("reset").disabled = !(changed || lit.turn || lit.stops || lit.kind !== "studio");
 }
 
 function numbersText() {
@@ -432,7 +434,8 @@ function timing(ms, round, drawing, wanted) {
   const told = Object.entries(parts).filter(([, value]) => value !== undefined);
   // The parts of a frame without materials would make the line flicker.
   if (wanted.material) {
-    $("timing").textContent = told.map(([name, value]) => `${name} ${value.toFixed(0)}`).join(" · ") + " ms";
+    $("timing").textContent = `${(round + drawing).toFixed(0)} ms a picture`;
+    $("timing").title = told.map(([name, value]) => `${name} ${value.toFixed(0)} ms`).join(", ");
   }
   const live = source.live && !frozen && times.length > 1;
   $("speed").hidden = !live;
@@ -660,9 +663,9 @@ function freeze(on) {
 
 function reset() {
   edits = {};
-  lit = { ...lit, kind: "found", turn: 0, stops: 0 };
-  const found = document.querySelector('[data-light="found"]');
-  choose(found.parentElement, found);
+  lit = { ...lit, kind: "studio", turn: 0, stops: 0 };
+  const first = document.querySelector('[data-light="studio"]');
+  choose(first.parentElement, first);
   showSliders();
   relight();
 }

@@ -5,6 +5,7 @@ import { toLevel } from "./colour.js";
 
 const LEVEL = 127.5; // of a mask's bytes at the outline
 const LEAST_SECOND = 0.4; // of the frame's shorter side: the second object's, beside the first
+const SMALLER = 0.75; // of its size, below which the second object takes the place of the first
 const CLEARLY = 1.3; // times as much room, for which the second object changes sides
 
 /** The context of a canvas that is kept in main memory, from where all that is drawn here comes. */
@@ -92,15 +93,9 @@ export class View {
     context.restore();
   }
 
-  /** Show the second object, from the middle of a canvas, beside the first; null takes it away. */
+  /** Show the object of a canvas in the picture, beside the first or over it; null takes it away. */
   beside(canvas) {
-    this.second = null;
-    if (canvas) {
-      const side = Math.min(canvas.width, canvas.height);
-      this.second = new OffscreenCanvas(side, side);
-      const corner = [(side - canvas.width) / 2, (side - canvas.height) / 2];
-      this.second.getContext("2d").drawImage(canvas, ...corner);
-    }
+    this.second = canvas && drawnPart(canvas);
     if (this.image) this.outline();
   }
 
@@ -108,8 +103,10 @@ export class View {
     const { width, height } = this.overlay;
     const { left, top, side, onRight } = placeBeside(box(this.answer), width, height, this.onRight);
     this.onRight = onRight;
+    const scale = side / Math.max(this.second.width, this.second.height);
+    const [wide, high] = [scale * this.second.width, scale * this.second.height];
     context.imageSmoothingQuality = "high";
-    context.drawImage(this.second, left, top, side, side);
+    context.drawImage(this.second, left + (side - wide) / 2, top + (side - high) / 2, wide, high);
   }
 
   /** Begin to mend the mask: what was found, at the frame's size. */
@@ -164,26 +161,50 @@ function box({ square: [top, left, side], size, layers }) {
   };
 }
 
+/** The part of a canvas that is drawn on, to a 64th of its size, as a canvas; null of an empty one. */
+function drawnPart(canvas) {
+  const steps = 64;
+  const small = new OffscreenCanvas(steps, steps).getContext("2d", { willReadFrequently: true });
+  small.drawImage(canvas, 0, 0, steps, steps);
+  const { data } = small.getImageData(0, 0, steps, steps);
+  const drawn = [...Array(steps * steps).keys()].filter((at) => data[4 * at + 3] > 0);
+  if (!drawn.length) return null;
+  const [columns, rows] = [drawn.map((at) => at % steps), drawn.map((at) => Math.floor(at / steps))];
+  const ends = (places, size) => {
+    const low = Math.floor((Math.min(...places) * size) / steps);
+    return [low, Math.ceil(((Math.max(...places) + 1) * size) / steps) - low];
+  };
+  const [left, width] = ends(columns, canvas.width);
+  const [top, height] = ends(rows, canvas.height);
+  const part = new OffscreenCanvas(width, height);
+  part.getContext("2d").drawImage(canvas, -left, -top);
+  return part;
+}
+
 /**
- * The square {left, top, side} in a frame for the second object, beside the box of the first, as
- * large as that or as there is room; it lies over the first only where it would become too small.
- * It stays on its side, `onRight`, unless the other has clearly more room.
+ * The square {left, top, side} in a frame for the second object, as large as the box of the first:
+ * beside it, or in its place where it would have to be much smaller. It stays on its side,
+ * `onRight`, unless the other has clearly more room.
  */
 export function placeBeside(first, width, height, onRight) {
   const least = LEAST_SECOND * Math.min(width, height);
-  const rooms = [first.left, width - first.right].map((room) => Math.max(room, least));
-  const here = rooms[Number(onRight)];
-  const there = rooms[Number(!onRight)];
-  const right = there > CLEARLY * here ? !onRight : onRight;
+  const rooms = [first.left, width - first.right];
+  const right = rooms[Number(!onRight)] > CLEARLY * rooms[Number(onRight)] ? !onRight : onRight;
   const extent = Math.max(first.right - first.left, first.bottom - first.top, least);
-  const side = Math.min(extent, rooms[Number(right)], height);
-  const within = (low, whole) => Math.min(Math.max(low, 0), whole - side);
-  return {
-    left: within(right ? first.right : first.left - side, width),
-    top: within((first.top + first.bottom - side) / 2, height),
-    side,
-    onRight: right,
-  };
+  const whole = Math.min(extent, height, width);
+  const within = (low, whole, side) => Math.min(Math.max(low, 0), whole - side);
+  const side = Math.min(whole, rooms[Number(right)]);
+  const middle = (first.top + first.bottom) / 2;
+  if (side < SMALLER * whole) {
+    return {
+      left: within((first.left + first.right - whole) / 2, width, whole),
+      top: within(middle - whole / 2, height, whole),
+      side: whole,
+      onRight: right,
+    };
+  }
+  const left = right ? first.right : first.left - side;
+  return { left, top: within(middle - side / 2, height, side), side, onRight: right };
 }
 
 /** The contour of a mask `size`² of bytes at one half, in the layer's pixels, as a Path2D. */

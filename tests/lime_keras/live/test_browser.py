@@ -620,7 +620,7 @@ def test_warnings_come_without_moving_the_page(page):
     assert [box["y"] for box in now] == [box["y"] for box in below]
 
 
-LONGEST = "uncertain: matte to mirror-like"
+LONGEST = "rather glossy (84 %)"
 SIZES = {"phone": (360, 800), "tablet": (768, 1024), "desktop": (1280, 800)}
 
 

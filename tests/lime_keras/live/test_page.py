@@ -323,20 +323,21 @@ console.log(JSON.stringify(places));
 
 
 def test_the_second_object_has_its_place_beside_the_first():
-    """In a frame of 640 × 480; each box with the side on which the second object was before."""
+    """In a frame of 640 × 480, or in its place; each box with the side on which the second object was before."""
     places = {
         # As large as the object, where there is more room; halfway up its height.
         ((40, 100, 240, 260), True): (240, 80, 200, True),
         ((400, 100, 600, 260), True): (200, 80, 200, False),
-        # No larger than the room, and no taller than the picture.
-        ((0, 0, 400, 480), True): (400, 120, 240, True),
+        # Hardly larger than the room, and no taller than the picture.
+        ((0, 0, 320, 360), True): (320, 20, 320, True),
         ((0, 0, 100, 480), False): (100, 0, 480, True),
         # It stays on its side as long as the other has hardly more room.
         ((200, 100, 420, 260), False): (0, 80, 200, False),
         ((200, 100, 420, 260), True): (420, 70, 220, True),
-        # An object that leaves no room is covered in part, and one beyond the picture as well.
-        ((20, 0, 630, 480), True): (448, 144, 192, True),
-        ((-100, 400, 700, 600), False): (0, 288, 192, False),
+        # An object that leaves no room is replaced, and one beyond the picture as well.
+        ((20, 0, 630, 480), True): (85, 0, 480, False),
+        ((0, 0, 400, 480), True): (0, 0, 480, True),
+        ((-100, 400, 700, 600), False): (60, 0, 480, True),
         # A small object's second is not as small.
         ((300, 200, 320, 220), True): (320, 114, 192, True),
     }
