@@ -14,7 +14,7 @@ PRETRAINED := lime_keras/pretrained
 WEIGHTS :=
 NAME :=
 
-.PHONY: quickstart test test-slow fuzz stability rooms docs pictures results graphs ship lint llvm clean
+.PHONY: quickstart test test-slow fuzz stability rooms docs commands pictures results graphs ship lint llvm clean
 .DELETE_ON_ERROR:
 
 quickstart: llvm
@@ -62,6 +62,10 @@ ship: .venv/installed
 docs: .venv/development
 	$(BIN)/python -m sphinx --builder html --fail-on-warning --keep-going --quiet docs docs/_build
 	$(BIN)/python docs/demo.py docs/_build/live
+
+# The help of the commands, as text in docs/reference/commands.md.
+commands: .venv/installed
+	$(BIN)/python docs/command_help.py
 
 # The pictures and clips of README and docs, from the weights that ship:
 # `make pictures PICTURES="--photos photos/ --mesh teapot.ply"`.

@@ -29,7 +29,6 @@ extensions = [
     "sphinx.ext.napoleon",
     "sphinx_copybutton",
     "_extensions.breaks",
-    "_extensions.command_help",
     "_extensions.docstrings",
     "_extensions.equations",
 ]
@@ -49,6 +48,7 @@ autodoc_preserve_defaults = True
 # What only an extra brings: pages of these modules are made without it.
 autodoc_mock_imports = [
     "drjit",
+    "h5py",
     "jax",
     "keras",
     "manifold3d",

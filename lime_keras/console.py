@@ -13,7 +13,7 @@ import sys
 import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TextIO
 
 if TYPE_CHECKING:
     from tqdm import tqdm
@@ -179,6 +179,29 @@ def check_folder(path: Path, option: str) -> None:
         raise ValueError(f"{nearest} cannot be written to: pass another folder to {option}")
 
 
+class _Lines:
+    """A stream that gets each state of a progress bar as a line of its own."""
+
+    def __init__(self, stream: TextIO):
+        self._stream = stream
+
+    def write(self, text: str) -> None:
+        """Write a state without what moves the cursor."""
+        if told := text.replace("\x1b[A", "").strip():
+            self._stream.write(told + "\n")
+
+    def flush(self) -> None:
+        """Write what is held back."""
+        self._stream.flush()
+
+
+def bar_options() -> dict[str, Any]:
+    """Return the options of a `tqdm`: a line in ten seconds where standard error is no terminal."""
+    if sys.stderr.isatty():
+        return {"dynamic_ncols": True}
+    return {"file": _Lines(sys.stderr), "mininterval": 10, "miniters": 1, "ncols": 80}
+
+
 class Bar:
     """A progress bar that appears with the first call of `move`.
 
@@ -206,7 +229,7 @@ class Bar:
 
         if self._bar is None:
             self._bar = tqdm(
-                desc=self._title, unit=self._unit, initial=done, total=total, dynamic_ncols=True
+                desc=self._title, unit=self._unit, initial=done, total=total, **bar_options()
             )
         if told:
             self._bar.set_postfix(told, refresh=False)
@@ -236,8 +259,8 @@ def require(what: str, *modules: str) -> None:
             extras = [max(whole, key=lambda name: len(set(modules) & set(EXTRAS[name])))]
         named = ",".join(extras)
         raise MissingExtra(
-            f"{what} needs {', '.join(missing)}: pip install 'lime-keras[{named}]', or '.[{named}]'"
-            " in a checkout"
+            f"{what} needs {', '.join(missing)}: "
+            f"pip install '.[{named}]' in the folder of the project"
         )
 
 

@@ -172,7 +172,7 @@ def test_the_docs_that_code_names_exist():
 
 def told(command, *arguments, width=88):
     """The text of a command's help."""
-    help_of = script(DOCS / "_extensions" / "command_help.py").text
+    help_of = script(DOCS / "command_help.py").text
     return help_of(COMMANDS[command], [*arguments], columns=width)
 
 
@@ -238,9 +238,11 @@ def test_the_targets_of_make_that_it_names_exist(page):
 def test_the_reference_has_every_command():
     page = read(DOCS / "reference" / "commands.md")
     for module in COMMANDS.values():
-        assert f"{{command-help}} {module}\n" in page
+        assert f"<!-- help: {module} -->\n" in page
     for name in render_cli.COMMANDS:
-        assert f"{{command-help}} lime_keras.render.cli {name}\n" in page
+        assert f"<!-- help: lime_keras.render.cli {name} -->\n" in page
+    stale = script(DOCS / "command_help.py").written_anew(page) != page
+    assert not stale, "a command's help has changed: make commands"
 
 
 def test_every_table_of_results_has_its_mark():

@@ -321,7 +321,7 @@ def test_the_wheel_alone_estimates(wheel, tmp_path):
     for command, extra in lacking.items():
         answer = run(*command)
         assert answer.returncode == 1, command
-        assert f"pip install 'lime-keras[{extra}]'" in answer.stderr, command
+        assert f"pip install '.[{extra}]'" in answer.stderr, command
 
 
 @pytest.mark.slow

@@ -49,8 +49,8 @@ class Checkpoint:
             return None
         if signature != self._signature:
             raise ValueError(
-                f"{self.path} was trained from other weights than an earlier stage now has: delete "
-                "it to train the stage again"
+                f"{self.path} was trained from other weights of an earlier stage, or with other "
+                "losses or options, than this run has now: delete it to train the stage again"
             )
         return step
 

@@ -28,7 +28,7 @@ def main() -> None:
     pictures = options.out / "pictures"
     for folder in (pictures, options.out / "images"):
         folder.mkdir(parents=True, exist_ok=True)
-    photos = sorted(path for path in options.photos.iterdir() if path.suffix in (".png", ".jpg"))
+    photos = _ordered(options.photos)
     makers: dict[str, Callable[[], None]] = {
         "layers": lambda: scene_model.main(pictures),
         "dichromatic": lambda: dichromatic.main(EXAMPLES, pictures),
@@ -39,6 +39,15 @@ def main() -> None:
     for name in options.only or makers:
         print(f"{name}:", flush=True)
         makers[name]()
+
+
+def _ordered(folder: Path) -> list[Path]:
+    """Return the photos of a folder, glossy ones first, in the order of its `labels.csv`."""
+    photos = sorted(path for path in folder.iterdir() if path.suffix in (".png", ".jpg"))
+    labels = folder / "labels.csv"
+    lines = labels.read_text(encoding="utf-8").splitlines() if labels.exists() else []
+    places = {line.split(",")[0]: place for place, line in enumerate(lines)}
+    return sorted(photos, key=lambda photo: places.get(photo.name, len(places)))
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -15,8 +15,8 @@ from lime_keras.render.shapes import lathe
 
 VASE = 8
 """Seed of the built-in shape that takes the materials."""
-TILE, GAP, LINE = 200, 8, 26
-SHOWN = {0: "photo, mask", 4: "specular shading S", 5: "mirror image M", 1: "the material"}
+TILE, GAP, LINE = 240, 8, 26
+SHOWN = {0: "photo, mask", 4: "highlights S", 1: "the material"}
 """Titles of the preview's pictures that are shown, by their place in it."""
 
 
@@ -76,6 +76,6 @@ def _numbers(folder: Path, name: str) -> str:
     content = json.loads((folder / f"{name}.json").read_text())
     red, green, blue = content["diffuse_albedo"]
     return (
-        f"m_d {red:.2f} {green:.2f} {blue:.2f}    m_s {content['specular_albedo']:.2f}    "
-        f"s {content['exponent']:.0f}"
+        f"{content['gloss']}    m_d {red:.2f} {green:.2f} {blue:.2f}    "
+        f"m_s {content['specular_albedo']:.2f}    s {content['exponent']:.0f}"
     )

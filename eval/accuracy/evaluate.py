@@ -14,7 +14,7 @@ import tensorflow as tf
 from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
-from lime_keras import metrics, processors
+from lime_keras import console, metrics, processors
 from lime_keras.data import pipeline, records
 from lime_keras.data.corpus import Split
 from lime_keras.model import weights
@@ -412,7 +412,7 @@ def _batches(
         count: number of its examples.
     """
     with (
-        tqdm(total=count, desc="evaluate", unit="image") as progress,
+        tqdm(total=count, desc="evaluate", unit="image", **console.bar_options()) as progress,
         # BLAS threads inside each thread of a pool make the sums over lights 5 times as slow.
         threadpool_limits(1, user_api="blas"),
     ):

@@ -14,6 +14,7 @@ from pathlib import Path
 import keras
 from tqdm import tqdm
 
+from lime_keras import console
 from lime_keras.model import weights
 
 from ..markdown_table import ABSENT, aligned
@@ -68,7 +69,10 @@ def run(cases: Sequence[Case]) -> list[Verdict]:
             f"Keras computes with {keras.backend.backend()}, but derivatives are taken by "
             "TensorFlow here: unset KERAS_BACKEND"
         )
-    return [case.judge() for case in tqdm(cases, desc="stability", unit="check")]
+    return [
+        case.judge()
+        for case in tqdm(cases, desc="stability", unit="check", **console.bar_options())
+    ]
 
 
 def failures(verdicts: Iterable[Verdict]) -> list[Verdict]:

@@ -17,6 +17,7 @@ from typing import Any
 
 from tqdm import tqdm
 
+from lime_keras import console
 from lime_keras.data.corpus import SPLITS, Split
 
 from ..store import Store
@@ -117,7 +118,7 @@ def _answered(runs: Mapping[str, Run], store: Store) -> dict[tuple[str, str, str
     ]
     fidelities = {name: Fidelity(run, store) for name, run in runs.items()}
     answered = {}
-    for name, runtime, precision in tqdm(variants, "answers"):
+    for name, runtime, precision in tqdm(variants, "answers", **console.bar_options()):
         of = fidelities[name]
         difference = max(of.difference(runtime, precision).values())
         errors = of.errors(runtime, precision)
@@ -128,10 +129,12 @@ def _answered(runs: Mapping[str, Run], store: Store) -> dict[tuple[str, str, str
 def _timed(bench: Bench, store: Store) -> list[dict[str, Any]]:
     """Time all cases, and return a row for each case with its rounds pooled."""
     cases = bench.cases()
-    jobs = {case: bench.job(case, EFFORT) for case in tqdm(cases, "models")}
+    jobs = {
+        case: bench.job(case, EFFORT) for case in tqdm(cases, "models", **console.bar_options())
+    }
     rounds: dict[TimedCase, list] = {case: [] for case in cases}
     turns = [(number, case) for number in range(1, ROUNDS + 1) for case in cases]
-    for number, case in tqdm(turns, "times"):
+    for number, case in tqdm(turns, "times", **console.bar_options()):
         key = {**bench.depends_on(case, jobs[case]), "round": number}
         run = functools.partial(timing.measure, jobs[case])
         name = f"times/{case.name}-round{number}"

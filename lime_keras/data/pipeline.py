@@ -16,7 +16,7 @@ import tensorflow as tf
 import tensorflow.experimental.numpy as tnp
 from tqdm import tqdm
 
-from lime_keras import processors
+from lime_keras import console, processors
 from lime_keras.data import records
 from lime_keras.data.camera import SCENE, photograph
 from lime_keras.data.corpus import Split
@@ -79,7 +79,14 @@ def whole_shards(split: Split) -> list[Path]:
     sizes = [path.stat().st_size for path in paths]
     with (
         ThreadPoolExecutor(processors.count()) as threads,
-        tqdm(total=sum(sizes), desc="checksums", unit="B", unit_scale=True, delay=2) as bar,
+        tqdm(
+            total=sum(sizes),
+            desc="checksums",
+            unit="B",
+            unit_scale=True,
+            delay=2,
+            **console.bar_options(),
+        ) as bar,
     ):
         found = threads.map(_digest, paths, (path.stat().st_mtime_ns for path in paths), sizes)
         for path, size, digest, wanted in zip(paths, sizes, found, expected, strict=True):

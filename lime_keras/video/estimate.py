@@ -10,7 +10,6 @@ Example:
 import csv
 import itertools
 import math
-import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,6 +18,7 @@ from typing import Self
 import numpy as np
 from tqdm import tqdm
 
+from lime_keras import console
 from lime_keras.estimate.cautions import NO_OBJECT
 from lime_keras.estimate.estimator import Estimator
 from lime_keras.io import atomic
@@ -119,7 +119,7 @@ def estimate_video(
             itertools.chain([first], pictures),
             total=footage.expected,
             unit="frame",
-            file=sys.stderr,
+            **console.bar_options(),
         )
         folder.mkdir(parents=True, exist_ok=True)
         run = _Run(folder / f"{name}.csv", folder / f"{name}-overlay.mp4")

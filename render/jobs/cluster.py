@@ -58,7 +58,7 @@ class Cluster:
             import ray
         except ImportError as error:
             raise RuntimeError(
-                "Ray is not installed: pip install 'lime-keras[cluster]', here and on all nodes"
+                "Ray is not installed: pip install '.[cluster]', here and on all nodes"
             ) from error
         self._ray = ray
         self._address = address
@@ -154,7 +154,7 @@ class Cluster:
                 run, *arguments = pickle.loads(pickled)
             except ImportError as error:
                 raise RuntimeError(
-                    f"node {node}: {error}: install lime-keras[cluster] there as here"
+                    f"node {node}: {error}: install '.[cluster]' there as here"
                 ) from error
             try:
                 return node, run(*arguments, board, item)

@@ -3,6 +3,7 @@
 import argparse
 import functools
 import importlib
+import io
 import os
 import sys
 
@@ -172,10 +173,10 @@ def without(monkeypatch):
 @pytest.mark.parametrize(
     ("missing", "told"),
     [
-        (["keras"], "needs keras: pip install 'lime-keras[train]', or '.[train]' in a checkout"),
-        (["matplotlib"], "needs matplotlib: pip install 'lime-keras[train]', or"),
-        (["scipy", "matplotlib"], "needs matplotlib, scipy: pip install 'lime-keras[render]', or"),
-        (["keras", "scipy"], "needs keras, scipy: pip install 'lime-keras[train,render]', or"),
+        (["keras"], "needs keras: pip install '.[train]' in the folder of the project"),
+        (["matplotlib"], "needs matplotlib: pip install '.[train]'"),
+        (["scipy", "matplotlib"], "needs matplotlib, scipy: pip install '.[render]'"),
+        (["keras", "scipy"], "needs keras, scipy: pip install '.[train,render]'"),
     ],
 )
 def test_a_missing_extra_is_told_with_the_command_that_installs_it(missing, told, without, capsys):
@@ -235,3 +236,15 @@ def test_a_help_has_paragraphs_as_wide_as_the_terminal_and_examples_as_written(m
     assert max(map(len, told)) <= 40 and any("OUT/NAME-layer.exr" in line for line in told)
     prose = " ".join(lines[lines.index(example) - 6 : lines.index(example)])
     assert prose.split() == (words + " " + words).split()
+
+
+def test_a_bar_in_a_log_file_is_a_few_lines(monkeypatch):
+    log = io.StringIO()
+    monkeypatch.setattr("sys.stderr", log)
+    with console.Bar("render", "example") as bar:
+        for done in range(500):
+            bar.move(done, 500)
+        bar.move(500, 500)
+    lines = log.getvalue().splitlines()
+    assert "\r" not in log.getvalue() and 1 <= len(lines) <= 3
+    assert "500/500" in lines[-1] and len(log.getvalue()) < 400

@@ -69,7 +69,7 @@ def test_at_a_terminal_a_person_is_answered(folder, tiny_model, tmp_path, capsys
         assert run(photo, weights_folder=tiny_model, out=out) == 0
         told = capsys.readouterr()
         first, material, *others = told.out.splitlines()
-        assert first == str(photo) and material.startswith("  #") and "gloss uncertain" in material
+        assert first == str(photo) and material.startswith("  #") and ", s " in material
         assert any(line.startswith("  ! ") for line in others)
         assert others[-1].startswith(f"  {out}{os.sep}: a-preview.png, a.gltf")
         assert "warning: " not in told.err
@@ -443,7 +443,7 @@ def test_a_photo_takes_no_video_library(folder, tmp_path):
         (["HERE", "--mask", "none.png"], "none.png does not exist: check what is passed to --mask"),
         (["HERE", "--weights", "none"], "none holds no trained model"),
         (["HERE", "--clone-onto", "HERE"], "needs mitsuba, trimesh, scipy, skimage: pip install"),
-        (["HERE", "--normals", "HERE"], "needs scipy, skimage: pip install 'lime-keras[render]'"),
+        (["HERE", "--normals", "HERE"], "needs scipy, skimage: pip install '.[render]'"),
         (["HERE", "--up", "z"], "pass one to --clone-onto"),
         (["HERE", "--shadow"], "pass one to --clone-onto"),
     ],
@@ -461,7 +461,7 @@ def test_what_cannot_be_done_is_told_before_anything_is_loaded(arguments, told, 
 def test_the_keras_engine_that_is_missing_is_told(folder, tmp_path):
     answer = alone(folder / "a.png", "--engine", "keras", "--out", tmp_path / "out")
     assert answer.returncode == 1
-    assert "the Keras engine needs keras: pip install 'lime-keras[train]'" in answer.stderr
+    assert "the Keras engine needs keras: pip install '.[train]'" in answer.stderr
 
 
 def test_the_engines_give_the_same_files(folder, tiny_model, tmp_path, capsys):

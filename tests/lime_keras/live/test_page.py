@@ -323,7 +323,7 @@ console.log(JSON.stringify(places));
 
 
 def test_the_second_object_has_its_place_beside_the_first():
-    """In a frame of 640 × 480, or in its place; each box with the side on which the second object was before."""
+    """Or in its place, in a frame of 640 × 480; each box with the side it was on before."""
     places = {
         # As large as the object, where there is more room; halfway up its height.
         ((40, 100, 240, 260), True): (240, 80, 200, True),

@@ -410,7 +410,7 @@ def test_a_lack_of_ray_is_told_by_the_command(monkeypatch, mitsuba_choice, tmp_p
     maps = str(write_inputs(tmp_path) / "environments")
     options = ["--split", "train", "--count", "1", "--environments", maps, "--ray", "auto"]
     assert cli.main([str(tmp_path / "corpus"), *options]) == 1
-    assert "pip install 'lime-keras[cluster]'" in capsys.readouterr().err
+    assert "pip install '.[cluster]'" in capsys.readouterr().err
 
 
 def test_local_workers_and_a_cluster_exclude_one_another(capsys):
