@@ -85,7 +85,7 @@ def compare(
     named, store = names([*runs, *answers]), _store(out)
     of_runs, of_answers = list(named.items())[: len(runs)], list(named.items())[len(runs) :]
     rows: dict[str, Mapping[str, np.ndarray]] = {}
-    systems: dict[str, str] = {}
+    systems: dict[str, comparison.System] = {}
     # Answers come first: reading them is soon done, and may fail.
     for name, given in of_answers:
         found = predictions.find(given)
@@ -103,7 +103,7 @@ def compare(
     compared = comparison.compare(in_order, systems, lobe) | {"camera": camera}
     text = comparison.markdown(compared)
     matrices = {
-        f"{name}: {systems[name]}": confusion(rows[name])
+        f"{name}: {systems[name].name}": confusion(rows[name])
         for name in compared["runs"]
         if "predicted_bin" in rows[name]
     }

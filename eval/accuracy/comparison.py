@@ -5,15 +5,16 @@ than the value of either. The interval of a difference is a paired bootstrap ove
 """
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from lime_keras.networks import Architecture
+from lime_keras.networks import PRESETS, Architecture
 
 from ..markdown_table import ABSENT, aligned
-from . import measures, training_record
+from . import claims, measures, training_record
 from .measures import MEASURES
 
 COLUMNS = (
@@ -30,89 +31,146 @@ COLUMNS = (
     "relighting_psnr_unseen",
 )
 """Measures of the table, the paper's first."""
-
+_PRINTED = COLUMNS[:5]
 FULL = "full approach"
 PAPER: dict[str, dict[str, float]] = {
-    FULL: {name: m.paper for name, m in MEASURES.items() if m.paper is not None},
-    "without perceptual loss": {},
-    "without MirrorNet": {},
-    "exponent regression": {},
-    "reflectance map": {
-        "exponent_exact": 0.1357,
-        "exponent_adjacent": 0.2529,
-        "log_exponent_mae": 0.7243,
-    },
+    row: dict(zip(_PRINTED, cells, strict=True))
+    for row, cells in {
+        FULL: (0.4507, 0.4012, 0.3073, 0.0674, 0.2158),
+        "without perceptual loss": (0.4515, 0.4096, 0.3038, 0.1406, 0.2368),
+        "without MirrorNet": (0.3629, 0.4028, 0.3913, 0.0759, 0.2449),
+        "exponent regression": (0.4409, 0.4128, 0.2974, 0.0683, 0.2723),
+        "reflectance map": (0.1357, 0.2529, 0.7243, 0.0408, 0.1758),
+    }.items()
 }
-"""Measures of the paper's rows, in its order; empty for the rows whose numbers we do not have."""
+"""The 25 cells of the paper's Table 1, by row and measure."""
+PAPER[FULL]["mask_iou"] = 0.9983
 
 
-def system(architecture: Architecture, run: Path) -> str:
-    """Return the name of the paper's row that a run belongs to; join the names of what differs."""
-    if architecture.system == "reflectance-map":
-        return "reflectance map"
-    changed = [
+@dataclass(frozen=True)
+class System:
+    """What a run is.
+
+    Attributes:
+        name: its name in words.
+        row: row of `PAPER` whose recipe it was trained by; None if it was by another one.
+    """
+
+    name: str
+    row: str | None = None
+
+
+def system(architecture: Architecture, run: Path) -> System:
+    """Return what a run is, by its record: the paper's recipe, or another one, and its parts."""
+    config = training_record.read(run)
+    baseline = architecture.system == "reflectance-map"
+    ablations = [
+        name
+        for name, is_so in (
+            ("without perceptual loss", not config.get("compositing", True) and not baseline),
+            ("without MirrorNet", not architecture.mirror),
+            ("exponent regression", architecture.exponent == "regression"),
+            ("reflectance map", baseline),
+        )
+        if is_so
+    ]
+    if _is_the_papers(config, architecture) and len(ablations) < 2:
+        row = ablations[0] if ablations else FULL
+        return System(f"{row}{_scale(config, architecture)}", row)
+    added = [
         name
         for name, is_so in (
             ("with the split of colours", architecture.dichromatic),
             ("with the hue of pixels", architecture.hue),
-            ("without perceptual loss", not training_record.read(run).get("compositing", True)),
-            ("without MirrorNet", not architecture.mirror),
-            ("exponent regression", architecture.exponent == "regression"),
         )
         if is_so
     ]
-    return ", ".join(changed) or FULL
+    recipe = "another recipe" if config else "of an unknown recipe"
+    return System(", ".join([recipe, *added, *ablations]))
 
 
-def other_system(rows: Mapping[str, np.ndarray]) -> str:
-    """Return the name of the row of answers by another system.
+def _is_the_papers(config: Mapping[str, Any], architecture: Architecture) -> bool:
+    """Return whether a run was trained as sections 4 to 5.4 say; its size and length may differ."""
+    schedule = config.get("schedule", {})
+    wanted = {
+        **dict.fromkeys(("cosine", "camera", "flips", "repaints", "paints", "found_masks"), False),
+        **{"optimizer": "adam", "losses": "printed", "batch_size": 32},
+        **dict.fromkeys(("single_learning_rate", "joint_learning_rate"), 1e-4),
+    }
+    parts = ("pretrained", "dichromatic", "hue", "mask_contrast", "linear")
+    return (
+        schedule.items() >= wanted.items()
+        and all(getattr(architecture, name) == getattr(PRESETS["paper"], name) for name in parts)
+        and (config.get("lobe"), config.get("precision")) == ("printed", "float32")
+        and not any(config.get(name) for name in ("begun_from", "frozen", "materials", "cutouts"))
+    )
+
+
+def _scale(config: Mapping[str, Any], architecture: Architecture) -> str:
+    """Return what is smaller than in the paper, in words; nothing for a run of its size."""
+    whole, steps = PRESETS["paper"], config.get("steps_scale", 1.0)
+    said = [
+        words
+        for words, differs in (
+            (f"{architecture.size} px", architecture.size != whole.size),
+            (f"{architecture.unet_width} wide", architecture.unet_width != whole.unet_width),
+            (f"{steps:g} of the batches", steps != 1),
+        )
+        if differs
+    ]
+    return f" at {', '.join(said)}" if said else ""
+
+
+def other_system(rows: Mapping[str, np.ndarray]) -> System:
+    """Return the answers by another system.
 
     Args:
         rows: result of `evaluate.evaluate_predictions`.
     """
     answered = rows["answered"]
     if answered.all():
-        return "another system"
-    return f"another system, {answered.sum()} of {answered.size} images answered"
+        return System("another system")
+    return System(f"another system, {answered.sum()} of {answered.size} images answered")
 
 
 def compare(
     evaluated: Mapping[str, Mapping[str, np.ndarray]],
-    systems: Mapping[str, str],
+    systems: Mapping[str, System],
     lobe: str = "furnace",
 ) -> dict[str, Any]:
     """Compare runs on the same test images; return the content of `comparison.json`.
 
     Args:
         evaluated: columns of `Evaluation.rows` on the same test images, by name of the run.
-        systems: names of the paper's rows (see `system`) or of others, by name of the run.
+        systems: what the runs are, by name of the run.
         lobe: lobe of the corpus, one of `corpus.LOBES`.
 
     Returns:
         `count` of the images; the `lobe`; `reference`, the run that the others are compared with:
         the full approach, or else the first run; and `runs` by name, in the paper's order. Each run
-        has its `system`, and by measure of `COLUMNS` its `value` and its 95 % `interval`
-        `[low, high]`.
-        Each run but the reference also has, by measure, the 95 % interval of its `difference` from
-        the reference.
+        has its `system` and `row` (see `System`), and by measure of `COLUMNS` its `value` and its
+        95 % `interval` `[low, high]`. Each run but the reference also has, by measure, the 95 %
+        interval of its `difference` from the reference. `claims` are those of the paper that the
+        runs can judge (`claims.judge`).
 
     Raises:
         ValueError: if the runs were not evaluated on the same images.
     """
     # The rows of the paper's table come first, in its order.
-    ranks = {system: rank for rank, system in enumerate(PAPER)}
-    order = sorted(evaluated, key=lambda name: ranks.get(systems[name], len(ranks)))
+    ranks: dict[str | None, int] = {row: rank for rank, row in enumerate(PAPER)}
+    order = sorted(evaluated, key=lambda name: ranks.get(systems[name].row, len(ranks)))
     counts = {name: len(evaluated[name]["seed"]) for name in order}
     images = {b"".join(evaluated[n][of].tobytes() for of in ("seed", "index")) for n in order}
     if len(set(counts.values())) > 1 or len(images) > 1:
         raise ValueError(f"the runs were not measured on the same images: {counts}")
-    reference = next((name for name in order if systems[name] == FULL), order[0])
+    reference = next((name for name in order if systems[name].row == FULL), order[0])
     drawn = {name: measures.resampled(evaluated[name]) for name in order}
     runs = {}
     for name in order:
         value = measures.values(evaluated[name])
         runs[name] = {
-            "system": systems[name],
+            "system": systems[name].name,
+            "row": systems[name].row,
             "value": {key: value[key] for key in COLUMNS if key in value},
             "interval": _ends({key: drawn[name][key] for key in COLUMNS if key in value}),
         }
@@ -124,32 +182,39 @@ def compare(
                     if key in drawn[name] and key in drawn[reference]
                 }
             )
-    return {"count": counts[order[0]], "lobe": lobe, "reference": reference, "runs": runs}
+    by_row = {row: [drawn[n] for n in order if systems[n].row == row] for row in PAPER}
+    return {
+        "count": counts[order[0]],
+        "lobe": lobe,
+        "reference": reference,
+        "runs": runs,
+        "claims": claims.judge(by_row, PAPER),
+    }
 
 
 def markdown(compared: Mapping[str, Any]) -> str:
-    """Return the table in Markdown: a row for each run, and below it the paper's row if known.
+    """Return the tables in Markdown: of the runs, with the paper's row below each, and of claims.
 
-    A value is marked where the interval of its difference from the reference excludes 0: `+` is
-    better, `−` is worse.
+    Rows of the paper that no run was trained by stand at the end. A value is marked where the
+    interval of its difference from the reference excludes 0: `+` is better, `−` is worse.
     """
     runs, unit = compared["runs"], training_record.UNITS[compared["lobe"]]
     shown = [name for name in COLUMNS if any(name in run["value"] for run in runs.values())]
     lines = [("Run", *(MEASURES[name].short for name in shown))]
+    left = dict(PAPER)
     for name, run in runs.items():
-        cells = [_cell(run, key) for key in shown]
-        lines.append((f"{name}: {run['system']}", *cells))
-        known = PAPER.get(run["system"], {})
-        if known:
-            printed = [MEASURES[key].unit.number(known.get(key)) for key in shown]
-            lines.append(("  the paper's", *printed))
+        lines.append((f"{name}: {run['system']}", *(_cell(run, key) for key in shown)))
+        if run["row"] in left:
+            lines.append(_printed("  the paper's", left.pop(run["row"]), shown))
+    lines += [_printed(f"the paper's: {row}", cells, shown) for row, cells in left.items()]
     note = (
         f"{compared['count']} test images. ±: half the 95 % interval over them. + and − mark what "
         f"is better or worse than {compared['reference']} beyond the 95 % interval of the "
         "difference on the same images; another training of the same system would differ too. "
-        f"Rows of the paper that are not shown are not known to us. {unit}."
+        f"{unit}."
     )
-    return f"{aligned(lines)}\n\n{note}\n"
+    told = claims.markdown(compared["claims"])
+    return "\n\n".join(filter(None, [aligned(lines), note, told])) + "\n"
 
 
 def verdict(run: Mapping[str, Any], name: str) -> str:
@@ -166,6 +231,10 @@ def _cell(run: Mapping[str, Any], name: str) -> str:
         return ABSENT
     value = MEASURES[name].unit.with_interval(run["value"][name], run["interval"][name])
     return f"{value} {verdict(run, name)}".rstrip()
+
+
+def _printed(title: str, cells: Mapping[str, float], shown: list[str]) -> tuple[str, ...]:
+    return (title, *(MEASURES[key].unit.number(cells.get(key)) for key in shown))
 
 
 def _ends(drawn: Mapping[str, np.ndarray]) -> dict[str, list[float]]:

@@ -58,9 +58,9 @@ class Measure:
         title: name of the measure.
         short: short name, for the header of a column.
         columns: names of the columns whose means the measure needs: columns of `Evaluation.rows`;
-            `exact`, `adjacent` and `within_one`, computed from `bin_distance`; or
-            `calibration.GAPS`, computed from `bin_probabilities`. A system without one of them
-            does not have the measure.
+            `exact`, `adjacent` and `within_one`, computed from `bin_distance`; `log_signed`, the
+            error of log10 s with its sign; or `calibration.GAPS`, computed from
+            `bin_probabilities`. A system without one of them does not have the measure.
         of_means: function from the columns' means (numbers or arrays of one shape) to the measure.
         unit: unit in which the measure is printed; shares are printed in per cent.
         more_is_better: whether a higher value is better; None if neither direction is better (the
@@ -134,6 +134,12 @@ MEASURES = {
         ("log_error_winning",),
         paper=0.3073,
         floor=shininess.QUANTISATION_FLOOR,
+    ),
+    "log_exponent_bias": Measure(
+        "Exponent, mean of log10 s found less true",
+        "log10 s bias",
+        ("log_signed",),
+        more_is_better=None,
     ),
     "ggx_alpha_mae": Measure("Exponent as GGX α, MAE", "GGX α MAE", ("ggx_alpha_error",)),
     "diffuse_albedo_mae": Measure(
@@ -299,6 +305,8 @@ def _measured(means: Mapping[str, Any]) -> dict[str, Any]:
 def _columns(rows: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Return the columns `(N,)` whose means the measures need, as float64."""
     columns = dict(rows)
+    if "log_exponent_found" in rows:
+        columns["log_signed"] = rows["log_exponent_found"] - rows["log_exponent"]
     if "bin_distance" in rows:
         distance = rows["bin_distance"]
         columns |= {"exact": distance == 0, "adjacent": distance == 1, "within_one": distance <= 1}

@@ -8,8 +8,11 @@ import pytest
 from evaluations import LIME
 
 from lime_keras.eval.accuracy import comparison, measures
+from lime_keras.eval.accuracy.comparison import System
+from lime_keras.networks import PRESETS
 
 COUNT = 400
+UNKNOWN = System("of an unknown recipe")
 
 
 def _rows(shift=0.0, seed=0):
@@ -29,8 +32,8 @@ def _rows(shift=0.0, seed=0):
 
 def _compared():
     rows = {"z": _rows(0.05), "first": _rows(), "sphere": _rows(0.0)}
-    systems = {"z": "without MirrorNet", "first": comparison.FULL, "sphere": "reflectance map"}
-    return comparison.compare(rows, systems)
+    rows_of = {"z": "without MirrorNet", "first": comparison.FULL, "sphere": "reflectance map"}
+    return comparison.compare(rows, {name: System(row, row) for name, row in rows_of.items()})
 
 
 def test_runs_stand_in_the_papers_order_and_the_full_approach_is_the_reference():
@@ -60,12 +63,27 @@ def test_what_does_not_differ_is_not_marked():
     assert comparison.verdict(shifted, "exponent_adjacent") == ""
 
 
-def test_the_table_has_the_papers_rows_that_are_known():
-    text = comparison.markdown(_compared())
+def test_the_table_has_all_25_cells_of_the_papers():
+    text = comparison.markdown(_compared()).partition("What the paper concludes")[0]
     lines = [line for line in text.splitlines() if line.startswith("|")]
-    assert len(lines) == 2 + 3 + 2
-    assert "45.07 %" in lines[3] and "0.3073" in lines[3]
-    assert "13.57 %" in lines[6] and "0.7243" in lines[6]
+    assert len(lines) == 2 + 3 + 5
+    cells = {
+        "full approach": ("45.07 %", "40.12 %", "0.3073", "0.0674"),
+        "without perceptual loss": ("45.15 %", "40.96 %", "0.3038", "0.1406"),
+        "without MirrorNet": ("36.29 %", "40.28 %", "0.3913", "0.0759"),
+        "exponent regression": ("44.09 %", "41.28 %", "0.2974", "0.0683"),
+        "reflectance map": ("13.57 %", "25.29 %", "0.7243", "0.0408"),
+    }
+    specular = (0.2158, 0.2368, 0.2449, 0.2723, 0.1758)
+    assert [row["specular_albedo_mae"] for row in comparison.PAPER.values()] == list(specular)
+    below = {"full approach": 3, "without MirrorNet": 5, "reflectance map": 7}
+    for row, found in cells.items():
+        [line] = [
+            line
+            for line in ([lines[below[row]]] if row in below else lines[8:])
+            if row in below or row in line
+        ]
+        assert all(cell in line for cell in found), line
     assert len({len(line) for line in lines}) == 1
     assert "Mirror" not in lines[0] and "mask IoU" not in lines[0]
 
@@ -79,49 +97,120 @@ def test_intervals_are_those_of_each_runs_own_metrics():
 def test_other_images_of_the_same_corpus_are_refused():
     other = _rows() | {"index": np.arange(COUNT) + COUNT}
     with pytest.raises(ValueError, match="not measured on the same images"):
-        comparison.compare({"a": _rows(), "b": other}, dict.fromkeys("ab", comparison.FULL))
+        comparison.compare({"a": _rows(), "b": other}, dict.fromkeys("ab", UNKNOWN))
 
 
 def test_runs_of_other_images_are_refused():
     rows = {"a": _rows(), "b": _rows(seed=1)}
     with pytest.raises(ValueError, match="same images"):
-        comparison.compare(rows, dict.fromkeys(rows, comparison.FULL))
+        comparison.compare(rows, dict.fromkeys(rows, UNKNOWN))
 
 
 def test_another_system_stands_below_with_what_it_answers():
     other = _rows(0.05) | {"answered": np.arange(COUNT) > 2}
     del other["bin_distance"], other["relit"]
     title = comparison.other_system(other)
-    assert title == "another system, 397 of 400 images answered"
-    assert comparison.other_system({"answered": np.ones(3, bool)}) == "another system"
-    rows, systems = {"net": other, "run": _rows()}, {"net": title, "run": comparison.FULL}
+    assert title.name == "another system, 397 of 400 images answered"
+    assert comparison.other_system({"answered": np.ones(3, bool)}) == System("another system")
+    rows = {"net": other, "run": _rows()}
+    systems = {"net": title, "run": System("full", comparison.FULL)}
     compared = comparison.compare(rows, systems)
     assert list(compared["runs"]) == ["run", "net"] and compared["reference"] == "run"
     assert set(compared["runs"]["net"]["value"]) == {"log_exponent_mae", "diffuse_albedo_mae"}
-    line = comparison.markdown(compared).splitlines()[-3]
+    [line] = [one for one in comparison.markdown(compared).splitlines() if "net: " in one]
     cells = [cell.strip() for cell in line.strip("|").split("|")]
-    assert cells[0] == f"net: {title}" and cells[1:3] == ["–", "–"]
+    assert cells[0] == f"net: {title.name}" and cells[1:3] == ["–", "–"]
     assert cells[3].endswith(" −") and cells[4].endswith(" +")
 
 
+def _record(run, architecture=LIME, **changes):
+    """Write the record of a run by the paper's recipe, but for some fields."""
+    schedule = {
+        "optimizer": "adam",
+        "losses": "printed",
+        "batch_size": 32,
+        "single_learning_rate": 1e-4,
+        "joint_learning_rate": 1e-4,
+        **dict.fromkeys(("cosine", "camera", "flips", "repaints", "paints", "found_masks"), False),
+    }
+    config = {"lobe": "printed", "precision": "float32", "compositing": True, "steps_scale": 1.0}
+    changed = schedule | {name: v for name, v in changes.items() if name in schedule}
+    others = {name: v for name, v in changes.items() if name not in schedule}
+    record = {"config": config | others | {"schedule": changed}}
+    (run / "config.json").write_text(json.dumps(record), encoding="utf-8")
+
+
+PAPERS = PRESETS["paper"]
+
+
 @pytest.mark.parametrize(
-    "fields, compositing, name",
+    "fields, compositing, row",
     [
         ({}, True, "full approach"),
         ({}, False, "without perceptual loss"),
         ({"mirror": False}, True, "without MirrorNet"),
         ({"exponent": "regression"}, True, "exponent regression"),
         ({"system": "reflectance-map"}, True, "reflectance map"),
-        ({"dichromatic": True}, True, "with the split of colours"),
-        ({"hue": True, "mirror": False}, True, "with the hue of pixels, without MirrorNet"),
-        ({"mirror": False}, False, "without perceptual loss, without MirrorNet"),
     ],
 )
-def test_a_run_is_told_by_its_record(fields, compositing, name, tmp_path):
-    record = {"config": {"compositing": compositing}}
-    (tmp_path / "config.json").write_text(json.dumps(record), encoding="utf-8")
-    assert comparison.system(dataclasses.replace(LIME, **fields), tmp_path) == name
+def test_a_run_by_the_papers_recipe_is_a_row_of_its_table(fields, compositing, row, tmp_path):
+    _record(tmp_path, compositing=compositing)
+    found = comparison.system(dataclasses.replace(PAPERS, **fields), tmp_path)
+    assert found == System(row, row)
 
 
-def test_a_model_without_a_record_counts_as_trained_with_all_losses(tmp_path):
-    assert comparison.system(LIME, tmp_path) == comparison.FULL
+def test_a_smaller_run_says_how_much_smaller(tmp_path):
+    _record(tmp_path, steps_scale=0.1)
+    small = dataclasses.replace(PAPERS, size=64, unet_width=16)
+    found = comparison.system(small, tmp_path)
+    name = "full approach at 64 px, 16 wide, 0.1 of the batches"
+    assert found == System(name, comparison.FULL)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"camera": True},
+        {"flips": True},
+        {"repaints": True},
+        {"paints": True},
+        {"found_masks": True},
+        {"cosine": True},
+        {"optimizer": "muon"},
+        {"losses": "robust"},
+        {"batch_size": 16},
+        {"single_learning_rate": 1e-3},
+        {"joint_learning_rate": 2e-4},
+        {"lobe": "furnace"},
+        {"precision": "bfloat16"},
+        {"begun_from": "a hash"},
+        {"materials": ["natural"]},
+        {"frozen": ["segmentation"]},
+        {"cutouts": "a hash"},
+    ],
+    ids=str,
+)
+def test_another_recipe_is_never_the_full_approach(changes, tmp_path):
+    _record(tmp_path, **changes)
+    assert comparison.system(PAPERS, tmp_path) == System("another recipe")
+
+
+@pytest.mark.parametrize(
+    "fields, name",
+    [
+        ({"dichromatic": True}, "another recipe, with the split of colours"),
+        ({"hue": True, "mirror": False}, "another recipe, with the hue of pixels, without MirrorN"),
+        ({"mask_contrast": True}, "another recipe"),
+        ({"linear": False}, "another recipe"),
+        ({"pretrained": True}, "another recipe"),
+        ({"mirror": False, "exponent": "regression"}, "another recipe, without MirrorNet, expon"),
+    ],
+)
+def test_other_networks_are_named_after_what_they_are(fields, name, tmp_path):
+    _record(tmp_path)
+    found = comparison.system(dataclasses.replace(PAPERS, **fields), tmp_path)
+    assert found.name.startswith(name) and found.row is None
+
+
+def test_a_model_without_a_record_is_of_an_unknown_recipe(tmp_path):
+    assert comparison.system(PAPERS, tmp_path) == System("of an unknown recipe")

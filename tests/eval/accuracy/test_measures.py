@@ -24,6 +24,7 @@ def test_the_means_are_those_of_hand_arithmetic():
         "log_exponent_mae": 0.25,
         "log_exponent_rmse": 0.3,
         "log_exponent_mae_winning": 0.3,
+        "log_exponent_bias": 0.1,
         "ggx_alpha_mae": 0.1,
         "diffuse_albedo_mae": 0.1,
         "diffuse_albedo_rmse": 0.1,

@@ -132,7 +132,7 @@ def test_answers_for_no_image_reach_the_best_constant(corpus, whole, tmp_path):
             ["exponent"],
             {
                 *("exponent_exact", "exponent_adjacent", "exponent_within_one"),
-                *("log_exponent_mae", "log_exponent_rmse", "ggx_alpha_mae"),
+                *("log_exponent_mae", "log_exponent_rmse", "log_exponent_bias", "ggx_alpha_mae"),
             },
         ),
         (["-mask.png"], {"mask_iou", "mask_iou_pooled"}),
