@@ -11,16 +11,19 @@ import av
 import numpy as np
 from av import device
 
-from lime_keras.io import photo, untrusted
+from lime_keras.io import colour_space, photo, untrusted
+from lime_keras.io.colour_space import Tags
 from lime_keras.io.sources import CAMERA, is_camera
 
 _DEVICES = {"linux": "v4l2", "darwin": "avfoundation", "win32": "dshow"}
 """Name of FFmpeg's camera interface, by `sys.platform`."""
-_UNTOLD_MATRIX, _HIGH_DEFINITION = 2, 720
+_UNTOLD, _REC709, _HIGH_DEFINITION = 2, 1, 720
 _HDR = {16: "PQ", 18: "HLG"}
 """Names of the transfer curves of high dynamic range, by FFmpeg's number."""
 _CHANNELS = 3
 """Channels of every frame as it is returned."""
+_SQUARE = 0.01
+"""Part by which pixels may be wider than high, or higher than wide, to count as squares."""
 _WHOLE = 0.9
 """Share of the announced duration that the frames of a complete file fill at least."""
 
@@ -73,13 +76,20 @@ class Footage:
         if not streams:
             raise ValueError(f"{source} holds no video stream: pass a file with moving pictures")
         self._stream = streams[0]
+        self.remarks: list[str] = []
+        if len(streams) > 1:
+            sizes = ", ".join(f"{stream.width}×{stream.height}" for stream in streams)
+            self.remarks.append(
+                f"{source} holds {len(streams)} videos ({sizes} pixels), and the first is read"
+            )
+        self._aspect = float(self._stream.sample_aspect_ratio or 1)
+        self._is_joined = self._has_fields = False
         self._rate = float(self._stream.average_rate or self._stream.guessed_rate or 25)
         announced = (self._container.duration or 0) / av.time_base
         self._announced = 0.0 if is_camera(source) else announced
         self.expected: int | None = (
             self._stream.frames or round(self._announced * self._rate) or None
         )
-        self.remarks: list[str] = []
 
     def __enter__(self) -> Self:
         return self
@@ -88,7 +98,7 @@ class Footage:
         self._container.close()
 
     def __iter__(self) -> Iterator[Frame]:
-        first, count, now, damaged = None, 0, 0.0, 0
+        count, now, damaged, offset = 0, 0.0, 0, None
         for packet in self._packets():
             try:
                 decoded = [(picture, self._pixels(picture)) for picture in packet.decode()]
@@ -100,13 +110,24 @@ class Footage:
                 continue
             for picture, pixels in decoded:
                 told = count / self._rate if picture.time is None else picture.time
-                first = told if first is None else first
-                now, count = told - first, count + 1
+                offset = told if offset is None else offset
+                if count and told - offset <= now and not is_camera(self._source):
+                    # Joined recordings begin their clocks anew: the time goes on.
+                    offset = told - now - 1 / self._rate
+                    self._remark_joint(now)
+                now, count = told - offset, count + 1
                 if count == 1 and picture.color_trc in _HDR:
                     self.remarks.append(
                         f"{self._source} has high dynamic range ({_HDR[picture.color_trc]}), which "
                         "is read as if it were sRGB, so albedos will be off: record or convert it "
                         "in standard range"
+                    )
+                if picture.interlaced_frame and not self._has_fields:
+                    self._has_fields = True
+                    self.remarks.append(
+                        f"{self._source} is interlaced: its frames show two moments in alternate "
+                        "rows, which differ where something moves; deinterlace it, with `ffmpeg "
+                        "-vf bwdif` say"
                     )
                 yield Frame(pixels, now)
         if damaged:
@@ -118,12 +139,25 @@ class Footage:
                 f"{now:.2f} s: it seems cut short; what there is was read"
             )
 
+    def _remark_joint(self, seconds: float) -> None:
+        if not self._is_joined:
+            self._is_joined = True
+            self.remarks.append(
+                f"{self._source}: the clock starts anew after {seconds:.2f} s, as in recordings "
+                "that were joined; the times go on from there"
+            )
+
     def _pixels(self, picture: Any) -> np.ndarray:
         """Return the pixels of a decoded picture (see `_upright`), unless it is too large."""
         path = Path(self._source)
-        untrusted.check_size(path, picture.width, picture.height, _CHANNELS, photo.LARGEST)
+        width, height = picture.width, picture.height
+        if self._aspect > 1 + _SQUARE:
+            width = round(width * self._aspect)
+        elif self._aspect < 1 - _SQUARE:
+            height = round(height / self._aspect)
+        untrusted.check_size(path, width, height, _CHANNELS, photo.LARGEST)
         with untrusted.naming(path, "a video"):
-            return _upright(picture)
+            return _upright(picture, width, height)
 
     def _packets(self) -> Iterator[Any]:
         """Yield compressed packets and last an empty packet, which flushes the decoder."""
@@ -181,15 +215,32 @@ def _is_cover(stream: Any) -> bool:
     return bool(stream.disposition & stream.disposition.attached_pic)
 
 
-def _upright(picture: Any) -> np.ndarray:
-    """Return the pixels `(H, W, 3)`, uint8 sRGB, of a decoded picture, turned upright."""
-    untold = picture.colorspace == _UNTOLD_MATRIX
+def _upright(picture: Any, width: int, height: int) -> np.ndarray:
+    """Return the pixels `(H, W, 3)`, uint8 sRGB, of a decoded picture, turned upright.
+
+    Args:
+        picture: picture of PyAV.
+        width: width in square pixels, before it is turned.
+        height: height in square pixels.
+    """
+    untold = picture.colorspace == _UNTOLD
     high = min(picture.width, picture.height) >= _HIGH_DEFINITION
     # If the file names no colour matrix, FFmpeg takes BT.601 even for high definition.
     matrix = "ITU709" if untold and high else None
-    pixels = picture.to_ndarray(format="rgb24", src_colorspace=matrix)
+    size = {} if (width, height) == (picture.width, picture.height) else _resized(width, height)
+    pixels = picture.to_ndarray(format="rgb24", src_colorspace=matrix, **size)
+    primaries, transfer = picture.color_primaries, picture.color_trc
+    if not colour_space.is_standard(primaries) and transfer not in _HDR:
+        # A curve that is not told is that of all video in standard range.
+        points = primaries, transfer if transfer != _UNTOLD else _REC709
+        convert = colour_space.decide(Tags(code_points=points), _CHANNELS, deep=False).convert
+        pixels = np.round(convert(pixels / np.float32(255)) * 255).astype(np.uint8)
     told = picture.side_data.get("DISPLAYMATRIX")
     return pixels if told is None else oriented(pixels, np.frombuffer(bytes(told), np.int32))
+
+
+def _resized(width: int, height: int) -> dict[str, Any]:
+    return {"width": width, "height": height, "interpolation": "BICUBIC"}
 
 
 def oriented(pixels: np.ndarray, matrix: np.ndarray) -> np.ndarray:

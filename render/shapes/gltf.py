@@ -74,7 +74,8 @@ def _chunks(content: bytes) -> tuple[dict[str, Any], bytes]:
     """Return the document and the binary part of a GLB."""
     if content[:4] != _MAGIC:
         raise ValueError("it is no GLB by its content")
-    parts, place = {}, 12
+    parts: dict[bytes, bytes] = {}
+    place = 12
     while place + 8 <= len(content):
         size, kind = struct.unpack_from("<I4s", content, place)
         parts.setdefault(kind, content[place + 8 : place + 8 + size])

@@ -4,6 +4,7 @@ import itertools
 import os
 import sys
 import wave
+from fractions import Fraction
 
 import av
 import clips
@@ -261,3 +262,83 @@ def test_a_pipe_is_refused_and_not_waited_for(tmp_path):
     os.mkfifo(tmp_path / "clip.mp4")
     with pytest.raises(ValueError, match=r"clip\.mp4 cannot be read as a video, it is a pipe"):
         Footage(str(tmp_path / "clip.mp4"))
+
+
+# Clocks, pixels and colours as recorders leave them.
+
+
+def test_joined_recordings_go_on_in_time(tmp_path):
+    """Two MPEG-TS put together: the second begins its clock anew."""
+    part = clips.write(tmp_path / "a.ts", clips.noise(5), codec="libx264")
+    (tmp_path / "b.ts").write_bytes(2 * part.read_bytes())
+    _, times, remarks = read(tmp_path / "b.ts")
+    np.testing.assert_allclose(times, np.arange(10) / 25, atol=1e-3)
+    assert len(remarks) == 1 and "clock starts anew after 0.16 s" in remarks[0]
+
+
+@pytest.mark.parametrize(("aspect", "shape"), [((2, 1), (48, 128)), ((1, 2), (96, 64))])
+def test_oblong_pixels_become_square(aspect, shape, tmp_path):
+    """A ramp across the picture stays one, from one side to the other."""
+    ramp = np.linspace(20, 235, 64).astype(np.uint8)[None, None, :, None]
+    images = np.broadcast_to(ramp, (2, 48, 64, 3))
+    tags = [("sample_aspect_ratio", Fraction(*aspect))]
+    path = clips.write(tmp_path / "wide.mp4", images, codec="libx264", tags=tags)
+    found, _, remarks = read(path)
+    assert found.shape == (2, *shape, 3) and remarks == []
+    expected = np.interp(
+        np.arange(shape[1]) + 0.5, (np.arange(64) + 0.5) * shape[1] / 64, ramp.ravel()
+    )
+    np.testing.assert_allclose(found[0, 10, :, 1], expected, atol=6)
+
+
+def test_interlaced_frames_and_several_videos_are_remarked(tmp_path):
+    path = tmp_path / "fields.mp4"
+    with av.open(str(path), "w") as container:
+        options = {"x264-params": "interlaced=1"}
+        streams = [container.add_stream("libx264", rate=25, options=options) for _ in range(2)]
+        for stream in streams:
+            stream.width, stream.height, stream.pix_fmt = 64, 64, "yuv420p"
+        for image in clips.noise(3, (64, 64)):
+            for stream in streams:
+                container.mux(stream.encode(av.VideoFrame.from_ndarray(image, format="rgb24")))
+        for stream in streams:
+            container.mux(stream.encode())
+    _, _, remarks = read(path)
+    assert "2 videos (64×64, 64×64 pixels), and the first" in remarks[0]
+    assert sum("is interlaced" in remark for remark in remarks) == 1
+
+
+# Linear Rec. 709 to Display P3 and BT.2020, as their publications print the matrices.
+TO_P3 = np.array([[0.8225, 0.1774, 0.0], [0.0332, 0.9669, 0.0], [0.0171, 0.0724, 0.9108]])
+TO_BT2020 = np.array([[0.6274, 0.3293, 0.0433], [0.0691, 0.9195, 0.0114], [0.0164, 0.0880, 0.8956]])
+
+
+def encode_srgb(linear):
+    return np.where(linear < 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+
+
+def encode_rec709(linear):
+    return np.where(linear < 0.018, 4.5 * linear, 1.099 * linear**0.45 - 0.099)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "matrix", "encode"),
+    [
+        ((12, 13), TO_P3, encode_srgb),
+        ((12, 2), TO_P3, encode_rec709),
+        ((9, 14), TO_BT2020, encode_rec709),
+        ((9, 1), TO_BT2020, encode_rec709),
+    ],
+)
+def test_primaries_beyond_srgb_are_converted(numbers, matrix, encode, tmp_path):
+    linear = np.array([0.5, 0.1, 0.05])
+    image = np.round(255 * encode(matrix @ linear)) * np.ones((2, 64, 64, 1))
+    names = ("color_primaries", "color_trc", "colorspace", "color_range")
+    tags = list(zip(names, (*numbers, 1, 1), strict=True))
+    colours = {"dst_colorspace": "ITU709", "dst_color_range": "MPEG"}
+    path = clips.write(
+        tmp_path / "a.mp4", image.astype(np.uint8), codec="libx264", tags=tags, **colours
+    )
+    found, _, remarks = read(path)
+    np.testing.assert_allclose(found[0, 32, 32] / 255, encode_srgb(linear), atol=0.02)
+    assert remarks == []
