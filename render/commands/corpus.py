@@ -87,6 +87,7 @@ def add_options(out: argparse.ArgumentParser) -> None:
         help="render on the Ray cluster at this address (HOST:PORT, or auto); its nodes must share "
         "OUT and the input folders",
     )
+    shared.add_device(speed)
     shared.add_shard_size(speed, "examples", " (default: a twentieth of the count, at most 512)")
 
 
@@ -99,7 +100,8 @@ def run(options: argparse.Namespace) -> int:
     from ..corpus.split import render_split
     from ..jobs.description import Description
 
-    choice = shared.chosen_variant(Split(options.out, options.split).description_path)
+    begun = Split(options.out, options.split).description_path
+    choice = shared.chosen_variant(begun, options.device)
     description = Description(
         quality=options.quality,
         shading=options.shading,

@@ -112,17 +112,35 @@ def add_shard_size(out: Any, unit: str, default: str) -> None:
     )
 
 
-def chosen_variant(description: Path) -> "Choice":
-    """Choose a variant of Mitsuba, and tell it; what was begun with the slow one goes on with it.
+def add_device(out: Any) -> None:
+    """Add the choice of the device to a parser or a group."""
+    out.add_argument(
+        "--device",
+        choices=("cpu", "cuda"),  # `variants.DEVICES`
+        help="what renders: the processor, or an NVIDIA GPU (default: a GPU that works, or the one "
+        "that a corpus was begun with)",
+    )
+
+
+def chosen_variant(description: Path, device: str | None = None) -> "Choice":
+    """Choose a variant of Mitsuba, and tell it; what was begun with another one goes on with that.
 
     Args:
         description: file of the description with which a folder was begun; it need not exist.
+        device: one of `variants.DEVICES`; None for the one with which the folder was begun, or for
+            whichever works.
+
+    Raises:
+        RuntimeError: if the device cannot render here.
     """
     from ..jobs import resuming
     from ..mitsuba_setup import variants
 
-    choice = variants.choose()
-    if (resuming.held(description) or {}).get("variant") == variants.SLOW:
+    begun = (resuming.held(description) or {}).get("variant")
+    if begun is not None and device is None:
+        device = variants.device_of(begun)
+    choice = variants.choose(device)
+    if begun == variants.SLOW and device == variants.CPU_DEVICE:
         # It was begun without a libLLVM: its other shards need the same variant.
         choice = variants.Choice(variants.SLOW, None)
     print(choice.explain(), file=sys.stderr)

@@ -138,6 +138,7 @@ def _manifest(job: Job, findings: inputs.Findings) -> dict[str, Any]:
     return {
         "packages": rendering.packages(sidecars),
         "description": job.description.recorded(),
+        "device": variants.device_of(job.description.variant),
         "shards": job.description.shards,
         "examples": job.description.count,
         "sha256": [sidecar["sha256"] for sidecar in sidecars],

@@ -123,14 +123,14 @@ def _refuse_other_files(job: Job) -> None:
 
 
 def _own_choice(wanted: variants.Choice) -> variants.Choice:
-    """Return the wanted variant with the libLLVM of this node.
+    """Return the wanted variant, with the libLLVM of this node where it needs one.
 
     Raises:
         RuntimeError: if this node cannot run the variant.
     """
-    if wanted.library is None:
+    if wanted.variant == variants.SLOW:
         return wanted
-    own = variants.choose()
+    own = variants.choose(variants.device_of(wanted.variant))
     if own.variant != wanted.variant:
         raise RuntimeError(
             f"{wanted.variant} cannot run there for want of a usable libLLVM: `python -m "

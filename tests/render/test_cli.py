@@ -21,7 +21,7 @@ from lime_keras.render.mitsuba_setup import variants
 @pytest.fixture
 def render(monkeypatch, capsys, mitsuba_choice, tmp_path):
     """Runs the command; gives exit status, standard output and standard error."""
-    monkeypatch.setattr(variants, "choose", lambda: mitsuba_choice)
+    monkeypatch.setattr(variants, "choose", lambda device=None: mitsuba_choice)
     monkeypatch.setattr(rendering, "Pool", InProcess)
     for name in THREAD_VARIABLES:
         monkeypatch.setenv(name, "1")

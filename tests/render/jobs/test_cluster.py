@@ -301,11 +301,11 @@ def test_lost_nodes_and_a_cluster_without_any_are_told(capsys):
 def test_a_node_uses_its_own_library_of_the_same_variant(monkeypatch, tmp_path):
     wanted = variants.Choice(variants.FAST, tmp_path / "here.so")
     own = variants.Choice(variants.FAST, tmp_path / "there.so")
-    monkeypatch.setattr(variants, "choose", lambda: own)
+    monkeypatch.setattr(variants, "choose", lambda device=None: own)
     assert nodes._own_choice(wanted) == own
     slow = variants.Choice(variants.SLOW, None)
     assert nodes._own_choice(slow) == slow
-    monkeypatch.setattr(variants, "choose", lambda: slow)
+    monkeypatch.setattr(variants, "choose", lambda device=None: slow)
     with pytest.raises(RuntimeError, match=r"llvm_ad_rgb cannot run there.*fetch_llvm"):
         nodes._own_choice(wanted)
 
@@ -315,7 +315,7 @@ def test_the_command_gives_the_bytes_of_one_machine(
 ):
     """Even where a relative path means another folder to the nodes."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(variants, "choose", lambda: mitsuba_choice)
+    monkeypatch.setattr(variants, "choose", lambda device=None: mitsuba_choice)
     options = ["--split", "train", "--count", "8", "--size", "64", "--shard-size", "2"]
     folders = ["--shapes", description.shapes, "--environments", description.environments]
     assert cli.main(["corpus", *options, *folders, "--ray", head.address]) == 0
@@ -406,7 +406,7 @@ def test_an_address_of_nothing_is_told_at_once(job, monkeypatch, tmp_path, addre
 
 def test_a_lack_of_ray_is_told_by_the_command(monkeypatch, mitsuba_choice, tmp_path, capsys):
     monkeypatch.setitem(sys.modules, "ray", None)
-    monkeypatch.setattr(variants, "choose", lambda: mitsuba_choice)
+    monkeypatch.setattr(variants, "choose", lambda device=None: mitsuba_choice)
     maps = str(write_inputs(tmp_path) / "environments")
     options = ["--split", "train", "--count", "1", "--environments", maps, "--ray", "auto"]
     assert cli.main([str(tmp_path / "corpus"), *options]) == 1
