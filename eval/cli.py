@@ -105,8 +105,8 @@ def _add_measurements(command: argparse.ArgumentParser) -> None:
         type=model_folder.find,
         nargs="*",
         metavar="RUN",
-        help="time, memory and size against every error, in each runtime and precision (default: "
-        "all sets that come with the package)",
+        help="time and memory of what users run, a photo and a camera's frame, against every "
+        "error, and what to take (default: all sets that come with the package)",
     )
     measured.add_argument(
         "--stability",

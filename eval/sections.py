@@ -23,9 +23,9 @@ from .photos import folder, summary
 from .photos.answers import answer
 from .report import page
 from .report.themes import LIGHT
-from .store import Store
 
 if TYPE_CHECKING:
+    from .kept import Kept
     from .stability.verdicts import Case
 
 _TITLES = {
@@ -40,11 +40,12 @@ _TITLES = {
 
 def evaluation(out: Path, run: Path, corpus: Path, *, camera: bool, command: str) -> str:
     """Measure one run, write its files and its section, and return its table in Markdown."""
-    from .accuracy import measures, stored, table
+    from . import kept
+    from .accuracy import measures, table
     from .report import evaluation as report
     from .report import examples, figures
 
-    found = stored.evaluation(_store(out), run, corpus, camera=camera)
+    found = kept.evaluation(_results(out), run, corpus, camera=camera)
     lobe = Split(corpus, "test").lobe
     summary = measures.summarise(found) | {"camera": camera, "lobe": lobe}
     choices, worst = examples.choose(found.rows), examples.worst(found.rows)
@@ -63,7 +64,7 @@ def evaluation(out: Path, run: Path, corpus: Path, *, camera: bool, command: str
         stale.unlink()
     for example in chosen:
         photo.write(out / "examples" / f"{example.choice.position:05d}.png", example.photo_srgb)
-    _keep(out, "evaluation", section)
+    _save(out, "evaluation", section)
     return text
 
 
@@ -77,12 +78,13 @@ def compare(
     command: str,
 ) -> str:
     """Compare runs and folders of answers, write the files, and return Table 1 in Markdown."""
-    from .accuracy import comparison, predictions, stored
+    from . import kept
+    from .accuracy import comparison, predictions
     from .accuracy.evaluate import confusion
     from .report import figures
 
     # Evaluate.
-    named, store = names([*runs, *answers]), _store(out)
+    named, results = names([*runs, *answers]), _results(out)
     of_runs, of_answers = list(named.items())[: len(runs)], list(named.items())[len(runs) :]
     rows: dict[str, Mapping[str, np.ndarray]] = {}
     systems: dict[str, comparison.System] = {}
@@ -91,10 +93,10 @@ def compare(
         found = predictions.find(given)
         if warning := found.warning():
             print(f"warning: {warning}", file=sys.stderr)
-        rows[name] = stored.predictions(store, found, corpus)
+        rows[name] = kept.predictions(results, found, corpus)
         systems[name] = comparison.other_system(rows[name])
     for name, run in of_runs:
-        evaluated = stored.evaluation(store, run, corpus, camera=camera)
+        evaluated = kept.evaluation(results, run, corpus, camera=camera)
         rows[name] = evaluated.rows
         systems[name] = comparison.system(evaluated.architecture, run)
     # Compare.
@@ -119,7 +121,7 @@ def compare(
             "Figure 7: which exponent bin is taken for which, a row a true bin, in per cent.",
         )
         pictures.append(picture)
-    _keep(out, "comparison", page.measured("Table 1", text, pictures, command=command))
+    _save(out, "comparison", page.measured("Table 1", text, pictures, command=command))
     return text
 
 
@@ -129,7 +131,8 @@ def trade(out: Path, runs: Sequence[Path], corpus: Path, *, camera: bool, comman
     from .tradeoff.measure import measure
     from .tradeoff.table import markdown
 
-    result = measure(names(runs), corpus, _store(out), camera=camera)
+    models = out / "models"
+    result = measure(names(runs), corpus, _results(out), models, camera=camera)
     text = markdown(result)
     draw = partial(pareto, result)
     _write_json(out / "tradeoff.json", result)
@@ -137,11 +140,12 @@ def trade(out: Path, runs: Sequence[Path], corpus: Path, *, camera: bool, comman
     write(out / "pareto.png", draw(LIGHT))
     picture = page.Picture(
         draw,
-        "errors against latency",
-        "Each point is one way to run one model; those on the line are beaten by none in both.",
+        "errors against time",
+        "Each point is what a user can ask of one model; on the line, no material is both faster "
+        "and better.",
     )
     section = page.measured(_TITLES["tradeoff"], text, [picture], command=command)
-    _keep(out, "tradeoff", section)
+    _save(out, "tradeoff", section)
     return text
 
 
@@ -156,7 +160,7 @@ def photographs(out: Path, taken: Path, runs: Sequence[Path], *, command: str) -
     write(
         out / "photos.csv", _csv({name: np.array([row[name] for row in rows]) for name in rows[0]})
     )
-    _keep(out, "photos", page.measured(_TITLES["photos"], text, [], command=command))
+    _save(out, "photos", page.measured(_TITLES["photos"], text, [], command=command))
     return text
 
 
@@ -172,7 +176,7 @@ def stability(out: Path, cases: "Sequence[Case]", *, command: str) -> tuple[str,
     text = suite.markdown(verdicts)
     _write_json(out / "stability.json", suite.to_json(verdicts))
     write(out / "stability.md", text)
-    _keep(out, "stability", page.measured(_TITLES["stability"], text, [], command=command))
+    _save(out, "stability", page.measured(_TITLES["stability"], text, [], command=command))
     return text, not suite.failures(verdicts)
 
 
@@ -209,15 +213,17 @@ def names(runs: Sequence[Path]) -> dict[str, Path]:
     return named
 
 
-def _store(out: Path) -> Store:
-    return Store(out / "kept")
+def _results(out: Path) -> "Kept":
+    from .kept import Kept
+
+    return Kept(out / "kept")
 
 
 def _section(out: Path, name: str) -> Path:
     return out / "sections" / f"{name}.html"
 
 
-def _keep(out: Path, name: str, section: str) -> None:
+def _save(out: Path, name: str, section: str) -> None:
     write(_section(out, name), section)
 
 

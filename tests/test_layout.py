@@ -55,9 +55,9 @@ ROWS = {
         ("cli",),
     ),
     "eval": (
-        ("store", "source_code", "markdown_table"),
+        ("markdown_table",),
         ("accuracy", "stability", "photos"),
-        ("report",),
+        ("kept", "report"),
         ("tradeoff",),
         ("sections",),
         ("cli",),

@@ -6,15 +6,19 @@ A room is a folder of modules; an arrow leads from a room to one that it imports
 from others are left out, and so are the modules that lie beside the rooms, such as `losses.py`.
 """
 
+import ast
+import functools
+import importlib.util
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from lime_keras.eval.source_code import folders_of_packages, imports
 from lime_keras.io import atomic
 
 PAGE = Path(__file__).parents[2] / "CONTRIBUTING.md"
 _BLOCK = re.compile(r"(?<=```mermaid\n).*?(?=```)", re.DOTALL)
+
+_PACKAGES = ("lime_keras", "lime_keras.render", "lime_keras.train", "lime_keras.eval")
 
 Arrows = Mapping[str, set[str]]
 """The rooms that each room imports: `render/scene`, or `train`, which has one folder inside and so
@@ -93,6 +97,43 @@ def _box(room: str) -> str:
 
 def _id(room: str) -> str:
     return room.replace("/", "_")
+
+
+def imports(module: str, path: Path, folders: Mapping[str, Path]) -> Iterator[str]:
+    """Yield the dotted names of the modules that a file imports."""
+    package = module if path.name == "__init__.py" else module.rpartition(".")[0]
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            named = f"{'.' * node.level}{node.module or ''}"
+            origin = importlib.util.resolve_name(named, package)
+            for alias in node.names:
+                inside = f"{origin}.{alias.name}"
+                yield inside if _file(inside, folders) else origin
+
+
+def _file(module: str, folders: Mapping[str, Path]) -> Path | None:
+    """Return the file of a module, or None if these packages have no such module."""
+    owners = [name for name in folders if module == name or module.startswith(f"{name}.")]
+    if not owners:
+        return None
+    owner = max(owners, key=len)
+    path = folders[owner].joinpath(*module.removeprefix(owner).strip(".").split("."))
+    places = (path / "__init__.py", path.with_name(f"{path.name}.py"))
+    return next((place for place in places if place.is_file()), None)
+
+
+@functools.cache
+def folders_of_packages() -> dict[str, Path]:
+    """Return the folders of the library, the renderer, training and evaluation, by dotted name."""
+    specs = {name: importlib.util.find_spec(name) for name in _PACKAGES}
+    return {
+        name: Path(place)
+        for name, spec in specs.items()
+        if spec
+        for place in spec.submodule_search_locations or ()
+    }
 
 
 if __name__ == "__main__":

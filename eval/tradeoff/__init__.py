@@ -1,1 +1,1 @@
-"""The trade-off of speed against accuracy, over models, runtimes and precisions."""
+"""The trade of speed against accuracy, over what users can run."""

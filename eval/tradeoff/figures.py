@@ -1,7 +1,6 @@
-"""The figure of the trade-off: latency against the score and each error, with the Pareto front."""
+"""The figure of the trade: time against the score, for a photo and for a stream."""
 
-import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from matplotlib.axes import Axes
@@ -9,55 +8,52 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from ..accuracy.measures import MEASURES
 from ..report.figures import DPI, TONES, dress, to_png
 from ..report.themes import LIGHT, Theme
-from .cases import compares_runtimes
+from .cases import ASKED, PAPER, PHOTO, STREAM
 from .recommendation import FRAME_MS, front
-from .runtimes import KERAS, ONNX, SAVED_MODEL
 
-_MARKERS = {"float32": "o", "bfloat16": "s", "float16": "D", "int8": "v"}
-_FILLS: dict[str, Any] = {ONNX: "full", SAVED_MODEL: "left", KERAS: "none"}
-"""Fill style of a marker by runtime."""
-_ACROSS = 3
-_LEAST_HEIGHT = 1e-6
-"""Least top of an axis of errors, for errors that are all 0."""
+_MARKERS = {"mask": "s", "material": "o", "everything": "D", "with the light": "^"}
+_TITLES = {PHOTO: "a photo", STREAM: "a frame of a stream"}
 _HEADROOM = 1.08
-"""Height of an axis of errors by the largest one, so that its marker is not cut off."""
+"""Height of the axis of scores by the largest one, so that its marker is not cut off."""
 
 
 def pareto(result: Mapping[str, Any], theme: Theme = LIGHT) -> bytes:
-    """Draw the score and each scored error over the latency of one image, as PNG.
+    """Draw the score over the time of an answer, as PNG: a panel for photos, one for streams.
 
-    A line joins the variants on the Pareto front. Errors start at 0; latency is logarithmic.
+    A line joins what nothing beats among the cases of the material; an open marker is int8. Scores
+    start at 0; time is logarithmic. `paper`, which has no score, is a line at its time.
 
     Args:
-        result: result of `measure.measure`; only its full cross is drawn (see `compares_runtimes`).
+        result: result of `measure.measure`.
         theme: colours of the page.
     """
-    rows = [row for row in result["rows"] if compares_runtimes(row, result["machine"]["cores"])]
-    titles = {None: "score (error ÷ chance)"}
-    titles |= {name: MEASURES[name].title for name in result["scored"]}
-    down = math.ceil(len(titles) / _ACROSS)
-    size = (4.0 * _ACROSS, 3.1 * down + 1.3)
-    figure = Figure(figsize=size, dpi=DPI, facecolor=theme.paper, layout="constrained")
-    panels = figure.subplots(down, _ACROSS, squeeze=False).ravel()
-    models = list(dict.fromkeys(row["model"] for row in rows))
+    rows = [row for row in result["rows"] if row["kind"] in _TITLES]
+    most = max(row["threads"] for row in rows)
+    rows = [row for row in rows if row["threads"] == most]
+    models = list(dict.fromkeys(row["model"] for row in rows if row["model"] != PAPER))
     tones = {model: TONES[index % len(TONES)] for index, model in enumerate(models)}
-    for axes, (name, title) in zip(panels, titles.items(), strict=False):
-        errors = [row["errors"][name] if name else row["score"] for row in rows]
-        _panel(axes, rows, errors, tones, theme)
-        axes.set_title(title, color=theme.ink, fontsize=10)
-    for axes in panels[len(titles) :]:
-        axes.set_axis_off()
-    groups = _legend(tones, [row["precision"] for row in rows], theme)
-    longest = max(map(len, groups))
-    blank = Line2D([], [], linestyle="none", label=" ")
+    figure = Figure(figsize=(9.5, 4.4), dpi=DPI, facecolor=theme.paper, layout="constrained")
+    for axes, kind in zip(figure.subplots(1, 2), _TITLES, strict=True):
+        _panel(axes, [row for row in rows if row["kind"] == kind], tones, theme)
+        axes.set_title(_TITLES[kind], color=theme.ink, fontsize=10)
+    points: dict[str, Any] = {"linestyle": "none", "markersize": 7}
+    handles = [
+        *(Line2D([], [], **points, marker="o", color=t, label=m) for m, t in tones.items()),
+        *(
+            Line2D([], [], **points, marker=shape, color=theme.ink, label=name)
+            for name, shape in _MARKERS.items()
+            if name in ASKED[PHOTO]
+        ),
+        Line2D([], [], **points, marker="o", color=theme.ink, fillstyle="none", label="open: int8"),
+        Line2D([], [], color=theme.ink, linestyle=":", label=f"30 a second ({FRAME_MS:.1f} ms)"),
+        Line2D([], [], color=theme.ink, linestyle="--", label="paper, untrained"),
+    ]
     figure.legend(
-        # Legends are filled by columns.
-        handles=[line for group in groups for line in group + [blank] * (longest - len(group))],
+        handles=handles,
         loc="outside lower center",
-        ncols=len(groups),
+        ncols=6,
         fontsize=8,
         frameon=False,
         labelcolor=theme.ink,
@@ -66,59 +62,34 @@ def pareto(result: Mapping[str, Any], theme: Theme = LIGHT) -> bytes:
 
 
 def _panel(
-    axes: Axes,
-    rows: Sequence[Mapping[str, Any]],
-    errors: Sequence[float],
-    tones: Mapping[str, str],
-    theme: Theme,
+    axes: Axes, rows: Sequence[Mapping[str, Any]], tones: Mapping[str, str], theme: Theme
 ) -> None:
-    """Draw every variant as a marker, and the Pareto front as a stepped line."""
-    points = [(row["latency_ms"], error) for row, error in zip(rows, errors, strict=True)]
+    """Draw every case as a marker, and the Pareto front of the material as a stepped line."""
+    known = [row for row in rows if row["model"] != PAPER]
+    points = [(row["ms"], row["score"]) for row in known if row["asked"] == "material"]
     best = sorted(point for point, on in zip(points, front(points), strict=True) if on)
     axes.step(*zip(*best, strict=True), where="post", color=theme.ink, linewidth=0.9, alpha=0.5)
-    for row, (latency, error) in zip(rows, points, strict=True):
+    for row in known:
         axes.plot(
-            latency,
-            error,
+            row["ms"],
+            row["score"],
             linestyle="none",
-            marker=_MARKERS[row["precision"]],
+            marker=_MARKERS[row["asked"]],
             markersize=7,
-            fillstyle=_FILLS[row["runtime"]],
+            fillstyle="none" if row["precision"] == "int8" else "full",
             color=tones[row["model"]],
-            markerfacecoloralt=theme.paper,
         )
+    for row in rows:
+        if row["model"] == PAPER and row["asked"] == "material":
+            axes.axvline(row["ms"], color=theme.ink, linewidth=0.8, linestyle="--", alpha=0.7)
     axes.axvline(FRAME_MS, color=theme.ink, linewidth=0.8, linestyle=":", alpha=0.7)
     axes.set_xscale("log")
     axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.xaxis.set_major_formatter("{x:g}")
     axes.xaxis.set_minor_formatter(NullFormatter())
-    axes.set_xlabel("ms for one image, median (logarithmic)", fontsize=8)
+    axes.set_xlabel("ms, median (logarithmic)", fontsize=8)
+    axes.set_ylabel("score (error ÷ chance)", fontsize=8)
     axes.margins(0.08)
     # From 0, or a small difference would look like a large one.
-    axes.set_ylim(0, max(_HEADROOM * max(errors), _LEAST_HEIGHT))
+    axes.set_ylim(0, _HEADROOM * max(row["score"] for row in known))
     dress(axes, theme)
-
-
-def _legend(
-    tones: Mapping[str, str], precisions: Collection[str], theme: Theme
-) -> list[list[Line2D]]:
-    """Return the columns of the legend: models, precisions, runtimes, and lines."""
-    points: dict[str, Any] = {"linestyle": "none", "color": theme.ink, "markersize": 7}
-    shapes = {name: shape for name, shape in _MARKERS.items() if name in precisions}
-    return [
-        [
-            Line2D([], [], **points | {"color": tone}, marker="o", label=model)
-            for model, tone in tones.items()
-        ],
-        [Line2D([], [], **points, marker=shape, label=name) for name, shape in shapes.items()],
-        [
-            Line2D([], [], **points, marker="o", fillstyle=fill, label=runtime)
-            for runtime, fill in _FILLS.items()
-        ],
-        [
-            Line2D([], [], color=theme.ink, alpha=0.5, label="nothing beats these"),
-            Line2D(
-                [], [], color=theme.ink, linestyle=":", label=f"30 images/s ({FRAME_MS:.1f} ms)"
-            ),
-        ],
-    ]

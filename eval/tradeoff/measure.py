@@ -1,16 +1,14 @@
-"""The measurement of the trade-off: time, memory and size of every variant, and its errors.
+"""The measurement of the trade: time, memory and size of every case, and its errors.
 
-Every run is measured in every runtime and precision, with one image at a time on all threads. For
-ONNX Runtime the batch, the threads and the requested part are also changed, one at a time. Each
-case is timed in separate processes (`timing`). In each round every case is timed once, so that
-other programs on the machine disturb all cases alike. Measurements are kept and reused while their
-inputs are the same.
+Each case is timed in processes of its own (`timing`). In each round every case is timed once, so
+that other programs on the machine disturb all cases alike. Every measurement is kept as soon as it
+is made (`kept`), so that a command that was stopped goes on.
 """
 
 import dataclasses
 import datetime
-import functools
 import os
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -19,43 +17,43 @@ from tqdm import tqdm
 
 from lime_keras import console
 from lime_keras.data.corpus import SPLITS, Split
+from lime_keras.export.parity import ParityError
+from lime_keras.live.server import PAGE
+from lime_keras.model import folder as model_folder
+from lime_keras.runtime import engine as runtime
 
-from ..store import Store
-from . import machine, recommendation, timing
-from .cases import Bench, TimedCase, compares_runtimes, is_whole
-from .fidelity import Fidelity
-from .run_formats import PRECISIONS, Run
-from .runtimes import ONNX
-from .samples import Samples
+from .. import kept
+from ..accuracy import measures
+from ..accuracy.evaluate import evaluate
+from ..kept import Kept
+from . import cases, machine, models, recommendation, timing
+from .cases import PAPER, Case
 
 ROUNDS = 3
 EFFORT = timing.Effort()
+PICTURE = PAGE / "sample.jpg"
+"""The photo that is estimated: the first that the live page offers."""
 
 
 def measure(
-    runs: Mapping[str, Path],
-    corpus: Path,
-    store: Store,
-    *,
-    camera: bool = False,
+    runs: Mapping[str, Path], corpus: Path, results: Kept, folder: Path, *, camera: bool = False
 ) -> dict[str, Any]:
-    """Measure the trade-off of trained runs; continue where an earlier call was stopped.
+    """Measure the trade of trained runs; continue where an earlier call was stopped.
 
     Args:
-        runs: runs of `lime-train`, by the names that the tables show.
+        runs: folder of each trained model, by the name that the tables show.
         corpus: folder with complete `train` and `test` splits.
-        store: store that keeps the measurements and the models in every format.
+        results: measurements so far.
+        folder: folder for the models in eight bits and as SavedModel.
         camera: show photos of the scenes (`lime_keras.data.camera`) instead of clean images.
 
     Returns:
         As JSON: `machine`, `date`, `load` (average number of running processes at the start),
-        `corpus`, `camera`, `count` of test images, `rounds`, `runs` (`costs` of
-        each run), `scored` (the measures in the score), `rows`,
-        `purposes` (what each run is for) and `recommendations`. A row holds the attributes of a
-        `TimedCase`, the times of `timing.pooled`, `model_mib`, `parameters` and `gflop`. The row of
-        a whole system also holds its `errors` with their `interval`, `chance` and `count`, the
-        runtime that they were `measured_on`, the `difference` from Keras, the `score` and, in the
-        full cross, whether it is on the `front`.
+        `corpus`, `camera`, `count` of test images, `rounds`, `scored` (the measures in the score),
+        `refused` (why a model has no rows in a precision), `rows`, and `advice`
+        (`recommendation.advise`). A row has the attributes of a `Case`, the times of
+        `timing.pooled`, `model_mib`, and, but for `paper`, `errors`, `interval`, `chance` and
+        `score`.
 
     Raises:
         FileNotFoundError: if a run holds no trained model, or the corpus lacks a split.
@@ -63,87 +61,109 @@ def measure(
             fit the corpus.
         RuntimeError: if a process that measures fails.
     """
-    if not runs or any(name in ("", "..") or name != Path(name).name for name in runs):
-        raise ValueError(f"runs {sorted(runs)}: pass at least one, each named as a file may be")
+    if not runs or any(name in ("", "..", PAPER) or name != Path(name).name for name in runs):
+        raise ValueError(
+            f"runs {sorted(runs)}: pass at least one, each named as a file may be, but not {PAPER}"
+        )
     for split in SPLITS:  # int8 is calibrated on the train split, which would be missed late
         Split(corpus, split).shard_paths()
-    load = os.getloadavg()[0]
-    samples = Samples(corpus, store, camera=camera)
-    opened = {name: Run(name, path, samples, store) for name, path in runs.items()}
-    answered = _answered(opened, store)
-    rows = _timed(Bench(opened), store)
-    scored = recommendation.scored(list(answered.values()))
-    _judge(rows, answered, scored)
-    alone = [row for row in rows if is_whole(row) and row["batch"] == 1]
+    load, own = os.getloadavg()[0], models.Models(dict(runs), corpus, folder)
+    listed = [case for name in (*runs, PAPER) for case in cases.of_model(name, machine.cores())]
+    refused: dict[str, str] = {}
+    paths: dict[Case, Path] = {}
+    for case in tqdm(listed, "models", **console.bar_options()):
+        variant = f"{case.model} in {case.precision}"
+        try:
+            if variant not in refused:
+                paths[case] = own.path(case)
+        except ParityError as error:
+            refused[variant] = str(error)
+            tqdm.write(f"warning: {variant} is left out: {error}", file=sys.stderr)
+    variants = {(case.model, case.precision): paths[case] for case in paths if case.model != PAPER}
+    errors = {
+        (name, precision): _errors(
+            runs[name],
+            path if precision != "float32" else runs[name],
+            precision,
+            corpus,
+            results,
+            camera=camera,
+        )
+        for (name, precision), path in tqdm(variants.items(), "errors", **console.bar_options())
+    }
+    scored = recommendation.scored(list(errors.values()))
+    rows = _timed(paths, runs, results)
+    for row in rows:
+        if row["model"] != PAPER:
+            row |= errors[row["model"], row["precision"]]
+            row["score"] = recommendation.score(row, scored)
     return {
         "machine": machine.describe(),
         "date": datetime.datetime.now().astimezone().isoformat(timespec="minutes"),
         "load": load,
         "corpus": str(corpus),
         "camera": camera,
-        "count": alone[0]["count"],
+        "count": next(iter(errors.values()))["count"],
         "rounds": ROUNDS,
-        "runs": {name: {"costs": run.costs} for name, run in opened.items()},
         "scored": scored,
+        "refused": refused,
         "rows": rows,
-        "purposes": recommendation.for_purposes(_plain(alone)),
-        "recommendations": [recommendation.for_this_machine(alone, machine.cores())],
+        "advice": recommendation.advise(rows),
     }
 
 
-def _plain(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return the rows in float32 under ONNX Runtime on all threads."""
-    plain = (ONNX, "float32", machine.cores())
-    return [row for row in rows if (row["runtime"], row["precision"], row["threads"]) == plain]
+def _errors(
+    run: Path, path: Path, precision: str, corpus: Path, results: Kept, *, camera: bool
+) -> dict[str, Any]:
+    """Return `errors`, `interval` and `chance` by measure, and the `count` of images.
+
+    SavedModel and Keras have those of the graphs in float32, with which they agree to 10⁻³.
+    """
+
+    def make() -> dict[str, Any]:
+        engine = runtime.load(path, precision=precision)
+        summary = measures.summarise(evaluate(run, corpus, camera=camera, engine=engine))
+        known = [name for name in measures.MEASURES if name in summary]
+        return {
+            "errors": {name: summary[name] for name in known},
+            "interval": {name: summary["interval"][name] for name in known},
+            "chance": summary["chance"],
+            "count": summary["count"],
+        }
+
+    inputs = kept.weights_of(run) | kept.corpus_of(corpus)
+    inputs |= {"camera": camera, "precision": precision}
+    return results.value("errors", inputs, make)
 
 
-def _judge(rows: list[dict[str, Any]], answered: Mapping, scored: list[str]) -> None:
-    """Add errors and score to the rows of whole systems, and `front` to those of the full cross."""
-    for row in filter(is_whole, rows):
-        row |= answered[row["model"], row["runtime"], row["precision"]]
-        row["score"] = recommendation.score(row, scored)
-    crossed = [row for row in rows if compares_runtimes(row, machine.cores())]
-    points = [(row["latency_ms"], row["score"]) for row in crossed]
-    for row, on_front in zip(crossed, recommendation.front(points), strict=True):
-        row["front"] = on_front
-
-
-def _answered(runs: Mapping[str, Run], store: Store) -> dict[tuple[str, str, str], dict[str, Any]]:
-    """Return the errors and the difference from Keras by run, runtime and precision."""
-    variants = [
-        (name, runtime, precision)
-        for name in runs
-        for runtime, precisions in PRECISIONS.items()
-        for precision in precisions
-    ]
-    fidelities = {name: Fidelity(run, store) for name, run in runs.items()}
-    answered = {}
-    for name, runtime, precision in tqdm(variants, "answers", **console.bar_options()):
-        of = fidelities[name]
-        difference = max(of.difference(runtime, precision).values())
-        errors = of.errors(runtime, precision)
-        answered[name, runtime, precision] = {**errors, "difference": difference}
-    return answered
-
-
-def _timed(bench: Bench, store: Store) -> list[dict[str, Any]]:
-    """Time all cases, and return a row for each case with its rounds pooled."""
-    cases = bench.cases()
-    jobs = {
-        case: bench.job(case, EFFORT) for case in tqdm(cases, "models", **console.bar_options())
-    }
-    rounds: dict[TimedCase, list] = {case: [] for case in cases}
-    turns = [(number, case) for number in range(1, ROUNDS + 1) for case in cases]
-    for number, case in tqdm(turns, "times", **console.bar_options()):
-        key = {**bench.depends_on(case, jobs[case]), "round": number}
-        run = functools.partial(timing.measure, jobs[case])
-        name = f"times/{case.name}-round{number}"
-        rounds[case].append(store.value(name, key, run, code=bench.code(case)))
+def _timed(
+    paths: Mapping[Case, Path], runs: Mapping[str, Path], results: Kept
+) -> list[dict[str, Any]]:
+    """Time all cases in turns, and return a row for each case with its rounds pooled."""
+    about = machine.describe()
+    hardware = {name: about[name] for name in ("processor", "cores", "packages")}
+    rounds: dict[Case, list[Any]] = {case: [] for case in paths}
+    turns = [(number, case) for number in range(ROUNDS) for case in paths]
+    for number, case in tqdm(turns, "times", unit="process", **console.bar_options()):
+        weights = model_folder.digest(runs[case.model]) if case.model in runs else PAPER
+        inputs = {
+            **dataclasses.asdict(case),
+            **dataclasses.asdict(EFFORT),
+            **{"weights": weights, "machine": hardware, "round": number},
+        }
+        path = paths[case]
+        rounds[case].append(
+            results.value(
+                f"times/{case.name}",
+                inputs,
+                lambda case=case, path=path: timing.measure(case, path, PICTURE, EFFORT),
+            )
+        )
     return [
         {
             **dataclasses.asdict(case),
-            **timing.pooled(measured, case.batch),
-            **bench.costs(case, jobs[case]),
+            **timing.pooled(measured),
+            "model_mib": models.size(case, paths[case]) / 2**20,
         }
         for case, measured in rounds.items()
     ]

@@ -1,12 +1,13 @@
-"""The speed and memory of one model, measured in a separate process.
+"""The speed and memory of one case, measured in a process of its own.
 
     python -m lime_keras.eval.tradeoff.timing < job.json
 
-The process, which `measure` starts, loads only what a user of the runtime loads. Its start, its
-memory and its threads are therefore those of the runtime.
+The process, which `measure` starts, loads only what a user's process loads. Its start, its memory
+and its threads are therefore those of the user.
 """
 
 import dataclasses
+import itertools
 import json
 import os
 import resource
@@ -19,13 +20,19 @@ from typing import Any
 
 import numpy as np
 
-from . import runtimes
+from .cases import ASKED, KERAS, PHOTO, SAVED_MODEL, STREAM, Case
 
-_QUIET_PROCESSOR = {
+_QUIET = {
     "TF_CPP_MIN_LOG_LEVEL": "3",
     "CUDA_VISIBLE_DEVICES": "-1",
     "KERAS_BACKEND": "tensorflow",
+    # As lime-live sets it: small products that wait by spinning take the networks' processor.
+    "OPENBLAS_NUM_THREADS": "1",
 }
+_SIZE = 640, 480
+"""Width and height of the picture in pixels: a camera's."""
+_STEPS = (0, 3, 6, 9, 6, 3)
+"""Pixels by which the frames of a stream are shifted in turn, so that none is like the last."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,84 +52,65 @@ class Effort:
     most: int = 200
 
 
-@dataclasses.dataclass(frozen=True)
-class Job:
-    """A model and the conditions under which one process measures it.
+def measure(case: Case, path: Path, picture: Path, effort: Effort) -> dict[str, Any]:
+    """Measure a case in a new process.
 
-    Attributes:
-        runtime: name of the runtime (see `runtimes`).
-        precision: name of the precision for Keras; the files of the other runtimes hold theirs.
-        path: file or folder of the model.
-        images: `.npy` file of images `(N, S, S, 3)` as input; None to feed noise into all inputs of
-            an ONNX model.
-        batch: number of images in a batch.
-        threads: number of the runtime's threads.
+    Args:
+        case: the case.
+        path: what it runs (`models.Models.path`).
+        picture: photo of an object.
         effort: number and duration of the calls.
-    """
-
-    runtime: str
-    precision: str
-    path: str
-    images: str | None
-    batch: int
-    threads: int
-    effort: Effort = Effort()
-
-
-def measure(job: Job) -> dict[str, Any]:
-    """Measure a job in a new process.
 
     Returns:
-        `seconds` of each timed call; `cold_start_s`, from the start of the process to its first
-        outputs, and its parts `import_s`, `load_s` and `first_s`; `busy`, processor seconds per
-        second during the timed calls; and `peak_memory_mib` of the whole process.
+        `seconds` of each timed call, and `networks_s` of each run of the networks alone;
+        `cold_start_s`, from the start of the process to its first answer; `busy`, processor seconds
+        a second during the timed calls; and `peak_memory_mib` of the whole process.
 
     Raises:
         RuntimeError: if the process fails; the message holds the last line of its errors.
     """
-    task = dataclasses.asdict(job) | {"began": time.monotonic()}
+    task = {
+        "case": dataclasses.asdict(case),
+        "path": str(path),
+        "picture": str(picture),
+        "effort": dataclasses.asdict(effort),
+        "began": time.monotonic(),
+    }
     child = subprocess.run(
         [sys.executable, "-m", "lime_keras.eval.tradeoff.timing"],
         input=json.dumps(task),
         capture_output=True,
         text=True,
-        env=os.environ | _QUIET_PROCESSOR,
+        env=os.environ | _QUIET,
     )
     if child.returncode:
         said = child.stderr.strip().splitlines() or [f"exit status {child.returncode}"]
         raise RuntimeError(
-            f"{job.path} cannot be timed under {job.runtime} with batch {job.batch}: {said[-1]}; "
-            "a negative status is a signal, and -9 often too little memory"
+            f"{case.name} cannot be timed: {said[-1]}; a negative status is a signal, and -9 often "
+            "too little memory"
         )
     return json.loads(child.stdout.splitlines()[-1])
 
 
-def pooled(rounds: Sequence[Mapping[str, Any]], batch: int) -> dict[str, float]:
-    """Pool several results of `measure` for one job into one row.
-
-    Args:
-        rounds: results of `measure`.
-        batch: number of images in a batch.
+def pooled(rounds: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """Pool several results of `measure` for one case into one row.
 
     Returns:
-        `latency_ms` and `p95_ms` of a batch (median and 95th percentile of all calls), `samples`
-        (number of calls), `images_per_second`, `spread` of the rounds' medians (relative), medians
-        of `cold_start_ms`, `import_ms`, `load_ms`, `first_ms` and `busy`, and the largest
-        `peak_memory_mib`.
+        `ms` and `p95_ms` of an answer (median and 95th percentile of all calls), `networks_ms`
+        (median), `samples` (number of calls), `spread` of the rounds' medians (relative), medians
+        of `cold_start_s` and `busy`, and the largest `peak_memory_mib`.
     """
-    seconds = np.concatenate([one["seconds"] for one in rounds])
+    seconds, networks = (
+        np.concatenate([one[name] for one in rounds]) for name in ("seconds", "networks_s")
+    )
     medians = [np.median(one["seconds"]) for one in rounds]
-    starts = {
-        f"{name}_ms": 1e3 * float(np.median([one[f"{name}_s"] for one in rounds]))
-        for name in ("cold_start", "import", "load", "first")
-    }
     return {
-        "latency_ms": 1e3 * float(np.median(seconds)),
+        "ms": 1e3 * float(np.median(seconds)),
         "p95_ms": 1e3 * float(np.percentile(seconds, 95)),
+        "networks_ms": 1e3 * float(np.median(networks)),
         "samples": len(seconds),
-        "images_per_second": float(batch * len(seconds) / np.sum(seconds)),
         "spread": float((max(medians) - min(medians)) / np.median(seconds)),
-        **starts,
+        "cold_start_s": float(np.median([one["cold_start_s"] for one in rounds])),
         "busy": float(np.median([one["busy"] for one in rounds])),
         "peak_memory_mib": float(max(one["peak_memory_mib"] for one in rounds)),
     }
@@ -131,68 +119,109 @@ def pooled(rounds: Sequence[Mapping[str, Any]], batch: int) -> dict[str, float]:
 def main() -> None:
     """Read a job from standard input, measure it, and print the result."""
     task = json.load(sys.stdin)
-    began = task.pop("began")
-    job = Job(**task | {"effort": Effort(**task["effort"])})
-    print(json.dumps(_measured(job, began)))
-
-
-def _measured(job: Job, began: float) -> dict[str, Any]:
-    """Measure a job in this process; return what `measure` returns.
-
-    Args:
-        job: model and conditions.
-        began: monotonic clock at the start of the process, read by its parent; all processes of the
-            system share this clock.
-    """
-    ready = time.monotonic()
-    _import(job)
-    imported = time.monotonic()
-    call = _prepared(job)
-    loaded = time.monotonic()
+    case, effort = Case(**task["case"]), Effort(**task["effort"])
+    if hasattr(os, "sched_setaffinity"):
+        # ONNX Runtime takes a thread for each core that the process may use (`processors`).
+        os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[: case.threads])
+    call, networks = _prepared(case, Path(task["path"]), _frame(Path(task["picture"])))
     call()
     answered = time.monotonic()
-    for _ in range(job.effort.warm_up - 1):
+    for _ in range(effort.warm_up - 1):
         call()
-    seconds, busy = _repeated(call, job.effort)
-    return {
-        "cold_start_s": answered - began,
-        "import_s": imported - ready,
-        "load_s": loaded - imported,
-        "first_s": answered - loaded,
+    seconds, busy = _repeated(call, effort)
+    peak = _peak_memory() / 2**20
+    for _ in range(effort.warm_up):
+        networks()
+    result = {
+        "cold_start_s": answered - task["began"],
         "seconds": seconds,
         "busy": busy,
-        "peak_memory_mib": _peak_memory() / 2**20,
+        "peak_memory_mib": peak,
+        "networks_s": _repeated(networks, effort)[0],
     }
+    print(json.dumps(result))
 
 
-def _import(job: Job) -> None:
-    """Import the runtime and nothing else; start TensorFlow with the job's threads."""
-    if job.runtime == runtimes.ONNX:
-        import onnxruntime  # noqa: F401
+def _frame(picture: Path) -> np.ndarray:
+    """Return the picture as a camera gives it, `(480, 640, 3)` uint8 sRGB."""
+    from PIL import Image
 
-        return
-    runtimes.start_tensorflow(job.threads)
-    if job.runtime == runtimes.KERAS:
-        import keras  # noqa: F401
+    return np.asarray(Image.open(picture).convert("RGB").resize(_SIZE))
 
 
-def _prepared(job: Job) -> Callable[[], Any]:
-    """Load the model, and return a function that runs it on one batch."""
-    path = Path(job.path)
-    if job.images is not None:
-        images = np.load(job.images, mmap_mode="r")
-        batch = np.resize(images[: job.batch], (job.batch, *images.shape[1:]))
-        answer = runtimes.open_answer(job.runtime, path, job.precision, job.threads)
-        return lambda: answer(batch)
-    session = runtimes.session(path, job.threads)
-    rng = np.random.default_rng(0)
-    shapes = {one.name: (job.batch, *one.shape[1:]) for one in session.get_inputs()}
-    noise = {name: rng.uniform(size=shape).astype(np.float32) for name, shape in shapes.items()}
-    return lambda: session.run(None, noise)
+def _prepared(
+    case: Case, path: Path, frame: np.ndarray
+) -> tuple[Callable[[], Any], Callable[[], Any]]:
+    """Load the model; return functions for one answer, and for the networks of one answer."""
+    if case.runtime in (KERAS, SAVED_MODEL):
+        return _whole(case, path, frame)
+    from lime_keras.estimate.estimator import Estimator
+    from lime_keras.outputs import available
+    from lime_keras.runtime import engine as runtime
+
+    stream, asked = case.kind == STREAM, ASKED[case.kind][case.asked]
+    engine = runtime.load(path, precision=case.precision, streaming=stream)
+    estimator = Estimator(path, None if stream else asked, engine)
+    call = _of_stream(estimator, asked, frame) if stream else _of_photo(estimator, case, frame)
+    # The networks alone: the mask once, and what the answer reads.
+    needed, names = available(engine.outputs), ASKED[PHOTO][case.asked]
+    outputs = {output for name in names or needed for output in needed[name]} - {"mask"}
+    view = estimator.view(frame)
+    given = {"image": view.image[None], "mask": view.mask[None]}
+    return call, lambda: (
+        engine.run(["mask"], {"image": given["image"]}),
+        engine.run(sorted(outputs), given),
+    )
+
+
+def _of_photo(estimator: Any, case: Case, frame: np.ndarray) -> Callable[[], Any]:
+    if case.asked != "with the light":
+        return lambda: estimator.estimate(frame)
+    from lime_keras.lighting import guessed_light
+
+    image = frame / np.float32(255)
+    return lambda: guessed_light.estimate(image, estimator.estimate(frame))
+
+
+def _of_stream(estimator: Any, asked: Mapping[str, bool], frame: np.ndarray) -> Callable[[], Any]:
+    from lime_keras.live.session import FrameRequest, Session
+
+    session, request = Session(estimator), FrameRequest(**asked)
+    frames = itertools.cycle([np.roll(frame, step, axis=1) for step in _STEPS])
+    return lambda: session.process(next(frames), None, request)
+
+
+def _whole(
+    case: Case, path: Path, frame: np.ndarray
+) -> tuple[Callable[[], Any], Callable[[], Any]]:
+    """Return the same function twice, of a runtime that answers the networks' square alone."""
+    import tensorflow as tf
+
+    tf.config.threading.set_intra_op_parallelism_threads(case.threads)
+    tf.config.threading.set_inter_op_parallelism_threads(1)
+    from lime_keras.estimate import framing
+    from lime_keras.runtime.engine import Engine
+
+    engine: Engine
+    if case.runtime == KERAS:
+        from lime_keras.runtime.keras_engine import KerasEngine
+
+        engine = KerasEngine(path)
+    else:
+        from lime_keras.runtime.saved_model import SavedModel
+
+        engine = SavedModel(path)
+    square = framing.whole(*frame.shape[:2])
+    given = {"image": framing.cut(frame, square, engine.size)[None]}
+
+    def call() -> Any:
+        return engine.run(engine.outputs, given)
+
+    return call, call
 
 
 def _repeated(call: Callable[[], Any], effort: Effort) -> tuple[list[float], float]:
-    """Time repeated calls; return the seconds of each, and processor seconds per second overall."""
+    """Time repeated calls; return the seconds of each, and processor seconds a second overall."""
     seconds: list[float] = []
     processor, began = time.process_time(), time.perf_counter()
     while len(seconds) < effort.most and (

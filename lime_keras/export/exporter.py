@@ -173,12 +173,13 @@ def _check(
 
 
 def _complete(folder: Path, weights_folder: Path) -> None:
-    """Make a folder of graphs one of a model, which holds an architecture, too."""
-    about = model_folder.folder(folder) / ARCHITECTURE
-    if not about.is_file():
-        model = folder / "model"
-        model.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(model_folder.folder(weights_folder) / ARCHITECTURE, model / ARCHITECTURE)
+    """Make a folder of graphs one of a model, with all that lies beside its weights."""
+    if (model_folder.folder(folder) / ARCHITECTURE).is_file():
+        return
+    model = folder / "model"
+    model.mkdir(parents=True, exist_ok=True)
+    for path in sorted(model_folder.folder(weights_folder).glob("*.json")):
+        shutil.copyfile(path, model / path.name)
 
 
 def _plain_graphs(folder: Path, weights_folder: Path, digest: str) -> OnnxGraphs:

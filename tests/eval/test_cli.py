@@ -16,8 +16,8 @@ from scipy.special import softmax
 from sphere_corpus import vouch
 
 from lime_keras.data import records
-from lime_keras.eval import cli, sections
-from lime_keras.eval.accuracy import measures, stored
+from lime_keras.eval import cli, kept, sections
+from lime_keras.eval.accuracy import measures
 from lime_keras.eval.accuracy.evaluate import evaluate
 from lime_keras.eval.report import examples
 from lime_keras.eval.stability import suite
@@ -117,7 +117,7 @@ def evaluated():
         return made[key]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(stored, "evaluate", once)
+        patch.setattr(kept, "evaluate", once)
         yield once
 
 

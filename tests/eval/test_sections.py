@@ -73,7 +73,7 @@ def test_one_report_gathers_what_each_command_made(compared, corpus, runs, capsy
 
 
 def test_the_trade_leaves_its_table_and_its_picture(corpus, runs, tmp_path, monkeypatch):
-    shared = recommendation.scored(trade.ROWS)
+    shared = recommendation.SCORED
     measured = {"rows": trade.ROWS, "scored": shared, "machine": {"cores": 2}}
     monkeypatch.setattr(measure, "measure", lambda *_, **__: measured)
     monkeypatch.setattr(table, "markdown", lambda result: "| a |\n|---|\n| b |\n")
@@ -82,7 +82,7 @@ def test_the_trade_leaves_its_table_and_its_picture(corpus, runs, tmp_path, monk
     assert (tmp_path / "pareto.png").stat().st_size > 10_000
     assert json.loads((tmp_path / "tradeoff.json").read_text())["scored"] == list(shared)
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert 'id="tradeoff"' in page and "errors against latency" in page
+    assert 'id="tradeoff"' in page and "errors against time" in page
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,130 @@
+"""Results of measurements in one folder, so that a repeated command goes on where it was stopped.
+
+A result is kept in a file of its own, named after a digest of what it follows from: the weights,
+the corpus, the options, and the version of this package. Another of these is another file. Of a
+checkout, whose code changes within a version, the folder is deleted to measure again.
+"""
+
+import dataclasses
+import hashlib
+import json
+import zipfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lime_keras.data.corpus import Split
+from lime_keras.io import atomic, untrusted
+from lime_keras.model import folder as model_folder
+from lime_keras.networks import Architecture
+from lime_keras.version import __version__
+
+from .accuracy.evaluate import Evaluation, evaluate, evaluate_predictions
+from .accuracy.predictions import Predictions
+
+_DIGITS = 16
+
+
+class Kept:
+    """A folder of results, each of them complete or absent.
+
+    Args:
+        folder: folder of the results; it is created with the first of them.
+    """
+
+    def __init__(self, folder: Path):
+        self._folder = folder
+
+    def value(self, name: str, inputs: Mapping[str, Any], make: Callable[[], Any]) -> Any:
+        """Return a JSON result, read from its file, or made by `make` and kept.
+
+        Args:
+            name: beginning of the file's name.
+            inputs: what the result follows from beside the version of the package, as JSON.
+            make: function that makes the result.
+        """
+        path = self._path(name, inputs, ".json")
+        held = untrusted.json_or_none(path)
+        if held is not None and held.get("inputs") == json.loads(json.dumps(inputs)):
+            return held["result"]
+        content = {"inputs": inputs, "result": make()}
+        atomic.write(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
+        return json.loads(json.dumps(content["result"]))
+
+    def arrays(
+        self,
+        name: str,
+        inputs: Mapping[str, Any],
+        make: Callable[[], Mapping[str, np.ndarray]],
+    ) -> dict[str, np.ndarray]:
+        """Return arrays by name, of numbers, truth values or text; arguments as for `value`."""
+        path = self._path(name, inputs, ".npz")
+        try:
+            with np.load(path) as held:
+                return dict(held)
+        except (OSError, EOFError, ValueError, zipfile.BadZipFile):
+            pass  # not there, or damaged after it was written
+        arrays: Any = make()
+        with atomic.replacing(path) as partial, partial.open("wb") as file:
+            np.savez(file, **arrays)
+        return dict(arrays)
+
+    def _path(self, name: str, inputs: Mapping[str, Any], suffix: str) -> Path:
+        text = json.dumps({"version": __version__, "inputs": inputs}, sort_keys=True)
+        digest = hashlib.sha256(text.encode()).hexdigest()[:_DIGITS]
+        return self._folder / f"{name}-{digest}{suffix}"
+
+
+def weights_of(run: Path) -> dict[str, str]:
+    """Return the part of `inputs` that names a model's weights."""
+    return {"weights": model_folder.digest(run)}
+
+
+def corpus_of(corpus: Path) -> dict[str, str]:
+    """Return the part of `inputs` that names a test split; its manifest has the shards' checksums.
+
+    Raises:
+        FileNotFoundError: if the split is not complete.
+    """
+    split = Split(corpus, "test")
+    split.shard_paths()
+    return {"corpus": untrusted.sha256(split.manifest_path)}
+
+
+def evaluation(kept: Kept, run: Path, corpus: Path, *, camera: bool = False) -> Evaluation:
+    """Return the evaluation kept for the same weights and images, or run `evaluate`.
+
+    Raises:
+        FileNotFoundError: if the weights or the test split are missing.
+        ValueError: if `evaluate` refuses the split or the model's outputs.
+    """
+    inputs = weights_of(run) | corpus_of(corpus) | {"camera": camera}
+    arrays = kept.arrays(
+        "evaluation", inputs, lambda: _as_arrays(evaluate(run, corpus, camera=camera))
+    )
+    rows, true_mask = (
+        {n.partition(".")[2]: column for n, column in arrays.items() if n.startswith(f"{kind}.")}
+        for kind in ("rows", "true_mask")
+    )
+    return Evaluation(rows, true_mask, Architecture(**json.loads(str(arrays["architecture"]))))
+
+
+def predictions(kept: Kept, answers: Predictions, corpus: Path) -> dict[str, np.ndarray]:
+    """Return the rows kept for the same answers and images, or run `evaluate_predictions`.
+
+    Raises:
+        FileNotFoundError: if the test split is missing.
+        ValueError: if `evaluate_predictions` refuses the split or an answer.
+    """
+    inputs = {"predictions": answers.digest()} | corpus_of(corpus)
+    return kept.arrays("predictions", inputs, lambda: evaluate_predictions(answers, corpus))
+
+
+def _as_arrays(found: Evaluation) -> dict[str, np.ndarray]:
+    return {
+        **{f"rows.{name}": column for name, column in found.rows.items()},
+        **{f"true_mask.{name}": column for name, column in found.true_mask.items()},
+        "architecture": np.array(json.dumps(dataclasses.asdict(found.architecture))),
+    }

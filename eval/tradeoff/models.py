@@ -1,0 +1,69 @@
+"""The files of the models that are compared: graphs in each precision, and a SavedModel.
+
+They are written once into a folder, and again when they are of other weights.
+"""
+
+from pathlib import Path
+
+from lime_keras.export import exporter, graphs
+from lime_keras.io import atomic
+from lime_keras.model import folder as model_folder
+from lime_keras.model import graphs as graph_folder
+from lime_keras.model import weights
+from lime_keras.networks import PRESETS, build
+
+from .cases import PAPER, SAVED_MODEL, Case
+
+
+class Models:
+    """The models, by name.
+
+    Args:
+        runs: folder of each trained model, by name.
+        corpus: corpus on whose train split graphs in eight bits are calibrated.
+        folder: folder of the files that are written.
+    """
+
+    def __init__(self, runs: dict[str, Path], corpus: Path, folder: Path):
+        self._runs, self._corpus, self._folder = runs, corpus, folder
+
+    def path(self, case: Case) -> Path:
+        """Return what a case runs: the folder of a model, or a SavedModel; written if missing."""
+        if case.model == PAPER:
+            return self._paper()
+        run, home = self._runs[case.model], self._folder / case.model
+        if case.runtime == SAVED_MODEL:
+            path, mark = exporter.target(home, exporter.SAVED_MODEL), home / "saved_model.weights"
+            digest = model_folder.digest(run)
+            if not (path.is_dir() and mark.is_file() and mark.read_text() == digest):
+                exporter.export(home, exporter.SAVED_MODEL, run)
+                atomic.write(mark, digest)
+            return path
+        if case.precision == "float32":
+            return run
+        description = graph_folder.read(model_folder.graphs(home, case.precision))
+        if description is None or description.weights != model_folder.digest(run):
+            corpus = self._corpus
+            exporter.export(home, exporter.GRAPHS, run, precision=case.precision, corpus=corpus)
+        return home
+
+    def _paper(self) -> Path:
+        """Return the folder of the preset `paper`, untrained."""
+        home, architecture = self._folder / PAPER, PRESETS[PAPER]
+        if graph_folder.read(model_folder.graphs(home)) is None:
+            subnetworks = build(architecture, seed=0)
+            weights.save(home / "model", architecture, subnetworks, half=True)
+            _, stored = weights.load(home)
+            with atomic.replacing(model_folder.graphs(home)) as partial:
+                graphs.write(partial, architecture, stored, model_folder.digest(home))
+        return home
+
+
+def size(case: Case, path: Path) -> int:
+    """Return the number of bytes of the files that a case loads."""
+    files = model_folder.files(path)
+    if case.runtime == SAVED_MODEL:
+        files = [file for file in path.rglob("*") if file.is_file()]
+    elif case.precision != "float32":
+        files = list(model_folder.graphs(path, case.precision).glob("*.onnx"))
+    return sum(file.stat().st_size for file in files)
