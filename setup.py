@@ -132,12 +132,12 @@ setup(
     },
     entry_points={
         "console_scripts": [
-            "lime-render = lime_keras.render.cli:main",
-            "lime-train = lime_keras.train.cli:main",
-            "lime-eval = lime_keras.eval.cli:main",
-            "lime-estimate = lime_keras.commands.estimate:main",
-            "lime-export = lime_keras.commands.export:main",
-            "lime-live = lime_keras.commands.live:main",
+            "lime-render = lime_keras.launch:render",
+            "lime-train = lime_keras.launch:train",
+            "lime-eval = lime_keras.launch:evaluate",
+            "lime-estimate = lime_keras.launch:estimate",
+            "lime-export = lime_keras.launch:export",
+            "lime-live = lime_keras.launch:live",
         ]
     },
 )

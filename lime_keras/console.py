@@ -5,12 +5,15 @@ Exit statuses: 0 done, 1 failed (standard error says why), 2 wrong usage, 130 in
 
 import argparse
 import contextlib
+import errno
 import importlib.util
 import itertools
 import math
 import os
+import signal
 import sys
 import textwrap
+import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
@@ -73,19 +76,116 @@ def run(command: Callable[[], int], interrupted: str) -> int:
         interrupted: message for a user who pressed Ctrl-C.
 
     Returns:
-        The command's own exit status, 1 after an expected error, 130 after Ctrl-C.
+        The command's own exit status, 1 after an expected error, 130 after Ctrl-C, 141 if what
+        reads standard output or standard error has ended, as `head` does.
     """
+    open_streams()
+    with _heard_interrupts() as heard, _told_streams():
+        try:
+            status = command()
+            sys.stdout.flush()
+            return status
+        except KeyboardInterrupt:
+            print(f"\ninterrupted: {interrupted}", file=sys.stderr)
+            return 130
+        except _StreamError as error:
+            return _end_streams(error)
+        except Exception as error:
+            said = message(error)
+            if heard and said is None:
+                # Native code that was being imported reports Ctrl-C as an error of its own.
+                print(f"\ninterrupted: {interrupted}", file=sys.stderr)
+                return 130
+            if said is None:
+                raise
+            print(f"error: {said}", file=sys.stderr)
+            return 1
+
+
+def open_streams() -> None:
+    """Open standard streams that are closed (`>&-`), to nowhere.
+
+    A file that is opened would take a closed one's place, and what is printed would go into it.
+    """
+    for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(number, mode, encoding="utf-8", closefd=False))
+
+
+@contextlib.contextmanager
+def _heard_interrupts() -> Iterator[list[int]]:
+    """Yield a list that is not empty once Ctrl-C was pressed in the block."""
+    heard: list[int] = []
+
+    def interrupt(number: int, _: object) -> None:
+        heard.append(number)
+        raise KeyboardInterrupt
+
+    is_default = signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    if not is_default or threading.current_thread() is not threading.main_thread():
+        yield heard
+        return
+    signal.signal(signal.SIGINT, interrupt)
     try:
-        return command()
-    except KeyboardInterrupt:
-        print(f"\ninterrupted: {interrupted}", file=sys.stderr)
-        return 130
-    except Exception as error:
-        said = message(error)
-        if said is None:
-            raise
-        print(f"error: {said}", file=sys.stderr)
-        return 1
+        yield heard
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+class _StreamError(OSError):
+    """An error of writing to standard output or standard error."""
+
+
+class _Stream:
+    """A standard stream whose errors are told from those of files."""
+
+    def __init__(self, stream: Any):
+        self._stream = stream
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+    def write(self, text: str) -> int:
+        return self._try(self._stream.write, text)
+
+    def flush(self) -> None:
+        self._try(self._stream.flush)
+
+    def _try(self, work: Callable[..., Any], *arguments: str) -> Any:
+        try:
+            return work(*arguments)
+        except OSError as error:
+            raise _StreamError(error.errno, error.strerror) from error
+
+
+@contextlib.contextmanager
+def _told_streams() -> Iterator[None]:
+    """Let errors of the standard streams be `_StreamError` in the block."""
+    streams = sys.stdout, sys.stderr
+    sys.stdout, sys.stderr = map(_Stream, streams)  # type: ignore[assignment]
+    try:
+        yield
+    finally:
+        sys.stdout, sys.stderr = streams
+
+
+def _end_streams(error: _StreamError) -> int:
+    """Let nothing more be written to streams that refuse it, and return the exit status."""
+    is_pipe = error.errno == errno.EPIPE
+    if not is_pipe:
+        with contextlib.suppress(OSError):
+            print(f"error: standard output cannot be written: {error.strerror}", file=sys.stderr)
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    for number, stream in ((1, sys.stdout), (2, sys.stderr)):
+        try:
+            stream.flush()
+        except OSError:
+            os.dup2(nowhere, number)  # else Python itself fails to empty it at the end
+    return 141 if is_pipe else 1
 
 
 def message(error: Exception) -> str | None:

@@ -1,0 +1,46 @@
+"""The commands as they are installed: an interruption is told while they are imported, too."""
+
+import sys
+
+
+def _launch(module: str) -> int:
+    try:
+        from importlib import import_module
+
+        from lime_keras import console
+
+        console.open_streams()
+        return int(import_module(f"lime_keras.{module}").main())
+    except KeyboardInterrupt:
+        print("\ninterrupted: nothing was begun", file=sys.stderr)
+        return 130
+
+
+def render() -> int:
+    """Run `lime-render`."""
+    return _launch("render.cli")
+
+
+def train() -> int:
+    """Run `lime-train`."""
+    return _launch("train.cli")
+
+
+def evaluate() -> int:
+    """Run `lime-eval`."""
+    return _launch("eval.cli")
+
+
+def estimate() -> int:
+    """Run `lime-estimate`."""
+    return _launch("commands.estimate")
+
+
+def export() -> int:
+    """Run `lime-export`."""
+    return _launch("commands.export")
+
+
+def live() -> int:
+    """Run `lime-live`."""
+    return _launch("commands.live")
