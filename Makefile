@@ -59,7 +59,7 @@ ship: .venv/installed
 
 # The site, in docs/_build/index.html, with the demo in docs/_build/live. What Sphinx warns of is an
 # error.
-docs: .venv/development
+docs: .venv/docs
 	$(BIN)/python -m sphinx --builder html --fail-on-warning --keep-going --quiet docs docs/_build
 	$(BIN)/python docs/demo.py docs/_build/live
 
@@ -98,6 +98,12 @@ llvm: .venv/installed
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --upgrade pip
 	$(BIN)/python -m pip install --editable '.[all]'
+	@touch $@
+
+# What the site takes: no TensorFlow, no Mitsuba. In an environment that has all, nothing is added.
+.venv/docs:
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --editable '.[docs,web]'
 	@touch $@
 
 .venv/development: .venv/installed

@@ -249,6 +249,7 @@ def _write(
     finally:
         if finished:
             gallery.update(options.out, finished)
+            print(f"all results: {options.out / gallery.PAGE}", file=sys.stderr)
     return failed
 
 

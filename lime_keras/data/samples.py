@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from lime_keras.data import pipeline
+from lime_keras.data.corpus import Split
 
 _CALIBRATION = 64
 
@@ -26,10 +27,21 @@ def calibration(corpus: Path, size: int, *, camera: bool) -> np.ndarray:
 
     Raises:
         FileNotFoundError: if the split is incomplete.
-        ValueError: if there are fewer than two shards, or a shard is empty or damaged.
+        ValueError: if the images are of another size, there are fewer than two shards, or a shard
+            is empty or damaged.
     """
+    check_size(Split(corpus, "train"), size)
     shards, _ = pipeline.training_shards(corpus)
     return first(shards, size, _CALIBRATION, camera=camera)
+
+
+def check_size(split: Split, size: int) -> None:
+    """Raise ValueError if the images of a split cannot be reduced to the size that networks see."""
+    if split.size % size:
+        raise ValueError(
+            f"{split.corpus} has images of {split.size} pixels, and these weights see {size}: pass "
+            f"a corpus of `lime-render --size {size}`, or of a multiple of it"
+        )
 
 
 def first(shards: list[Path], size: int, count: int, *, camera: bool) -> np.ndarray:

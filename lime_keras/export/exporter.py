@@ -199,6 +199,7 @@ def _images(size: int, corpus: Path | None) -> dict[str, np.ndarray]:
     """Return the sets of images for the parity check, by name."""
     out = {"extremes": parity.images(size)}
     if corpus is not None:
+        samples.check_size(Split(corpus, "test"), size)
         shards = pipeline.whole_shards(Split(corpus, "test"))
         out["pictures"] = samples.first(shards, size, _PICTURES, camera=True)
     return out

@@ -424,3 +424,13 @@ def test_a_part_of_a_model_takes_the_place_of_no_other(tiny_model, tmp_path, sta
         "lime-int8.onnx",
         *("lime-mask+exponent_bin_probabilities-int8.onnx", "lime-mask-int8.onnx"),
     ]
+
+
+def test_a_corpus_of_another_size_is_refused_with_its_mend(corpus):
+    from lime_keras.data import samples
+    from lime_keras.data.corpus import Split
+
+    split = Split(corpus, "train")
+    samples.check_size(split, split.size)
+    with pytest.raises(ValueError, match=r"images of \d+ pixels.*lime-render --size 3000"):
+        samples.check_size(split, 3000)
