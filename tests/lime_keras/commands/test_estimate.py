@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import clips
@@ -308,7 +309,10 @@ def test_a_masker_finds_the_object(folder, tiny_model, tmp_path, capsys):
 @pytest.fixture
 def blind(monkeypatch):
     """SegmentationNet finds nothing."""
-    monkeypatch.setattr(Estimator, "_masks", lambda self, seen: np.zeros((len(seen), 32, 32, 1)))
+    nothing = np.zeros((32, 32, 1), np.float32)
+    monkeypatch.setattr(
+        Estimator, "_segment", lambda self, views: [replace(view, mask=nothing) for view in views]
+    )
 
 
 def test_without_an_object_there_is_no_material(blind, folder, tiny_model, tmp_path, capsys):
