@@ -2,6 +2,7 @@
 
 import argparse
 import operator
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -34,6 +35,7 @@ _OPTIONS = {
     "batch_size": "schedule.batch_size",
     "seed": "seed",
     "camera": "schedule.camera",
+    "photos": "photos",
     "precision": "precision",
     "materials": "materials",
     "freeze": "frozen",
@@ -88,8 +90,15 @@ def _add_data(out: argparse.ArgumentParser) -> None:
     data.add_argument(
         "--camera",
         action=argparse.BooleanOptionalAction,
-        help="photograph each image anew every time it is seen: exposure, defocus, noise, clipping "
-        "and JPEG of consumer cameras (default: on, but with paper)",
+        help="photograph the scenes: exposure, defocus, noise, clipping and JPEG of consumer "
+        "cameras (default: on, but with paper)",
+    )
+    data.add_argument(
+        "--photos",
+        type=console.count,
+        metavar="N",
+        help="photos that a stage learns from, or fewer if it does not see as many; they are made "
+        "before it and kept in RUN/photos, 170 kB each at 128 pixels (default: 100000)",
     )
     data.add_argument(
         "--materials",
@@ -305,7 +314,7 @@ def _train_here(options: argparse.Namespace) -> int:
     from . import graphs, hosts, initial_weights, summary, trainer
 
     config = config_of(options)
-    leads = hosts.place()[0] == 0
+    leads = hosts.rank_and_size()[0] == 0
     with _Bars(trainer.stages_of(config)) as bars:
         untrained = trainer.train(
             options.paths,
@@ -317,6 +326,7 @@ def _train_here(options: argparse.Namespace) -> int:
             start_from=options.start_from,
             cutouts=options.cutouts,
             devices=options.devices,
+            on_making=bars.making if leads else lambda what, done, total: None,
         )
     if not leads:
         return 0
@@ -337,16 +347,19 @@ def _train_here(options: argparse.Namespace) -> int:
 
 
 def _import_tensorflow() -> None:
-    """Import TensorFlow, which reads records whatever the backend.
+    """Import TensorFlow if it is the backend; other backends need it only to make photos.
 
     Raises:
         ValueError: if it is not installed.
     """
+    if os.environ.get("KERAS_BACKEND", "tensorflow") != "tensorflow":
+        return
     try:
         console.import_tensorflow()
     except ImportError as error:
         raise ValueError(
-            "TensorFlow is not installed: install it to read the records of corpora"
+            "TensorFlow is not installed: install it, or set KERAS_BACKEND=jax to train on photos "
+            "that are made already"
         ) from error
 
 
@@ -382,8 +395,6 @@ def config_of(options: argparse.Namespace) -> Any:
 
 def _asked(options: argparse.Namespace) -> dict[str, Any]:
     """Return the fields of the config that the options set, by their dotted names."""
-    from lime_keras.data import cutouts
-
     from . import initial_weights
 
     given = {field: getattr(options, option) for option, field in _OPTIONS.items()}
@@ -398,6 +409,8 @@ def _asked(options: argparse.Namespace) -> dict[str, Any]:
     if options.start_from is not None:
         given["begun_from"] = initial_weights.sha256(options.start_from)
     if options.cutouts is not None:
+        from .photos import cutouts
+
         given["cutouts"] = cutouts.sha256(*options.cutouts)
     return {
         field: tuple(value) if isinstance(value, list) else value
@@ -451,10 +464,17 @@ class _Bars:
     def tell(self, progress: Any) -> None:
         """Show the progress of a stage."""
         stage = progress.stage
-        title = f"{self._names.index(stage.name) + 1}/{len(self._names)} {stage.name}"
+        bar = self._named(f"{self._names.index(stage.name) + 1}/{len(self._names)} {stage.name}")
         told = {name: f"{value:.3g}" for name, value in progress.losses.items() if name != "loss"}
         told["data"] = f"{progress.data_wait:.0%}"
+        bar.move(progress.step, stage.steps, told)
+
+    def making(self, what: str, done: int, total: int) -> None:
+        """Show how much is there of what is made before a stage."""
+        self._named(what, "photo").move(done, total)
+
+    def _named(self, title: str, unit: str = "step") -> console.Bar:
         if self._bar is None or title != self._title:
             self.__exit__()
-            self._title, self._bar = title, console.Bar(title, "step")
-        self._bar.move(progress.step, stage.steps, told)
+            self._title, self._bar = title, console.Bar(title, unit)
+        return self._bar

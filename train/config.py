@@ -31,6 +31,7 @@ class Config:
         schedule: schedule of the stages.
         seed: seed of the initial weights, of the order of examples and of the photos; 0 is a seed.
         corpus_sha256: hash of the train splits (function `corpus_sha256`).
+        photos: largest number of photos that a stage learns from (`train.photos`).
         compositing: whether the loss of the albedos contains Eq. 5.
         precision: precision in which the subnetworks compute, a key of `precision.POLICIES`.
         begun_from: hash of the trained model whose weights the run begins with
@@ -41,7 +42,7 @@ class Config:
         rate_scale: factor by which the preset's learning rates were multiplied.
         lobe: lobe of S in the data, one of `corpus.LOBES`, which decides the unit of m_s.
         cutouts: hash of the photographs that a part of SegmentationNet's batches is composed of
-            (`lime_keras.data.cutouts.sha256`); None for none.
+            (`train.photos.cutouts.sha256`); None for none.
     """
 
     preset: str
@@ -50,6 +51,7 @@ class Config:
     schedule: Schedule
     seed: int
     corpus_sha256: str
+    photos: int = 100_000
     compositing: bool = True
     precision: str = "float32"
     begun_from: str | None = None

@@ -1,154 +1,272 @@
-"""The training batches of a stage, and the held-out batches that it is evaluated on.
+"""The training batches of a stage, and the validation batches that it is evaluated on.
 
-They come from corpora of stored records, which TensorFlow reads whatever the backend.
+Both are read from kept photos (`train.photos`). The photos of a stage are made once, before its
+first batch, and then seen again and again: in another order each time, flipped or not.
 """
 
-import functools
-import math
+import hashlib
+import itertools
 import zlib
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from time import sleep
 from typing import Any
 
 import keras
 import numpy as np
 
-from lime_keras.data import clutter, prints
 from lime_keras.data.corpus import Split
-from lime_keras.data.cutouts import Cutouts
+from lime_keras.optics.material_law import UNIFORM
 
 from .config import Config
-from .sources import masks
-from .sources.corpora import Corpora
+from .devices import Devices
+from .photos import answers, making
+from .photos.flips import flip
+from .photos.kept import INPUT_MASK, PREDICTED, Kept
+from .photos.making import OnMaking, Recipe
 from .stages import Stage
+from .terms import LEARNT_FROM
 
 _ORIGIN = ("seed", "index")
 """Features that identify an example of a corpus."""
-_ALWAYS = ("shininess",)
-"""Features that held-out batches always hold, so that all stages can share them."""
-
-SEEN_MASK = "seen_mask"
-"""Feature: the mask that the object is cut out with; losses and measures take the true one."""
+_MASK_FEATURES = ("image", "mask", *_ORIGIN)
+"""Features that SegmentationNet alone is trained with."""
 
 Batch = dict[str, Any]
 
 
 class Data:
-    """The training and held-out batches of a run.
+    """The training and validation batches of a run.
 
     Args:
         paths: folders of corpora with complete train splits; each batch mixes all of them.
         config: config of the run.
-        rows: (k, n): the training batches hold only the k-th of n equal parts of each batch.
+        folder: folder of the run; photos are kept in its folder `photos`.
+        devices: devices of the run; the process that leads makes the photos.
+        on_making: function called as photos and answers are made.
         photographs: folders of things and places whose hash is `config.cutouts`.
 
     Raises:
         FileNotFoundError: if a split is incomplete, or the cut-outs' folders are not given.
-        ValueError: if a split is too small, or if anything is damaged or of an image size that does
-            not fit.
+        ValueError: if images are of a size that does not fit.
     """
 
     def __init__(
         self,
         paths: Sequence[Path],
         config: Config,
-        rows: tuple[int, int] = (0, 1),
+        folder: Path,
+        devices: Devices | None = None,
+        on_making: OnMaking = lambda what, done, total: None,
         photographs: tuple[Path, Path] | None = None,
     ):
-        self._paths, self._config, self._part = paths, config, rows[0]
-        self._corpora = Corpora(paths, config, rows)
+        self._paths, self._config, self._folder = tuple(paths), config, folder / "photos"
+        self._devices, self._on_making = devices, on_making
         _check_sizes(paths, config.architecture.size)
         if config.cutouts is not None and photographs is None:
             raise FileNotFoundError("this run learns from cut-outs: pass its --cutouts again")
         self._photographs = photographs
         self._masker: keras.Model | None = None
-        self._kept: list[Batch] = []
-        self._kept_features: set[str] = set()
+        self._opened: dict[str, Kept] = {}
 
-    def training(self, stage: Stage, features: Collection[str], first_step: int) -> Iterator[Batch]:
-        """Yield a stage's batches without end, from a step on.
-
-        Each batch also holds `seed` and `index`, which identify its examples. The feature
-        `seen_mask` is made here (`train.sources.masks`).
-        """
-        sees, features = SEEN_MASK in features, [name for name in features if name != SEEN_MASK]
-        seed = zlib.crc32(f"{self._config.seed} {stage.name}".encode())
-        batches = self._corpora.training(seed, (*features, *_ORIGIN), first_step)
-        is_of_masks = stage.subnetworks == ("segmentation",)
-        cutouts = self._cutouts if is_of_masks else None
-        for step, batch in enumerate(batches, first_step):
-            generator = np.random.default_rng((seed, step, self._part))
-            if self._config.schedule.paints:
-                image = (
-                    clutter.add(batch["image"], batch["mask"], generator)
-                    if is_of_masks
-                    else prints.add(batch, generator)
-                )
-                batch = batch | {"image": image}
-            if cutouts is not None:
-                images, covers = cutouts.put(batch["image"], batch["mask"], generator)
-                batch = batch | {"image": images, "mask": covers}
-            if sees:
-                seen = masks.seen(self._masker, batch["image"], batch["mask"], generator)
-                batch = batch | {SEEN_MASK: seen}
-            yield batch
-
-    def cut_out_by(self, masker: keras.Model | None) -> None:
-        """Let `seen_mask` be what a SegmentationNet finds, in some images; None lets it be true."""
+    def set_masker(self, masker: keras.Model | None) -> None:
+        """Let input masks be what a SegmentationNet finds, in some photos; None: true ones."""
         self._masker = masker
-        for batch in self._kept:
-            batch.pop(SEEN_MASK, None)
 
-    def seen(self, stage: Stage, features: Collection[str]) -> tuple[str, ...]:
-        """Return a stage's features, with `seen_mask` if it learns on masks that are not true."""
+    def with_input_mask(self, stage: Stage, features: Collection[str]) -> tuple[str, ...]:
+        """Return a stage's features, with `kept.INPUT_MASK` if its masks are not the true ones."""
         sees = self._config.schedule.found_masks and "segmentation" not in stage.subnetworks
-        return (*features, *([SEEN_MASK] if sees else []))
+        return (*features, *([INPUT_MASK] if sees else []))
 
-    def held_out(self, features: Collection[str]) -> Iterator[Batch]:
-        """Yield the held-out batches: equally many of each path, where it has enough.
+    def training(
+        self,
+        stage: Stage,
+        features: Collection[str],
+        first_step: int,
+        frozen: Mapping[str, keras.Model] | None = None,
+    ) -> Iterator[Batch]:
+        """Yield a stage's batches without end, from a step on, each read while one is learnt from.
 
-        They are read or made once, and then kept in memory. `seen_mask` is that of
-        `cut_out_by`'s network, or the true one if there is none.
+        Missing photos are made first. Each batch also holds `seed` and `index`, which identify its
+        examples.
+
+        Args:
+            stage: the stage.
+            features: names of its features; also `kept.INPUT_MASK`, and those of `frozen`.
+            first_step: number of batches before the first one.
+            frozen: subnetworks whose predictions are among the features (`answers.independent`).
         """
-        sees, features = SEEN_MASK in features, [name for name in features if name != SEEN_MASK]
-        if not self._kept_features.issuperset(features):
-            self._kept_features |= {*features, *_ALWAYS}
-            self._kept = list(self._held_out(sorted(self._kept_features)))
-        for batch in self._kept:
-            if sees and SEEN_MASK not in batch:
-                batch[SEEN_MASK] = (
-                    batch["mask"]
-                    if self._masker is None
-                    else masks.own(self._masker, batch["image"])
-                )
-            names = [*features, SEEN_MASK] if sees else features
-            yield {name: batch[name] for name in names}
+        photos = self._photos(stage)
+        told = self._answers(photos, features, frozen or {}, self._seed("input masks"))
+        size, seed = self._config.schedule.batch_size, self._seed(stage.name)
+        wanted = (*features, *_ORIGIN)
 
-    def blamed(self, batch: Batch, rows: Sequence[int]) -> str:
+        def read(step: int) -> Batch:
+            rows = _rows(photos.count, seed, range(step * size, (step + 1) * size))
+            batch = _read(photos, told, rows, wanted)
+            if not self._config.schedule.flips:
+                return batch
+            return flip(batch, np.random.default_rng((seed, step)).random(size) < 0.5)
+
+        with ThreadPoolExecutor(1) as reader:
+            coming = reader.submit(read, first_step)
+            for step in itertools.count(first_step + 1):
+                batch, coming = coming.result(), reader.submit(read, step)
+                yield batch
+
+    def validation(
+        self, features: Collection[str], frozen: Mapping[str, keras.Model] | None = None
+    ) -> Iterator[Batch]:
+        """Yield the validation batches: equally many of each path, where it has enough.
+
+        They show scenes that are not trained on, each once, without paint. `kept.INPUT_MASK` is
+        that of `set_masker`'s network, or the true one if there is none.
+        """
+        schedule = self._config.schedule
+        each = -(-schedule.validation_examples // len(self._paths))
+        recipe = self._recipe(
+            0,
+            features=(*self._all_features, *_ORIGIN),
+            materials=self._config.materials or (),
+            validation=each,
+        )
+        photos = self._kept(recipe, each * len(self._paths), "validation photos")
+        told = self._answers(photos, features, frozen or {}, None)
+        for first in range(0, photos.count, schedule.batch_size):
+            rows = np.arange(first, min(first + schedule.batch_size, photos.count))
+            yield _read(photos, told, rows, features)
+
+    def describe_examples(self, batch: Batch, rows: Sequence[int]) -> str:
         """Return words that identify examples of a batch and say what mends them.
 
         Args:
             batch: batch of `training`.
             rows: rows of the examples, at least one.
         """
-        origins = [(int(batch["seed"][row]), int(batch["index"][row])) for row in rows]
-        return self._corpora.blamed(origins)
+        named = ", ".join(
+            f"example {int(batch['index'][row])} of seed {int(batch['seed'][row])}" for row in rows
+        )
+        return f"{named} of the train split: render it again, or leave it out"
 
-    @functools.cached_property
-    def _cutouts(self) -> Cutouts | None:
-        if self._photographs is None:
+    @property
+    def _all_features(self) -> tuple[str, ...]:
+        baseline = self._config.architecture.system != "lime"
+        return (*LEARNT_FROM, "shininess", *(["environment"] if baseline else []))
+
+    def _photos(self, stage: Stage) -> Kept:
+        """Return the photos of a stage, made if they were not.
+
+        All stages but `segmentation` share theirs; where nothing is painted or cut out, all do.
+        """
+        config, schedule = self._config, self._config.schedule
+        alone = ("segmentation",)
+        is_apart = schedule.paints or config.cutouts is not None
+        of_masks = is_apart and stage.subnetworks == alone
+        steps = max(
+            one.steps
+            for one in schedule.stages(config.architecture)
+            if not is_apart or (one.subnetworks == alone) == of_masks
+        )
+        kind = "mask photos" if of_masks else "photos"
+        recipe = self._recipe(
+            self._seed(kind),
+            features=_MASK_FEATURES if of_masks else (*self._all_features, *_ORIGIN),
+            materials=(config.materials or (UNIFORM,)) if schedule.repaints else (),
+            paint=("clutter" if of_masks else "prints") if schedule.paints else None,
+            cutouts=self._photographs if of_masks else None,
+        )
+        return self._kept(recipe, min(config.photos, steps * schedule.batch_size), kind)
+
+    def _recipe(self, seed: int, **laws: Any) -> Recipe:
+        cutouts = self._config.cutouts if laws.get("cutouts") else None
+        return Recipe(
+            corpora=self._paths,
+            corpus_sha256=self._config.corpus_sha256,
+            seed=seed,
+            size=self._config.architecture.size,
+            camera=self._config.schedule.camera,
+            cutouts_sha256=cutouts,
+            **laws,
+        )
+
+    def _kept(self, recipe: Recipe, most: int, title: str) -> Kept:
+        """Return the photos of a recipe, made if they were not."""
+        key = hashlib.sha256(f"{recipe.key()} {most}".encode()).hexdigest()[:16]
+        if key not in self._opened:
+            folder = self._folder / key
+            count = making.count_of(recipe, folder, most)
+            kept = Kept(folder, count, recipe.features, recipe.size)
+            self._complete(kept, lambda: making.make(recipe, kept, title, self._on_making))
+            self._opened[key] = kept
+        return self._opened[key]
+
+    def _answers(
+        self,
+        photos: Kept,
+        features: Collection[str],
+        frozen: Mapping[str, keras.Model],
+        seed: int | None,
+    ) -> Kept | None:
+        """Return the input masks of photos and the predictions of frozen subnetworks, if wanted."""
+        if INPUT_MASK not in features and not frozen:
             return None
-        return Cutouts(*self._photographs, self._config.architecture.size)
+        networks = {**({} if self._masker is None else {"segmentation": self._masker}), **frozen}
+        text = f"{photos.folder.name} {seed} {answers.sha256(networks)}"
+        key = hashlib.sha256(text.encode()).hexdigest()[:16]
+        if key not in self._opened:
+            size = self._config.architecture.size
+            local = networks if self._devices is None else self._devices.local_copies(networks)
+            kept = Kept(self._folder / key, photos.count, answers.features(frozen), size)
+            self._complete(
+                kept,
+                lambda: answers.make(photos, kept, local, seed, "input masks", self._on_making),
+            )
+            self._opened[key] = kept
+        return self._opened[key]
 
-    def _held_out(self, features: Collection[str]) -> Iterator[Batch]:
-        share = self._config.schedule.validation_examples / len(self._paths)
-        batches = math.ceil(share / self._config.schedule.batch_size)
-        yield from self._corpora.held_out(features, batches)
+    def _complete(self, kept: Kept, make: Any) -> None:
+        """Make what is to be kept in the process that leads; the others wait for it."""
+        if self._devices is None or self._devices.leads:
+            make()
+        while not kept.is_complete:
+            sleep(0.2)
+
+    def _seed(self, what: str) -> int:
+        return zlib.crc32(f"{self._config.seed} {what}".encode())
 
 
 def without_origin(batch: Batch) -> Batch:
     """Return a batch without `seed` and `index`, which the networks must not get."""
     return {name: value for name, value in batch.items() if name not in _ORIGIN}
+
+
+def _rows(count: int, seed: int, positions: range) -> np.ndarray:
+    """Return the photos at some positions of a stage: each once an epoch, in an own order."""
+    rows: list[int] = []
+    for epoch in range(positions.start // count, (positions.stop - 1) // count + 1):
+        order = _order(count, seed, epoch)
+        first, last = positions.start - epoch * count, positions.stop - epoch * count
+        rows += order[max(first, 0) : min(last, count)].tolist()
+    return np.array(rows)
+
+
+def _order(count: int, seed: int, epoch: int) -> np.ndarray:
+    key = (count, seed, epoch)
+    if key not in _orders:
+        _orders.clear()
+        _orders[key] = np.random.default_rng((seed, epoch)).permutation(count)
+    return _orders[key]
+
+
+_orders: dict[tuple[int, int, int], np.ndarray] = {}
+
+
+def _read(photos: Kept, told: Kept | None, rows: np.ndarray, features: Collection[str]) -> Batch:
+    """Return some photos, and what was predicted of them."""
+    is_told = {name for name in features if name == INPUT_MASK or name.startswith(PREDICTED)}
+    batch = photos.read(rows, [name for name in features if name not in is_told])
+    return batch | (told.read(rows, is_told) if told is not None else {})
 
 
 def _check_sizes(paths: Sequence[Path], size: int) -> None:

@@ -33,7 +33,7 @@ class Devices:
 
     def __init__(self, count: int):
         self.count = count
-        self.process, self.processes = hosts.place()
+        self.process, self.processes = hosts.rank_and_size()
         self._all = count * self.processes
         self._strategy: Any = None
         if keras.backend.backend() != "tensorflow":
@@ -57,7 +57,7 @@ class Devices:
         return self.process == 0
 
     @contextlib.contextmanager
-    def alone(self) -> Iterator[None]:
+    def without_distribution(self) -> Iterator[None]:
         """Return the context in which this process may create variables without the others."""
         if keras.backend.backend() == "tensorflow":
             yield
@@ -69,7 +69,17 @@ class Devices:
         finally:
             keras.distribution.set_distribution(distribution)
 
-    def part(self, batch: Mapping[str, Any]) -> Mapping[str, Any]:
+    def local_copies(self, networks: Mapping[str, keras.Model]) -> dict[str, keras.Model]:
+        """Return networks that this process may run without the others."""
+        if self.processes == 1:
+            return dict(networks)
+        with self.without_distribution():
+            copies = {name: keras.models.clone_model(one) for name, one in networks.items()}
+            for name, copy in copies.items():
+                copy.set_weights(networks[name].get_weights())
+        return copies
+
+    def local_rows(self, batch: Mapping[str, Any]) -> Mapping[str, Any]:
         """Return this process's examples of a batch that every process has.
 
         If its examples cannot be split evenly, each device gets the whole batch.
@@ -116,7 +126,7 @@ class Devices:
         size = len(next(iter(batch.values())))
         counted = 1 / self._all if size % self._all else 1.0
         weights = keras.ops.full((size,), counted)
-        return self.split(self.part({"weights": weights}))["weights"]
+        return self.split(self.local_rows({"weights": weights}))["weights"]
 
 
 def _mirrored(count: int) -> Any:

@@ -13,7 +13,6 @@ from typing import Any
 import keras
 from keras import ops
 
-from lime_keras.data.features import LEARNT_FROM
 from lime_keras.io import atomic
 from lime_keras.networks import assemble
 
@@ -21,7 +20,7 @@ from . import terms
 from .data import Batch, Data
 from .devices import Devices
 
-_FEATURES = (*LEARNT_FROM, "shininess")
+_FEATURES = (*terms.LEARNT_FROM, "shininess")
 
 
 class SystemModel(keras.Model):
@@ -87,7 +86,7 @@ class SystemEvaluation:
         """
         model, examples = self._model, 0
         model.reset_measures()
-        for batch in self._data.held_out(_FEATURES):
+        for batch in self._data.validation(_FEATURES):
             examples += len(batch["mask"])
             self._evaluate(batch)
         measures = model.measured() if examples else {}
@@ -99,7 +98,7 @@ class SystemEvaluation:
 
     def _evaluate(self, batch: Batch) -> None:
         devices = self._devices
-        seen, weights = devices.split(devices.part(batch)), devices.weights(batch)
+        seen, weights = devices.split(devices.local_rows(batch)), devices.weights(batch)
         self._model.test_on_batch(seen, sample_weight=weights)
 
 

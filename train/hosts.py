@@ -6,7 +6,7 @@ Under `keras.distribution`, to create a variable or to assign a value is somethi
 processes have to do together: JAX compares the value between them. A process that does so alone
 waits for the others, and these wait for it at exit. `Model.save_weights` is such a case, because
 Keras creates an optimiser to see which attributes optimisers have. So what process 0 does alone, it
-does without the distribution (`train.devices.Devices.alone`).
+does without the distribution (`train.devices.Devices.without_distribution`).
 """
 
 import atexit
@@ -76,7 +76,7 @@ def joined(count: int, index: int, coordinator: str) -> Iterator[None]:
         raise
 
 
-def place() -> tuple[int, int]:
+def rank_and_size() -> tuple[int, int]:
     """Return the number of this process, from 0, and the number of all."""
     if keras.backend.backend() != "jax":
         return 0, 1
@@ -85,7 +85,7 @@ def place() -> tuple[int, int]:
     return jax.process_index(), jax.process_count()
 
 
-def agree(told: Mapping[str, Any]) -> None:
+def assert_same(told: Mapping[str, Any]) -> None:
     """Check that all processes say the same, and wait until all have said it.
 
     Args:
@@ -94,7 +94,7 @@ def agree(told: Mapping[str, Any]) -> None:
     Raises:
         ValueError: in all processes, if one of them says something else.
     """
-    if place()[1] == 1:
+    if rank_and_size()[1] == 1:
         return
     from jax.experimental import multihost_utils
 

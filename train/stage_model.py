@@ -9,27 +9,30 @@ from typing import Any
 import keras
 from keras import ops
 
-from lime_keras.data.features import LEARNT_FROM
 from lime_keras.networks import output_names
 from lime_keras.networks.registry import is_plain
 from lime_keras.networks.wiring import Wiring, needed, quantities
+from lime_keras.optics.dynamic_range import expand
 
 from . import terms
-from .terms import LEARNING, TERMS, StageAnswer
+from .photos.kept import INPUT_MASK, PREDICTED
+from .terms import LEARNING, LEARNT_FROM, TERMS, StageAnswer
 
 
 class StageModel(keras.Model):
     """A model of the subnetworks that one stage trains together.
 
     The input of a subnetwork is the prediction of another subnetwork of the stage if there is one,
-    else the ground truth. The object is cut out by `seen_mask` of the batch, if it has one
-    (`train.sources.masks`), else by the true mask.
+    then a prediction of the batch that was kept of a frozen one (`photos.answers`), else the ground
+    truth. The object is cut out by the batch's input mask (`photos.masks`), if it has one, else by
+    the true mask.
 
     Args:
-        subnetworks: subnetworks of the stage by name; all of them are trained.
+        subnetworks: subnetworks of the stage by name; all of them are trained that are not frozen.
         compositing: whether the loss of the albedos contains Eq. 5.
         losses: which terms are learnt by: those of this `Schedule.losses`.
         lobe: lobe of S in the data, one of `corpus.LOBES`.
+        kept: subnetworks of the stage, not among these, whose predictions the batches hold.
         replicas: number of devices that each compute the loss of their part of a batch. Their
             gradients are added up, so each loss is divided by this number.
     """
@@ -40,6 +43,7 @@ class StageModel(keras.Model):
         compositing: bool = True,
         losses: str = "printed",
         lobe: str = "furnace",
+        kept: Mapping[str, keras.Model] | None = None,
         replicas: int = 1,
     ):
         # Truth and losses are in single precision, even if the subnetworks compute in half.
@@ -47,6 +51,7 @@ class StageModel(keras.Model):
         self.subnetworks = dict(subnetworks)
         self._replicas = replicas
         self._given = needed(subnetworks)
+        self._kept = [name for name in quantities(kept or {}) if name in self._given]
         self._answered, self._found = tuple(quantities(subnetworks)), output_names(subnetworks)
         self._units = terms.Units(lobe, any(map(is_plain, _of_radiance(subnetworks))))
         left_out = {name for name, term in TERMS.items() if term.losses not in (None, losses)}
@@ -65,7 +70,9 @@ class StageModel(keras.Model):
     @property
     def features(self) -> tuple[str, ...]:
         """The names of the features, as in `data.pipeline`, that a batch must hold."""
-        wanted = list(LEARNT_FROM)
+        if list(self.subnetworks) == ["segmentation"]:
+            return ("image", "mask")
+        wanted = [*LEARNT_FROM, *(f"{PREDICTED}{quantity}" for quantity in self._kept)]
         for quantity in self._given:
             wanted += terms.features_of_truth(quantity)
         for term in self.terms:
@@ -74,9 +81,14 @@ class StageModel(keras.Model):
 
     def call(self, batch: Mapping[str, Any], training: bool = False) -> StageAnswer:
         """Return the predictions of the stage's subnetworks, and what they read, for a batch."""
-        truths = {name: terms.truth(name, batch, self._units) for name in self._given}
-        truths["mask"] = batch.get("seen_mask", batch["mask"])
-        graph = Wiring(self.subnetworks, truths | {"image": batch["image"]}, training=training)
+        given = {
+            name: expand(batch[f"{PREDICTED}{name}"])
+            if name in self._kept
+            else terms.truth(name, batch, self._units)
+            for name in self._given
+        }
+        given["mask"] = batch.get(INPUT_MASK, batch["mask"])
+        graph = Wiring(self.subnetworks, given | {"image": batch["image"]}, training=training)
         return StageAnswer(
             raw={quantity: graph.answer(quantity) for quantity in self._answered},
             # Eq. 5 reads S in this form, whatever AlbedoNet reads.

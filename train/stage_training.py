@@ -7,6 +7,8 @@ from pathlib import Path
 from time import monotonic
 from typing import NoReturn
 
+import keras
+
 from .data import Batch, Data, without_origin
 from .devices import Devices
 from .optimizer import gradient_norms
@@ -64,6 +66,7 @@ class StageTraining:
         files: paths of the stage's files.
         data: training and held-out examples.
         devices: devices that each batch is split between.
+        kept: frozen subnetworks whose predictions are kept with the photos.
         tell: function called with the progress after each batch, and once before.
     """
 
@@ -75,11 +78,12 @@ class StageTraining:
         files: Files,
         data: Data,
         devices: Devices,
+        kept: Mapping[str, keras.Model],
         tell: Tell,
     ):
         self._stage, self._model, self._checkpoint, self._files = stage, model, checkpoint, files
-        self._data, self._devices, self._tell = data, devices, tell
-        self._features = data.seen(stage, model.features)
+        self._data, self._devices, self._kept, self._tell = data, devices, kept, tell
+        self._features = data.with_input_mask(stage, model.features)
 
     def run(self) -> None:
         """Train until the stage's last batch.
@@ -105,8 +109,8 @@ class StageTraining:
         interval = min(max(1, stage.steps // _CURVE_POINTS), _LONGEST_INTERVAL)
         self._tell(Progress(stage, step, {}, 0.0))
         if step == 0:
-            self._evaluate_held_out(0, {}, curve, board)
-        batches = self._data.training(stage, self._features, step)
+            self._validate(0, {}, curve, board)
+        batches = self._data.training(stage, self._features, step, self._kept)
         losses, norms, waited, began = Means(), Means(), 0.0, monotonic()
         saved, first = began, step
         while step < stage.steps:
@@ -126,7 +130,7 @@ class StageTraining:
             self._tell(Progress(stage, step, losses.means(), waited / max(elapsed, 1e-9)))
             if step % interval == 0 or step == stage.steps:
                 rates = {"steps a second": (step - first) / elapsed, "data wait": waited / elapsed}
-                self._evaluate_held_out(step, losses.means(), curve, board)
+                self._validate(step, losses.means(), curve, board)
                 board.scalars(step, {"gradient norm": norms.means(), "throughput": rates})
                 losses, norms, waited, began, first = Means(), Means(), 0.0, monotonic(), step
             # Keep.
@@ -137,22 +141,20 @@ class StageTraining:
 
     def _step(self, batch: Batch) -> dict[str, float]:
         """Take a training step and return the batch's losses by name."""
-        seen = self._devices.split(without_origin(batch))
-        return self._model.train_on_batch(seen, return_dict=True)
+        local = self._devices.local_rows(without_origin(batch))
+        return self._model.train_on_batch(self._devices.split(local), return_dict=True)
 
     def _evaluate(self, batch: Batch) -> dict[str, float]:
         """Update the measures with a held-out batch and return the batch's losses by name."""
         devices = self._devices
-        seen, weights = devices.split(devices.part(batch)), devices.weights(batch)
+        seen, weights = devices.split(devices.local_rows(batch)), devices.weights(batch)
         return self._model.test_on_batch(seen, sample_weight=weights, return_dict=True)
 
-    def _evaluate_held_out(
-        self, step: int, training: dict[str, float], curve: Curve, board: Board
-    ) -> None:
+    def _validate(self, step: int, training: dict[str, float], curve: Curve, board: Board) -> None:
         """Evaluate on the held-out examples and record their losses with the training losses."""
         model, losses = self._model, Means()
         model.reset_measures()
-        for batch in self._data.held_out(self._features):
+        for batch in self._data.validation(self._features, self._kept):
             losses.add(self._evaluate(batch))
         held_out = losses.means()
         measured = model.measured() if held_out else {}
@@ -180,7 +182,7 @@ class StageTraining:
             if not _finite(alone) or not _finite(gradient_norms(self._model.optimizer)):
                 blamed.append(row)
         found = (
-            f"from {self._data.blamed(batch, blamed)}{self._shared()}"
+            f"from {self._data.describe_examples(batch, blamed)}"
             if blamed
             else "no example of the batch does it alone: try another --seed or --precision float32"
         )
@@ -188,11 +190,6 @@ class StageTraining:
             f"stage {self._stage.name}, step {step}: {', '.join(broken)} not finite; {found}. The "
             "run's last checkpoint is from before"
         )
-
-    def _shared(self) -> str:
-        """Return what to say of an example if other processes took a step with one of theirs."""
-        others = self._devices.processes - 1
-        return f", or from what the {others} other --hosts name" if others else ""
 
 
 def _finite(values: Mapping[str, float]) -> bool:

@@ -67,10 +67,10 @@ class Schedule:
         flips: whether scenes are mirrored left to right, each with a probability of one half.
         repaints: whether scenes get new albedos each time.
         paints: whether SegmentationNet learns from images with several colours on the objects
-            (`lime_keras.data.clutter`), and all others from images with prints
-            (`lime_keras.data.prints`).
+            (`photos.paint.clutter`), and all others from images with prints
+            (`photos.paint.prints`).
         found_masks: whether the subnetworks beside SegmentationNet learn on masks as it finds them
-            and on damaged ones (`train.sources.masks`), too.
+            and on damaged ones (`photos.masks`), too.
     """
 
     batch_size: int

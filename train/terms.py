@@ -3,7 +3,7 @@
 `LEARNING` has a row for each subnetwork, with names of loss terms (rows of `TERMS`) and of measures
 (rows of `MEASURES`). The measures are those of Table 1, each a Keras metric with the name that
 `lime-eval` uses. Losses and measures use the true mask, whatever the objects are cut out with
-(`data.SEEN_MASK`).
+(`photos.kept.INPUT_MASK`).
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -23,6 +23,22 @@ from lime_keras.optics.shading import lobe_factor
 
 Batch = Mapping[str, Any]
 """Features of a batch by name, as `data.pipeline` names them."""
+
+LEARNT_FROM = (
+    "image",
+    "mask",
+    "diffuse_shading",
+    "specular_shading",
+    "mirror",
+    "diffuse_albedo",
+    "specular_albedo",
+    "ambient",
+    "clipped",
+    "painted",
+    "cast",
+    "exponent_bin",
+)
+"""Features that the losses of all stages but `segmentation` need."""
 
 
 class StageAnswer(NamedTuple):
@@ -63,7 +79,7 @@ class Term:
         quantity: name of the quantity whose prediction the term compares with the truth.
         loss: function of a batch, a `StageAnswer` and the `Units` of the stage; returns the loss of
             each example, `(B,)`.
-        features: names of the features that it reads, beside `data.features.LEARNT_FROM`.
+        features: names of the features that it reads, beside `LEARNT_FROM`.
         losses: value of `Schedule.losses` that has the term; None if every schedule has it.
     """
 
@@ -122,7 +138,7 @@ def truth(quantity: str, batch: Batch, units: Units) -> Any:
 
 
 def features_of_truth(quantity: str) -> tuple[str, ...]:
-    """Return the features that `truth` reads, beside `data.features.LEARNT_FROM`."""
+    """Return the features that `truth` reads, beside `LEARNT_FROM`."""
     return _COMPUTED[quantity].features if quantity in _COMPUTED else ()
 
 
@@ -204,10 +220,11 @@ def _log_exponent(loss: Callable[[Any, Any], Any]) -> Loss:
 
 def _composed(batch: Batch, answer: StageAnswer) -> tuple[Any, ...]:
     """Return what both forms of Eq. 5 compare: the photo, and Eq. 4 of what is estimated."""
-    albedos = answer.raw["albedos"]
+    # Eq. 4 knows nothing of paint, so painted pixels do not count.
+    albedos, unpainted = answer.raw["albedos"], batch["mask"] * (1.0 - batch["painted"])
     return (
         batch["image"],
-        batch["mask"],
+        unpainted,
         albedos[:, :3],
         albedos[:, 3:],
         batch["ambient"],

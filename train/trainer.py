@@ -7,6 +7,7 @@ A run's folder holds:
 - `curves/N-name.csv`: losses and measures of a stage;
 - `evaluation.json`: measures of the whole system on the held-out examples;
 - `tensorboard/`: the same, with gradient norms;
+- `photos/`: the photos that it learns from (`train.photos`);
 - `model/`: the trained model with a copy of the record;
 - `begun-from/`: a copy of the trained model that the run began with, if it did.
 """
@@ -33,6 +34,8 @@ from .data import Data
 from .devices import Devices
 from .evaluation import SystemEvaluation, evaluation_path
 from .optimizer import OPTIMIZERS, LossScale
+from .photos import answers
+from .photos.making import OnMaking
 from .stage_model import StageModel
 from .stage_training import Files, Progress, StageTraining, Tell
 from .stages import WARM_UP, Stage
@@ -51,6 +54,7 @@ def train(
     start_from: Path | None = None,
     cutouts: tuple[Path, Path] | None = None,
     devices: int = 1,
+    on_making: OnMaking = lambda what, done, total: None,
 ) -> list[str]:
     """Run or resume the stages of a run, and write its trained subnetworks to `RUN/model/`.
 
@@ -67,6 +71,8 @@ def train(
         start_from: trained model whose hash is `config.begun_from`; not needed to resume a run.
         cutouts: folders of photographs whose hash is `config.cutouts`.
         devices: number of devices of each process that each batch is split between.
+        on_making: function called with what is made before a stage, how much of it is there, and
+            how much there will be.
 
     Returns:
         Names of the subnetworks without trained weights: no finished stage has trained them, and
@@ -81,19 +87,20 @@ def train(
             called differently.
         RuntimeError: if a loss or a gradient is not finite, or another process is training the run.
     """
-    place = hosts.place()
+    leads = hosts.rank_and_size()[0] == 0
     lock: contextlib.AbstractContextManager = contextlib.nullcontext()
-    if place[0] == 0:  # of joined processes, the first locks the folder
+    if leads:  # of joined processes, the first locks the folder
         lock = locking.lock_folder(run, "lime-train is training")
     with lock:
         _refuse(config, only, reuse, devices)
         # Open: what is there agrees with the config, and among the processes.
-        data = Data(paths, config, place, cutouts)
+        split = Devices(devices)
+        data = Data(paths, config, run, split, on_making, cutouts)
         check(run, config)
-        hosts.agree({"options or data": dataclasses.asdict(config), "--devices": devices})
-        if place[0] == 0:
+        hosts.assert_same({"options or data": dataclasses.asdict(config), "--devices": devices})
+        if leads:
             claim(run, paths, config)
-        opened = _Run(run, config, data, Devices(devices), tell, only, reuse, start_from)
+        opened = _Run(run, config, data, split, tell, only, reuse, start_from)
         opened.learn()
         opened.evaluate()
     return opened.untrained
@@ -104,7 +111,7 @@ def _refuse(config: Config, only: Collection[str] | None, reuse: Path | None, de
     names = [stage.name for stage in stages_of(config)]
     if unknown := sorted(set(only or ()) - set(names)):
         raise ValueError(f"no stage {', '.join(unknown)}: this run has {', '.join(names)}")
-    processes = hosts.place()[1]
+    processes = hosts.rank_and_size()[1]
     if devices < 1 or config.schedule.batch_size % (devices * processes):
         raise ValueError(
             f"batches of {config.schedule.batch_size} cannot be split between "
@@ -148,19 +155,19 @@ class _Run:
             self._subnetworks = _build(config)
             if start_from is not None and split.leads:
                 initial_weights.keep(start_from, folder)
-            hosts.agree({"--start-from": start_from is not None})
+            hosts.assert_same({"--start-from": start_from is not None})
             if config.begun_from is not None:
                 begun = initial_weights.load(folder, self._subnetworks, record=split.leads)
             if config.architecture.pretrained and "segmentation" not in begun:
                 backbone.begin(self._subnetworks["segmentation"])
             _freeze(config, self._subnetworks, begun)
         if "segmentation" in begun:
-            data.cut_out_by(self._subnetworks["segmentation"])
+            data.set_masker(self._subnetworks["segmentation"])
         self._trained = set(begun)
         # The stages, as far as their checkpoints stand.
         self._parts = _parts(folder, config, self._subnetworks, split, only, reuse)
         positions = [[part.stage.name, part.step] for part in self._parts]
-        hosts.agree({"checkpoints or --stages": positions})
+        hosts.assert_same({"checkpoints or --stages": positions})
         self.left = [part for part in self._parts if not part.finished]
         learnt = (name for part in self._parts for name in part.stage.subnetworks)
         known = {*begun, *learnt}
@@ -176,10 +183,10 @@ class _Run:
             if part.finished:
                 self._load(part)
             else:
-                self._prepared(part).run()
+                self._compiled(part).run()
             name = part.stage.name
             if name == "segmentation":
-                self._data.cut_out_by(self._subnetworks[name])
+                self._data.set_masker(self._subnetworks[name])
         if self._parts and self._split.leads:
             self._write()
 
@@ -189,11 +196,11 @@ class _Run:
         if self._parts and self._evaluation is not None and news:
             self._evaluation.write(self._folder)
 
-    def _load(self, part: "_Part") -> None:
+    def _load(self, part: "_StageRun") -> None:
         part.checkpoint.restore(part.model)
         self._tell(Progress(part.stage, part.step, {}, 0.0))
 
-    def _prepared(self, part: "_Part") -> StageTraining:
+    def _compiled(self, part: "_StageRun") -> StageTraining:
         with self._split.scope():
             _compile(part.model, part.stage, self._config)
         return StageTraining(
@@ -203,23 +210,28 @@ class _Run:
             part.files,
             self._data,
             self._split,
+            part.kept,
             self._tell,
         )
 
     def _write(self) -> None:
         """Write what is trained so far with a copy of the run's record, in place of the earlier."""
         trained = {n: one for n, one in self._subnetworks.items() if n in self._trained}
-        with self._split.alone(), atomic.replacing(self._folder / "model") as partial:
+        with (
+            self._split.without_distribution(),
+            atomic.replacing(self._folder / "model") as partial,
+        ):
             weights.save(partial, self._config.architecture, trained)
             atomic.write(partial / "training.json", config_path(self._folder).read_bytes())
 
 
 @dataclasses.dataclass(frozen=True)
-class _Part:
+class _StageRun:
     """A stage to load or to train, with the number of batches at which its checkpoint stands."""
 
     stage: Stage
     model: StageModel
+    kept: Mapping[str, keras.Model]
     checkpoint: Checkpoint
     files: Files
     step: int
@@ -258,17 +270,20 @@ def _parts(
     split: Devices,
     only: Collection[str] | None,
     reuse: Path | None,
-) -> list[_Part]:
+) -> list[_StageRun]:
     """Return the stages that are finished or to be trained, in order."""
-    parts: list[_Part] = []
+    parts: list[_StageRun] = []
     trained: dict[str, str] = {}
     for number, stage in enumerate(stages_of(config), 1):
+        networks = {part: subnetworks[part] for part in stage.subnetworks}
+        kept = answers.independent(networks, config.frozen or ())
         with split.scope():
             model = StageModel(
-                {part: subnetworks[part] for part in stage.subnetworks},
+                {part: network for part, network in networks.items() if part not in kept},
                 config.compositing,
                 config.schedule.losses,
                 config.lobe,
+                kept,
                 split.replicas,
             )
         signature = _signature(config, stage, model, trained)
@@ -277,8 +292,8 @@ def _parts(
         if reuse is not None:
             if split.leads:
                 _take_over(reuse, stage, signature, files)
-            hosts.agree({"--reuse": stage.name})
-        part = _Part(stage, model, checkpoint, files, checkpoint.step() or 0)
+            hosts.assert_same({"--reuse": stage.name})
+        part = _StageRun(stage, model, kept, checkpoint, files, checkpoint.step() or 0)
         if part.finished or only is None or stage.name in only:
             parts.append(part)
             trained |= dict.fromkeys(stage.subnetworks, signature)
@@ -341,6 +356,7 @@ def _signature(config: Config, stage: Stage, model: StageModel, trained: Mapping
         "seed": config.seed,
         "corpus": config.corpus_sha256,
         "lobe": config.lobe,
+        "photos": config.photos,
         "materials": config.materials,
         "precision": config.precision,
         "begun_from": config.begun_from,

@@ -9,7 +9,7 @@ import numpy as np
 import tensorflow as tf
 
 from lime_keras.data import pipeline, records
-from lime_keras.data.camera import photograph
+from lime_keras.data.camera import photograph, radiance
 from lime_keras.data.corpus import Split
 from lime_keras.model import weights
 from lime_keras.networks import assemble
@@ -115,7 +115,7 @@ def read(
         # Only the chosen examples are decoded.
         if position in wanted:
             stored = records.parse(serialized)
-            stored = photograph(stored) if camera else stored
+            stored = photograph(stored, radiance(stored)) if camera else stored
             photos[position] = stored["image"].numpy()
             example = pipeline.resize(stored, architecture.size)
             found[position] = {name: value.numpy() for name, value in example.items()}

@@ -1,4 +1,4 @@
-"""The camera augmentation: a photo of a rendered scene, as a consumer camera would take it.
+"""The camera: a photo of a scene's linear radiance, as a consumer camera would take it.
 
 Light → exposure → defocus → white balance → noise → clipping → sRGB → 8 bits → JPEG, inside a
 `tf.data` graph.
@@ -21,27 +21,31 @@ SCENE = (
 )
 """Features of an example that a photo of it needs."""
 
+_LEVELS = 2**16  # of the table from radiance to sRGB: a step is at most 0.05 of an 8-bit level
+_UNPAINTED = 1e-4  # share of paint in a pixel's light that rounding may leave, and no more
 _ROOT_LEVELS = 4096  # of the table from √radiance to sRGB: a step is below 0.1 of an 8-bit level
 
 
 def photograph(
-    example: dict[str, tf.Tensor], seed: tf.Tensor | None = None
+    example: dict[str, tf.Tensor], radiance: tf.Tensor, seed: tf.Tensor | None = None
 ) -> dict[str, tf.Tensor]:
-    """Photograph an example's scene with a random camera.
+    """Photograph a scene with a random camera.
 
     The exposure multiplies the light: the image, D, S, M, m_a and the environment are scaled, and
-    the albedos stay, so Eq. 4 still holds. Where the stored image is clipped, the radiance to
-    expose comes from Eq. 4.
+    the albedos stay, so Eq. 4 still holds.
 
     Args:
-        example: example from `records.parse`, with the features of `SCENE` at least.
+        example: example from `records.parse`. `painted` `(S, S, 1)`, above 0 where something that
+            its layers do not know was painted on, may be among its features.
+        radiance: linear radiance of the scene `(S, S, 3)`, at least 0, not clipped (`radiance`).
         seed: `(2,)` integers; the same seed gives the same photo. By default the example's own
             `seed` and `index`.
 
     Returns:
         The example with a new `image`, sRGB in multiples of 1/255; with `clipped` `(S, S, 3)`, 1
         where the light, without the noise, saturates the sensor; with `cast` `(4,)`, the error of
-        the white balance (`camera_law.cast`); and with its light scaled by the exposure.
+        the white balance (`camera_law.cast`); with `painted` 1 wherever defocus carries paint; and
+        with its light scaled by the exposure.
     """
     if seed is None:
         seed = tf.stack([example["seed"], example["index"]])
@@ -54,7 +58,12 @@ def photograph(
             out[name] = example[name] * exposure
     drawn = tf.random.stateless_uniform((1, 4), tf.random.split(seed, 3)[2])
     cast = camera_law.cast(drawn)
-    light = _defocused(_radiance(out, exposure), defocus)
+    light = radiance * exposure
+    if "painted" in example:
+        spread = _defocused(tf.concat([light, example["painted"]], -1), defocus)
+        light, out["painted"] = spread[..., :3], tf.cast(spread[..., 3:] > _UNPAINTED, tf.float32)
+    else:
+        light = _defocused(light, defocus)
     light *= _balance(cast, tf.shape(light)[0])
     out["cast"] = cast[0]
     out["clipped"] = tf.cast(light >= camera_law.SATURATED, tf.float32)
@@ -68,16 +77,31 @@ def photograph(
     return out
 
 
-def _radiance(example: dict[str, tf.Tensor], exposure: tf.Tensor) -> tf.Tensor:
-    """Return the exposed linear radiance `(S, S, 3)` of a scene.
+def radiance(example: dict[str, tf.Tensor]) -> tf.Tensor:
+    """Return the linear radiance `(S, S, 3)` of a stored scene, not clipped.
 
-    The example's light is exposed already, and its image is not. A pixel is at least as bright as
-    the object's share of the pixel. It is brighter than the exposed image only where the stored
-    image is clipped.
+    A pixel is at least as bright as the object's share of it. It is brighter than the stored image
+    only where that is clipped.
+
+    Args:
+        example: example from `records.parse`, with the features of `SCENE` at least.
     """
-    levels = tf.cast(example["image"] * 255.0 + 0.5, tf.int32)
+    return tf.maximum(linear(example["image"]), objects_share(example))
+
+
+def developed(light: tf.Tensor) -> tf.Tensor:
+    """Return linear radiance as the image of a scene is stored: clipped at 1, sRGB, 8 bits."""
+    # Powers of all pixels would take as long as decoding the image.
+    srgb = colour.linear_to_srgb((np.arange(_LEVELS) + 0.5) / _LEVELS)
+    table = np.round(srgb * 255).astype(np.uint8)
+    levels = tf.cast(tf.clip_by_value(light, 0.0, 1.0) * (_LEVELS - 1), tf.int32)
+    return tf.cast(look_up(table, levels), tf.float32) / 255.0
+
+
+def linear(image: tf.Tensor) -> tf.Tensor:
+    """Return the linear radiance of an sRGB image in multiples of 1/255, by a table."""
     decoded = colour.srgb_to_linear(np.arange(256) / 255).astype(np.float32)
-    return tf.maximum(look_up(decoded * exposure, levels), objects_share(example))
+    return look_up(decoded, tf.cast(image * 255.0 + 0.5, tf.int32))
 
 
 def objects_share(example: dict[str, tf.Tensor]) -> tf.Tensor:
@@ -93,7 +117,7 @@ def objects_share(example: dict[str, tf.Tensor]) -> tf.Tensor:
 
 
 def _defocused(light: tf.Tensor, strength: tf.Tensor) -> tf.Tensor:
-    """Blur light `(S, S, 3)` by a circle of confusion whose radius is `strength` × the largest.
+    """Blur light `(S, S, C)` by a circle of confusion whose radius is `strength` × the largest.
 
     The image is mirrored beyond its edges. A circle that fits into a pixel leaves the light as it
     is.
@@ -109,7 +133,7 @@ def _defocused(light: tf.Tensor, strength: tf.Tensor) -> tf.Tensor:
         disc /= tf.reduce_sum(disc)
         margin = tf.repeat(tf.cast(reach, tf.int32), 2)
         padded = tf.pad(light, tf.stack([margin, margin, tf.zeros_like(margin)]), "SYMMETRIC")
-        kernel = tf.tile(disc[..., None, None], (1, 1, 3, 1))
+        kernel = tf.tile(disc[..., None, None], (1, 1, light.shape[-1], 1))
         return tf.nn.depthwise_conv2d(padded[None], kernel, (1, 1, 1, 1), "VALID")[0]
 
     return tf.cond(radius <= 0.5, lambda: light, blurred)

@@ -1,4 +1,4 @@
-"""The input pipeline: shards become shuffled, augmented and resized batches of `tf.data`.
+"""The input pipeline: shards become photographed and resized batches of `tf.data`.
 
 A batch is a dictionary of tensors with the examples along the first axis. Its entries are
 the features of `records`, and also `exponent_bin` `(B,)`, the class of the exponent, and `clipped`
@@ -18,25 +18,20 @@ from tqdm import tqdm
 
 from lime_keras import console, processors
 from lime_keras.data import records
-from lime_keras.data.camera import SCENE, photograph
+from lime_keras.data.camera import SCENE, photograph, radiance
 from lime_keras.data.corpus import Split
-from lime_keras.data.features import LEARNT_FROM
-from lime_keras.data.mirrored import flip
-from lime_keras.data.recomposition import recompose
-from lime_keras.data.repaint import repaint
 from lime_keras.io import untrusted
-from lime_keras.optics import colour, material_law, shininess
+from lime_keras.optics import colour, shininess
 
 FEATURES = (*records.FEATURES, "clipped", "cast", "exponent_bin")
 """Features that a batch can hold."""
 
-_SHUFFLE = 2048
-"""Number of serialised examples in the shuffle buffer: some 400 MB at 256 × 256."""
-_AHEAD = 256
-"""Number of serialised examples read ahead, while the next epoch fills its buffer: some 50 MB."""
 _LAYERS = ("diffuse_shading", "specular_shading", "mirror", "normal")
-_CHANNELS = {"image": 3, "clipped": 3, "mask": 1} | dict.fromkeys(_LAYERS, 1) | {"normal": 3}
-_SOURCES = {"clipped": "image", "cast": "mask", "exponent_bin": "shininess"}
+_MARKS = ("clipped", "painted")
+_CHANNELS = (
+    {"image": 3, "clipped": 3, "painted": 1, "mask": 1} | dict.fromkeys(_LAYERS, 1) | {"normal": 3}
+)
+_SOURCES = {"clipped": "image", "painted": "mask", "cast": "mask", "exponent_bin": "shininess"}
 """Stored feature from which each feature that is not stored is computed."""
 
 
@@ -92,7 +87,7 @@ def whole_shards(split: Split) -> list[Path]:
         for path, size, digest, wanted in zip(paths, sizes, found, expected, strict=True):
             bar.update(size)
             if digest != wanted:
-                _check_whole([path])
+                record_spans(path)
                 _check_records(path)
                 raise ValueError(
                     f"{path} is not the shard of {split.manifest_path.name}: its records can be "
@@ -108,84 +103,12 @@ def _digest(path: Path, mtime_ns: int, size: int) -> str:
     return untrusted.sha256(path)
 
 
-def training(
-    shards: list[Path],
-    *,
-    size: int,
-    batch_size: int,
-    seed: int,
-    first_step: int = 0,
-    camera: bool = True,
-    flips: bool = False,
-    repaints: bool = False,
-    materials: tuple[str, ...] = (material_law.UNIFORM,),
-    features: Collection[str] = LEARNT_FROM,
-) -> tf.data.Dataset:
-    """Return an endless dataset of shuffled batches; a seed determines it, from any step on.
-
-    Every epoch holds each example once, in an order of its own. A batch may span two epochs.
-
-    Args:
-        shards: paths of the shards to read.
-        size: height and width of the images; a divisor of the stored size.
-        batch_size: number of examples in a batch.
-        seed: seed of the order and of the augmentations; TensorFlow's global seed has no effect.
-        first_step: number of batches to skip, to resume training. The pipeline reads nothing of
-            whole epochs that it skips, and decodes no example that it skips.
-        camera: whether to take a new photo of a scene each time (`camera.photograph`).
-        flips: whether to flip a scene with probability one half each time (`mirrored.flip`).
-        repaints: whether to draw new albedos for a scene each time (`repaint.repaint`).
-        materials: laws that the new albedos follow, of `material_law.LAWS`.
-        features: names of the features in a batch; others are decoded only if these need them.
-
-    Raises:
-        ValueError: if a shard is cut off, all shards are empty, or a feature is unknown.
-    """
-    count, first = _check_whole(shards), first_step * batch_size
-    if not count:
-        raise ValueError(
-            f"no example to train on in {', '.join(map(str, shards))}: render more of them"
-        )
-    paths = tf.constant([str(path) for path in shards])
-    epochs = tf.data.Dataset.range(first // count, tf.int64.max)
-    dataset = epochs.flat_map(lambda epoch: _epoch(paths, tf.stack([seed, epoch])))
-    dataset = dataset.skip(first % count).enumerate(first).prefetch(_AHEAD)
-    prepare = _prepare(size, features, camera, flips, repaints, materials)
-
-    def prepared(position: tf.Tensor, serialized: tf.Tensor) -> dict[str, tf.Tensor]:
-        return prepare(serialized, tf.stack([tf.constant(seed, tf.int64), position]))
-
-    dataset = dataset.map(prepared, num_parallel_calls=tf.data.AUTOTUNE, deterministic=True)
-    return dataset.batch(batch_size, drop_remainder=True).prefetch(2)
-
-
-def _epoch(paths: tf.Tensor, seed: tf.Tensor) -> tf.data.Dataset:
-    """Return all serialised examples once, in an order that depends on the seed `(2,)` alone."""
-    of_files, of_records = tf.unstack(tf.random.split(seed))
-    paths = tf.random.experimental.stateless_shuffle(paths, of_files)
-    dataset = tf.data.Dataset.from_tensor_slices(paths)
-    dataset = dataset.interleave(tf.data.TFRecordDataset, cycle_length=4)
-    # `Dataset.shuffle` would combine its seed with the global seed.
-    shuffled = tf.raw_ops.ShuffleDataset(
-        input_dataset=tf.data.experimental.to_variant(dataset),
-        buffer_size=_SHUFFLE,
-        seed=of_records[0],
-        seed2=of_records[1],
-        output_types=[tf.string],
-        output_shapes=[()],
-        reshuffle_each_iteration=False,
-    )
-    return tf.data.experimental.from_variant(shuffled, tf.TensorSpec((), tf.string))
-
-
 def evaluation(
     shards: list[Path],
     *,
     size: int,
     batch_size: int,
     camera: bool = False,
-    repaints: bool = False,
-    materials: tuple[str, ...] = (material_law.UNIFORM,),
     features: Collection[str] = FEATURES,
 ) -> tf.data.Dataset:
     """Return a dataset with every example once, in order; the last batch may be smaller.
@@ -196,17 +119,17 @@ def evaluation(
         batch_size: number of examples in a batch.
         camera: whether to take a photo of each scene (`camera.photograph`), drawn from the
             example's own seed and index.
-        repaints: whether to draw new albedos, from the example's own seed and index.
-        materials: laws that they follow, of `material_law.LAWS`.
         features: names of the features in a batch.
 
     Raises:
         ValueError: if a shard is cut off or a feature is unknown.
     """
-    _check_whole(shards)
+    for path in shards:
+        record_spans(path)
     dataset = tf.data.TFRecordDataset([str(path) for path in shards])
-    prepare = _prepare(size, features, camera, repaints=repaints, materials=materials)
-    dataset = dataset.map(prepare, num_parallel_calls=tf.data.AUTOTUNE, deterministic=True)
+    dataset = dataset.map(
+        _prepare(size, features, camera), num_parallel_calls=tf.data.AUTOTUNE, deterministic=True
+    )
     return dataset.batch(batch_size).prefetch(2)
 
 
@@ -237,10 +160,10 @@ def resize(example: dict[str, tf.Tensor], size: int) -> dict[str, tf.Tensor]:
     """Resize an example's images to `size` × `size` by area averaging.
 
     The image is averaged in linear light. `clipped` `(size, size, 3)` is 1 where any part of an
-    area was clipped, because the area's mean is then only a lower bound; without `clipped` in the
-    example, channels at `colour.CLIPPED` and above count as clipped. Layers are averaged over the
-    covered part of each area, so a silhouette stays as bright as the object. The camera is scaled
-    with the images.
+    area was clipped, because the area's mean is then only a lower bound, and `painted` likewise;
+    without `clipped` in the example, channels at `colour.CLIPPED` and above count as clipped.
+    Layers are averaged over the covered part of each area, so a silhouette stays as bright as the
+    object. The camera is scaled with the images.
 
     Args:
         example: example from `records.parse`, with all features or with some of them and the mask.
@@ -278,7 +201,8 @@ def _averaged(example: dict[str, tf.Tensor], size: int, factor: tf.Tensor) -> di
     if "image" in example:
         linear = area_mean("image", _as_float(colour.srgb_to_linear(example["image"], tnp)))
         out["image"] = _as_float(colour.linear_to_srgb(linear, tnp))
-        out["clipped"] = tf.reduce_max(blocks("clipped", example["clipped"]), axis=(1, 3))
+    for name in filter(example.__contains__, _MARKS):
+        out[name] = tf.reduce_max(blocks(name, example[name]), axis=(1, 3))
     for name in filter(example.__contains__, _LAYERS):
         covered = area_mean(name, example[name] * example["mask"])
         out[name] = tf.math.divide_no_nan(covered, out["mask"])
@@ -295,25 +219,27 @@ def _as_float(values: tf.Tensor) -> tf.Tensor:
     return tf.cast(values, tf.float32)
 
 
-def _check_whole(shards: list[Path]) -> int:
-    """Return the number of records in shards; raise ValueError if a shard is cut off.
+def record_spans(path: Path) -> list[tuple[int, int]]:
+    """Return where a shard's records begin, and their lengths, in bytes.
 
     TensorFlow reports no error if a record is cut off within its first 12 bytes. Only the lengths
-    of the records are read here; their content is checked when it is decoded.
+    are read here; what the records hold is checked when it is decoded.
+
+    Raises:
+        ValueError: if the shard is cut off.
     """
-    count = 0
-    for path in shards:
-        size, end = path.stat().st_size, 0
-        with path.open("rb") as file:
-            while end < size:
-                file.seek(end)
-                # Length (8 bytes), its checksum (4), the record, its checksum (4).
-                end += 16 + int.from_bytes(file.read(8), "little")
-                count += 1
-        if end != size:
-            whole = _check_records(path)
-            raise _broken(path, whole, f"the file ends within it, after {size} bytes")
-    return count
+    spans, size, end = [], path.stat().st_size, 0
+    with path.open("rb") as file:
+        while end < size:
+            file.seek(end)
+            # Length (8 bytes), its checksum (4), the record, its checksum (4).
+            length = int.from_bytes(file.read(8), "little")
+            spans.append((end + 12, length))
+            end += 16 + length
+    if end != size:
+        whole = _check_records(path)
+        raise _broken(path, whole, f"the file ends within it, after {size} bytes")
+    return spans
 
 
 def _check_records(path: Path) -> int:
@@ -354,46 +280,50 @@ def _broken(path: Path, record: int, found: str) -> ValueError:
 
 
 def _prepare(
-    size: int,
-    features: Collection[str],
-    camera: bool,
-    flips: bool = False,
-    repaints: bool = False,
-    materials: tuple[str, ...] = (material_law.UNIFORM,),
-) -> Callable[..., dict[str, tf.Tensor]]:
-    """Return the function from a serialised example and a seed to its features at `size`.
+    size: int, features: Collection[str], camera: bool
+) -> Callable[[tf.Tensor], dict[str, tf.Tensor]]:
+    """Return the function from a serialised example to its features at `size`.
 
-    The seed determines the photo, the flip and the paint. Without a seed, the photo and the paint
-    depend on the example's own seed and index; flips need a seed.
+    The photo depends on the example's own seed and index.
     """
-    if unknown := sorted(set(features) - set(FEATURES)):
-        raise ValueError(f"a batch can hold no {', '.join(unknown)}, but {', '.join(FEATURES)}")
-    edges = tf.constant(shininess.LOG_EDGES[1:-1], tf.float32)
-    wanted = {"mask", *(_SOURCES.get(name, name) for name in features)}
-    if camera or repaints:
+    check_features(features)
+    wanted = stored_for(features)
+    if camera:
         wanted |= {"seed", "index", *SCENE}
 
-    def prepare(serialized: tf.Tensor, seed: tf.Tensor | None = None) -> dict[str, tf.Tensor]:
-        example = stored = _refuse_non_finite(records.parse(serialized, wanted))
-        # Parts of the seed: 0 to 2 are the camera's, 3 the paint's, 4 the flip's.
-        if repaints:
-            own = tf.stack([example["seed"], example["index"]]) if seed is None else seed
-            example = repaint(example, tf.random.split(own, 4)[3], materials)
-            example["image"] = recompose(example, stored)
+    def prepare(serialized: tf.Tensor) -> dict[str, tf.Tensor]:
+        example = parse_finite(serialized, wanted)
         if camera:
-            example = photograph(example, seed)
+            example = photograph(example, radiance(example))
         else:
             example["cast"] = tf.zeros(4)
-        example = resize(example, size)
-        if flips:
-            drawn = tf.random.stateless_uniform((), tf.random.split(seed, 5)[4])
-            whole = example
-            example = tf.cond(drawn < 0.5, lambda: flip(whole), lambda: whole)
-        if "exponent_bin" in features:
-            log = tf.math.log(tf.maximum(example["shininess"], 1.0)) / math.log(10.0)
-            # The slack is that of `shininess.bin_of`.
-            above = log + shininess.BIN_WIDTH * 1e-6 >= edges
-            example["exponent_bin"] = tf.reduce_sum(tf.cast(above, tf.int32))
-        return {name: example[name] for name in features}
+        return select(resize(example, size), features)
 
     return prepare
+
+
+def check_features(features: Collection[str]) -> None:
+    """Raise ValueError if a batch cannot hold some of these features."""
+    if unknown := sorted(set(features) - set(FEATURES)):
+        raise ValueError(f"a batch can hold no {', '.join(unknown)}, but {', '.join(FEATURES)}")
+
+
+def stored_for(features: Collection[str]) -> set[str]:
+    """Return the features of a record that are needed to make those of a batch."""
+    return {"mask", *(_SOURCES.get(name, name) for name in features)}
+
+
+def parse_finite(serialized: tf.Tensor, features: Collection[str]) -> dict[str, tf.Tensor]:
+    """Decode one example (`records.parse`); TensorFlow's error if a number is not finite."""
+    return _refuse_non_finite(records.parse(serialized, features))
+
+
+def select(example: dict[str, tf.Tensor], features: Collection[str]) -> dict[str, tf.Tensor]:
+    """Return these features of an example, among them the class of its exponent if it is one."""
+    if "exponent_bin" in features:
+        edges = tf.constant(shininess.LOG_EDGES[1:-1], tf.float32)
+        log = tf.math.log(tf.maximum(example["shininess"], 1.0)) / math.log(10.0)
+        # The slack is that of `shininess.bin_of`.
+        above = log + shininess.BIN_WIDTH * 1e-6 >= edges
+        example["exponent_bin"] = tf.reduce_sum(tf.cast(above, tf.int32))
+    return {name: example[name] for name in features}

@@ -76,9 +76,9 @@ def test_each_process_takes_its_part_of_a_batch(hosts_, rows, of_each, counted, 
     batch = {"mask": np.arange(rows)}
     taken, weight = [], 0.0
     for process in range(hosts_):
-        monkeypatch.setattr(hosts, "place", lambda process=process: (process, hosts_))
+        monkeypatch.setattr(hosts, "rank_and_size", lambda process=process: (process, hosts_))
         devices = Devices(1)
-        taken += list(devices.part(batch)["mask"])
+        taken += list(devices.local_rows(batch)["mask"])
         weights_here = keras.ops.convert_to_numpy(devices.weights(batch))
         assert weights_here.tolist() == [counted] * of_each
         weight += weights_here.sum()
@@ -106,7 +106,7 @@ def test_options_that_do_not_join_are_refused(options, expected, tmp_path, capsy
 
 
 def test_a_batch_that_processes_cannot_share_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(hosts, "place", lambda: (0, 3))
+    monkeypatch.setattr(hosts, "rank_and_size", lambda: (0, 3))
     config = stage_runs.config()
     with pytest.raises(ValueError, match="cannot be split between 3 devices"):
         trainer.train([tmp_path / "corpus"], tmp_path / "run", config, stage_runs.ignore)

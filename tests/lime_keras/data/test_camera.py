@@ -31,7 +31,7 @@ def perfect(monkeypatch):
 
 
 def photo(scene, seed):
-    found = camera.photograph(scene, tf.constant([seed, 0]))
+    found = camera.photograph(scene, camera.radiance(scene), tf.constant([seed, 0]))
     return {name: value.numpy() for name, value in found.items()}
 
 
@@ -282,15 +282,16 @@ def test_the_seed_decides_the_photo(sphere):
 
 
 def test_by_default_an_example_has_its_own_camera(sphere):
-    own = camera.photograph(sphere)
+    light = camera.radiance(sphere)
+    own = camera.photograph(sphere, light)
     seed = tf.stack([sphere["seed"], sphere["index"]])
-    np.testing.assert_array_equal(own["image"], camera.photograph(sphere, seed)["image"])
-    other = camera.photograph(sphere | {"index": tf.constant(7, tf.int64)})
+    np.testing.assert_array_equal(own["image"], camera.photograph(sphere, light, seed)["image"])
+    other = camera.photograph(sphere | {"index": tf.constant(7, tf.int64)}, light)
     assert not np.array_equal(own["image"], other["image"])
 
 
 def test_a_graph_takes_the_same_photo(sphere):
-    compiled = tf.function(camera.photograph)(sphere, tf.constant([5, 0]))
+    compiled = tf.function(camera.photograph)(sphere, camera.radiance(sphere), tf.constant([5, 0]))
     for name, value in photo(sphere, 5).items():
         if name == "image":
             np.testing.assert_allclose(compiled[name], value, atol=1e-6)

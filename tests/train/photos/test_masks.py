@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lime_keras.networks import assemble, build
-from lime_keras.train.sources import masks
+from lime_keras.train.photos import answers, masks
 
 
 def _disc(size, share=0.3):
@@ -15,32 +15,14 @@ def _disc(size, share=0.3):
     return np.clip(share * size - distance + 0.5, 0, 1)[..., None].astype(np.float32)
 
 
-def _batch(count, size=32, seed=0):
-    images = np.random.default_rng(seed).uniform(size=(count, size, size, 3)).astype(np.float32)
-    return images, np.stack([_disc(size, 0.2 + 0.02 * index) for index in range(count)])
-
-
-class Grey:
-    """In place of SegmentationNet: one answer for all pixels, and what it was asked."""
-
-    layers = ()
-
-    def __init__(self, level=0.4):
-        self._level, self.asked = level, []
-
-    def predict_on_batch(self, images):
-        self.asked.append(images)
-        return np.full((*images.shape[:3], 1), self._level, np.float32)
-
-
 def test_own_masks_are_those_that_the_whole_system_cuts_out_with(tiny):
     network = build(dataclasses.replace(tiny, unet_width=8), seed=3)["segmentation"]
-    images, _ = _batch(3)
+    images = np.random.default_rng(0).uniform(size=(3, 32, 32, 3)).astype(np.float32)
     # Fresh answers are around 0, where masks are clipped: here they are around one half.
     raw, head = network.predict_on_batch(images), network.get_layer("head")
     head.kernel.assign(head.get_weights()[0] / raw.std())
     head.bias.assign([0.5 - raw.mean() / raw.std()])
-    found = masks.own(network, images)
+    found = answers.predict_mask(network, images)
     whole = assemble({"segmentation": network}, ["mask"])(images)["mask"]
     np.testing.assert_allclose(found, whole, atol=1e-5)
     # Raised in contrast and clipped: neither raw nor constant.
@@ -48,27 +30,16 @@ def test_own_masks_are_those_that_the_whole_system_cuts_out_with(tiny):
     assert np.ptp(found) > 0.5
 
 
-@pytest.mark.parametrize(
-    "count, own, damaged", [(1, 0, 0), (2, 1, 0), (4, 2, 1), (8, 4, 2), (16, 8, 4)]
-)
-def test_shares_of_own_damaged_and_true_masks(count, own, damaged):
-    images, true = _batch(count)
-    network = Grey()
-    seen = masks.seen(network, images, true, np.random.default_rng(5))
-    assert seen.shape == true.shape and seen.dtype == np.float32
-    np.testing.assert_allclose(seen[:own], 1.5 * (0.4 - 0.5) + 0.5, atol=1e-6)
-    for index in range(own, own + damaged):
-        assert (seen[index] != true[index]).any() and np.ptp(seen[index]) > 0.5
-    np.testing.assert_array_equal(seen[own + damaged :], true[own + damaged :])
-    assert [len(asked) for asked in network.asked] == ([own] if own else [])
-    np.testing.assert_array_equal(true, _batch(count)[1])
-
-
-def test_without_a_network_masks_are_damaged_or_true():
-    images, true = _batch(8)
-    seen = masks.seen(None, images, true, np.random.default_rng(5))
-    changed = (seen != true).any(axis=(1, 2, 3))
-    assert changed.tolist() == [True] * 2 + [False] * 6
+@pytest.mark.parametrize("predicted", [None, np.full((32, 32, 1), 0.4, np.float32)])
+def test_shares_of_predicted_damaged_and_true_masks(predicted):
+    true, counts = _disc(32), [0, 0, 0]
+    for seed in range(400):
+        found = masks.input_mask(true, predicted, np.random.default_rng(seed))
+        assert found.shape == true.shape and found.dtype == np.float32
+        counts[0 if found is true else 1 if found is predicted else 2] += 1
+    expected = (300, 0, 100) if predicted is None else (100, 200, 100)
+    np.testing.assert_allclose(counts, expected, atol=40)
+    np.testing.assert_array_equal(true, _disc(32))
 
 
 @pytest.mark.parametrize("size", [32, 128])
@@ -113,11 +84,6 @@ def test_empty_and_full_masks_are_damaged_too(size, bitten, monkeypatch):
                 assert found.max() == 1
 
 
-def test_damage_follows_from_the_seed_alone():
-    images, true = _batch(8)
-
-    def seen(seed):
-        return masks.seen(Grey(), images, true, np.random.default_rng(seed))
-
-    np.testing.assert_array_equal(seen(7), seen(7))
-    assert (seen(7)[4:6] != seen(8)[4:6]).any(axis=(1, 2, 3)).all()
+def test_damage_follows_from_the_generator_alone():
+    one, other, third = (masks.damaged(_disc(32), np.random.default_rng(n)) for n in (7, 7, 8))
+    assert np.array_equal(one, other) and not np.array_equal(one, third)

@@ -1,4 +1,4 @@
-"""The cut-out augmentation: photographs of real things, put before photographed places.
+"""Cut-outs: photographs of real things before photographed places, in linear light.
 
 It is for SegmentationNet alone, whose encoder forgets photographs where it learns from renders
 alone (docs/lab/2026-11-25-mask.md). A cut-out is a picture of one thing whose alpha channel is
@@ -13,13 +13,12 @@ import OpenImageIO as oiio
 from OpenImageIO import ImageBufAlgo
 
 from lime_keras.io import photo, sources, untrusted
+from lime_keras.optics import colour
 
-from . import clutter
+from . import paint
 
 _SUFFIXES = ".png", ".webp"
 """Ends of the pictures' names."""
-_SHARE = 0.5
-"""Share of a batch's images that show a cut-out."""
 _LEAST_SIDE, _LEAST_COLOURS = 64, 250
 """Least pixels along the longer side of a thing, and least colours: fewer are letters and signs."""
 _COLOUR_STEP = 8
@@ -36,22 +35,18 @@ _PAPER = 0.2
 """Share of the things before white, black or grey paper."""
 _SHADED = 0.5
 """Share of the things that cast a shadow on what is behind them."""
-_BRIGHTNESS = 0.3
-"""Standard deviation of the logarithm of a picture's gain, sRGB."""
-_BLUR = 0.5
-"""Largest share of its neighbours in a pixel, along either axis."""
-_NOISE = 0.02
-"""Largest standard deviation of an image's noise, sRGB."""
+_BRIGHTNESS = 0.66
+"""Standard deviation of the logarithm of a picture's gain of light: 0.3 of sRGB values."""
 
 
 class Cutouts:
-    """Photographs of things and of places, from which images of any number are composed.
+    """Photographs of things and of places, from which scenes of any number are composed.
 
     Args:
         things: folder of PNG or WebP pictures with alpha, at any depth. Letters, small pictures
             and those without alpha are left out.
         places: folder of PNG or WebP pictures, such as `lime-render views` takes.
-        size: S, height and width of the images in pixels.
+        size: S, height and width of the scenes in pixels.
 
     Raises:
         FileNotFoundError: if either folder holds nothing of use.
@@ -69,47 +64,33 @@ class Cutouts:
             )
         self._places = [_place(path, size) for path in _pictures(places)]
 
-    def put(
-        self, images: np.ndarray, masks: np.ndarray, generator: np.random.Generator
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Put images of cut-outs in the place of the first half of a batch.
-
-        Args:
-            images: `(B, S, S, 3)` sRGB in [0, 1].
-            masks: coverage of the objects `(B, S, S, 1)` in [0, 1].
-            generator: source of all random numbers.
+    def compose(self, generator: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return a scene of a thing, float32; all that is random is drawn from the generator.
 
         Returns:
-            Images and masks of the same shapes and ranges, float32.
+            The thing's light, coverage × radiance `(S, S, 3)`; that of what is behind it,
+            (1 − coverage) × radiance; and the coverage `(S, S, 1)` in [0, 1].
         """
-        images, masks = np.array(images, np.float32), np.array(masks, np.float32)
-        for row in range(round(_SHARE * len(images))):
-            images[row], masks[row] = self._composed(generator)
-        return images, masks
-
-    def _composed(self, generator: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Return an image of a thing `(S, S, 3)` and its coverage `(S, S, 1)`."""
-        image = self._behind(generator)
+        behind = self._behind(generator)
         thing = self._placed(generator)
         if generator.random() < _SHADED:
-            image = _over(image, _shadow(thing, generator))
-        image = _softened(_over(image, thing), generator.uniform(0, _BLUR))
-        image = image + generator.normal(0, generator.uniform(0, _NOISE), image.shape)
-        return np.clip(image, 0, 1), thing[..., 3:]
+            behind = behind * (1 - _shadow(thing[..., 3:], generator))
+        cover = thing[..., 3:]
+        return thing[..., :3] * cover, behind * (1 - cover), cover
 
     def _behind(self, generator: np.random.Generator) -> np.ndarray:
-        """Return what is behind a thing, `(S, S, 3)`."""
+        """Return the radiance of what is behind a thing, `(S, S, 3)`."""
         size = self._size
         if generator.random() < _PAPER:
-            return clutter.paper(size, generator)
+            return paint.paper(size, generator)
         place = self._places[generator.integers(len(self._places))]
         top, left = generator.integers(0, np.subtract(place.shape[:2], size) + 1)
-        out = place[top : top + size, left : left + size] / np.float32(255)
+        out = _linear(place[top : top + size, left : left + size])
         out = out[:, ::-1] if generator.random() < 0.5 else out
-        return np.minimum(out * np.float32(np.exp(generator.normal(0, _BRIGHTNESS))), 1)
+        return out * np.float32(np.exp(generator.normal(0, _BRIGHTNESS)))
 
     def _placed(self, generator: np.random.Generator) -> np.ndarray:
-        """Return a thing's colours and coverage `(S, S, 4)`, turned, scaled, moved at random."""
+        """Return a thing's radiance and coverage `(S, S, 4)`, turned, scaled, moved at random."""
         thing, size = self._things[generator.integers(len(self._things))], self._size
         height, width = thing.shape[:2]
         scale = generator.uniform(*_EXTENT) * size / max(height, width)
@@ -120,14 +101,14 @@ class Cutouts:
         corner = middle - right * width / 2 - down * height / 2
         matrix = (*right, 0.0, *down, 0.0, *corner, 1.0)
         warped = ImageBufAlgo.warp(
-            oiio.ImageBuf(thing / np.float32(255)),
+            oiio.ImageBuf(_light(thing)),
             tuple(float(number) for number in matrix),
             "triangle",
             roi=oiio.ROI(0, size, 0, size),
         )
         out = np.clip(np.asarray(warped.get_pixels(oiio.FLOAT)), 0, 1)
         gain = np.exp(generator.normal(0, _BRIGHTNESS)) / np.maximum(out[..., 3:], 1e-3)
-        out[..., :3] = np.minimum(out[..., :3] * gain, 1)
+        out[..., :3] *= gain
         return out
 
 
@@ -189,20 +170,26 @@ def _resized(pixels: np.ndarray, factor: float) -> np.ndarray:
     return np.asarray(resized.get_pixels(oiio.UINT8))
 
 
-def _over(image: np.ndarray, layer: np.ndarray) -> np.ndarray:
-    """Put a layer `(S, S, 4)` over an image `(S, S, 3)`."""
-    return image + layer[..., 3:] * (layer[..., :3] - image)
+def _linear(pixels: np.ndarray) -> np.ndarray:
+    """Return the linear radiance of sRGB pixels uint8, float32 in [0, 1]."""
+    return colour.srgb_to_linear(np.arange(256) / 255).astype(np.float32)[pixels]
 
 
-def _shadow(thing: np.ndarray, generator: np.random.Generator) -> np.ndarray:
-    """Return a thing's soft shadow, black, `(S, S, 4)`."""
-    size = len(thing)
+def _light(thing: np.ndarray) -> np.ndarray:
+    """Return a thing's light, coverage × radiance, and coverage, `(H, W, 4)` float32."""
+    cover = thing[..., 3:] / np.float32(255)
+    straight = np.minimum(np.round(thing[..., :3] / np.maximum(cover, 1 / 255)), 255)
+    return np.concatenate([_linear(straight.astype(np.uint8)) * cover, cover], axis=-1)
+
+
+def _shadow(cover: np.ndarray, generator: np.random.Generator) -> np.ndarray:
+    """Return the share of light that a thing's soft shadow takes, `(S, S, 1)`."""
+    size = len(cover)
     down, right = (int(n) for n in generator.normal(0, 0.05 * size, 2))
-    cover = _shifted(thing[..., 3:], abs(down), right)
-    out = np.zeros_like(thing)
-    out[..., 3:] = clutter.blurred(cover, int(generator.integers(1, size // 12)))
-    out[..., 3:] *= generator.uniform(0.2, 0.8)
-    return out
+    soft = paint.blurred(
+        _shifted(cover, abs(down), right), int(generator.integers(1, max(2, size // 12)))
+    )
+    return soft * np.float32(generator.uniform(0.2, 0.8))
 
 
 def _shifted(image: np.ndarray, down: int, right: int) -> np.ndarray:
@@ -217,12 +204,3 @@ def _moved(size: int, by: int) -> tuple[slice, slice]:
     """Return which part of `size` pixels stays visible when they move, and where it comes to."""
     source = slice(max(-by, 0), size - max(by, 0))
     return source, slice(source.start + by, source.stop + by)
-
-
-def _softened(image: np.ndarray, share: float) -> np.ndarray:
-    """Return an image `(S, S, 3)` of which each pixel gets a share of its neighbours."""
-    for _ in range(2):
-        padded = np.pad(image, ((1, 1), (0, 0), (0, 0)), "edge")
-        image = image + share * (0.5 * (padded[:-2] + padded[2:]) - image)
-        image = image.transpose(1, 0, 2)
-    return image

@@ -1,4 +1,4 @@
-"""Cut-outs: composed of photographs, with true coverage."""
+"""Cut-outs: composed of photographs in linear light, with true coverage."""
 
 from pathlib import Path
 
@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from lime_keras.data import cutouts
-from lime_keras.data.cutouts import Cutouts
+from lime_keras.optics import colour
+from lime_keras.train.photos import cutouts
+from lime_keras.train.photos.cutouts import Cutouts
 
 SIZE = 32
 
@@ -41,44 +42,38 @@ def _save(path: Path, pixels: np.ndarray) -> None:
 
 def _plain(monkeypatch):
     """Leave out what changes colours and places."""
-    for name in ("_PAPER", "_SHADED", "_BRIGHTNESS", "_BLUR", "_NOISE"):
+    for name in ("_PAPER", "_SHADED", "_BRIGHTNESS"):
         monkeypatch.setattr(cutouts, name, 0.0)
     monkeypatch.setattr(cutouts, "_OFF_CENTRE", 0.0)
 
 
-def _batch(count=8):
-    images = np.full((count, SIZE, SIZE, 3), 0.5, np.float32)
-    return images, np.zeros((count, SIZE, SIZE, 1), np.float32)
+BLUE = float(colour.srgb_to_linear(128 / 255))
 
 
-def test_half_of_a_batch_shows_cut_outs_and_the_rest_stays(folders):
-    images, masks = _batch()
-    seen, covers = Cutouts(*folders, SIZE).put(images, masks, np.random.default_rng(1))
-    assert seen.shape == images.shape and covers.shape == masks.shape
-    assert seen.dtype == covers.dtype == np.float32
-    assert 0 <= seen.min() and seen.max() <= 1 and 0 <= covers.min() and covers.max() <= 1
-    changed = (seen != images).any(axis=(1, 2, 3))
-    np.testing.assert_array_equal(changed, 4 * [True] + 4 * [False])
-    np.testing.assert_array_equal(covers.any(axis=(1, 2, 3)), changed)
-    assert not masks.any()
+def _compose(some, seed):
+    return some.compose(np.random.default_rng(seed))
 
 
-def test_the_same_generator_gives_the_same_images(folders):
+def test_the_same_generator_gives_the_same_scene(folders):
     some = Cutouts(*folders, SIZE)
-    first, again = (some.put(*_batch(), np.random.default_rng(5)) for _ in range(2))
-    np.testing.assert_array_equal(first[0], again[0])
-    np.testing.assert_array_equal(first[1], again[1])
+    first, again, other = (_compose(some, seed) for seed in (5, 5, 6))
+    assert all(map(np.array_equal, first, again)) and not np.array_equal(first[0], other[0])
+    for one, channels in zip(first, (3, 3, 1), strict=True):
+        assert one.shape == (SIZE, SIZE, channels) and one.dtype == np.float32 and one.min() >= 0
 
 
-def test_the_mask_is_where_the_thing_covers_the_place(folders, monkeypatch):
+def test_light_is_shared_by_coverage(folders, monkeypatch):
     _plain(monkeypatch)
     some = Cutouts(*folders, SIZE)
     for seed in range(8):
-        images, masks = some.put(*_batch(4), np.random.default_rng(seed))
-        blue = images[0, ..., 2]
-        np.testing.assert_allclose(blue, 128 / 255 * (1 - masks[0, ..., 0]), atol=0.01)
+        light, behind, mask = _compose(some, seed)
+        np.testing.assert_allclose(behind[..., 2:], BLUE * (1 - mask), atol=0.01)
+        assert not light[mask[..., 0] == 0].any() and light[..., 2].max() < 0.01
+        # The darkest and the brightest colour of the thing, in linear light.
+        straight = light[mask[..., 0] == 1][:, :2]
+        assert colour.srgb_to_linear(38 / 255) < straight.min() and straight.max() <= 1.001
         y, x = np.indices((SIZE, SIZE)) + 0.5
-        weight = masks[0, ..., 0] / masks[0].sum()
+        weight = mask[..., 0] / mask.sum()
         np.testing.assert_allclose(((x * weight).sum(), (y * weight).sum()), SIZE / 2, atol=0.5)
 
 
@@ -86,21 +81,20 @@ def test_the_mask_is_where_the_thing_covers_the_place(folders, monkeypatch):
 def test_a_thing_has_its_extent(folders, extent, monkeypatch):
     _plain(monkeypatch)
     monkeypatch.setattr(cutouts, "_EXTENT", (extent, extent))
-    _, masks = Cutouts(*folders, SIZE).put(*_batch(4), np.random.default_rng(0))
-    assert masks[0].sum() == pytest.approx(np.pi / 4 * (extent * SIZE) ** 2, rel=0.06)
+    mask = _compose(Cutouts(*folders, SIZE), 0)[2]
+    assert mask.sum() == pytest.approx(np.pi / 4 * (extent * SIZE) ** 2, rel=0.06)
 
 
 def test_a_shadow_darkens_what_is_behind_and_is_no_part_of_the_mask(folders, monkeypatch):
     _plain(monkeypatch)
     some = Cutouts(*folders, SIZE)
-    plain, _ = some.put(*_batch(4), np.random.default_rng(3))
+    light, plain, mask = _compose(some, 3)
     monkeypatch.setattr(cutouts, "_SHADED", 1.0)
-    shaded, masks = some.put(*_batch(4), np.random.default_rng(3))
-    outside = masks[0, ..., 0] == 0
-    darker = plain[0, ..., 2] - shaded[0, ..., 2]
-    assert darker[outside].max() > 0.02 and darker[outside].min() > -1e-3
-    inside = masks[0, ..., 0] == 1
-    np.testing.assert_allclose(shaded[0][inside], plain[0][inside], atol=1e-6)
+    same, shaded, again = _compose(some, 3)
+    darker = (plain - shaded)[..., 2]
+    assert darker.max() > 0.02 and darker.min() > -1e-6
+    np.testing.assert_array_equal(light, same)
+    np.testing.assert_array_equal(mask, again)
 
 
 def test_letters_small_pictures_and_whole_photographs_are_left_out(folders):

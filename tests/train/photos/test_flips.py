@@ -2,18 +2,17 @@
 
 import numpy as np
 import pytest
-import tensorflow as tf
-from sphere_corpus import example
 
-from lime_keras.data import records
-from lime_keras.data.mirrored import flip
 from lime_keras.optics import camera_law, shading
+from lime_keras.train.photos.flips import flip
+from lime_keras.train.photos.kept import INPUT_MASK, PREDICTED
 
 SIZE = 12
+BOTH = np.array([True])
 
 
 def scene(seed=0):
-    """Normals, a camera off the picture's middle, and a light that nothing makes symmetric."""
+    """Normals, a camera in the picture's middle, and a light that nothing makes symmetric."""
     rng = np.random.default_rng(seed)
     normal = rng.normal([0.4, 0.2, 3.0], size=(SIZE * SIZE, 3))
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
@@ -21,7 +20,7 @@ def scene(seed=0):
         "mask": np.ones((SIZE, SIZE, 1)),
         "normal": normal.reshape(SIZE, SIZE, 3),
         "environment": rng.exponential(size=(16, 32, 1)) ** 2,
-        "camera": np.array([30.0, 32.0, 4.5, 7.0]),
+        "camera": np.array([30.0, 32.0, SIZE / 2, 7.0]),
         "shininess": 40.0,
     }
     return out | shaded(out)
@@ -42,43 +41,35 @@ def shaded(scene):
     return {name: values.reshape(SIZE, SIZE, 1) for name, values in layers.items()}
 
 
-def as_tensors(scene):
-    return {name: tf.constant(value, tf.float32) for name, value in scene.items()}
-
-
 @pytest.mark.parametrize("seed", range(3))
 def test_a_flipped_scene_is_shaded_as_its_flipped_picture(seed):
-    flipped = flip(as_tensors(scene(seed)))
-    for name, expected in shaded(flipped).items():
+    one = scene(seed)
+    batch = {name: np.asarray(one[name])[None] for name in one if name not in ("camera", "normal")}
+    flipped = {name: value[0] for name, value in flip(batch, BOTH).items()}
+    normal = one["normal"][:, ::-1] * [-1, 1, 1]
+    for name, expected in shaded(one | flipped | {"normal": normal}).items():
         np.testing.assert_allclose(flipped[name], expected, rtol=2e-4, atol=1e-5, err_msg=name)
         assert not np.allclose(flipped[name][:, ::-1], expected, rtol=1e-2), name
 
 
-def test_twice_is_not_at_all():
-    parsed = records.parse(records.encode(example(3, size=16)))
-    again = flip(flip(parsed))
-    assert set(again) == set(parsed)
-    for name, value in parsed.items():
-        np.testing.assert_array_equal(again[name], value, err_msg=name)
-
-
-def test_material_and_names_stay():
-    parsed = records.parse(records.encode(example(3, size=16)))
-    flipped = flip(parsed)
-    for name in ("diffuse_albedo", "specular_albedo", "shininess", "ambient", "index", "light"):
-        assert np.array_equal(flipped[name], parsed[name])
-    np.testing.assert_array_equal(flipped["image"], parsed["image"][:, ::-1])
-
-
-def test_some_of_a_scene_is_enough():
-    some = as_tensors({"mask": np.eye(4)[..., None]})
-    assert list(flip(some)) == ["mask"]
-    np.testing.assert_array_equal(flip(some)["mask"][..., 0], np.eye(4)[:, ::-1])
+def test_only_the_chosen_examples_are_flipped_and_twice_is_not_at_all():
+    rng = np.random.default_rng(0)
+    names = ("image", "clipped", "painted", "mask", INPUT_MASK, f"{PREDICTED}specular_shading")
+    batch = {name: rng.uniform(size=(3, 4, 5, 2)) for name in names}
+    batch |= {"cast": rng.uniform(size=(3, 4)), "diffuse_albedo": rng.uniform(size=(3, 3))}
+    which = np.array([False, True, False])
+    flipped = flip(batch, which)
+    assert set(flipped) == set(batch)
+    for name, value in batch.items():
+        np.testing.assert_array_equal(flipped[name][~which], value[~which])
+        changed = not np.array_equal(flipped[name][1], value[1])
+        assert changed == (name != "diffuse_albedo"), name
+        np.testing.assert_array_equal(flip(flipped, which)[name], value)
 
 
 def test_an_uneven_cast_is_mirrored():
-    cast, places = np.float32([0.1, -0.03, 0.07, 0.05]), camera_law.places(SIZE)
-    flipped = flip({"cast": tf.constant(cast)})["cast"].numpy()
-    gains, mirrored = (camera_law.balance(one[None], places) for one in (cast, flipped))
+    cast, places = np.float32([[0.1, -0.03, 0.07, 0.05]]), camera_law.places(SIZE)
+    flipped = flip({"cast": cast}, BOTH)["cast"]
+    gains, mirrored = (camera_law.balance(one, places) for one in (cast, flipped))
     np.testing.assert_allclose(mirrored, gains[:, :, ::-1], rtol=1e-6)
     assert np.abs(mirrored - gains).max() > 0.01

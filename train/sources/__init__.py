@@ -1,1 +1,0 @@
-"""The sources of training batches: corpora, and the masks that objects are cut out with."""
