@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from lime_keras import console
+from lime_keras.data.corpus import Split
 
 from . import kept, paint
 from .kept import Kept
@@ -128,7 +129,12 @@ class Studio:
 
     def __init__(self, recipe: Recipe):
         self._recipe, self._scenes = recipe, Scenes(recipe)
-        self._cutouts: Any = None
+        self._cutouts: dict[int, Any] = {}
+        if recipe.cutouts is not None:
+            from .cutouts import Cutouts
+
+            for size in {Split(corpus, "train").size for corpus in recipe.corpora}:
+                self._cutouts[size] = Cutouts(*recipe.cutouts, size)
 
     def photos(self, numbers: range) -> dict[str, np.ndarray]:
         """Return the photos of these numbers: features by name, with the photos as rows.
@@ -221,12 +227,8 @@ class Studio:
             light, marks = paint.prints(scene, generator)
         elif self._recipe.paint == "clutter":
             light, behind = paint.clutter(scene, texture, generator)
-        if self._recipe.cutouts is not None and generator.random() < _CUT_OUT:
-            from .cutouts import Cutouts
-
-            if self._cutouts is None:
-                self._cutouts = Cutouts(*self._recipe.cutouts, len(mask))
-            light, behind, mask = self._cutouts.compose(generator)
+        if self._cutouts and generator.random() < _CUT_OUT:
+            light, behind, mask = self._cutouts[len(mask)].compose(generator)
         return [np.asarray(one, np.float32) for one in (light, behind, mask, marks)]
 
 

@@ -67,7 +67,7 @@ def test_the_last_shard_may_be_short(tmp_path, examples):
 @pytest.mark.parametrize(("option", "value"), [("lights", 3), ("shading", "literal")])
 def test_a_split_of_an_option_that_is_gone_is_refused_by_name(tmp_path, option, value):
     split = write(tmp_path, "train", 2, description=DESCRIPTION | {option: value})
-    refused = rf"{split.folder} was rendered with --{option} {value}, .*`lime-render scenes`"
+    refused = rf"{split.folder} was rendered with --{option} {value}, .*: render it again without"
     for read in (split.shard_paths, lambda: split.size, lambda: split.seed):
         with pytest.raises(ValueError, match=refused):
             read()

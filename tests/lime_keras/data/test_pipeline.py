@@ -1,6 +1,5 @@
-"""Shards to batches: order, photos, resumption, averaging, classes, and broken files."""
+"""Shards to batches: order, photos, averaging, classes, and broken files."""
 
-import itertools
 import json
 
 import numpy as np
@@ -10,12 +9,10 @@ from sphere_corpus import example, write_split
 
 from lime_keras.data import camera, pipeline, records
 from lime_keras.data.corpus import Split
-from lime_keras.data.features import LEARNT_FROM
-from lime_keras.optics import colour, material_law, shading, shininess
+from lime_keras.optics import colour, shading, shininess
 
 SIZE = 16
 COUNT = 12
-PAINT = ("diffuse_albedo", "specular_albedo")
 HALF = 2.0**-11
 """Rounding of a half float below 1, which normals of the stored size keep."""
 
@@ -40,91 +37,6 @@ def shards(tmp_path_factory):
     ]
 
 
-def order(shards, steps, batch_size=2, seed=0, first_step=0):
-    """Indices of the examples of so many training batches, `(steps, batch_size)`."""
-    dataset = pipeline.training(
-        shards,
-        size=8,
-        batch_size=batch_size,
-        seed=seed,
-        first_step=first_step,
-        camera=False,
-        features=("index",),
-    )
-    return np.array([batch["index"] for batch in itertools.islice(iter(dataset), steps)])
-
-
-# Order.
-
-
-def test_the_seed_decides_the_order(shards):
-    first, again, other = (order(shards, 12, seed=seed) for seed in (0, 0, 1))
-    np.testing.assert_array_equal(first, again)
-    assert not np.array_equal(first, other)
-
-
-def test_every_epoch_holds_every_example_once_in_another_order(shards):
-    epochs = order(shards, 18).reshape(3, COUNT)
-    for epoch in epochs:
-        assert sorted(epoch) == list(range(COUNT))
-    assert not np.array_equal(epochs[0], epochs[1])
-    assert not np.array_equal(epochs[1], epochs[2])
-    assert not np.array_equal(epochs[0], np.arange(COUNT))
-
-
-def test_batches_are_whole_and_cross_epochs(shards):
-    found = order(shards, 12, batch_size=5).reshape(-1)
-    assert found.shape == (60,)
-    for epoch in found.reshape(5, COUNT):
-        assert sorted(epoch) == list(range(COUNT))
-
-
-@pytest.mark.parametrize("batch_size", [2, 5])
-def test_resuming_carries_on_where_an_uninterrupted_order_would_be(shards, batch_size):
-    """Within the first epoch, at one's boundary, where a batch spans two, and later."""
-    whole = order(shards, 20, batch_size)
-    for first_step in (0, 1, 2, 5, 6, 7, 12, 13, 19):
-        resumed = order(shards, 20 - first_step, batch_size, first_step=first_step)
-        np.testing.assert_array_equal(resumed, whole[first_step:])
-
-
-def test_epochs_that_are_over_are_not_read(shards):
-    """To read all that a billion steps did would take hours."""
-    resumed = order(shards, 3, first_step=10**9)
-    epoch = order(shards, 6, first_step=10**9 // 6 * 6)
-    assert sorted(epoch.flat) == list(range(COUNT))
-    np.testing.assert_array_equal(resumed[: 6 - 10**9 % 6], epoch[10**9 % 6 :])
-
-
-def test_tensorflows_global_seed_has_no_part(shards):
-    orders = []
-    for seed in (None, 1, 2):
-        tf.random.set_seed(seed)
-        orders.append(order(shards, 12))
-    tf.random.set_seed(None)
-    np.testing.assert_array_equal(orders[1:], orders[:1] * 2)
-
-
-def test_every_process_takes_the_same_order(shards):
-    """Written down by another one. If TensorFlow shuffles otherwise, no run can be resumed."""
-    epochs = [[5, 9, 4, 6, 8, 1, 11, 0, 3, 2, 7, 10], [3, 0, 1, 8, 5, 9, 7, 6, 4, 11, 2, 10]]
-    assert order(shards, 12).reshape(2, COUNT).tolist() == epochs
-
-
-def test_more_examples_than_the_buffer_holds_are_shuffled_too(shards, monkeypatch):
-    monkeypatch.setattr(pipeline, "_SHUFFLE", 3)
-    whole = order(shards, 18)
-    for epoch in whole.reshape(3, COUNT):
-        assert sorted(epoch) == list(range(COUNT))
-    np.testing.assert_array_equal(order(shards, 11, first_step=7), whole[7:])
-
-
-def test_empty_shards_are_refused(tmp_path):
-    path = write_shard(tmp_path / "empty.tfrecord", [])
-    with pytest.raises(ValueError, match=r"no example to train on in .*empty\.tfrecord"):
-        pipeline.training([path], size=8, batch_size=1, seed=0)
-
-
 def test_evaluation_takes_every_example_once_in_order(shards):
     batches = list(pipeline.evaluation(shards, size=8, batch_size=5))
     assert [len(batch["index"]) for batch in batches] == [5, 5, 2]
@@ -139,27 +51,6 @@ def test_batches_hold_every_feature_and_the_class(shards):
     for name, value in batch.items():
         if value.dtype.is_floating:
             assert value.dtype == tf.float32 and np.isfinite(value).all(), name
-
-
-def test_training_holds_what_the_losses_read(shards):
-    [batch] = pipeline.training(shards, size=8, batch_size=4, seed=0).take(1)
-    assert set(batch) == set(LEARNT_FROM)
-    assert all(value.dtype.is_floating or name == "exponent_bin" for name, value in batch.items())
-
-
-@pytest.mark.parametrize("photographed", [False, True])
-def test_training_names_its_examples_if_asked(shards, photographed):
-    options = {"size": 8, "batch_size": COUNT, "seed": 0, "camera": photographed}
-    names = (*LEARNT_FROM, "seed", "index")
-    [batch] = pipeline.training(shards, **options, features=names).take(1)
-    [learnt_from] = pipeline.training(shards, **options).take(1)
-    assert set(batch) == set(names)
-    assert batch["seed"].dtype == batch["index"].dtype == tf.int64
-    assert batch["seed"].numpy().tolist() == [0] * COUNT
-    for name, value in learnt_from.items():
-        np.testing.assert_array_equal(batch[name], value, err_msg=name)
-    for index, albedo in zip(batch["index"].numpy(), batch["diffuse_albedo"], strict=True):
-        np.testing.assert_allclose(albedo, example(index, size=SIZE)["diffuse_albedo"], rtol=1e-6)
 
 
 @pytest.mark.parametrize("photographed", [False, True])
@@ -180,146 +71,6 @@ def test_unknown_features_are_refused(shards):
 # Photos.
 
 
-def photos(shards, steps, *, size=SIZE, seed=0, first_step=0, **augmentations):
-    """So many training batches as arrays."""
-    dataset = pipeline.training(
-        shards,
-        size=size,
-        batch_size=3,
-        seed=seed,
-        first_step=first_step,
-        features=pipeline.FEATURES,
-        **augmentations,
-    )
-    return list(itertools.islice(dataset.as_numpy_iterator(), steps))
-
-
-def assert_same(found, expected):
-    for batch, other in zip(found, expected, strict=True):
-        assert set(batch) == set(other)
-        for name, value in batch.items():
-            np.testing.assert_array_equal(value, other[name], err_msg=name)
-
-
-@pytest.mark.parametrize("size", [pytest.param(SIZE, marks=pytest.mark.slow), 4])
-def test_the_seed_decides_the_batches(shards, size):
-    first = photos(shards, 9, size=size)
-    assert_same(photos(shards, 9, size=size), first)
-    other = photos(shards, 9, size=size, seed=1)
-    assert [batch["index"].tolist() for batch in first] != [b["index"].tolist() for b in other]
-
-
-def test_resuming_takes_the_photos_of_an_uninterrupted_run(shards):
-    whole = photos(shards, 8)
-    for first_step in (1, 4, 6):
-        assert_same(photos(shards, 8 - first_step, first_step=first_step), whole[first_step:])
-
-
-def test_an_example_is_photographed_anew_in_every_epoch(shards):
-    batches = photos(shards, 3 * COUNT // 3)
-    taken = [batch["image"][i] for batch in batches for i in np.flatnonzero(batch["index"] == 5)]
-    assert len(taken) == 3
-    assert not np.array_equal(taken[0], taken[1]) and not np.array_equal(taken[1], taken[2])
-
-
-def test_two_seeds_take_different_photos_of_the_same_order(tmp_path):
-    path = write_shard(tmp_path / "one.tfrecord", [example(0, size=SIZE)])
-    [first], [other] = (photos([path], 1, seed=seed) for seed in (0, 1))
-    assert first["index"].tolist() == other["index"].tolist()
-    assert not np.array_equal(first["image"], other["image"])
-    # Nor is one photo of a batch like the next.
-    assert not np.array_equal(first["image"][0], first["image"][1])
-
-
-def test_training_without_a_camera_shows_what_is_stored(shards):
-    options = {"size": SIZE, "batch_size": COUNT, "features": pipeline.FEATURES}
-    [trained] = pipeline.training(shards, **options, seed=0, camera=False).take(1)
-    [stored] = pipeline.evaluation(shards, **options)
-    order = np.argsort(trained["index"])
-    for name, value in stored.items():
-        np.testing.assert_array_equal(trained[name].numpy()[order], value, err_msg=name)
-    for index in range(COUNT):
-        parsed = records.parse(records.encode(example(index, size=SIZE)))
-        np.testing.assert_allclose(stored["image"][index], parsed["image"], atol=1e-6)
-
-
-def test_every_other_scene_is_a_mirrors(shards):
-    options = {"size": SIZE, "batch_size": COUNT, "seed": 0, "camera": False}
-    features = ("image", "mirror", "index")
-    plain, flipped = (
-        list(pipeline.training(shards, **options, flips=flips, features=features).take(20))
-        for flips in (False, True)
-    )
-    turned = []
-    for stored, seen in zip(plain, flipped, strict=True):
-        np.testing.assert_array_equal(seen["index"], stored["index"])
-        for row in range(COUNT):
-            turned.append(not np.array_equal(seen["image"][row], stored["image"][row]))
-            for name in ("image", "mirror"):
-                there = stored[name][row].numpy()
-                expected = there[:, ::-1] if turned[-1] else there
-                np.testing.assert_array_equal(seen[name][row], expected)
-    # 240 throws of a coin: five standard deviations.
-    assert 0.34 < np.mean(turned) < 0.66
-    # An example is seen both ways in the course of the epochs.
-    each = np.array(turned)[np.argsort(np.concatenate([b["index"] for b in plain]), kind="stable")]
-    assert all(0 < epochs.sum() < 20 for epochs in each.reshape(COUNT, 20))
-
-
-def test_a_mirrored_scene_has_any_cast_of_the_light(shards):
-    options = {"size": SIZE, "batch_size": COUNT, "seed": 0, "camera": True}
-    features = ("mirror", "cast", "index")
-    plain, flipped = (
-        list(pipeline.training(shards, **options, flips=flips, features=features).take(30))
-        for flips in (False, True)
-    )
-    turned = np.concatenate(
-        [
-            (seen["mirror"] != stored["mirror"]).numpy().any(axis=(1, 2, 3))
-            for stored, seen in zip(plain, flipped, strict=True)
-        ]
-    )
-    casts = np.concatenate([batch["cast"] for batch in plain])
-    assert casts.shape == (30 * COUNT, 4)
-    # Five standard deviations of the correlation of independent draws.
-    for cast in casts.T:
-        assert abs(np.corrcoef(turned, cast)[0, 1]) < 5 / np.sqrt(len(turned))
-
-
-@pytest.mark.parametrize("augmentation", ["flips", "repaints"])
-def test_resuming_augments_as_an_uninterrupted_run(shards, augmentation):
-    whole = photos(shards, 8, **{augmentation: True})
-    assert_same(photos(shards, 4, first_step=4, **{augmentation: True}), whole[4:])
-
-
-@pytest.mark.parametrize("with_camera", [pytest.param(False, marks=pytest.mark.slow), True])
-def test_a_scene_is_painted_anew_in_every_epoch(shards, with_camera):
-    options = {"size": SIZE, "batch_size": COUNT, "seed": 0, "camera": with_camera}
-    options["features"] = pipeline.FEATURES
-    plain, painted = (
-        list(pipeline.training(shards, **options, repaints=repaints).take(3))
-        for repaints in (False, True)
-    )
-    for before, after in zip(plain, painted, strict=True):
-        for name in set(pipeline.FEATURES) - {"image", "clipped", *PAINT}:
-            np.testing.assert_array_equal(after[name], before[name], err_msg=name)
-        for name in ("image", *PAINT):
-            assert all(
-                not np.array_equal(a, b) for a, b in zip(after[name], before[name], strict=True)
-            )
-    for name in PAINT:
-        seen = np.stack([b[name].numpy()[np.argsort(b["index"])] for b in painted])
-        assert not np.array_equal(seen[0], seen[1])
-
-
-def test_paint_needs_no_more_features_than_are_asked_for(shards):
-    options = {"size": SIZE, "batch_size": COUNT, "seed": 0, "camera": False, "repaints": True}
-    [batch] = pipeline.training(shards, **options, features=("image",)).take(1)
-    [whole] = pipeline.training(shards, **options, features=pipeline.FEATURES).take(1)
-    assert set(batch) == {"image"}
-    np.testing.assert_array_equal(batch["image"], whole["image"])
-
-
 def test_evaluation_photographs_only_if_asked_and_always_alike(shards):
     options = {"size": 8, "features": ("image", "index")}
     [clean] = pipeline.evaluation(shards, **options, batch_size=COUNT)
@@ -329,20 +80,9 @@ def test_evaluation_photographs_only_if_asked_and_always_alike(shards):
     in_batches = list(in_batches.as_numpy_iterator())
     images, indices = (np.concatenate([b[name] for b in in_batches]) for name in ("image", "index"))
     np.testing.assert_array_equal(images[np.argsort(indices)], asked["image"])
-    own = camera.photograph(records.parse(records.encode(example(7, size=SIZE))))
+    own = records.parse(records.encode(example(7, size=SIZE)))
+    own = camera.photograph(own, camera.radiance(own))
     np.testing.assert_allclose(asked["image"][7], pipeline.resize(own, 8)["image"], atol=1e-6)
-
-
-def test_threads_change_nothing(shards):
-    options = {"size": SIZE, "batch_size": 4, "seed": 3}
-    one, many = tf.data.Options(), tf.data.Options()
-    one.threading.private_threadpool_size = 1
-    many.threading.private_threadpool_size = 8
-    first, other = (
-        list(pipeline.training(shards, **options).with_options(threads).take(6).as_numpy_iterator())
-        for threads in (one, many)
-    )
-    assert_same(first, other)
 
 
 # Classes.
@@ -460,7 +200,7 @@ def test_sizes_that_do_not_divide_are_refused(rough, shards, size):
 def open_either_way(path):
     shards, options = [path], {"size": 8, "batch_size": 1}
     yield lambda: pipeline.evaluation(shards, **options)
-    yield lambda: pipeline.training(shards, **options, seed=0)
+    yield lambda: pipeline.record_spans(path)
 
 
 @pytest.mark.parametrize("kept", [-1, -5, 5, 11, 12, 20])
@@ -562,10 +302,7 @@ def test_damage_names_the_file_the_record_and_the_mend(shards, tmp_path, damage)
     DAMAGES[damage](copies[1])
     options = {"size": 8, "batch_size": 3}
     expected = r"00001\.tfrecord is broken: record 2 .*delete the file and its \.json.*lime-render"
-    for opened in (
-        lambda: pipeline.evaluation(copies, **options),
-        lambda: pipeline.training(copies, **options, seed=0).take(COUNT),
-    ):
+    for opened in (lambda: pipeline.evaluation(copies, **options),):
         with pytest.raises(ValueError, match=expected) as raised:
             list(pipeline.naming_damage(opened(), copies))
         assert "\n" not in str(raised.value) and "{{" not in str(raised.value)
@@ -662,16 +399,3 @@ def test_a_manifest_without_a_checksum_for_each_shard_is_named(tmp_path):
 def test_an_incomplete_corpus_is_refused(tmp_path):
     with pytest.raises(FileNotFoundError, match="lime-render"):
         pipeline.training_shards(tmp_path)
-
-
-def test_held_out_scenes_are_painted_from_their_own_numbers(shards):
-    options = {"size": SIZE, "batch_size": COUNT, "features": pipeline.FEATURES}
-    natural = {"repaints": True, "materials": (material_law.NATURAL,)}
-    [plain] = pipeline.evaluation(shards, **options).take(1)
-    first, again = (next(iter(pipeline.evaluation(shards, **options, **natural))) for _ in range(2))
-    assert_same([first], [again])
-    np.testing.assert_array_equal(first["shininess"], plain["shininess"])
-    np.testing.assert_array_equal(first["mask"], plain["mask"])
-    assert not np.array_equal(first["specular_albedo"], plain["specular_albedo"])
-    total = tf.reduce_max(first["diffuse_albedo"], axis=1) + first["specular_albedo"]
-    assert np.max(total) <= 1.000001

@@ -176,7 +176,10 @@ def _photographed(radiance: float) -> Outcome:
         "specular_shading": layer,
     }
     example = records.parse(records.encode(_example(scene)))
-    photos = [camera.photograph(example, camera.radiance(example), tf.constant([seed, 0])) for seed in range(20)]
+    photos = [
+        camera.photograph(example, camera.radiance(example), tf.constant([seed, 0]))
+        for seed in range(20)
+    ]
     found = np.stack([photo["image"] for photo in photos])
     clipped = np.stack([photo["clipped"] for photo in photos])
     low, high = radiance * 2**-0.5, radiance * 2**0.5
