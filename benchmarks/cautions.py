@@ -14,6 +14,7 @@ often the interval of s holds the truth:
 
 import argparse
 import dataclasses
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -81,11 +82,13 @@ def _answers(estimator: Estimator, corpus: Path) -> list[Answer]:
         schedule=SCHEDULES["live"],
         seed=0,
         corpus_sha256=corpus_sha256([corpus]),
-        camera=True,
         materials=("natural",),
     )
     out = []
-    for batch in tqdm(Data([corpus], config).held_out(("image", "mask", "shininess"))):
+    with tempfile.TemporaryDirectory() as folder:
+        data = Data([corpus], config, Path(folder))
+        batches = list(data.validation(("image", "mask", "shininess")))
+    for batch in tqdm(batches):
         truths = zip(*(np.asarray(batch[n]) for n in ("image", "mask", "shininess")), strict=True)
         for image, mask, shininess in truths:
             exponent = float(np.ravel(shininess)[0])

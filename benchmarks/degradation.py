@@ -21,10 +21,11 @@ from PIL import Image
 from tqdm import tqdm
 
 from lime_keras import Estimator, console
-from lime_keras.data import clutter, pipeline
+from lime_keras.data import pipeline
 from lime_keras.data.corpus import Split
 from lime_keras.metrics import bin_distance, overlap, overlap_ratio
 from lime_keras.optics import camera_law, colour
+from lime_keras.train.photos import paint
 
 matplotlib.use("Agg")
 
@@ -83,7 +84,7 @@ def moved(photo: Photo, to: float) -> Photo:
     if to == 0:
         return dataclasses.replace(photo, given=photo.mask)
     radius = int(np.ceil(abs(to)))
-    blurred = clutter.blurred(photo.mask, radius)
+    blurred = paint.blurred(photo.mask, radius)
     level = 0.5 - 0.5 * to / (radius + 0.5)
     return dataclasses.replace(photo, given=np.asarray(blurred >= level, np.float32))
 

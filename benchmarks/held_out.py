@@ -7,7 +7,9 @@ other subnetworks, joined, which see the true mask or, in the rows "own mask", S
 """
 
 import argparse
+import tempfile
 from pathlib import Path
+from typing import Any
 
 import keras
 import numpy as np
@@ -16,7 +18,8 @@ from lime_keras.model import folder as model_folder
 from lime_keras.model import weights
 from lime_keras.optics import material_law
 from lime_keras.train.config import Config, corpus_sha256
-from lime_keras.train.data import SEEN_MASK, Data
+from lime_keras.train.data import Data
+from lime_keras.train.photos.kept import INPUT_MASK
 from lime_keras.train.stage_model import StageModel
 from lime_keras.train.stages import SCHEDULES
 from lime_keras.train.state import Means
@@ -42,10 +45,13 @@ def main() -> None:
         schedule=SCHEDULES["live"],
         seed=0,
         corpus_sha256=corpus_sha256([arguments.corpus]),
-        camera=True,
         materials=(arguments.materials,),
     )
-    data = Data([arguments.corpus], config)
+    with tempfile.TemporaryDirectory() as folder:
+        _tables(models, Data([arguments.corpus], config, Path(folder)))
+
+
+def _tables(models: dict[str, Any], data: Data) -> None:
     loaded = {name: networks for name, (_, networks) in models.items()}
     print("| weights | pooled IoU | mean | median | below 0.5 |\n|---|---:|---:|---:|---:|")
     for name, networks in loaded.items():
@@ -60,9 +66,9 @@ def main() -> None:
         print(f"| {name} | " + " | ".join(f"{cell:.3f}" for cell in cells) + " |", flush=True)
     joined = {}
     for name, networks in loaded.items():
-        data.cut_out_by(networks["segmentation"])
+        data.set_masker(networks["segmentation"])
         joined[f"{name}, true mask"] = _joined(networks, data, ())
-        joined[f"{name}, own mask"] = _joined(networks, data, (SEEN_MASK,))
+        joined[f"{name}, own mask"] = _joined(networks, data, (INPUT_MASK,))
     columns = list(next(iter(joined.values())))
     print(f"\n| weights | {' | '.join(columns)} |\n|---|" + "---:|" * len(columns))
     for name, found in joined.items():
@@ -72,7 +78,7 @@ def main() -> None:
 def _areas(network: keras.Model, data: Data) -> tuple[np.ndarray, np.ndarray]:
     """Return the pixels of the intersection and of the union of each held-out image's masks."""
     both, either = [], []
-    for batch in data.held_out(("image", "mask")):
+    for batch in data.validation(("image", "mask")):
         true = np.asarray(batch["mask"]) >= 0.5
         found = network.predict(np.asarray(batch["image"]), batch_size=_BATCH, verbose=0) >= 0.5
         both.append((true & found).sum((1, 2, 3)))
@@ -87,7 +93,7 @@ def _joined(
     model = StageModel({name: one for name, one in networks.items() if name != "segmentation"})
     model.compile(optimizer="sgd")
     losses = Means()
-    for batch in data.held_out((*model.features, *seen)):
+    for batch in data.validation((*model.features, *seen)):
         ones = np.ones(len(batch["mask"]))
         losses.add(model.test_on_batch(batch, sample_weight=ones, return_dict=True))
     return losses.means() | model.measured()

@@ -24,7 +24,7 @@ from lime_keras.data.corpus import Split
 from lime_keras.model import folder as model_folder
 from lime_keras.model import weights
 from lime_keras.networks import SUBNETWORKS
-from lime_keras.train.sources import masks
+from lime_keras.train.photos.answers import predict_mask
 
 _THIN = 1 / 40
 _OFF = 1 / 100
@@ -71,7 +71,7 @@ def _measured(network: keras.Model, size: int, scene: dict[str, np.ndarray]) -> 
     whole = len(true)
     levels = np.round(scene["image"][0] * 255).astype(np.uint8)
     small = Image.fromarray(levels).resize((size, size), Image.Resampling.BOX)
-    mask = masks.own(network, np.asarray(small, np.float32)[None] / 255)[0, ..., 0]
+    mask = predict_mask(network, np.asarray(small, np.float32)[None] / 255)[0, ..., 0]
     shown = Image.fromarray(mask).resize((whole, whole), Image.Resampling.BILINEAR)
     found = np.asarray(shown) >= 0.5
     union = (true | found).sum()

@@ -92,6 +92,7 @@ def _batch(size: int, count: int) -> dict[str, Any]:
         return keras.ops.convert_to_tensor(rng.uniform(size=(count, *shape)).astype(np.float32))
 
     image = {"image": uniform(size, size, 3), "clipped": 0.0 * uniform(size, size, 3)}
+    image |= {"painted": 0.0 * uniform(size, size, 1)}
     layers = ("diffuse_shading", "specular_shading", "mirror")
     return {
         **image,

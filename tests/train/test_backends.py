@@ -32,6 +32,7 @@ def exchanged(tmp_path_factory):
         Split(corpus, "train").shard_paths(), size=32, batch_size=3, features=features
     )
     batch = {name: value.numpy() for name, value in next(iter(dataset)).items()}
+    batch["painted"] = np.zeros_like(batch["mask"])
     np.savez(folder / "batch.npz", **batch)
     for name, architecture in stage_runs.SYSTEMS.items():
         weights.save(folder / name, architecture, _alive(architecture))

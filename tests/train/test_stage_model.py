@@ -41,7 +41,8 @@ STAGES = [(SMALL, stage.subnetworks) for stage in SCHEDULES["paper"].stages(SMAL
 def four_images(tmp_path_factory):
     corpus = write_split(tmp_path_factory.mktemp("four"), "test", [range(4)])
     batches = pipeline.evaluation(Split(corpus, "test").shard_paths(), size=64, batch_size=4)
-    return next(iter(batches))
+    batch = next(iter(batches))
+    return batch | {"painted": tf.zeros_like(batch["mask"])}
 
 
 def _compiled(names, learning_rate=2e-3, architecture=SMALL, seed=1, run_eagerly=True, **options):

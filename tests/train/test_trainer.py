@@ -254,7 +254,8 @@ def test_corpora_are_learnt_from_together(corpus, config, tmp_path, nudged):
     other = write_split(tmp_path / "other", "train", [range(2), range(3)], seed=1, size=64)
     both = dataclasses.replace(config, corpus_sha256=corpus_sha256([corpus, other]))
     assert both.corpus_sha256 not in (config.corpus_sha256, corpus_sha256([other]))
-    data = Data([corpus, other], both)
+    run = tmp_path / "run"
+    data = Data([corpus, other], both, run)
     stage = Stage(("segmentation",), 4, 1e-3)
     batches = itertools.islice(data.training(stage, ["mask"], 0), 4)
     seen = [pair for batch in batches for pair in zip(batch["seed"], batch["index"], strict=True)]
@@ -264,9 +265,8 @@ def test_corpora_are_learnt_from_together(corpus, config, tmp_path, nudged):
         (1, 0),
         (1, 1),
     ]
-    held_out = [int(seed) for batch in data.held_out(["seed"]) for seed in batch["seed"]]
-    assert held_out.count(0) == held_out.count(1) == 2
-    run = tmp_path / "run"
+    validation = [int(seed) for batch in data.validation(["seed"]) for seed in batch["seed"]]
+    assert validation.count(0) == validation.count(1) == 1
     trainer.train([corpus, other], run, both, _ignore, only=["segmentation"])
     record = json.loads((run / "config.json").read_text(encoding="utf-8"))
     assert [one["path"] for one in record["corpora"]] == [str(corpus), str(other)]
