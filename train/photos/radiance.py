@@ -37,7 +37,7 @@ def scene(
         The features and those of `camera.SCENE`; `object`, coverage × Eq. 4, and `background`, what
         it leaves of the rest, both linear radiance `(S, S, 3)`, whose sum is the scene's.
     """
-    wanted = pipeline.stored_for(features) | {"seed", "index", *SCENE}
+    wanted = pipeline.stored_for(features) | {"seed", "index", "shininess", *SCENE}
     example = pipeline.parse_finite(serialized, wanted)
     share = objects_share(example)
     rest = tf.maximum(linear(example["image"]) - share, 0.0)

@@ -12,7 +12,7 @@ from lime_keras.train.photos.radiance import repaint, scene
 
 SIZE = 48
 UNIFORM = (material_law.UNIFORM,)
-FEATURES = ("image", "diffuse_shading", "specular_shading", "diffuse_albedo", "shininess")
+FEATURES = ("image", "mask")  # of SegmentationNet: what albedos need comes beside
 
 
 @pytest.fixture(scope="module")
