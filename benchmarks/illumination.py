@@ -7,6 +7,7 @@ Estimates the light of the test split's first images, with the true normals, fro
 - "true": the true layers D and M;
 - "estimated": the layers that a run's networks estimate (with --weights). An image without light
   from the networks, such as one in which they find no object, is missing from its count;
+- "…, as printed": the same layers, by section 7 as printed: M's map plus the harmonics of D, added;
 - "constant": no layers, but an even light of the true mean radiance, as a baseline.
 
 Measures of the light E against the true light E*:
@@ -42,7 +43,7 @@ _FEATURES = ("image", "mirror", "diffuse_shading")
 def main() -> None:
     """Print a Markdown table for each source of the layers."""
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    options.add_argument("corpus", type=Path, help="of lime-render, furnace shading")
+    options.add_argument("corpus", type=Path, help="of lime-render, without --lobe printed")
     options.add_argument(
         "--weights", type=model_folder.find, help="run of lime-train, or a set that ships"
     )
@@ -101,7 +102,10 @@ def _measured(
         return illumination.observe(truth["normal"], view, mirror, diffuse, known)
 
     evidence = observed(truth["mirror"], truth["diffuse_shading"], truth["mask"])
-    lights = {"true": illumination.estimate(evidence)}
+    lights = {
+        "true": illumination.estimate(evidence),
+        "true, as printed": illumination.as_printed(evidence),
+    }
     if estimate is not None:
         mask = estimate["mask"] * (estimate["mask"] >= 0.5)
         specular = estimate["specular_albedo"] * estimate["specular_shading"]
@@ -110,6 +114,7 @@ def _measured(
         found = observed(np.maximum(estimate["mirror"], 0), diffuse, mask)
         if found.diffuse_weight.any() or found.mirror_weight.any():
             lights["estimated"] = illumination.estimate(found)
+            lights["estimated, as printed"] = illumination.as_printed(found)
     lights["constant"] = np.full(true.shape, environment.spherical_mean(true))
     seen = illumination.seen(evidence)
     return {

@@ -210,11 +210,38 @@ def estimate(evidence: Evidence) -> np.ndarray:
         return mirrored + unseen * even
     weight = evidence.diffuse_weight[shaded]
     shading_seen = evidence.diffuse[shaded] / weight
-    even = np.average(shading_seen, weights=weight)
-    low = even + _low_frequencies(shading_seen - even, weight, shaded)
+    low = _explaining(shading_seen, weight, shaded)
     light = mirrored + unseen * np.maximum(low, 0)
     missing = shading_seen - _shading(light)[shaded]
     return np.maximum(light + _low_frequencies(missing, weight, shaded), 0)
+
+
+def as_printed(evidence: Evidence) -> np.ndarray:
+    """Return the light as section 7 prints it: M's map plus the harmonics of D, added.
+
+    M counts at the texels that a pixel mirrors, and nowhere else; the spherical harmonics up to
+    order 2 that explain D count everywhere. So light that shows in both counts twice, and gaps
+    between mirrored texels stay. `estimate` counts no light twice; this is what it is compared
+    with.
+
+    Args:
+        evidence: evidence of an image.
+
+    Returns:
+        Light in camera space, linear radiance `(64, 128)`, at least 0; 0 without evidence.
+    """
+    mirrored = evidence.mirror / np.where(evidence.mirror_weight > 0, evidence.mirror_weight, 1)
+    shaded = evidence.diffuse_weight > 0
+    if not shaded.any():
+        return mirrored
+    weight = evidence.diffuse_weight[shaded]
+    return np.maximum(mirrored + _explaining(evidence.diffuse[shaded] / weight, weight, shaded), 0)
+
+
+def _explaining(values: np.ndarray, weight: np.ndarray, shaded: np.ndarray) -> np.ndarray:
+    """Return the light of order 2 that best fits D `(N,)`; where D says little, it is even."""
+    even = np.average(values, weights=weight)
+    return even + _low_frequencies(values - even, weight, shaded)
 
 
 def _low_frequencies(values: np.ndarray, weight: np.ndarray, shaded: np.ndarray) -> np.ndarray:

@@ -1,5 +1,6 @@
 """The light from the layers: known lights come back, and nothing that is missing breaks it."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -127,6 +128,30 @@ def test_light_is_not_counted_twice():
         found = illumination.estimate(illumination.observe(normal, view, mirror, diffuse, mask))
         lit = shading.diffuse(normal[mask[..., 0] > 0], *shading.texels(found))
         assert np.mean(lit) == pytest.approx(np.mean(diffuse[mask > 0]), rel=0.02)
+
+
+@pytest.mark.parametrize("level", [0.25, 1.0])
+def test_as_printed_a_furnace_counts_twice_where_m_shows_it(level):
+    """Section 7 adds M's map and the harmonics of D: what both show is twice as bright."""
+    evidence = _observed(np.full(SHAPE, level))
+    light = illumination.as_printed(evidence)
+    shown = evidence.mirror_weight > 0
+    np.testing.assert_allclose(light[shown], 2 * level, rtol=0.02)
+    np.testing.assert_allclose(light[~shown], level, rtol=0.02)
+    np.testing.assert_allclose(illumination.estimate(evidence), level, rtol=0.02)
+
+
+def test_as_printed_d_alone_and_m_alone_are_finite():
+    evidence = _observed(_smooth_light())
+    nothing = np.zeros_like(evidence.mirror)
+    of_d = dataclasses.replace(evidence, mirror=nothing, mirror_weight=nothing)
+    none = np.zeros_like(evidence.diffuse)
+    of_m = dataclasses.replace(evidence, diffuse=none, diffuse_weight=none)
+    both = illumination.as_printed(evidence)
+    apart = illumination.as_printed(of_d), illumination.as_printed(of_m)
+    assert np.isfinite(both).all() and (both >= 0).all()
+    # Only harmonics below 0 are cut, so the sum is that of its parts.
+    assert np.mean(np.isclose(both, sum(apart), rtol=1e-6, atol=1e-9)) > 0.9
 
 
 def test_a_black_mirror_image_leaves_the_light_of_d():
