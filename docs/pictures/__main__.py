@@ -23,6 +23,7 @@ def main() -> None:
     import dichromatic
     import first_material
     import photographs
+    import road
     import scene_model
 
     pictures = options.out / "pictures"
@@ -31,6 +32,7 @@ def main() -> None:
     photos = _ordered(options.photos)
     makers: dict[str, Callable[[], None]] = {
         "layers": lambda: scene_model.main(pictures),
+        "road": lambda: road.main(pictures),
         "dichromatic": lambda: dichromatic.main(EXAMPLES, pictures),
         "first-material": lambda: first_material.main(options.first, pictures),
         "photographs": lambda: photographs.main(photos, options.mesh, pictures),

@@ -38,7 +38,7 @@ def specular(features: dict[str, np.ndarray], exponent: float) -> np.ndarray:
     return out * features["mask"]
 
 
-def seen(linear: np.ndarray) -> np.ndarray:
+def displayed(linear: np.ndarray) -> np.ndarray:
     """Return linear radiance as sRGB, clipped at 1, in three channels."""
     srgb = colour.linear_to_srgb(np.clip(linear, 0, 1))
     return np.broadcast_to(srgb, (*srgb.shape[:2], 3))
@@ -64,13 +64,13 @@ def main(out: Path) -> None:
     gloss = features["specular_albedo"] * features["specular_shading"]
     layers = {
         "I": features["image"],
-        "D": seen(features["diffuse_shading"]),
-        "S": seen(features["specular_shading"]),
-        "m_d D": seen(diffuse),
-        "m_s S": seen(gloss),
+        "D": displayed(features["diffuse_shading"]),
+        "S": displayed(features["specular_shading"]),
+        "m_d D": displayed(diffuse),
+        "m_s S": displayed(gloss),
     }
-    exponents = {f"S, s = {s}": seen(specular(features, s)) for s in EXPONENTS}
-    exponents |= {"M": seen(features["mirror"]), "n": (features["normal"] + 1) / 2}
+    exponents = {f"S, s = {s}": displayed(specular(features, s)) for s in EXPONENTS}
+    exponents |= {"M": displayed(features["mirror"]), "n": (features["normal"] + 1) / 2}
     sheet(layers).save(out / "layers.webp", quality=88)
     sheet(exponents).save(out / "exponents.webp", quality=88)
     numbers = {
