@@ -19,11 +19,15 @@ def escaped(line: str) -> str:
 def converted(lines: list[str]) -> list[str]:
     """Return a docstring's lines with Markdown's tables as tables, and special characters escaped.
 
-    Indented blocks at the top level are code and stay as they are, as do doctests.
+    Indented blocks at the top level are code and stay as they are, as do doctests. An example that
+    is no doctest becomes code.
     """
     out: list[str] = []
     table: list[str] = []
-    for line in [*lines, ""]:
+    for number, line in enumerate([*lines, ""]):
+        if line.strip() == "Example:" and not lines[number + 1].lstrip().startswith(">>>"):
+            out += [f"{line}:", ""]
+            continue
         if line.startswith("|"):
             table.append(line)
             continue

@@ -61,8 +61,9 @@ class View:
 
 
 class Estimator:
-    """A trained model, loaded once and applied to many photos.
+    """A trained model, loaded once and applied to many photos: `estimator(photo)`.
 
+    A call takes a photo, or a list of photos, and returns a `Material`, or a list.
     `estimate` finds the object (`view`), estimates its material in the square that the networks see
     (`read`), and brings the layers to the photo's size (`place`). Who shows the layers in the
     square alone calls the first two.
