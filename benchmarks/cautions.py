@@ -2,8 +2,8 @@
 
     python benchmarks/cautions.py CORPUS [--weights live]
 
-Estimates each held-out image, photographed, as `lime-estimate` does, and prints two tables, and how
-often the interval of s holds the truth:
+Estimates photos of the scenes in the train split of CORPUS, which no training has seen, as
+`lime-estimate` does, and prints two tables, and how often the interval of s holds the truth:
 
 - the masks below each limit of confidence (`cautions.CONFIDENT`), and how many of them are wrong,
   with an IoU below 0.7;
@@ -13,8 +13,6 @@ often the interval of s holds the truth:
 """
 
 import argparse
-import dataclasses
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -24,13 +22,11 @@ from scipy import stats
 from tqdm import tqdm
 
 from lime_keras import Estimator
+from lime_keras.data import pipeline
+from lime_keras.data.corpus import Split
 from lime_keras.estimate import cautions
 from lime_keras.metrics import overlap, overlap_ratio
-from lime_keras.networks import PRESETS
 from lime_keras.optics import colour, dichromatic, gloss
-from lime_keras.train.config import Config, corpus_sha256
-from lime_keras.train.data import Data
-from lime_keras.train.stages import SCHEDULES
 
 _WRONG_MASK = 0.7
 _CONFIDENCES = (0.75, 0.8, 0.825, 0.85, 0.875, 0.9, 0.925, 0.95)
@@ -75,21 +71,13 @@ def main() -> None:
 
 def _answers(estimator: Estimator, corpus: Path) -> list[Answer]:
     """Return the answers for all held-out photos in which an object was found."""
-    config = Config(
-        preset="live",
-        steps_scale=1.0,
-        architecture=dataclasses.replace(PRESETS["live"], size=estimator.size),
-        schedule=SCHEDULES["live"],
-        seed=0,
-        corpus_sha256=corpus_sha256([corpus]),
-        materials=("natural",),
+    shards = pipeline.whole_shards(Split(corpus, "train"))
+    batches = pipeline.evaluation(
+        shards, size=Split(corpus, "train").size, batch_size=8, camera=True
     )
     out = []
-    with tempfile.TemporaryDirectory() as folder:
-        data = Data([corpus], config, Path(folder))
-        batches = list(data.validation(("image", "mask", "shininess")))
-    for batch in tqdm(batches):
-        truths = zip(*(np.asarray(batch[n]) for n in ("image", "mask", "shininess")), strict=True)
+    for batch in tqdm(batches.as_numpy_iterator(), unit="batch"):
+        truths = zip(*(batch[name] for name in ("image", "mask", "shininess")), strict=True)
         for image, mask, shininess in truths:
             exponent = float(np.ravel(shininess)[0])
             material = estimator.estimate(np.rint(255 * image).astype(np.uint8))
