@@ -5,8 +5,8 @@
     python benchmarks/live.py --gradio /elsewhere/bin/python
 
 The server is asked over HTTP, as the page asks it, for frames of 640 × 480 of a moving ball: the
-mask alone, the mask and the material, the page's rhythm on a slow machine (the material with every
-third frame), and the light as well. The page captures and draws besides; `--browser` runs it in
+mask alone, the mask and the material, the page's rhythm (layers with every third frame), and the
+light as well. The page captures and draws besides; `--browser` runs it in
 Chromium on a clip of the same frames, and counts the answers that it shows. So does `--static` with
 a page of `lime-live --static`, which is served elsewhere (`python3 -m http.server -d site`).
 `--gradio` names the Python of an environment with gradio and this package, which serves the same
@@ -91,10 +91,10 @@ def main() -> None:
     with _serving() as server:
         ask = _asker(server, frames)
         rows = {
-            "mask alone": lambda _: ask(material=False, light=False),
-            "mask, material": lambda _: ask(material=True, light=False),
-            "material with every third": lambda n: ask(material=n % 3 == 0, light=False),
-            "mask, material, light": lambda _: ask(material=True, light=True),
+            "mask alone": lambda _: ask(material=False, layers=False, light=False),
+            "mask, material": lambda _: ask(layers=False, light=False),
+            "layers with every third": lambda n: ask(layers=n % 3 == 0, light=False),
+            "mask, material, light": lambda _: ask(layers=False, light=True),
         }
         for name, one in rows.items():
             times, used = _times(one, arguments.seconds)
@@ -150,7 +150,7 @@ def _times(one: Callable[[int], Any], seconds: float) -> tuple[list[float], floa
 
 @contextlib.contextmanager
 def _serving() -> Iterator[LiveServer]:
-    with LiveServer(Estimator("live"), 0) as server:
+    with LiveServer(Estimator("live", streaming=True), 0) as server:
         thread = threading.Thread(target=server.serve_forever)
         thread.start()
         yield server

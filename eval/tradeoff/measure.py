@@ -7,6 +7,7 @@ is made (`kept`), so that a command that was stopped goes on.
 
 import dataclasses
 import datetime
+import functools
 import os
 import sys
 from collections.abc import Mapping
@@ -131,8 +132,8 @@ def _errors(
             "count": summary["count"],
         }
 
-    inputs = kept.weights_of(run) | kept.corpus_of(corpus)
-    inputs |= {"camera": camera, "precision": precision}
+    of_what = kept.weights_of(run) | kept.corpus_of(corpus)
+    inputs: dict[str, Any] = {**of_what, "camera": camera, "precision": precision}
     return results.value("errors", inputs, make)
 
 
@@ -156,7 +157,7 @@ def _timed(
             results.value(
                 f"times/{case.name}",
                 inputs,
-                lambda case=case, path=path: timing.measure(case, path, PICTURE, EFFORT),
+                functools.partial(timing.measure, case, path, PICTURE, EFFORT),
             )
         )
     return [

@@ -171,6 +171,10 @@ def _add_light(light: argparse._ArgumentGroup) -> None:
 def main(argv: list[str] | None = None) -> int:
     """Estimate the materials in photos and videos and return the exit status."""
     options = parser().parse_args(argv)
+    if not (options.normals or options.clone_onto):
+        # Threads that wait for the next small product by spinning would take the processor from
+        # the networks and the writers; the products of a light or a clone are large.
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     return console.run(lambda: _estimate(options), "what is done so far is in the output folder")
 
 
