@@ -1,8 +1,10 @@
 """The training speed of each stage: examples a second by preset, precision and XLA.
 
     python benchmarks/training.py [--presets smoke live] [--steps 8]
+    python benchmarks/training.py --corpus CORPUS [--photos 512] [--presets live]
 
-The batches are random and already in memory, so reading costs nothing here.
+The batches are random and already in memory, so reading costs nothing here. With a corpus, a
+stage's photos are made; steps on batches of them take turns with steps on one batch in memory.
 The settings of a stage take turns step by step, so that a busy moment slows all of them alike.
 Speeds follow from the median time of a step.
 """
@@ -10,8 +12,10 @@ Speeds follow from the median time of a step.
 import argparse
 import statistics
 import sys
+import tempfile
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import keras
@@ -21,6 +25,8 @@ from tqdm import tqdm
 from lime_keras.networks import PRESETS, Architecture, build
 from lime_keras.networks.precision import computing_in
 from lime_keras.optics.environment import STORED_SHAPE
+from lime_keras.train.config import Config, corpus_sha256
+from lime_keras.train.data import Data, without_origin
 from lime_keras.train.stage_model import StageModel
 from lime_keras.train.stages import SCHEDULES, Stage
 
@@ -42,7 +48,13 @@ def main() -> None:
     parser.add_argument("--presets", nargs="+", choices=list(PRESETS), default=["smoke", "live"])
     parser.add_argument("--settings", nargs="+", choices=list(SETTINGS), default=list(SETTINGS))
     parser.add_argument("--steps", type=int, default=8)
+    parser.add_argument("--corpus", type=Path, help="measure the photos of this corpus")
+    parser.add_argument("--photos", type=int, default=512)
     options = parser.parse_args()
+    if options.corpus is not None:
+        for preset in options.presets:
+            _photos(options.corpus, preset, options.photos, options.steps)
+        return
     print("| preset | stage | batch | " + " | ".join(options.settings) + " |")
     print("|---|---|---:|" + "---:|" * len(options.settings))
     for preset in options.presets:
@@ -59,6 +71,51 @@ def main() -> None:
             rates = (f"{schedule.batch_size / seconds[name]:.1f}" for name in options.settings)
             print(f"| {preset} | {stage.name} | {schedule.batch_size} | ", end="")
             print(" | ".join(rates) + " |", flush=True)
+
+
+def _photos(corpus: Path, preset: str, count: int, steps: int) -> None:
+    """Print how fast photos are made and read, and what reading adds to a step of each stage."""
+    architecture, schedule = PRESETS[preset], SCHEDULES[preset]
+    config = Config(preset, 1.0, architecture, schedule, 0, corpus_sha256([corpus]), photos=count)
+    print("| stage | photos made a second | read a second | step in memory | step | wait |")
+    print("|---|---:|---:|---:|---:|---:|")
+    with tempfile.TemporaryDirectory() as folder:
+        for stage in schedule.stages(architecture):
+            if stage.name not in STAGES:
+                continue
+            # Made the first time that a stage needs them.
+            data = Data([corpus], config, Path(folder))
+            subnetworks = build(architecture, seed=0)
+            model = StageModel({name: subnetworks[name] for name in stage.subnetworks})
+            model.compile(optimizer=keras.optimizers.Adam(stage.learning_rate))
+            features = data.with_input_mask(stage, model.features)
+            began = time.perf_counter()
+            batches = data.training(stage, features, 0)
+            still = without_origin(next(batches))
+            made = count / (time.perf_counter() - began)
+            began = time.perf_counter()
+            for _ in range(20):
+                next(batches)
+            read = 20 * schedule.batch_size / (time.perf_counter() - began)
+            waits = []
+
+            def step(model: Any = model, batches: Any = batches, waits: Any = waits) -> None:
+                asked = time.perf_counter()
+                batch = next(batches)
+                waits.append(time.perf_counter() - asked)
+                model.train_on_batch(without_origin(batch))
+
+            actions = {
+                "memory": lambda model=model, still=still: model.train_on_batch(still),
+                "read": step,
+            }
+            for action in actions.values():
+                action()
+            seconds = _alternately(actions, steps, f"{preset} {stage.name}")
+            memory, whole = 1000 * seconds["memory"], 1000 * seconds["read"]
+            wait = statistics.median(waits) / seconds["read"]
+            print(f"| {stage.name} | {made:.0f} | {read:.0f} | {memory:.0f} ms ", end="")
+            print(f"| {whole:.0f} ms | {wait:.1%} |", flush=True)
 
 
 def _step(

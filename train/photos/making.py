@@ -78,10 +78,11 @@ class Scenes:
 
     Raises:
         FileNotFoundError: if a split is incomplete.
-        ValueError: if a split is too small or damaged.
+        ValueError: if TensorFlow is missing, or a split is too small or damaged.
     """
 
     def __init__(self, recipe: Recipe):
+        _import_tensorflow()
         from lime_keras.data import pipeline
 
         self._recipe = recipe
@@ -269,13 +270,7 @@ def make(recipe: Recipe, photos: Kept, title: str, on_making: OnMaking) -> None:
     """
     if photos.is_complete:
         return
-    try:
-        console.import_tensorflow()
-    except ImportError as error:
-        raise ValueError(
-            "photos are made of records, which TensorFlow reads, and it is not installed: install "
-            "it, or copy a run whose photos are made"
-        ) from error
+    _import_tensorflow()
     missing = photos.begin()
     done = photos.count - sum(map(len, missing))
     for part in _finished(recipe, photos, missing):
@@ -283,6 +278,16 @@ def make(recipe: Recipe, photos: Kept, title: str, on_making: OnMaking) -> None:
         done += len(part)
         on_making(title, done, photos.count)
     photos.finish({"recipe": json.loads(json.dumps(dataclasses.asdict(recipe), default=str))})
+
+
+def _import_tensorflow() -> None:
+    try:
+        console.import_tensorflow()
+    except ImportError as error:
+        raise ValueError(
+            "photos are made of records, which TensorFlow reads, and it is not installed: install "
+            "it, or copy a run whose photos are made"
+        ) from error
 
 
 def _finished(recipe: Recipe, photos: Kept, missing: list[range]) -> Iterator[range]:
