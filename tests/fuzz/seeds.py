@@ -307,7 +307,6 @@ def runs(folder: Path) -> None:
         schedule=SCHEDULES["smoke"],
         seed=0,
         corpus_sha256="0" * 64,
-        camera=True,
     )
     findings = {
         "shapes": [
