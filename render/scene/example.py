@@ -93,7 +93,7 @@ def layers(
     to_map = light_rotation.astype(light.quality.precision)
     normal, view = gbuffer.normal @ to_map, gbuffer.view @ to_map
     diffuse = gbuffer.pixel_means(integrals.diffuse(normal, light))
-    mirror = gbuffer.pixel_means(integrals.mirror(normal, view, light))
+    mirror = gbuffer.pixel_means(integrals.mirror(normal, view, light, gbuffer.mirror_spacing()))
     chosen, weights = gbuffer.lobe_samples(light.quality.lobe_rough_above / (exponent + 2))
     blurred = integrals.specular(normal[chosen], view[chosen], exponent, light)
     specular = gbuffer.pixel_means(blurred, chosen, weights)

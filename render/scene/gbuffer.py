@@ -81,6 +81,16 @@ class GBuffer:
         weights = np.concatenate([np.ones(len(smooth)), self.cell_weights[cells]])
         return np.concatenate([smooth, self.cells[cells]]), weights
 
+    def mirror_spacing(self) -> np.ndarray:
+        """Return the angle between the mirror directions of neighbouring samples, `(N,)` radians.
+
+        It follows from the directions' variance in a pixel, as that of points on a square grid.
+        """
+        count = np.bincount(self.pixel, minlength=self.coverage.size)[self.covered_pixels]
+        spacing = np.zeros(self.coverage.size)
+        spacing[self.covered_pixels] = np.sqrt(6 * self.spread / np.maximum(count - 1, 1))
+        return spacing[self.pixel]
+
     def image(self, pixel_values: np.ndarray) -> np.ndarray:
         """Put values `(P,)` or `(P, C)` of the covered pixels into an `(S, S, C)` image."""
         values = pixel_values.reshape(len(pixel_values), -1)

@@ -29,9 +29,33 @@ def diffuse(normal: np.ndarray, light: Light) -> np.ndarray:
     return environment.lookup(light.diffuse_shading, normal)
 
 
-def mirror(normal: np.ndarray, view: np.ndarray, light: Light) -> np.ndarray:
-    """Compute M(n, o), `(N,)`, from the map at its finest resolution."""
-    return shading.mirror(normal, view, light.radiance)
+def mirror(
+    normal: np.ndarray, view: np.ndarray, light: Light, spacing: np.ndarray | None = None
+) -> np.ndarray:
+    """Compute M(n, o), `(N,)`, from the map averaged over what lies between the samples.
+
+    A lamp smaller than the distance of two mirror directions would else be seen or missed by
+    chance. Looked up with texels as wide as that distance, bilinear, it counts once.
+
+    Args:
+        normal: n, unit, `(N, 3)`.
+        view: o, unit, `(N, 3)`.
+        light: environment map in its own frame.
+        spacing: angle in radians between the mirror directions of neighbouring samples, `(N,)`;
+            None for the map at its finest resolution.
+    """
+    mirrored = shading.reflect(normal, view)
+    if spacing is None:
+        return environment.lookup(light.radiance, mirrored)
+    rows = np.array([len(level) for level in light.filtered])
+    enough = np.pi / np.maximum(spacing, np.pi / rows[0])
+    # The finest of the maps whose texels are as wide as the spacing.
+    level = np.minimum(np.searchsorted(-rows, -enough - 1e-6), len(rows) - 1)
+    out = np.empty(len(mirrored), mirrored.dtype)
+    for number in np.unique(level):
+        some = np.flatnonzero(level == number)
+        out[some] = environment.lookup(light.filtered[number], mirrored[some])
+    return out
 
 
 def specular(normal: np.ndarray, view: np.ndarray, exponent: float, light: Light) -> np.ndarray:

@@ -74,6 +74,22 @@ class Light:
         return energy / environment.solid_angles(*energy.shape)
 
     @functools.cached_property
+    def filtered(self) -> tuple[np.ndarray, ...]:
+        """The radiance at its own resolution, and averaged to ever fewer rows, powers of two."""
+        rows, finest = len(self.radiance), max(self.levels)
+        out = [self.radiance]
+        height = 2 ** math.ceil(math.log2(rows))
+        while (height := height // 2) > finest:
+            if 2 * height <= self.radiance.shape[1]:
+                out.append(environments.means(self.radiance, height).astype(self.radiance.dtype))
+        for height in sorted(self.levels, reverse=True):
+            if height < rows:
+                energy = self.levels[height].energy
+                solid_angle = environment.solid_angles(*energy.shape)
+                out.append((energy / solid_angle).astype(self.radiance.dtype))
+        return tuple(out)
+
+    @functools.cached_property
     def _texels(self) -> np.ndarray:
         """Direction and energy of the texels of all levels, `(4, N)`, the coarsest level first."""
         levels = [self.levels[height] for height in sorted(self.levels)]
@@ -175,8 +191,12 @@ def prepare(
         quality: resolution and precision of the light.
 
     Raises:
-        ValueError: if the map is black or not finite.
+        ValueError: if the map is black, negative somewhere, or not finite.
     """
+    try:
+        environment.check(radiance)
+    except ValueError as error:
+        raise ValueError(f"{name}: {error}") from error
     # A small map is enlarged by repeating its texels, which leaves its radiance as it is.
     repeats = -(-_FEWEST_ROWS // min(len(radiance), radiance.shape[1] // 2))
     if repeats > 1:

@@ -2,6 +2,7 @@
 
 import dataclasses
 import itertools
+import math
 
 import numpy as np
 import pytest
@@ -165,3 +166,33 @@ def test_the_kernel_for_a_gpu_sums_as_numpy_does(
     np.testing.assert_allclose(found, expected, rtol=rtol, atol=rtol * expected.mean())
     assert np.any(found != expected)  # it is another sum, not the same one
     assert integrals.specular(normal[:0], view[:0], exponent, light).shape == (0,)
+
+
+@pytest.mark.parametrize("degrees", [0.3, 1.0, 4.0, 9.0])
+def test_a_lamp_of_one_texel_counts_once_wherever_it_falls_between_samples(degrees):
+    """Samples of M on a grid see all of the lamp's energy; before, they saw it by chance."""
+    rng, spacing = np.random.default_rng(0), math.radians(degrees)
+    radiance = np.zeros((512, 1024), np.float32)
+    radiance[256, 300] = 1
+    light = lights.prepare("lamp", radiance)
+    energy = np.sum(light.radiance * environment.solid_angles(512, 1024))
+    half = max(3 * spacing, math.radians(3))
+    for _ in range(4):
+        # Mirror directions around the lamp, on the equator, seen along their own normals.
+        steps = np.arange(-half, half, spacing)
+        up, across = np.meshgrid(steps, steps, indexing="ij")
+        shift = rng.uniform(0, spacing, 2)
+        theta, phi = np.pi / 2 + up + shift[0], 2 * np.pi * 300 / 1024 + across + shift[1]
+        sin = np.sin(theta)
+        towards = np.stack([sin * np.sin(phi), np.cos(theta), -sin * np.cos(phi)], -1)
+        towards = towards.reshape(-1, 3).astype(np.float32)
+        found = integrals.mirror(towards, towards, light, np.full(len(towards), spacing))
+        total = np.sum(found * sin.ravel()) * spacing**2
+        assert total == pytest.approx(energy, rel=0.12)
+
+
+def test_light_that_is_negative_somewhere_is_refused():
+    radiance = np.ones((64, 128))
+    radiance[3, 5] = -0.5
+    with pytest.raises(ValueError, match="cave: radiance is finite and at least 0"):
+        lights.prepare("cave", radiance)
