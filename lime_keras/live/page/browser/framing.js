@@ -8,6 +8,7 @@ import { LINEAR, toSrgb } from "../colour.js";
 
 const FILL = 0.73;
 const SMALLEST_FILL = 0.5;
+const LARGEST_FILL = 0.9;
 export const THRESHOLD = 0.5;
 
 /** The smallest square that contains a whole photo, with the photo in its middle. */
@@ -30,6 +31,26 @@ export function around(mask, size, square) {
   const extent = Math.max(box.bottom - box.top, box.right - box.left);
   if (extent >= SMALLEST_FILL * size) return square;
   return centred(box, extent, square, square.side / size);
+}
+
+/**
+ * The square in which to look for an object in the next frame of a stream; null if the mask shows
+ * no object, or one that reaches the square's edge where the frame goes on, or has outgrown it.
+ */
+export function following(mask, size, square, height, width) {
+  const box = largestObject(mask, size);
+  if (box === null) return null;
+  const everything = whole(height, width);
+  const isWhole = square.side === everything.side && square.top === everything.top && square.left === everything.left;
+  const extent = Math.max(box.bottom - box.top, box.right - box.left);
+  const cutOff =
+    (box.top < 1 && square.top > 0) ||
+    (box.left < 1 && square.left > 0) ||
+    (box.bottom > size - 1 && square.top + square.side < height) ||
+    (box.right > size - 1 && square.left + square.side < width);
+  if (!isWhole && (cutOff || extent > LARGEST_FILL * size)) return null;
+  const closer = centred(box, extent, square, square.side / size);
+  return closer.side < (SMALLEST_FILL / FILL) * everything.side ? closer : everything;
 }
 
 /** The square around all that a mask of a photo's own size covers. */

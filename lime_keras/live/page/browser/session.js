@@ -32,6 +32,7 @@ export class Session {
   restart() {
     this.tracker = new Tracker();
     this.light = new Fusion();
+    this.square = null; // Where the object was in the last frame.
   }
 
   /** Estimate the next frame; frame and answer are those of the page's engines. */
@@ -46,7 +47,8 @@ export class Session {
       ms[name] = now - last;
       last = now;
     };
-    const view = await (given ? this.viewGiven(image, given) : this.view(image));
+    const view = await (given ? this.viewGiven(image, given) : this.look(image));
+    this.square = given ? null : framing.following(view.mask, size, view.square, height, width);
     const inside = framing.insidePhoto(view.square, height, width, size);
     const covered = view.mask.reduce(
       (sum, value, at) => sum + (value >= framing.THRESHOLD && inside[at] ? 1 : 0),
@@ -68,7 +70,10 @@ export class Session {
     }
     const material = layers && materialOf(layers);
     const { cut, fused } = this.tracker.step(image, found, parameters(material));
-    if (cut || fused.every(Number.isNaN)) this.light.restart();
+    if (cut || fused.every(Number.isNaN)) {
+      this.light.restart();
+      this.square = null;
+    }
     let light = null;
     if (options.light && material) {
       const told = this.lit(view, inside, layers, image);
@@ -98,6 +103,16 @@ export class Session {
       ms,
       warnings: warned.map((code) => ({ code })),
     };
+  }
+
+  /** The view of where the object was, if it is still there; else that of the whole frame. */
+  async look(image) {
+    const { square, size } = this;
+    if (square === null) return this.view(image);
+    const seen = framing.cut(image, square, size);
+    const { mask } = await this.run("mask", { image: seen });
+    const isThere = framing.following(mask, size, square, image.height, image.width) !== null;
+    return isThere ? { square, seen, mask } : this.view(image);
   }
 
   /** The square that the networks see, its content and the object found in it. */

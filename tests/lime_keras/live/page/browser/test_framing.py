@@ -146,3 +146,33 @@ def test_the_whole_square_is_that_of_python(shape):
         'return (await import(page + "browser/framing.js")).whole(...shape);', shape=shape
     )
     assert found == framing.whole(*shape)._asdict()
+
+
+def test_an_object_is_followed_as_by_python():
+    """In the square where it was; not at its edge, outgrown, or gone."""
+    rng, cases = np.random.default_rng(5), []
+    for square in (framing.whole(480, 640), Square(40, 100, 300), Square(-10, -10, 200)):
+        for _ in range(12):
+            mask = np.zeros((24, 24), np.float32)
+            top, left = rng.integers(0, 16, 2)
+            height, width = rng.integers(1, 24, 2)
+            mask[top : top + height, left : left + width] = 1
+            cases.append((mask, square))
+    cases.append((np.zeros((24, 24), np.float32), Square(40, 100, 300)))
+    found = javascript.run(
+        """
+        const { following } = await import(page + "browser/framing.js");
+        return squares.map(([top, left, side], at) => {
+          const mask = masks.subarray(at * 24 * 24, (at + 1) * 24 * 24);
+          const next = following(mask, 24, { top, left, side }, 480, 640);
+          return next === null ? [0, 0, -1] : [next.top, next.left, next.side];
+        });
+        """,
+        masks=np.concatenate([mask.ravel() for mask, _ in cases]),
+        squares=[list(square) for _, square in cases],
+    )
+    expected = [
+        framing.following(mask[..., None], square, 480, 640) or (0, 0, -1) for mask, square in cases
+    ]
+    assert [tuple(row) for row in found] == [tuple(row) for row in expected]
+    assert len({row[2] for row in expected}) > 5 and (0, 0, -1) in expected
