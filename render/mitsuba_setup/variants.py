@@ -23,6 +23,8 @@ _DRIVERS = (Path("/dev/nvidiactl"), Path("/dev/dxg"))
 """
 _LIBRARY_VARIABLE = "DRJIT_LIBLLVM_PATH"
 _PROBE_SECONDS = 120
+_TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3
+"""Options of glibc's `mallopt`, from `malloc.h`."""
 
 # Bad libraries aborted on a minimum of floats, then on a traced ray; the results are checked too.
 _PROBE = """
@@ -203,6 +205,15 @@ def activate(choice: Choice, threads: int) -> None:
 
     mitsuba.set_variant(choice.variant)
     drjit.set_thread_count(threads)
+    _keep_memory()
+
+
+def _keep_memory() -> None:
+    """Tell glibc to keep freed memory: NumPy's arrays else cost a page fault every 4 kB."""
+    with contextlib.suppress(AttributeError):  # another libc
+        allocator = ctypes.CDLL(None)
+        for option, size in ((_TRIM_THRESHOLD, 2**28), (_MMAP_THRESHOLD, 2**25)):
+            allocator.mallopt(option, size)
 
 
 def load_companions() -> None:

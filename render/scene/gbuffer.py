@@ -125,13 +125,16 @@ class Tracer:
         mesh: surface in its own frame.
         size: height and width of the images in pixels.
         quality: number of samples of a pixel, and limits above which pixels are rough.
+        packets: whether rays are traced in packets, in three fifths of the time. Where a ray meets
+            two triangles at once, at their edge or where they coincide, it may hit the other one.
     """
 
-    def __init__(self, mesh: Mesh, size: int, quality: Quality = FAST):
+    def __init__(self, mesh: Mesh, size: int, quality: Quality = FAST, *, packets: bool = False):
         import mitsuba as mi
 
         self._size = size
         self._quality = quality
+        self._packets = packets
         self._vertices, self._faces = mesh.vertices, mesh.faces
         self._scene = mi.load_dict({"type": "scene", "shape": mitsuba_mesh(mesh)})
 
@@ -145,21 +148,22 @@ class Tracer:
         """
         place = rotation, translation, camera
         quality = self._quality
-        seen = self._look(*place, self._in_sight(*place), quality.subsamples)
+        in_sight = self._in_sight(*place)
+        seen = self._look(*place, np.flatnonzero(in_sight), quality.subsamples)
         if quality.refined == quality.subsamples:
             return seen
         rough = _edges(seen.coverage)
         rough[seen.covered_pixels[seen.spread > quality.rough_above]] = True
-        again = self._look(*place, np.flatnonzero(rough), quality.refined)
+        again = self._look(*place, np.flatnonzero(rough & in_sight), quality.refined)
         return _joined(seen.part(~rough), again)
 
     def _in_sight(self, rotation, translation, camera) -> np.ndarray:
-        """Return the row-major indices of the pixels in the boxes of the projected triangles."""
+        """Return row-major flags of the pixels in the boxes of the projected triangles."""
         size = self._size
         fx, fy, cx, cy = camera
         x, y, z = rotation @ self._vertices.T + translation[:, None]
         if z.max() >= 0:  # partly behind the camera
-            return np.arange(size**2)
+            return np.ones(size**2, bool)
         top, bottom = self._reach(cy + fy * y / z)
         left, right = self._reach(cx - fx * x / z)
         # Each box adds 1 to its pixels: the sums of the corners' marks, along both axes.
@@ -168,7 +172,7 @@ class Tracer:
         corners += [top * across + right, bottom * across + left]
         marks = np.repeat([1.0, 1.0, -1.0, -1.0], len(top))
         boxes = np.bincount(np.concatenate(corners), marks, across**2).reshape(across, across)
-        return np.flatnonzero(boxes.cumsum(0).cumsum(1)[:size, :size] > 0.5)
+        return boxes.cumsum(0).cumsum(1)[:size, :size].ravel() > 0.5
 
     def _reach(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the first pixel of each triangle along an axis, and that after its last."""
@@ -196,7 +200,7 @@ class Tracer:
         rays /= np.sqrt(np.einsum("ij,ij->j", rays, rays))
         turn = rotation.astype(np.float32)  # `turn.T @ rays`: from camera to object space
         there, shading_normal, geometric = _intersect(
-            self._scene, -rotation.T @ translation, turn.T @ rays
+            self._scene, -rotation.T @ translation, turn.T @ rays, self._packets
         )
         view = -np.take(rays, there, axis=1)
         normal = _facing(turn @ shading_normal, turn @ geometric, view)
@@ -204,7 +208,7 @@ class Tracer:
 
 
 def _intersect(
-    scene, origin: np.ndarray, directions: np.ndarray
+    scene, origin: np.ndarray, directions: np.ndarray, packets: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Find the first hits of rays `(3, M)` from one point.
 
@@ -227,7 +231,7 @@ def _intersect(
         return np.zeros(0, int), np.zeros((3, 0), np.float32), np.zeros((3, 0), np.float32)
     dr.make_opaque(start)  # literals would compile a new kernel for every image
     ray = mi.Ray3f(start, mi.Vector3f(*map(mi.Float, directions)))
-    hit = scene.ray_intersect_preliminary(ray, coherent=False)
+    hit = scene.ray_intersect_preliminary(ray, coherent=packets)
     valid = hit.is_valid()
     # Asked directly, the mesh answers in a tenth of the time that the scene takes to ask it.
     asked = mi.RayFlags.Minimal | mi.RayFlags.ShadingFrame

@@ -263,3 +263,25 @@ def test_both_variants_see_the_same(ball, mitsuba_choice):
     views = [s.image(s.normal[s.central]).reshape(-1, 3)[both] for s in (fast, slow)]
     np.testing.assert_allclose(np.median(np.abs(views[0] - views[1])), 0, atol=1e-5)
     assert (np.abs(views[0] - views[1]).max(axis=1) < 1e-3).mean() > 0.99
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_pixels_without_a_triangle_are_left_out_and_change_nothing(
+    mitsuba_choice, place, monkeypatch
+):
+    tracer = gbuffer.Tracer(sphere(), SIZE, FAST)
+    assert 0.1 < tracer._in_sight(np.eye(3), *place).mean() < 1
+    found = look(tracer, place)
+    monkeypatch.setattr(tracer, "_in_sight", lambda *_: np.ones(SIZE**2, bool))
+    everywhere = look(tracer, place)
+    for field in dataclasses.fields(gbuffer.GBuffer):
+        np.testing.assert_array_equal(
+            getattr(found, field.name), getattr(everywhere, field.name), field.name
+        )
+
+
+def test_rays_in_packets_hit_the_same_surface(mitsuba_choice):
+    alone = look(gbuffer.Tracer(sphere(), SIZE, FAST), PLACES[0])
+    together = look(gbuffer.Tracer(sphere(), SIZE, FAST, packets=True), PLACES[0])
+    np.testing.assert_array_equal(together.coverage, alone.coverage)
+    np.testing.assert_allclose(together.normal, alone.normal, atol=1e-3)
