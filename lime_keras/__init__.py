@@ -11,6 +11,7 @@
 TensorFlow and Keras are imported for `Estimator(engine="keras")` alone.
 """
 
+import os
 from typing import TYPE_CHECKING, Any
 
 from lime_keras.version import __version__
@@ -21,6 +22,11 @@ if TYPE_CHECKING:
     from lime_keras.video.estimate import estimate_video
 
 __all__ = ["Caution", "Estimator", "Material", "__version__", "estimate_video"]
+
+# Estimating and rendering tell nobody. ONNX Runtime reads its switch while its library is loaded,
+# so it stands here, before any import of it; a user's own setting stays.
+os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
+os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
 
 
 def __getattr__(name: str) -> Any:
