@@ -240,8 +240,8 @@ def _compositing_printed(batch: Batch, answer: StageAnswer, units: Units) -> Any
 def _compositing(batch: Batch, answer: StageAnswer, units: Units) -> Any:
     return losses.compositing_l1(
         *_composed(batch, answer),
-        batch["clipped"],
-        camera_law.balance(batch["cast"], camera_law.places(batch["image"].shape[1])),
+        clipped=batch["clipped"],
+        balance=camera_law.balance(batch["cast"], camera_law.places(batch["image"].shape[1])),
     )
 
 
