@@ -12,7 +12,6 @@ from keras import ops
 from lime_keras.networks import output_names
 from lime_keras.networks.registry import is_plain
 from lime_keras.networks.wiring import Wiring, needed, quantities
-from lime_keras.optics.dynamic_range import expand
 
 from . import terms
 from .photos.kept import INPUT_MASK, PREDICTED
@@ -82,13 +81,13 @@ class StageModel(keras.Model):
     def call(self, batch: Mapping[str, Any], training: bool = False) -> StageAnswer:
         """Return the predictions of the stage's subnetworks, and what they read, for a batch."""
         given = {
-            name: expand(batch[f"{PREDICTED}{name}"])
-            if name in self._kept
-            else terms.truth(name, batch, self._units)
+            name: terms.truth(name, batch, self._units)
             for name in self._given
+            if name not in self._kept
         }
-        given["mask"] = batch.get(INPUT_MASK, batch["mask"])
-        graph = Wiring(self.subnetworks, given | {"image": batch["image"]}, training=training)
+        given |= {"mask": batch.get(INPUT_MASK, batch["mask"]), "image": batch["image"]}
+        predicted = {name: batch[f"{PREDICTED}{name}"] for name in self._kept}
+        graph = Wiring(self.subnetworks, given, training=training, predicted=predicted)
         return StageAnswer(
             raw={quantity: graph.answer(quantity) for quantity in self._answered},
             # Eq. 5 reads S in this form, whatever AlbedoNet reads.

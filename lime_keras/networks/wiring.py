@@ -41,6 +41,8 @@ class Wiring:
         subnetworks: subnetworks by name.
         given: `image` `(B, S, S, 3)` sRGB in [0, 1], and the quantities that replace predictions
             as inputs of the subnetworks: `mask` in [0, 1], the others in linear radiance.
+        predicted: predictions of quantities that replace subnetworks, in the form that
+            `registry.Quantity.estimated` takes.
         training: Keras' `training` argument for the subnetworks; by default it is not passed.
     """
 
@@ -50,8 +52,10 @@ class Wiring:
         given: Mapping[str, Any],
         *,
         training: bool | None = None,
+        predicted: Mapping[str, Any] | None = None,
     ):
         self._subnetworks, self._given = subnetworks, given
+        self._predicted = predicted or {}
         self._options = {} if training is None else {"training": training}
         self._answering = quantities(subnetworks)
         self._answers: dict[str, dict[str, Any]] = {}
@@ -87,6 +91,8 @@ class Wiring:
     def _fed(self, quantity: str) -> Any:
         if quantity in DERIVED:
             return DERIVED[quantity](self.seen)
+        if quantity in self._predicted:
+            return QUANTITIES[quantity].estimated(self._predicted[quantity], self.seen)
         if quantity in self._given:
             return QUANTITIES[quantity].given(self._given[quantity], self.seen)
         return self._estimate(quantity)

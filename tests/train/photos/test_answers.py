@@ -1,0 +1,70 @@
+"""What frozen subnetworks predict, kept: a stage learns from it as if it were predicted anew."""
+
+import keras
+import numpy as np
+import pytest
+import stage_runs
+
+from lime_keras.networks import build
+from lime_keras.train.photos import answers
+from lime_keras.train.photos.kept import INPUT_MASK, PREDICTED, Kept
+from lime_keras.train.stage_model import StageModel
+
+SIZE, COUNT = stage_runs.TINY.size, 5
+
+
+@pytest.fixture(scope="module")
+def networks():
+    return build(stage_runs.TINY, seed=2)
+
+
+@pytest.fixture
+def photos(tmp_path):
+    batch = stage_runs.noise(np.random.default_rng(0), COUNT)
+    kept = Kept(tmp_path / "photos", COUNT, tuple(batch), SIZE)
+    kept.begin()
+    kept.write(0, batch)
+    kept.finish({})
+    return kept
+
+
+def _of(networks, *names):
+    return {name: networks[name] for name in names}
+
+
+def test_only_what_reads_no_learning_subnetwork_is_kept(networks):
+    stage = _of(networks, "specular", "mirror", "exponent", "albedo")
+    kept = answers.independent(stage, ("specular", "mirror"))
+    assert list(kept) == ["specular", "mirror"]
+    # M follows from S, which learns; numbers of the material are no layers.
+    assert not answers.independent(stage, ("mirror",))
+    assert list(answers.independent(stage, ("specular", "albedo"))) == ["specular"]
+
+
+def test_a_stage_learns_from_kept_predictions_as_from_fresh_ones(networks, photos, tmp_path):
+    names = ("specular", "mirror", "exponent")
+    frozen = answers.independent(_of(networks, *names), ("specular", "mirror"))
+    told = Kept(tmp_path / "answers", COUNT, answers.features(frozen), SIZE)
+    answers.make(photos, told, frozen, 1, "answers", lambda *progress: None)
+    rows = np.arange(COUNT)
+    batch = photos.read(rows, photos.features) | told.read(rows, told.features)
+    fresh = StageModel(_of(networks, *names), losses="robust")
+    kept = StageModel(_of(networks, "exponent"), losses="robust", kept=frozen)
+    assert f"{PREDICTED}mirror" in kept.features
+    found = [model(batch).raw["exponent_bin_probabilities"] for model in (fresh, kept)]
+    expected, seen = map(keras.ops.convert_to_numpy, found)
+    assert np.ptp(expected) > 1e-3
+    np.testing.assert_allclose(seen, expected, rtol=0.02, atol=2e-3)
+
+
+def test_answers_follow_from_photos_and_weights(networks, photos, tmp_path):
+    segmentation = _of(networks, "segmentation")
+    found = []
+    for folder in ("one", "two"):
+        told = Kept(tmp_path / folder, COUNT, answers.features({}), SIZE)
+        answers.make(photos, told, segmentation, 1, "masks", lambda *progress: None)
+        found.append(told.read(np.arange(COUNT), told.features)[INPUT_MASK])
+    np.testing.assert_array_equal(*found)
+    before = answers.sha256(segmentation)
+    networks["segmentation"].get_layer("head").bias.assign_add([0.1])
+    assert answers.sha256(segmentation) != before
