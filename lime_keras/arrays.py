@@ -1,16 +1,9 @@
-"""Array helpers: what to compute with, NumPy or Keras, and the type of a loaded model."""
+"""What to compute with: NumPy or Keras."""
 
-from collections.abc import Callable, Mapping
 from types import ModuleType
 from typing import Any
 
 import numpy as np
-
-Predict = Callable[[np.ndarray], Mapping[str, np.ndarray]]
-"""A loaded model: maps images `(B, S, S, 3)`, sRGB in [0, 1], to outputs by name.
-
-The outputs are those of `lime_keras.networks.assemble`.
-"""
 
 
 def namespace(*values: Any) -> ModuleType:

@@ -197,13 +197,15 @@ def sum_lobes(
     out = np.empty(len(across), across.dtype)
     towards = np.concatenate([light, np.ones((len(light), 1), light.dtype)], axis=1).T
     behind = np.maximum(across[:, 3:], 0)
+    # Below it float16 is 0, by which opposite directions would be divided.
+    least = max(1e-12, float(np.finfo(across.dtype).tiny))
     for rows in _chunks(len(across), len(light)):
         lobe = across[rows] @ towards
         lit = lobe > behind[rows]  # i·n > 0 and h·n > 0
         # The square root is worth its time: (h·n)² would lose digits.
         length = along[rows] @ towards
         # The square is at most 4; `clip` between two numbers takes a third of `maximum`'s time.
-        np.sqrt(np.clip(length, 1e-12, 4, out=length), out=length)
+        np.sqrt(np.clip(length, least, 4, out=length), out=length)
         lobe /= length
         np.clip(lobe, np.finfo(lobe.dtype).tiny, 1, out=lobe)
         np.log(lobe, out=lobe)
