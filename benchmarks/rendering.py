@@ -33,8 +33,8 @@ def main() -> None:
     if arguments.work:
         return _work(json.loads(arguments.work))
     with tempfile.TemporaryDirectory() as rooms:
-        task = {name: getattr(arguments, name) for name in ("shapes", "environments", "count")}
-        task = json.dumps(task | {"rooms": rooms}, default=str)
+        asked = {name: getattr(arguments, name) for name in ("shapes", "environments", "count")}
+        task = json.dumps(asked | {"rooms": rooms}, default=lambda path: str(path.resolve()))
         pythons = [sys.executable, *([arguments.against] if arguments.against else [])]
         workers = [_Worker(python, task) for python in pythons]
         other = " there | ratio | same bytes |" if arguments.against else ""
@@ -81,6 +81,7 @@ class _Worker:
     """A process that renders what it is asked for."""
 
     def __init__(self, python: str, task: str):
+        self._python = python
         command = [python, __file__, "--work", task]
         self._process = subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
@@ -92,7 +93,7 @@ class _Worker:
         print(json.dumps([case, size, number]), file=self._process.stdin, flush=True)
         answer = self._process.stdout.readline()
         if not answer:
-            raise RuntimeError(f"{self._process.args} ended: see above")
+            raise RuntimeError(f"{self._python} ended: see above")
         return json.loads(answer)
 
 
@@ -126,7 +127,7 @@ def _sources(task: dict[str, Any], case: str, number: int) -> Any:
     from lime_keras.render.corpus.random_example import Sources
     from lime_keras.render.scene import sources
 
-    shapes, environments = (Path(task[k]) if task[k] != "None" else None for k in _FOLDERS)
+    shapes, environments = (Path(task[k]) if task[k] else None for k in _FOLDERS)
     lights: dict[str, Any] = {} if case == "maps" else {"law": "mixed"}
     found = Sources(
         sources.ShapeSource(shapes, "train", 0),

@@ -216,8 +216,8 @@ def _averaged(values: np.ndarray, edges: np.ndarray, coarse: np.ndarray) -> np.n
     if folds * count == len(values):  # `folds` whole rows in each new one
         weights = np.diff(edges)[:, None]
         total = values[::folds] * weights[::folds]
-        for row in range(1, folds):
-            total += values[row::folds] * weights[row::folds]
+        for fold in range(1, folds):
+            total += values[fold::folds] * weights[fold::folds]
         return total / np.diff(coarse)[:, None]
     # The integral from the first border to each; between borders it is linear.
     integral = np.zeros((len(edges), values.shape[1]))

@@ -7,6 +7,7 @@ the lights of a `Light.cut`, without those behind the surface.
 import itertools
 import math
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -118,7 +119,7 @@ def sum_lobes_by_drjit(terms: np.ndarray, exponent: float, cuts: Sequence[Cut]) 
 
     if not cuts:
         return np.zeros(0, terms.dtype)
-    number = mi.Float if terms.dtype == np.float32 else mi.Float64
+    number: Any = mi.Float if terms.dtype == np.float32 else mi.Float64
     # Upload: the samples' terms, the groups' lights one after another, and each sample's part.
     ends = np.cumsum([len(energies) for _, _, energies in cuts])
     samples = [rows.stop - rows.start for rows, _, _ in cuts]
