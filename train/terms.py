@@ -218,7 +218,7 @@ def _log_exponent(loss: Callable[[Any, Any], Any]) -> Loss:
     return lambda batch, answer, units: loss(batch["shininess"], answer.raw["log_exponent"])
 
 
-def _composed(batch: Batch, answer: StageAnswer) -> tuple[Any, ...]:
+def _composed(batch: Batch, answer: StageAnswer) -> tuple[Any, Any, Any, Any, Any, Any, Any]:
     """Return what both forms of Eq. 5 compare: the photo, and Eq. 4 of what is estimated."""
     # Eq. 4 knows nothing of paint, so painted pixels do not count.
     albedos, unpainted = answer.raw["albedos"], batch["mask"] * (1.0 - batch["painted"])
