@@ -155,11 +155,12 @@ def _measured(estimator: Estimator, scenes: list[_Scene], turn: Turn) -> np.ndar
             Image.fromarray(levels).save(file, "JPEG", quality=photo.quality)
             levels = np.asarray(Image.open(file))
         material = estimator.estimate(levels, photo.given)
-        if material.exponent is None:
+        probabilities = material.exponent_bin_probabilities
+        if material.exponent is None or material.specular_albedo is None or probabilities is None:
             rows.append((np.nan, np.nan, np.nan, np.nan, 0.0))
             continue
         log, true = np.log10(material.exponent), np.log10(scene["shininess"][0])
-        distance = float(bin_distance(scene["shininess"][0], material.exponent_bin_probabilities))
+        distance = float(bin_distance(scene["shininess"][0], probabilities))
         rows.append(
             (
                 abs(log - true),

@@ -10,6 +10,7 @@ Speeds follow from the median time of a step.
 """
 
 import argparse
+import functools
 import statistics
 import sys
 import tempfile
@@ -97,7 +98,7 @@ def _photos(corpus: Path, preset: str, count: int, steps: int) -> None:
             for _ in range(20):
                 next(batches)
             read = 20 * schedule.batch_size / (time.perf_counter() - began)
-            waits = []
+            waits: list[float] = []
 
             def step(model: Any = model, batches: Any = batches, waits: Any = waits) -> None:
                 asked = time.perf_counter()
@@ -105,10 +106,8 @@ def _photos(corpus: Path, preset: str, count: int, steps: int) -> None:
                 waits.append(time.perf_counter() - asked)
                 model.train_on_batch(without_origin(batch))
 
-            actions = {
-                "memory": lambda model=model, still=still: model.train_on_batch(still),
-                "read": step,
-            }
+            again = functools.partial(model.train_on_batch, still)
+            actions: dict[str, Callable[[], Any]] = {"memory": again, "read": step}
             for action in actions.values():
                 action()
             seconds = _alternately(actions, steps, f"{preset} {stage.name}")

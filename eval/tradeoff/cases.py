@@ -36,8 +36,8 @@ PAPER = "paper"
 
 
 @dataclasses.dataclass(frozen=True)
-class Case:
-    """A model in a configuration, to be timed.
+class TimedUse:
+    """A use of a model, to be timed.
 
     Attributes:
         model: name of the model.
@@ -57,12 +57,12 @@ class Case:
 
     @property
     def name(self) -> str:
-        """The name of the case, fit for a file."""
+        """The name of the use, fit for a file."""
         words = (self.model, self.kind, self.asked, self.runtime, self.precision, self.threads)
         return "-".join(map(str, words)).replace(" ", "-")
 
 
-def of_model(model: str, cores: int) -> Iterator[Case]:
+def of_model(model: str, cores: int) -> Iterator[TimedUse]:
     """Yield the cases of a model on a machine with a number of cores.
 
     One core and two are tried; the runtimes that others load, on all that are tried.
@@ -72,7 +72,7 @@ def of_model(model: str, cores: int) -> Iterator[Case]:
         for precision in PRECISIONS if model != PAPER else PRECISIONS[:1]:
             for kind, asked in ASKED.items():
                 for name in asked:
-                    yield Case(model, kind, name, ONNX, precision, threads)
+                    yield TimedUse(model, kind, name, ONNX, precision, threads)
     if model != PAPER:
         for runtime in (SAVED_MODEL, KERAS):
-            yield Case(model, NETWORKS, WHOLE, runtime, "float32", most)
+            yield TimedUse(model, NETWORKS, WHOLE, runtime, "float32", most)

@@ -28,7 +28,7 @@ from ..accuracy import measures
 from ..accuracy.evaluate import evaluate
 from ..kept import Kept
 from . import cases, machine, models, recommendation, timing
-from .cases import PAPER, Case
+from .cases import PAPER, TimedUse
 
 ROUNDS = 3
 EFFORT = timing.Effort()
@@ -52,7 +52,7 @@ def measure(
         As JSON: `machine`, `date`, `load` (average number of running processes at the start),
         `corpus`, `camera`, `count` of test images, `rounds`, `scored` (the measures in the score),
         `refused` (why a model has no rows in a precision), `rows`, and `advice`
-        (`recommendation.advise`). A row has the attributes of a `Case`, the times of
+        (`recommendation.advise`). A row has the attributes of a `TimedUse`, the times of
         `timing.pooled`, `model_mib`, and, but for `paper`, `errors`, `interval`, `chance` and
         `score`.
 
@@ -71,7 +71,7 @@ def measure(
     load, own = os.getloadavg()[0], models.Models(dict(runs), corpus, folder)
     listed = [case for name in (*runs, PAPER) for case in cases.of_model(name, machine.cores())]
     refused: dict[str, str] = {}
-    paths: dict[Case, Path] = {}
+    paths: dict[TimedUse, Path] = {}
     for case in tqdm(listed, "models", **console.bar_options()):
         variant = f"{case.model} in {case.precision}"
         try:
@@ -138,12 +138,12 @@ def _errors(
 
 
 def _timed(
-    paths: Mapping[Case, Path], runs: Mapping[str, Path], results: Kept
+    paths: Mapping[TimedUse, Path], runs: Mapping[str, Path], results: Kept
 ) -> list[dict[str, Any]]:
     """Time all cases in turns, and return a row for each case with its rounds pooled."""
     about = machine.describe()
     hardware = {name: about[name] for name in ("processor", "cores", "packages")}
-    rounds: dict[Case, list[Any]] = {case: [] for case in paths}
+    rounds: dict[TimedUse, list[Any]] = {case: [] for case in paths}
     turns = [(number, case) for number in range(ROUNDS) for case in paths]
     for number, case in tqdm(turns, "times", unit="process", **console.bar_options()):
         weights = model_folder.digest(runs[case.model]) if case.model in runs else PAPER

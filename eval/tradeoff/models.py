@@ -12,7 +12,7 @@ from lime_keras.model import graphs as graph_folder
 from lime_keras.model import weights
 from lime_keras.networks import PRESETS, build
 
-from .cases import PAPER, SAVED_MODEL, Case
+from .cases import PAPER, SAVED_MODEL, TimedUse
 
 
 class Models:
@@ -27,7 +27,7 @@ class Models:
     def __init__(self, runs: dict[str, Path], corpus: Path, folder: Path):
         self._runs, self._corpus, self._folder = runs, corpus, folder
 
-    def path(self, case: Case) -> Path:
+    def path(self, case: TimedUse) -> Path:
         """Return what a case runs: the folder of a model, or a SavedModel; written if missing."""
         if case.model == PAPER:
             return self._paper()
@@ -59,7 +59,7 @@ class Models:
         return home
 
 
-def size(case: Case, path: Path) -> int:
+def size(case: TimedUse, path: Path) -> int:
     """Return the number of bytes of the files that a case loads."""
     files = model_folder.files(path)
     if case.runtime == SAVED_MODEL:

@@ -75,7 +75,7 @@ def advise(rows: Sequence[Row]) -> list[dict[str, Any]]:
     Of equally good rows the fastest is taken; where none is fast enough, the fastest of all.
 
     Args:
-        rows: rows with the attributes of a `Case`, `ms` and `score`.
+        rows: rows with the attributes of a `TimedUse`, `ms` and `score`.
 
     Returns:
         For a photo, a camera at 30 frames a second, and the same with the light: the `use`, its

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from .cases import ASKED, KERAS, PHOTO, SAVED_MODEL, STREAM, Case
+from .cases import ASKED, KERAS, PHOTO, SAVED_MODEL, STREAM, TimedUse
 
 _QUIET = {
     "TF_CPP_MIN_LOG_LEVEL": "3",
@@ -52,7 +52,7 @@ class Effort:
     most: int = 200
 
 
-def measure(case: Case, path: Path, picture: Path, effort: Effort) -> dict[str, Any]:
+def measure(case: TimedUse, path: Path, picture: Path, effort: Effort) -> dict[str, Any]:
     """Measure a case in a new process.
 
     Args:
@@ -119,7 +119,7 @@ def pooled(rounds: Sequence[Mapping[str, Any]]) -> dict[str, float]:
 def main() -> None:
     """Read a job from standard input, measure it, and print the result."""
     task = json.load(sys.stdin)
-    case, effort = Case(**task["case"]), Effort(**task["effort"])
+    case, effort = TimedUse(**task["case"]), Effort(**task["effort"])
     if hasattr(os, "sched_setaffinity"):
         # ONNX Runtime takes a thread for each core that the process may use (`processors`).
         os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[: case.threads])
@@ -150,7 +150,7 @@ def _frame(picture: Path) -> np.ndarray:
 
 
 def _prepared(
-    case: Case, path: Path, frame: np.ndarray
+    case: TimedUse, path: Path, frame: np.ndarray
 ) -> tuple[Callable[[], Any], Callable[[], Any]]:
     """Load the model; return functions for one answer, and for the networks of one answer."""
     if case.runtime in (KERAS, SAVED_MODEL):
@@ -174,7 +174,7 @@ def _prepared(
     )
 
 
-def _of_photo(estimator: Any, case: Case, frame: np.ndarray) -> Callable[[], Any]:
+def _of_photo(estimator: Any, case: TimedUse, frame: np.ndarray) -> Callable[[], Any]:
     if case.asked != "with the light":
         return lambda: estimator.estimate(frame)
     from lime_keras.lighting import guessed_light
@@ -192,7 +192,7 @@ def _of_stream(estimator: Any, asked: Mapping[str, bool], frame: np.ndarray) -> 
 
 
 def _whole(
-    case: Case, path: Path, frame: np.ndarray
+    case: TimedUse, path: Path, frame: np.ndarray
 ) -> tuple[Callable[[], Any], Callable[[], Any]]:
     """Return the same function twice, of a runtime that answers the networks' square alone."""
     import tensorflow as tf

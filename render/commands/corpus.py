@@ -102,6 +102,7 @@ def run(options: argparse.Namespace) -> int:
 
     begun = Split(options.out, options.split).description_path
     choice = shared.chosen_variant(begun, options.device)
+    light_law, endless = _laws(options)
     description = Description(
         quality=options.quality,
         shading=options.shading,
@@ -110,7 +111,8 @@ def run(options: argparse.Namespace) -> int:
         light_split="train" if options.lights == "known" else None,
         shape_count=options.shape_count,
         light_count=options.light_count,
-        **_laws(options),
+        light_law=light_law,
+        endless=endless,
         **shared.described(options, 512),
     )
     with (
@@ -147,7 +149,7 @@ def _check(options: argparse.Namespace) -> None:
             )
 
 
-def _laws(options: argparse.Namespace) -> dict[str, str | float]:
+def _laws(options: argparse.Namespace) -> tuple[str, float]:
     """Return the law of the lights and the share of endless bodies.
 
     Raises:
@@ -162,4 +164,4 @@ def _laws(options: argparse.Namespace) -> dict[str, str | float]:
             "--split test has single maps and shapes as they are, so that scores can be compared: "
             "leave out --light-law and --endless"
         )
-    return {"light_law": law, "endless": share}
+    return law, share

@@ -28,8 +28,8 @@ Where the surface bends more, a layer is a mean over normals that the record doe
 _DIFFUSE_TOLERANCE = 0.25
 """Largest accepted error of D: median relative error against sums over the stored map.
 
-Over 5,046 examples of mixed lights, the error is 0.1 % in the median, 2 % at the 99th percentile and
-17 % at most, from lamps smaller than a stored texel. A light turned by 90° gives 48 %.
+Over 5,046 examples of mixed lights, the error is 0.1 % in the median, 2 % at the 99th percentile
+and 17 % at most, from lamps smaller than a stored texel. A light turned by 90° gives 48 %.
 """
 _TAIL = 0.01
 """Least divisor of a relative error of D or S, as a share of the layer's maximum.

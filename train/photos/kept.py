@@ -187,7 +187,7 @@ class Kept:
             start = np.load(path, mmap_mode="r").offset
             with atomic.naming_writer(path), path.open("r+b", buffering=0) as file:
                 file.seek(start + first * rows[0].nbytes)
-                left = memoryview(rows).cast("B")
+                left = rows.view(np.uint8).reshape(-1).data
                 while left:
                     left = left[file.write(left) :]
 

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from lime_keras.eval.tradeoff import cases, timing
-from lime_keras.eval.tradeoff.cases import Case
+from lime_keras.eval.tradeoff.cases import TimedUse
 from lime_keras.eval.tradeoff.measure import PICTURE
 from lime_keras.eval.tradeoff.timing import Effort
 
@@ -15,10 +15,10 @@ QUICK = Effort(warm_up=2, seconds=0.01, least=3, most=20)
 @pytest.mark.parametrize(
     "case",
     [
-        Case("tiny", cases.PHOTO, "material"),
-        Case("tiny", cases.STREAM, "with the light"),
+        TimedUse("tiny", cases.PHOTO, "material"),
+        TimedUse("tiny", cases.STREAM, "with the light"),
         pytest.param(
-            Case("tiny", cases.NETWORKS, "everything", cases.KERAS), marks=pytest.mark.slow
+            TimedUse("tiny", cases.NETWORKS, "everything", cases.KERAS), marks=pytest.mark.slow
         ),
     ],
     ids=lambda case: case.kind,
@@ -33,7 +33,7 @@ def test_a_process_answers_for_itself_alone(case, tiny_model):
 
 
 def test_a_process_that_fails_says_why(tmp_path):
-    case = Case("none", cases.PHOTO, "mask")
+    case = TimedUse("none", cases.PHOTO, "mask")
     with pytest.raises(RuntimeError, match=r"none-photo-mask.* cannot be timed: .*is missing"):
         timing.measure(case, tmp_path, PICTURE, QUICK)
 
