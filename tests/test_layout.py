@@ -31,7 +31,8 @@ COMMANDS = {
 # not know each other.
 ROWS = {
     "lime_keras": (
-        ("version", "arrays", "console", "outputs", "processors", "launch"),
+        ("version", "arrays", "console", "outputs", "processors"),
+        ("launch",),
         ("optics",),
         ("material",),
         ("io",),

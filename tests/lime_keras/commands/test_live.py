@@ -94,4 +94,4 @@ def test_a_folder_with_other_files_is_refused_before_anything_is_fetched(tmp_pat
 def test_the_static_page_takes_its_extra(monkeypatch, capsys):
     monkeypatch.setattr(console, "_installed", lambda module: module != "onnx")
     assert live.main(["--static", "site"]) == 1
-    assert "pip install 'lime-keras[web]'" in capsys.readouterr().err
+    assert "pip install '.[web]'" in capsys.readouterr().err
