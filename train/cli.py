@@ -365,6 +365,7 @@ def _import_tensorflow() -> None:
 
 def config_of(options: argparse.Namespace) -> Any:
     """Return the config: from the options, else from the resumed run, else from the defaults."""
+    from lime_keras.data.corpus import Split
     from lime_keras.networks import PRESETS
 
     from .config import Config, corpus_sha256, lobe_of
@@ -389,6 +390,7 @@ def config_of(options: argparse.Namespace) -> Any:
         seed=0,
         corpus_sha256=corpus_sha256(options.paths),
         lobe=lobe_of(options.paths),
+        plain_scenes=all(Split(path, "train").is_plain for path in options.paths),
     )
     return _with(fresh, asked)
 

@@ -41,6 +41,7 @@ class Config:
         frozen: subnetworks that keep the weights that the run begins with; None if all are trained.
         rate_scale: factor by which the preset's learning rates were multiplied.
         lobe: lobe of S in the data, one of `corpus.LOBES`, which decides the unit of m_s.
+        plain_scenes: whether all corpora are drawn as test splits are (`Split.is_plain`).
         cutouts: hash of the photographs that a part of SegmentationNet's batches is composed of
             (`train.photos.cutouts.sha256`); None for none.
     """
@@ -59,6 +60,7 @@ class Config:
     frozen: tuple[str, ...] | None = None
     rate_scale: float = 1.0
     lobe: str = "furnace"
+    plain_scenes: bool = True
     cutouts: str | None = None
 
     @classmethod

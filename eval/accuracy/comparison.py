@@ -102,6 +102,7 @@ def _is_the_papers(config: Mapping[str, Any], architecture: Architecture) -> boo
         schedule.items() >= wanted.items()
         and all(getattr(architecture, name) == getattr(PRESETS["paper"], name) for name in parts)
         and (config.get("lobe"), config.get("precision")) == ("printed", "float32")
+        and config.get("plain_scenes", True)
         and not any(config.get(name) for name in ("begun_from", "frozen", "materials", "cutouts"))
     )
 

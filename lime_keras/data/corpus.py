@@ -151,6 +151,12 @@ class Split:
         return self._described("shading", str, LOBES[0])
 
     @property
+    def is_plain(self) -> bool:
+        """Whether it is drawn as a test split is: single maps, shapes as they are."""
+        described = self._recorded("description", dict)
+        return described.get("light_law", "maps") == "maps" and not described.get("endless")
+
+    @property
     def light_split(self) -> str:
         """The split whose lights it has: `train` also of a test split under known lights."""
         return self._described("light_split", str, self.name)

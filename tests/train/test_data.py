@@ -9,6 +9,7 @@ import pytest
 import stage_runs
 from sphere_corpus import write_split
 
+from lime_keras.data.corpus import Split
 from lime_keras.train.config import corpus_sha256, lobe_of
 from lime_keras.train.data import Data
 from lime_keras.train.photos.kept import INPUT_MASK
@@ -146,6 +147,16 @@ def test_corpora_of_different_lobes_are_refused_by_name(tmp_path):
     assert lobe_of(corpora[1:]) == "printed"
     with pytest.raises(ValueError, match=r"a has --lobe furnace and .*b --lobe printed: their m_s"):
         lobe_of(corpora)
+
+
+@pytest.mark.parametrize("law", [{}, {"light_law": "mixed"}, {"endless": 0.5}])
+def test_scenes_are_plain_without_mixed_lights_and_endless_bodies(tmp_path, law):
+    corpus = write_split(tmp_path / "corpus", "train", [range(1), range(1)])
+    path = corpus / "train" / "manifest.json"
+    manifest = json.loads(path.read_text(encoding="utf-8"))
+    manifest["description"] |= law
+    path.write_text(json.dumps(manifest), encoding="utf-8")
+    assert Split(corpus, "train").is_plain == (not law)
 
 
 def test_a_bank_is_refused_with_what_took_its_place(tmp_path):

@@ -170,6 +170,7 @@ def test_a_smaller_run_says_how_much_smaller(tmp_path):
 @pytest.mark.parametrize(
     "changes",
     [
+        {"plain_scenes": False},
         {"camera": True},
         {"flips": True},
         {"repaints": True},
