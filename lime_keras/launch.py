@@ -1,6 +1,8 @@
 """The commands as they are installed: an interruption is told while they are imported, too."""
 
+import signal
 import sys
+import threading
 
 
 def _launch(module: str) -> int:
@@ -10,7 +12,11 @@ def _launch(module: str) -> int:
         from lime_keras import console
 
         console.open_streams()
-        return int(import_module(f"lime_keras.{module}").main())
+        status = int(import_module(f"lime_keras.{module}").main())
+        if threading.current_thread() is threading.main_thread():
+            # All is done: an interruption while Python ends would turn the status into a failure.
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
+        return status
     except KeyboardInterrupt:
         print("\ninterrupted: nothing was begun", file=sys.stderr)
         return 130
