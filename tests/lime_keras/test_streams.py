@@ -103,7 +103,7 @@ def test_ctrl_c_while_a_command_is_imported(after, tmp_path):
     _, err = process.communicate(timeout=60)
     assert "Traceback" not in err
     if process.returncode == 0:  # a fast machine was done before
-        assert (tmp_path / "o" / "none" / "material.json").exists(), err
+        assert (tmp_path / "o" / "none.json").exists(), err
     else:
         assert process.returncode == 130 and "interrupted" in err.splitlines()[-1], err
 
