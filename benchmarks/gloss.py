@@ -6,16 +6,16 @@ Estimates photos of the scenes in the train split of CORPUS, which must be scene
 has seen (`lime-render CORPUS --split train --count 1000 --size 128 --materials natural --seed N`).
 Fits the probability of being glossy to half of them, and prints for the other half the share of
 answers that name a side, and how many of those are right. `--write` fits all scenes, and writes
-`gloss.json` beside the weights. `--photos` names a folder with the photographs of
-docs/reference/photographs.csv; they are only reported.
+`gloss.json` beside the weights. `--photos` names a folder of labelled photographs
+(docs/how-to/photographs.md); they are only reported.
 """
 
 import argparse
-import csv
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+import photographs
 from tqdm import tqdm
 
 from lime_keras import Estimator
@@ -25,7 +25,6 @@ from lime_keras.model import folder as model_folder
 from lime_keras.model import gloss_file
 from lime_keras.optics import gloss
 
-_LABELS = Path(__file__).parents[1] / "docs" / "reference" / "photographs.csv"
 _STEPS = 50
 
 
@@ -87,16 +86,15 @@ def _photographs(
     estimator: Estimator, calibration: gloss.Calibration, folder: Path
 ) -> Iterator[tuple[float, bool]]:
     """Print what is said of each labelled photograph; yield its level and whether it is glossy."""
-    with _LABELS.open(newline="", encoding="utf-8") as file:
-        for row in csv.DictReader(file):
-            material = estimator.estimate(folder / row["photo"])
-            if material.exponent is None:
-                continue
-            numbers = material.exponent, material.specular_albedo
-            said = gloss.describe(calibration.probability(*numbers), *numbers)
-            print(f"  {row['photo']:28} {row['finish']:7} {said}")
-            if row["finish"]:
-                yield gloss.level(*numbers), row["finish"] == "glossy"
+    for photo in photographs.read_folder(folder):
+        material = estimator.estimate(photo.path)
+        if material.exponent is None:
+            continue
+        numbers = material.exponent, material.specular_albedo
+        said = gloss.describe(calibration.probability(*numbers), *numbers)
+        print(f"  {photo.name:28} {photo.finish or '':7} {said}")
+        if photo.finish:
+            yield gloss.level(*numbers), photo.finish == "glossy"
 
 
 def _measure(

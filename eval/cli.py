@@ -15,7 +15,6 @@ examples:
   lime-eval corpus --table1 runs/full runs/no-mirror runs/no-perceptual
   lime-eval corpus --predictions answers/ --table1 live
   lime-eval corpus --tradeoff
-  lime-eval --photos photos/ --weights runs/before runs/after
 
 DIR/report.html shows the results of all commands with the same --out; tables also go to standard
 output. What was measured on a CORPUS is kept in DIR: a command that is repeated, or was
@@ -59,7 +58,7 @@ def _add_input(command: argparse.ArgumentParser) -> None:
         type=Path,
         metavar="CORPUS",
         nargs="?",
-        help="corpus that lime-render wrote; --stability and --photos need none",
+        help="corpus that lime-render wrote; --stability needs none",
     )
     given.add_argument(
         "--camera",
@@ -79,11 +78,9 @@ def _add_measurements(command: argparse.ArgumentParser) -> None:
     measured.add_argument(
         "--weights",
         type=model_folder.find,
-        nargs="+",
-        action="extend",
         metavar="RUN",
-        help="the errors of one model; with --photos, of several side by side (default, if nothing "
-        f"else is asked for: {model_folder.DEFAULT}; for photos {model_folder.FOR_PHOTOS.name})",
+        help="the errors of one model (default, if nothing else is asked for: "
+        f"{model_folder.DEFAULT})",
     )
     measured.add_argument(
         "--table1",
@@ -114,13 +111,6 @@ def _add_measurements(command: argparse.ArgumentParser) -> None:
         help="the networks of --weights at their extremes, in every precision and format; "
         "`make stability`, in a checkout, tries every function, too",
     )
-    measured.add_argument(
-        "--photos",
-        type=Path,
-        metavar="DIR",
-        help="photos, in a folder at any depth: the order of their gloss, the specular albedo of "
-        "dielectrics, colours, masks",
-    )
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -137,14 +127,18 @@ def main(argv: list[str] | None = None) -> int:
 
 def _checked(command: argparse.ArgumentParser, arguments: list[str]) -> argparse.Namespace:
     """Return the parsed options; exit with a usage error if they do not go together."""
+    if any(argument.partition("=")[0] == "--photos" for argument in arguments):
+        command.error(
+            "photographs have a benchmark of their own, in a checkout: "
+            "python benchmarks/photographs.py PHOTOS --weights RUN ... "
+            "(docs/how-to/photographs.md)"
+        )
     options = command.parse_args(arguments)
     if options.tradeoff == []:
         options.tradeoff = list(model_folder.shipped().values())
-    weights = options.weights or []
-    on_corpus = weights or options.table1 or options.tradeoff or options.predictions
-    alone = options.stability or options.photos
-    if not on_corpus and not alone and options.corpus is None:
-        command.error("nothing to do: pass a CORPUS, --stability, or --photos")
+    on_corpus = options.weights or options.table1 or options.tradeoff or options.predictions
+    if not on_corpus and not options.stability and options.corpus is None:
+        command.error("nothing to do: pass a CORPUS or --stability")
     if options.corpus is None and (options.table1 or options.tradeoff or options.predictions):
         command.error("--table1, --tradeoff and --predictions need a CORPUS to measure on")
     if options.predictions and options.camera:
@@ -152,59 +146,47 @@ def _checked(command: argparse.ArgumentParser, arguments: list[str]) -> argparse
             "--predictions are of clean images, as lime-render images writes them: "
             "leave out --camera"
         )
-    if options.corpus is None and weights and not alone:
+    if options.corpus is None and options.weights and not options.stability:
         command.error("--weights needs a CORPUS to measure on; it comes before the options")
-    if options.corpus is not None and not on_corpus and alone:
+    if options.corpus is not None and not on_corpus and options.stability:
         command.error("a CORPUS takes --weights, --table1, --tradeoff or --predictions")
-    if len(weights) > 1 and (options.corpus is not None or not options.photos or options.stability):
-        command.error("several --weights are for --photos alone; on a CORPUS pass them to --table1")
-    options.out = options.out or _default_out(weights)
+    options.out = options.out or _default_out(options.weights)
     return options
 
 
-def _default_out(weights: list[Path]) -> Path:
+def _default_out(run: Path | None) -> Path:
     """Return the folder of the results where `--out` names none."""
-    if len(weights) != 1:
+    if run is None:
         return Path("results")
-    (run,) = weights
     shipped = run in model_folder.shipped().values()
     return Path("results", run.name) if shipped else run / "eval"
 
 
 def _evaluate(options: argparse.Namespace, command: str) -> int:
     """Compute the requested results, write the report, print the tables, return the status."""
-    weights = options.weights or []
-    out = options.out
+    run, out = options.weights, options.out
     console.check_folder(out, "--out")
-    if options.corpus or options.stability:
-        console.require("lime-eval", *console.EXTRAS["train"])
-        console.import_tensorflow()
-    else:
-        # Photos are estimated without TensorFlow; the report is made of these.
-        console.require("lime-eval --photos", "jinja2", "markdown_it")
+    console.require("lime-eval", *console.EXTRAS["train"])
+    console.import_tensorflow()
     from . import sections
 
     compared = options.table1 or options.predictions
-    asked = weights or compared or options.tradeoff
-    model = weights[0] if weights else None if asked else model_folder.SHIPPED
+    asked = run or compared or options.tradeoff
+    model = run or (None if asked else model_folder.SHIPPED)
     corpus, how = options.corpus, {"command": command}
     seen = how | {"camera": options.camera}
     failed = False
     if model and corpus:
         print(sections.evaluation(out, model, corpus, **seen), end="")
     if compared:
-        runs, answers = options.table1 or weights, options.predictions or []
+        runs, answers = options.table1 or [run] * bool(run), options.predictions or []
         print(sections.compare(out, runs, answers, corpus, **seen), end="")
     if options.tradeoff:
         print(sections.trade(out, options.tradeoff, corpus, **seen), end="")
-    if options.photos:
-        shown = weights or [model_folder.FOR_PHOTOS]
-        print(sections.photographs(out, options.photos, shown, **how), end="")
     if options.stability:
         from .stability import suite
 
-        tried = weights[0] if weights else model_folder.SHIPPED
-        text, as_expected = sections.stability(out, suite.cases(tried), **how)
+        text, as_expected = sections.stability(out, suite.cases(run or model_folder.SHIPPED), **how)
         print(text, end="")
         failed = not as_expected
     print(f"wrote {sections.write_report(out)}", file=sys.stderr)

@@ -19,8 +19,6 @@ from lime_keras.data.corpus import Split
 from lime_keras.io import photo
 from lime_keras.io.atomic import write
 
-from .photos import folder, summary
-from .photos.answers import answer
 from .report import page
 from .report.themes import LIGHT
 
@@ -32,7 +30,6 @@ _TITLES = {
     "evaluation": "Accuracy",
     "comparison": "Table 1",
     "tradeoff": "Speed against accuracy",
-    "photos": "Photographs",
     "stability": "Extremes",
 }
 """Titles of the sections by name, in the order of the report."""
@@ -146,21 +143,6 @@ def trade(out: Path, runs: Sequence[Path], corpus: Path, *, camera: bool, comman
     )
     section = page.measured(_TITLES["tradeoff"], text, [picture], command=command)
     _save(out, "tradeoff", section)
-    return text
-
-
-def photographs(out: Path, taken: Path, runs: Sequence[Path], *, command: str) -> str:
-    """Evaluate runs on a folder of photos, write the files, and return the tables in Markdown."""
-    photos = folder.read(taken, out)
-    answers = answer(photos, names(runs))
-    found = summary.summarise(photos, answers)
-    text = summary.markdown(photos, found)
-    _write_json(out / "photos.json", found)
-    rows = found["photos"]
-    write(
-        out / "photos.csv", _csv({name: np.array([row[name] for row in rows]) for name in rows[0]})
-    )
-    _save(out, "photos", page.measured(_TITLES["photos"], text, [], command=command))
     return text
 
 

@@ -102,7 +102,8 @@ def test_every_block_is_marked(page):
 @pytest.fixture
 def desk(tmp_path):
     """A folder with what comes with the project, and a video."""
-    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    for name in ("examples", "benchmarks"):
+        (tmp_path / name).symlink_to(ROOT / name)
     fox = photo.read_srgb(ROOT / "examples" / "photos" / "fox.png")
     levels = np.round(255 * fox).astype(np.uint8)
     clips.write(tmp_path / "turntable.mp4", np.stack([levels] * 3), codec="libx264")

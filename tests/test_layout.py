@@ -57,7 +57,7 @@ ROWS = {
     ),
     "eval": (
         ("markdown_table",),
-        ("accuracy", "stability", "photos"),
+        ("accuracy", "stability"),
         ("kept", "report"),
         ("tradeoff",),
         ("sections",),

@@ -511,6 +511,7 @@ def test_an_interrupt_leaves_a_short_line_and_status_130(corpus, run, monkeypatc
         ["--predictions", "answers", "--out", "here"],
         ["corpus", "--predictions", "answers", "--camera", "--out", "here"],
         ["corpus", "--stability", "--out", "here"],
+        ["--photos", "photos"],
     ],
 )
 def test_wrong_usage_exits_with_2(arguments, capsys):
@@ -518,6 +519,20 @@ def test_wrong_usage_exits_with_2(arguments, capsys):
         cli.main(arguments)
     assert stop.value.code == 2
     assert "usage: lime-eval" in capsys.readouterr().err
+
+
+def test_photos_are_told_where_they_went(capsys):
+    with pytest.raises(SystemExit):
+        cli.main(["--photos=photos", "--weights", "a", "b"])
+    assert "python benchmarks/photographs.py PHOTOS" in capsys.readouterr().err
+
+
+def test_runs_of_one_name_are_named_after_their_parents(tmp_path):
+    runs = [tmp_path / "a" / "live", tmp_path / "b" / "live", tmp_path / "b" / "nano"]
+    assert list(sections.names(runs)) == ["a-live", "b-live", "nano"]
+    for same in ([runs[0], runs[0]], [runs[0], tmp_path / "c" / "a" / "live"]):
+        with pytest.raises(ValueError, match="rename a folder of"):
+            sections.names(same)
 
 
 def test_help_is_complete_and_imports_no_tensorflow():

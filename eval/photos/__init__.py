@@ -1,1 +1,0 @@
-"""Answers for photos whose materials nobody measured, and how good they are."""
