@@ -3,17 +3,20 @@
     python benchmarks/cautions.py CORPUS [--weights live]
 
 Estimates photos of the scenes in the train split of CORPUS, which no training has seen, as
-`lime-estimate` does, and prints two tables, and how often the interval of s holds the truth:
+`lime-estimate` does, and prints three tables, and how often the interval of s holds the truth:
 
 - the masks below each limit of confidence (`cautions.CONFIDENT`), and how many of them are wrong,
   with an IoU below 0.7;
 - the photos of one material whose patches differ more in colour than each limit
   (`cautions.SPREAD`), in grey light under the camera's casts, and in light with 1.6 times as much
-  red as green and 0.4 times as much blue.
+  red as green and 0.4 times as much blue;
+- the photos, and those of the same scenes two stops shorter, in which fewer pixels are bright than
+  each limit (`cautions.FEWEST_BRIGHT`). The object's radiance has no bound before it is photographed,
+  its surroundings are clipped as the corpus has them.
 """
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -27,10 +30,12 @@ from lime_keras.data.corpus import Split
 from lime_keras.estimate import cautions
 from lime_keras.metrics import overlap, overlap_ratio
 from lime_keras.optics import colour, dichromatic, gloss
+from lime_keras.optics.compositing import compose
 
 _WRONG_MASK = 0.7
 _CONFIDENCES = (0.75, 0.8, 0.825, 0.85, 0.875, 0.9, 0.925, 0.95)
 _SPREADS = (0.05, 0.08, 0.1, 0.11, 0.12, 0.15, 0.2)
+_BRIGHT_SHARES = (0.001, 0.005, 0.01, 0.02, 0.05)
 _WARM = np.array([1.6, 1.0, 0.4], np.float32)
 
 
@@ -45,6 +50,8 @@ class Answer(NamedTuple):
         is_inside: whether the true exponent lies in the interval.
         spread: spread of the colours inside the true mask, in grey light.
         spread_warm: the same in warm light.
+        bright: share of the photo's pixels that are bright.
+        bright_short: the same, two stops shorter.
     """
 
     confidence: float
@@ -54,10 +61,12 @@ class Answer(NamedTuple):
     is_inside: bool
     spread: float
     spread_warm: float
+    bright: float
+    bright_short: float
 
 
 def main() -> None:
-    """Print the three tables."""
+    """Print the tables."""
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     options.add_argument("corpus", type=Path)
     options.add_argument("--weights", default="live", help="a run, or a set that ships")
@@ -67,6 +76,7 @@ def main() -> None:
     _of_masks(columns)
     _of_gloss(columns)
     _of_colours(columns)
+    _of_exposures(columns)
 
 
 def _answers(estimator: Estimator, corpus: Path) -> list[Answer]:
@@ -77,8 +87,9 @@ def _answers(estimator: Estimator, corpus: Path) -> list[Answer]:
     )
     out = []
     for batch in tqdm(batches.as_numpy_iterator(), unit="batch"):
-        truths = zip(*(batch[name] for name in ("image", "mask", "shininess")), strict=True)
-        for image, mask, shininess in truths:
+        names = ("image", "mask", "shininess")
+        truths = zip(*(batch[name] for name in names), _radiance(batch), strict=True)
+        for image, mask, shininess, radiance in truths:
             exponent = float(np.ravel(shininess)[0])
             material = estimator.estimate(np.rint(255 * image).astype(np.uint8))
             if material.exponent is None or material.exponent_interval is None:
@@ -95,9 +106,21 @@ def _answers(estimator: Estimator, corpus: Path) -> list[Answer]:
                     low <= exponent <= high,
                     dichromatic.colour_spread(image, inside),
                     dichromatic.colour_spread(warm, inside),
+                    cautions.bright_share(image),
+                    cautions.bright_share(colour.linear_to_srgb(np.clip(radiance / 4, 0, 1))),
                 )
             )
     return out
+
+
+def _radiance(batch: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Return the photos `(B, H, W, 3)` as linear radiance, by Eq. 4 and unbounded on the objects."""
+    of_object = compose(
+        *(batch[name] for name in ("diffuse_albedo", "specular_albedo", "ambient")),
+        *(batch[name] for name in ("diffuse_shading", "specular_shading")),
+    )
+    whole = np.where(batch["mask"] > 0.95, of_object, 0)
+    return np.maximum(colour.srgb_to_linear(batch["image"]), whole)
 
 
 def _of_masks(found: Answer) -> None:
@@ -132,6 +155,13 @@ def _of_colours(found: Answer) -> None:
     lights = [np.asarray(found.spread), np.asarray(found.spread_warm)]
     rows = [(f"{x}", *(f"{np.mean(light > x):.1%}" for light in lights)) for x in _SPREADS]
     _table(("limit", "in grey light", "in warm light"), rows, cautions.SPREAD)
+
+
+def _of_exposures(found: Answer) -> None:
+    print("Photos of which fewer pixels are bright than the limit")
+    photos = [np.asarray(found.bright), np.asarray(found.bright_short)]
+    rows = [(f"{x}", *(f"{np.mean(photo < x):.1%}" for photo in photos)) for x in _BRIGHT_SHARES]
+    _table(("limit", "as exposed", "two stops shorter"), rows, cautions.FEWEST_BRIGHT)
 
 
 def _table(heads: Sequence[str], rows: Sequence[Sequence[str]], now: float) -> None:

@@ -11,6 +11,7 @@ const WORDS = {
   "many-parts":
     "The outline falls into parts, and all are taken for one object of one material: show one, or mend the mask.",
   "too-dark": "The object is nearly black: turn on a light, or expose the picture longer.",
+  underexposed: "Nothing in the picture is bright, so the colours may come out too dark: expose it longer.",
   clipped: "Much of the object is burnt out to white: take less light, or expose the picture shorter.",
   "burnt-highlight": "Highlights are burnt out to white: take less light, or expose the picture shorter.",
   grey: "The picture shows no colour of the object, which helps to tell its highlights: take one in colour.",

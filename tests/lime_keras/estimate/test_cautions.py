@@ -24,7 +24,7 @@ def plain(level, shape=(SIZE, SIZE)):
     return np.broadcast_to(np.float32(level) * TINT, (*shape, 3)).copy()
 
 
-PLAIN = plain(0.5)
+PLAIN = plain(0.8)
 
 
 def codes(mask=GOOD, image=PLAIN, confidence=1.0):
@@ -86,9 +86,10 @@ DOUBTED = {
     "touches-frame": {"mask": box(50, 40, 200, 160)},
     "many-parts": {"mask": GOOD + box(0, 30, 40, 100)},
     "too-dark": {"image": plain(0.2)},
+    "underexposed": {"image": plain(0.6)},
     "clipped": {"image": np.where(np.arange(SIZE)[:, None, None] < 70, 1, PLAIN)},
     "burnt-highlight": {"image": np.where(np.arange(SIZE)[:, None, None] < 52, 1, PLAIN)},
-    "grey": {"image": np.full_like(PLAIN, 0.5)},
+    "grey": {"image": np.full_like(PLAIN, 0.8)},
     "second-colour": {"image": np.where(np.arange(SIZE)[:, None] < 100, PLAIN, PLAIN[..., ::-1])},
 }
 
@@ -109,9 +110,10 @@ BARELY = {
     "few-pixels": {"mask": box(80, 80, 144, 144)},
     "touches-frame": {"mask": box(50, 40, 197, 160)},
     "many-parts": {"mask": GOOD + box(20, 30, 40, 90)},
-    "too-dark": {"image": plain(0.29)},
+    "too-dark": {"image": np.where(np.arange(SIZE)[:, None, None] < 5, 1, plain(0.29))},
+    "underexposed": {"image": plain(170 / 255)},
     "clipped": {"image": np.where(np.arange(SIZE)[:, None, None] < 51, 1, PLAIN)},
-    "grey": {"image": np.full_like(PLAIN, 0.5) + np.array([0, 1.5, 3], np.float32) / 255},
+    "grey": {"image": np.full_like(PLAIN, 0.8) + np.array([0, 1.5, 3], np.float32) / 255},
 }
 
 
@@ -137,7 +139,7 @@ def test_every_side_is_looked_at(side):
 
 @pytest.mark.parametrize(("size", "near"), [(200, 3), (800, 7)])
 def test_the_frame_is_as_thick_as_a_pixel_that_the_networks_see(size, near):
-    image, half = plain(0.5, (size, size)), size // 2
+    image, half = plain(0.8, (size, size)), size // 2
     for top, told in ((near - 1, ["touches-frame"]), (near, [])):
         mask = box(top, size // 4, half, half, shape=(size, size))
         assert codes(mask, image) == told
@@ -178,6 +180,7 @@ def test_the_darkest_is_a_luminance():
     for factor, told in ((0.9, ["too-dark"]), (1.1, [])):
         columns = np.arange(SIZE)[:, None] % 2 > 0
         image = np.where(columns, np.float32(limit * factor), np.float32(0))
+        image[:5] = 1  # beside the object, so that the photo is well exposed
         grey = np.broadcast_to(image[..., None], PLAIN.shape)
         assert codes(image=grey) == [*told, "grey"]
 

@@ -11,6 +11,7 @@ const FEWEST_PIXELS = 64;
 const LARGEST_PART = 0.9;
 const [ON_FRAME, NEAR_FRAME] = [0.01, 1 / 128];
 const DARKEST = 0.05;
+const [BRIGHT, FEWEST_BRIGHT] = [170, 0.01];
 const CLIPPED = 0.15;
 const BURNT = 0.01;
 const [GREY, GREY_SHARE] = [2, 0.99];
@@ -43,6 +44,7 @@ export function codes(photo, inside, maskConfidence) {
   const pixels = judged(photo, inside, count);
   const white = share(pixels, (levels) => Math.min(...levels) >= WHITE);
   const grey = share(pixels, (levels) => Math.max(...levels) - Math.min(...levels) <= GREY);
+  const isDark = brightTenth(pixels) < DARKEST;
   const searched = maskConfidence !== null;
   const found = {
     "uncertain-mask": searched && maskConfidence < CONFIDENT,
@@ -50,7 +52,8 @@ export function codes(photo, inside, maskConfidence) {
     "few-pixels": extent(inside, width, height) < FEWEST_PIXELS,
     "touches-frame": onFrame(inside, width, height) > ON_FRAME,
     "many-parts": largestPart(inside, width, height) / count < LARGEST_PART,
-    "too-dark": brightTenth(pixels) < DARKEST,
+    "too-dark": isDark,
+    underexposed: !isDark && brightShare(photo) < FEWEST_BRIGHT,
     clipped: white > CLIPPED,
     "burnt-highlight": white > BURNT && white <= CLIPPED,
     grey: grey >= GREY_SHARE,
@@ -143,6 +146,14 @@ function judged({ data }, inside, count) {
 }
 
 const share = (pixels, is) => pixels.reduce((sum, levels) => sum + (is(levels) ? 1 : 0), 0) / pixels.length;
+
+/** The share of a photo's pixels of which a channel reaches BRIGHT; black ones apart. */
+function brightShare(photo) {
+  const count = photo.width * photo.height;
+  const all = judged(photo, new Uint8Array(count).fill(1), count).map((levels) => Math.max(...levels));
+  const lit = all.filter((level) => level > 0);
+  return lit.filter((level) => level >= BRIGHT).length / Math.max(lit.length, 1);
+}
 
 /** The luminance that a tenth of the pixels exceeds. */
 function brightTenth(pixels) {

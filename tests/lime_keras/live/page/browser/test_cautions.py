@@ -27,7 +27,7 @@ def test_what_is_told_of_a_photo_is_what_python_tells():
     rng = np.random.default_rng(0)
     good = np.zeros((120, 100), bool)
     good[20:90, 30:70] = True
-    plain = np.broadcast_to(np.uint8([90, 80, 70]), (120, 100, 3)).copy()
+    plain = np.broadcast_to(np.uint8([190, 180, 170]), (120, 100, 3)).copy()
     burnt = plain.copy()
     burnt[40:50, 40:50] = 255
     photos = [(plain, good, 0.95), (burnt, good, None)]
@@ -56,7 +56,7 @@ def test_what_is_told_of_a_photo_is_what_python_tells():
     told = {code for codes in found for code in codes}
     assert told == {
         *("no-object", "uncertain-mask", "small-object", "few-pixels"),
-        *("touches-frame", "many-parts", "too-dark", "clipped"),
+        *("touches-frame", "many-parts", "too-dark", "underexposed", "clipped"),
         *("burnt-highlight", "grey", "second-colour"),
     }
     assert found[:2] == [[], ["burnt-highlight"]]
