@@ -11,8 +11,8 @@ Estimates photos of the scenes in the train split of CORPUS, which no training h
   (`cautions.SPREAD`), in grey light under the camera's casts, and in light with 1.6 times as much
   red as green and 0.4 times as much blue;
 - the photos, and those of the same scenes two stops shorter, in which fewer pixels are bright than
-  each limit (`cautions.FEWEST_BRIGHT`). The object's radiance has no bound before it is photographed,
-  its surroundings are clipped as the corpus has them.
+  each limit (`cautions.FEWEST_BRIGHT`). The object's radiance is unbounded before it is
+  photographed, its surroundings are clipped as the corpus has them.
 """
 
 import argparse
@@ -114,7 +114,7 @@ def _answers(estimator: Estimator, corpus: Path) -> list[Answer]:
 
 
 def _radiance(batch: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Return the photos `(B, H, W, 3)` as linear radiance, by Eq. 4 and unbounded on the objects."""
+    """Return the photos `(B, H, W, 3)` in linear radiance, by Eq. 4 unbounded on objects."""
     of_object = compose(
         *(batch[name] for name in ("diffuse_albedo", "specular_albedo", "ambient")),
         *(batch[name] for name in ("diffuse_shading", "specular_shading")),

@@ -239,14 +239,14 @@ def _of_darkness(pixels_srgb: np.ndarray, of_what: str, share: float) -> list[tu
 
 
 def bright_share(image_srgb: np.ndarray) -> float:
-    """Return the share of a photo's pixels `(H, W, 3)`, sRGB, that reach `BRIGHT`; black ones apart.
+    """Return the share of a photo's pixels `(H, W, 3)`, sRGB, but black ones, that reach `BRIGHT`.
 
     Example:
         >>> bright_share(np.array([[[0.0, 0.0, 0.0], [0.1, 0.1, 0.1], [0.9, 0.1, 0.1]]]))
         0.5
     """
     levels = _thinned(image_srgb.reshape(-1, 3)).max(axis=-1)
-    return np.count_nonzero(levels >= BRIGHT) / max(np.count_nonzero(levels), 1)
+    return float(np.mean(levels[levels > 0] >= BRIGHT)) if levels.any() else 0.0
 
 
 def _of_exposure(image_srgb: np.ndarray) -> list[tuple[str, str]]:
