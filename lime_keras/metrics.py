@@ -13,8 +13,8 @@ import keras
 import numpy as np
 from keras import ops
 
-from lime_keras.arrays import namespace
 from lime_keras.optics import microfacets, shininess
+from lime_keras.optics.namespace import namespace
 
 _BLACK = 1e-12
 """Sum of linear radiance up to which a layer is black: far below one step of a half float."""

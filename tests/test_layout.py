@@ -31,7 +31,7 @@ COMMANDS = {
 # not know each other.
 ROWS = {
     "lime_keras": (
-        ("version", "arrays", "console", "outputs", "processors"),
+        ("version", "console", "outputs", "processors"),
         ("launch",),
         ("optics",),
         ("material",),

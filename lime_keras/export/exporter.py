@@ -8,9 +8,17 @@ from pathlib import Path
 import keras
 import numpy as np
 
-from lime_keras.data import pipeline, samples
+from lime_keras.data import pipeline
 from lime_keras.data.corpus import Split
-from lime_keras.export import formats, graphs, model_card, parity, quantisation, reference
+from lime_keras.export import (
+    calibration,
+    formats,
+    graphs,
+    model_card,
+    parity,
+    quantisation,
+    reference,
+)
 from lime_keras.io import atomic
 from lime_keras.model import folder as model_folder
 from lime_keras.model import graphs as graph_folder
@@ -192,16 +200,16 @@ def _plain_graphs(folder: Path, weights_folder: Path, digest: str) -> OnnxGraphs
 
 
 def _calibration(corpus: Path | None, size: int) -> np.ndarray | None:
-    return None if corpus is None else samples.calibration(corpus, size, camera=True)
+    return None if corpus is None else calibration.images(corpus, size, camera=True)
 
 
 def _images(size: int, corpus: Path | None) -> dict[str, np.ndarray]:
     """Return the sets of images for the parity check, by name."""
     out = {"extremes": parity.images(size)}
     if corpus is not None:
-        samples.check_size(Split(corpus, "test"), size)
+        calibration.check_size(Split(corpus, "test"), size)
         shards = pipeline.whole_shards(Split(corpus, "test"))
-        out["pictures"] = samples.first(shards, size, _PICTURES, camera=True)
+        out["pictures"] = calibration.first(shards, size, _PICTURES, camera=True)
     return out
 
 

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from lime_keras.arrays import namespace
 from lime_keras.optics import colour
+from lime_keras.optics.namespace import namespace
 
 STOPS = 0.5
 """Largest deviation, up or down, of automatic exposure from the corpus' fixed one, in stops."""

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from lime_keras.arrays import namespace
+from lime_keras.optics.namespace import namespace
 
 _KNEE_LINEAR = 0.0031308
 _KNEE_SRGB = 0.04045

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from lime_keras.arrays import namespace
+from lime_keras.optics.namespace import namespace
 
 _BLACK = 1e-4
 """Squared length of m_d up to which it counts as black: its diffuse layer is only noise."""

@@ -19,8 +19,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lime_keras.arrays import namespace
 from lime_keras.optics import colour
+from lime_keras.optics.namespace import namespace
 
 CHANNELS = 4
 """Number of channels of `channels`."""

@@ -6,7 +6,7 @@ and so do their losses; every other public function takes and returns linear rad
 
 from typing import Any
 
-from lime_keras.arrays import namespace
+from lime_keras.optics.namespace import namespace
 
 HIGHEST_COMPRESSED = 11.0
 """Largest compressed value, log(1 + 59,873): `expand` clips there, so float16 does not overflow."""

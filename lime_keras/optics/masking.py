@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from lime_keras.arrays import namespace
+from lime_keras.optics.namespace import namespace
 
 _LEAST_WEIGHT = 1e-6
 

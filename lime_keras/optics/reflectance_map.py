@@ -19,9 +19,9 @@ from typing import Any
 
 import numpy as np
 
-from lime_keras.arrays import namespace
 from lime_keras.optics.compositing import compose
 from lime_keras.optics.environment import STORED_SHAPE, directions, solid_angles
+from lime_keras.optics.namespace import namespace
 from lime_keras.optics.shading import normaliser
 
 _RINGS = 64

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from lime_keras.arrays import namespace
 from lime_keras.optics import environment
+from lime_keras.optics.namespace import namespace
 
 _CHUNK = 2**17
 """Number of pixel-light pairs computed at once: few enough for the processor's cache."""

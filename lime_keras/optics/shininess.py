@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from lime_keras.arrays import namespace
+from lime_keras.optics.namespace import namespace
 
 BIN_COUNT = 8
 LOG_LOW, LOG_HIGH = 0.0, 3.0

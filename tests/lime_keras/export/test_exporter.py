@@ -158,7 +158,7 @@ def test_eight_bits_are_calibrated_on_what_was_trained_on(
     monkeypatch.setattr(quantisation, "write_int8", write_int8)
     exporter.export(tmp_path, "onnx", tiny_model, ["mask"], precision="int8", corpus=corpus)
     [images] = seen
-    np.testing.assert_array_equal(images, exporter.samples.calibration(corpus, 32, camera=True))
+    np.testing.assert_array_equal(images, exporter.calibration.images(corpus, 32, camera=True))
     # The second shard is held out.
     assert images.shape == (4, 32, 32, 3)
 
@@ -170,7 +170,7 @@ def test_pictures_are_those_of_the_test_split(tiny_model, corpus, tmp_path, stan
     assert set(differences) == {"extremes", "pictures"}
     assert all(value["mask"] < 1e-6 for value in differences.values())
     shards = exporter.Split(corpus, "test").shard_paths()
-    pictures = exporter.samples.first(shards, 32, 9, camera=True)
+    pictures = exporter.calibration.first(shards, 32, 9, camera=True)
     assert len(pictures) == 2
     np.testing.assert_array_equal(np.concatenate(shown)[-2:], pictures)
 
@@ -427,10 +427,10 @@ def test_a_part_of_a_model_takes_the_place_of_no_other(tiny_model, tmp_path, sta
 
 
 def test_a_corpus_of_another_size_is_refused_with_its_mend(corpus):
-    from lime_keras.data import samples
     from lime_keras.data.corpus import Split
+    from lime_keras.export import calibration
 
     split = Split(corpus, "train")
-    samples.check_size(split, split.size)
+    calibration.check_size(split, split.size)
     with pytest.raises(ValueError, match=r"images of \d+ pixels.*lime-render --size 3000"):
-        samples.check_size(split, 3000)
+        calibration.check_size(split, 3000)

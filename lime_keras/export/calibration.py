@@ -1,7 +1,7 @@
-"""Small sets of images from a corpus.
+"""Images of a corpus, to calibrate a quantised model and to compare an export with its model.
 
-Images for calibration come from the shards of the train split that networks are trained on; the
-test split is only for reported results.
+Those for calibration come from shards that networks are trained on: the test split is only for
+reported results.
 """
 
 from pathlib import Path
@@ -11,10 +11,10 @@ import numpy as np
 from lime_keras.data import pipeline
 from lime_keras.data.corpus import Split
 
-_CALIBRATION = 64
+_COUNT = 64
 
 
-def calibration(corpus: Path, size: int, *, camera: bool) -> np.ndarray:
+def images(corpus: Path, size: int, *, camera: bool) -> np.ndarray:
     """Return images that networks were trained on, for the calibration of a quantised model.
 
     Args:
@@ -32,7 +32,7 @@ def calibration(corpus: Path, size: int, *, camera: bool) -> np.ndarray:
     """
     check_size(Split(corpus, "train"), size)
     shards, _ = pipeline.training_shards(corpus)
-    return first(shards, size, _CALIBRATION, camera=camera)
+    return first(shards, size, _COUNT, camera=camera)
 
 
 def check_size(split: Split, size: int) -> None:
