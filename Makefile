@@ -11,10 +11,12 @@ TEST_COUNT := 160
 PRETRAINED := lime_keras/pretrained
 
 # `make ship WEIGHTS=runs/mine NAME=mine`: a trained run among the weights that come with the package.
+# `make weights NAME=live DATA=data/`: the set of that recipe, from nothing, and among them.
 WEIGHTS :=
 NAME :=
+DATA :=
 
-.PHONY: quickstart test test-slow fuzz stability rooms docs commands pictures results graphs ship lint llvm clean
+.PHONY: quickstart test test-slow fuzz stability rooms docs commands pictures results graphs ship weights lint llvm clean
 .DELETE_ON_ERROR:
 
 quickstart: llvm
@@ -56,6 +58,16 @@ ship: .venv/installed
 	$(BIN)/lime-export $(PRETRAINED)/$(NAME) --format weights --weights $(WEIGHTS)
 	$(BIN)/lime-export $(PRETRAINED)/$(NAME) --format graphs --weights $(PRETRAINED)/$(NAME)
 	rm $(PRETRAINED)/$(NAME)/model/*.weights.h5
+
+# Hours; stopped, it goes on. What ships is of one clean commit. REUSE=runs/live takes over what is the
+# same in another recipe's run.
+weights: llvm
+	@test -n "$(NAME)" || { echo 'error: which? make weights NAME=live DATA=data/'; exit 1; }
+	@git diff --quiet HEAD -- \
+	  || { echo 'error: what ships is made by a clean commit: commit or stash your changes'; exit 1; }
+	$(BIN)/lime-train --recipe $(NAME) $(if $(DATA),--data $(DATA)) $(if $(REUSE),--reuse $(REUSE)) \
+	  --out runs/$(NAME)
+	$(MAKE) ship WEIGHTS=runs/$(NAME) NAME=$(NAME)
 
 # The site, in docs/_build/index.html, with the demo in docs/_build/live. What Sphinx warns of is an
 # error.

@@ -83,6 +83,7 @@ setup(
             "pretrained/*/*/*",
         ],
         "lime_keras.eval.report": ["templates/*.html"],
+        "lime_keras.train.recipes": ["data.csv"],
         "lime_keras.render.cards": ["*.json", "*.md"],
     },
     # What estimates; what else a command takes is an extra (`lime_keras.console.EXTRAS`).

@@ -13,6 +13,7 @@ from lime_keras.version import __version__
 
 _PRESETS = ("smoke", "nano", "live", "paper")
 _PRECISIONS = ("float32", "bfloat16", "float16")
+_OPTIMIZERS = ("adam", "muon")  # `optimizer.OPTIMIZERS`, without Keras
 _MATERIALS = ("uniform", "natural")  # `material_law.LAWS`, without NumPy
 _PARTS = {
     "perceptual": "compositing",
@@ -27,6 +28,10 @@ _OPTIONS = {
     "preset": "preset",
     "scale_steps": "steps_scale",
     "scale_rate": "rate_scale",
+    "steps": "schedule.steps",
+    "rate": "schedule.rate",
+    "average": "schedule.average",
+    "optimizer": "schedule.optimizer",
     "size": "architecture.size",
     "width": "architecture.unet_width",
     "encoder_width": "architecture.encoder_width",
@@ -41,6 +46,8 @@ _OPTIONS = {
     "freeze": "frozen",
 }
 """The field of the config that takes an option's value."""
+_OF_RECIPES = ("recipe", "data", "out", "seed", "scale_steps", "reuse")
+"""The options that `--recipe` takes; a recipe says the others itself."""
 _FIELDS = (*_OPTIONS.values(), *_PARTS.values(), "begun_from", "cutouts")
 _EXAMPLE = """
 examples:
@@ -49,13 +56,20 @@ examples:
   lime-train meshes procedural --out runs/both --preset live --precision bfloat16
   lime-train corpus --out runs/wide --preset live --width 32 --batch-size 64
   lime-train corpus --out runs/no-mirror --preset paper --without mirror --reuse runs/paper
+  lime-train --recipe live --data data/ --out runs/live
 
 The stages: segmentation, specular, mirror, albedo and exponent, each subnetwork alone; then
 specular+mirror, specular+mirror+exponent and specular+mirror+exponent+albedo, joined.
 An interrupted command, run again, goes on from its last checkpoint, at most a minute back.
+
+The recipes make the sets of weights that come with the package, from nothing: they render corpora,
+train, and evaluate on validation scenes. best, live, nano and uniform train by Muon (MirrorNet by
+Adam, as its deep levels die otherwise), builtin too, without any download; live_adam is live by
+Adam, as the paper trains. The presets smoke and paper train by Adam, nano and live by Muon.
+
 `tensorboard --logdir runs` shows the curves; KERAS_BACKEND=jax trains under JAX.
 
-More: docs/how-to/training.md, docs/how-to/machines.md.
+More: docs/how-to/training.md, docs/how-to/recipes.md, docs/how-to/machines.md.
 """
 
 
@@ -63,7 +77,8 @@ def parser() -> argparse.ArgumentParser:
     """Return the parser of the command's options."""
     out = argparse.ArgumentParser(
         prog="lime-train",
-        usage="lime-train PATH [PATH ...] --out RUN (--preset NAME | --resume) [options]",
+        usage="lime-train PATH [PATH ...] --out RUN (--preset NAME | --resume) [options]\n"
+        "       lime-train --recipe NAME [--data DATA] --out RUN [options]",
         description="Train the networks on corpora of lime-render.",
         epilog=_EXAMPLE,
         formatter_class=console.Help,
@@ -82,10 +97,17 @@ def _add_data(out: argparse.ArgumentParser) -> None:
     data = out.add_argument_group("input")
     data.add_argument(
         "paths",
-        nargs="+",
+        nargs="*",
         type=Path,
         metavar="PATH",
         help="corpus that lime-render wrote; several are learnt from together",
+    )
+    data.add_argument(
+        "--data",
+        type=Path,
+        metavar="DATA",
+        help="for --recipe: folder with meshes and environments, of which it makes its corpora; a "
+        "part of their train folders is kept for validation (docs/reference/data.md)",
     )
     data.add_argument(
         "--camera",
@@ -129,6 +151,13 @@ def _add_run(out: argparse.ArgumentParser) -> None:
         choices=_PRESETS,
         help="smoke: small networks, minutes on two cores; nano: 64 pixels, for fast video; live: "
         "128 pixels, for video, hours; paper: section 5's sizes and schedule, days on a GPU",
+    )
+    begun.add_argument(
+        "--recipe",
+        metavar="NAME",
+        help="make a set of weights from nothing: best, live, live_adam, nano, uniform, builtin, "
+        "or a file of your own such as my.py; --out, --data, --seed, --reuse and --scale-steps go "
+        "with it",
     )
     begun.add_argument(
         "--resume",
@@ -194,18 +223,46 @@ def _add_schedule(out: argparse.ArgumentParser) -> None:
     """Add the options of the stages, their lengths and initial weights."""
     schedule = out.add_argument_group("schedule")
     # Lengths, rates and batches.
-    schedule.add_argument(
+    lengths = schedule.add_mutually_exclusive_group()
+    lengths.add_argument(
         "--scale-steps",
         type=console.positive,
         metavar="FACTOR",
-        help="multiply the batches of each stage of the preset (default: 1)",
+        help="multiply the batches of each stage of the preset, and of a recipe also photos and "
+        "scenes (default: 1)",
     )
-    schedule.add_argument(
+    lengths.add_argument(
+        "--steps",
+        type=console.count,
+        metavar="N",
+        help="batches of every stage (default: the preset's, by stage)",
+    )
+    rates = schedule.add_mutually_exclusive_group()
+    rates.add_argument(
         "--scale-rate",
         type=console.positive,
         metavar="FACTOR",
         help="multiply the preset's learning rates (default: 1); 0.25 suits --start-from with "
         "well-trained weights, which the full rate first makes worse",
+    )
+    rates.add_argument(
+        "--rate",
+        type=console.positive,
+        metavar="RATE",
+        help="largest learning rate of every stage (default: the preset's, by stage)",
+    )
+    schedule.add_argument(
+        "--optimizer",
+        choices=_OPTIMIZERS,
+        help="muon for the inner convolutions, with Adam for the rest and for a lone MirrorNet; or "
+        "adam for all (default: the preset's)",
+    )
+    schedule.add_argument(
+        "--average",
+        type=_momentum,
+        metavar="MOMENTUM",
+        help="end each stage with the optimiser's moving average of the weights, of a momentum "
+        "below 1, such as 0.999 (default: with the last weights)",
     )
     schedule.add_argument(
         "--batch-size",
@@ -238,7 +295,8 @@ def _add_schedule(out: argparse.ArgumentParser) -> None:
         "--reuse",
         type=Path,
         metavar="RUN",
-        help="copy finished stages of another run where they are the same, as for ablations",
+        help="copy finished stages of another run where they are the same, as for ablations; of a "
+        "recipe, all its steps",
     )
     schedule.add_argument("--seed", type=int, help="of weights, order and photos (default: 0)")
 
@@ -274,9 +332,49 @@ def _add_speed(out: argparse.ArgumentParser) -> None:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Train a run and return the exit status."""
-    options = parser().parse_args(argv)
+    """Train a run, or carry out a recipe, and return the exit status."""
+    command = parser()
+    options = command.parse_args(argv)
+    if options.recipe is not None:
+        if strange := _beside_a_recipe(command, options):
+            command.error(f"{strange}: a recipe says this itself; see docs/how-to/recipes.md")
+        return console.run(lambda: _carry_out(options), "the same command goes on from here")
+    if not options.paths or options.data is not None:
+        command.error("--data is for --recipe" if options.paths else "PATH is missing: a corpus")
     return console.run(lambda: _train(options), "the same command goes on from the last checkpoint")
+
+
+def _beside_a_recipe(command: argparse.ArgumentParser, options: argparse.Namespace) -> str | None:
+    """Return the first option or argument that a recipe does not take; None if there is none."""
+    for action in command._actions:
+        value = getattr(options, action.dest, action.default)
+        if action.dest not in _OF_RECIPES and value not in (action.default, []):
+            return action.option_strings[0] if action.option_strings else str(action.metavar)
+    return None
+
+
+def _carry_out(options: argparse.Namespace) -> int:
+    console.check_folder(options.out, "--out")
+    console.require("lime-train --recipe", *console.EXTRAS["train"], *console.EXTRAS["render"])
+    from .recipes import run
+
+    run.carry_out(
+        options.recipe,
+        options.out,
+        data_folder=options.data,
+        seed=options.seed,
+        scale=options.scale_steps or 1.0,
+        reuse=options.reuse,
+    )
+    return 0
+
+
+def _momentum(text: str) -> float:
+    """Parse the momentum of a moving average: above 0 and below 1."""
+    value = float(text)
+    if not 0 < value < 1:
+        raise argparse.ArgumentTypeError(f"{text} is not between 0 and 1")
+    return value
 
 
 def _train(options: argparse.Namespace) -> int:

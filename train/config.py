@@ -3,8 +3,7 @@
 import dataclasses
 import hashlib
 import json
-import subprocess
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ from lime_keras.io import atomic, untrusted
 from lime_keras.networks import Architecture
 from lime_keras.version import __version__, installed
 
+from .provenance import commit, differences
 from .stages import Schedule
 
 _PACKAGES = ("tensorflow", "jax", "keras", "numpy")
@@ -167,7 +167,7 @@ def check(run: Path, config: Config) -> None:
         )
     differing = [
         f"{name} {there} there, {asked} asked"
-        for name, there, asked in _differences(held, _plain(config))
+        for name, there, asked in differences(held, _plain(config))
     ]
     if differing:
         raise ValueError(
@@ -195,7 +195,7 @@ def claim(run: Path, paths: Sequence[Path], config: Config) -> None:
         "version": __version__,
         "backend": keras.backend.backend(),
         "packages": installed(_PACKAGES),
-        "commit": _commit(),
+        "commit": commit(),
     }
     atomic.write(path, json.dumps(record, indent=1) + "\n")
 
@@ -203,30 +203,3 @@ def claim(run: Path, paths: Sequence[Path], config: Config) -> None:
 def _plain(config: Config) -> dict[str, Any]:
     """Return a config in the form that JSON gives back."""
     return json.loads(json.dumps(dataclasses.asdict(config)))
-
-
-def _differences(
-    held: Mapping[str, Any], wanted: Mapping[str, Any], prefix: str = ""
-) -> Iterator[tuple[str, Any, Any]]:
-    """Yield (name, value held, value wanted) of each difference; dots join nested names."""
-    for key in sorted(wanted.keys() | held.keys()):
-        there, asked = held.get(key), wanted.get(key)
-        if isinstance(there, dict) and isinstance(asked, dict):
-            yield from _differences(there, asked, f"{prefix}{key}.")
-        elif there != asked:
-            yield f"{prefix}{key}", there, asked
-
-
-def _commit() -> str | None:
-    """Return the git commit of this code, with "-dirty" if changed; None outside a checkout."""
-
-    def git(*arguments: str) -> str:
-        command = ["git", "-C", str(Path(__file__).parent), *arguments]
-        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
-
-    try:
-        # An installed copy may lie inside somebody else's repository.
-        git("ls-files", "--error-unmatch", Path(__file__).name)
-        return git("describe", "--always", "--dirty", "--abbrev=40", "--exclude=*")
-    except (OSError, subprocess.CalledProcessError):
-        return None

@@ -126,6 +126,8 @@ class StageTraining:
             # Tell, and look at what is held out.
             losses.add(batch_losses)
             norms.add(batch_norms)
+            if step == stage.steps:
+                model.optimizer.finalize_variable_values(model.trainable_variables)
             elapsed = monotonic() - began
             self._tell(Progress(stage, step, losses.means(), waited / max(elapsed, 1e-9)))
             if step % interval == 0 or step == stage.steps:

@@ -24,6 +24,8 @@ class Stage:
         optimizer: a key of `optimizer.OPTIMIZERS`. Muon's learning rate first rises from 0.
         epsilon: Adam's ε.
         decay: the learning rate is divided by 1 + decay · batches so far.
+        average: momentum of the optimiser's moving average of the weights (Keras' `use_ema`), which
+            takes their place after the last batch; None for the last weights.
     """
 
     subnetworks: tuple[str, ...]
@@ -33,6 +35,7 @@ class Stage:
     optimizer: str = "adam"
     epsilon: float = 1e-7
     decay: float = 0.0
+    average: float | None = None
 
     @property
     def name(self) -> str:
@@ -71,6 +74,9 @@ class Schedule:
             (`photos.paint.prints`).
         found_masks: whether the subnetworks beside SegmentationNet learn on masks as it finds them
             and on damaged ones (`photos.masks`), too.
+        steps: batches of every stage; None for those of its kind.
+        rate: learning rate of every stage; None for that of its kind.
+        average: momentum of the weights' moving average (see `Stage`).
     """
 
     batch_size: int
@@ -90,6 +96,9 @@ class Schedule:
     repaints: bool = False
     paints: bool = False
     found_masks: bool = False
+    steps: int | None = None
+    rate: float | None = None
+    average: float | None = None
 
     def scaled(self, factor: float, rate: float = 1.0) -> "Schedule":
         """Return the schedule with `factor` times the batches and `rate` times the learning rates.
@@ -136,8 +145,16 @@ class Schedule:
         self, names: tuple[str, ...], steps: int, rate: float, optimizer: str | None = None
     ) -> Stage:
         """Return a stage; its optimiser is the schedule's where none is passed."""
-        by = optimizer or self.optimizer
-        return Stage(names, steps, rate, self.cosine, by, self.epsilon, self.decay)
+        return Stage(
+            names,
+            self.steps or steps,
+            self.rate or rate,
+            self.cosine,
+            optimizer or self.optimizer,
+            self.epsilon,
+            self.decay,
+            self.average,
+        )
 
 
 _LIVE = Schedule(

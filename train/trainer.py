@@ -312,7 +312,8 @@ def _compile(model: StageModel, stage: Stage, config: Config) -> None:
         (name, len(network.trainable_variables)) for name, network in model.subnetworks.items()
     ]
     rates = _learning_rates(stage)
-    optimizer: Any = OPTIMIZERS[stage.optimizer](rates, groups, epsilon=stage.epsilon)
+    averaged = {} if stage.average is None else {"use_ema": True, "ema_momentum": stage.average}
+    optimizer: Any = OPTIMIZERS[stage.optimizer](rates, groups, epsilon=stage.epsilon, **averaged)
     if config.precision == "float16":
         optimizer = LossScale(optimizer)
     model.compile(optimizer=optimizer)
@@ -338,7 +339,8 @@ def _signature(config: Config, stage: Stage, model: StageModel, trained: Mapping
     schedule = config.schedule
     alone = stage.subnetworks == ("segmentation",)
     follows_from = {
-        "stage": dataclasses.asdict(stage),
+        # Without what it does not have, so that stages begun before there was an average go on.
+        "stage": {k: v for k, v in dataclasses.asdict(stage).items() if v is not None},
         "layers": {
             name: [
                 (layer.name, [tuple(weight.shape) for weight in layer.weights])

@@ -1,0 +1,153 @@
+"""The recipes that come with the package, and a user's own."""
+
+import dataclasses
+
+import pytest
+
+from lime_keras.eval import cli as eval_cli
+from lime_keras.networks import PRESETS
+from lime_keras.render import cli as render_cli
+from lime_keras.train import cli, recipes
+from lime_keras.train.recipes import steps
+from lime_keras.train.stages import SCHEDULES
+
+PARSERS = {"lime-train": cli.parser, "lime-eval": eval_cli.parser}
+
+
+def _parsed(command):
+    """Return the options of a step's command, as the command itself reads them."""
+    name, *words = command
+    if name == "lime-render":
+        parser = render_cli.commands() if words[0] == "views" else render_cli.parser()
+    else:
+        parser = PARSERS[name]()
+    return parser.parse_args(words)
+
+
+@pytest.mark.parametrize("name", recipes.NAMES)
+def test_every_command_of_every_recipe_is_one(name):
+    recipe = recipes.find(name)
+    made = set()
+    for title, step in steps.steps(recipe, 7, cutouts=True).items():
+        options = _parsed(step.command)
+        assert set(step.needs) <= made, title
+        made.add(title)
+        if step.command[0] == "lime-train":
+            there = PRESETS[options.preset]
+            stages = {stage.name for stage in SCHEDULES[options.preset].stages(there)}
+            assert set(options.stages) <= stages, title
+            assert options.seed == 7 and options.steps and options.rate
+            assert options.size in (None, 64, 128, 192)
+
+
+@pytest.mark.parametrize("name", recipes.NAMES)
+def test_every_recipe_makes_a_whole_set_of_its_size(name):
+    """By its last training, whose weights come from those before."""
+    recipe = recipes.find(name)
+    trained, before = set(), list(recipe.trainings)[-1]
+    while before is not None:
+        training = recipe.trainings[before]
+        trained |= {part for stage in training.stages for part in stage.split("+")}
+        before = training.start_from
+    assert trained == {"segmentation", "specular", "mirror", "exponent", "albedo"}
+    size = recipe.size or PRESETS[recipe.preset].size
+    assert recipe.validation.size == size
+    seeds = [one.seed for one in (*recipe.corpora.values(), recipe.validation)]
+    assert len(set(seeds)) == len(seeds)
+    last = list(recipe.trainings.values())[-1]
+    assert last.size in (None, size)
+    for training in recipe.trainings.values():
+        of = training.size or size
+        assert not any(recipe.corpora[corpus].size % of for corpus in training.corpora)
+
+
+def test_live_by_adam_is_live_but_for_the_optimiser():
+    live, by_adam = recipes.find("live"), recipes.find("live_adam")
+    assert {one.optimizer for one in live.trainings.values()} == {"muon"}
+    assert {one.optimizer for one in by_adam.trainings.values()} == {"adam"}
+    assert by_adam.by("muon", 2.0) == live
+
+
+def test_live_and_uniform_share_all_but_the_encoders():
+    both = [steps.steps(recipes.find(name), 0, cutouts=True) for name in ("live", "uniform")]
+    differing = {name for name in both[0] if both[0][name] != both[1][name]}
+    assert differing == {"trainings/material", "corpora/validation"}
+
+
+def test_nano_and_best_begin_with_the_mask_of_live():
+    masks = [
+        steps.steps(recipes.find(name), 0, cutouts=True)["trainings/mask-192"]
+        for name in ("live", "nano", "best")
+    ]
+    assert masks[0] == masks[1] == masks[2]
+
+
+def test_without_cutouts_the_commands_have_none():
+    for name, step in steps.steps(recipes.find("live"), 0, cutouts=False).items():
+        assert "--cutouts" not in step.command and name != steps.PLACES
+        assert steps.PLACES not in step.needs
+
+
+def test_a_scaled_recipe_differs_in_its_lengths_alone():
+    live, short = recipes.find("live"), recipes.find("live").scaled(0.001)
+    assert [one.steps for one in short.trainings.values()] == [
+        max(1, round(one.steps / 1000)) for one in live.trainings.values()
+    ]
+    assert short.corpora["meshes"].count == 60 and short.validation.count == 40
+    same = {"corpora": live.corpora, "trainings": live.trainings, "validation": live.validation}
+    assert dataclasses.replace(short, **same) == live
+
+
+def test_a_users_file_is_a_recipe(tmp_path):
+    path = tmp_path / "my.py"
+    path.write_text(
+        "import dataclasses\n"
+        "from lime_keras.train.recipes import live\n"
+        "RECIPE = dataclasses.replace(live.RECIPE, seed=3)\n"
+    )
+    assert recipes.find(str(path)) == dataclasses.replace(recipes.find("live"), seed=3)
+    for text, words in (
+        ("RECIPE = 1", "defines no RECIPE"),
+        ("1 / 0", "is no recipe: ZeroDivisionError"),
+        ("RECIPE = (", "is no recipe: SyntaxError"),
+    ):
+        path.write_text(text)
+        with pytest.raises(ValueError, match=f"my.py {words}"):
+            recipes.find(str(path))
+    with pytest.raises(FileNotFoundError, match=r"your.py is missing: pass a recipe's file"):
+        recipes.find(str(tmp_path / "your.py"))
+    with pytest.raises(ValueError, match="no recipe livid: there are best, live"):
+        recipes.find("livid")
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"corpora": ("meshes", "none")}, "names the corpus none, and the recipe has meshes"),
+        ({"start_from": "material"}, "names the earlier training material, and the recipe has"),
+    ],
+)
+def test_what_a_training_names_must_be_there(change, words):
+    live = recipes.find("live")
+    wrong = {"material": dataclasses.replace(live.trainings["material"], **change)}
+    with pytest.raises(ValueError, match=words):
+        dataclasses.replace(live, trainings=live.trainings | wrong)
+    with pytest.raises(ValueError, match="makes no set"):
+        dataclasses.replace(live, trainings={})
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["corpus", "--recipe", "live"], "PATH: a recipe says this itself"),
+        (["--recipe", "live", "--width", "8"], "--width: a recipe says this itself"),
+        (["corpus", "--preset", "live", "--data", "d"], "--data is for --recipe"),
+        (["--preset", "live"], "PATH is missing"),
+        (["--recipe", "live", "--average", "1"], "1 is not between 0 and 1"),
+    ],
+)
+def test_wrong_usage(arguments, words, tmp_path, capsys):
+    with pytest.raises(SystemExit) as stopped:
+        cli.main([*arguments, "--out", str(tmp_path / "run")])
+    assert stopped.value.code == 2
+    assert words in capsys.readouterr().err

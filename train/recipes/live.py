@@ -1,0 +1,27 @@
+"""`live`, for cameras: 128 pixels, materials as common objects have them, by Muon.
+
+    make weights NAME=live DATA=DATA
+    lime-train --recipe live --data DATA --out runs/live        # the same, but for `make ship`
+
+HOURS
+Scores: not trained yet. The set of this name that comes with the package is of before there were
+recipes (lime_keras/pretrained/README.md).
+"""
+
+import dataclasses
+
+from . import shared
+from .recipe import Recipe
+
+RECIPE = Recipe(
+    preset="live",
+    corpora=shared.CORPORA,
+    trainings=shared.MASKS
+    | {
+        "mask": shared.MASK_128,
+        "light": shared.LIGHT,
+        "material": dataclasses.replace(shared.MATERIAL, materials=("natural",)),
+    },
+    validation=shared.VALIDATION,
+    packages=shared.CUTOUTS,
+)

@@ -1,0 +1,27 @@
+"""`nano`, where time counts: 64 pixels, of the scenes of `live`, averaged, by Muon.
+
+    lime-train --recipe nano --data DATA --out runs/nano --reuse runs/live
+
+HOURS
+Scores: not trained yet. The set of this name that comes with the package is of before there were
+recipes (lime_keras/pretrained/README.md).
+"""
+
+import dataclasses
+
+from . import shared
+from .recipe import Recipe
+
+RECIPE = Recipe(
+    preset="nano",
+    corpora=shared.CORPORA,
+    trainings=shared.MASKS
+    | {
+        "mask-128": dataclasses.replace(shared.MASK_128, size=128, preset="live"),
+        "mask": dataclasses.replace(shared.MASK_128, start_from="mask-128"),
+        "light": shared.LIGHT,
+        "material": dataclasses.replace(shared.MATERIAL, materials=("natural",)),
+    },
+    validation=dataclasses.replace(shared.VALIDATION, size=64),
+    packages=shared.CUTOUTS,
+)

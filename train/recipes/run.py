@@ -1,0 +1,323 @@
+"""The run of a recipe: each step once, by the package's own commands as processes.
+
+A run's folder holds:
+
+- `recipe.json`: the recipe, its hash, the commit, versions, and the digest of the data;
+- `data.json`: the SHA-256 of each mesh and map that was there to be used;
+- `data/`: links to them, the validation side in the subfolders `test`;
+- `cutouts/`, `places/`, `corpora/NAME/`, `trainings/NAME/`: what the steps make;
+- `steps/NAME.json`: the record of each step that is done: command, hash, seconds, commit;
+- `model/`, `onnx/`: the set, whose `training.json` has all of these records;
+- `eval/`: its evaluation on the validation scenes.
+"""
+
+import dataclasses
+import hashlib
+import json
+import os
+import platform
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from lime_keras import console
+from lime_keras.io import atomic, locking, untrusted
+from lime_keras.version import __version__, installed
+
+from ..provenance import commit, differences
+from . import cutouts, data, recipe, steps
+from .recipe import Recipe
+
+_PACKAGES = ("tensorflow", "jax", "keras", "numpy", "mitsuba", "drjit")
+_LAUNCH = {"lime-render": "render", "lime-train": "train", "lime-eval": "evaluate"}
+"""Function of `lime_keras.launch` that runs a command."""
+_UNKNOWN = "unknown: no checkout"
+_SECONDS_TO_END = 5, 30
+"""Time that a command has to end by a terminal's Ctrl-C, which is sent to all, and by ours."""
+
+
+def carry_out(
+    name: str,
+    folder: Path,
+    *,
+    data_folder: Path | None = None,
+    seed: int | None = None,
+    scale: float = 1.0,
+    reuse: Path | None = None,
+) -> None:
+    """Carry out a recipe, or go on with it.
+
+    Args:
+        name: name of the recipe, or path of a file of one (`recipe.find`).
+        folder: folder of the run.
+        data_folder: folder with meshes and environments; needed if the recipe reads them.
+        seed: seed of the trainings; None for the recipe's.
+        scale: factor of all lengths, for a trial (`Recipe.scaled`).
+        reuse: folder of another run, from which equal steps are taken over.
+
+    Raises:
+        FileNotFoundError: if data are missing.
+        ValueError: if the folder holds another run, or the recipe is none.
+        RuntimeError: if a command fails, or another process carries out a recipe there.
+    """
+    found = recipe.find(name)
+    found = found if scale == 1 else found.scaled(scale)
+    if found.reads_data and data_folder is None:
+        raise ValueError(
+            f"the recipe {name} reads meshes and maps: pass --data with a folder that has "
+            f"{' and '.join(data.SUFFIXES)} (docs/reference/data.md)"
+        )
+    if reuse is not None and not (reuse / "steps").is_dir():
+        raise FileNotFoundError(f"{reuse} holds no run of a recipe: check --reuse")
+    with locking.lock_folder(folder, "lime-train carries out a recipe in"):
+        _Run(name, found, folder, data_folder, seed, reuse).carry_out()
+
+
+class _Run:
+    """A run of a recipe in its folder; the arguments are those of `carry_out`.
+
+    Raises:
+        ValueError: if the folder holds another run.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        found: Recipe,
+        folder: Path,
+        data_folder: Path | None,
+        seed: int | None,
+        reuse: Path | None,
+    ):
+        self._recipe, self._folder, self._reuse = found, folder.resolve(), reuse
+        seed = found.seed if seed is None else seed
+        # The data, and what is asked for.
+        files: dict[str, str] = {}
+        if found.reads_data and data_folder is not None:
+            for kind in data.SUFFIXES:
+                with console.Bar(kind, "file") as bar:
+                    files |= data.digests(data_folder, kind, bar.move)
+        self._record = self._begin(name, seed, files)
+        if data_folder is not None and files:
+            for kind, held_out in zip(data.SUFFIXES, found.held_out, strict=True):
+                data.link_sides(data_folder, kind, held_out, self._folder / steps.DATA)
+        # The steps.
+        things = self._fetch_cutouts()
+        self._steps = steps.steps(found, seed, any("sha256" in one for one in things))
+        self._inputs = {
+            steps.DATA: [self._record["data"], found.held_out],
+            steps.CUTOUTS: [one.get("sha256") for one in things],
+        }
+
+    def carry_out(self) -> None:
+        """Take all steps that are not done, and lay the set out in the folder."""
+        final = steps.last(self._recipe)
+        self._complete(final)
+        self._lay_out(final)
+        self._complete(steps.EVALUATION)
+        commits = self._commits()
+        _tell(f"the set is in {self._folder}: make ship WEIGHTS={self._folder} NAME=…")
+        _tell(f"its evaluation on validation scenes: {self._folder / steps.EVALUATION}/report.html")
+        if len(commits) > 1 or any("dirty" in one or one == _UNKNOWN for one in commits):
+            _tell(f"its record names {', '.join(commits)}: one clean commit would make it again")
+
+    def _begin(self, name: str, seed: int, files: Mapping[str, str]) -> dict[str, Any]:
+        """Return the record of the run, written if there is none; refuse that of another."""
+        plain = json.loads(json.dumps(dataclasses.asdict(self._recipe)))
+        wanted = {"recipe": plain, "seed": seed, "data": data.total(files) if files else None}
+        path = self._folder / "recipe.json"
+        if path.is_file():
+            try:
+                record = untrusted.read_json(path)
+                held = {key: record[key] for key in wanted}
+            except (KeyError, TypeError, ValueError) as error:
+                raise ValueError(f"{path} is no recipe's record ({error}): remove it") from error
+            said = "; ".join(
+                f"{key} {there} there, {asked} asked"
+                for key, there, asked in differences(held, wanted)
+            )
+            if said:
+                raise ValueError(
+                    f"{self._folder} holds another run: {said}. Pass another --out, with --reuse "
+                    f"{self._folder} for the steps that are the same"
+                )
+            return record
+        known = data.listed()
+        others = sum(known.get(file) != digest for file, digest in files.items())
+        if others:
+            _tell(
+                f"{others} of {len(files)} meshes and maps are not of the list of this package, so "
+                "the weights will be others (docs/reference/data.md)"
+            )
+        if "dirty" in (now := commit() or _UNKNOWN):
+            _tell("this checkout has changes that no commit has: the record will say so")
+        record = wanted | {
+            "name": Path(name).stem,
+            "sha256": hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest(),
+            "files_not_in_list": others,
+            "commit": now,
+            "version": __version__,
+            "packages": installed(_PACKAGES),
+            "machine": f"{platform.machine()}, {os.cpu_count()} cores",
+        }
+        atomic.write(self._folder / "data.json", json.dumps(files, indent=1) + "\n")
+        atomic.write(path, json.dumps(record, indent=1) + "\n")
+        return record
+
+    def _fetch_cutouts(self) -> list[dict[str, Any]]:
+        """Return the records of the packages of cut-outs, downloaded if they were not."""
+        wanted = any(training.cutouts for training in self._recipe.trainings.values())
+        if not wanted or not self._recipe.packages:
+            return []
+        path, things = self._folder / "cutouts.json", self._folder / steps.CUTOUTS / "things"
+        if self._reuse is not None and not path.is_file() and (self._reuse / path.name).is_file():
+            _link_tree(self._reuse / steps.CUTOUTS, self._folder / steps.CUTOUTS)
+            atomic.write(path, (self._reuse / path.name).read_bytes())
+        if not path.is_file() or not things.is_dir():
+            _tell("cut-outs: " + ", ".join(one.name for one in self._recipe.packages))
+            records = cutouts.fetch(self._recipe.packages, things)
+            for one in records:
+                if "skipped" in one:
+                    _tell(
+                        f"skipped: {one['package']}: {one['skipped']}; masks learn without it. To "
+                        f"try again, remove {path}"
+                    )
+            atomic.write(path, json.dumps(records, indent=1) + "\n")
+        return json.loads(path.read_text(encoding="utf-8"))
+
+    def _complete(self, name: str) -> None:
+        """Take a step, and before it those that it needs, unless it is done."""
+        step = self._steps[name]
+        if self._is_done(name, self._folder) or self._take_over(name):
+            return
+        for needed in step.needs:
+            self._complete(needed)
+        number, words = list(self._steps).index(name) + 1, shlex.join(step.command)
+        _tell(f"[{number}/{len(self._steps)}] {name}: {words}")
+        began = time.monotonic()
+        _run(step.command, self._folder)
+        seconds = time.monotonic() - began
+        if not step.is_there(self._folder):
+            raise RuntimeError(f"`{words}` left no {step.product} in {self._folder}: see above")
+        if name.startswith("trainings/"):
+            shutil.rmtree(self._folder / step.folder / "photos", ignore_errors=True)
+        record = {
+            "command": words,
+            "key": self._key(name),
+            "seconds": round(seconds),
+            "commit": commit() or _UNKNOWN,
+        }
+        atomic.write(_record_path(self._folder, name), json.dumps(record, indent=1) + "\n")
+        _tell(f"[{number}/{len(self._steps)}] {name}: {seconds / 60:.1f} minutes")
+
+    def _key(self, name: str) -> str:
+        """Return a hash of all that a step's result follows from, beside the code."""
+        step = self._steps[name]
+        read = [self._inputs[kind] for kind in self._inputs if f"{kind}/" in " ".join(step.command)]
+        follows_from = [step.command, read, [self._key(needed) for needed in step.needs]]
+        return hashlib.sha256(json.dumps(follows_from).encode()).hexdigest()
+
+    def _is_done(self, name: str, folder: Path) -> bool:
+        path = _record_path(folder, name)
+        if not path.is_file() or not self._steps[name].is_there(folder):
+            return False
+        return untrusted.read_json(path).get("key") == self._key(name)
+
+    def _take_over(self, name: str) -> bool:
+        """Take a step's result over from the run to reuse, if it is the same step and done."""
+        if self._reuse is None or name == steps.EVALUATION or not self._is_done(name, self._reuse):
+            return False
+        folder = self._steps[name].folder
+        _link_tree(self._reuse / folder, self._folder / folder)
+        record = _record_path(self._reuse, name).read_bytes()
+        atomic.write(_record_path(self._folder, name), record)
+        _tell(f"{name}: taken over from {self._reuse}")
+        return True
+
+    def _lay_out(self, final: str) -> None:
+        """Lay the last training's model and graphs out as the set, with the record of all steps."""
+        trained = self._folder / self._steps[final].folder
+        if not (trained / "onnx").is_dir():
+            raise RuntimeError(
+                f"{trained} has no graphs: its model lacks a subnetwork, or lime-export failed; "
+                f"run `lime-export {trained} --format graphs --weights {trained}` for the reason"
+            )
+        taken = {}
+        for name in self._steps:
+            if _record_path(self._folder, name).is_file() and name != steps.EVALUATION:
+                taken[name] = untrusted.read_json(_record_path(self._folder, name))
+        record = untrusted.read_json(trained / "config.json")
+        record |= {"recipe": self._record, "steps": taken}
+        with atomic.replacing(self._folder / "model") as partial:
+            shutil.copytree(trained / "model", partial)
+            atomic.write(partial / "training.json", json.dumps(record, indent=1) + "\n")
+        with atomic.replacing(self._folder / "onnx") as partial:
+            shutil.copytree(trained / "onnx", partial)
+
+    def _commits(self) -> list[str]:
+        """Return the commits of all steps."""
+        paths = sorted((self._folder / "steps").rglob("*.json"))
+        return sorted({untrusted.read_json(path)["commit"] for path in paths})
+
+
+def _record_path(run: Path, name: str) -> Path:
+    return run / "steps" / f"{name}.json"
+
+
+def _run(command: tuple[str, ...], folder: Path) -> None:
+    """Run one of the package's commands in a folder; it shows its own progress.
+
+    Raises:
+        RuntimeError: if it fails; its own message stands before.
+        KeyboardInterrupt: if it, or this process, was interrupted; then it has ended.
+    """
+    launch = f"import sys; from lime_keras.launch import {_LAUNCH[command[0]]} as run; "
+    # -P: the folder holds no modules.
+    words = [sys.executable, "-P", "-c", f"{launch}sys.exit(run())", *command[1:]]
+    process = subprocess.Popen(words, cwd=folder)
+    try:
+        status = process.wait()
+    except KeyboardInterrupt:
+        _end(process)
+        raise
+    if status == 130:
+        raise KeyboardInterrupt
+    if status:
+        raise RuntimeError(
+            f"{command[0]} ended with status {status}, as it says above; the same command of the "
+            "recipe goes on from there"
+        )
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    """Let a process end by the Ctrl-C that it got, else by one of ours, else at once."""
+    for seconds, then in zip(_SECONDS_TO_END, (signal.SIGINT, signal.SIGKILL), strict=True):
+        try:
+            process.wait(seconds)
+            return
+        except subprocess.TimeoutExpired:
+            process.send_signal(then)
+    process.wait()
+
+
+def _link_tree(source: Path, target: Path) -> None:
+    """Copy a folder by hard links, or by bytes where there are none."""
+
+    def link(one: str, other: str) -> None:
+        try:
+            os.link(one, other)
+        except OSError:
+            shutil.copyfile(one, other)
+
+    with atomic.replacing(target) as partial:
+        shutil.copytree(source, partial, copy_function=link, symlinks=True)
+
+
+def _tell(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
