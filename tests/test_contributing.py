@@ -26,8 +26,10 @@ def test_the_picture_is_drawn_from_the_imports(rooms):
 
 def test_a_room_has_an_arrow_to_each_room_that_it_imports(rooms):
     arrows = rooms.arrows()
-    assert {"train", "render/scene", "eval/report", "lime_keras/optics"} <= arrows.keys()
-    assert "lime_keras/optics" in arrows["render/scene"] and "lime_keras/io" in arrows["train"]
+    assert {"train/photos", "render/scene", "eval/report", "lime_keras/optics"} <= arrows.keys()
+    assert (
+        "lime_keras/optics" in arrows["render/scene"] and "lime_keras/io" in arrows["train/photos"]
+    )
     assert arrows["lime_keras/optics"] == set() and "render/corpus" not in arrows["render/scene"]
 
 

@@ -21,8 +21,8 @@ _BLOCK = re.compile(r"(?<=```mermaid\n).*?(?=```)", re.DOTALL)
 _PACKAGES = ("lime_keras", "lime_keras.render", "lime_keras.train", "lime_keras.eval")
 
 Arrows = Mapping[str, set[str]]
-"""The rooms that each room imports: `render/scene`, or `train`, which has one folder inside and so
-is one room."""
+"""The rooms that each room imports, such as `render/scene`; one of the four folders with a single
+folder inside is one room."""
 
 
 def page() -> str:
