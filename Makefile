@@ -16,7 +16,7 @@ WEIGHTS :=
 NAME :=
 DATA :=
 
-.PHONY: quickstart test test-slow fuzz stability rooms docs commands pictures results graphs ship weights lint llvm clean
+.PHONY: quickstart test test-slow fuzz stability rooms docs commands pictures readme results graphs ship weights lint llvm clean
 .DELETE_ON_ERROR:
 
 quickstart: llvm
@@ -89,9 +89,15 @@ pictures: llvm .venv/development
 rooms: .venv/installed
 	$(BIN)/python docs/pictures/rooms.py
 
-# Which tables of the docs are older than what they depend on.
+# The figures of README and docs/results.md, from docs/results/*.json.
+readme: .venv/installed
+	$(BIN)/python docs/figures.py
+
+# Measures again each file of docs/results whose weights, corpus or benchmark have changed, and goes
+# on where it was stopped: `make results DATA=folder`, which holds the corpora. RESULTS=--list names them.
+RESULTS :=
 results: .venv/installed
-	$(BIN)/python benchmarks/stale_results.py
+	$(BIN)/python benchmarks/results.py $(or $(DATA),.) $(RESULTS)
 
 lint: .venv/development .venv/typed
 	$(BIN)/ruff check .

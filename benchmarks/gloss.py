@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import photographs
+import record
 from tqdm import tqdm
 
 from lime_keras import Estimator
@@ -25,6 +26,7 @@ from lime_keras.model import folder as model_folder
 from lime_keras.model import gloss_file
 from lime_keras.optics import gloss
 
+CODE = 1
 _STEPS = 50
 
 
@@ -35,6 +37,7 @@ def main() -> None:
     options.add_argument("--weights", default="best", help="a run, or a set that ships")
     options.add_argument("--photos", type=Path, help="folder of the labelled photographs")
     options.add_argument("--write", action="store_true", help="write gloss.json beside the weights")
+    record.add_option(options)
     arguments = options.parse_args()
     estimator = Estimator(arguments.weights, ["mask", "albedo", "exponent"])
     levels, glossy = (np.array(column) for column in zip(*_scenes(arguments), strict=True))
@@ -43,15 +46,25 @@ def main() -> None:
     measured = _measure(fit(levels[fitted], glossy[fitted]), levels[kept], glossy[kept])
     calibration = fit(levels, glossy)
     print(f"{arguments.weights}: {len(levels)} scenes, {glossy.mean():.0%} glossy; {calibration}")
-    print("held-out half:", _told(measured))
+    print("held-out half:", _sentence(measured))
+    columns = {f"renders_{name}": figure for name, figure in measured.items()}
     if arguments.photos:
         pairs = list(_photographs(estimator, calibration, arguments.photos))
-        print(
-            "photographs:", _told(_measure(calibration, *map(np.array, zip(*pairs, strict=True))))
+        of_photos = _measure(calibration, *map(np.array, zip(*pairs, strict=True)))
+        print("photographs:", _sentence(of_photos))
+        columns |= {f"photographs_{name}": figure for name, figure in of_photos.items()}
+    if arguments.record:
+        record.write(
+            arguments.record,
+            {arguments.weights: columns},
+            code=CODE,
+            weights=[arguments.weights],
+            corpus=arguments.corpus,
         )
     if arguments.write:
         run = model_folder.find(arguments.weights)
-        facts = {"scenes": len(levels), "held_out_half": measured}
+        shares = {name: round(figure.value, 3) for name, figure in measured.items()}
+        facts = {"scenes": len(levels), "held_out_half": shares}
         print(f"written to {gloss_file.write(run, calibration, facts)}")
 
 
@@ -99,7 +112,7 @@ def _photographs(
 
 def _measure(
     calibration: gloss.Calibration, levels: np.ndarray, glossy: np.ndarray
-) -> dict[str, float]:
+) -> dict[str, record.Figure]:
     """Return the shares of answers that name a side, and of these that are right."""
     likely = np.array([calibration.probability(10.0**level, None) for level in levels])
     right = (likely > 0.5) == glossy
@@ -111,10 +124,11 @@ def _measure(
         "sure": sure.mean(),
         "sure_right": right[sure].mean() if sure.any() else np.nan,
     }
-    return {name: round(float(share), 3) for name, share in shares.items()}
+    count = len(levels)
+    return {name: record.Figure(float(share), None, count) for name, share in shares.items()}
 
 
-def _told(measured: dict[str, float]) -> str:
+def _sentence(measured: dict[str, record.Figure]) -> str:
     named, right, sure, sure_right = (f"{share:.0%}" for share in measured.values())
     return f"{named} name a side, {right} of these right; {sure} are sure, {sure_right} right"
 

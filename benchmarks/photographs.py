@@ -31,7 +31,7 @@ from lime_keras.optics import colour, shading
 from lime_keras.outputs import available
 from lime_keras.runtime import engine
 
-CODE = 1
+CODE = 2  # since 2, m_d is as saturated as the object's pixels
 LABELS = "labels.csv"
 FINISHES = ("glossy", "matte")
 COLUMNS = ("photo", "finish", "note", "dielectric", "pair")  # the first is needed

@@ -113,6 +113,24 @@ def tiny_model(tiny, shared):
 
 
 @pytest.fixture
+def run(tiny_model, tmp_path):
+    """Return a copy of the exported tiny model, to change."""
+    return shutil.copytree(tiny_model.parent, tmp_path / "run")
+
+
+@pytest.fixture(scope="session")
+def corpus(shared):
+    """Return a corpus of spheres of 32 pixels: two train shards with 4 and 2, and 3 of the test."""
+    import sphere_corpus
+
+    def make(folder):
+        sphere_corpus.write_split(folder, "train", [range(4), range(4, 6)], size=32)
+        sphere_corpus.write_split(folder, "test", [range(3)], seed=1, size=32)
+
+    return shared("corpus", make)
+
+
+@pytest.fixture
 def sets(tiny_model, tmp_path, monkeypatch):
     """`sets(*names)`: lets tiny models of these names come with the package; returns their folder.
 

@@ -137,22 +137,6 @@ def test_its_links_lead_somewhere(page):
             assert anchor in set(anchors(read(target))), link
 
 
-@pytest.mark.parametrize("page", TEXTS, ids=named)
-def test_its_tables_have_heads(page):
-    """Without one, a table is a paragraph of strokes."""
-    lines = read(page).splitlines()
-    for before, line in zip(["", *lines], lines, strict=False):
-        if re.match(r"\s*\|[-:| ]*-[-:| ]*\|$", line):
-            assert before.lstrip().startswith("|"), line
-            assert before.replace("\\|", "").count("|") == line.count("|"), before
-
-
-@pytest.mark.parametrize("page", TEXTS, ids=named)
-def test_no_line_is_a_comment_by_accident(page):
-    """The site leaves out a line that begins with a per cent sign."""
-    assert not re.search(r"^\s*%", read(page), re.MULTILINE)
-
-
 def test_every_page_is_in_a_table_of_contents():
     listed = set()
     for page in PAGES:
@@ -184,21 +168,6 @@ def options():
     out = {name: told(name) for name in COMMANDS}
     out["lime-render"] += "".join(told("lime-render", name) for name in render_cli.COMMANDS)
     return {name: set(re.findall(r"--[a-z][\w-]*", text)) for name, text in out.items()}
-
-
-@pytest.mark.parametrize("name", COMMANDS)
-def test_the_help_of_a_command_has_groups_examples_and_pages(name):
-    """The options in groups, then examples, then the pages with the rest."""
-    text = told(name, width=100)
-    titles = re.findall(r"^([a-z][a-z ]+):$", text, re.MULTILINE)
-    assert {"options", "examples"} < set(titles) and len(titles) >= 5
-    options, examples = text.split("\nexamples:\n")
-    loose = options.split("\noptions:\n")[1].split("\n\n")[0]
-    assert set(re.findall(r"^  (-\S+)", loose, re.MULTILINE)) == {"-h,", "--version"}
-    assert re.match(r"(?:  lime-.*\n)+", examples)
-    pages = examples.replace("\n", " ").split("More: ")[1]
-    assert all((ROOT / page).is_file() for page in re.findall(r"[^ ,]+\.md", pages))
-    assert re.fullmatch(r"(docs/[\w/-]+\.md(, |\. *$))+", pages)
 
 
 @pytest.mark.parametrize("page", [page for page in TEXTS if page not in HISTORY], ids=named)
@@ -246,18 +215,12 @@ def test_the_reference_has_every_command():
     assert not stale, "a command's help has changed: make commands"
 
 
-def test_every_table_of_results_has_its_mark():
-    """And the mark has the commit that is told, and files that there are."""
-    stale = script(ROOT / "benchmarks" / "stale_results.py")
-    assert len(list(stale.figures())) > 15
-    for figure in stale.figures():
-        told = re.sub(r"<!--.*?-->", "", read(ROOT / figure.page), flags=re.DOTALL)
-        assert figure.commit in told, figure
-        for path in figure.paths:
-            assert (ROOT / path).exists(), figure
-    for part in re.split(r"^#+ ", read(DOCS / "results.md"), flags=re.MULTILINE):
-        if "\n|" in part:
-            assert stale.MARK.search(part), part[:80]
+def test_the_figures_of_the_pages_are_those_of_the_files():
+    figures = script(DOCS / "figures.py")
+    for page in figures.PAGES:
+        assert figures.written_anew(read(page)) == read(page), f"{named(page)}: make readme"
+        # A comment that begins a line ends the paragraph.
+        assert not re.search("^<!-- figure", read(page), re.MULTILINE), named(page)
 
 
 def test_the_citation_is_of_this_version():

@@ -14,7 +14,6 @@ import nbclient
 import nbformat
 import numpy as np
 import pytest
-import sphere_corpus
 from PIL import Image
 
 from lime_keras.data.corpus import Split
@@ -26,13 +25,6 @@ from lime_keras.optics import shininess
 EXAMPLES = Path(__file__).parent.parent / "examples"
 OF_THIS_PACKAGE = {EXAMPLES / "render_one.py", EXAMPLES / "first_material.ipynb"}
 """Examples of the package itself."""
-
-
-@pytest.fixture(scope="module")
-def corpus(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("examples") / "corpus"
-    sphere_corpus.write_split(folder, "train", [range(4), range(4, 6)], size=32)
-    return sphere_corpus.write_split(folder, "test", [range(2)], seed=1, size=32)
 
 
 @pytest.fixture(scope="module")

@@ -100,8 +100,7 @@ def developed(light: tf.Tensor) -> tf.Tensor:
 
 def linear(image: tf.Tensor) -> tf.Tensor:
     """Return the linear radiance of an sRGB image in multiples of 1/255, by a table."""
-    decoded = colour.srgb_to_linear(np.arange(256) / 255).astype(np.float32)
-    return look_up(decoded, tf.cast(image * 255.0 + 0.5, tf.int32))
+    return look_up(colour.LEVELS, tf.cast(image * 255.0 + 0.5, tf.int32))
 
 
 def objects_share(example: dict[str, tf.Tensor]) -> tf.Tensor:

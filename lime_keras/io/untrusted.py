@@ -99,16 +99,15 @@ def naming(path: Path, what: str) -> Iterator[None]:
         raise ValueError(f"{path} cannot be read as {what}: {reason}") from error
 
 
-def read_json(path: Path, kind: type = dict) -> Any:
-    """Read a JSON file.
+def read_json(path: Path) -> Any:
+    """Return the object in a JSON file.
 
     Args:
         path: path of the file.
-        kind: type of the whole content, `dict` or `list`.
 
     Raises:
-        ValueError: if there is no such file, or it is too large, too deep, no JSON or of another
-            kind; the message has the reason alone, and the caller knows the mend.
+        ValueError: if there is no such file, or it is too large, too deep, no JSON or no
+            object; the message has the reason alone, and the caller knows the mend.
     """
     check(path, "JSON")
     if (size := path.stat().st_size) > LARGEST_JSON:
@@ -117,8 +116,8 @@ def read_json(path: Path, kind: type = dict) -> Any:
         held = json.loads(path.read_text(encoding="utf-8"))
     except RecursionError as error:
         raise ValueError("it is nested too deeply") from error
-    if not isinstance(held, kind):
-        raise ValueError(f"it holds no JSON {'object' if kind is dict else kind.__name__}")
+    if not isinstance(held, dict):
+        raise ValueError("it holds no JSON object")
     return held
 
 

@@ -106,6 +106,9 @@ def _in_parts(curve: Callable[[Any], Any], values: Any) -> Any:
     return out.reshape(values.shape)
 
 
+LEVELS = srgb_to_linear(np.arange(256) / 255).astype(np.float32)  # of 8 bits, linear, `(256,)`
+
+
 def luminance(rgb_linear: np.ndarray) -> np.ndarray:
     """Return the Rec. 709 luminance `(...)` of linear RGB `(..., 3)`, in the unit of the RGB."""
     return rgb_linear @ LUMINANCE_WEIGHTS.astype(rgb_linear.dtype)

@@ -9,11 +9,6 @@ from lime_keras.eval.accuracy.evaluate import evaluate
 from lime_keras.eval.kept import Kept
 
 
-@pytest.fixture(scope="module")
-def corpus(tmp_path_factory):
-    return sphere_corpus.write_split(tmp_path_factory.mktemp("corpus"), "test", [range(3)], size=32)
-
-
 @pytest.fixture
 def counted(monkeypatch):
     calls = []
@@ -41,7 +36,7 @@ def test_a_second_call_measures_nothing_and_answers_the_same(corpus, tiny_model,
 
 
 def test_other_images_are_measured_anew(corpus, tiny_model, tmp_path, counted):
-    other = sphere_corpus.write_split(tmp_path / "other", "test", [range(3)], seed=1, size=32)
+    other = sphere_corpus.write_split(tmp_path / "other", "test", [range(3)], seed=2, size=32)
     for images in (corpus, other, corpus, other):
         kept.evaluation(Kept(tmp_path / "kept"), tiny_model, images)
     assert len(counted) == 2

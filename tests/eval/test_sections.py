@@ -8,7 +8,6 @@ from pathlib import Path
 
 import answer_files
 import pytest
-import sphere_corpus
 import trade
 
 from lime_keras.eval import cli
@@ -16,11 +15,6 @@ from lime_keras.eval.tradeoff import measure, recommendation, table
 from lime_keras.render.inspect import images
 
 BENCHMARK = Path(__file__).parents[2] / "docs" / "reference" / "benchmark.md"
-
-
-@pytest.fixture(scope="module")
-def corpus(tmp_path_factory):
-    return sphere_corpus.write_split(tmp_path_factory.mktemp("corpus"), "test", [range(4)], size=32)
 
 
 @pytest.fixture(scope="module")

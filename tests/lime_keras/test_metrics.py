@@ -290,21 +290,6 @@ def test_relative_error_is_the_evaluations():
     assert found == pytest.approx(error.sum() / lit.sum(), rel=1e-5)
 
 
-@pytest.mark.parametrize("radiance", [0.0, 1e-8, 65504.0, 1e30])
-@pytest.mark.parametrize("predicted", [0.0, 59873.0])
-@pytest.mark.parametrize("coverage", [0.0, 1.0])
-def test_relative_error_is_finite_at_the_extremes(radiance, predicted, coverage):
-    image = np.ones((2, 64, 64, 1), np.float32)
-    metric = MaskedRelativeError()
-    metric.update_state(radiance * image, predicted * image, coverage * image)
-    found = float(metric.result())
-    assert np.isfinite(found)
-    if coverage and radiance:
-        assert found == pytest.approx(abs(predicted - radiance) / radiance, rel=1e-4)
-    else:
-        assert found == 0
-
-
 def test_the_metrics_work_in_any_keras_model():
     inputs = keras.Input((2, 2, 1))
     model = keras.Model(inputs, keras.layers.Identity()(inputs))

@@ -9,11 +9,6 @@ from lime_keras import Estimator, console
 from lime_keras.train import graphs
 
 
-@pytest.fixture
-def run(tiny_model, tmp_path):
-    return shutil.copytree(tiny_model.parent, tmp_path / "run")
-
-
 def test_graphs_of_these_weights_stay(run, monkeypatch):
     monkeypatch.setattr(subprocess, "run", lambda *_, **__: pytest.fail("they are there"))
     assert graphs.write(run) == f"its graphs, which lime-estimate runs, in {run / 'onnx'}"

@@ -172,7 +172,7 @@ def _resized(pixels: np.ndarray, factor: float) -> np.ndarray:
 
 def _linear(pixels: np.ndarray) -> np.ndarray:
     """Return the linear radiance of sRGB pixels uint8, float32 in [0, 1]."""
-    return colour.srgb_to_linear(np.arange(256) / 255).astype(np.float32)[pixels]
+    return colour.LEVELS[pixels]
 
 
 def _light(thing: np.ndarray) -> np.ndarray:

@@ -6,7 +6,6 @@ import shutil
 import numpy as np
 import onnxruntime
 import pytest
-import sphere_corpus
 
 from lime_keras import __version__
 from lime_keras.commands import export as export_cli
@@ -117,13 +116,6 @@ def test_an_unknown_output_or_no_model_is_refused(tiny_model, tmp_path):
 # Fewer bits, and a corpus.
 
 
-@pytest.fixture(scope="module")
-def corpus(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("export") / "corpus"
-    sphere_corpus.write_split(folder, "train", [range(4), range(4, 6)], size=32)
-    return sphere_corpus.write_split(folder, "test", [range(2)], seed=1, size=32)
-
-
 @pytest.mark.parametrize("precision", [pytest.param("float16", marks=pytest.mark.slow), "int8"])
 def test_fewer_bits_are_compared_on_pictures_and_on_extremes(
     precision, tiny_model, network, corpus, tmp_path
@@ -171,7 +163,7 @@ def test_pictures_are_those_of_the_test_split(tiny_model, corpus, tmp_path, stan
     assert all(value["mask"] < 1e-6 for value in differences.values())
     shards = exporter.Split(corpus, "test").shard_paths()
     pictures = exporter.calibration.first(shards, 32, 9, camera=True)
-    assert len(pictures) == 2
+    assert len(pictures) == 3
     np.testing.assert_array_equal(np.concatenate(shown)[-2:], pictures)
 
 

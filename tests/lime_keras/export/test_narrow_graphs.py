@@ -3,19 +3,11 @@
 import numpy as np
 import onnx
 import pytest
-import sphere_corpus
 
 from lime_keras import Estimator
 from lime_keras.export import exporter, formats, parity, quantisation, reference
 from lime_keras.runtime import onnx_graphs
 from lime_keras.runtime.onnx_file import OnnxFile
-
-
-@pytest.fixture(scope="module")
-def corpus(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("narrow") / "corpus"
-    sphere_corpus.write_split(folder, "train", [range(4), range(4, 6)], size=32)
-    return sphere_corpus.write_split(folder, "test", [range(2)], seed=1, size=32)
 
 
 def test_graphs_in_eight_bits_lie_beside_a_copy_of_the_model(tiny_model, corpus, tmp_path):

@@ -52,29 +52,6 @@ def test_curves_rise_and_join_at_the_knee(curve):
     assert (steps > 0).all() and steps.max() < 0.01
 
 
-@pytest.mark.parametrize("curve", [colour.srgb_to_linear, colour.linear_to_srgb])
-@pytest.mark.parametrize("dtype", [np.float16, np.float32, np.float64])
-def test_gradients_are_finite_and_positive(curve, dtype, differentiate):
-    x = np.array([-1, -0.0, 0, 1e-7, 0.0031308, 0.04045, 0.5, 1, 10], dtype)
-    value, [gradient] = differentiate(curve, x)
-    assert value.dtype == dtype and np.isfinite(value).all()
-    assert np.isfinite(gradient).all() and (gradient > 0).all()
-
-
-@pytest.mark.parametrize("curve", [colour.srgb_to_linear, colour.linear_to_srgb])
-def test_gradients_are_those_of_finite_differences(curve, differentiate):
-    x, step = np.array([-0.3, 0.001, 0.01, 0.2, 0.9, 3.0]), 1e-6
-    _, [gradient] = differentiate(curve, x)
-    difference = (curve(x + step) - curve(x - step)) / (2 * step)
-    np.testing.assert_allclose(gradient, difference, rtol=1e-6)
-
-
-@pytest.mark.parametrize("curve", [colour.srgb_to_linear, colour.linear_to_srgb])
-def test_not_a_number_stays_one_and_infinity_too(curve):
-    value = curve(np.array([np.nan, np.inf, -np.inf]))
-    assert np.isnan(value[0]) and value[1] == np.inf and value[2] == -np.inf
-
-
 @given(st.tuples(UNIT, UNIT, UNIT))
 def test_yuv_round_trip_inside_its_box(rgb):
     yuv = colour.rgb_to_yuv(np.array(rgb))

@@ -71,11 +71,6 @@ def test_solid_angles_are_integrals_of_the_sine():
     assert environment.solid_angles(7, 3)[0, 0] == pytest.approx(expected, rel=1e-6)
 
 
-def test_spherical_mean_in_single_precision():
-    radiance = np.full((256, 512), 1e4, np.float32)
-    assert environment.spherical_mean(radiance) == pytest.approx(1e4, rel=1e-6)
-
-
 @pytest.mark.parametrize("shape", SHAPES)
 def test_looking_at_texel_centres_gives_the_texels(shape):
     radiance = noise(*shape)

@@ -16,13 +16,6 @@ def test_eight_equal_bins_from_one_to_a_thousand():
     np.testing.assert_allclose(shininess.LOG_MEANS, 0.375 * np.arange(8) + 0.1875)
 
 
-@pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_a_lower_edge_belongs_to_its_bin_in_either_precision(dtype):
-    edges = (10.0 ** shininess.LOG_EDGES[:8]).astype(dtype)
-    np.testing.assert_array_equal(shininess.bin_of(edges), np.arange(8))
-    np.testing.assert_array_equal(shininess.bin_of(edges[1:] * dtype(0.9999)), np.arange(7))
-
-
 def test_means_lie_in_their_bins():
     np.testing.assert_array_equal(shininess.bin_of(10.0**shininess.LOG_MEANS), np.arange(8))
 
@@ -32,12 +25,6 @@ def test_everything_beyond_the_range_goes_to_the_end_bins():
     assert shininess.bin_of(exponents).tolist() == [0] * 5 + [7] * 5
     assert shininess.bin_of(np.ones((2, 3, 1))).shape == (2, 3, 1)
     assert shininess.bin_of([]).shape == (0,)
-
-
-@pytest.mark.parametrize("exponent", [-1e-9, -np.inf, np.nan, [3.0, np.nan]])
-def test_negative_exponents_and_nan_are_refused(exponent):
-    with pytest.raises(ValueError, match="at least 0"):
-        shininess.bin_of(exponent)
 
 
 @given(st.floats(0, 3, exclude_max=True))
@@ -82,10 +69,3 @@ def test_certain_and_uniform():
     np.testing.assert_array_equal(shininess.entropy(certain), 0)
     np.testing.assert_allclose(shininess.log_expected(uniform), 1.5, rtol=1e-6)
     np.testing.assert_allclose(shininess.entropy(uniform), 3)
-
-
-def test_expected_value_of_tensors_has_a_gradient(differentiate):
-    probabilities = np.eye(8, dtype=np.float32)
-    value, [gradient] = differentiate(shininess.log_expected, probabilities)
-    np.testing.assert_allclose(value, shininess.LOG_MEANS, rtol=1e-6)
-    np.testing.assert_allclose(gradient, np.tile(shininess.LOG_MEANS, (8, 1)), rtol=1e-6)

@@ -17,12 +17,6 @@ from lime_keras.runtime.engine import ENGINES
 PHOTO = np.random.default_rng(0).uniform(size=(40, 90, 3)).astype(np.float32)
 
 
-@pytest.fixture
-def run(tiny_model, tmp_path):
-    """A run of its own, which was exported."""
-    return shutil.copytree(tiny_model.parent, tmp_path / "run")
-
-
 def change_weights(run):
     architecture, subnetworks = weights.load(run)
     subnetworks["albedo"].get_layer("albedos").bias.assign([0.9, 0.1, 0.4, 0.2])
