@@ -60,7 +60,7 @@ def exponent_net(architecture: Architecture) -> keras.Model:
 
     The registry turns the logits into probabilities by softmax; the loss needs the logits. In a
     system without MirrorNet the input is S alone; with `dichromatic` it is `masked_image`, the
-    split and S, since M beside them brings less than 1 % (docs/lab/2026-11-25-physics.md). With
+    split and S, since M beside them brings less than 1 % (docs/lab/physics.md). With
     regression the output is log10 s, `(B, 1)`.
     """
     if architecture.dichromatic:

@@ -1,6 +1,6 @@
 """The qualities of rendering: settings that trade the exactness of the layers against time.
 
-`benchmarks/quality.py` draws this trade; docs/lab/2026-11-21-renderer.md gives the reasons for the
+`benchmarks/quality.py` draws this trade; docs/lab/renderer.md gives the reasons for the
 fast settings.
 """
 

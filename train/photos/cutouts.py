@@ -1,7 +1,7 @@
 """Cut-outs: photographs of real things before photographed places, in linear light.
 
 It is for SegmentationNet alone, whose encoder forgets photographs where it learns from renders
-alone (docs/lab/2026-11-25-mask.md). A cut-out is a picture of one thing whose alpha channel is
+alone (docs/lab/masks.md). A cut-out is a picture of one thing whose alpha channel is
 the thing's coverage. Nothing need be known of its material.
 """
 

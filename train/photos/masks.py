@@ -1,7 +1,7 @@
 """The masks that the material's subnetworks learn on: as SegmentationNet finds them, and damaged.
 
 A network that has seen true masks alone loses on estimated ones what it had gained
-(docs/lab/2026-11-25-physics.md).
+(docs/lab/physics.md).
 """
 
 import numpy as np
