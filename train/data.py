@@ -7,7 +7,7 @@ first batch, and then seen again and again: in another order each time, flipped 
 import hashlib
 import itertools
 import zlib
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from time import sleep
@@ -17,8 +17,10 @@ import keras
 import numpy as np
 
 from lime_keras.data.corpus import Split
+from lime_keras.networks import subnetwork_names
 from lime_keras.optics.material_law import UNIFORM
 
+from . import terms
 from .config import Config
 from .devices import Devices
 from .photos import answers, making
@@ -26,7 +28,6 @@ from .photos.flips import flip
 from .photos.kept import INPUT_MASK, PREDICTED, Kept
 from .photos.making import OnMaking, Recipe
 from .stages import Stage
-from .terms import LEARNT_FROM
 
 _ORIGIN = ("seed", "index")
 """Features that identify an example of a corpus."""
@@ -70,6 +71,15 @@ class Data:
         self._masker: keras.Model | None = None
         self._opened: dict[str, Kept] = {}
 
+    @property
+    def features(self) -> tuple[str, ...]:
+        """The names of the features that some stage, or the evaluation of the system, reads."""
+        config = self._config
+        names = terms.terms_of(
+            subnetwork_names(config.architecture), config.schedule.losses, config.compositing
+        )
+        return terms.features_of(names)
+
     def set_masker(self, masker: keras.Model | None) -> None:
         """Let input masks be what a SegmentationNet finds, in some photos; None: true ones."""
         self._masker = masker
@@ -86,10 +96,10 @@ class Data:
         first_step: int,
         frozen: Mapping[str, keras.Model] | None = None,
     ) -> Iterator[Batch]:
-        """Yield a stage's batches without end, from a step on, each read while one is learnt from.
+        """Make a stage's photos, if they are missing, and return its batches, from a step on.
 
-        Missing photos are made first. Each batch also holds `seed` and `index`, which identify its
-        examples.
+        The batches have no end; each is read while one is learnt from. Each also holds `seed` and
+        `index`, which identify its examples.
 
         Args:
             stage: the stage.
@@ -105,15 +115,11 @@ class Data:
         def read(step: int) -> Batch:
             rows = _rows(photos.count, seed, range(step * size, (step + 1) * size))
             batch = _read(photos, told, rows, wanted)
-            if not self._config.schedule.flips:
-                return batch
-            return flip(batch, np.random.default_rng((seed, step)).random(size) < 0.5)
+            if self._config.schedule.flips:
+                flip(batch, np.random.default_rng((seed, step)).random(size) < 0.5)
+            return batch
 
-        with ThreadPoolExecutor(1) as reader:
-            coming = reader.submit(read, first_step)
-            for step in itertools.count(first_step + 1):
-                batch, coming = coming.result(), reader.submit(read, step)
-                yield batch
+        return _ahead(read, first_step)
 
     def validation(
         self, features: Collection[str], frozen: Mapping[str, keras.Model] | None = None
@@ -127,7 +133,7 @@ class Data:
         each = -(-schedule.validation_examples // len(self._paths))
         recipe = self._recipe(
             0,
-            features=(*self._all_features, *_ORIGIN),
+            features=(*self.features, *_ORIGIN),
             materials=self._config.materials or (),
             validation=each,
         )
@@ -149,11 +155,6 @@ class Data:
         )
         return f"{named} of the train split: render it again, or leave it out"
 
-    @property
-    def _all_features(self) -> tuple[str, ...]:
-        baseline = self._config.architecture.system != "lime"
-        return (*LEARNT_FROM, "shininess", *(["environment"] if baseline else []))
-
     def _photos(self, stage: Stage) -> Kept:
         """Return the photos of a stage, made if they were not.
 
@@ -171,7 +172,7 @@ class Data:
         kind = "mask photos" if of_masks else "photos"
         recipe = self._recipe(
             self._seed(kind),
-            features=_MASK_FEATURES if of_masks else (*self._all_features, *_ORIGIN),
+            features=_MASK_FEATURES if of_masks else (*self.features, *_ORIGIN),
             materials=(config.materials or (UNIFORM,)) if schedule.repaints else (),
             paint=("clutter" if of_masks else "prints") if schedule.paints else None,
             cutouts=self._photographs if of_masks else None,
@@ -234,6 +235,15 @@ class Data:
 
     def _seed(self, what: str) -> int:
         return zlib.crc32(f"{self._config.seed} {what}".encode())
+
+
+def _ahead(read: Callable[[int], Batch], first_step: int) -> Iterator[Batch]:
+    """Yield what is read of each step, by a thread that is one step ahead."""
+    with ThreadPoolExecutor(1) as reader:
+        coming = reader.submit(read, first_step)
+        for step in itertools.count(first_step + 1):
+            batch, coming = coming.result(), reader.submit(read, step)
+            yield batch
 
 
 def without_origin(batch: Batch) -> Batch:

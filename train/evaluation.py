@@ -20,8 +20,6 @@ from . import terms
 from .data import Batch, Data
 from .devices import Devices
 
-_FEATURES = (*terms.LEARNT_FROM, "shininess")
-
 
 class SystemModel(keras.Model):
     """A model of a whole system that only measures its outputs.
@@ -86,7 +84,7 @@ class SystemEvaluation:
         """
         model, examples = self._model, 0
         model.reset_measures()
-        for batch in self._data.validation(_FEATURES):
+        for batch in self._data.validation(self._data.features):
             examples += len(batch["mask"])
             self._evaluate(batch)
         measures = model.measured() if examples else {}

@@ -15,7 +15,7 @@ from lime_keras.networks.wiring import Wiring, needed, quantities
 
 from . import terms
 from .photos.kept import INPUT_MASK, PREDICTED
-from .terms import LEARNING, LEARNT_FROM, TERMS, StageAnswer
+from .terms import TERMS, StageAnswer
 
 
 class StageModel(keras.Model):
@@ -53,14 +53,10 @@ class StageModel(keras.Model):
         self._kept = [name for name in quantities(kept or {}) if name in self._given]
         self._answered, self._found = tuple(quantities(subnetworks)), output_names(subnetworks)
         self._units = terms.Units(lobe, any(map(is_plain, _of_radiance(subnetworks))))
-        left_out = {name for name, term in TERMS.items() if term.losses not in (None, losses)}
-        if not compositing:
-            left_out.update(terms.PERCEPTUAL)
         self.terms = [
-            term
-            for name in subnetworks
-            for term in LEARNING[name].terms
-            if TERMS[term].quantity in self._answered and term not in left_out
+            name
+            for name in terms.terms_of(subnetworks, losses, compositing)
+            if TERMS[name].quantity in self._answered
         ]
         self._means = {term: keras.metrics.Mean(name=term) for term in self.terms}
         self._measures = terms.metrics_of(subnetworks)
@@ -69,14 +65,14 @@ class StageModel(keras.Model):
     @property
     def features(self) -> tuple[str, ...]:
         """The names of the features, as in `data.pipeline`, that a batch must hold."""
-        if list(self.subnetworks) == ["segmentation"]:
-            return ("image", "mask")
-        wanted = [*LEARNT_FROM, *(f"{PREDICTED}{quantity}" for quantity in self._kept)]
-        for quantity in self._given:
-            wanted += terms.features_of_truth(quantity)
-        for term in self.terms:
-            wanted += TERMS[term].features
-        return tuple(dict.fromkeys(wanted))
+        kept = [f"{PREDICTED}{quantity}" for quantity in self._kept]
+        true = [
+            feature
+            for quantity in self._given
+            if quantity not in self._kept
+            for feature in terms.features_of_truth(quantity)
+        ]
+        return tuple(dict.fromkeys((*terms.features_of(self.terms), *kept, *true)))
 
     def call(self, batch: Mapping[str, Any], training: bool = False) -> StageAnswer:
         """Return the predictions of the stage's subnetworks, and what they read, for a batch."""

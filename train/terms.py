@@ -24,22 +24,6 @@ from lime_keras.optics.shading import lobe_factor
 Batch = Mapping[str, Any]
 """Features of a batch by name, as `data.pipeline` names them."""
 
-LEARNT_FROM = (
-    "image",
-    "mask",
-    "diffuse_shading",
-    "specular_shading",
-    "mirror",
-    "diffuse_albedo",
-    "specular_albedo",
-    "ambient",
-    "clipped",
-    "painted",
-    "cast",
-    "exponent_bin",
-)
-"""Features that the losses of all stages but `segmentation` need."""
-
 
 class StageAnswer(NamedTuple):
     """The results of a stage for a batch.
@@ -79,7 +63,8 @@ class Term:
         quantity: name of the quantity whose prediction the term compares with the truth.
         loss: function of a batch, a `StageAnswer` and the `Units` of the stage; returns the loss of
             each example, `(B,)`.
-        features: names of the features that it reads, beside `LEARNT_FROM`.
+        features: names of the features that it and the measures of its quantity read, beside
+            `image` and `mask`.
         losses: value of `Schedule.losses` that has the term; None if every schedule has it.
     """
 
@@ -110,7 +95,7 @@ class Learning:
 
     Attributes:
         terms: names out of `TERMS`; terms of quantities that no subnetwork of the stage predicts
-            are left out, and those of the other `Term.losses`.
+            are left out, and those of the other `Term.losses` (`terms_of`).
         measures: names out of `MEASURES`.
         joined: number, from 1, of the first joined stage that trains it; None if it is only trained
             alone.
@@ -138,8 +123,30 @@ def truth(quantity: str, batch: Batch, units: Units) -> Any:
 
 
 def features_of_truth(quantity: str) -> tuple[str, ...]:
-    """Return the features that `truth` reads, beside `LEARNT_FROM`."""
-    return _COMPUTED[quantity].features if quantity in _COMPUTED else ()
+    """Return the names of the features that `truth` reads."""
+    return _COMPUTED[quantity].features if quantity in _COMPUTED else (quantity,)
+
+
+def terms_of(subnetworks: Iterable[str], losses: str, compositing: bool = True) -> list[str]:
+    """Return the names of the loss terms that subnetworks learn by.
+
+    Args:
+        subnetworks: names of the subnetworks.
+        losses: which terms are learnt by: those of this `Schedule.losses`.
+        compositing: whether Eq. 5 is among them.
+    """
+    return [
+        term
+        for name in subnetworks
+        for term in LEARNING[name].terms
+        if TERMS[term].losses in (None, losses) and (compositing or term not in PERCEPTUAL)
+    ]
+
+
+def features_of(names: Iterable[str]) -> tuple[str, ...]:
+    """Return the names of the features that loss terms read, and the measures beside them."""
+    read = (feature for name in names for feature in TERMS[name].features)
+    return tuple(dict.fromkeys(("image", "mask", *read)))
 
 
 def metrics_of(subnetworks: Iterable[str]) -> dict[str, keras.metrics.Metric]:
@@ -171,7 +178,8 @@ def _reflectance_map(batch: Batch, units: Units) -> Any:
     return ops.stop_gradient(true_reflectance_map(shaded))
 
 
-_COMPUTED = {"reflectance_map": _Truth(_reflectance_map, ("environment", "shininess"))}
+_LIT = ("environment", "shininess", "diffuse_albedo", "specular_albedo", "ambient")
+_COMPUTED = {"reflectance_map": _Truth(_reflectance_map, _LIT)}
 """Quantities whose truth is computed, because records do not hold it."""
 
 
@@ -246,12 +254,14 @@ def _compositing(batch: Batch, answer: StageAnswer, units: Units) -> Any:
 
 
 _OF_MAP = features_of_truth("reflectance_map")
-_EXPONENTS = ("shininess",)
+_EXPONENTS = ("exponent_bin", "shininess")
+_DIFFUSE, _SPECULAR = ("diffuse_albedo",), ("specular_albedo",)
+_PERCEIVED = ("painted", "ambient", "diffuse_shading")
 TERMS = {
     # The paper's. It gives no weights.
     "mask": Term(1.0, "mask", _mask(losses.mask_l2), losses="printed"),
-    "specular": Term(1.0, "specular_shading", _shading("specular_shading")),
-    "mirror": Term(1.0, "mirror", _shading("mirror")),
+    "specular": Term(1.0, "specular_shading", _shading("specular_shading"), ("specular_shading",)),
+    "mirror": Term(1.0, "mirror", _shading("mirror"), ("mirror",)),
     "exponent_binary": Term(
         1.0,
         "exponent_bin_probabilities",
@@ -262,9 +272,11 @@ TERMS = {
     "log_exponent_l1": Term(
         1.0, "log_exponent", _log_exponent(losses.log_exponent_l1), _EXPONENTS, "printed"
     ),
-    "diffuse_albedo": Term(1.0, "albedos", _diffuse_albedo(losses.albedo_l2), losses="printed"),
-    "specular_albedo": Term(1.0, "albedos", _specular_albedo(losses.albedo_l2), losses="printed"),
-    "compositing_printed": Term(1.0, "albedos", _compositing_printed, losses="printed"),
+    "diffuse_albedo": Term(1.0, "albedos", _diffuse_albedo(losses.albedo_l2), _DIFFUSE, "printed"),
+    "specular_albedo": Term(
+        1.0, "albedos", _specular_albedo(losses.albedo_l2), _SPECULAR, "printed"
+    ),
+    "compositing_printed": Term(1.0, "albedos", _compositing_printed, _PERCEIVED, "printed"),
     "reflectance_map_l2": Term(1.0, "reflectance_map", _map(ops.square), _OF_MAP, "printed"),
     # Those in their place.
     "structure": Term(1.0, "mask", _mask(losses.mask_structure), losses="robust"),
@@ -278,9 +290,13 @@ TERMS = {
     "log_exponent": Term(
         0.3, "log_exponent", _log_exponent(losses.log_exponent_l2), _EXPONENTS, "robust"
     ),
-    "diffuse_albedo_l1": Term(1.0, "albedos", _diffuse_albedo(losses.albedo_l1), losses="robust"),
-    "specular_albedo_l1": Term(1.0, "albedos", _specular_albedo(losses.albedo_l1), losses="robust"),
-    "compositing": Term(1.0, "albedos", _compositing, losses="robust"),
+    "diffuse_albedo_l1": Term(
+        1.0, "albedos", _diffuse_albedo(losses.albedo_l1), _DIFFUSE, "robust"
+    ),
+    "specular_albedo_l1": Term(
+        1.0, "albedos", _specular_albedo(losses.albedo_l1), _SPECULAR, "robust"
+    ),
+    "compositing": Term(1.0, "albedos", _compositing, (*_PERCEIVED, "clipped", "cast"), "robust"),
     "reflectance_map": Term(1.0, "reflectance_map", _map(ops.abs), _OF_MAP, "robust"),
 }
 PERCEPTUAL = ("compositing", "compositing_printed")

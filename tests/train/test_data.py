@@ -14,7 +14,6 @@ from lime_keras.train.config import corpus_sha256, lobe_of
 from lime_keras.train.data import Data
 from lime_keras.train.photos.kept import INPUT_MASK
 from lime_keras.train.stages import Stage
-from lime_keras.train.terms import LEARNT_FROM
 
 MASKS, MATERIAL = Stage(("segmentation",), 4, 1e-3), Stage(("albedo",), 4, 1e-3)
 OWN = {"camera": True, "flips": True, "repaints": True, "paints": True, "found_masks": True}
@@ -46,7 +45,7 @@ def _data(paths, run, *names, **options):
     return Data(found, _config(*found, **options), run)
 
 
-def _first(data, step, count, stage=MATERIAL, features=("image", "mask", "cast")):
+def _first(data, step, count, stage=MATERIAL, features=("image", "mask", "ambient")):
     return list(itertools.islice(data.training(stage, features, step), count))
 
 
@@ -108,7 +107,7 @@ def test_clutter_is_of_masks_alone(paths, run):
 
 def test_validation_photos_are_of_every_path_without_paint(paths, run):
     data = _data(paths, run, "corpus", "other")
-    batches = list(data.validation([*LEARNT_FROM, "seed", "index"]))
+    batches = list(data.validation([*data.features, "seed", "index"]))
     found = [pair for one in batches for pair in zip(one["seed"], one["index"], strict=True)]
     # Four examples in all: two that each corpus holds out.
     assert sorted((int(s), int(i)) for s, i in found) == [(0, 4), (0, 5), (1, 4), (1, 5)]

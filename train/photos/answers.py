@@ -94,50 +94,53 @@ def make(
     masker, missing = networks.get("segmentation"), answers.begin()
     done = answers.count - sum(map(len, missing))
     for part in missing:
-        found: dict[str, list[np.ndarray]] = {name: [] for name in answers.features}
-        for first in range(part.start, part.stop, _BATCH):
-            rows = np.arange(first, min(first + _BATCH, part.stop))
-            for name, value in _answer(photos, rows, masker, layers, seed).items():
-                found[name].append(value)
-        answers.write(part.start, {name: np.concatenate(all_) for name, all_ in found.items()})
+        batch = photos.read(np.array(part), ("image", "mask", *reads(layers)))
+        batch["mask"] = _input_masks(batch, part, masker, seed)
+        answers.write(part.start, {INPUT_MASK: batch["mask"], **_layers(batch, layers)})
         answers.mark(part)
         done += len(part)
         on_making(title, done, answers.count)
     answers.finish({})
 
 
-def _answer(
-    photos: Kept,
-    rows: np.ndarray,
-    masker: keras.Model | None,
-    networks: Mapping[str, keras.Model],
-    seed: int | None,
+def _input_masks(
+    batch: Mapping[str, np.ndarray], rows: range, masker: keras.Model | None, seed: int | None
+) -> np.ndarray:
+    """Return the input masks of some photos; SegmentationNet looks only where its mask is used."""
+    drawn: list[np.ndarray | None] = [None] * len(rows)
+    if seed is not None:
+        drawn = [
+            masks.input_mask(true, np.random.default_rng((seed, row)))
+            for true, row in zip(batch["mask"], rows, strict=True)
+        ]
+    undrawn = [index for index, one in enumerate(drawn) if one is None]
+    found = batch["mask"][undrawn]
+    if masker is not None and undrawn:
+        # Always as many photos: for another number the prediction would be compiled anew.
+        whole = -(-len(undrawn) // _BATCH) * _BATCH
+        images = np.split(batch["image"][np.resize(undrawn, whole)], whole // _BATCH)
+        found = np.concatenate([predict_mask(masker, some) for some in images])
+    for index, one in zip(undrawn, found, strict=False):
+        drawn[index] = one
+    return np.stack([one for one in drawn if one is not None])
+
+
+def _layers(
+    batch: Mapping[str, np.ndarray], networks: Mapping[str, keras.Model]
 ) -> dict[str, np.ndarray]:
-    """Return the input masks of some photos, and what the subnetworks predict of them."""
-    batch = photos.read(rows, ("image", "mask", *reads(networks)))
-    predicted = None if masker is None else predict_mask(masker, batch["image"])
-    if seed is None:
-        cut_out = batch["mask"] if predicted is None else predicted
-    else:
-        cut_out = np.stack(
-            [
-                masks.input_mask(
-                    true,
-                    None if predicted is None else predicted[index],
-                    np.random.default_rng((seed, int(row))),
-                )
-                for index, (row, true) in enumerate(zip(rows, batch["mask"], strict=True))
-            ]
-        )
-    out: dict[str, Any] = {INPUT_MASK: cut_out}
-    if networks:
-        # As the files hold the mask, so that the order of both does not matter.
-        given = {name: keras.ops.convert_to_tensor(value) for name, value in batch.items()}
-        mask = keras.ops.convert_to_tensor(np.round(cut_out * 255) * np.float32(1 / 255))
-        wiring = Wiring(networks, given | {"mask": mask}, training=False)
+    """Return what subnetworks predict of some photos that are cut out with these masks."""
+    # As the files hold the mask, so that the order of both does not matter.
+    mask = np.round(batch["mask"] * 255) * np.float32(1 / 255)
+    out: dict[str, list[np.ndarray]] = {f"{PREDICTED}{name}": [] for name in quantities(networks)}
+    for first in range(0, len(mask) if networks else 0, _BATCH):
+        some: dict[str, Any] = {
+            name: keras.ops.convert_to_tensor(value[first : first + _BATCH])
+            for name, value in {**batch, "mask": mask}.items()
+        }
+        wiring = Wiring(networks, some, training=False)
         for quantity, name in quantities(networks).items():
             answer = wiring.answer(quantity)
             if is_plain(networks[name]):
                 answer = QUANTITIES[quantity].plain(answer)
-            out[f"{PREDICTED}{quantity}"] = keras.ops.convert_to_numpy(answer)
-    return out
+            out[f"{PREDICTED}{quantity}"].append(keras.ops.convert_to_numpy(answer))
+    return {name: np.concatenate(values) for name, values in out.items()}

@@ -15,24 +15,20 @@ _IMAGES = (
 _CAST = np.array([1, 1, -1, 1], np.float32)
 
 
-def flip(batch: Mapping[str, Any], is_flipped: np.ndarray) -> dict[str, Any]:
-    """Turn x into −x in camera space in some examples of a batch.
+def flip(batch: Mapping[str, Any], is_flipped: np.ndarray) -> None:
+    """Turn x into −x in camera space in some examples of a batch, in place.
 
     The mirrored shape under the mirrored light gives the mirrored image, because a lobe depends on
-    angles alone. So Eqs. 2 to 5 still hold, with the same material.
+    angles alone. So Eqs. 2 to 5 still hold, with the same material. The columns of the pictures and
+    lights are reversed, and the slope of the white balance to the right negated
+    (`camera_law.cast`).
 
     Args:
-        batch: features by name, with the examples along the first axis.
+        batch: features by name, arrays with the examples along the first axis.
         is_flipped: `(B,)`, true for the examples to flip.
-
-    Returns:
-        The batch with the columns of their pictures and lights reversed, and with the slope of
-        their white balance to the right negated (`camera_law.cast`).
     """
-    out = dict(batch)
     for name, value in batch.items():
         if name.removeprefix(PREDICTED) in _IMAGES:
-            out[name] = np.where(is_flipped[:, None, None, None], value[:, :, ::-1], value)
+            value[is_flipped] = value[is_flipped][:, :, ::-1]
         elif name == "cast":
-            out[name] = np.where(is_flipped[:, None], value * _CAST, value)
-    return out
+            value[is_flipped] *= _CAST

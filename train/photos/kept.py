@@ -1,7 +1,7 @@
 """Rows of features in memory-mapped files: written once, in any order, and read in any order.
 
 A folder holds `NAME.npy` for each column, `made.npy`, and `photos.json`, which is written when all
-rows are there. Pictures and masks have 8 bits, layers 16, and marks of pixels 1.
+rows are there. Pictures, masks and layers have 8 bits, and marks of pixels 1.
 """
 
 import json
@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lime_keras.io import atomic, untrusted
+from lime_keras.optics.dynamic_range import compress
 from lime_keras.optics.environment import STORED_SHAPE
 
 PART = 128
@@ -23,14 +24,18 @@ INPUT_MASK = "seen_mask"
 PREDICTED = "predicted_"
 """Prefix of the features that frozen subnetworks predicted, compressed by log(1 + x)."""
 
+FORMAT = 2
+"""Number of the form of the files; files of another form are made anew, in another folder."""
+
 _RECORD = "photos.json"
 _RESERVE = 2**28
 """Bytes that stay free on the disk for checkpoints and models."""
-_LARGEST = float(np.finfo(np.float16).max)
+_ENDS = 8
+"""Bytes before a layer's levels: the values of the lowest and the highest, float32."""
 
 _BYTES = {"image": 3, "mask": 1, INPUT_MASK: 1}
 _BITS = {"clipped": 3, "painted": 1}
-_HALVES = {"diffuse_shading": 1, "specular_shading": 1, "mirror": 1}
+_LAYERS = ("diffuse_shading", "specular_shading", "mirror")
 _NUMBERS: Mapping[str, tuple[tuple[int, ...], Any]] = {
     "diffuse_albedo": ((3,), np.float32),
     "cast": ((4,), np.float32),
@@ -64,8 +69,6 @@ class Column(NamedTuple):
             return np.packbits(np.reshape(values, (len(values), -1)) > 0, axis=1)
         if self.dtype == np.uint8:
             return np.round(np.asarray(values, np.float32) * 255).astype(np.uint8)
-        if self.dtype == np.float16:
-            return np.clip(values, -_LARGEST, _LARGEST).astype(np.float16)
         return np.asarray(values, self.dtype)
 
     def decode(self, kept: np.ndarray) -> np.ndarray:
@@ -75,25 +78,65 @@ class Column(NamedTuple):
             return bits.reshape(-1, *self.shape).astype(np.float32)
         if self.dtype == np.uint8:
             return kept * np.float32(1 / 255)
-        return kept.astype(np.float32) if self.dtype == np.float16 else np.asarray(kept)
+        return np.asarray(kept)
 
 
-def columns(features: Collection[str], size: int) -> dict[str, Column]:
+class LayerColumn(NamedTuple):
+    """How a layer is kept: in 256 levels from its least value to its largest.
+
+    Attributes:
+        shape: shape of the layer, without the rows.
+        is_linear: whether the layer is linear radiance x. Then the levels are those of
+            √log(1 + x): networks read the logarithm, and the root keeps what is dark apart. Else
+            they are even.
+    """
+
+    shape: tuple[int, ...]
+    is_linear: bool
+    dtype: Any = np.uint8
+
+    @property
+    def kept_shape(self) -> tuple[int, ...]:
+        """The shape of a row in the file: both ends of the levels, and a level for each pixel."""
+        return (_ENDS + math.prod(self.shape),)
+
+    def encode(self, values: np.ndarray) -> np.ndarray:
+        """Return rows of the layer as the file holds them."""
+        flat = np.reshape(values, (len(values), -1)).astype(np.float32)
+        read = compress(flat) if self.is_linear else flat
+        ends = np.stack([read.min(axis=1), read.max(axis=1)], axis=1)
+        low, width = ends[:, :1], np.maximum(ends[:, 1:] - ends[:, :1], 1e-30)
+        shares = (read - low) / width
+        levels = np.round(255 * (np.sqrt(shares) if self.is_linear else shares))
+        return np.concatenate([ends.view(np.uint8), levels.astype(np.uint8)], axis=1)
+
+    def decode(self, kept: np.ndarray) -> np.ndarray:
+        """Return rows of the layer as networks and losses take them, float32."""
+        low, high = np.ascontiguousarray(kept[:, :_ENDS]).view(np.float32).T[..., None]
+        values = kept[:, _ENDS:] * np.float32(1 / 255)
+        if self.is_linear:
+            values *= values
+        values *= high - low
+        values += low
+        return (np.expm1(values) if self.is_linear else values).reshape(-1, *self.shape)
+
+
+def columns(features: Collection[str], size: int) -> dict[str, Column | LayerColumn]:
     """Return the columns of features by name, for pictures of `size` × `size` pixels.
 
     Raises:
         ValueError: if a feature cannot be kept.
     """
-    out = {}
+    out: dict[str, Column | LayerColumn] = {}
     for name in features:
         if name in _BYTES:
             out[name] = Column((size, size, _BYTES[name]), np.uint8)
         elif name in _BITS:
             out[name] = Column((size, size, _BITS[name]), np.uint8, is_packed=True)
-        elif name.removeprefix(PREDICTED) in _HALVES:
-            out[name] = Column((size, size, 1), np.float16)
+        elif name.removeprefix(PREDICTED) in _LAYERS:
+            out[name] = LayerColumn((size, size, 1), is_linear=name in _LAYERS)
         elif name == "environment":
-            out[name] = Column((*STORED_SHAPE, 1), np.float16)
+            out[name] = LayerColumn((*STORED_SHAPE, 1), is_linear=True)
         elif name in _NUMBERS:
             out[name] = Column(*_NUMBERS[name])
         else:

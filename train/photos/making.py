@@ -66,7 +66,7 @@ class Recipe:
 
     def key(self) -> str:
         """Return a hash of the recipe, whatever the folders are called."""
-        held = dataclasses.asdict(self) | {"corpora": None, "cutouts": None}
+        held = dataclasses.asdict(self) | {"corpora": None, "cutouts": None, "form": kept.FORMAT}
         return hashlib.sha256(json.dumps(held, sort_keys=True).encode()).hexdigest()[:16]
 
 

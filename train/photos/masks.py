@@ -22,22 +22,20 @@ _BITTEN = 0.3
 """Share of the damaged masks that lack a piece, and share of those that let a piece in."""
 
 
-def input_mask(
-    true: np.ndarray, predicted: np.ndarray | None, generator: np.random.Generator
-) -> np.ndarray:
+def input_mask(true: np.ndarray, generator: np.random.Generator) -> np.ndarray | None:
     """Return the mask that a photo's object is cut out with, `(S, S, 1)` float32 in [0, 1].
 
     Args:
         true: coverage `(S, S, 1)` in [0, 1].
-        predicted: mask that SegmentationNet finds; None if there is no such network yet.
         generator: source of all random numbers.
+
+    Returns:
+        The true mask or a damaged one; None where it is to be the one that SegmentationNet finds.
     """
     chance = generator.random()
     if chance < _DAMAGED:
         return damaged(true, generator)
-    if chance < _DAMAGED + _PREDICTED and predicted is not None:
-        return predicted
-    return true
+    return None if chance < _DAMAGED + _PREDICTED else true
 
 
 def damaged(mask: np.ndarray, generator: np.random.Generator) -> np.ndarray:

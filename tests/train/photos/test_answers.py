@@ -6,7 +6,7 @@ import pytest
 import stage_runs
 
 from lime_keras.networks import build
-from lime_keras.train.photos import answers
+from lime_keras.train.photos import answers, masks
 from lime_keras.train.photos.kept import INPUT_MASK, PREDICTED, Kept
 from lime_keras.train.stage_model import StageModel
 
@@ -55,6 +55,34 @@ def test_a_stage_learns_from_kept_predictions_as_from_fresh_ones(networks, photo
     expected, seen = map(keras.ops.convert_to_numpy, found)
     assert np.ptp(expected) > 1e-3
     np.testing.assert_allclose(seen, expected, rtol=0.02, atol=2e-3)
+
+
+def test_segmentation_looks_only_at_photos_whose_mask_it_finds(networks, photos, tmp_path):
+    looked = []
+
+    def found(network, images):
+        looked.append(images)
+        return np.mean(images, axis=-1, keepdims=True)
+
+    told = Kept(tmp_path / "masks", COUNT, answers.features({}), SIZE)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(answers, "predict_mask", found)
+        answers.make(photos, told, _of(networks, "segmentation"), 1, "", lambda *progress: None)
+    rows = np.arange(COUNT)
+    seen = told.read(rows, told.features)[INPUT_MASK]
+    batch = photos.read(rows, ("image", "mask"))
+    drawn = [
+        masks.input_mask(true, np.random.default_rng((1, row)))
+        for row, true in enumerate(batch["mask"])
+    ]
+    found_here = [row for row in rows if drawn[row] is None]
+    assert 0 < len(found_here) < COUNT
+    assert {one.tobytes() for one in looked[0]} == {
+        batch["image"][row].tobytes() for row in found_here
+    }
+    for row in rows:
+        expected = batch["image"][row].mean(-1, keepdims=True) if drawn[row] is None else drawn[row]
+        np.testing.assert_allclose(seen[row], expected, atol=0.51 / 255)
 
 
 def test_answers_follow_from_photos_and_weights(networks, photos, tmp_path):

@@ -9,14 +9,14 @@ from sphere_corpus import example, write_split
 
 from lime_keras.data import camera
 from lime_keras.optics import camera_law, colour
+from lime_keras.train import terms
 from lime_keras.train.config import corpus_sha256
 from lime_keras.train.photos import kept, making, paint
 from lime_keras.train.photos.kept import Kept
 from lime_keras.train.photos.making import Recipe, Studio
-from lime_keras.train.terms import LEARNT_FROM
 
 SIZE = 32
-FEATURES = (*LEARNT_FROM, "shininess", "seed", "index")
+FEATURES = (*terms.features_of(terms.terms_of(terms.LEARNING, "robust")), "seed", "index")
 
 
 @pytest.fixture(scope="module")
