@@ -24,6 +24,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
+import record
 from tqdm import tqdm
 
 from lime_keras import console
@@ -32,6 +33,7 @@ from lime_keras.model import folder as model_folder
 from lime_keras.optics import colour, compositing, environment, shading, shininess
 from lime_keras.optics.blinn_phong import BlinnPhong
 
+CODE = 2
 _BLUR = 2 * math.pi / environment.STORED_SHAPE[0]
 _BATCH = 10
 _BALL = 48
@@ -44,20 +46,28 @@ def main() -> None:
     """Print a Markdown table for each source of the layers."""
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     options.add_argument("corpus", type=Path, help="of lime-render, without --lobe printed")
-    options.add_argument(
-        "--weights", type=model_folder.find, help="run of lime-train, or a set that ships"
-    )
+    options.add_argument("--weights", help="run of lime-train, or a set that ships")
     options.add_argument("--count", type=int, default=100, help="images (default: 100)")
+    record.add_option(options)
     arguments = options.parse_args()
     console.import_tensorflow()
     rows: dict[str, list[tuple[int, list[float]]]] = {}
-    examples = _examples(arguments.corpus, arguments.weights, arguments.count)
+    run = model_folder.find(arguments.weights) if arguments.weights else None
+    examples = _examples(arguments.corpus, run, arguments.count)
     for truth, estimate in tqdm(examples, total=arguments.count):
         exponent_bin = int(shininess.bin_of(truth["shininess"]))
         for name, row in _measured(truth, estimate).items():
             rows.setdefault(name, []).append((exponent_bin, row))
     for name, found in rows.items():
         print(_table(name, found))
+    if arguments.record:
+        record.write(
+            arguments.record,
+            {name: _figures(found) for name, found in rows.items()},
+            code=CODE,
+            weights=[arguments.weights] if arguments.weights else [],
+            corpus=arguments.corpus,
+        )
 
 
 def _examples(
@@ -156,19 +166,34 @@ def _ball() -> dict[str, np.ndarray]:
     return {"mask": inside[..., None].astype(np.float32), "normal": normal, "camera": camera}
 
 
-def _table(name: str, found: list[tuple[int, list[float]]]) -> str:
-    """Return a Markdown table of the means for each bin and for all images."""
+def _bins(found: list[tuple[int, list[float]]]) -> Iterator[tuple[str, np.ndarray]]:
+    """Yield the name and the rows `(N, 4)` of the measures of each bin, and of all images."""
     bins = np.array([exponent_bin for exponent_bin, _ in found])
     rows = np.array([row for _, row in found])
-    lines = [f"\n{name}\n", f"| s | count | {' | '.join(_COLUMNS)} |", "|---|" + "---:|" * 5]
     edges = 10.0**shininess.LOG_EDGES
     groups = [(f"{edges[k]:.3g}–{edges[k + 1]:.3g}", bins == k) for k in range(len(edges) - 1)]
     for label, chosen in [*groups, ("all", bins >= 0)]:
         if chosen.any():
-            error, seen, relit, ball = rows[chosen].mean(axis=0)
-            numbers = f"{error:.3f} | {seen:.3f} | {relit:.2f} dB | {ball:.2f} dB"
-            lines.append(f"| {label} | {np.sum(chosen)} | {numbers} |")
+            yield label, rows[chosen]
+
+
+def _table(name: str, found: list[tuple[int, list[float]]]) -> str:
+    """Return a Markdown table of the means for each bin and for all images."""
+    lines = [f"\n{name}\n", f"| s | count | {' | '.join(_COLUMNS)} |", "|---|" + "---:|" * 5]
+    for label, rows in _bins(found):
+        error, seen, relit, ball = rows.mean(axis=0)
+        numbers = f"{error:.3f} | {seen:.3f} | {relit:.2f} dB | {ball:.2f} dB"
+        lines.append(f"| {label} | {len(rows)} | {numbers} |")
     return "\n".join(lines)
+
+
+def _figures(found: list[tuple[int, list[float]]]) -> dict[str, record.Figure]:
+    """Return the means by bin and column, such as `all, relit`."""
+    return {
+        f"{label}, {column}": record.Figure(float(mean), None, len(rows))
+        for label, rows in _bins(found)
+        for column, mean in zip(_COLUMNS, rows.mean(axis=0), strict=True)
+    }
 
 
 if __name__ == "__main__":
