@@ -11,7 +11,7 @@ from keras import ops
 
 from lime_keras.networks import output_names
 from lime_keras.networks.registry import is_plain
-from lime_keras.networks.wiring import Wiring, needed, quantities
+from lime_keras.networks.wiring import Wiring, predictors, required_inputs
 
 from . import terms
 from .photos.kept import INPUT_MASK, PREDICTED
@@ -49,9 +49,9 @@ class StageModel(keras.Model):
         super().__init__(dtype="float32")
         self.subnetworks = dict(subnetworks)
         self._replicas = replicas
-        self._given = needed(subnetworks)
-        self._kept = [name for name in quantities(kept or {}) if name in self._given]
-        self._answered, self._found = tuple(quantities(subnetworks)), output_names(subnetworks)
+        self._given = required_inputs(subnetworks)
+        self._kept = [name for name in predictors(kept or {}) if name in self._given]
+        self._answered, self._found = tuple(predictors(subnetworks)), output_names(subnetworks)
         self._units = terms.Units(lobe, any(map(is_plain, _of_radiance(subnetworks))))
         self.terms = [
             name
@@ -85,10 +85,10 @@ class StageModel(keras.Model):
         predicted = {name: batch[f"{PREDICTED}{name}"] for name in self._kept}
         graph = Wiring(self.subnetworks, given, training=training, predicted=predicted)
         return StageAnswer(
-            raw={quantity: graph.answer(quantity) for quantity in self._answered},
+            raw={quantity: graph.raw_prediction(quantity) for quantity in self._answered},
             # Eq. 5 reads S in this form, whatever AlbedoNet reads.
             seen={
-                name: graph.seen(name)
+                name: graph.network_input(name)
                 for network in self.subnetworks.values()
                 for tensor in network.inputs
                 for name in {tensor.name, tensor.name.removeprefix("linear_")}

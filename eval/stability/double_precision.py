@@ -78,7 +78,7 @@ def answers(
     out = {"mask": mask}
     shapes = {"specular": mask, "mirror": mask, "reflectance_map": disc(images.shape[1])}
     for name in filter(subnetworks.__contains__, shapes):
-        [quantity] = SUBNETWORKS[name].answers
+        [quantity] = SUBNETWORKS[name].predicts
         raw = run(name)
         if is_plain(subnetworks[name]):
             raw = np.log1p(np.maximum(raw, 0))

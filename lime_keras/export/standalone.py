@@ -7,7 +7,7 @@ parts by these names needs no arithmetic of its own:
 
 - `image`, sRGB in [0, 1], `mask`, coverage in [0, 1], and `dichromatic` are themselves;
 - `compressed_specular_shading` and the like are S, M and the reflectance map as the registry's
-  `Quantity.estimated` returns them: compressed, and 0 outside the object.
+  `Quantity.from_prediction` returns them: compressed, and 0 outside the object.
 """
 
 from collections.abc import Mapping
@@ -17,7 +17,7 @@ import keras
 from keras import layers
 
 from lime_keras.model.graphs import SPLIT
-from lime_keras.networks.registry import DERIVED, OUTPUT_ROWS, QUANTITIES, answered
+from lime_keras.networks.registry import DERIVED, OUTPUT_ROWS, QUANTITIES, predicted_quantities
 from lime_keras.networks.wiring import Wiring
 from lime_keras.optics import dichromatic
 
@@ -53,11 +53,11 @@ def standalone(name: str, network: keras.Model) -> keras.Model:
         of `outputs.OUTPUTS` that the subnetwork alone decides, and `compressed_NAME` of each image
         among its quantities but the mask.
     """
-    graph = _Alone(name, network)
+    graph = _SubnetworkGraph(name, network)
     found = {}
-    for quantity in answered(name, network):
+    for quantity in predicted_quantities(name, network):
         if QUANTITIES[quantity].channels:
-            found[_exchanged(quantity)] = graph.seen(quantity)
+            found[_exchanged(quantity)] = graph.network_input(quantity)
         for output, row in OUTPUT_ROWS.items():
             if row.quantity == quantity:
                 found[output] = graph.output(output)
@@ -88,7 +88,7 @@ _CHANNELS = {"image": 3, SPLIT: dichromatic.CHANNELS}
 """Number of channels of what is read and is no quantity."""
 
 
-class _Alone(Wiring):
+class _SubnetworkGraph(Wiring):
     """The graph of one subnetwork, in which all that it does not predict is an input.
 
     Attributes:
@@ -97,13 +97,13 @@ class _Alone(Wiring):
 
     def __init__(self, name: str, network: keras.Model):
         super().__init__({name: network}, {"image": None})
-        self._seen.clear()
+        self._inputs.clear()
         self._size = network.inputs[0].shape[1]
         self.inputs: dict[str, keras.KerasTensor] = {}
 
-    def _fed(self, quantity: str) -> Any:
-        if (quantity in DERIVED and quantity != SPLIT) or quantity in self._answering:
-            return super()._fed(quantity)
+    def _compute_input(self, quantity: str) -> Any:
+        if (quantity in DERIVED and quantity != SPLIT) or quantity in self._predictors:
+            return super()._compute_input(quantity)
         name = _exchanged(quantity)
         channels = _CHANNELS.get(quantity) or QUANTITIES[quantity].channels
         self.inputs[name] = keras.Input((self._size, self._size, channels), name=name)

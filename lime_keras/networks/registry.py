@@ -51,25 +51,25 @@ class Subnetwork:
     Attributes:
         build: function that builds the model for an architecture. The model's inputs are named
             after the quantities that the subnetwork reads, a row of `DERIVED`, or `image`.
-        answers: names of the quantities that it predicts, in the order of the model's outputs.
+        predicts: names of the quantities that it predicts, in the order of the model's outputs.
         part_of: function that says whether a system of an architecture has this subnetwork.
         encoder: whether it predicts numbers of the material (True) or images (False).
         heads: names that the model's last layers with weights may have.
     """
 
     build: Callable[[Architecture], keras.Model]
-    answers: tuple[str, ...]
+    predicts: tuple[str, ...]
     part_of: Callable[[Architecture], bool]
     encoder: bool = False
     heads: tuple[str, ...] = ("head", PLAIN_HEAD)
 
 
-Seen = Callable[[str], Any]
+InputLookup = Callable[[str], Any]
 """Function from the name of a quantity, of a row of `DERIVED`, or `image`, to the value that
-subnetworks read (`Wiring.seen`)."""
+subnetworks read (`Wiring.network_input`)."""
 
 
-def _as_it_is(value: Any, seen: Seen) -> Any:
+def _identity(value: Any, lookup: InputLookup) -> Any:
     return value
 
 
@@ -77,31 +77,31 @@ def _as_it_is(value: Any, seen: Seen) -> Any:
 class Quantity:
     """A row of the registry: one quantity, which a subnetwork predicts and others may read.
 
-    Both functions take `Seen` as their second argument and return the quantity in the form that
-    other subnetworks read and that outputs are computed from.
+    Both functions take an `InputLookup` as their second argument and return the quantity in the
+    form that other subnetworks read and that outputs are computed from.
 
     Attributes:
-        estimated: function of the subnetwork's raw prediction.
-        given: function of the ground truth, which is linear if it is radiance.
+        from_prediction: function of the subnetwork's raw prediction.
+        from_truth: function of the ground truth, which is linear if it is radiance.
         plain: function of the raw prediction of a subnetwork with a `PLAIN_HEAD`, in the form that
-            `estimated` takes.
+            `from_prediction` takes.
         channels: number of channels if the quantity is an image; None if it is numbers, which no
             subnetwork reads.
     """
 
-    estimated: Callable[[Any, Seen], Any] = _as_it_is
-    given: Callable[[Any, Seen], Any] = _as_it_is
+    from_prediction: Callable[[Any, InputLookup], Any] = _identity
+    from_truth: Callable[[Any, InputLookup], Any] = _identity
     plain: Callable[[Any], Any] = lambda raw: raw
     channels: int | None = None
 
 
 @dataclass(frozen=True)
-class Reading:
+class OutputRow:
     """A row of the registry: one output, and the quantity that it is computed from.
 
     Attributes:
         quantity: name of the quantity.
-        read: function from the quantity, in the form of `Quantity.estimated`, to the output.
+        read: function from the quantity, in the form of `Quantity.from_prediction`, to the output.
     """
 
     quantity: str
@@ -139,80 +139,80 @@ SUBNETWORKS = {
 }
 """Row of each subnetwork by name, in the order of `system.build`."""
 
-DERIVED: dict[str, Callable[[Seen], Any]] = {
-    "masked_image": lambda seen: seen("image") * seen("mask"),
-    "dichromatic": lambda seen: channels(seen("image"), seen("mask")),
-    "linear_specular_shading": lambda seen: expand(seen("specular_shading")),
-    "linear_mirror": lambda seen: expand(seen("mirror")),
+DERIVED: dict[str, Callable[[InputLookup], Any]] = {
+    "masked_image": lambda lookup: lookup("image") * lookup("mask"),
+    "dichromatic": lambda lookup: channels(lookup("image"), lookup("mask")),
+    "linear_specular_shading": lambda lookup: expand(lookup("specular_shading")),
+    "linear_mirror": lambda lookup: expand(lookup("mirror")),
 }
 """Function of each value that no subnetwork predicts and all may read, by name."""
 
 QUANTITIES = {
     "mask": Quantity(
-        lambda answer, _: ops.clip((answer - 0.5) * MASK_CONTRAST + 0.5, 0.0, 1.0),
+        lambda raw, _: ops.clip((raw - 0.5) * MASK_CONTRAST + 0.5, 0.0, 1.0),
         plain=lambda raw: (raw - 0.5) / MASK_CONTRAST + 0.5,
         channels=1,
     ),
     **dict.fromkeys(
         ("specular_shading", "mirror"),
         Quantity(
-            lambda answer, seen: answer * seen("mask"),
-            lambda truth, seen: compress(truth) * seen("mask"),
+            lambda raw, lookup: raw * lookup("mask"),
+            lambda truth, lookup: compress(truth) * lookup("mask"),
             plain=compress,
             channels=1,
         ),
     ),
     "reflectance_map": Quantity(
-        lambda answer, _: answer * disc(answer.shape[1]),
+        lambda raw, _: raw * disc(raw.shape[1]),
         lambda truth, _: compress(truth),
         channels=3,
     ),
-    "albedos": Quantity(lambda answer, _: ops.clip(answer, 0.0, 1.0)),
+    "albedos": Quantity(lambda raw, _: ops.clip(raw, 0.0, 1.0)),
     "exponent_bin_probabilities": Quantity(lambda logits, _: ops.softmax(logits)),
-    "log_exponent": Quantity(lambda answer, _: ops.clip(answer, LOG_LOW, LOG_HIGH)),
+    "log_exponent": Quantity(lambda raw, _: ops.clip(raw, LOG_LOW, LOG_HIGH)),
 }
 """Row of each quantity by name."""
 
 OUTPUT_ROWS = {
-    "mask": Reading("mask"),
-    "specular_shading": Reading("specular_shading", expand),
-    "mirror": Reading("mirror", expand),
-    "reflectance_map": Reading("reflectance_map", expand),
-    "diffuse_albedo": Reading("albedos", lambda albedos: albedos[:, :3]),
-    "specular_albedo": Reading("albedos", lambda albedos: albedos[:, 3:]),
-    "exponent_bin_probabilities": Reading("exponent_bin_probabilities"),
-    "log_exponent": Reading("log_exponent"),
+    "mask": OutputRow("mask"),
+    "specular_shading": OutputRow("specular_shading", expand),
+    "mirror": OutputRow("mirror", expand),
+    "reflectance_map": OutputRow("reflectance_map", expand),
+    "diffuse_albedo": OutputRow("albedos", lambda albedos: albedos[:, :3]),
+    "specular_albedo": OutputRow("albedos", lambda albedos: albedos[:, 3:]),
+    "exponent_bin_probabilities": OutputRow("exponent_bin_probabilities"),
+    "log_exponent": OutputRow("log_exponent"),
 }
 """Row of each output by name; the names are those of `lime_keras.outputs.OUTPUTS`."""
 
 
-def answered(name: str, network: keras.Model) -> tuple[str, ...]:
+def predicted_quantities(name: str, network: keras.Model) -> tuple[str, ...]:
     """Return the names of the quantities that a subnetwork predicts.
 
-    They are the `answers` of its row, but `log_exponent` in place of probabilities where a network
-    regresses log10 s.
+    They are those that its row `predicts`, but `log_exponent` in place of probabilities where a
+    network regresses log10 s.
 
     Args:
         name: name of the subnetwork.
         network: the subnetwork, as its row builds it.
     """
-    answers = SUBNETWORKS[name].answers
-    if answers[0] == "exponent_bin_probabilities" and network.outputs[0].shape[-1] == 1:
-        return ("log_exponent", *answers[1:])
-    return answers
+    names = SUBNETWORKS[name].predicts
+    if names[0] == "exponent_bin_probabilities" and network.outputs[0].shape[-1] == 1:
+        return ("log_exponent", *names[1:])
+    return names
 
 
-def estimate(quantity: str, network: keras.Model, raw: Any, seen: Seen) -> Any:
+def estimate(quantity: str, network: keras.Model, raw: Any, lookup: InputLookup) -> Any:
     """Return a quantity in the form that other subnetworks read, from a raw prediction.
 
     Args:
         quantity: name of the quantity.
         network: subnetwork that predicted it.
         raw: its prediction.
-        seen: function that returns what subnetworks read.
+        lookup: function that returns what subnetworks read.
     """
     row = QUANTITIES[quantity]
-    return row.estimated(row.plain(raw) if is_plain(network) else raw, seen)
+    return row.from_prediction(row.plain(raw) if is_plain(network) else raw, lookup)
 
 
 def is_plain(network: keras.Model) -> bool:

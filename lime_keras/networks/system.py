@@ -12,7 +12,7 @@ from keras import layers
 
 from lime_keras.networks.architecture import Architecture
 from lime_keras.networks.registry import OUTPUT_ROWS, QUANTITIES, SUBNETWORKS
-from lime_keras.networks.wiring import Wiring, quantities
+from lime_keras.networks.wiring import Wiring, predictors
 
 
 def subnetwork_names(architecture: Architecture) -> tuple[str, ...]:
@@ -47,7 +47,7 @@ def output_names(subnetworks: Mapping[str, keras.Model]) -> tuple[str, ...]:
     replaces `exponent_bin_probabilities`. In the baseline, `reflectance_map` `(B, S, S, 3)`, linear
     radiance, replaces `specular_shading` and `mirror`.
     """
-    found = quantities(subnetworks)
+    found = predictors(subnetworks)
     return tuple(name for name, row in OUTPUT_ROWS.items() if row.quantity in found)
 
 

@@ -61,7 +61,9 @@ def _answer(rng, regresses=False):
 def _outputs(batch, answer):
     """As the stage's graph reads them from its subnetworks' answers."""
     return {
-        name: row.read(QUANTITIES[row.quantity].estimated(answer[row.quantity], batch.__getitem__))
+        name: row.read(
+            QUANTITIES[row.quantity].from_prediction(answer[row.quantity], batch.__getitem__)
+        )
         for name, row in OUTPUT_ROWS.items()
         if row.quantity in answer
     }

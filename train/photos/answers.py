@@ -12,7 +12,7 @@ import keras
 import numpy as np
 
 from lime_keras.networks.registry import DERIVED, QUANTITIES, estimate, is_plain
-from lime_keras.networks.wiring import Wiring, quantities
+from lime_keras.networks.wiring import Wiring, predictors
 
 from . import masks
 from .kept import INPUT_MASK, PREDICTED, Kept
@@ -27,21 +27,21 @@ def independent(
 ) -> dict[str, keras.Model]:
     """Return the frozen subnetworks of a stage that read no prediction of one that learns."""
     out: dict[str, keras.Model] = {}
-    learnt = set(quantities({n: one for n, one in subnetworks.items() if n not in frozen}))
+    learnt = set(predictors({n: one for n, one in subnetworks.items() if n not in frozen}))
     for name, network in subnetworks.items():
         read = {tensor.name for tensor in network.inputs}
         if name in frozen and not read & learnt:
             out[name] = network
         else:
-            learnt |= set(quantities({name: network}))
+            learnt |= set(predictors({name: network}))
     images = {name for name, row in QUANTITIES.items() if row.channels == 1}
-    return {name: one for name, one in out.items() if images.issuperset(quantities({name: one}))}
+    return {name: one for name, one in out.items() if images.issuperset(predictors({name: one}))}
 
 
 def reads(networks: Mapping[str, keras.Model]) -> tuple[str, ...]:
     """Return the layers that these subnetworks read and none of them predicts."""
     read = {tensor.name for network in networks.values() for tensor in network.inputs}
-    return tuple(sorted(read - set(quantities(networks)) - {"image", "mask", *DERIVED}))
+    return tuple(sorted(read - set(predictors(networks)) - {"image", "mask", *DERIVED}))
 
 
 def sha256(networks: Mapping[str, keras.Model]) -> str:
@@ -56,7 +56,7 @@ def sha256(networks: Mapping[str, keras.Model]) -> str:
 
 def features(networks: Mapping[str, keras.Model]) -> tuple[str, ...]:
     """Return the names of the features that are kept of these subnetworks, and the input mask."""
-    return (INPUT_MASK, *(f"{PREDICTED}{quantity}" for quantity in quantities(networks)))
+    return (INPUT_MASK, *(f"{PREDICTED}{quantity}" for quantity in predictors(networks)))
 
 
 def predict_mask(network: keras.Model, images: np.ndarray) -> np.ndarray:
@@ -131,15 +131,15 @@ def _layers(
     """Return what subnetworks predict of some photos that are cut out with these masks."""
     # As the files hold the mask, so that the order of both does not matter.
     mask = np.round(batch["mask"] * 255) * np.float32(1 / 255)
-    out: dict[str, list[np.ndarray]] = {f"{PREDICTED}{name}": [] for name in quantities(networks)}
+    out: dict[str, list[np.ndarray]] = {f"{PREDICTED}{name}": [] for name in predictors(networks)}
     for first in range(0, len(mask) if networks else 0, _BATCH):
         some: dict[str, Any] = {
             name: keras.ops.convert_to_tensor(value[first : first + _BATCH])
             for name, value in {**batch, "mask": mask}.items()
         }
         wiring = Wiring(networks, some, training=False)
-        for quantity, name in quantities(networks).items():
-            answer = wiring.answer(quantity)
+        for quantity, name in predictors(networks).items():
+            answer = wiring.raw_prediction(quantity)
             if is_plain(networks[name]):
                 answer = QUANTITIES[quantity].plain(answer)
             out[f"{PREDICTED}{quantity}"].append(keras.ops.convert_to_numpy(answer))

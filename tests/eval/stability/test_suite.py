@@ -103,7 +103,7 @@ BROKEN = {
         "constant",
         wiring,
         "OUTPUT_ROWS",
-        registry.OUTPUT_ROWS | {"mirror": registry.Reading("mirror")},
+        registry.OUTPUT_ROWS | {"mirror": registry.OutputRow("mirror")},
     ),
 }
 

@@ -10,7 +10,7 @@ from scipy.special import softmax
 from lime_keras.model import weights
 from lime_keras.networks import assemble, build, output_names
 from lime_keras.networks.registry import SUBNETWORKS
-from lime_keras.networks.wiring import Wiring, needed
+from lime_keras.networks.wiring import Wiring, required_inputs
 
 SIZE = 32
 LAYERS = {"mask": 1, "specular_shading": 1, "mirror": 1, "reflectance_map": 3}
@@ -36,9 +36,9 @@ def encoders(subnetworks):
 
 def test_the_encoders_read_what_is_given(tiny, given):
     part = encoders(build(tiny, seed=4))
-    assert needed(part) == ("mask", "specular_shading", "mirror")
-    inputs = {name: given[name] for name in ("image", *needed(part))}
-    found = assemble(part, given=needed(part)).predict_on_batch(inputs)
+    assert required_inputs(part) == ("mask", "specular_shading", "mirror")
+    inputs = {name: given[name] for name in ("image", *required_inputs(part))}
+    found = assemble(part, given=required_inputs(part)).predict_on_batch(inputs)
     mask = given["mask"]
     specular, mirror = (np.log1p(given[name]) * mask for name in ("specular_shading", "mirror"))
     albedos = np.clip(run(part["albedo"], given["image"] * mask, specular), 0, 1)
@@ -56,9 +56,9 @@ def test_the_baselines_material_is_read_from_the_map_that_is_given(ablation, giv
     part = encoders(build(ablation, seed=1))
     if ablation.system == "lime":
         expected = ("mask", "specular_shading", *(["mirror"] if ablation.mirror else []))
-        assert needed(part) == expected
+        assert required_inputs(part) == expected
         return
-    assert needed(part) == ("mask", "reflectance_map")
+    assert required_inputs(part) == ("mask", "reflectance_map")
     graph = assemble(part, given={"reflectance_map"})
     found = graph.predict_on_batch({name: given[name] for name in ("image", "reflectance_map")})
     logits, albedos = run(part["material"], np.log1p(given["reflectance_map"]))
@@ -130,11 +130,13 @@ def test_what_is_given_replaces_no_answer(tiny, given):
     inputs = {name: keras.ops.convert_to_tensor(given[name]) for name in ("image", "mask")}
     graph = Wiring(subnetworks, inputs)
     found = run(subnetworks["segmentation"], given["image"])
-    np.testing.assert_allclose(graph.answer("mask"), found, atol=1e-6)
+    np.testing.assert_allclose(graph.raw_prediction("mask"), found, atol=1e-6)
     np.testing.assert_allclose(
         graph.output("mask"), np.clip((found - 0.5) * 1.5 + 0.5, 0, 1), atol=1e-6
     )
-    np.testing.assert_array_equal(graph.seen("masked_image"), given["image"] * given["mask"])
+    np.testing.assert_array_equal(
+        graph.network_input("masked_image"), given["image"] * given["mask"]
+    )
 
 
 def test_every_output_of_the_tiny_model_varies_with_the_image(tiny_model):
