@@ -89,6 +89,11 @@ NO_OBJECT = Caution(
     "no object was found, so no material is estimated: pass a mask, or a photo that shows the "
     "object larger",
 )
+PRINTED_LOBE = Caution(
+    "printed-lobe",
+    "the model's m_s and S are in the unit of the paper's Eq. 3 (lime-render --lobe printed), so "
+    "files for other programs show other highlights: for photos, train on a corpus without it",
+)
 
 
 def confidence(mask: np.ndarray) -> float | None:

@@ -111,9 +111,10 @@ class Estimator:
     ):
         self._masker = masker
         self._model = weights
-        self.gloss_calibration = gloss_file.read(model_folder.find(weights))
+        run = model_folder.find(weights)
+        self.gloss_calibration = gloss_file.read(run)
+        self._doubts = (cautions.PRINTED_LOBE,) if model_folder.lobe(run) == "printed" else ()
         if isinstance(engine, str):
-            run = model_folder.find(weights)
             engine = runtime.load(run, engine, precision=precision, streaming=streaming)
         self._engine = engine
         self.size, self.system = self._engine.size, self._engine.system
@@ -249,7 +250,7 @@ class Estimator:
         photo = view.photo
         if photo.dtype == np.uint8:
             photo = photo / np.float32(255)
-        return (*cautions.of(photo, mask, view.confidence), *view.doubts)
+        return (*cautions.of(photo, mask, view.confidence), *view.doubts, *self._doubts)
 
     def read(self, view: View, only: Collection[str] | None = None) -> Material:
         """Estimate the material of the object in a view.
@@ -280,7 +281,7 @@ class Estimator:
             the warnings; where no object was found, with nothing but the mask.
         """
         mask = self._place_mask(view) if view.given is None else view.given
-        warnings = (*cautions.of(view.photo, mask, view.confidence), *view.doubts)
+        warnings = (*cautions.of(view.photo, mask, view.confidence), *view.doubts, *self._doubts)
         if cautions.NO_OBJECT in warnings:
             return Material(
                 mask_coverage=0.0,

@@ -100,6 +100,25 @@ def files(run: Path) -> list[Path]:
     return [model / ARCHITECTURE, *weights, *(path for path in held if path.is_file())]
 
 
+def lobe(run: Path) -> str:
+    """Return the lobe of the S that a model learnt, which decides the unit of its m_s.
+
+    Args:
+        run: folder of the trained model (see `folder`).
+
+    Returns:
+        One of `lime_keras.data.corpus.LOBES`; `furnace` for a model without a record.
+
+    Raises:
+        ValueError: if the record, `training.json`, cannot be read.
+    """
+    path = folder(run) / "training.json"
+    if not path.is_file():
+        return "furnace"
+    with untrusted.naming(path, "record of a training"):
+        return str(untrusted.read_json(path).get("config", {}).get("lobe", "furnace"))
+
+
 def digest(run: Path) -> str:
     """Return the SHA-256 of the model that the estimator runs: its architecture and weights.
 

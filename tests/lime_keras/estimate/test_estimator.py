@@ -1,6 +1,7 @@
 """From photos of every kind to materials, with untrained weights."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from PIL import Image
 
 from lime_keras import Estimator, Material
 from lime_keras.estimate import cautions, framing
+from lime_keras.model import folder as model_folder
 from lime_keras.model import weights
 from lime_keras.networks import assemble, build
 from lime_keras.optics import colour, highlights, shininess
@@ -479,3 +481,16 @@ def test_an_ablations_exponent_alone(ablation, ablation_model):
     material = estimator.estimate(photo((32, 32)))
     assert set(material.to_json()) == numbers | ALWAYS
     assert set(material.layers) == {"mask"}
+
+
+def test_a_model_in_the_printed_unit_says_so(tmp_path):
+    shutil.copytree(model_folder.PRETRAINED / "nano", tmp_path / "nano")
+    (tmp_path / "nano" / "model" / "training.json").write_text('{"config": {"lobe": "printed"}}')
+    photo = np.full((70, 70, 3), 90, np.uint8)
+    mask = np.ones((70, 70), bool)
+    estimator = Estimator(tmp_path / "nano", only=["albedo"])
+    found = estimator.estimate(photo, mask).warnings
+    assert found[-1] == cautions.PRINTED_LOBE
+    assert estimator.doubts(estimator.view(photo, mask))[-1] == cautions.PRINTED_LOBE
+    shipped = Estimator("nano", only=["albedo"]).estimate(photo, mask).warnings
+    assert shipped == found[:-1]

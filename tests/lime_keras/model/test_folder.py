@@ -39,6 +39,22 @@ def test_the_digest_is_of_all_that_is_run_and_of_nothing_else(run):
     assert len(seen) == 5
 
 
+def test_the_lobe_is_that_of_the_record(run):
+    assert model_folder.lobe(run) == "furnace"
+    record = run / "model" / "training.json"
+    for text, lobe in (
+        ("{}", "furnace"),
+        ('{"config": {}}', "furnace"),
+        ('{"config": {"lobe": "printed"}}', "printed"),
+    ):
+        record.write_text(text)
+        assert model_folder.lobe(run) == lobe
+    for text in ("[]", '{"config": 3}', "{"):
+        record.write_text(text)
+        with pytest.raises(ValueError, match=r"training\.json"):
+            model_folder.lobe(run)
+
+
 def test_a_folder_without_a_model_is_told(tmp_path):
     for ask in (model_folder.files, model_folder.digest):
         with pytest.raises(FileNotFoundError, match=r"architecture\.json is missing.*lime-train"):
