@@ -81,7 +81,7 @@ def main() -> None:
 
 def _answers(estimator: Estimator, corpus: Path) -> list[Answer]:
     """Return the answers for all held-out photos in which an object was found."""
-    shards = pipeline.whole_shards(Split(corpus, "train"))
+    shards = pipeline.verified_shards(Split(corpus, "train"))
     batches = pipeline.evaluation(
         shards, size=Split(corpus, "train").size, batch_size=8, camera=True
     )

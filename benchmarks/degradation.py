@@ -120,7 +120,7 @@ def main() -> None:
     arguments = options.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
     split = Split(arguments.corpus, "test")
-    dataset = pipeline.evaluation(pipeline.whole_shards(split), size=split.size, batch_size=1)
+    dataset = pipeline.evaluation(pipeline.verified_shards(split), size=split.size, batch_size=1)
     scenes = list(dataset.take(arguments.count).as_numpy_iterator())
     settings: dict[str, dict[float, tuple[list[_Scene], Turn]]] = {
         knob: {setting: (scenes, functools.partial(turn, to=setting)) for setting in all_settings}

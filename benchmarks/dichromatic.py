@@ -33,7 +33,7 @@ def main() -> None:
     options.add_argument("--split", default="train", choices=("train", "test"))
     options.add_argument("--count", type=int, default=200)
     arguments = options.parse_args()
-    shards = pipeline.whole_shards(Split(arguments.corpus, arguments.split))
+    shards = pipeline.verified_shards(Split(arguments.corpus, arguments.split))
     records = pipeline.evaluation(shards, size=128, batch_size=1).take(arguments.count)
     errors: dict[str, list[tuple[float, float, float]]] = {flaw: [] for flaw in FLAWS}
     for record in tqdm(records.as_numpy_iterator(), total=arguments.count, unit="scene"):

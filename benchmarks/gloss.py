@@ -82,7 +82,7 @@ def fit(levels: np.ndarray, glossy: np.ndarray) -> gloss.Calibration:
 def _scenes(arguments: argparse.Namespace) -> Iterator[tuple[float, bool]]:
     """Yield the estimated level of each photographed scene, and whether it is glossy."""
     estimator = Estimator(arguments.weights, ["mask", "albedo", "exponent"])
-    shards = pipeline.whole_shards(Split(arguments.corpus, "train"))
+    shards = pipeline.verified_shards(Split(arguments.corpus, "train"))
     size = Split(arguments.corpus, "train").size
     batches = pipeline.evaluation(shards, size=size, batch_size=8, camera=True)
     for batch in tqdm(batches.as_numpy_iterator(), unit="batch"):

@@ -126,7 +126,7 @@ def _measured(
             lights["estimated"] = illumination.estimate(found)
             lights["estimated, as printed"] = illumination.as_printed(found)
     lights["constant"] = np.full(true.shape, environment.spherical_mean(true))
-    seen = illumination.seen(evidence)
+    seen = illumination.is_observed(evidence)
     return {
         name: [*_errors(light, true, seen), *_relit(truth, light, true)]
         for name, light in lights.items()

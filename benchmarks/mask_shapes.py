@@ -40,7 +40,7 @@ def main() -> None:
     arguments = options.parse_args()
     split = Split(arguments.corpus, "test")
     dataset = pipeline.evaluation(
-        pipeline.whole_shards(split), size=split.size, batch_size=1, features=("image", "mask")
+        pipeline.verified_shards(split), size=split.size, batch_size=1, features=("image", "mask")
     )
     scenes = list(dataset.take(arguments.count).as_numpy_iterator())
     thin = np.array([_is_thin(scene["mask"][0, ..., 0] >= 0.5) for scene in scenes])

@@ -26,7 +26,7 @@ from tqdm import tqdm
 from lime_keras.estimate.estimator import Estimator
 from lime_keras.eval.markdown_table import ABSENT, aligned
 from lime_keras.io import photo as photo_files
-from lime_keras.io import sources, untrusted
+from lime_keras.io import scanner, untrusted
 from lime_keras.optics import colour, shading
 from lime_keras.outputs import available
 from lime_keras.runtime import engine
@@ -91,12 +91,12 @@ def read_folder(folder: Path) -> list[Photo]:
         ValueError: if there is no photo, or the labels name one that is not there, name one twice,
             or have an unknown column or value.
     """
-    pictures = [path for path in sources.inside(folder) if not sources.is_video(str(path))]
+    pictures = [path for path in scanner.inside(folder) if not scanner.is_video(str(path))]
     masks = {path: _mask(path) for path in pictures}
     photos = sorted(path for path in pictures if path not in masks.values())
     if not photos:
         raise ValueError(
-            f"{folder} has no photos: their names end in {', '.join(sources.SUFFIXES)}"
+            f"{folder} has no photos: their names end in {', '.join(scanner.SUFFIXES)}"
         )
     names = {path.relative_to(folder).as_posix(): path for path in photos}
     path = folder / LABELS
@@ -111,7 +111,7 @@ def read_folder(folder: Path) -> list[Photo]:
 
 def _mask(photo: Path) -> Path | None:
     other = photo.with_name(re.sub("input$", "mask", photo.stem) + photo.suffix)
-    return sources.mask_beside(photo) or (other if other != photo and other.is_file() else None)
+    return scanner.mask_beside(photo) or (other if other != photo and other.is_file() else None)
 
 
 def _labels(path: Path) -> Iterator[tuple[str, dict[str, Any]]]:

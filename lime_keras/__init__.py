@@ -19,7 +19,7 @@ from lime_keras.version import __version__
 if TYPE_CHECKING:
     from lime_keras.estimate.estimator import Estimator
     from lime_keras.material import Caution, Material
-    from lime_keras.video.estimate import estimate_video
+    from lime_keras.video.estimate_video import estimate_video
 
 __all__ = ["Caution", "Estimator", "Material", "__version__", "estimate_video"]
 
@@ -40,7 +40,7 @@ def __getattr__(name: str) -> Any:
 
         return getattr(material, name)
     if name == "estimate_video":
-        from lime_keras.video.estimate import estimate_video
+        from lime_keras.video.estimate_video import estimate_video
 
         return estimate_video
     raise AttributeError(f"module 'lime_keras' has no attribute {name!r}")

@@ -120,12 +120,12 @@ def run(tiny_model, tmp_path):
 
 @pytest.fixture(scope="session")
 def corpus(shared):
-    """Return a corpus of spheres of 32 pixels: two train shards with 4 and 2, and 3 of the test."""
+    """Return a corpus of spheres of 32 pixels: two train shards of 4 and 2, one test shard of 4."""
     import sphere_corpus
 
     def make(folder):
         sphere_corpus.write_split(folder, "train", [range(4), range(4, 6)], size=32)
-        sphere_corpus.write_split(folder, "test", [range(3)], seed=1, size=32)
+        sphere_corpus.write_split(folder, "test", [range(4)], seed=1, size=32)
 
     return shared("corpus", make)
 

@@ -105,7 +105,7 @@ def evaluate(
     engine = engine or KerasEngine(model_dir)
     split = Split(corpus, "test")
     training_record.check_lobe(model_dir, split)
-    shards = pipeline.whole_shards(split)
+    shards = pipeline.verified_shards(split)
     count, stored = _count_and_size(shards)
     if stored % architecture.size:
         raise ValueError(
@@ -125,7 +125,7 @@ def evaluate(
         for first, example in _batches(dataset, shards, count):
             number = len(example["mask"])
             # TensorFlow would compile the networks again for a batch of another size.
-            full = _filled(example, batch_size)
+            full = _padded(example, batch_size)
             given = {name: full[name] for name in ("image", "mask")}
             answers = {
                 "found": _cut(engine.run(engine.outputs, {"image": given["image"]}), number),
@@ -165,7 +165,7 @@ def evaluate_predictions(predictions: Predictions, corpus: Path) -> dict[str, np
             range, or belongs to no image.
     """
     split = Split(corpus, "test")
-    shards = pipeline.whole_shards(split)
+    shards = pipeline.verified_shards(split)
     count, size = _count_and_size(shards)
     answers = Answers(predictions, count, size, _constant_answer(shards, size))
     rows: list[dict[str, np.ndarray]] = []
@@ -195,7 +195,7 @@ def measure(
         **{name: np.asarray(example[name], np.bytes_) for name in ("shape", "light")},
         "bin": shininess.bin_of(example["shininess"]),
         "log_exponent": np.log10(np.maximum(example["shininess"], _LEAST_EXPONENT)),
-        **_found(estimate),
+        **_predictions(estimate),
         **_mask_errors(example, estimate),
         "coverage": np.mean(example["mask"] >= 0.5, axis=(1, 2, 3), dtype=np.float64),
         "saturated": _saturated(example),
@@ -215,7 +215,7 @@ def confusion(rows: Mapping[str, np.ndarray]) -> np.ndarray:
     return matrix
 
 
-def _found(estimate: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+def _predictions(estimate: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Return the columns of the estimated numbers."""
     found = {}
     if _has_exponent(estimate):
@@ -356,7 +356,7 @@ def _relit_columns(relit: Mapping[str, Mapping[str, np.ndarray]]) -> dict[str, n
     return {**relit["found"], **average}
 
 
-def _filled(example: Mapping[str, np.ndarray], size: int) -> dict[str, np.ndarray]:
+def _padded(example: Mapping[str, np.ndarray], size: int) -> dict[str, np.ndarray]:
     """Return the batch with its last example repeated until it has `size` examples."""
     missing = size - len(example["mask"])
     return {

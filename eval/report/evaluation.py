@@ -14,7 +14,7 @@ from ..accuracy import labels, table
 from ..accuracy.evaluate import Evaluation
 from ..accuracy.measures import DECIBEL, MEASURES
 from ..accuracy.slices import SHOWN, Slice, slices
-from . import figures, pictures
+from . import figures, renders
 from .examples import Example
 from .page import both_themes, data_uri, rendered
 
@@ -113,9 +113,9 @@ def _small_card(example: Example, found: Evaluation) -> dict[str, Any]:
         "source": f"{truth['shape'].decode()} under {truth['light'].decode()}, "
         f"index {truth['index']}",
         "psnr": DECIBEL.number(found.rows["relit"][example.choice.position]),
-        "photo": data_uri(pictures.png(truth["image"])),
-        "true": data_uri(pictures.png(pictures.true_render(example))),
-        "estimated": data_uri(pictures.png(pictures.estimated_render(example))),
+        "photo": data_uri(renders.png(truth["image"])),
+        "true": data_uri(renders.png(renders.true_render(example))),
+        "estimated": data_uri(renders.png(renders.estimated_render(example))),
     }
 
 
@@ -138,14 +138,14 @@ def _card(example: Example) -> dict[str, Any]:
         "reason": example.choice.reason,
         "source": f"{truth['shape'].decode()} under {truth['light'].decode()}, "
         f"seed {truth['seed']}, index {truth['index']}",
-        "photo": data_uri(pictures.png(truth["image"])),
+        "photo": data_uri(renders.png(truth["image"])),
         "pairs": [
             {
                 "title": pair.title,
-                "truth": data_uri(pictures.png(pair.truth)),
-                "estimate": data_uri(pictures.png(pair.estimate)),
+                "truth": data_uri(renders.png(pair.truth)),
+                "estimate": data_uri(renders.png(pair.estimate)),
             }
-            for pair in pictures.pairs(example)
+            for pair in renders.pairs(example)
         ],
         "bars": [
             {

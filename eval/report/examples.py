@@ -109,7 +109,7 @@ def read(
     found: dict[int, dict[str, Any]] = {}
     photos: dict[int, np.ndarray] = {}
     split = Split(corpus, "test")
-    shards = pipeline.whole_shards(split)
+    shards = pipeline.verified_shards(split)
     records_of_all = tf.data.TFRecordDataset([str(path) for path in shards])
     for position, serialized in enumerate(pipeline.naming_damage(records_of_all, shards)):
         # Only the chosen examples are decoded.

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from lime_keras import console, processors
 from lime_keras.commands import model_option
-from lime_keras.io.sources import SUFFIXES, inside, is_camera, is_video, photo_of_mask
+from lime_keras.io.scanner import SUFFIXES, inside, is_camera, is_video, photo_of_mask
 from lime_keras.model import folder as model_folder
 from lime_keras.outputs import NEEDED
 from lime_keras.version import __version__
@@ -19,7 +19,7 @@ from lime_keras.version import __version__
 if TYPE_CHECKING:
     from lime_keras.estimate.estimator import Estimator
     from lime_keras.estimate.results import Results
-    from lime_keras.lighting.files import Clone
+    from lime_keras.lighting.light_files import Clone
 
 _ENGINES = ("onnx", "keras")
 _FAMILIES = ("u2net", "birefnet", "isnet")
@@ -380,7 +380,7 @@ def _estimate_video(
 
     from lime_keras.estimate import files, terminal
     from lime_keras.io import result_json
-    from lime_keras.video.estimate import estimate_video
+    from lime_keras.video.estimate_video import estimate_video
 
     target = results.json(name)
 

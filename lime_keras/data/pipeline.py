@@ -44,7 +44,7 @@ def training_shards(corpus: Path) -> tuple[list[Path], list[Path]]:
         FileNotFoundError: if the split is incomplete.
         ValueError: if there are fewer than two shards, or a shard is not the manifest's.
     """
-    paths = whole_shards(Split(corpus, "train"))
+    paths = verified_shards(Split(corpus, "train"))
     if len(paths) < 2:
         raise ValueError(
             f"{corpus}/train has {len(paths)} shard; training needs at least 2, one of them for "
@@ -54,7 +54,7 @@ def training_shards(corpus: Path) -> tuple[list[Path], list[Path]]:
     return paths[:-held_out], paths[-held_out:]
 
 
-def whole_shards(split: Split) -> list[Path]:
+def verified_shards(split: Split) -> list[Path]:
     """Return the paths of a split's shards, each with the bytes that the manifest tells of.
 
     All shards are read once and hashed, in several threads; a shard that has not changed since is

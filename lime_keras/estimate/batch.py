@@ -15,11 +15,11 @@ from lime_keras.estimate import files, terminal
 from lime_keras.estimate.estimator import Estimator
 from lime_keras.estimate.results import Results
 from lime_keras.io import photo
-from lime_keras.io.sources import AmbiguousName, mask_beside, of_photo
+from lime_keras.io.scanner import AmbiguousName, mask_beside, of_photo
 from lime_keras.material import Material
 
 if TYPE_CHECKING:
-    from lime_keras.lighting.files import Clone
+    from lime_keras.lighting.light_files import Clone
 
 _BATCH, _BATCH_PIXELS = 8, 25_000_000
 """Largest number of photos, and of their pixels (about 1 GB), in one batch of the networks."""
@@ -33,7 +33,7 @@ class Batch:
         results: results in the folder for the files (`files.write`), which are not made again.
         masks: mask of the only photo, or folder with a mask of the same name for each photo; None
             to use `NAME_mask.png` beside a photo, its alpha channel, or else SegmentationNet.
-        light: whether to write the light of each photo as well (`lime_keras.lighting.files.write`).
+        light: whether to write the light of each photo as well (`light_files.write`).
         normals: file with the normals of the only photo, or folder with a file of the same name for
             each photo; None to guess the normals.
         clone: renderer of another shape in the object's place; used only with `light`.
@@ -240,10 +240,10 @@ class Batch:
                 draft.numbers = files.write(folder, stem, path, read.image, material)
                 if self._light and material.mask_coverage:
                     # SciPy and scikit-image are large, and only the light needs them.
-                    from lime_keras.lighting import files as lighting_files
+                    from lime_keras.lighting import light_files
 
                     normals = self._normals and _belonging(path, self._normals)
-                    lighting_files.write(
+                    light_files.write(
                         folder,
                         stem,
                         read.image,

@@ -38,7 +38,7 @@ def diffuse(
     inside = mask[..., 0] >= framing.THRESHOLD
     hidden &= inside
     if hidden.any():
-        likely = highlights.closed(out, inside & ~hidden, hidden)
+        likely = highlights.inpainted(out, inside & ~hidden, hidden)
         seen = colour.srgb_to_linear(image_srgb[hidden]) * mask[hidden]
         out[hidden] = np.minimum(likely, seen)
     return out

@@ -11,7 +11,7 @@ import numpy as np
 from lime_keras.data import pipeline
 from lime_keras.data.corpus import Split
 from lime_keras.export import (
-    calibration,
+    corpus_images,
     formats,
     graphs,
     model_card,
@@ -200,16 +200,16 @@ def _plain_graphs(folder: Path, weights_folder: Path, digest: str) -> OnnxGraphs
 
 
 def _calibration(corpus: Path | None, size: int) -> np.ndarray | None:
-    return None if corpus is None else calibration.images(corpus, size, camera=True)
+    return None if corpus is None else corpus_images.for_calibration(corpus, size, camera=True)
 
 
 def _images(size: int, corpus: Path | None) -> dict[str, np.ndarray]:
     """Return the sets of images for the parity check, by name."""
     out = {"extremes": parity.images(size)}
     if corpus is not None:
-        calibration.check_size(Split(corpus, "test"), size)
-        shards = pipeline.whole_shards(Split(corpus, "test"))
-        out["pictures"] = calibration.first(shards, size, _PICTURES, camera=True)
+        corpus_images.check_size(Split(corpus, "test"), size)
+        shards = pipeline.verified_shards(Split(corpus, "test"))
+        out["pictures"] = corpus_images.first(shards, size, _PICTURES, camera=True)
     return out
 
 

@@ -13,7 +13,7 @@ from av import device
 
 from lime_keras.io import colour_space, photo, untrusted
 from lime_keras.io.colour_space import Tags
-from lime_keras.io.sources import CAMERA, is_camera
+from lime_keras.io.scanner import CAMERA, is_camera
 
 _DEVICES = {"linux": "v4l2", "darwin": "avfoundation", "win32": "dshow"}
 """Name of FFmpeg's camera interface, by `sys.platform`."""

@@ -269,7 +269,7 @@ def _cosines() -> np.ndarray:
     return np.maximum(directions @ directions.T, 0)
 
 
-def seen(evidence: Evidence) -> np.ndarray:
+def is_observed(evidence: Evidence) -> np.ndarray:
     """Return the directions, `(64, 128)` bool, of which more than half of the light was seen."""
     return _filled(evidence)[1] < 0.5
 

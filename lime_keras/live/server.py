@@ -21,7 +21,7 @@ from typing import Any
 
 from lime_keras.estimate.estimator import Estimator
 from lime_keras.io import photo
-from lime_keras.io.sources import SUFFIXES
+from lime_keras.io.scanner import SUFFIXES
 from lime_keras.live import wire
 from lime_keras.live.session import Session
 from lime_keras.version import __version__

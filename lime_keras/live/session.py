@@ -15,7 +15,7 @@ from lime_keras.lighting import guessed_light
 from lime_keras.material import Caution, Material
 from lime_keras.optics import colour, shading
 from lime_keras.video.fusion import Fusion
-from lime_keras.video.tracking import Step, Tracker, is_found, material_of
+from lime_keras.video.tracking import Step, Tracker, has_object, material_of
 
 _MATERIAL, _LAYERS = ("albedo", "exponent"), ("specular", "mirror")
 """Estimates of a frame, and those that it takes for its layers and light."""
@@ -106,7 +106,7 @@ class Session:
             self._square = None
         watch.lap("framing_and_mask")
         material = Material(mask_coverage=view.coverage, square=view.square)
-        if request.material and is_found(material):
+        if request.material and has_object(material):
             wanted = request.layers or request.light
             material = self._estimator.read(view, [*_MATERIAL, *(_LAYERS if wanted else ())])
             watch.lap("material")

@@ -73,7 +73,7 @@ def graph(graphs: Path, name: str) -> Path:
     return graphs / f"{name}.onnx"
 
 
-def in_graphs(run: Path) -> bool:
+def has_weights_in_graphs(run: Path) -> bool:
     """Return whether a model's weights lie in its exported graphs alone.
 
     Args:
@@ -96,7 +96,11 @@ def files(run: Path) -> list[Path]:
     check_present(model, model / ARCHITECTURE)
     weights = [path for path in sorted(model.glob(f"*{WEIGHTS}")) if path.is_file()]
     there = graphs(run)
-    held = [graph(there, name) for name in sorted(_described(there))] if in_graphs(run) else []
+    held = (
+        [graph(there, name) for name in sorted(_described(there))]
+        if has_weights_in_graphs(run)
+        else []
+    )
     return [model / ARCHITECTURE, *weights, *(path for path in held if path.is_file())]
 
 
@@ -133,7 +137,7 @@ def digest(run: Path) -> str:
         ValueError: if the description of the graphs, which hold the weights, is damaged.
     """
     held, total = files(run), hashlib.sha256()
-    if in_graphs(run):
+    if has_weights_in_graphs(run):
         return _described_digest(graphs(run) / DESCRIPTION)
     for path in held:
         total.update(f"{path.name} {path.stat().st_size}\n".encode())

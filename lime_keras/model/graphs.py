@@ -117,7 +117,9 @@ def repair_hint(folder: Path) -> str:
     """Return what to do about a damaged folder of graphs, as the end of an error's sentence."""
     if folder.is_relative_to(model_folder.PRETRAINED):
         return "install the package again"
-    if model_folder.in_graphs(folder.parent) and folder == model_folder.graphs(folder.parent):
+    if model_folder.has_weights_in_graphs(folder.parent) and folder == model_folder.graphs(
+        folder.parent
+    ):
         return f"take {folder}, which holds the only weights, from where it came from again"
     precision = folder.name.removeprefix("onnx").lstrip("-") or "float32"
     return export_hint(folder.parent, precision)

@@ -25,7 +25,7 @@ from lime_keras.model.folder import (
     folder,
     graph,
     graphs,
-    in_graphs,
+    has_weights_in_graphs,
 )
 from lime_keras.networks import Architecture, build, subnetwork_names
 
@@ -76,7 +76,7 @@ def load(model: Path, *, whole: bool = True) -> tuple[Architecture, dict[str, ke
     """
     model = folder(model)
     architecture = read_architecture(model)
-    exported = in_graphs(model)
+    exported = has_weights_in_graphs(model)
     paths = {
         name: graph(graphs(model), name) if exported else _weights_path(model, name)
         for name in subnetwork_names(architecture)
@@ -106,7 +106,7 @@ def copy(model: Path, target: Path) -> None:
         ValueError: if a file is broken.
     """
     model = folder(model)
-    if in_graphs(model):
+    if has_weights_in_graphs(model):
         architecture, subnetworks = load(model, whole=False)
         save(target, architecture, subnetworks, half=all(map(_is_half, subnetworks.values())))
         return

@@ -33,7 +33,7 @@ def hidden(image_srgb: np.ndarray, specular: np.ndarray) -> np.ndarray:
     return clipped | (specular[..., 0] > SHARE * seen)
 
 
-def closed(values: np.ndarray, known: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+def inpainted(values: np.ndarray, known: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     """Return values where they are wanted, as likely as those known around make them.
 
     Known values are averaged over ever larger cells until there are some, then brought back,

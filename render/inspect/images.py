@@ -33,7 +33,7 @@ def write(corpus: Path, out: Path, on_image: Callable[[int, int], None]) -> int:
         OSError: if an image cannot be written.
     """
     split = Split(corpus, "test")
-    shards = pipeline.whole_shards(split)
+    shards = pipeline.verified_shards(split)
     dataset = tf.data.TFRecordDataset([str(path) for path in shards]).map(records.image_png)
     for position, png in enumerate(pipeline.naming_damage(dataset.as_numpy_iterator(), shards)):
         path = out / f"{position:05d}.png"

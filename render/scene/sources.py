@@ -15,7 +15,7 @@ import numpy as np
 
 from lime_keras.data.corpus import SPLITS
 from lime_keras.io import photo
-from lime_keras.io.sources import list_folder
+from lime_keras.io.scanner import list_folder
 
 from ..rooms import sampling
 from ..shapes import meshes, procedural

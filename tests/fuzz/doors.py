@@ -225,10 +225,10 @@ def _results(folder: Path) -> None:
     """Go on with a folder of results as `lime-estimate` does."""
     from lime_keras.estimate import gallery
     from lime_keras.estimate.results import Results
-    from lime_keras.io import sources
+    from lime_keras.io import scanner
 
     gallery.check(folder)
-    list(sources.inside(folder))
+    list(scanner.inside(folder))
     results = Results(folder, "0", {})
     for name in ("one", "clip"):
         found = results.standing(name, {"version": "0", "weights": "0", "source": "0"})

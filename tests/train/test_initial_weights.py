@@ -35,7 +35,7 @@ def test_a_set_is_another_beginning_when_a_graph_of_it_is(sets):
     before = initial_weights.sha256(made)
     path = made / "onnx" / "mirror.onnx"
     path.write_bytes(path.read_bytes() + b"more")
-    assert initial_weights.sha256(made) != before and model_folder.in_graphs(made)
+    assert initial_weights.sha256(made) != before and model_folder.has_weights_in_graphs(made)
 
 
 def test_an_encoder_begins_with_weights_of_another_image_size(tiny, tmp_path):

@@ -12,7 +12,7 @@ import numpy as np
 import OpenImageIO as oiio
 from OpenImageIO import ImageBufAlgo
 
-from lime_keras.io import photo, sources, untrusted
+from lime_keras.io import photo, scanner, untrusted
 from lime_keras.optics import colour
 
 from . import paint
@@ -126,7 +126,7 @@ def sha256(things: Path, places: Path) -> str:
 
 
 def _pictures(folder: Path) -> list[Path]:
-    out = sorted(sources.walk(folder, _SUFFIXES))
+    out = sorted(scanner.walk(folder, _SUFFIXES))
     if not out:
         raise FileNotFoundError(f"{folder} holds no PNG or WebP pictures: check --cutouts")
     return out

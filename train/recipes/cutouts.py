@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from lime_keras.io import atomic, sources
+from lime_keras.io import atomic, scanner
 
 from .recipe import Package
 
@@ -53,7 +53,7 @@ def _fetch(package: Package, out: Path) -> dict[str, Any]:
             _run(work, "dpkg", "-x", str(archive), "unpacked")
         pictures = [
             path
-            for path in sources.walk(work / "unpacked", _SUFFIXES)
+            for path in scanner.walk(work / "unpacked", _SUFFIXES)
             if _is_wanted(path.stem, package.ranges)
         ]
         for path in pictures:

@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 from lime_keras import console
-from lime_keras.io import sources, untrusted
+from lime_keras.io import scanner, untrusted
 
 LIST = Path(__file__).parent / "data.csv"
 SUFFIXES = {"meshes": (".obj", ".ply", ".stl", ".glb"), "environments": (".hdr", ".exr")}
@@ -39,7 +39,7 @@ def training_files(data: Path, kind: str) -> list[Path]:
         raise FileNotFoundError(
             f"{folder} is missing: --data takes a folder with {' and '.join(SUFFIXES)}"
         )
-    files = sources.list_folder(folder, SUFFIXES[kind])
+    files = scanner.list_folder(folder, SUFFIXES[kind])
     if len(files) < 2:
         raise FileNotFoundError(
             f"{folder} holds {len(files)} {', '.join(SUFFIXES[kind])} files; training and "
@@ -118,7 +118,7 @@ def faults(data: Path, on_file: Callable[[int, int], None]) -> list[str]:
             out.append(f"{name} has other bytes")
         on_file(number, len(known))
     for kind, suffixes in SUFFIXES.items():
-        there = sources.walk(data / kind, suffixes) if (data / kind).is_dir() else ()
+        there = scanner.walk(data / kind, suffixes) if (data / kind).is_dir() else ()
         names = (path.relative_to(data).as_posix() for path in there)
         out += [f"{name} is not in the list" for name in names if name not in known]
     return out

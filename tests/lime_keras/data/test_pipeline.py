@@ -375,7 +375,7 @@ def _exchanged(stored, other):
 def test_a_shard_that_is_not_the_manifests_is_named(change, tmp_path):
     write_split(tmp_path, "train", [range(3), range(3, 6)], size=8)
     paths = [tmp_path / "train" / f"0000{shard}.tfrecord" for shard in (0, 1)]
-    assert pipeline.whole_shards(Split(tmp_path, "train")) == paths
+    assert pipeline.verified_shards(Split(tmp_path, "train")) == paths
     held = [[one.numpy() for one in tf.data.TFRecordDataset(str(path))] for path in paths]
     for path, stored in zip(paths, change(*held), strict=True):
         with tf.io.TFRecordWriter(str(path)) as writer:

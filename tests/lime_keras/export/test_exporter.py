@@ -150,7 +150,9 @@ def test_eight_bits_are_calibrated_on_what_was_trained_on(
     monkeypatch.setattr(quantisation, "write_int8", write_int8)
     exporter.export(tmp_path, "onnx", tiny_model, ["mask"], precision="int8", corpus=corpus)
     [images] = seen
-    np.testing.assert_array_equal(images, exporter.calibration.images(corpus, 32, camera=True))
+    np.testing.assert_array_equal(
+        images, exporter.corpus_images.for_calibration(corpus, 32, camera=True)
+    )
     # The second shard is held out.
     assert images.shape == (4, 32, 32, 3)
 
@@ -162,9 +164,9 @@ def test_pictures_are_those_of_the_test_split(tiny_model, corpus, tmp_path, stan
     assert set(differences) == {"extremes", "pictures"}
     assert all(value["mask"] < 1e-6 for value in differences.values())
     shards = exporter.Split(corpus, "test").shard_paths()
-    pictures = exporter.calibration.first(shards, 32, 9, camera=True)
-    assert len(pictures) == 3
-    np.testing.assert_array_equal(np.concatenate(shown)[-2:], pictures)
+    pictures = exporter.corpus_images.first(shards, 32, 9, camera=True)
+    assert len(pictures) == 4
+    np.testing.assert_array_equal(np.concatenate(shown)[-4:], pictures)
 
 
 def test_weights_in_half_the_space_are_used_as_any(tiny_model, network, tmp_path, capsys):
@@ -216,7 +218,7 @@ def test_a_set_is_put_into_the_package(sets, tiny_model, tmp_path, capsys):
             assert all(np.array_equal(one, other) for one, other in pairs), name
         assert export_cli.main([str(made), *graphs, "nano"]) == 0
         assert held == {path.name: path.read_bytes() for path in (made / "onnx").iterdir()}
-        assert model_folder.in_graphs(made)
+        assert model_folder.has_weights_in_graphs(made)
 
 
 def test_a_precision_that_cannot_be_had_is_refused(tiny_model, tmp_path, capsys):
@@ -420,9 +422,9 @@ def test_a_part_of_a_model_takes_the_place_of_no_other(tiny_model, tmp_path, sta
 
 def test_a_corpus_of_another_size_is_refused_with_its_mend(corpus):
     from lime_keras.data.corpus import Split
-    from lime_keras.export import calibration
+    from lime_keras.export import corpus_images
 
     split = Split(corpus, "train")
-    calibration.check_size(split, split.size)
+    corpus_images.check_size(split, split.size)
     with pytest.raises(ValueError, match=r"images of \d+ pixels.*lime-render --size 3000"):
-        calibration.check_size(split, 3000)
+        corpus_images.check_size(split, 3000)

@@ -59,7 +59,7 @@ def _unknown():
 def test_a_mirror_ball_gives_back_what_it_mirrors():
     truth = _smooth_light()
     evidence = _observed(truth)
-    found, seen = illumination.estimate(evidence), illumination.seen(evidence)
+    found, seen = illumination.estimate(evidence), illumination.is_observed(evidence)
     assert found.shape == SHAPE
     assert np.sum(environment.solid_angles(*SHAPE)[seen]) > 0.85 * 4 * np.pi
     assert np.median(np.abs(found / truth - 1)[seen]) < 0.03

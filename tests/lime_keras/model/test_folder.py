@@ -111,7 +111,7 @@ def exported(run):
     (run / "onnx").mkdir()
     (run / "onnx" / "graphs.json").write_text('{"weights": "of before", "graphs": {"albedo": {}}}')
     (run / "onnx" / "albedo.onnx").write_text("graph")
-    assert not model_folder.in_graphs(run)
+    assert not model_folder.has_weights_in_graphs(run)
     for path in (run / "model").glob("*.h5"):
         path.unlink()
     return run
@@ -120,7 +120,7 @@ def exported(run):
 def test_weights_in_graphs_are_the_models_files_and_keep_its_digest(exported):
     model = exported / "model"
     for path in (exported, model):
-        assert model_folder.in_graphs(path) and model_folder.digest(path) == "of before"
+        assert model_folder.has_weights_in_graphs(path) and model_folder.digest(path) == "of before"
         assert model_folder.files(path) == [
             model / "architecture.json",
             exported / "onnx" / "albedo.onnx",

@@ -36,7 +36,7 @@ def test_a_set_is_whole_described_and_there_once(name):
     held = {path.name for path in SETS[name].rglob("*") if path.is_file()}
     assert {"lime.json", "training.json"} <= held
     assert f"## `{name}`" in (SHIPPED.parent / "README.md").read_text(encoding="utf-8")
-    assert model_folder.in_graphs(SETS[name])
+    assert model_folder.has_weights_in_graphs(SETS[name])
     architecture, subnetworks = weights.load(SETS[name])
     assert architecture.system == "lime" and architecture.hue and len(subnetworks) == 5
 

@@ -126,7 +126,7 @@ def test_it_is_the_same_model(bare, tiny_model):
 
 def test_a_copy_has_files_of_its_own(bare, tiny_model, tmp_path):
     weights.copy(bare, tmp_path / "copy")
-    assert not model_folder.in_graphs(tmp_path / "copy")
+    assert not model_folder.has_weights_in_graphs(tmp_path / "copy")
     found, expected = (weights.load(path)[1] for path in (tmp_path / "copy", tiny_model))
     for name, network in expected.items():
         pairs = zip(found[name].get_weights(), network.get_weights(), strict=True)

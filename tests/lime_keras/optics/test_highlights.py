@@ -24,7 +24,7 @@ def test_one_colour_closes_every_hole_with_itself(shape):
     known[0, 0] = True
     values = np.full((*shape, 3), (0.7, 0.2, 0.1), np.float32)
     values[~known] = np.nan
-    found = highlights.closed(np.nan_to_num(values), known, ~known)
+    found = highlights.inpainted(np.nan_to_num(values), known, ~known)
     assert found.shape == (np.count_nonzero(~known), 3)
     np.testing.assert_allclose(found, np.broadcast_to([0.7, 0.2, 0.1], found.shape), rtol=2e-2)
 
@@ -34,11 +34,11 @@ def test_a_slope_goes_on_through_a_hole():
     y, x = np.mgrid[:200, :200] / 200
     values = (0.2 + 0.3 * x + 0.2 * y)[..., None]
     hole = np.hypot(x - 0.5, y - 0.5) < 0.06
-    found = highlights.closed(np.where(hole[..., None], 0, values), ~hole, hole)
+    found = highlights.inpainted(np.where(hole[..., None], 0, values), ~hole, hole)
     np.testing.assert_allclose(found, values[hole], atol=0.03)
 
 
 def test_nothing_known_is_black():
     nothing = np.zeros((5, 7), bool)
-    found = highlights.closed(np.ones((5, 7, 3), np.float32), nothing, ~nothing)
+    found = highlights.inpainted(np.ones((5, 7, 3), np.float32), nothing, ~nothing)
     assert found.shape == (35, 3) and not found.any()

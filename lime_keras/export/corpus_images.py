@@ -14,7 +14,7 @@ from lime_keras.data.corpus import Split
 _COUNT = 64
 
 
-def images(corpus: Path, size: int, *, camera: bool) -> np.ndarray:
+def for_calibration(corpus: Path, size: int, *, camera: bool) -> np.ndarray:
     """Return images that networks were trained on, for the calibration of a quantised model.
 
     Args:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from matplotlib import image as png_reader
 
-from lime_keras.eval.report import pictures
+from lime_keras.eval.report import renders
 from lime_keras.eval.report.examples import Example, Selection
 from lime_keras.optics import colour, environment, shading, shininess
 from lime_keras.optics.reflectance_map import disc
@@ -55,14 +55,14 @@ def test_the_exponent_is_the_expected_one(example):
 
 
 def test_the_true_render_is_equation_4(example):
-    centre = pictures.true_render(example)[SIZE // 2, SIZE // 2]
+    centre = renders.true_render(example)[SIZE // 2, SIZE // 2]
     expected = 0.01 + np.array([0.2, 0.4, 0.6]) * 0.5 + 0.5 * 0.5
     assert colour.srgb_to_linear(centre) == pytest.approx(expected, abs=1e-5)
 
 
 def test_an_exact_estimate_renders_like_the_truth(example):
     """In a furnace, n = o: S is E whatever the exponent, so both renders agree everywhere."""
-    difference = pictures.estimated_render(example) - pictures.true_render(example)
+    difference = renders.estimated_render(example) - renders.true_render(example)
     assert np.abs(difference).max() < 5e-3
 
 
@@ -81,7 +81,7 @@ def test_the_estimated_exponent_shapes_the_highlight(example):
     highlight = normaliser(s) * (half @ view / np.linalg.norm(half)) ** s * energy
     expected = 0.01 + np.array([0.2, 0.4, 0.6]) * 0.5 + 0.5 * highlight
     assert expected.max() < 1 and highlight > 0.01
-    centre = colour.srgb_to_linear(pictures.estimated_render(example)[pixel])
+    centre = colour.srgb_to_linear(renders.estimated_render(example)[pixel])
     assert centre == pytest.approx(expected, rel=1e-3)
 
 
@@ -94,28 +94,28 @@ def test_the_printed_lobe_keeps_its_unit_of_m_s(example):
     factor = np.float32(shading.lobe_factor(example.exponent, "printed"))
     example.truth["specular_shading"] = example.truth["specular_shading"] * factor
     printed = dataclasses.replace(example, lobe="printed")
-    difference = pictures.estimated_render(printed) - pictures.true_render(printed)
+    difference = renders.estimated_render(printed) - renders.true_render(printed)
     assert np.abs(difference).max() < 5e-3
-    assert np.abs(pictures.estimated_render(example) - pictures.true_render(example)).max() > 0.1
+    assert np.abs(renders.estimated_render(example) - renders.true_render(example)).max() > 0.1
 
 
 def test_the_background_is_the_photos_own(example):
     outside = example.truth["mask"][..., 0] == 0
-    for picture in (pictures.true_render(example), pictures.estimated_render(example)):
+    for picture in (renders.true_render(example), renders.estimated_render(example)):
         assert picture[outside] == pytest.approx(0.25, abs=1e-5)
 
 
 def test_a_wrong_albedo_shows_in_the_estimated_render_alone(example):
-    true = pictures.true_render(example)
+    true = renders.true_render(example)
     example.estimate["diffuse_albedo"] = np.zeros(3, np.float32)
-    assert np.array_equal(pictures.true_render(example), true)
-    centre = colour.srgb_to_linear(pictures.estimated_render(example)[SIZE // 2, SIZE // 2])
+    assert np.array_equal(renders.true_render(example), true)
+    centre = colour.srgb_to_linear(renders.estimated_render(example)[SIZE // 2, SIZE // 2])
     assert centre == pytest.approx(0.01 + 0.5 * 0.5, abs=5e-3)
 
 
 def test_truth_and_estimate_share_one_scale(example):
     example.estimate["mirror"] = example.truth["mirror"] * np.float32(SLOPE)
-    pair = next(p for p in pictures.pairs(example) if p.title.startswith("Mirror"))
+    pair = next(p for p in renders.pairs(example) if p.title.startswith("Mirror"))
     inside = example.truth["mask"][..., 0] > 0
     assert pair.truth[inside] == pytest.approx(1.0)
     assert colour.srgb_to_linear(pair.estimate[inside]) == pytest.approx(SLOPE, abs=1e-5)
@@ -124,7 +124,7 @@ def test_truth_and_estimate_share_one_scale(example):
 @pytest.mark.parametrize("name", ["mask", "specular_shading", "mirror", "environment"])
 def test_black_and_empty_layers_are_drawn(example, name):
     example.truth[name] = np.zeros_like(example.truth[name])
-    for pair in pictures.pairs(example):
+    for pair in renders.pairs(example):
         for picture in (pair.truth, pair.estimate):
             assert picture.shape == (SIZE, SIZE, 3)
             assert np.all(np.isfinite(picture)) and picture.min() >= 0 and picture.max() <= 1
@@ -134,13 +134,13 @@ def test_radiance_beyond_every_scale_is_clipped(example):
     for name in ("specular_shading", "mirror", "environment"):
         example.truth[name] = np.full_like(example.truth[name], 65504.0)
     example.estimate["mirror"] = np.full_like(example.truth["mirror"], 59873.0)
-    for pair in pictures.pairs(example):
+    for pair in renders.pairs(example):
         assert np.all(np.isfinite(pair.truth)) and np.all(np.isfinite(pair.estimate))
 
 
 def test_layers_that_are_not_answered_are_not_shown(example):
     del example.estimate["mirror"]
-    titles = [pair.title for pair in pictures.pairs(example)]
+    titles = [pair.title for pair in renders.pairs(example)]
     assert titles == ["Mask", "Specular shading S", "Rendered with the material"]
 
 
@@ -151,7 +151,7 @@ def test_the_baselines_reflectance_map_is_shown_in_colour(example):
     for name in ("specular_shading", "mirror"):
         del example.estimate[name]
     example.estimate["reflectance_map"] = found * disc(SIZE)
-    pairs = {pair.title: pair for pair in pictures.pairs(example)}
+    pairs = {pair.title: pair for pair in renders.pairs(example)}
     assert list(pairs) == ["Mask", "Reflectance map", "Rendered with the material"]
     middle = np.array([0.2, 0.4, 0.6]) * 0.5 + 0.5 * 0.5 + 0.01
     pair = pairs["Reflectance map"]
@@ -169,10 +169,10 @@ def test_a_regressed_exponent_is_the_examples(example):
     del example.estimate["exponent_bin_probabilities"]
     example.estimate["log_exponent"] = np.array([2.5], np.float32)
     assert example.exponent == pytest.approx(10**2.5, rel=1e-5)
-    assert np.isfinite(pictures.estimated_render(example)).all()
+    assert np.isfinite(renders.estimated_render(example)).all()
 
 
 def test_png_keeps_the_picture():
     picture = np.linspace(0, 1, 4 * 5 * 3).reshape(4, 5, 3)
-    back = png_reader.imread(io.BytesIO(pictures.png(picture)), format="png")[..., :3]
+    back = png_reader.imread(io.BytesIO(renders.png(picture)), format="png")[..., :3]
     assert back == pytest.approx(picture, abs=1 / 255)

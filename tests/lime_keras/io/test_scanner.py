@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from lime_keras.io import result_json
-from lime_keras.io.sources import (
+from lime_keras.io.scanner import (
     AmbiguousName,
     inside,
     is_camera,

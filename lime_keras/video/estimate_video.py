@@ -22,7 +22,7 @@ from lime_keras import console
 from lime_keras.estimate.cautions import NO_OBJECT
 from lime_keras.estimate.estimator import Estimator
 from lime_keras.io import atomic
-from lime_keras.io.sources import is_camera
+from lime_keras.io.scanner import is_camera
 from lime_keras.io.video_reader import Footage, Frame
 from lime_keras.io.video_writer import Movie
 from lime_keras.material import Material

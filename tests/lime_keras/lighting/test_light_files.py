@@ -11,7 +11,7 @@ import trimesh
 
 from lime_keras import Estimator
 from lime_keras.io import photo
-from lime_keras.lighting import files as lighting_files
+from lime_keras.lighting import light_files
 from lime_keras.render import cloning
 
 SHAPE = (48, 64)
@@ -50,7 +50,7 @@ def test_the_light_is_a_map_in_camera_space(picture, material, tmp_path):
     image, mask = picture
     photo.write(tmp_path / "n.png", normals_of_a_dome(mask))
     for name, normals in (("given", tmp_path / "n.png"), ("guessed", None)):
-        lighting_files.write(tmp_path, name, image, material, normals=normals, clone=None)
+        light_files.write(tmp_path, name, image, material, normals=normals, clone=None)
         found = oiio.ImageBuf(str(tmp_path / f"{name}-environment.exr")).get_pixels(oiio.FLOAT)
         assert found.reshape(64, 128, -1).shape == (64, 128, 1)
         assert np.isfinite(found).all() and found.min() >= 0 and found.max() > 0
@@ -66,7 +66,7 @@ def test_a_transparent_photo_stays_transparent_around_its_clone(
     picture, material, mesh, mitsuba_choice, tmp_path
 ):
     image, mask = picture
-    lighting_files.write(
+    light_files.write(
         tmp_path, "a", image * mask, material, normals=None, clone=onto(mesh), alpha=mask
     )
     _, alpha = photo.read(tmp_path / "a-clone.png")
@@ -76,7 +76,7 @@ def test_a_transparent_photo_stays_transparent_around_its_clone(
 
 def test_a_clone_takes_the_objects_place(picture, material, mesh, mitsuba_choice, tmp_path):
     image, mask = picture
-    lighting_files.write(tmp_path, "a", image, material, normals=None, clone=onto(mesh))
+    light_files.write(tmp_path, "a", image, material, normals=None, clone=onto(mesh))
     found = photo.read_srgb(tmp_path / "a-clone.png")
     assert found.shape == image.shape
     far = np.zeros(SHAPE, bool)
@@ -88,7 +88,7 @@ def test_a_clone_takes_the_objects_place(picture, material, mesh, mitsuba_choice
 def test_normals_of_another_size_are_named(picture, material, tmp_path):
     photo.write(tmp_path / "n.png", np.tile(np.array([0.5, 0.5, 1.0]), (20, 20, 1)))
     with pytest.raises(ValueError, match=r"n\.png has 20×20 pixels and its photo 64×48"):
-        lighting_files.write(
+        light_files.write(
             tmp_path, "a", picture[0], material, normals=tmp_path / "n.png", clone=None
         )
 
@@ -97,7 +97,7 @@ def test_no_object_shows_no_light(picture, tiny_model, tmp_path):
     image, mask = picture
     nothing = Estimator(tiny_model).estimate(image, 0 * mask)
     with pytest.raises(ValueError, match="no object was found"):
-        lighting_files.write(tmp_path, "a", image, nothing, normals=None, clone=None)
+        light_files.write(tmp_path, "a", image, nothing, normals=None, clone=None)
 
 
 @pytest.mark.slow

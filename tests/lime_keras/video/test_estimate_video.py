@@ -14,7 +14,7 @@ from lime_keras.estimate.cautions import NO_OBJECT
 from lime_keras.io import video_reader
 from lime_keras.io.video_reader import Footage
 from lime_keras.material import Caution
-from lime_keras.video.estimate import estimate_video
+from lime_keras.video.estimate_video import estimate_video
 from lime_keras.video.fusion import Fusion
 from lime_keras.video.tracking import LOST_AFTER, PARAMETERS, parameters
 
