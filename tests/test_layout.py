@@ -212,7 +212,7 @@ def test_the_tables_of_a_subnetwork_name_the_same():
     from lime_keras.outputs import NEEDED, OUTPUTS
     from lime_keras.train.terms import LEARNING, MEASURES, TERMS
 
-    systems = ({}, {"exponent": "regression"}, {"system": "reflectance-map"})
+    systems = ({}, {"exponent": "regression"}, {"trunk": True}, {"system": "reflectance-map"})
     built = [build(Architecture(32, 1, 1, 1, 1, **system)) for system in systems]
     assert set().union(*map(output_names, built)) == set(OUTPUTS)
     assert tuple(OUTPUT_ROWS) == tuple(OUTPUTS) and set().union(*NEEDED.values()) < set(OUTPUTS)

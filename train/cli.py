@@ -22,6 +22,7 @@ _PARTS = {
     "hue": "architecture.hue",
     "pretrained": "architecture.pretrained",
     "linear": "architecture.linear",
+    "trunk": "architecture.trunk",
 }
 """What `--with` and `--without` name, and the field of the config that says whether it is there."""
 _OPTIONS = {
@@ -35,6 +36,7 @@ _OPTIONS = {
     "size": "architecture.size",
     "width": "architecture.unet_width",
     "encoder_width": "architecture.encoder_width",
+    "encoder_convolutions": "architecture.encoder_convolutions",
     "baseline": "architecture.system",
     "exponent": "architecture.exponent",
     "batch_size": "schedule.batch_size",
@@ -189,6 +191,12 @@ def _add_networks(out: argparse.ArgumentParser) -> None:
         "preset's)",
     )
     networks.add_argument(
+        "--encoder-convolutions",
+        type=console.count,
+        metavar="N",
+        help="in each of the encoders' blocks (default: 1)",
+    )
+    networks.add_argument(
         "--exponent",
         choices=("classification", "regression"),
         help="eight bins, or log10 s (default: classification)",
@@ -201,7 +209,8 @@ def _add_networks(out: argparse.ArgumentParser) -> None:
         metavar="PART",
         help="leave out: perceptual, Eq. 5 in the loss; mirror, MirrorNet; dichromatic, the split "
         "of colours; hue, m_d in the hue of the pixels; pretrained, the mask's encoder; linear, S "
-        "and M as linear radiance, which are log(1 + x) without",
+        "and M as linear radiance, which are log(1 + x) without; trunk, one encoder with two heads "
+        "in place of AlbedoNet and ExponentNet",
     )
     networks.add_argument(
         "--with",

@@ -360,6 +360,9 @@ LEARNING = {
     "mirror": Learning(("mirror",), ("mirror_relative",), joined=1, optimizer="adam"),
     "albedo": Learning((*_ALBEDO_TERMS, *PERCEPTUAL), _ALBEDOS, joined=3),
     "exponent": Learning(_EXPONENT_TERMS, _EXPONENT, joined=2),
+    "trunk": Learning(
+        (*_ALBEDO_TERMS, *PERCEPTUAL, *_EXPONENT_TERMS), (*_EXPONENT, *_ALBEDOS), joined=2
+    ),
     "reflectance_map": Learning(("reflectance_map_l2", "reflectance_map"), joined=1),
     "material": Learning((*_ALBEDO_TERMS, *_EXPONENT_TERMS), (*_EXPONENT, *_ALBEDOS), joined=1),
 }

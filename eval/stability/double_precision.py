@@ -85,8 +85,8 @@ def answers(
         seen[quantity] = raw * shapes[name]
         out[quantity] = np.expm1(np.clip(seen[quantity], 0, HIGHEST_COMPRESSED))
         seen[f"linear_{quantity}"] = out[quantity]
-    if "material" in subnetworks:
-        exponent, albedos = run("material")
+    if both := {"material", "trunk"}.intersection(subnetworks):
+        exponent, albedos = run(both.pop())
     else:
         exponent, albedos = run("exponent"), run("albedo")
     albedos = np.clip(albedos, 0, 1)

@@ -10,6 +10,7 @@ _RANGES = {
     "unet_width": (1, 1024),
     "unet_depth": (0, 10),
     "encoder_width": (1, 1024),
+    "encoder_convolutions": (1, 8),
     "dense_width": (1, 65536),
 }
 """Least and largest value of each setting, the latter far above all that can be trained."""
@@ -45,6 +46,9 @@ class Architecture:
             (`registry.MASK_CONTRAST`).
         linear: whether SpecularNet and MirrorNet answer, and other subnetworks read, linear
             radiance in place of log(1 + x).
+        encoder_convolutions: number of convolutions of each of an encoder's blocks.
+        trunk: whether one encoder with two heads (TrunkNet) takes the place of AlbedoNet and
+            ExponentNet.
 
     Raises:
         ValueError: if a name is unknown, two settings exclude each other, or the size cannot be
@@ -64,6 +68,8 @@ class Architecture:
     hue: bool = False
     mask_contrast: bool = True
     linear: bool = False
+    encoder_convolutions: int = 1
+    trunk: bool = False
 
     def __post_init__(self) -> None:
         """Raise ValueError if the settings describe no system."""
@@ -79,10 +85,10 @@ class Architecture:
                 f"{', '.join(SYSTEMS)} and {', '.join(EXPONENTS)}"
             )
         ablated = not self.mirror or self.exponent != "classification"
-        if self.system != "lime" and (ablated or self.dichromatic or self.hue):
+        if self.system != "lime" and (ablated or self.dichromatic or self.hue or self.trunk):
             raise ValueError(
                 "the reflectance-map baseline has no MirrorNet to leave out, no ExponentNet, no "
-                "dichromatic split and no hue of pixels: take one ablation at a time"
+                "dichromatic split, no hue of pixels and no trunk: take one ablation at a time"
             )
         multiple = 2 ** max(ENCODER_BLOCKS, self.unet_depth)
         if self.size % multiple:
@@ -98,7 +104,11 @@ class Architecture:
             return "the reflectance-map baseline"
         without = [] if self.mirror else ["without MirrorNet"]
         regresses = ["with its exponent by regression"] if self.exponent == "regression" else []
-        parts = {"the dichromatic split": self.dichromatic, "the hue of the pixels": self.hue}
+        parts = {
+            "the dichromatic split": self.dichromatic,
+            "the hue of the pixels": self.hue,
+            "one trunk of two heads": self.trunk,
+        }
         read = " and ".join(name for name, there in parts.items() if there)
         return " ".join(["LIME", *([f"with {read}"] if read else []), *without, *regresses])
 

@@ -70,6 +70,21 @@ def test_without_a_mirror_nothing_is_joined_with_it():
     ]
 
 
+def test_one_trunk_takes_the_place_of_two_encoders():
+    assert stage_names("live", trunk=True, mirror=False) == [
+        "segmentation",
+        "specular",
+        "trunk",
+        "specular+trunk",
+    ]
+
+
+def test_set_steps_rates_and_averages_are_those_of_every_stage():
+    live = dataclasses.replace(SCHEDULES["live"], steps=7, rate=0.5, average=0.9)
+    for stage in live.stages(PRESETS["live"]):
+        assert (stage.steps, stage.learning_rate, stage.average) == (7, 0.5, 0.9)
+
+
 def test_the_baseline_is_trained_alone_and_then_end_to_end():
     assert stage_names("paper", system="reflectance-map") == [
         "segmentation",

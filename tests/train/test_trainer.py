@@ -878,6 +878,40 @@ def test_means():
     assert means.means() == {"mask": 3.0}
 
 
+def test_a_stage_ends_with_the_optimisers_average(corpus, config, tmp_path):
+    """Of two steps and a momentum of 1/4: a quarter of the first weights, the rest of the last."""
+
+    def trained(name, steps, average):
+        schedule = dataclasses.replace(BRIEF, steps=steps, average=average, decay=0.5)
+        # As many photos, whatever the steps: their first batch is the same.
+        own = dataclasses.replace(config, schedule=schedule, photos=2)
+        trainer.train([corpus], tmp_path / name, own, _ignore, only=["exponent"])
+        left = stage_runs.left(tmp_path / name, "exponent")
+        count = len(networks.build(TINY)["exponent"].weights)
+        return [left[f"arr_{index}"] for index in range(count)]
+
+    first, last = trained("one", 1, None), trained("two", 2, None)
+    averaged = trained("averaged", 2, 0.25)
+    assert not _equal(first, last)
+    for one, two, mean in zip(first, last, averaged, strict=True):
+        assert mean == pytest.approx(0.25 * one + 0.75 * two, abs=1e-7)
+
+
+def _equal(one, other):
+    return all(np.array_equal(a, b) for a, b in zip(one, other, strict=True))
+
+
+def test_a_run_with_one_trunk_is_whole(corpus, config, tmp_path):
+    tiny = dataclasses.replace(TINY, dichromatic=True, hue=True, trunk=True)
+    own = dataclasses.replace(config, architecture=tiny)
+    names = ["segmentation", "specular+mirror+trunk"]
+    assert trainer.train([corpus], tmp_path / "run", own, _ignore, only=names) == []
+    found = json.loads((tmp_path / "run" / "evaluation.json").read_text(encoding="utf-8"))
+    assert {"exponent_exact", "diffuse_albedo_mae", "mirror_relative"} < set(found["measures"])
+    weights_before = networks.build(tiny, config.seed)["trunk"].get_weights()
+    assert not _equal(_weights(tmp_path / "run")["trunk"], weights_before)
+
+
 @pytest.mark.slow
 def test_frozen_subnetworks_keep_their_weights(corpus, config, finished, tmp_path):
     held = dataclasses.replace(
