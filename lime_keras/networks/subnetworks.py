@@ -82,7 +82,9 @@ def albedo_net(architecture: Architecture) -> keras.Model:
     """
     shading = _radiance(architecture, "specular_shading")
     inputs = _inputs(architecture, "masked_image", *_split(architecture), shading)
-    albedos = _albedo_head(_encoded(inputs, architecture), inputs[0], architecture)
+    # Made before the other layers: initial weights follow from the seed and the order.
+    head = layers.Dense(4, dtype="float32", name="albedos")
+    albedos = _with_hue(head(_encoded(inputs, architecture)), inputs[0], architecture)
     return keras.Model(_one_or_all(inputs), albedos, name="albedo_net")
 
 
@@ -94,10 +96,9 @@ def trunk_net(architecture: Architecture) -> keras.Model:
     shading = _radiance(architecture, "specular_shading")
     inputs = _inputs(architecture, "masked_image", *_split(architecture), shading)
     features = _encoded(inputs, architecture)
-    answers = [
-        _exponent_head(features, architecture),
-        _albedo_head(features, inputs[0], architecture),
-    ]
+    exponent = _exponent_head(features, architecture)
+    albedos = layers.Dense(4, dtype="float32", name="albedos")(features)
+    answers = [exponent, _with_hue(albedos, inputs[0], architecture)]
     return keras.Model(inputs, answers, name="trunk_net")
 
 
@@ -109,13 +110,12 @@ def _exponent_head(features: keras.KerasTensor, architecture: Architecture) -> k
     return layers.Dense(1, dtype="float32", bias_initializer=middle, name="log_exponent")(features)
 
 
-def _albedo_head(
-    features: keras.KerasTensor, masked_image: keras.KerasTensor, architecture: Architecture
+def _with_hue(
+    albedos: keras.KerasTensor, masked_image: keras.KerasTensor, architecture: Architecture
 ) -> keras.KerasTensor:
-    albedos = layers.Dense(4, dtype="float32", name="albedos")(features)
-    if architecture.hue:
-        albedos = HueOfPixels(dtype="float32", name="hue")([albedos, masked_image])
-    return albedos
+    if not architecture.hue:
+        return albedos
+    return HueOfPixels(dtype="float32", name="hue")([albedos, masked_image])
 
 
 def _encoded(inputs: list[keras.KerasTensor], architecture: Architecture) -> keras.KerasTensor:
