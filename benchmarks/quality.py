@@ -12,10 +12,9 @@ of the settings take an hour more.
 
 import argparse
 import dataclasses
-import functools
 import math
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -78,7 +77,6 @@ def _tables(chosen: list[Scene], out: Path) -> Iterable[str]:
     yield _bins(chosen)
     yield _reference(chosen[:3])
     yield from _trade(chosen, out)
-    yield _storage(chosen)
 
 
 def _arguments() -> argparse.Namespace:
@@ -190,80 +188,6 @@ def _trade(chosen: list[Scene], out: Path) -> Iterable[str]:
         yield _table(f"`{knob}`", (knob, "time / fast", *columns), rows)
 
 
-def _half_png(level: int, layer: np.ndarray) -> bytes:
-    import tensorflow as tf
-
-    halves = layer.astype(np.float16).view(np.uint16)
-    return tf.io.encode_png(halves, compression=level).numpy()
-
-
-def _storage(chosen: list[Scene]) -> str:
-    """Return the table of size, time and error of D, S and M in different encodings."""
-    import zlib
-
-    import tensorflow as tf
-
-    from lime_keras.data import records
-
-    # Encodings.
-    encodings: dict[str, tuple[Callable[[Any], bytes], Callable[[bytes, Any], Any]]] = {
-        **{
-            f"half floats as 16-bit PNG, zlib's level {level}": (
-                functools.partial(_half_png, level),
-                lambda b, x: tf.io.decode_png(b, 1, tf.uint16).numpy().view(np.float16),
-            )
-            for level in (records.COMPRESSION, 6)
-        },
-        "half floats, zlib": (
-            lambda x: zlib.compress(x.astype(np.float16).tobytes()),
-            lambda b, x: np.frombuffer(zlib.decompress(b), np.float16).reshape(x.shape),
-        ),
-        "half floats": (
-            lambda x: x.astype(np.float16).tobytes(),
-            lambda b, x: np.frombuffer(b, np.float16).reshape(x.shape),
-        ),
-        "floats": (
-            lambda x: x.tobytes(),
-            lambda b, x: np.frombuffer(b, np.float32).reshape(x.shape),
-        ),
-        "16-bit PNG of x / max": (
-            lambda x: tf.io.encode_png(np.round(x / x.max() * 65535).astype(np.uint16)).numpy(),
-            lambda b, x: tf.io.decode_png(b, 1, tf.uint16).numpy() / 65535 * x.max(),
-        ),
-        "8-bit PNG of x / max": (
-            lambda x: tf.io.encode_png(np.round(x / x.max() * 255).astype(np.uint8)).numpy(),
-            lambda b, x: tf.io.decode_png(b, 1).numpy() / 255 * x.max(),
-        ),
-    }
-    # Sizes, times and errors.
-    images = [image for scene in chosen for image in _images(scene, FAST, LOBES["middle"])]
-    rows = []
-    for name, (encode, decode) in encodings.items():
-        began = time.process_time()
-        stored = [encode(image) for image in images]
-        encoded = time.process_time()
-        read = [decode(*pair) for pair in zip(stored, images, strict=True)]
-        decoded = time.process_time()
-        errors = [
-            _relative(value.astype(float)[image > 0], image.astype(float)[image > 0])
-            for value, image in zip(read, images, strict=True)
-        ]
-        rows.append(
-            (
-                name,
-                f"{sum(map(len, stored)) / len(chosen) / 1000:.0f}",
-                f"{(encoded - began) / len(chosen) * 1000:.1f}",
-                f"{(decoded - encoded) / len(chosen) * 1000:.1f}",
-                _percentiles(errors),
-            )
-        )
-    return _table(
-        "Storage of D, S and M of one example at 256 × 256",
-        ("encoding", "kB", "ms to encode", "ms to decode", "error"),
-        rows,
-    )
-
-
 # ---- measuring -------------------------------------------------------------------------------
 
 
@@ -338,11 +262,6 @@ def _example(scene: Scene, quality: Quality, light: lights.Light, exponent: floa
         _tracer(scene, quality), light, scene.pose, scene.rotation, material, background
     )
     return records.encode(features | {"shape": "", "light": "", "seed": 0, "index": 0})
-
-
-def _images(scene: Scene, quality: Quality, exponent: float) -> list[np.ndarray]:
-    seen, light = _prepared(scene, quality)
-    return list(example.layers(seen, light, scene.rotation, exponent))
 
 
 def _sampling(quality: Quality) -> tuple:
