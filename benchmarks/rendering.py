@@ -6,7 +6,7 @@ Cases: `maps` is a split of single maps and shapes as they are, `mixed` one of m
 half the bodies are endless, as for training; both of the folders, or else built in. As in a shard
 of 512 examples, every light and every body serves eight. Times are processor time of one thread.
 `--against` is the Python of another checkout's environment. Both then render the same scenes in
-turns, and how many records have the same bytes is told beside the ratio. A round takes a minute.
+turns, and how many records have the same bytes stands beside the ratio. A round takes a minute.
 """
 
 import argparse

@@ -2,8 +2,7 @@
 
 from collections.abc import Collection, Sequence
 
-ABSENT = "–"
-"""Text of a cell that has no value."""
+ABSENT = "–"  # text of a cell that has no value
 
 
 def aligned(lines: Sequence[Sequence[str]], texts: Collection[int] = (0,)) -> str:

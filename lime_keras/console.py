@@ -31,8 +31,7 @@ EXTRAS = {
     "cluster": ("ray",),
 }
 """Modules that the extras of the installation bring (`setup.py`), by the extra's name."""
-EXPORTING = ("tensorflow", "keras", "onnx", "tf2onnx")
-"""Modules that an export takes."""
+EXPORTING = ("tensorflow", "keras", "onnx", "tf2onnx")  # modules that an export takes
 
 _SUFFIXES_OF_FILES = frozenset(
     ".json .csv .html .htm .md .txt .log .pdf .zip .tar .gz .npz .npy .h5 .keras .onnx .tflite .pb "
@@ -141,7 +140,7 @@ class _StreamError(OSError):
 
 
 class _Stream:
-    """A standard stream whose errors are told from those of files."""
+    """A standard stream whose errors can be told apart from those of files."""
 
     def __init__(self, stream: Any):
         self._stream = stream

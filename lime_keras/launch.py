@@ -1,4 +1,4 @@
-"""The commands as they are installed: an interruption is told while they are imported, too."""
+"""The commands as they are installed, which also report an interruption during their imports."""
 
 import signal
 import sys

@@ -15,15 +15,13 @@ from lime_keras.optics.dynamic_range import compress, expand
 from lime_keras.optics.masking import masked_mean
 from lime_keras.optics.shininess import LOG_LOW
 
-_NEVER = -1e30
-"""Logit of a class that cannot be: finite, so that no gradient is NaN."""
+_NEVER = -1e30  # logit of a class that cannot be: finite, so that no gradient is NaN
 _EDGES = 15
 """Width of the window, in pixels, whose mean says how near an edge a pixel of a mask lies.
 
 It was tried at 128 pixels and does not scale: at 64 most pixels are beside an edge.
 """
-_EDGE_WEIGHT = 5.0
-"""Additional weight of a pixel whose window holds nothing like itself."""
+_EDGE_WEIGHT = 5.0  # additional weight of a pixel whose window holds nothing like itself
 _LOGIT = 4.0
 """Factor from coverage less one half to a logit: the sigmoid then rises by 1 per unit at 0.5."""
 

@@ -244,8 +244,7 @@ def _written(path: str | Path, text: str) -> Path:
 
 _DERIVED = ("exponent_interval", "gloss", "glossy_probability", "roughness", "diffuse_srgb_hex")
 """Properties that `Material.to_json` writes after the fields."""
-_SPHERE = 320
-"""Height and width in pixels of a sphere without a photo."""
+_SPHERE = 320  # height and width in pixels of a sphere without a photo
 
 
 def srgb_hex(linear: Any) -> str:

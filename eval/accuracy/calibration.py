@@ -39,8 +39,7 @@ def gaps(probabilities: np.ndarray, right: np.ndarray) -> dict[str, np.ndarray]:
     return {name: np.where(chosen == k, gap, 0.0) for k, name in enumerate(GAPS)}
 
 
-GAPS = tuple(f"calibration_{k}" for k in range(BINS))
-"""Names of the columns of `gaps`."""
+GAPS = tuple(f"calibration_{k}" for k in range(BINS))  # names of the columns of `gaps`
 
 
 def reliability(probabilities: np.ndarray, right: np.ndarray) -> Reliability:

@@ -17,8 +17,7 @@ from lime_keras.optics import shininess
 
 from ..accuracy.labels import bin_label
 
-_WORST = 2
-"""Number of examples shown of each kind of failure."""
+_WORST = 2  # number of examples shown of each kind of failure
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,7 @@ from ..accuracy import calibration
 from ..accuracy.labels import bin_label
 from .themes import LIGHT, Theme
 
-DPI = 150
-"""Resolution of the figures in pixels per inch."""
+DPI = 150  # resolution of the figures in pixels per inch
 TONES = ("#3b82c4", "#e07b39", "#4a9d5b", "#b455a0", "#8a6d3b", "#c2434a", "#3fa7a7", "#7a6fd0")
 """Colours of the series in a figure, distinguishable on white and on near-black."""
 

@@ -26,8 +26,7 @@ from .verdicts import Compared, joined
 
 BATCH = 64
 _DRAWS = 4
-_MARGIN = 4.0
-"""Factor by which an error may exceed the largest of `_DRAWS` random rounding errors."""
+_MARGIN = 4.0  # factor by which an error may exceed the largest of `_DRAWS` random rounding errors
 Answers = dict[str, np.ndarray]
 
 

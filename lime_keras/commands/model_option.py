@@ -28,8 +28,7 @@ def add(
     )
 
 
-PRECISIONS = ("float32", "float16", "int8")
-"""Precisions of a model's graphs, the default first."""
+PRECISIONS = ("float32", "float16", "int8")  # precisions of a model's graphs, the default first
 
 
 def add_precision(parser: "argparse.ArgumentParser | argparse._ArgumentGroup") -> None:

@@ -23,8 +23,7 @@ from lime_keras.data.corpus import Split
 from lime_keras.io import untrusted
 from lime_keras.optics import colour, shininess
 
-FEATURES = (*records.FEATURES, "clipped", "cast", "exponent_bin")
-"""Features that a batch can hold."""
+FEATURES = (*records.FEATURES, "clipped", "cast", "exponent_bin")  # features that a batch can hold
 
 _LAYERS = ("diffuse_shading", "specular_shading", "mirror", "normal")
 _MARKS = ("clipped", "painted")

@@ -26,8 +26,7 @@ import tensorflow as tf
 
 from lime_keras.optics.environment import STORED_SHAPE
 
-SCHEMA_VERSION = 1
-"""Version of the schema."""
+SCHEMA_VERSION = 1  # version of the schema
 LARGEST_HALF = 65504.0
 COMPRESSION = 4
 """zlib's compression level, 0…9: a third faster than the usual 6, and files 1 % larger."""

@@ -121,7 +121,7 @@ class Batch:
             try:
                 made = self._made(path)
             except (ValueError, OSError):
-                continue  # what cannot be read is told when its turn comes
+                continue  # an unreadable photo is reported when its turn comes
             try:
                 result = self._results.standing(name, made)
             except ValueError as error:

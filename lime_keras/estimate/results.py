@@ -213,7 +213,7 @@ def digest(path: Path) -> str:
 
 
 def _digest_or_none(path: Path | None) -> str | None:
-    """Return the digest of a file; None if it is none, or cannot be read, which is told later."""
+    """Return the digest of a file; None if it cannot be read, which is reported later."""
     try:
         return None if path is None else digest(path)
     except (OSError, ValueError):

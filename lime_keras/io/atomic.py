@@ -8,8 +8,7 @@ import uuid
 from collections.abc import Iterator
 from pathlib import Path
 
-_LONGEST = 255
-"""Largest number of bytes in a file's name, on all usual file systems."""
+_LONGEST = 255  # largest number of bytes in a file's name, on all usual file systems
 _MENDS = {
     errno.ENOSPC: "make room on its disk",
     errno.EDQUOT: "make room, the disk's quota is used up",

@@ -36,21 +36,17 @@ _PRIMARIES: Mapping[int, tuple[float, ...]] = {
 }
 """Chromaticities by H.273's number of colour primaries."""
 _LIKE_REC709 = (1, 2, 5, 6, 7, 22)
-"""Primaries of standard-range video that all players show alike, and those that are not told."""
+"""Primaries of standard-range video that all players show alike, and the unspecified ones."""
 _D50 = (0.3457, 0.3585)
-_WHITE = 203.0
-"""Luminance of diffuse white in cd/m² in high dynamic range (ITU-R BT.2408)."""
+_WHITE = 203.0  # luminance of diffuse white in cd/m² in high dynamic range (ITU-R BT.2408)
 _BRADFORD = np.array(
     [[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]]
 )
-XYZ_D50 = (*XYZ[:6], *_D50)
-"""CIE XYZ as profiles have it, adapted to their white."""
-_NEAR = 2e-3
-"""Difference of chromaticities that only their rounding makes."""
+XYZ_D50 = (*XYZ[:6], *_D50)  # CIE XYZ as profiles have it, adapted to their white
+_NEAR = 2e-3  # difference of chromaticities that only their rounding makes
 _LIKE_SRGB = 0.05
 """Part by which a gamma may differ from 1 / 2.2 to be written for sRGB, as libpng has it."""
-_LEVELS = 2
-"""Levels of 255 by which profiles of sRGB differ from each other."""
+_LEVELS = 2  # levels of 255 by which profiles of sRGB differ from each other
 
 Curve = Callable[[np.ndarray], np.ndarray]
 """A function from what a file holds, in [0, 1], to linear values, 1 for white."""
@@ -67,7 +63,7 @@ class Tags:
         exponent: gamma by which its values were encoded, such as 1 / 2.2.
         chromaticities: as `REC709`.
         curve: decoding of its values; None for sRGB's, or what `exponent` says.
-        is_untold: whether it says that its colours are not sRGB, and not what they are.
+        is_unspecified: whether it says that its colours are not sRGB, and not what they are.
     """
 
     code_points: tuple[int, int] | None = None
@@ -76,7 +72,7 @@ class Tags:
     exponent: float | None = None
     chromaticities: tuple[float, ...] | None = None
     curve: Curve | None = None
-    is_untold: bool = False
+    is_unspecified: bool = False
 
 
 @dataclass(frozen=True)
@@ -101,7 +97,7 @@ def linear(values: np.ndarray) -> np.ndarray:
 
 
 def decide(tags: Tags, channels: int, *, deep: bool) -> Conversion:
-    """Return the conversion from the colour space that a file tells.
+    """Return the conversion from the colour space that a file names.
 
     Args:
         tags: what the file says.
@@ -121,7 +117,7 @@ def decide(tags: Tags, channels: int, *, deep: bool) -> Conversion:
         return _of_profile(tags.profile, channels, deep=deep)
     if tags.is_srgb:
         return _IDENTITY
-    if tags.is_untold and not tags.chromaticities:
+    if tags.is_unspecified and not tags.chromaticities:
         return _unknown("it says that they are not, and not what they are")
     curve = tags.curve or colour.srgb_to_linear
     if tags.exponent and abs(tags.exponent * 2.2 - 1) > _LIKE_SRGB:
@@ -139,7 +135,7 @@ def lab_to_xyz(values: np.ndarray) -> np.ndarray:
 
 
 def is_standard(primaries: int) -> bool:
-    """Return whether H.273's primaries are those that all players show as sRGB's, or untold."""
+    """Return whether all players show these primaries of H.273 as sRGB's."""
     return primaries in _LIKE_REC709 or primaries not in _PRIMARIES
 
 
@@ -167,17 +163,17 @@ def matrix(chromaticities: tuple[float, ...]) -> np.ndarray:
     return out
 
 
-# ---- spaces told by numbers ------------------------------------------------------------------
+# ---- spaces given by numbers -----------------------------------------------------------------
 
 
-def _unknown(told: str) -> Conversion:
+def _unknown(reason: str) -> Conversion:
     return Conversion(
         _repeated,
         is_identity=True,
         cautions=(
             Caution(
                 "colours-unknown",
-                f"its colours are read as sRGB, but {told}: convert it to sRGB",
+                f"its colours are read as sRGB, but {reason}: convert it to sRGB",
             ),
         ),
     )
@@ -311,8 +307,8 @@ def _of_profile(profile: bytes, channels: int, *, deep: bool) -> Conversion:
     precise = _computed(profile, source.profile, count)
     if precise is not None:
         return precise
-    told = "its profile is a table, through which 8 of its bits remain: convert it to sRGB first"
-    return Conversion(convert, cautions=(Caution("colours-8-bit", told),))
+    message = "its profile is a table, through which 8 of its bits remain: convert it to sRGB first"
+    return Conversion(convert, cautions=(Caution("colours-8-bit", message),))
 
 
 def _samples(count: int) -> np.ndarray:

@@ -24,7 +24,7 @@ def read(path: str | Path) -> np.ndarray:
     An OpenEXR file holds n itself, in channels normal.X, normal.Y, normal.Z, or X, Y, Z, or R, G,
     B. A PNG of 8 or 16 bits holds v = (n + 1) / 2, as colours without a gamma. Vectors shorter than
     one half, black pixels of a PNG and pixels of alpha 0 are background. An orientation that the
-    file tells turns its grid, not its vectors.
+    file names turns its grid, not its vectors.
 
     Returns:
         Normals `(H, W, 3)` float32, of length 1, or 0 in the background.

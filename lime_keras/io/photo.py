@@ -17,21 +17,18 @@ from lime_keras.optics import colour
 if TYPE_CHECKING:
     from PIL import Image
 
-LARGEST = 50_000_000
-"""Largest number of pixels that a photo may have."""
+LARGEST = 50_000_000  # largest number of pixels that a photo may have
 FULL = 25_000_000
 """Largest number of pixels of a photo that is read at its full size.
 
 An estimate takes some 100 bytes a pixel. A larger photo is read at half its width and height.
 """
-SMALLEST = 16
-"""Smallest number of pixels on a photo's shorter side; fewer show no object's shading."""
+SMALLEST = 16  # smallest number of pixels on a photo's shorter side; fewer show no object's shading
 _LONGEST = 256
 """Largest ratio of a photo's sides; the networks would see a longer one less than a pixel wide."""
-_BAND = 256
-"""Rows of a picture that are converted at a time."""
+_BAND = 256  # rows of a picture that are converted at a time
 _DIM, _FEWEST = 0.8, 16
-"""Part of an object's brightness below which alpha tells whether it is applied, and in how many
+"""Part of an object's brightness below which alpha shows whether it is applied, and in how many
 pixels."""
 
 
@@ -51,14 +48,14 @@ def read(path: str | Path) -> tuple[np.ndarray, np.ndarray | None]:
     """Read a photo of any kind, and its alpha channel if that masks a part of it.
 
     A file is what its content says, whatever its name. Its colours are converted to sRGB from what
-    the file tells of them (`colour_space`): profiles, code points, chromaticities and gamma.
+    the file says about them (`colour_space`): profiles, code points, chromaticities and gamma.
     OpenEXR, Radiance and PFM hold radiance; it is clipped at 1. A grey channel is repeated,
     palettes and CMYK become RGB, the orientation is applied, and of a file with several pages the
     first is read; of an OpenEXR the layer without a name, or called RGBA or Combined, or the only
     one, in its display window. Transparent pixels are composed over black. Alpha that is nowhere
     at least one half, or the same everywhere, masks nothing, and is ignored. A photo of more than
     `FULL` pixels is read at half its width and height, or a smaller whole part of them, averaged in
-    linear light. What of this may be wrong is told by a `PhotoWarning`.
+    linear light. A `PhotoWarning` says what of this may be wrong.
 
     Returns:
         image: `(H, W, 3)` float32 sRGB in [0, 1].

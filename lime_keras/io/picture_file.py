@@ -36,16 +36,14 @@ _AVIF = (b"avif", b"avis")
 _MARKER = re.compile(rb"\xff[^\x00\x01\xd0-\xd7\xff]", re.DOTALL)
 """A marker of a JPEG that begins a segment or ends the picture; escaped bytes are none."""
 _END_OF_IMAGE = 0xD9
-_HEAD = 2**16
-"""Number of bytes in which a header says what it has to say."""
-_SQUARE = 0.01
-"""Part by which pixels may be wider than high to count as squares."""
+_HEAD = 2**16  # number of bytes of which a header is read
+_SQUARE = 0.01  # part by which pixels may be wider than high to count as squares
 _PICTURES = ("", "rgba", "rgb", "combined", "beauty")
 """Names of the layer that shows the whole picture, the first one first."""
 _ORIENTATION, _EXIF, _INTEROPERABILITY = 0x0112, 0x8769, 0xA005
 _COLOUR_SPACE, _WHITE_POINT, _PRIMARIES = 0xA001, 0x013E, 0x013F
 _UNCALIBRATED = 0xFFFF
-"""Numbers of EXIF."""
+"""Tag numbers of EXIF, and its value for a colour space of no name."""
 _PHOTOMETRIC = {
     **{0: "", 1: "", 2: "", 3: "", 5: "CMYK", 6: "", 8: "CIELab"},
     **{4: "a mask", 9: "ICCLab", 10: "ITULab"},
@@ -139,7 +137,7 @@ def open_image(path: Path, *, subimage: int = 0, straight: bool = False) -> oiio
 
 
 def _open(path: Path, check_size: CheckSize) -> Picture:
-    # Check before decoding: the header tells what will not be read.
+    # Check before decoding: the header says what cannot be read.
     image = open_image(path, straight=True)
     kind = image.file_format_name
     colours, alpha = _by_place(image.spec())
@@ -295,11 +293,11 @@ def _tags(path: Path, image: oiio.ImageBuf) -> Tags:
 
 
 def orientation(path: Path, image: oiio.ImageBuf) -> int:
-    """Return the orientation that a file tells by EXIF, or else by XMP, 1 to 8."""
-    told = image.orientation
-    if told == 1 and image.file_format_name in _OF_PILLOW:
-        told = _by_pillow(path, lambda opened: opened.getexif().get(_ORIENTATION, 1))
-    return told if told in range(1, 9) else 1  # some cameras write 0
+    """Return the orientation by EXIF, or else by XMP, 1 to 8."""
+    orientation = image.orientation
+    if orientation == 1 and image.file_format_name in _OF_PILLOW:
+        orientation = _by_pillow(path, lambda opened: opened.getexif().get(_ORIENTATION, 1))
+    return orientation if orientation in range(1, 9) else 1  # some cameras write 0
 
 
 def _by_pillow(path: Path, ask: "Callable[[Image.Image], Any]") -> Any:
@@ -347,7 +345,7 @@ def of_pillow(image: "Image.Image", path: Path | None = None) -> Tags:
         "srgb" in info or space == 1,
         exponent,
         primaries,
-        is_untold=space == _UNCALIBRATED,
+        is_unspecified=space == _UNCALIBRATED,
     )
 
 
@@ -376,10 +374,10 @@ def _png_code_points(path: Path) -> tuple[int, int] | None:
 
 
 def _of_exr(spec: oiio.ImageSpec) -> tuple[float, ...] | None:
-    """Return the chromaticities of an OpenEXR, told by numbers or by the name of a space."""
-    told = spec.getattribute("chromaticities")
-    if told is not None and len(told) == 8:
-        return tuple(map(float, told))
+    """Return the chromaticities of an OpenEXR, given by numbers or by the name of a space."""
+    numbers = spec.getattribute("chromaticities")
+    if numbers is not None and len(numbers) == 8:
+        return tuple(map(float, numbers))
     if spec.get_int_attribute("openexr:ACESImageContainerFile"):
         return colour_space.ACES
     space = spec.get_string_attribute("oiio:ColorSpace")
@@ -390,13 +388,13 @@ def _of_exr(spec: oiio.ImageSpec) -> tuple[float, ...] | None:
 
 
 def _of_radiance(path: Path) -> tuple[float, ...] | None:
-    """Return the chromaticities that the header of a Radiance file tells."""
+    """Return the chromaticities in the header of a Radiance file."""
     with path.open("rb") as file:
         head = file.read(_HEAD).split(b"\n\n")[0]
     if b"32-bit_rle_xyze" in head:
         return colour_space.XYZ
-    if told := re.search(rb"^PRIMARIES=\s*(.+)$", head, re.MULTILINE):
-        numbers = tuple(map(float, told[1].split()))
+    if match := re.search(rb"^PRIMARIES=\s*(.+)$", head, re.MULTILINE):
+        numbers = tuple(map(float, match[1].split()))
         # Photoshop writes eight zeros where it knows none.
         return numbers if len(numbers) == 8 and any(numbers) else None
     return None
@@ -428,7 +426,7 @@ def _check_end(path: Path) -> None:
             marker, place = data[found.start() + 1], found.end()
             if marker == _END_OF_IMAGE:
                 return
-            # A segment tells its length; after that of a scan, its data lead to the next marker.
+            # A segment begins with its length; the data of a scan lead to the next marker.
             place += int.from_bytes(data[place : place + 2])
     raise ValueError("it is cut short; copy it again")
 
@@ -443,10 +441,10 @@ def _open_heif(path: Path, check_size: CheckSize) -> Picture:
     # The image is upright already: the library applies the file's rotation.
     image = pillow_heif.open_heif(path)
     check_size(image.size[0], image.size[1], 4)
-    told, profile = image.info.get("nclx_profile"), image.info.get("icc_profile")
+    nclx, profile = image.info.get("nclx_profile"), image.info.get("icc_profile")
     points = None
-    if told and not profile:
-        points = int(told["color_primaries"]), int(told["transfer_characteristics"])
+    if nclx and not profile:
+        points = int(nclx["color_primaries"]), int(nclx["transfer_characteristics"])
     return of_levels(np.asarray(image), Tags(points, profile))
 
 

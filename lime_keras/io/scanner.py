@@ -1,4 +1,4 @@
-"""The kinds of sources, told by their names: photos, videos and cameras.
+"""The kinds of sources by their names (photos, videos, cameras), and the search of folders.
 
 This module imports no library but Python's own, so that a command can sort what it is given, and
 refuse what is not there, before any is loaded.
@@ -24,8 +24,7 @@ EXTENSIONS = (
 """Suffixes of files that count as videos; FFmpeg itself looks only at a file's content."""
 CAMERA = "camera:"
 """Prefix of a camera's name: `camera:0`, `camera:/dev/video2`, `camera:FaceTime HD Camera`."""
-_MASK = "_mask"
-"""End of the stem of a PNG that is the mask of the photo beside it."""
+_MASK = "_mask"  # end of the stem of a PNG that is the mask of the photo beside it
 _OF_SYSTEMS = ("__MACOSX", "@eaDir", "#recycle", "$RECYCLE.BIN", "System Volume Information")
 """Folders that archives, network disks and Windows make, with small copies of pictures in some."""
 

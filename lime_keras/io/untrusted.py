@@ -10,10 +10,8 @@ from typing import Any
 
 LARGEST_JSON = 64 * 2**20
 """Largest number of bytes of a JSON file; read, it takes some ten times this memory."""
-_LONGEST = 200
-"""Largest number of characters of a reader's own words that are told."""
-_CHANNELS = 4
-"""Channels of a picture of the largest size; a smaller picture may have more."""
+_LONGEST = 200  # longest part of a reader's message that is quoted, in characters
+_CHANNELS = 4  # channels of a picture of the largest size; a smaller picture may have more
 _KINDS = {
     stat.S_IFDIR: "a folder",
     stat.S_IFIFO: "a pipe",
@@ -50,7 +48,7 @@ def check_size(path: Path, width: int, height: int, channels: int, largest: int)
 
     Args:
         path: path of the picture, for the message.
-        width: its width in pixels, as its header tells.
+        width: its width in pixels, by its header.
         height: its height in pixels.
         channels: its number of channels.
         largest: largest number of pixels to decode; of more than four channels, fewer are allowed.

@@ -17,15 +17,13 @@ from lime_keras.io.scanner import CAMERA, is_camera
 
 _DEVICES = {"linux": "v4l2", "darwin": "avfoundation", "win32": "dshow"}
 """Name of FFmpeg's camera interface, by `sys.platform`."""
-_UNTOLD, _REC709, _HIGH_DEFINITION = 2, 1, 720
+_UNSPECIFIED, _REC709, _HIGH_DEFINITION = 2, 1, 720
 _HDR = {16: "PQ", 18: "HLG"}
 """Names of the transfer curves of high dynamic range, by FFmpeg's number."""
-_CHANNELS = 3
-"""Channels of every frame as it is returned."""
+_CHANNELS = 3  # channels of every frame as it is returned
 _SQUARE = 0.01
 """Part by which pixels may be wider than high, or higher than wide, to count as squares."""
-_WHOLE = 0.9
-"""Share of the announced duration that the frames of a complete file fill at least."""
+_WHOLE = 0.9  # share of the announced duration that the frames of a complete file fill at least
 
 
 @dataclass(frozen=True)
@@ -109,13 +107,13 @@ class Footage:
                 damaged += 1
                 continue
             for picture, pixels in decoded:
-                told = count / self._rate if picture.time is None else picture.time
-                offset = told if offset is None else offset
-                if count and told - offset <= now and not is_camera(self._source):
+                seconds = count / self._rate if picture.time is None else picture.time
+                offset = seconds if offset is None else offset
+                if count and seconds - offset <= now and not is_camera(self._source):
                     # Joined recordings begin their clocks anew: the time goes on.
-                    offset = told - now - 1 / self._rate
+                    offset = seconds - now - 1 / self._rate
                     self._remark_joint(now)
-                now, count = told - offset, count + 1
+                now, count = seconds - offset, count + 1
                 if count == 1 and picture.color_trc in _HDR:
                     self.remarks.append(
                         f"{self._source} has high dynamic range ({_HDR[picture.color_trc]}), which "
@@ -223,20 +221,24 @@ def _upright(picture: Any, width: int, height: int) -> np.ndarray:
         width: width in square pixels, before it is turned.
         height: height in square pixels.
     """
-    untold = picture.colorspace == _UNTOLD
+    unspecified = picture.colorspace == _UNSPECIFIED
     high = min(picture.width, picture.height) >= _HIGH_DEFINITION
     # If the file names no colour matrix, FFmpeg takes BT.601 even for high definition.
-    matrix = "ITU709" if untold and high else None
+    matrix = "ITU709" if unspecified and high else None
     size = {} if (width, height) == (picture.width, picture.height) else _resized(width, height)
     pixels = picture.to_ndarray(format="rgb24", src_colorspace=matrix, **size)
     primaries, transfer = picture.color_primaries, picture.color_trc
     if not colour_space.is_standard(primaries) and transfer not in _HDR:
-        # A curve that is not told is that of all video in standard range.
-        points = primaries, transfer if transfer != _UNTOLD else _REC709
+        # An unspecified curve is that of all video in standard range.
+        points = primaries, transfer if transfer != _UNSPECIFIED else _REC709
         convert = colour_space.decide(Tags(code_points=points), _CHANNELS, deep=False).convert
         pixels = np.round(convert(pixels / np.float32(255)) * 255).astype(np.uint8)
-    told = picture.side_data.get("DISPLAYMATRIX")
-    return pixels if told is None else oriented(pixels, np.frombuffer(bytes(told), np.int32))
+    matrix_bytes = picture.side_data.get("DISPLAYMATRIX")
+    return (
+        pixels
+        if matrix_bytes is None
+        else oriented(pixels, np.frombuffer(bytes(matrix_bytes), np.int32))
+    )
 
 
 def _resized(width: int, height: int) -> dict[str, Any]:

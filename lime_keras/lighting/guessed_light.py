@@ -19,12 +19,9 @@ _SHARPNESS = 8.0
 
 Of 4 and 8, by the spheres of ten photographs: with 4 a white glazed fox has no clear highlight.
 """
-_MOST_LAMPS = 0.8
-"""Largest share of the object's mean brightness that the lamps may give."""
-_NORMALS = 128
-"""Number of normals at which the object is shaded."""
-_SHAPE = (32, 64)
-"""Rows and columns of the light that shades it."""
+_MOST_LAMPS = 0.8  # largest share of the object's mean brightness that the lamps may give
+_NORMALS = 128  # number of normals at which the object is shaded
+_SHAPE = (32, 64)  # rows and columns of the light that shades it
 
 
 def estimate(

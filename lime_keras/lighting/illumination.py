@@ -21,14 +21,12 @@ _SCALES = (8.0, 4.0, 2.0, 1.0, 0.0)
 """Blurs of the mirror image in texels; a coarser scale fills what a finer scale has not seen."""
 _TRUST = 0.05
 """Number of pixels per texel at which a scale counts as much as the next coarser scale."""
-_LEAST_COSINE = 0.02
-"""Smallest o·n of a pixel that counts."""
+_LEAST_COSINE = 0.02  # smallest o·n of a pixel that counts
 _COSINE_LOBE = np.array([1.0, *[2 / 3] * 3, *[1 / 4] * 5])
 """Factor of each spherical harmonic from E to D: the clamped cosine's factor over π."""
 _RIDGE = 3e-3
 """Ridge penalty. A basis function's mean square over all normals is 0.08, 0.035, 0.005 by order."""
-_LENGTHS = (0.5, 1.5)
-"""Shortest and longest length that a normal may have."""
+_LENGTHS = (0.5, 1.5)  # shortest and longest length that a normal may have
 
 
 @dataclass(frozen=True)

@@ -16,15 +16,13 @@ PRETRAINED = Path(__file__).parents[1] / "pretrained"
 """Folder of the sets of weights that come with the package, a folder each."""
 DEFAULT = "live"
 """Name of the set that cameras, exports and evaluations use where no model is named."""
-SHIPPED = PRETRAINED / DEFAULT
-"""Folder of that set."""
+SHIPPED = PRETRAINED / DEFAULT  # folder of that set
 FOR_PHOTOS = PRETRAINED / "best"
 """Folder of the set that photos and videos use instead: it takes twice the time, and finds more
 objects whole."""
 ARCHITECTURE = "architecture.json"
 """File of the architecture; only a folder that has one holds a model."""
-WEIGHTS = ".weights.h5"
-"""End of the name of each subnetwork's file."""
+WEIGHTS = ".weights.h5"  # end of the name of each subnetwork's file
 DESCRIPTION = "graphs.json"
 """File that describes the exported graphs, beside them (`lime_keras.model.graphs`)."""
 

@@ -29,10 +29,8 @@ from lime_keras.model.folder import (
 )
 from lime_keras.networks import Architecture, build, subnetwork_names
 
-_LEAST_COMPRESSED = 256
-"""Number of values from which on it is worth to compress an array."""
-_OVERHEAD = 8192
-"""Largest number of bytes for each array of a weights file beside its values."""
+_LEAST_COMPRESSED = 256  # number of values from which on it is worth to compress an array
+_OVERHEAD = 8192  # largest number of bytes for each array of a weights file beside its values
 
 
 def save(

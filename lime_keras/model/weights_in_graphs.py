@@ -21,8 +21,7 @@ _ORDERS: Mapping[int, Sequence[tuple[int, ...]]] = {
     2: ((0, 1), (1, 0)),
 }
 """Orders of a constant's axes that are tried, by their number; the identity for all others."""
-_MOST_REPEATED = 256
-"""Largest number of values that the property itself holds."""
+_MOST_REPEATED = 256  # largest number of values that the property itself holds
 
 
 def describe(graph: onnx.ModelProto, weights: Mapping[str, np.ndarray]) -> None:

@@ -14,8 +14,7 @@ _RANGES = {
     "dense_width": (1, 65536),
 }
 """Least and largest value of each setting, the latter far above all that can be trained."""
-ENCODER_BLOCKS = 5
-"""Number of an encoder's blocks, each of which halves the height and width."""
+ENCODER_BLOCKS = 5  # number of an encoder's blocks, each of which halves the height and width
 
 
 @dataclass(frozen=True)

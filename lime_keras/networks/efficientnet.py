@@ -7,10 +7,8 @@ its kernel and bias, so that a trained network has nothing to fold.
 
 from keras import KerasTensor, layers
 
-PREFIX = "lite0"
-"""Beginning of the names of all layers."""
-STEM = 32
-"""Channels of the first convolution."""
+PREFIX = "lite0"  # beginning of the names of all layers
+STEM = 32  # channels of the first convolution
 STAGES = (
     (1, 16, 1, 1, 3),
     (6, 24, 2, 2, 3),

@@ -13,10 +13,8 @@ from typing import Any
 import numpy as np
 from keras import layers, ops
 
-_REACH = 6 / 128
-"""Pixels from the middle of a window to its edge, as a share of the picture's side."""
-_NOISE = 0.01
-"""Contrast of a window's colours, sRGB, below which they do not shape the mask."""
+_REACH = 6 / 128  # pixels from the middle of a window to its edge, as a share of the picture's side
+_NOISE = 0.01  # contrast of a window's colours, sRGB, below which they do not shape the mask
 _CONTRAST = 2.0
 """Factor by which the filtered mask is stretched about one half: means of fits have soft edges."""
 

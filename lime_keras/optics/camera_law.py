@@ -15,8 +15,7 @@ from lime_keras.optics.namespace import namespace
 
 STOPS = 0.5
 """Largest deviation, up or down, of automatic exposure from the corpus' fixed one, in stops."""
-CONFUSION = 1.5 / 256
-"""Largest blur radius over image width, visible only close up: σ 0.8 / 256."""
+CONFUSION = 1.5 / 256  # largest blur radius over image width, visible only close up: σ 0.8 / 256
 FULL_WELL = 1_000.0, 30_000.0
 """Range of the electrons at white: a phone by lamplight, a large sensor by day."""
 CAST, TINT, UNEVEN = 0.12, 0.04, 0.08
@@ -29,10 +28,8 @@ With N electrons at white and r electrons of read noise, the variance of a radia
 (L + r²/N) / N. The square root of L + r²/N then has the variance 1/4N for every L. So the noise
 is added to the root. Squaring adds 1/4N to the mean, which is subtracted again.
 """
-QUALITY = 60.0, 98.0
-"""Range of the JPEG quality: from what messengers send to what cameras store."""
-NEVER_COMPRESSED = 0.2
-"""Share of photos without JPEG: frames of a live video are not compressed."""
+QUALITY = 60.0, 98.0  # range of the JPEG quality: from what messengers send to what cameras store
+NEVER_COMPRESSED = 0.2  # share of photos without JPEG: frames of a live video are not compressed
 
 LIT = ("diffuse_shading", "specular_shading", "mirror", "ambient", "environment")
 """Features of a scene that the exposure multiplies; the albedos stay, so Eq. 4 still holds."""

@@ -14,8 +14,7 @@ from lime_keras.optics.namespace import namespace
 _KNEE_LINEAR = 0.0031308
 _KNEE_SRGB = 0.04045
 
-CLIPPED = 0.999
-"""sRGB level, in [0, 1], from which on a channel counts as clipped by the camera."""
+CLIPPED = 0.999  # sRGB level, in [0, 1], from which on a channel counts as clipped by the camera
 
 LUMINANCE_WEIGHTS = np.array([0.2126, 0.7152, 0.0722], np.float32)
 """Weights of linear R, G and B in the Rec. 709 luminance."""

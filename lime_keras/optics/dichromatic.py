@@ -22,13 +22,11 @@ import numpy as np
 from lime_keras.optics import colour
 from lime_keras.optics.namespace import namespace
 
-CHANNELS = 4
-"""Number of channels of `channels`."""
+CHANNELS = 4  # number of channels of `channels`
 
 _PATCH = 4
 """Height and width, in pixels, of the patches whose saturation is compared: JPEG blurs chroma."""
-_DARK = 2e-3
-"""Radiance that is added to the mean of a patch: in the dark, noise is saturated."""
+_DARK = 2e-3  # radiance that is added to the mean of a patch: in the dark, noise is saturated
 _GREY = 2e-2
 """Saturation that is added to the largest: of a grey object all light then counts as grey."""
 _COVERED = 0.75
@@ -38,20 +36,16 @@ _LEAST_CHROMA = 1e-3
 _LEAST_SQUARE = 1e-20
 SECOND_COLOUR = 0.15
 """`second_colour` above which an object has several hues; one in grey light has 0.04 at most."""
-_FEWEST = 64
-"""Pixels from which on their median is trusted."""
+_FEWEST = 64  # pixels from which on their median is trusted
 _COLOURED = (0.5, 0.65)
 """Chroma over mean, of the median pixel, from which a colour is the object's, and no longer may be
 the light's: that of white paper and china by a lamp is below, and felt, cloth and wood above."""
 _PATCHES = 48
 """Number of patches along the longer side of an object, about, whose colours are compared."""
 _FEWEST_PATCHES = 24
-_NEAR = 0.8
-"""Share of the patches that are compared: the nearest to their median."""
-_SPREAD_DARK = 0.01
-"""Radiance that is added to the mean of a patch where its colour is compared."""
-_ROOT = 1e-4
-"""Radiance added below the root of the grey light, which has no gradient at 0."""
+_NEAR = 0.8  # share of the patches that are compared: the nearest to their median
+_SPREAD_DARK = 0.01  # radiance that is added to the mean of a patch where its colour is compared
+_ROOT = 1e-4  # radiance added below the root of the grey light, which has no gradient at 0
 
 
 class Split(NamedTuple):

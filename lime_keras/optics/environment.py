@@ -13,8 +13,7 @@ MEAN_RADIANCE = 0.4
 """Spherical mean to which every light is scaled: the exposure (docs/explanation/decisions.md)."""
 CAMERA_PITCH = (math.radians(-10), math.radians(30))
 """Range in radians of the angle by which the camera looks down, and so of the light's tilt."""
-STORED_SHAPE = (64, 128)
-"""Rows and columns of the environment map that a record stores."""
+STORED_SHAPE = (64, 128)  # rows and columns of the environment map that a record stores
 _BLOCK = 2**14
 """Number of directions that are looked up at once: few enough for the processor's cache."""
 

@@ -19,18 +19,13 @@ from lime_keras.optics import shininess
 
 WORDS = ("matte", "satin", "semi-gloss", "glossy", "high-gloss")
 """Words of the trade; with m_s of a plastic they begin at s = 0, 32, 75, 178 and 422."""
-_EDGES = (1.5, 1.875, 2.25, 2.625)
-"""Levels where words change: edges of the bins of s."""
-SIDE = 1.875
-"""Level from which a material is on the glossy side: semi-gloss, glossy or high-gloss."""
-PLASTIC = 0.04
-"""Specular albedo of a smooth plastic, glaze or varnish, of refractive index 1.5."""
-MIRROR = 0.3
-"""Specular albedo from which what is glossy mirrors: metals and what is silvered."""
+_EDGES = (1.5, 1.875, 2.25, 2.625)  # levels where words change: edges of the bins of s
+SIDE = 1.875  # level from which a material is on the glossy side: semi-gloss, glossy or high-gloss
+PLASTIC = 0.04  # specular albedo of a smooth plastic, glaze or varnish, of refractive index 1.5
+MIRROR = 0.3  # specular albedo from which what is glossy mirrors: metals and what is silvered
 EVEN, SURE = 0.6, 0.85
 """Probability of a side from which it is said, and from which it is said without a number."""
-SHARE = 0.8
-"""Probability that the exponent lies in its interval."""
+SHARE = 0.8  # probability that the exponent lies in its interval
 
 
 class Calibration(NamedTuple):

@@ -11,14 +11,11 @@ import numpy as np
 
 from lime_keras.optics import colour
 
-SHARE = 0.5
-"""Share of a pixel's radiance from which its specular part hides the diffuse one."""
+SHARE = 0.5  # share of a pixel's radiance from which its specular part hides the diffuse one
 _WHITE = 254 / 255
 """sRGB level from which a channel counts as clipped; JPEG leaves it one below the highest."""
-_GRID = 256
-"""Longer side of the grid on which holes are closed, in cells; highlights are larger."""
-_DRAW = 0.01
-"""Covered share of a cell at which it counts as much as what is around it."""
+_GRID = 256  # longer side of the grid on which holes are closed, in cells; highlights are larger
+_DRAW = 0.01  # covered share of a cell at which it counts as much as what is around it
 
 
 def hidden(image_srgb: np.ndarray, specular: np.ndarray) -> np.ndarray:

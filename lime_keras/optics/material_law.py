@@ -28,11 +28,9 @@ import numpy as np
 from lime_keras.optics import colour, shininess
 from lime_keras.optics.blinn_phong import BlinnPhong
 
-AMBIENT = (0.0, 0.05)
-"""Range of m_a, linear radiance."""
+AMBIENT = (0.0, 0.05)  # range of m_a, linear radiance
 UNIFORM, NATURAL = "uniform", "natural"
-LAWS = (UNIFORM, NATURAL)
-"""Names of the laws."""
+LAWS = (UNIFORM, NATURAL)  # names of the laws
 
 _METAL, _METALLIC_PAINT = (0.05, 0.17), 0.05  # shares
 _METALS_SPECULAR, _METALS_DIFFUSE = (0.25, 0.95), 0.08

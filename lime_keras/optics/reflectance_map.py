@@ -24,15 +24,11 @@ from lime_keras.optics.environment import STORED_SHAPE, directions, solid_angles
 from lime_keras.optics.namespace import namespace
 from lime_keras.optics.shading import normaliser
 
-_RINGS = 64
-"""Number of rings in a quarter turn of θ; at s = 1000 the lobe's deviation is 1.3 rings."""
-_MARGIN = 2
-"""Number of rings beyond the quarter turn; the interpolation needs the shading there."""
-_ANGLES = 256
-"""Number of angles in a full turn of φ."""
+_RINGS = 64  # number of rings in a quarter turn of θ; at s = 1000 the lobe's deviation is 1.3 rings
+_MARGIN = 2  # number of rings beyond the quarter turn; the interpolation needs the shading there
+_ANGLES = 256  # number of angles in a full turn of φ
 _LARGEST_EXPONENT = 1000.0
-_UNLIT = -1e30
-"""Value in place of log 0: finite, so that no exponent makes it NaN."""
+_UNLIT = -1e30  # value in place of log 0: finite, so that no exponent makes it NaN
 
 
 def reflectance_map(

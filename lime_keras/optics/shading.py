@@ -17,8 +17,7 @@ import numpy as np
 from lime_keras.optics import environment
 from lime_keras.optics.namespace import namespace
 
-_CHUNK = 2**17
-"""Number of pixel-light pairs computed at once: few enough for the processor's cache."""
+_CHUNK = 2**17  # number of pixel-light pairs computed at once: few enough for the processor's cache
 
 ASSUMED_FOCAL = 1.2
 """Assumed focal length over the photo's longer side: 43 mm on 36 mm film.

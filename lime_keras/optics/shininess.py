@@ -13,8 +13,7 @@ from lime_keras.optics.namespace import namespace
 
 BIN_COUNT = 8
 LOG_LOW, LOG_HIGH = 0.0, 3.0
-BIN_WIDTH = (LOG_HIGH - LOG_LOW) / BIN_COUNT
-"""Width of a bin in decades of s."""
+BIN_WIDTH = (LOG_HIGH - LOG_LOW) / BIN_COUNT  # width of a bin in decades of s
 LOG_EDGES = np.linspace(LOG_LOW, LOG_HIGH, BIN_COUNT + 1)
 LOG_MEANS = (LOG_EDGES[:-1] + LOG_EDGES[1:]) / 2
 """Mean of log10 s inside each bin: the value that a class stands for."""

@@ -42,7 +42,7 @@ _DTYPES = {"tensor(float16)": np.float16}
 _LARGEST = 4096
 """Largest height and width of a network's picture in pixels."""
 _ROUNDING = 1e-3
-"""What a coverage may leave [0, 1] by, in float16."""
+"""Largest distance of a coverage from [0, 1], which float16 may cause."""
 
 
 class Masker:

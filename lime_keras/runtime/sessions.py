@@ -11,7 +11,7 @@ import onnxruntime
 from lime_keras import processors
 
 _LONGEST = 200
-"""Largest number of characters of ONNX Runtime's own words that are told."""
+"""Longest part of ONNX Runtime's message that is quoted, in characters."""
 _NO_MEMORY = ("bad_alloc", "Failed to allocate memory")
 """Words by which ONNX Runtime tells that memory is used up, in errors of its own classes."""
 

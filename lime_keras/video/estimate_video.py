@@ -113,8 +113,8 @@ def estimate_video(
         pictures = iter(footage)
         first = next(pictures, None)
         if first is None:
-            told = "; ".join([f"{source} holds no frame that can be decoded", *footage.remarks])
-            raise ValueError(f"{told}: export it anew, as MP4 say")
+            reason = "; ".join([f"{source} holds no frame that can be decoded", *footage.remarks])
+            raise ValueError(f"{reason}: export it anew, as MP4 say")
         shown = tqdm(
             itertools.chain([first], pictures),
             total=footage.expected,

@@ -7,8 +7,7 @@ t counts the frames since the last scene cut, after which the caller restarts th
 
 import numpy as np
 
-WINDOW = 5
-"""Number of frames in the median (section 5.5)."""
+WINDOW = 5  # number of frames in the median (section 5.5)
 
 
 class Fusion:

@@ -10,8 +10,7 @@ from lime_keras.estimate import framing, preview
 from lime_keras.material import Material
 from lime_keras.optics import colour
 
-_HEIGHT, _WIDEST = 480, 1280
-"""Height, and largest width, of the shown frame in pixels."""
+_HEIGHT, _WIDEST = 480, 1280  # height, and largest width, of the shown frame in pixels
 _PANEL, _SPHERE = 280, 192
 _RAW, _FUSED, _SWATCH = 96, 186, (80, 34)
 """Left edges of the panel's two columns; width and height of a swatch."""
@@ -62,25 +61,25 @@ def panel(seconds: float, status: str, estimate: Material, fused: Material) -> n
         pixels[top : top + _SPHERE, left : left + _SPHERE] = ball
     lines = [(12, 30, f"{seconds:.2f} s", 18, _INK), (_RAW, 30, status, 18, _OUTLINE)]
     for column, material in ((_RAW, estimate), (_FUSED, fused)):
-        lines += [(column, _ROWS[row], told, 17, _INK) for row, told in _numbers(material).items()]
+        lines += [(column, _ROWS[row], text, 17, _INK) for row, text in _numbers(material).items()]
     return _written(pixels, lines)
 
 
 def _numbers(material: Material) -> dict[str, str]:
     """Return the text of the panel's rows for a material, by row."""
-    told: dict[str, str] = {}
+    texts: dict[str, str] = {}
     if material.diffuse_albedo is not None:
-        told = {
+        texts = {
             name: f"{value:.3f}"
             for name, value in zip(("red", "green", "blue"), material.diffuse_albedo, strict=True)
         }
     if material.specular_albedo is not None:
-        told["specular"] = f"{material.specular_albedo:.3f}"
+        texts["specular"] = f"{material.specular_albedo:.3f}"
     if material.exponent is not None:
-        told["exponent"] = f"{material.exponent:.3g}"
+        texts["exponent"] = f"{material.exponent:.3g}"
     if material.mask_coverage is not None:
-        told["coverage"] = f"{material.mask_coverage:.1%}"
-    return told
+        texts["coverage"] = f"{material.mask_coverage:.1%}"
+    return texts
 
 
 @functools.cache
@@ -97,8 +96,8 @@ def _written(pixels: np.ndarray, lines: list) -> np.ndarray:
     image = oiio.ImageBuf(pixels)
     for x, y, text, size, ink in lines:
         if text:
-            told = tuple(level / 255 for level in ink)
-            oiio.ImageBufAlgo.render_text(image, x, y, text, size, "DroidSans", told)
+            rgb = tuple(level / 255 for level in ink)
+            oiio.ImageBufAlgo.render_text(image, x, y, text, size, "DroidSans", rgb)
     return np.asarray(image.get_pixels(oiio.UINT8))
 
 

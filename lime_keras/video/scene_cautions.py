@@ -8,7 +8,7 @@ from lime_keras.material import Caution, Material
 OFTEN = 0.5
 """Share of a scene's frames with an object from which a frame's warning is the scene's.
 
-The fusion takes medians, which stand what is true of fewer.
+The fusion takes medians, so what is true of fewer than half of the frames does not change it.
 """
 
 

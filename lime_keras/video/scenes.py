@@ -47,7 +47,7 @@ class Scene:
 
 
 class _Running:
-    """The scene that is being told: its counts, and the frame with the largest object."""
+    """The scene that is being followed: its counts, and the frame with the largest object."""
 
     def __init__(self, number: int):
         self.number, self.frames, self.found = number, 0, 0
@@ -86,7 +86,7 @@ class _Running:
 
 
 class Scenes:
-    """The scenes of a video, told frame by frame."""
+    """The scenes of a video, followed frame by frame."""
 
     def __init__(self) -> None:
         self._running = _Running(1)

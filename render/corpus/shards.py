@@ -1,4 +1,4 @@
-"""The writing of a corpus' shards: records, and last the sidecar that vouches for them."""
+"""The writing of a corpus' shards: records, and last the sidecar with their checksum."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any

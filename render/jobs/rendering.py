@@ -94,7 +94,7 @@ def render_shards(
 
 
 def sidecars(job: Job) -> list[dict[str, Any]]:
-    """Return the sidecars of all shards; ValueError is raised if one vouches for no shard."""
+    """Return the sidecars of all shards; ValueError is raised if one is damaged."""
     return [resuming.sidecar(job.split.sidecar_path(n)) for n in range(job.description.shards)]
 
 

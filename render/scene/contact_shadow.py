@@ -1,9 +1,9 @@
 """The shadow of a mesh on the ground that it stands on, under an environment map.
 
 The ground is a plane through the mesh's lowest point. It is not seen itself; only the share of its
-light that the mesh leaves to it is computed. The light of the map's upper half is stood for by
-equally strong rays, which are the same at every pixel. So the shadow is free of noise: each ray
-changes it by one step of 1/256.
+light that the mesh leaves to it is computed. Equally strong rays take the place of the light of
+the map's upper half, the same at every pixel. So the shadow has no noise: each ray changes it by
+one step of 1/256.
 """
 
 import numpy as np

@@ -300,7 +300,7 @@ def test_a_profile_of_tables_is_told_to_cost_bits():
     ("tags", "words"),
     [
         (colour_space.Tags(code_points=(3, 99)), "code points 3, 99"),
-        (colour_space.Tags(is_untold=True), "not what they are"),
+        (colour_space.Tags(is_unspecified=True), "not what they are"),
         (colour_space.Tags(profile=b"broken"), "profile is broken"),
         (colour_space.Tags(chromaticities=(0.3,) * 8), "make no colours"),
         (
