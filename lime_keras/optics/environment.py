@@ -81,10 +81,18 @@ def _lookup(radiance: np.ndarray, direction: np.ndarray) -> np.ndarray:
     top, bottom, left, right, right_share, bottom_share = _between(direction, *radiance.shape)
     texels = radiance.reshape(-1)  # `take` with one index needs a third of the time of two indices
     rows = [
-        texels.take(row + left) * (1 - right_share) + texels.take(row + right) * right_share
+        _blend(texels.take(row + left), texels.take(row + right), right_share)
         for row in (top * width, bottom * width)
     ]
-    return rows[0] * (1 - bottom_share) + rows[1] * bottom_share
+    return _blend(*rows, bottom_share)
+
+
+def _blend(one: np.ndarray, other: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """Return (1 − share) · one + share · other; both are fresh arrays, and are overwritten."""
+    one *= 1 - share
+    other *= share
+    one += other
+    return one
 
 
 def splat(values: np.ndarray, direction: np.ndarray, height: int, width: int) -> np.ndarray:
@@ -177,19 +185,20 @@ def rotate(radiance: np.ndarray, rotation: np.ndarray, height: int, width: int) 
     """
     check(radiance)
     supersampling = max(4, -(-len(radiance) // height))
-    fine, weights, total_weights = _box_filter(height, width, supersampling)
+    precision = np.result_type(radiance, np.float32).char
+    fine, weights, total_weights = _box_filter(height, width, supersampling, precision)
     total = np.empty((height, width))
     step = max(1, _BLOCK // (width * supersampling**2))
     for first in range(0, height, step):
         some = slice(first, first + step)
-        values = lookup(radiance, fine[some].reshape(-1, 3) @ rotation)
+        values = lookup(radiance, fine[some].reshape(-1, 3) @ rotation.astype(fine.dtype))
         total[some] = np.sum(values.reshape(weights[some].shape) * weights[some], axis=(1, 3))
     return total / total_weights
 
 
 @functools.lru_cache(2)
 def _box_filter(
-    height: int, width: int, supersampling: int
+    height: int, width: int, supersampling: int, precision: str
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the look-ups of the texels of a map `(H, W)`, `s` × `s` in each.
 
@@ -200,4 +209,6 @@ def _box_filter(
     shape = (height, supersampling, width, supersampling)
     rows, columns = height * supersampling, width * supersampling
     weights = solid_angles(rows, columns).reshape(shape)
-    return directions(rows, columns).reshape(*shape, 3), weights, np.sum(weights, axis=(1, 3))
+    towards = directions(rows, columns).reshape(*shape, 3)
+    total = np.sum(weights, axis=(1, 3))
+    return towards.astype(precision), weights.astype(precision), total

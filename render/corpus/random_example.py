@@ -103,8 +103,8 @@ class Sources:
 
     def _mesh(self, body: Body, size: int, quality: Quality) -> tuple[Mesh, Tracer]:
         mesh = bodies.load(body, self._shapes)
-        # Test splits keep their bytes, and so the rays one by one.
-        return mesh, Tracer(mesh, size, quality, packets=self.is_mixed)
+        # Test splits keep what they show, and so the rays one by one.
+        return mesh, Tracer(mesh, size, quality, packets=self.split != "test")
 
     def _light(self, lamp: Lamp, quality: Quality) -> Light:
         """Load the map of that name, or mix the light of that number, under its strongest map's."""

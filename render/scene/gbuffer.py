@@ -63,10 +63,24 @@ class GBuffer:
 
         Args:
             values: value of each sample.
-            samples: indices of the samples; every covered pixel needs at least one.
-            weights: weight of each sample; all equal by default.
+            samples: indices of the samples, all by default; every covered pixel needs at least one.
+            weights: weight of each of these samples, needed unless these are all of them; all equal
+                by default.
         """
-        return _means(self.pixel[samples], values, weights, self.coverage.size)[self.covered_pixels]
+        count = self._samples
+        if weights is not None:
+            values, count = values * weights, self._sums(weights, samples)
+        return (self._sums(values, samples) / count).astype(np.float32)
+
+    def _sums(self, values: np.ndarray, samples: np.ndarray | slice) -> np.ndarray:
+        """Return the sum of sample values in each covered pixel, `(P,)`."""
+        pixel, count = self.pixel[samples], self.coverage.size
+        return np.bincount(pixel, values, count)[self.covered_pixels]
+
+    @functools.cached_property
+    def _samples(self) -> np.ndarray:
+        """The number of samples that hit the object in each covered pixel, `(P,)`."""
+        return np.bincount(self.pixel, minlength=self.coverage.size)[self.covered_pixels]
 
     def lobe_samples(self, most: float) -> tuple[np.ndarray, np.ndarray]:
         """Return the indices of the samples at which S is computed, and their weights.
@@ -86,9 +100,8 @@ class GBuffer:
 
         It follows from the directions' variance in a pixel, as that of points on a square grid.
         """
-        count = np.bincount(self.pixel, minlength=self.coverage.size)[self.covered_pixels]
         spacing = np.zeros(self.coverage.size)
-        spacing[self.covered_pixels] = np.sqrt(6 * self.spread / np.maximum(count - 1, 1))
+        spacing[self.covered_pixels] = np.sqrt(6 * self.spread / np.maximum(self._samples - 1, 1))
         return spacing[self.pixel]
 
     def image(self, pixel_values: np.ndarray) -> np.ndarray:
@@ -282,16 +295,6 @@ def _edges(coverage: np.ndarray) -> np.ndarray:
     """Return row-major flags of the pixels at the silhouette, with their uncovered neighbours."""
     touched = ndimage.maximum_filter(coverage, 3) > 0
     return (touched & (ndimage.minimum_filter(coverage, 3, mode="nearest") < 1)).ravel()
-
-
-def _means(
-    groups: np.ndarray, values: np.ndarray, weights: np.ndarray | None, count: int
-) -> np.ndarray:
-    """Return the weighted mean of the values of each of `count` groups, NaN for an empty group."""
-    weighted = values if weights is None else values * weights
-    total = np.bincount(groups, weights=weighted, minlength=count)
-    with np.errstate(invalid="ignore"):
-        return (total / np.bincount(groups, weights=weights, minlength=count)).astype(np.float32)
 
 
 def _joined(first: GBuffer, second: GBuffer) -> GBuffer:

@@ -48,12 +48,12 @@ def mirror(
     mirrored = shading.reflect(normal, view)
     if spacing is None:
         return environment.lookup(light.radiance, mirrored)
-    rows = np.array([len(level) for level in light.filtered])
-    enough = np.pi / np.maximum(spacing, np.pi / rows[0])
     # The finest of the maps whose texels are as wide as the spacing.
-    level = np.minimum(np.searchsorted(-rows, -enough - 1e-6), len(rows) - 1)
+    level = np.zeros(len(mirrored), np.int8)
+    for finer in light.filtered[:-1]:
+        level += spacing > math.pi / (len(finer) - 1e-6)
     out = np.empty(len(mirrored), mirrored.dtype)
-    for number in np.unique(level):
+    for number in np.flatnonzero(np.bincount(level)):
         some = np.flatnonzero(level == number)
         out[some] = environment.lookup(light.filtered[number], mirrored[some])
     return out
@@ -94,13 +94,18 @@ def _cuts(
     light: Light,
 ) -> Iterator[Cut]:
     """Yield each group's samples with the lights that shine on one of them and in its lobe."""
+    if not groups:
+        return
+    axes, radii = _cones(mirrored, groups)
+    normals, spreads = _cones(normal, groups)
+    least = np.cos(np.minimum(math.pi / 2 + spreads, math.pi))
     for first in range(0, len(groups), _TOGETHER):
-        some = groups[first : first + _TOGETHER]
-        axes, radii = zip(*(_cone(mirrored[rows]) for rows in some), strict=True)
-        cuts = light.cut(exponent, support, np.array(axes), np.array(radii, normal.dtype))
-        for rows, (directions, energies) in zip(some, cuts, strict=True):
-            axis, radius = _cone(normal[rows])
-            lit = directions @ axis >= math.cos(min(math.pi / 2 + radius, math.pi))
+        some = slice(first, first + _TOGETHER)
+        cuts = light.cut(exponent, support, axes[some], radii[some])
+        for rows, axis, lowest, (directions, energies) in zip(
+            groups[some], normals[some], least[some], cuts, strict=True
+        ):
+            lit = directions @ axis >= lowest
             yield rows, directions[lit], energies[lit]
 
 
@@ -163,11 +168,17 @@ def _groups(directions: np.ndarray, cells: int) -> tuple[np.ndarray, list[slice]
     return order, [slice(*pair) for pair in itertools.pairwise(edges.tolist())]
 
 
-def _cone(group: np.ndarray) -> tuple[np.ndarray, float]:
-    """Return the mean direction of a group, and the largest angle of a member from it."""
-    axis = np.add.reduce(group) / group.dtype.type(len(group))  # `mean` takes twice the time
-    axis /= math.sqrt(axis.dot(axis))
-    return axis, math.acos(min(max(float(np.minimum.reduce(group @ axis)), -1), 1))
+def _cones(directions: np.ndarray, groups: list[slice]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the mean direction of each group, `(G, 3)`, and the largest angle from it, `(G,)`.
+
+    The groups are consecutive parts of the directions `(N, 3)`, all of them together.
+    """
+    starts = [rows.start for rows in groups]
+    axes = np.add.reduceat(directions, starts)
+    axes /= np.sqrt(np.einsum("ij,ij->i", axes, axes))[:, None]
+    spread = np.repeat(axes, np.diff([*starts, len(directions)]), axis=0)
+    cosine = np.minimum.reduceat(np.einsum("ij,ij->i", directions, spread), starts)
+    return axes, np.arccos(np.clip(cosine, -1, 1))
 
 
 def support_angle(exponent: float, negligible: float) -> float:

@@ -71,7 +71,7 @@ class Light:
         """
         height = min(2 * environment.STORED_SHAPE[0], max(self.levels))
         energy = self.levels[height].energy
-        return energy / environment.solid_angles(*energy.shape)
+        return energy / environment.solid_angles(*energy.shape).astype(energy.dtype)
 
     @functools.cached_property
     def filtered(self) -> tuple[np.ndarray, ...]:
