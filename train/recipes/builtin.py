@@ -15,7 +15,6 @@ from . import shared
 from .recipe import Corpus, Recipe
 
 _SHAPES = Corpus(100_000, seed=2, meshes=False, maps=False)
-_PLAIN = {"corpora": ("shapes",), "cutouts": False}
 
 RECIPE = Recipe(
     preset="live",
@@ -28,7 +27,7 @@ RECIPE = Recipe(
         for name, training in shared.MASKS.items()
     }
     | {
-        "mask": dataclasses.replace(shared.MASK_128, **_PLAIN),
+        "mask": dataclasses.replace(shared.MASK_128, corpora=("shapes",), cutouts=False),
         "light": dataclasses.replace(shared.LIGHT, corpora=("shapes",)),
         "material": dataclasses.replace(
             shared.MATERIAL, corpora=("shapes",), materials=("natural",)
