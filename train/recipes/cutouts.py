@@ -29,12 +29,12 @@ def fetch(packages: Sequence[Package], out: Path) -> list[dict[str, Any]]:
     with atomic.replacing(out) as partial:
         partial.mkdir()
         for package in packages:
-            named = f"{package.client} {package.name} {package.version}"
             try:
-                records.append({"package": named} | _fetch(package, partial))
+                records.append({"package": str(package)} | _fetch(package, partial))
             except (OSError, subprocess.CalledProcessError) as error:
                 said = getattr(error, "stderr", None) or str(error)
-                records.append({"package": named, "skipped": said.strip().splitlines()[-1]})
+                why = (said.strip().splitlines() or ["no reason given"])[-1]
+                records.append({"package": str(package), "skipped": why})
     return records
 
 

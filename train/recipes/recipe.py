@@ -57,6 +57,10 @@ class Package:
     version: str
     ranges: tuple[str, ...] = ()
 
+    def __str__(self) -> str:
+        """Return client, name and version."""
+        return f"{self.client} {self.name} {self.version}"
+
 
 @dataclass(frozen=True)
 class Training:

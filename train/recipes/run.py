@@ -38,6 +38,7 @@ _PACKAGES = ("tensorflow", "jax", "keras", "numpy", "mitsuba", "drjit")
 _LAUNCH = {"lime-render": "render", "lime-train": "train", "lime-eval": "evaluate"}
 """Function of `lime_keras.launch` that runs a command."""
 _UNKNOWN = "unknown: no checkout"
+_NAMED = 5  # differences in a message
 _SECONDS_TO_END = 5, 30
 """Time that a command has to end by a terminal's Ctrl-C, which is sent to all, and by ours."""
 
@@ -130,22 +131,20 @@ class _Run:
     def _begin(self, name: str, seed: int, files: Mapping[str, str]) -> dict[str, Any]:
         """Return the record of the run, written if there is none; refuse that of another."""
         plain = json.loads(json.dumps(dataclasses.asdict(self._recipe)))
-        wanted = {"recipe": plain, "seed": seed, "data": data.total(files) if files else None}
-        path = self._folder / "recipe.json"
+        path, list_path = self._folder / "recipe.json", self._folder / "data.json"
         if path.is_file():
             try:
                 record = untrusted.read_json(path)
-                held = {key: record[key] for key in wanted}
-            except (KeyError, TypeError, ValueError) as error:
+                held = {"recipe": record["recipe"], "seed": record["seed"]}
+                held |= {"data": untrusted.read_json(list_path)}
+            except (KeyError, TypeError, ValueError, OSError) as error:
                 raise ValueError(f"{path} is no recipe's record ({error}): remove it") from error
-            said = "; ".join(
-                f"{key} {there} there, {asked} asked"
-                for key, there, asked in differences(held, wanted)
-            )
-            if said:
+            asked = {"recipe": plain, "seed": seed, "data": dict(files)}
+            if said := [f"{key} {a} there, {b} asked" for key, a, b in differences(held, asked)]:
+                more = f"; and {len(said) - _NAMED} more" if len(said) > _NAMED else ""
                 raise ValueError(
-                    f"{self._folder} holds another run: {said}. Pass another --out, with --reuse "
-                    f"{self._folder} for the steps that are the same"
+                    f"{self._folder} holds another run: {'; '.join(said[:_NAMED])}{more}. Pass "
+                    f"another --out, with --reuse {self._folder} for the steps that are the same"
                 )
             return record
         known = data.listed()
@@ -157,8 +156,11 @@ class _Run:
             )
         if "dirty" in (now := commit() or _UNKNOWN):
             _tell("this checkout has changes that no commit has: the record will say so")
-        record = wanted | {
+        record = {
             "name": Path(name).stem,
+            "recipe": plain,
+            "seed": seed,
+            "data": data.total(files) if files else None,
             "sha256": hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest(),
             "files_not_in_list": others,
             "commit": now,
@@ -166,7 +168,7 @@ class _Run:
             "packages": installed(_PACKAGES),
             "machine": f"{platform.machine()}, {os.cpu_count()} cores",
         }
-        atomic.write(self._folder / "data.json", json.dumps(files, indent=1) + "\n")
+        atomic.write(list_path, json.dumps(files, indent=1) + "\n")
         atomic.write(path, json.dumps(record, indent=1) + "\n")
         return record
 
@@ -176,9 +178,12 @@ class _Run:
         if not wanted or not self._recipe.packages:
             return []
         path, things = self._folder / "cutouts.json", self._folder / steps.CUTOUTS / "things"
-        if self._reuse is not None and not path.is_file() and (self._reuse / path.name).is_file():
-            _link_tree(self._reuse / steps.CUTOUTS, self._folder / steps.CUTOUTS)
-            atomic.write(path, (self._reuse / path.name).read_bytes())
+        other = self._reuse and self._reuse / path.name
+        if other is not None and other.is_file() and not path.is_file():
+            named = [one["package"] for one in untrusted.read_json(other)]
+            if named == [str(package) for package in self._recipe.packages]:
+                _link_tree(other.parent / steps.CUTOUTS, self._folder / steps.CUTOUTS)
+                atomic.write(path, other.read_bytes())
         if not path.is_file() or not things.is_dir():
             _tell("cut-outs: " + ", ".join(one.name for one in self._recipe.packages))
             records = cutouts.fetch(self._recipe.packages, things)

@@ -158,7 +158,7 @@ def test_another_recipe_or_other_data_are_refused(own, folder, commands, tmp_pat
     other = tmp_path / "other"
     shutil.copytree(folder, other)
     (other / "meshes" / "ball0.ply").write_bytes(b"")
-    with pytest.raises(ValueError, match=r"data \w{64} there, \w{64} asked"):
+    with pytest.raises(ValueError, match=r"data.meshes/ball0.ply \w{64} there, \w{64} asked"):
         run.carry_out(own, out, data_folder=other)
     with pytest.raises(ValueError, match="reads meshes and maps: pass --data"):
         run.carry_out(own, tmp_path / "new")
