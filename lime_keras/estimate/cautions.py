@@ -299,7 +299,7 @@ def _of_colour(pixels_srgb: np.ndarray, spread: float) -> list[tuple[str, str]]:
                 "shading: if the photo is black-and-white, pass a photo in colour",
             )
         ]
-    second = dichromatic.second_colour(pixels_srgb[pixels_srgb.max(axis=-1) < _WHITE])
+    second = dichromatic.second_colour(pixels_srgb[colour.brightest(pixels_srgb) < _WHITE])
     if spread <= SPREAD and second <= dichromatic.SECOND_COLOUR:
         return []
     return [

@@ -54,7 +54,7 @@ def estimate(
     normal = guessed_normals.normals(layers["mask"])
     light = illumination.estimate(illumination.from_material(seen, normal, camera))
     inside = layers["mask"][..., 0] >= 0.5
-    brightness = colour.srgb_to_linear(image_srgb[inside]).mean(axis=-1)
+    brightness = colour.grey(colour.srgb_to_linear(image_srgb[inside]))
     return with_contrast(light, normal[inside], brightness, material)
 
 

@@ -255,16 +255,17 @@ def _shading(light: np.ndarray) -> np.ndarray:
     rows, columns = _NORMALS_SHAPE
     energy = light * environment.solid_angles(*STORED_SHAPE)
     energy = energy.reshape(rows, 2, columns, 2).sum(axis=(1, 3)).reshape(-1)
-    weights = _cosines()
-    furnace = weights @ environment.solid_angles(*_NORMALS_SHAPE).reshape(-1)
+    weights, furnace = _cosines()
     return (weights @ energy / furnace).reshape(_NORMALS_SHAPE)
 
 
 @functools.cache
-def _cosines() -> np.ndarray:
-    """Return max(i·n, 0), `(2048, 2048)`, for each normal and each light of `_NORMALS_SHAPE`."""
+def _cosines() -> tuple[np.ndarray, np.ndarray]:
+    """Return max(i·n, 0), `(2048, 2048)`, by normal and light, and D of a light of radiance 1."""
     directions = environment.directions(*_NORMALS_SHAPE).reshape(-1, 3).astype(np.float32)
-    return np.maximum(directions @ directions.T, 0)
+    # In double precision, as each product would convert it anew.
+    weights = np.maximum(directions @ directions.T, 0).astype(np.float64)
+    return weights, weights @ environment.solid_angles(*_NORMALS_SHAPE).reshape(-1)
 
 
 def is_observed(evidence: Evidence) -> np.ndarray:

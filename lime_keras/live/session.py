@@ -116,6 +116,7 @@ class Session:
         fused = material_of(step.fused, self._estimator.gloss_calibration)
         if step.cut or np.isnan(step.fused).all():
             self._light.restart()
+        if step.cut:
             self._square = None
 
         # The layers, the light and what may be wrong with them.

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import IO, cast
 
 from lime_keras.io import atomic, untrusted
-from lime_keras.live import graphs
+from lime_keras.live import page_graphs
 from lime_keras.model import folder as model_folder
 from lime_keras.model import gloss_file
 from lime_keras.model import graphs as graph_folder
@@ -72,14 +72,14 @@ def write(out: Path, run: Path, runtime: Path) -> None:
     check(out)
     description = graph_folder.read(model_folder.graphs(run))
     if description is None:
-        raise ValueError(f"{run} is not exported yet: run lime-estimate with it once")
+        raise ValueError(f"{run} holds no graphs: {graph_folder.export_hint(run)}")
     with atomic.replacing(out) as partial:
         shutil.copytree(_PAGE, partial)
         # A service worker serves the folder that it lies in.
         (partial / _SERVICE_WORKER).rename(partial / _SERVICE_WORKER.name)
         _add_preflight(partial / "index.html")
         (partial / "graphs").mkdir()
-        graphs.write(partial / "graphs", model_folder.graphs(run))
+        names = page_graphs.write(partial / "graphs", model_folder.graphs(run))
         (partial / "runtime").mkdir()
         for backend in _RUNTIME.values():
             for name in backend.values():
@@ -95,7 +95,7 @@ def write(out: Path, run: Path, runtime: Path) -> None:
             "runtime": {name: _placed(partial, backend) for name, backend in _RUNTIME.items()},
             "graphs": {
                 graph: {"path": path, "bytes": (partial / path).stat().st_size}
-                for graph in graphs.NAMES
+                for graph in names
                 for path in [f"graphs/{graph}.onnx"]
             },
         }

@@ -49,7 +49,7 @@ def unpack(body: bytes) -> Request:
     Raises:
         ValueError: if the body is not as described above.
     """
-    header, pixels = _split(body)
+    header, content = _split(body)
     number = _integer(header, "number", 0, 2**53)
     width, height = (_integer(header, name, 1, LONGEST) for name in ("width", "height"))
     options, masked = header.get("options", {}), header.get("mask", False)
@@ -57,15 +57,18 @@ def unpack(body: bytes) -> Request:
         raise ValueError(f"a frame's options are some of {', '.join(_OPTIONS)}, got {options!r}")
     area = width * height
     expected = area * (5 if masked else 4)
-    if len(pixels) != expected:
+    if len(content) != expected:
         raise ValueError(
-            f"a frame of {width}×{height} pixels has {expected} bytes, got {len(pixels)}"
+            f"a frame of {width}×{height} pixels has {expected} bytes, got {len(content)}"
         )
-    levels = np.frombuffer(pixels, np.uint8)
-    image = levels[: 4 * area].reshape(height, width, 4)[..., :3]
+    levels = np.frombuffer(content, np.uint8)
+    pixels = levels[: 4 * area].reshape(height, width, 4)
+    image = np.empty((height, width, 3), np.uint8)
+    for channel in range(3):  # One copy of all takes three times as long.
+        image[..., channel] = pixels[..., channel]
     return Request(
         number=number,
-        image_srgb=np.ascontiguousarray(image),
+        image_srgb=image,
         mask=levels[4 * area :].reshape(height, width) if masked else None,
         frame=FrameRequest(**{name: bool(value) for name, value in options.items()}),
         restart=bool(header.get("restart", False)),

@@ -9,7 +9,7 @@ noticed, and what each graph reads and answers, so that only those are opened th
 import dataclasses
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -56,6 +56,24 @@ class Description:
     size: int
     system: str
     graphs: Mapping[str, Graph]
+
+    def needed(self, quantities: Iterable[str], given: Collection[str]) -> list[str]:
+        """Return the names of the graphs that quantities need, each after those it reads.
+
+        Args:
+            quantities: names out of the graphs' outputs, or of what is given.
+            given: names of the quantities that need no graph.
+        """
+        answering = {
+            output: name for name, graph in self.graphs.items() for output in graph.outputs
+        }
+        needed, open_names = set(), set(quantities) - set(given)
+        while open_names:
+            name = answering[open_names.pop()]
+            if name not in needed:
+                needed.add(name)
+                open_names |= set(self.graphs[name].inputs) - set(given)
+        return [name for name in self.graphs if name in needed]
 
 
 def write(folder: Path, description: Description) -> None:

@@ -167,14 +167,14 @@ def with_saturation_of_pixels(
         image: picture of the object `(H, W, 3)`, sRGB in [0, 1].
         mask: coverage of the object `(H, W, 1)` in [0, 1].
     """
-    inside = (mask[..., 0] >= 0.5) & (image.max(axis=-1) < colour.CLIPPED)
+    inside = (mask[..., 0] >= 0.5) & (colour.brightest(image) < colour.CLIPPED)
     pixels = image[inside]
     mean, own = float(np.mean(diffuse_albedo)), diffuse_albedo - np.mean(diffuse_albedo)
     length = float(np.linalg.norm(own))
     if len(pixels) < _FEWEST or length <= _LEAST_CHROMA or second_colour(pixels) > SECOND_COLOUR:
         return diffuse_albedo
     linear = colour.srgb_to_linear(pixels)
-    grey = linear.mean(axis=-1)
+    grey = colour.grey(linear)
     chroma = np.linalg.norm(linear - grey[:, None], axis=-1)
     median = float(np.median(chroma / (grey + _DARK)))
     low, high = _COLOURED
@@ -201,7 +201,7 @@ def second_colour(pixels_srgb: np.ndarray) -> float:
     brightness = float(linear.mean()) if len(linear) else 0.0
     if not brightness > 0:
         return 0.0
-    chroma = linear - linear.mean(axis=-1, keepdims=True)
+    chroma = linear - colour.grey(linear)[:, None]
     mean = chroma.mean(axis=0)
     length = float(np.linalg.norm(mean))
     if length > _LEAST_CHROMA:
@@ -233,7 +233,7 @@ def colour_spread(image_srgb: np.ndarray, inside: np.ndarray) -> float:
     high, wide = (size // patch for size in covered.shape)
     shape = (high, patch, wide, patch)
     cut = slice(0, high * patch), slice(0, wide * patch)
-    usable = covered[cut] & (image[cut].max(axis=-1) < colour.CLIPPED)
+    usable = covered[cut] & (colour.brightest(image[cut]) < colour.CLIPPED)
     whole = usable.reshape(shape).all(axis=(1, 3))
     if whole.sum() < _FEWEST_PATCHES:
         return 0.0

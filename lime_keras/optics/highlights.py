@@ -6,6 +6,7 @@ around it.
 """
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -25,8 +26,8 @@ def hidden(image_srgb: np.ndarray, specular: np.ndarray) -> np.ndarray:
         image_srgb: photo `(H, W, 3)`, sRGB in [0, 1].
         specular: m_s · S, linear radiance `(H, W, 1)`, at least 0.
     """
-    clipped = image_srgb.max(axis=-1) >= _WHITE
-    seen = colour.srgb_to_linear(image_srgb).mean(axis=-1)
+    clipped = colour.brightest(image_srgb) >= _WHITE
+    seen = colour.grey(colour.srgb_to_linear(image_srgb))
     return clipped | (specular[..., 0] > SHARE * seen)
 
 
@@ -45,6 +46,18 @@ def inpainted(values: np.ndarray, known: np.ndarray, wanted: np.ndarray) -> np.n
         Values `(N, C)` of the N wanted pixels, row by row; 0 if nothing is known.
     """
     step = math.ceil(max(known.shape) / _GRID)
+    if step == 1:
+        weights = known[..., None].astype(np.float32)
+        totals = np.where(weights > 0, values, np.float32(0))
+    else:
+        totals, weights = _cells(values, known, step)
+    grid = _pulled(totals, weights)
+    rows, columns = np.nonzero(wanted)
+    return _between(grid, (rows + 0.5) / step - 0.5, (columns + 0.5) / step - 0.5)
+
+
+def _cells(values: np.ndarray, known: np.ndarray, step: int) -> Iterator[np.ndarray]:
+    """Yield the sums of known values, and their number, over a cell's pixels, for each cell."""
     sums, counts = [], []
     for top in range(0, len(known), step):
         # Cell row by cell row: the product of a large photo would take much memory.
@@ -52,22 +65,15 @@ def inpainted(values: np.ndarray, known: np.ndarray, wanted: np.ndarray) -> np.n
         sums.append(np.sum(values[top : top + step], axis=0, where=part, dtype=np.float32))
         counts.append(np.sum(part, axis=0, dtype=np.float32))
     starts = np.arange(0, known.shape[1], step)
-    totals, weights = (
-        np.add.reduceat(np.stack(rows), starts, axis=1) / step**2 for rows in (sums, counts)
-    )
-    grid = _pulled(totals, weights)
-    rows, columns = np.nonzero(wanted)
-    return _between(grid, (rows + 0.5) / step - 0.5, (columns + 0.5) / step - 0.5)
+    for rows in (sums, counts):
+        yield np.add.reduceat(np.stack(rows), starts, axis=1) / step**2
 
 
 def _pulled(totals: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """Return the values `(h, w, C)` of all cells, of weighted sums and weights `(h, w, 1)`."""
     if max(weights.shape) == 1:
         return totals / np.maximum(weights, _DRAW)
-    halves = []
-    for sums in (totals, weights):
-        pairs = np.add.reduceat(sums, np.arange(0, sums.shape[0], 2), axis=0)
-        halves.append(np.add.reduceat(pairs, np.arange(0, sums.shape[1], 2), axis=1))
+    halves = [_halved(_halved(sums).swapaxes(0, 1)).swapaxes(0, 1) for sums in (totals, weights)]
     # A cell that is known in part counts as known.
     excess = np.maximum(halves[1], 1)
     coarse = _pulled(halves[0] / excess, halves[1] / excess)
@@ -75,6 +81,13 @@ def _pulled(totals: np.ndarray, weights: np.ndarray) -> np.ndarray:
     at = np.meshgrid(rows, columns, indexing="ij")
     around = _between(coarse, at[0].ravel(), at[1].ravel()).reshape(totals.shape)
     return (totals + _DRAW * around) / (weights + _DRAW)
+
+
+def _halved(sums: np.ndarray) -> np.ndarray:
+    """Return the sums of each two rows, and an odd last row."""
+    out, second = sums[::2].copy(), sums[1::2]
+    out[: len(second)] += second
+    return out
 
 
 def _between(grid: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:

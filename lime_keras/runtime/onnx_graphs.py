@@ -65,14 +65,14 @@ class OnnxGraphs:
 
     def subnetworks(self, outputs: Iterable[str], given: Collection[str]) -> tuple[str, ...]:
         """Return the names of the subnetworks that outputs need (see `Engine`)."""
-        return tuple(name for name in self._needed(outputs, given) if name != SPLIT)
+        return tuple(name for name in self.description.needed(outputs, given) if name != SPLIT)
 
     def run(
         self, outputs: Collection[str], given: Mapping[str, np.ndarray]
     ) -> dict[str, np.ndarray]:
         """Return outputs by name for a batch (see `Engine`)."""
         values = dict(given)
-        for name in self._needed(outputs, given):
+        for name in self.description.needed(outputs, given):
             graph = self._graphs[name]
             inputs = {quantity: values[quantity] for quantity in graph.inputs}
             session = self._session(name)
@@ -85,19 +85,6 @@ class OnnxGraphs:
                 ) from error
             values |= zip(graph.outputs, results, strict=True)
         return {output: values[output] for output in outputs}
-
-    def _needed(self, outputs: Iterable[str], given: Collection[str]) -> list[str]:
-        """Return the names of the graphs that outputs need, each after those it reads."""
-        answering = {
-            output: name for name, graph in self._graphs.items() for output in graph.outputs
-        }
-        needed, open_names = set(), set(outputs) - set(given)
-        while open_names:
-            name = answering[open_names.pop()]
-            if name not in needed:
-                needed.add(name)
-                open_names |= set(self._graphs[name].inputs) - set(given)
-        return [name for name in self._graphs if name in needed]
 
     def _session(self, name: str) -> Session:
         if name not in self._sessions:

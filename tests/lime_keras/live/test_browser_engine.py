@@ -78,7 +78,7 @@ def asked(images, masks):
         for image in images
     ]
     painted = [mask if mask is None else base64.b64encode(mask).decode() for mask in masks]
-    options = {"material": True, "light": True, "fusion": True}
+    options = {"material": True, "layers": True, "light": True, "fusion": True}
     height, width = images[0].shape[:2]
     return {
         "levels": encoded,

@@ -168,6 +168,11 @@ def test_a_stream_looks_where_the_object_was(estimator, monkeypatch):
             assert channel == pytest.approx(value, abs=0.05)
         assert found["mask_coverage"] == pytest.approx(expected.mask_coverage, rel=0.05)
     assert looks == [2, 1, 1, 1, 1, 1]
+    before = engine.looks
+    for alone in (Session(estimator), session):
+        for _ in range(3):
+            alone.process(frame, None, FrameRequest(material=False))
+    assert engine.looks - before == 2 + 1 + 1 + 3  # masks alone are followed, too
 
 
 def test_an_object_that_left_its_square_is_found_again(estimator, monkeypatch):

@@ -72,7 +72,7 @@ def test_a_page_replaces_a_page_and_nothing_else(written, tmp_path):
 
 
 def test_a_model_without_graphs_is_refused(tmp_path):
-    with pytest.raises(ValueError, match="not exported"):
+    with pytest.raises(ValueError, match="holds no graphs: run `lime-export"):
         static.write(tmp_path / "site", tmp_path, tmp_path)
     assert not (tmp_path / "site").exists()
 

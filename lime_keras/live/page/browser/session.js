@@ -11,15 +11,16 @@ import { raised } from "./saturation.js";
 import { Fusion, Tracker } from "./tracking.js";
 
 const BIN_WIDTH = 0.375; // Decades of s.
+const WARNED_EVERY = 10; // Frames after which warnings are looked for without layers, too.
 const BLACK = 1e-4; // Squared length of m_d up to which its diffuse layer is only noise.
 const [HIDING, WHITE] = [0.5, 254 / 255]; // `highlights`
 const FOCAL = 1.2; // Focal length over the photo's longer side: `shading.ASSUMED_FOCAL`.
 
 export class Session {
   /**
-   * @param run Function of a graph's name and its inputs by name, Float32Arrays, that returns the
-   *   graph's outputs by name, Float32Arrays: `mask` from `image`, `material` from `image` and
-   *   `mask`.
+   * @param run Function of a graph's name and of quantities by name, Float32Arrays, that returns
+   *   the graph's outputs by name, Float32Arrays: `mask` from `image`, `material` from `image` and
+   *   `mask`, `layers` from these and what `material` answers; nothing if there is no such graph.
    * @param size Height and width of the graphs' images.
    */
   constructor(run, size) {
@@ -33,6 +34,8 @@ export class Session {
     this.tracker = new Tracker();
     this.light = new Fusion();
     this.square = null; // Where the object was in the last frame.
+    this.warned = [];
+    this.unwarned = WARNED_EVERY;
   }
 
   /** Estimate the next frame; frame and answer are those of the page's engines. */
@@ -58,22 +61,22 @@ export class Session {
     lap("framing_and_mask");
     const found = covered > 0;
     let layers = null;
-    let warned = found ? [] : ["no-object"];
     if (options.material && found) {
       layers = await this.run("material", { image: view.seen, mask: view.mask });
       if (layers.diffuse_albedo) {
         const albedo = raised([...layers.diffuse_albedo], view.seen, view.mask);
         layers = { ...layers, diffuse_albedo: albedo };
       }
-      warned = this.cautions(image, view, given);
+      if (options.layers || options.light) {
+        layers = { ...layers, ...(await this.run("layers", { image: view.seen, mask: view.mask, ...layers })) };
+      }
       lap("material");
     }
     const material = layers && materialOf(layers);
     const { cut, fused } = this.tracker.step(image, found, parameters(material));
-    if (cut || fused.every(Number.isNaN)) {
-      this.light.restart();
-      this.square = null;
-    }
+    if (cut || fused.every(Number.isNaN)) this.light.restart();
+    if (cut) this.square = null;
+    const warned = [...this.doubts(image, view, given, found, options)];
     let light = null;
     if (options.light && material) {
       const told = this.lit(view, inside, layers, image);
@@ -96,8 +99,8 @@ export class Session {
       fused: options.fusion ? fusedMaterial(fused) : null,
       layers: {
         mask: Uint8Array.from(view.mask, (value) => Math.round(255 * value)),
-        specular_shading: layers?.specular_shading ?? null,
-        mirror: layers?.mirror ?? null,
+        specular_shading: (options.layers && layers?.specular_shading) || null,
+        mirror: (options.layers && layers?.mirror) || null,
       },
       light: light && { width: lighting.COLUMNS, height: lighting.ROWS, data: plain(light) },
       ms,
@@ -142,6 +145,17 @@ export class Session {
       seen: framing.cut(image, square, this.size),
       mask: framing.cutLayer(coverage, height, width, square, this.size),
     };
+  }
+
+  /** The codes of the reasons, of this frame or the last one in which they were looked for. */
+  doubts(image, view, given, found, options) {
+    this.unwarned++;
+    if (!found) [this.warned, this.unwarned] = [["no-object"], WARNED_EVERY];
+    else if (!options.material) return [];
+    else if (options.layers || this.unwarned >= WARNED_EVERY) {
+      [this.warned, this.unwarned] = [this.cautions(image, view, given), 0];
+    }
+    return this.warned;
   }
 
   /** The reasons to distrust the estimate of a view, of a mask that was given or of its own. */

@@ -1,16 +1,17 @@
-"""The page's two graphs give the merged model's numbers."""
+"""The page's graphs give the merged model's numbers."""
 
 import live_scenes
 import numpy as np
 import onnxruntime
 import pytest
 
-from lime_keras.live import graphs
+from lime_keras.live import page_graphs
 from lime_keras.model import folder as model_folder
 from lime_keras.runtime import onnx_graphs
 
 SHIPPED = model_folder.graphs(model_folder.SHIPPED)
 SIZE = 128
+NAMES = "mask", "material", "layers"
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +29,7 @@ def pictures():
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
     folder = tmp_path_factory.mktemp("graphs")
-    graphs.write(folder, SHIPPED)
+    assert page_graphs.write(folder, SHIPPED) == NAMES
     return folder
 
 
@@ -43,20 +44,21 @@ def run(session, fed):
 
 
 def test_they_take_one_image_and_answer_all(written, engine):
-    mask, material = (opened(written, name) for name in graphs.NAMES)
-    image = [1, SIZE, SIZE, 3]
+    """The layers that only pictures and the light need are in a graph of their own."""
+    mask, material, layers = (opened(written, name) for name in NAMES)
+    image, layer = [1, SIZE, SIZE, 3], [1, SIZE, SIZE, 1]
+    between = {"compressed_specular_shading": layer}
     assert {x.name: x.shape for x in mask.get_inputs()} == {"image": image}
-    assert {x.name: x.shape for x in material.get_inputs()} == {
-        "image": image,
-        "mask": [1, SIZE, SIZE, 1],
-    }
-    answered = [output.name for one in (mask, material) for output in one.get_outputs()]
-    assert tuple(answered) == engine.outputs
+    assert {x.name: x.shape for x in material.get_inputs()} == {"image": image, "mask": layer}
+    assert {x.name: x.shape for x in layers.get_inputs()} == {"mask": layer} | between
+    answered = [{output.name for output in one.get_outputs()} for one in (mask, material, layers)]
+    assert answered[0] == {"mask"} and answered[2] == {"mirror"}
+    assert answered[1] == {*engine.outputs, *between} - {"mask", "mirror"}
 
 
 def test_they_give_the_merged_models_numbers(written, engine, pictures):
     """To the last bit; for the mask that was found, and for one that was given."""
-    mask, material = (opened(written, name) for name in graphs.NAMES)
+    mask, material, layers = (opened(written, name) for name in NAMES)
     painted = np.zeros((1, SIZE, SIZE, 1), np.float32)
     painted[:, 30:100, 40:90] = 1
     found, expected = {}, {}
@@ -67,7 +69,10 @@ def test_they_give_the_merged_models_numbers(written, engine, pictures):
         gather(expected, engine.run(["mask"], {"image": image}))
         for given in (masks["mask"], painted):
             fed = {"image": image, "mask": given}
-            gather(found, run(material, fed))
+            answer = run(material, fed)
+            between = answer.pop("compressed_specular_shading")
+            gather(found, answer)
+            gather(found, run(layers, {"mask": given, "compressed_specular_shading": between}))
             gather(expected, engine.run([x for x in engine.outputs if x != "mask"], fed))
     assert found.keys() == expected.keys() == set(engine.outputs)
     for name in found:
@@ -82,4 +87,4 @@ def gather(stacks, answers):
 
 def test_no_graphs_are_told(tmp_path):
     with pytest.raises(ValueError, match="holds no graphs"):
-        graphs.write(tmp_path, tmp_path)
+        page_graphs.write(tmp_path, tmp_path)

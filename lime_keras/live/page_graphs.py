@@ -1,8 +1,9 @@
-"""The two graphs that the page runs without Python: `mask` and `material`.
+"""The graphs that the page runs without Python: `mask`, `material` and `layers`.
 
-They are made of the graphs of a model (`lime_keras.model.graphs`). `mask` is
-SegmentationNet, from `image`. `material` is all other subnetworks, from `image` and `mask`, and
-gives exactly their numbers. Both take one image at a time.
+They are made of the graphs of a model (`lime_keras.model.graphs`). `mask` is SegmentationNet, from
+`image`. `material` is what the numbers need, from `image` and `mask`. `layers` is what is left,
+which only pictures and the light need: it reads what `material` answers, too. All give exactly the
+numbers of the model, of one image at a time.
 """
 
 from collections.abc import Iterable, Mapping
@@ -14,33 +15,46 @@ from lime_keras.model import graphs as graph_folder
 from lime_keras.model.graphs import Description
 from lime_keras.outputs import OUTPUTS
 
-NAMES = ("mask", "material")
+_IMAGES = ("image", "mask")
 
 
-def write(folder: Path, graphs: Path) -> None:
-    """Write `mask.onnx` and `material.onnx`.
+def write(folder: Path, graphs: Path) -> tuple[str, ...]:
+    """Write `mask.onnx`, `material.onnx` and, if something is left for it, `layers.onnx`.
 
     Args:
         folder: existing folder to write to.
         graphs: folder of a model's graphs.
+
+    Returns:
+        The names of the graphs.
 
     Raises:
         ValueError: if the folder holds no graphs, or a graph is damaged.
     """
     description = graph_folder.read(graphs)
     if description is None:
-        raise ValueError(f"{graphs} holds no graphs: run lime-estimate with this model once")
-    for name in NAMES:
-        parts = [
-            part
-            for part, graph in description.graphs.items()
-            if ("mask" in graph.outputs) == (name == "mask")
-        ]
+        raise ValueError(f"{graphs} holds no graphs: write them with lime-export")
+    rooms = _rooms(description)
+    for name, parts in rooms.items():
         models = {part: _opened(graphs, description, part) for part in parts}
         answered = {output for part in parts for output in description.graphs[part].outputs}
-        joined = _joined(name, models, filter(answered.__contains__, OUTPUTS))
+        others = [graph for part, graph in description.graphs.items() if part not in parts]
+        read = {quantity for graph in others for quantity in graph.inputs}
+        told = [name for name in sorted(answered) if name in OUTPUTS or name in read]
+        joined = _joined(name, models, told)
         onnx.checker.check_model(joined)
         onnx.save(joined, folder / f"{name}.onnx")
+    return tuple(rooms)
+
+
+def _rooms(description: Description) -> dict[str, list[str]]:
+    """Return the subnetworks of each of the page's graphs that has any."""
+    answered = {output for graph in description.graphs.values() for output in graph.outputs}
+    numbers = [name for name in answered if name in OUTPUTS and OUTPUTS[name].layer is None]
+    mask = description.needed(["mask"], ["image"])
+    material = description.needed(numbers, _IMAGES)
+    layers = [name for name in description.graphs if name not in {*mask, *material}]
+    return {"mask": mask, "material": material} | ({"layers": layers} if layers else {})
 
 
 def _opened(graphs: Path, description: Description, part: str) -> onnx.ModelProto:
