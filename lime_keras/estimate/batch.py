@@ -1,10 +1,13 @@
 """A run over many photos with one model, which reads, estimates and writes batch by batch."""
 
+import contextlib
 import json
 import os
 import sys
 import time
+from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +26,8 @@ if TYPE_CHECKING:
 
 _BATCH, _BATCH_PIXELS = 8, 25_000_000
 """Largest number of photos, and of their pixels (about 1 GB), in one batch of the networks."""
+_WAITING = 1 << 20
+"""Largest number of pixels (about 100 MB) that wait to be written while the networks go on."""
 
 
 class Batch:
@@ -61,6 +66,9 @@ class Batch:
         self._estimator, self._results, self._masks = estimator, results, masks
         self._light, self._normals, self._clone = light, normals, clone
         self._for_people = for_people
+        # One photo's files are written while the networks look at the next.
+        self._writer = ThreadPoolExecutor(1)
+        self._written: deque[tuple[Path, str, int, Material, Future[dict[str, Any]]]] = deque()
         self._seconds = {"reading": 0.0, "networks": 0.0, "writing": 0.0}
         self._masks_looked_for = self._done = self._there = 0
         self.finished: list[str] = []
@@ -86,11 +94,19 @@ class Batch:
             self.empty += not found.get("mask_coverage")
             self._tell(name, found)
         self._there = len(self.finished)
-        with tqdm(total=len(left), unit="photo", delay=2, disable=None) as bar:
-            for batch in self._batches(left):
-                for _ in self._estimated(batch):
+        try:
+            with tqdm(total=len(left), unit="photo", delay=2, disable=None) as bar:
+                for _ in self._estimated(left):
                     bar.update(self._done + self.failed - bar.n)
-            bar.update(self._done + self.failed - bar.n)
+                bar.update(self._done + self.failed - bar.n)
+        finally:
+            self._writer.shutdown(cancel_futures=True)
+            # What was written when the run was interrupted is there, too.
+            self.finished += [
+                name
+                for _, name, _, _, written in self._written
+                if not (written.cancelled() or written.exception())
+            ]
 
     def _check_names(self, photos: Mapping[str, Path]) -> None:
         """Raise ValueError if a mask or normals could be meant for several photos."""
@@ -206,60 +222,67 @@ class Batch:
             tqdm.write(f"{own} is taken as the mask of {path}", file=sys.stderr)
         return read._replace(alpha=None), mask
 
-    def _estimated(self, batch: list[tuple[Any, ...]]) -> Iterator[None]:
-        """Estimate the photos of a batch, and yield after each, when its files are written."""
-        paths, names, photos, masks = zip(*batch, strict=True)
-        self._masks_looked_for += sum(mask is None for mask in masks)
-        begun = time.perf_counter()
-        materials = self._estimator.estimate_many(photos, masks)
-        for path, name, read in zip(paths, names, photos, strict=True):
+    def _estimated(self, left: Mapping[str, Path]) -> Iterator[None]:
+        """Estimate photos and write their files, and yield after each."""
+        for batch in self._batches(left):
+            paths, names, photos, masks = zip(*batch, strict=True)
+            self._masks_looked_for += sum(mask is None for mask in masks)
+            materials = self._estimator.estimate_many(photos, masks)
+            for path, name, read in zip(paths, names, photos, strict=True):
+                begun = time.perf_counter()
+                with _naming_photo(path):
+                    material = next(materials)
+                self._seconds["networks"] += time.perf_counter() - begun
+                written = self._writer.submit(self._write, path, name, read, material)
+                self._written.append((path, name, read.image[..., 0].size, material, written))
+                yield from self._settled(_WAITING)
+        yield from self._settled(0)
+
+    def _settled(self, most: int) -> Iterator[None]:
+        """Wait until no more than `most` pixels are to be written, and yield after each photo."""
+        while sum(pixels for _, _, pixels, _, _ in self._written) > most:
+            path, name, _, material, written = self._written.popleft()
             try:
-                material = next(materials)
-                estimated = time.perf_counter()
-                self._write(path, name, read, material)
-            except MemoryError as error:
-                raise MemoryError(
-                    f"{path} and what is estimated from it do not fit into memory: close other "
-                    "programs, or give a smaller copy"
-                ) from error
-            self._seconds["networks"] += estimated - begun
-            begun = time.perf_counter()
-            self._seconds["writing"] += begun - estimated
+                with _naming_photo(path):
+                    numbers = written.result()
+            except ValueError as error:
+                self._tell_failure(path, error)
+            else:
+                self._finish(path, name, material, numbers)
             yield
 
     def _write(
-        self,
-        path: Path,
-        name: str,
-        read: photo.Photo,
-        material: Material,
-    ) -> None:
-        try:
-            with self._results.writing(name, self._made(path)) as draft:
-                folder, stem = draft.folder, Path(name).name
-                draft.numbers = files.write(folder, stem, path, read.image, material)
-                if self._light and material.mask_coverage:
-                    # SciPy and scikit-image are large, and only the light needs them.
-                    from lime_keras.lighting import light_files
+        self, path: Path, name: str, read: photo.Photo, material: Material
+    ) -> dict[str, Any]:
+        """Write the files of an estimate, and return the content of its JSON."""
+        begun = time.perf_counter()
+        with self._results.writing(name, self._made(path)) as draft:
+            folder, stem = draft.folder, Path(name).name
+            draft.numbers = files.write(folder, stem, path, read.image, material)
+            if self._light and material.mask_coverage:
+                # SciPy and scikit-image are large, and only the light needs them.
+                from lime_keras.lighting import light_files
 
-                    normals = self._normals and _belonging(path, self._normals)
-                    light_files.write(
-                        folder,
-                        stem,
-                        read.image,
-                        material,
-                        normals=normals,
-                        clone=self._clone,
-                        alpha=read.alpha,
-                    )
-        except ValueError as error:
-            self._tell_failure(path, error)
-            return
+                normals = self._normals and _belonging(path, self._normals)
+                light_files.write(
+                    folder,
+                    stem,
+                    read.image,
+                    material,
+                    normals=normals,
+                    clone=self._clone,
+                    alpha=read.alpha,
+                )
+        self._seconds["writing"] += time.perf_counter() - begun
+        return draft.numbers
+
+    def _finish(self, path: Path, name: str, material: Material, numbers: dict[str, Any]) -> None:
+        """Count a photo whose files are written, and print its numbers and warnings."""
         self.finished.append(name)
         self._done += 1
         self.empty += not material.mask_coverage
         remark = files.remark(material)
-        self._tell(name, draft.numbers, [remark] if remark else [])
+        self._tell(name, numbers, [remark] if remark else [])
         if self._for_people:
             return
         for message in filter(None, [remark, *(caution.message for caution in material.warnings)]):
@@ -279,6 +302,18 @@ class Batch:
         told = told if str(path) in told else f"{path}: {told}"
         # A name may be no UTF-8, which not every stream takes.
         tqdm.write(f"error: {os.fsencode(told).decode(errors='replace')}", file=sys.stderr)
+
+
+@contextlib.contextmanager
+def _naming_photo(path: Path) -> Iterator[None]:
+    """Name the photo for which memory was used up."""
+    try:
+        yield
+    except MemoryError as error:
+        raise MemoryError(
+            f"{path} and what is estimated from it do not fit into memory: close other programs, "
+            "or give a smaller copy"
+        ) from error
 
 
 def _belonging(path: Path, given: Path) -> Path:

@@ -191,7 +191,7 @@ def caption(material: Material) -> list[str]:
 def _with_outline(image_srgb: np.ndarray, material: Material) -> np.ndarray:
     """Return the photo's square as a tile, with the outline of the mask."""
     edge = rim(_seen(material.layers["mask"], material)[..., 0] >= framing.THRESHOLD)
-    photo = framing.cut(*_thinned(image_srgb, _square(material, image_srgb)), _TILE)
+    photo = _resized(*_thinned(image_srgb, _square(material, image_srgb)), is_photo=True)
     return _framed(np.where(edge[..., None], _OUTLINE, photo), material, image_srgb)
 
 
@@ -206,12 +206,29 @@ def _framed(tile: np.ndarray, material: Material, image: np.ndarray) -> np.ndarr
     """Return a tile with the colour of the page where the square lies beyond the photo."""
     height, width = image.shape[:2]
     inside = framing.inside(_square(material, image), height, width, _TILE)
+    if inside.all():
+        return np.broadcast_to(tile, (_TILE, _TILE, 3))
     return np.where(inside, tile, np.array(_PAPER, np.float32) / 255)
 
 
 def _seen(layer: np.ndarray, material: Material) -> np.ndarray:
     """Return the square of a linear layer `(H, W, C)` that the networks saw, as a tile."""
-    return framing.cut_layer(*_thinned(layer, _square(material, layer)), _TILE)
+    return _resized(*_thinned(layer, _square(material, layer)))
+
+
+def _resized(image: np.ndarray, square: Square, *, is_photo: bool = False) -> np.ndarray:
+    """Return a square of a linear layer, or of a photo in sRGB, as a tile.
+
+    Pillow takes a fifth of the time of `framing.cut`, and rounds otherwise.
+    """
+    inside, outside = framing.overlap(square, *image.shape[:2])
+    part = colour.srgb_to_linear(image[outside]) if is_photo else image[outside]
+    beyond = [(edge.start, square.side - edge.stop) for edge in inside]
+    padded = np.pad(part, [*beyond, (0, 0)], mode="edge" if is_photo else "constant")
+    how = Image.Resampling.BOX if square.side > _TILE else Image.Resampling.BILINEAR
+    planes = np.ascontiguousarray(np.moveaxis(padded, -1, 0), np.float32)
+    tile = np.stack([Image.fromarray(plane).resize((_TILE, _TILE), how) for plane in planes], -1)
+    return colour.linear_to_srgb(tile) if is_photo else tile
 
 
 def _thinned(image: np.ndarray, square: Square) -> tuple[np.ndarray, Square]:
@@ -224,6 +241,7 @@ def _square(material: Material, image: np.ndarray) -> Square:
     return Square(*material.square) if material.square else framing.whole(*image.shape[:2])
 
 
+@functools.lru_cache(maxsize=64)
 def _lines(text: str, width: int) -> list[tuple[bool, str]]:
     """Return the lines of a text on a page, each with whether it is the first."""
     lines: list[str] = []
