@@ -6,6 +6,7 @@ import functools
 import json
 import os
 import shutil
+from pathlib import Path
 
 import hypothesis
 import pytest
@@ -35,9 +36,34 @@ LONGEST = (
 )
 
 
+TESTS = Path(__file__).parent
+QUICK = (
+    *("lime_keras/optics", "lime_keras/io", "lime_keras/lighting", "lime_keras/networks"),
+    *("lime_keras/test_losses.py", "lime_keras/test_metrics.py", "lime_keras/test_material.py"),
+    *("lime_keras/model/test_folder.py", "lime_keras/video/test_fusion.py", "eval/accuracy"),
+    *("train/test_terms.py", "benchmarks", "test_layout.py", "test_contributing.py"),
+)
+"""What `pytest -m quick` runs, below `tests/`: numbers, files and the order of imports."""
+
+
+def _is_quick(path):
+    return any(path.is_relative_to(TESTS / place) for place in QUICK)
+
+
+def pytest_ignore_collect(collection_path, config):
+    """Let the quick part import its own files alone."""
+    is_test = collection_path.name.startswith("test_")
+    if is_test and config.option.markexpr == "quick" and not _is_quick(collection_path):
+        return True
+    return None
+
+
 def pytest_collection_modifyitems(items):
     """The longest files first: every process takes whole files, and the last one keeps all."""
     items.sort(key=lambda item: item.path.name not in LONGEST)
+    for item in items:
+        if _is_quick(item.path) and not item.get_closest_marker("slow"):
+            item.add_marker("quick")
 
 
 @pytest.fixture(scope="session")

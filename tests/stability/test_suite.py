@@ -8,10 +8,8 @@ import pytest
 from keras import ops
 
 from lime_keras import losses, metrics
-from lime_keras.data import records
 from lime_keras.eval.stability import suite
 from lime_keras.eval.stability.verdicts import Case, Compared, Outcome
-from lime_keras.io import photo
 from lime_keras.optics import (
     colour,
     dynamic_range,
@@ -227,16 +225,6 @@ def overlap_of_nothing(intersection, union):
     return intersection / np.maximum(union, 1)
 
 
-class NumPy:
-    """NumPy for one module, with a function of it replaced."""
-
-    def __init__(self, **replaced):
-        self.__dict__.update(replaced)
-
-    def __getattr__(self, name):
-        return getattr(np, name)
-
-
 BROKEN = {
     "a lobe without a horizon": ("lobe: ", shading, "specular", lobe_without_a_horizon),
     "a lobe by squares": ("lobe: ", shading, "specular", lobe_by_squares),
@@ -284,8 +272,6 @@ BROKEN = {
     ),
     "bins without slack": ("bins: ", shininess, "bin_of", bins_without_slack),
     "an overlap of nothing": ("measures: ", metrics, "overlap_ratio", overlap_of_nothing),
-    "records unchecked": ("records: ", records, "_check", lambda example: None),
-    "photos unchecked": ("photo read: ", photo, "np", NumPy(isfinite=np.ones_like)),
 }
 
 

@@ -37,6 +37,31 @@ def shards(tmp_path_factory):
     ]
 
 
+@pytest.mark.parametrize("name", ["mirror", "environment", "shininess", "diffuse_albedo"])
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+@pytest.mark.parametrize("with_camera", [False, True])
+def test_a_number_that_is_not_finite_is_located(name, value, with_camera, tmp_path):
+    """As another program could write it: `records.encode` refuses it."""
+    sound = records.encode(example(0, size=SIZE))
+    message = tf.train.Example.FromString(sound)
+    feature = message.features.feature[name]
+    if feature.bytes_list.value:
+        bits = tf.io.decode_png(feature.bytes_list.value[0], 1, tf.uint16).numpy()
+        bits[-1, -1] = np.float16(value).view(np.uint16)
+        feature.bytes_list.value[0] = tf.io.encode_png(bits).numpy()
+    else:
+        feature.float_list.value[-1] = value
+    path = tmp_path / "00000.tfrecord"
+    with tf.io.TFRecordWriter(str(path)) as writer:
+        writer.write(sound)
+        writer.write(message.SerializeToString())
+    batches = pipeline.evaluation(
+        [path], size=SIZE, batch_size=1, camera=with_camera, features=(name,)
+    )
+    with pytest.raises(ValueError, match=f"record 1 .*{name} is not finite.*lime-render"):
+        list(pipeline.naming_damage(batches, [path]))
+
+
 def test_evaluation_takes_every_example_once_in_order(shards):
     batches = list(pipeline.evaluation(shards, size=8, batch_size=5))
     assert [len(batch["index"]) for batch in batches] == [5, 5, 2]
