@@ -7,7 +7,6 @@ __version__ = "0.1.0"
 
 def installed(packages: Iterable[str]) -> dict[str, str | None]:
     """Return the version of each package by its name; None if it is not installed."""
-
     # Commands begin faster without it.
     from importlib import metadata
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from lime_keras.io import untrusted
 
-from .evaluation import evaluation_path
+from .system_evaluation import evaluation_path
 
 _LOSS, _MEASURE = "validation_", "measure_"
 

@@ -32,7 +32,6 @@ from . import backbone, hosts, initial_weights
 from .config import Config, check, claim, config_path
 from .data import Data
 from .devices import Devices
-from .evaluation import SystemEvaluation, evaluation_path
 from .optimizer import OPTIMIZERS, LossScale
 from .photos import answers
 from .photos.making import OnMaking
@@ -40,6 +39,7 @@ from .stage_model import StageModel
 from .stage_training import Files, Progress, StageTraining, Tell
 from .stages import WARM_UP, Stage
 from .state import Checkpoint
+from .system_evaluation import SystemEvaluation, evaluation_path
 from .terms import TERMS
 
 
@@ -77,7 +77,7 @@ def train(
     Returns:
         Names of the subnetworks without trained weights: no finished stage has trained them, and
         the run did not begin with weights for them. Empty if the run's model is complete; then it
-        is also evaluated (`train.evaluation`).
+        is also evaluated (`train.system_evaluation`).
 
     Raises:
         FileNotFoundError: if a corpus is incomplete, or there is no run to reuse.

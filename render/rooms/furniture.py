@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from .meshes import Solid, as_vector
+from .panels import Solid, as_vector
 
 CLEARANCE = 0.3  # metres around the viewpoint that stay empty
 

@@ -11,8 +11,8 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .meshes import Piece, Vector, area, merged, panel_piece, solid_piece
-from .sampling import LIGHTS, Light, Room
+from .panels import Piece, Vector, area, merged, panel_piece, solid_piece
+from .random_room import LIGHTS, Light, Room
 
 FACES = {"matte": 16384, "glossy": 8192, "light": 640}  # number of faces of each mesh
 BOUNCES = 4  # depth of the path tracer: enough to lift the shadows, too short for caustics

@@ -17,7 +17,7 @@ from lime_keras.data.corpus import SPLITS
 from lime_keras.io import photo
 from lime_keras.io.scanner import list_folder
 
-from ..rooms import sampling
+from ..rooms import random_room
 from ..shapes import meshes, procedural
 from . import backgrounds, environments
 from .lights import Light, prepare
@@ -213,7 +213,7 @@ class LightSource:
 
         index = int(name.removeprefix("room-").removesuffix(".exr"))
         rng = generator(self.seed, self.split, "room", index)
-        radiance = renderer.render(sampling.sample(rng), seed=int(rng.integers(2**31)))
+        radiance = renderer.render(random_room.sample(rng), seed=int(rng.integers(2**31)))
         photo.write(self.cache / name, np.minimum(radiance, 65504)[..., None], shared=True)
 
 

@@ -5,21 +5,21 @@ import numpy as np
 import pytest
 
 from lime_keras.optics import environment
-from lime_keras.render.rooms import renderer, sampling
-from lime_keras.render.rooms.meshes import Panel, Solid
+from lime_keras.render.rooms import random_room, renderer
+from lime_keras.render.rooms.panels import Panel, Solid
 
 
 def empty_room(*lights, albedo=0.0, viewpoint=(0.0, 1.0, 0.0)):
     walls = [
         Panel(p.corner, p.across, p.up, ((albedo,),))
-        for p in sampling._walls(np.random.default_rng(0), np.array([4.0, 3.0, 5.0]))
+        for p in random_room._walls(np.random.default_rng(0), np.array([4.0, 3.0, 5.0]))
     ]
-    return sampling.Room((4.0, 3.0, 5.0), viewpoint, tuple(walls), (), lights)
+    return random_room.Room((4.0, 3.0, 5.0), viewpoint, tuple(walls), (), lights)
 
 
 def ball(centre, radius, radiance):
     solid = Solid("sphere", tuple(centre), (radius,) * 3, 0.0, 0.0)
-    return sampling.Light(radiance, solids=(solid,))
+    return random_room.Light(radiance, solids=(solid,))
 
 
 @pytest.mark.parametrize(
@@ -38,8 +38,8 @@ def test_lamp_is_seen_where_it_hangs_with_its_energy(mitsuba_choice, direction):
 
 
 def test_inside_a_uniform_light_everything_is_its_radiance(mitsuba_choice):
-    room = empty_room(*(sampling.Light(2.5, panels=(wall,)) for wall in empty_room().panels))
-    room = sampling.Room(room.size, room.viewpoint, (), (), room.lights)
+    room = empty_room(*(random_room.Light(2.5, panels=(wall,)) for wall in empty_room().panels))
+    room = random_room.Room(room.size, room.viewpoint, (), (), room.lights)
     np.testing.assert_allclose(renderer.render(room, height=32, samples=4, seed=0), 2.5, rtol=1e-5)
 
 
@@ -56,7 +56,7 @@ def test_direct_light_on_the_floor_agrees_with_the_inverse_square_law(mitsuba_ch
 
 
 def test_same_seed_same_map_and_zero_is_a_seed(mitsuba_choice):
-    room = sampling.sample(np.random.default_rng(3))
+    room = random_room.sample(np.random.default_rng(3))
     maps = [renderer.render(room, height=32, samples=4, seed=seed) for seed in (0, 0, 1)]
     np.testing.assert_allclose(maps[0], maps[1], rtol=1e-4, atol=1e-6)
     assert not np.allclose(maps[0], maps[2], rtol=1e-4)
@@ -64,7 +64,7 @@ def test_same_seed_same_map_and_zero_is_a_seed(mitsuba_choice):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_rooms_have_the_range_of_photographed_light(mitsuba_choice, seed):
-    room = sampling.sample(np.random.default_rng(seed))
+    room = random_room.sample(np.random.default_rng(seed))
     radiance = renderer.render(room, height=64, samples=8, seed=seed)
     assert radiance.shape == (64, 128) and radiance.dtype == np.float32
     assert np.isfinite(radiance).all() and radiance.min() >= 0
@@ -75,25 +75,25 @@ def test_rooms_have_the_range_of_photographed_light(mitsuba_choice, seed):
 def test_rooms_do_not_leak_into_one_another(mitsuba_choice):
     bright = empty_room(ball((1, 2, 1), 0.2, 1000.0), albedo=0.8)
     assert renderer.render(bright, height=16, samples=4, seed=0).max() > 1
-    dark = empty_room(sampling.Light(0.0), albedo=0.8)
+    dark = empty_room(random_room.Light(0.0), albedo=0.8)
     assert renderer.render(dark, height=16, samples=4, seed=0).max() == 0
 
 
 def test_too_many_lights_are_refused(mitsuba_choice):
-    room = empty_room(*[ball((0, 2, 0), 0.1, 1.0)] * (sampling.LIGHTS + 1))
+    room = empty_room(*[ball((0, 2, 0), 0.1, 1.0)] * (random_room.LIGHTS + 1))
     with pytest.raises(ValueError, match="12 lights, expected at most 11"):
         renderer.render(room, height=16, samples=1, seed=0)
 
 
 def test_too_many_faces_are_refused(mitsuba_choice):
     panel = Panel((0, 0, 0), (1, 0, 0), (0, 1, 0), ((0.5,) * 100,) * 100)
-    room = sampling.Room((4, 3, 5), (0, 1, 0), (panel,), (), ())
+    room = random_room.Room((4, 3, 5), (0, 1, 0), (panel,), (), ())
     with pytest.raises(ValueError, match="matte faces"):
         renderer.render(room, height=16, samples=1, seed=0)
 
 
 def test_the_slow_variant_sees_the_same_room(mitsuba_choice):
-    room = sampling.sample(np.random.default_rng(3))
+    room = random_room.sample(np.random.default_rng(3))
     fast = renderer.render(room, height=32, samples=64, seed=0)
     mitsuba.set_variant("scalar_rgb")
     try:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from . import furniture
-from .meshes import Panel, Pattern, Solid, Vector, area, as_pattern, as_vector, solid_piece
+from .panels import Panel, Pattern, Solid, Vector, area, as_pattern, as_vector, solid_piece
 
 LIGHTS = 11  # largest number of emitters: sky and ground of three windows, and five lamps
 

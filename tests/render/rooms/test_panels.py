@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lime_keras.render.rooms.meshes import Solid, solid_piece
+from lime_keras.render.rooms.panels import Solid, solid_piece
 
 
 @pytest.mark.parametrize("kind", ["box", "cylinder", "tube", "sphere"])

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from lime_keras.render.rooms import sampling
-from lime_keras.render.rooms.meshes import solid_piece
+from lime_keras.render.rooms import random_room
+from lime_keras.render.rooms.panels import solid_piece
 
 
 @pytest.mark.parametrize("seed", range(16))
 def test_viewpoint_is_clear_and_everything_stands_in_the_room(seed):
-    room = sampling.sample(np.random.default_rng(seed))
+    room = random_room.sample(np.random.default_rng(seed))
     eye, size = np.array(room.viewpoint), np.array(room.size)
     assert (np.abs(eye[[0, 2]]) < size[[0, 2]] / 2 - 0.4).all() and 0.4 < eye[1] < size[1] - 0.4
     solids = [*room.solids, *(solid for light in room.lights for solid in light.solids)]
@@ -20,9 +20,9 @@ def test_viewpoint_is_clear_and_everything_stands_in_the_room(seed):
         assert not inside
         assert (np.abs(vertices[:, [0, 2]]) < size[[0, 2]] / 2 + 0.01).all()
         assert vertices[:, 1].min() > -0.01 and vertices[:, 1].max() < size[1] + 0.01
-    assert 1 <= len(room.lights) <= sampling.LIGHTS
+    assert 1 <= len(room.lights) <= random_room.LIGHTS
 
 
 def test_sample_is_a_function_of_the_generator():
-    first, again, other = (sampling.sample(np.random.default_rng(k)) for k in (5, 5, 6))
+    first, again, other = (random_room.sample(np.random.default_rng(k)) for k in (5, 5, 6))
     assert first == again != other
