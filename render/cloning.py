@@ -115,7 +115,7 @@ def clone(
         )
     light = _light(radiance)
     mesh = meshes.load(mesh_path)
-    pose = _standing(mesh, mask, turn, UPRIGHT[up])
+    pose = _upright_pose(mesh, mask, turn, UPRIGHT[up])
     over = _rendered(mesh, light, pose, mask, whole)
     shade = _shadow(mesh, light, pose, mask) if shadow else np.zeros_like(mask)
     shade = np.where(shade < _VISIBLE, 0, shade)
@@ -242,7 +242,7 @@ def _square(mask: np.ndarray) -> Square:
     return Square((top + bottom - side) // 2, (left + right - side) // 2, side)
 
 
-def _standing(mesh: Mesh, mask: np.ndarray, turn: float, upright: np.ndarray) -> Pose:
+def _upright_pose(mesh: Mesh, mask: np.ndarray, turn: float, upright: np.ndarray) -> Pose:
     """Return the pose of the mesh, upright in the object's box; its camera is in photo pixels."""
     top, bottom, left, right = _box(mask)
     focal, _, centre_x, centre_y = shading.assumed_camera(*mask.shape[:2])

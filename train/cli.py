@@ -478,7 +478,7 @@ def config_of(options: argparse.Namespace) -> Any:
     from .config import Config, corpus_sha256, lobe_of
     from .stages import SCHEDULES
 
-    asked = _asked(options)
+    asked = _overrides(options)
     if options.resume:
         held = Config.read(options.out)
         asked = {field: operator.attrgetter(field)(held) for field in _FIELDS} | asked
@@ -502,7 +502,7 @@ def config_of(options: argparse.Namespace) -> Any:
     return _with(fresh, asked)
 
 
-def _asked(options: argparse.Namespace) -> dict[str, Any]:
+def _overrides(options: argparse.Namespace) -> dict[str, Any]:
     """Return the fields of the config that the options set, by their dotted names."""
     from . import initial_weights
 

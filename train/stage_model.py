@@ -15,7 +15,7 @@ from lime_keras.networks.wiring import Wiring, predictors, required_inputs
 
 from . import terms
 from .photos.kept import INPUT_MASK, PREDICTED
-from .terms import TERMS, StageAnswer
+from .terms import TERMS, StageOutputs
 
 
 class StageModel(keras.Model):
@@ -74,7 +74,7 @@ class StageModel(keras.Model):
         ]
         return tuple(dict.fromkeys((*terms.features_of(self.terms), *kept, *true)))
 
-    def call(self, batch: Mapping[str, Any], training: bool = False) -> StageAnswer:
+    def call(self, batch: Mapping[str, Any], training: bool = False) -> StageOutputs:
         """Return the predictions of the stage's subnetworks, and what they read, for a batch."""
         given = {
             name: terms.truth(name, batch, self._units)
@@ -84,7 +84,7 @@ class StageModel(keras.Model):
         given |= {"mask": batch.get(INPUT_MASK, batch["mask"]), "image": batch["image"]}
         predicted = {name: batch[f"{PREDICTED}{name}"] for name in self._kept}
         graph = Wiring(self.subnetworks, given, training=training, predicted=predicted)
-        return StageAnswer(
+        return StageOutputs(
             raw={quantity: graph.raw_prediction(quantity) for quantity in self._answered},
             # Eq. 5 reads S in this form, whatever AlbedoNet reads.
             seen={

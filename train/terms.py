@@ -25,7 +25,7 @@ Batch = Mapping[str, Any]
 """Features of a batch by name, as `data.pipeline` names them."""
 
 
-class StageAnswer(NamedTuple):
+class StageOutputs(NamedTuple):
     """The results of a stage for a batch.
 
     Attributes:
@@ -61,7 +61,7 @@ class Term:
         weight: factor of the term in the total loss; the paper gives none
             (docs/explanation/decisions.md).
         quantity: name of the quantity whose prediction the term compares with the truth.
-        loss: function of a batch, a `StageAnswer` and the `Units` of the stage; returns the loss of
+        loss: function of a batch, `StageOutputs` and the `Units` of the stage; returns the loss of
             each example, `(B,)`.
         features: names of the features that it and the measures of its quantity read, beside
             `image` and `mask`.
@@ -70,7 +70,7 @@ class Term:
 
     weight: float
     quantity: str
-    loss: "Callable[[Batch, StageAnswer, Units], Any]"
+    loss: "Callable[[Batch, StageOutputs, Units], Any]"
     features: tuple[str, ...] = ()
     losses: str | None = None
 
@@ -161,7 +161,7 @@ def update(
     outputs: Mapping[str, Any],
     weights: Any,
 ) -> None:
-    """Update metrics with a batch, its `StageAnswer.outputs`, and the examples' weights `(B,)`."""
+    """Update metrics with a batch, its `StageOutputs.outputs`, and the examples' weights `(B,)`."""
     for name, metric in metrics.items():
         metric.update_state(*MEASURES[name].compared(batch, outputs), sample_weight=weights)
 
@@ -183,7 +183,7 @@ _COMPUTED = {"reflectance_map": _Truth(_reflectance_map, _LIT)}
 """Quantities whose truth is computed, because records do not hold it."""
 
 
-Loss = Callable[[Batch, StageAnswer, Units], Any]
+Loss = Callable[[Batch, StageOutputs, Units], Any]
 
 
 def _mask(loss: Callable[[Any, Any], Any]) -> Loss:
@@ -197,7 +197,7 @@ def _shading(name: str) -> Loss:
 
 
 def _map(error: Callable[[Any], Any]) -> Loss:
-    def loss(batch: Batch, answer: StageAnswer, units: Units) -> Any:
+    def loss(batch: Batch, answer: StageOutputs, units: Units) -> Any:
         true = compress(truth("reflectance_map", batch, units))
         shape = (ops.shape(true)[0], *true.shape[1:3], 1)
         inside = ops.broadcast_to(disc(true.shape[1])[None], shape)
@@ -226,7 +226,7 @@ def _log_exponent(loss: Callable[[Any, Any], Any]) -> Loss:
     return lambda batch, answer, units: loss(batch["shininess"], answer.raw["log_exponent"])
 
 
-def _composed(batch: Batch, answer: StageAnswer) -> tuple[Any, Any, Any, Any, Any, Any, Any]:
+def _composed(batch: Batch, answer: StageOutputs) -> tuple[Any, Any, Any, Any, Any, Any, Any]:
     """Return what both forms of Eq. 5 compare: the photo, and Eq. 4 of what is estimated."""
     # Eq. 4 knows nothing of paint, so painted pixels do not count.
     albedos, unpainted = answer.raw["albedos"], batch["mask"] * (1.0 - batch["painted"])
@@ -241,11 +241,11 @@ def _composed(batch: Batch, answer: StageAnswer) -> tuple[Any, Any, Any, Any, An
     )
 
 
-def _compositing_printed(batch: Batch, answer: StageAnswer, units: Units) -> Any:
+def _compositing_printed(batch: Batch, answer: StageOutputs, units: Units) -> Any:
     return losses.compositing_l2(*_composed(batch, answer))
 
 
-def _compositing(batch: Batch, answer: StageAnswer, units: Units) -> Any:
+def _compositing(batch: Batch, answer: StageOutputs, units: Units) -> Any:
     return losses.compositing_l1(
         *_composed(batch, answer),
         clipped=batch["clipped"],

@@ -132,7 +132,7 @@ def run(options: argparse.Namespace) -> int:
             on_example=rendered.move,
         )
     cards.write(options.out)
-    shared.tell(manifest, "example")
+    shared.print_remarks(manifest, "example")
     print(f"{manifest['examples']} examples in {options.out / options.split}")
     return 0
 

@@ -136,7 +136,7 @@ def chosen_variant(description: Path, device: str | None = None) -> "Choice":
     from ..jobs import resuming
     from ..mitsuba_setup import variants
 
-    begun = (resuming.held(description) or {}).get("variant")
+    begun = (resuming.read_description(description) or {}).get("variant")
     if begun is not None and device is None:
         device = variants.device_of(begun)
     choice = variants.choose(device)
@@ -194,7 +194,7 @@ def splits(corpus: Path, name: str | None) -> list[Split]:
     return begun
 
 
-def tell(manifest: Mapping[str, Any], unit: str) -> None:
+def print_remarks(manifest: Mapping[str, Any], unit: str) -> None:
     """Print what was repaired, skipped and replaced."""
     for repair in manifest["repaired"]:
         print(f"repaired: {repair}", file=sys.stderr)

@@ -12,7 +12,7 @@ from lime_keras.data.corpus import SPLITS, Split
 from ..jobs import cluster, inputs, rendering, resuming
 from ..jobs.description import Description, Job
 from ..jobs.processes import Pool
-from ..jobs.rendering import Tell
+from ..jobs.rendering import OnProgress
 from ..mitsuba_setup import variants
 from . import worker
 from .random_example import Sources
@@ -26,9 +26,9 @@ def render_split(
     workers: int,
     ray: str | None = None,
     skip_unusable: bool = False,
-    on_input: Tell,
-    on_room: Tell,
-    on_example: Tell,
+    on_input: OnProgress,
+    on_room: OnProgress,
+    on_example: OnProgress,
 ) -> dict[str, Any]:
     """Render the missing shards of a split and write its manifest.
 
@@ -73,7 +73,7 @@ def render_split(
 
 
 def _render_missing(
-    job: Job, renderers: cluster.Cluster | Pool, on_room: Tell, on_example: Tell
+    job: Job, renderers: cluster.Cluster | Pool, on_room: OnProgress, on_example: OnProgress
 ) -> None:
     """Render the rooms and shards that are missing."""
     resuming.remove_partials(job.split.folder, job.split.folder / "rooms")
@@ -95,7 +95,10 @@ def _check_other_split(job: Job, findings: inputs.Findings) -> None:
             the lights of the other, if it has others.
     """
     other = Split(job.out, next(name for name in SPLITS if name != job.description.split))
-    theirs, beside = inputs.read(other.inputs_path), resuming.held(other.description_path)
+    theirs, beside = (
+        inputs.read(other.inputs_path),
+        resuming.read_description(other.description_path),
+    )
     if theirs is None or beside is None:
         return
     separate = ["shapes", "environments"]
@@ -145,7 +148,7 @@ def _manifest(job: Job, findings: inputs.Findings) -> dict[str, Any]:
         "failures": [failure for sidecar in sidecars for failure in sidecar["failures"]],
         "shapes": job.shapes.names() + _endless_bodies(job),
         "lights": job.lights.names(),
-        **rendering.of_inputs(findings),
+        **rendering.inputs_record(findings),
     }
 
 

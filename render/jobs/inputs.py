@@ -119,7 +119,7 @@ def inspect(
             f"{_listed(differing)} came or went since the split was begun: restore the folders, or "
             "remove the split to render it anew"
         )
-    found = {key: known[key] for key, path in asked.items() if _is_as_held(path, known.get(key))}
+    found = {key: known[key] for key, path in asked.items() if _is_unchanged(path, known.get(key))}
     unread = [(kind, path) for (kind, name), path in asked.items() if (kind, name) not in found]
     for (kind, _), finding in zip(unread, run(_checked, unread), strict=True):
         found[kind, finding.name] = finding
@@ -136,7 +136,7 @@ def _checked(file: tuple[str, Path]) -> Finding:
     return check(*file)
 
 
-def _is_as_held(path: Path, held: Finding | None) -> bool:
+def _is_unchanged(path: Path, held: Finding | None) -> bool:
     """Return whether a file has the size and the time of change of its stored finding."""
     if held is None or not path.is_file():
         return False

@@ -14,11 +14,13 @@ from . import cluster, inputs, resuming
 from .description import Job
 from .processes import Pool
 
-Tell = Callable[[int, int], None]
+OnProgress = Callable[[int, int], None]
 """A function that is called with (done, total) as work goes on."""
 
 
-def begin(job: Job, pool: Pool, *, skip_unusable: bool, tell: Tell) -> tuple[Job, inputs.Findings]:
+def begin(
+    job: Job, pool: Pool, *, skip_unusable: bool, tell: OnProgress
+) -> tuple[Job, inputs.Findings]:
     """Check a job's inputs before its folder is made, so that an unusable file leaves nothing.
 
     Args:
@@ -46,7 +48,7 @@ def complete(
     findings: inputs.Findings,
     pool: Pool,
     render: Callable[[], dict[str, Any]],
-    tell: Tell,
+    tell: OnProgress,
 ) -> dict[str, Any]:
     """Claim a job's folder, render what is missing, and write the manifest.
 
@@ -77,13 +79,13 @@ def complete(
 
 def _refuse_another(job: Job) -> dict[str, Any] | None:
     """Return the description of the job's folder; ValueError is raised if it is of another job."""
-    begun = resuming.held(job.split.description_path)
+    begun = resuming.read_description(job.split.description_path)
     resuming.refuse_another(job.split.folder, "split", begun, job.description.recorded())
     return begun
 
 
 def render_shards(
-    job: Job, renderers: Pool | cluster.Cluster, task: Callable[[Any, int], None], tell: Tell
+    job: Job, renderers: Pool | cluster.Cluster, task: Callable[[Any, int], None], tell: OnProgress
 ) -> None:
     """Render the missing shards by a task; what finished shards hold counts from the start."""
     count, missing = job.description.count, job.missing()
@@ -109,7 +111,7 @@ def packages(vouched: Sequence[dict[str, Any]]) -> dict[str, str]:
     }
 
 
-def of_inputs(findings: inputs.Findings) -> dict[str, Any]:
+def inputs_record(findings: inputs.Findings) -> dict[str, Any]:
     """Return what a manifest tells of the user's files."""
     return {
         "inputs": inputs.digests(findings),
@@ -118,7 +120,9 @@ def of_inputs(findings: inputs.Findings) -> dict[str, Any]:
     }
 
 
-def _inspected(job: Job, pool: Pool, known: inputs.Findings | None, tell: Tell) -> inputs.Findings:
+def _inspected(
+    job: Job, pool: Pool, known: inputs.Findings | None, tell: OnProgress
+) -> inputs.Findings:
     return inputs.inspect(
         job.description.files(), known, lambda task, items: pool.map(task, items, tell)
     )

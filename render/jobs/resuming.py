@@ -7,7 +7,7 @@ from typing import Any
 from lime_keras.io import atomic, untrusted
 
 
-def held(path: Path) -> dict[str, Any] | None:
+def read_description(path: Path) -> dict[str, Any] | None:
     """Return the description with which a folder was begun; None for a new folder.
 
     Args:

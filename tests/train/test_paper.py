@@ -22,7 +22,7 @@ from lime_keras.train.data import Data
 from lime_keras.train.photos.kept import INPUT_MASK
 from lime_keras.train.stage_model import StageModel
 from lime_keras.train.stages import SCHEDULES, Schedule
-from lime_keras.train.terms import TERMS, StageAnswer, Units
+from lime_keras.train.terms import TERMS, StageOutputs, Units
 
 PAPER = PRESETS["paper"]
 SMALL = dataclasses.replace(
@@ -177,7 +177,7 @@ def test_each_loss_is_the_texts_by_hand():
     }
     raw = {name: value.astype(np.float32) for name, value in raw.items()}
     specular = rng.uniform(size=truth["mask"].shape).astype(np.float32)
-    answer = StageAnswer(raw, {"specular_shading": np.log1p(specular)}, {})
+    answer = StageOutputs(raw, {"specular_shading": np.log1p(specular)}, {})
     units = Units(linear=PAPER.linear)
     inside = truth["mask"] / truth["mask"].sum((1, 2, 3), keepdims=True)
     p = np.exp(raw["exponent_bin_probabilities"])
