@@ -189,7 +189,6 @@ def test_help_needs_neither_tensorflow_nor_mitsuba(module, arguments):
 def test_the_commands_offer_what_the_library_has():
     """They repeat names, because asking the library would import TensorFlow for `--help`."""
     from lime_keras.commands import estimate as estimate_command
-    from lime_keras.commands import export as export_command
     from lime_keras.commands import model_option
     from lime_keras.export import exporter
     from lime_keras.networks import PRESETS, precision
@@ -197,9 +196,8 @@ def test_the_commands_offer_what_the_library_has():
     from lime_keras.train import cli
 
     assert estimate_command._ENGINES == engine.ENGINES
-    assert model_option.PRECISIONS == engine.PRECISIONS
+    assert model_option.PRECISIONS == engine.PRECISIONS == exporter.PRECISIONS[exporter.ONNX]
     assert estimate_command._FAMILIES == tuple(masker.FAMILIES)
-    assert export_command._PRECISIONS == exporter.PRECISIONS[exporter.ONNX]
     assert cli._PRECISIONS == tuple(precision.POLICIES)
     preset = next(action for action in cli.parser()._actions if action.dest == "preset")
     assert set(preset.choices) == set(PRESETS)

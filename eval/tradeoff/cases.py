@@ -9,12 +9,11 @@ import dataclasses
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from lime_keras.runtime.engine import PRECISIONS
+
 PHOTO, STREAM, NETWORKS = "photo", "stream", "networks"
 """Kinds of cases."""
 ONNX, KERAS, SAVED_MODEL = "ONNX Runtime", "Keras", "SavedModel"
-PRECISIONS = ("float32", "int8")
-"""Precisions of graphs. Those in float16 are as large as those in float32, which store float16
-where it is exact, and ONNX Runtime computes them in float32 on a processor."""
 ASKED: Mapping[str, Mapping[str, Any]] = {
     PHOTO: {
         "mask": ["mask"],
@@ -44,7 +43,7 @@ class TimedUse:
         kind: `PHOTO`, `STREAM` or `NETWORKS`.
         asked: name out of `ASKED[kind]`; `everything` for `NETWORKS`.
         runtime: `ONNX`, `KERAS` or `SAVED_MODEL`.
-        precision: one of `PRECISIONS`.
+        precision: precision of the graphs, out of `engine.PRECISIONS`.
         threads: number of processor cores that the process may use.
     """
 

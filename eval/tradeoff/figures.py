@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter
+from matplotlib.typing import FillStyleType
 
 from ..report.figures import DPI, TONES, dress, to_png
 from ..report.themes import LIGHT, Theme
@@ -14,6 +15,8 @@ from .cases import ASKED, PAPER, PHOTO, STREAM
 from .recommendation import FRAME_MS, front
 
 _MARKERS = {"mask": "s", "material": "o", "everything": "D", "with the light": "^"}
+_FILLED: dict[str, FillStyleType] = {"float32": "full", "float16": "left", "int8": "none"}
+"""How markers are filled, by precision."""
 _TITLES = {PHOTO: "a photo", STREAM: "a frame of a stream"}
 _HEADROOM = 1.08
 """Height of the axis of scores by the largest one, so that its marker is not cut off."""
@@ -22,8 +25,8 @@ _HEADROOM = 1.08
 def pareto(result: Mapping[str, Any], theme: Theme = LIGHT) -> bytes:
     """Draw the score over the time of an answer, as PNG: a panel for photos, one for streams.
 
-    A line joins what nothing beats among the cases of the material; an open marker is int8. Scores
-    start at 0; time is logarithmic. `paper`, which has no score, is a line at its time.
+    A line joins what nothing beats among the cases of the material; precision fills the markers.
+    Scores start at 0; time is logarithmic. `paper`, which has no score, is a line at its time.
 
     Args:
         result: result of `measure.measure`.
@@ -46,7 +49,10 @@ def pareto(result: Mapping[str, Any], theme: Theme = LIGHT) -> bytes:
             for name, shape in _MARKERS.items()
             if name in ASKED[PHOTO]
         ),
-        Line2D([], [], **points, marker="o", color=theme.ink, fillstyle="none", label="open: int8"),
+        *(
+            Line2D([], [], **points, marker="o", color=theme.ink, fillstyle=filled, label=name)
+            for name, filled in _FILLED.items()
+        ),
         Line2D([], [], color=theme.ink, linestyle=":", label=f"30 a second ({FRAME_MS:.1f} ms)"),
         Line2D([], [], color=theme.ink, linestyle="--", label="paper, untrained"),
     ]
@@ -76,7 +82,7 @@ def _panel(
             linestyle="none",
             marker=_MARKERS[row["asked"]],
             markersize=7,
-            fillstyle="none" if row["precision"] == "int8" else "full",
+            fillstyle=_FILLED[row["precision"]],
             color=tones[row["model"]],
         )
     for row in rows:

@@ -45,7 +45,7 @@ def measure(
         runs: folder of each trained model, by the name that the tables show.
         corpus: folder with complete `train` and `test` splits.
         results: measurements so far.
-        folder: folder for the models in eight bits and as SavedModel.
+        folder: folder for the models in other precisions and as SavedModel.
         camera: show photos of the scenes (`lime_keras.data.camera`) instead of clean images.
 
     Returns:

@@ -112,7 +112,8 @@ def commands(row: Row) -> list[str]:
         return [f"{command}{model} --weights {row['model']}"]
     name = f"{row['model']}-{row['precision']}"
     precision = f"--precision {row['precision']}"
+    calibrated = " --corpus CORPUS" if row["precision"] == "int8" else ""
     return [
-        f"lime-export {name} --format graphs {precision} --weights {row['model']} --corpus CORPUS",
+        f"lime-export {name} --format graphs {precision} --weights {row['model']}{calibrated}",
         f"{command}{model} --weights {name} {precision}",
     ]

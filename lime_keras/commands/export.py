@@ -9,8 +9,6 @@ from lime_keras.model import folder as model_folder
 from lime_keras.outputs import OUTPUTS
 from lime_keras.version import __version__
 
-_PRECISIONS = ("float32", "float16", "int8")
-
 _EXAMPLE = """
 examples:
   lime-export exported --format savedmodel
@@ -75,7 +73,7 @@ def parser() -> argparse.ArgumentParser:
     speed = out.add_argument_group("speed")
     speed.add_argument(
         "--precision",
-        choices=_PRECISIONS,
+        choices=model_option.PRECISIONS,
         help="of the weights and layers of ONNX files; images and answers stay float32 "
         "(default: float32)",
     )

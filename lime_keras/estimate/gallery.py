@@ -11,6 +11,7 @@ import html
 import io
 import os
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from string import Template
 from typing import Any
@@ -18,6 +19,7 @@ from urllib.parse import quote
 
 from PIL import Image
 
+from lime_keras import processors
 from lime_keras.estimate import preview
 from lime_keras.io import atomic, result_json, untrusted
 from lime_keras.material import srgb_hex
@@ -86,7 +88,7 @@ def update(out: Path, names: Iterable[str]) -> None:
             continue
         with untrusted.naming(out / path, "a result"):
             own = list(_rows(path, content))
-            cards += [_card(out, row, content) for row in own]
+            cards += [(row, content) for row in own]
             # JSON may hold halves of characters, which no text does.
             "".join(str(cell) for row in own for cell in row.values()).encode()
             rows += own
@@ -96,7 +98,9 @@ def update(out: Path, names: Iterable[str]) -> None:
     table.writerows(rows)
     atomic.write(out / TABLE, text.getvalue())
     page = Template(_TEMPLATE.read_text(encoding="utf-8"))
-    filled = page.substitute(mark=_MARK, count=len(rows), cards="\n".join(cards), table=TABLE)
+    with ThreadPoolExecutor(processors.count()) as pool:
+        drawn = pool.map(lambda card: _card(out, *card), cards)
+        filled = page.substitute(mark=_MARK, count=len(rows), cards="\n".join(drawn), table=TABLE)
     atomic.write(out / PAGE, filled)
 
 

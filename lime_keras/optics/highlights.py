@@ -6,7 +6,6 @@ around it.
 """
 
 import math
-from collections.abc import Iterator
 
 import numpy as np
 
@@ -16,6 +15,7 @@ SHARE = 0.5  # share of a pixel's radiance from which its specular part hides th
 _WHITE = 254 / 255
 """sRGB level from which a channel counts as clipped; JPEG leaves it one below the highest."""
 _GRID = 256  # longer side of the grid on which holes are closed, in cells; highlights are larger
+_PART = 1 << 18  # pixels, about, that are summed at a time
 _DRAW = 0.01  # covered share of a cell at which it counts as much as what is around it
 
 
@@ -46,34 +46,32 @@ def inpainted(values: np.ndarray, known: np.ndarray, wanted: np.ndarray) -> np.n
         Values `(N, C)` of the N wanted pixels, row by row; 0 if nothing is known.
     """
     step = math.ceil(max(known.shape) / _GRID)
-    if step == 1:
-        weights = known[..., None].astype(np.float32)
-        totals = np.where(weights > 0, values, np.float32(0))
-    else:
-        totals, weights = _cells(values, known, step)
+    sums, counts = [], []
+    # Some rows of cells at a time: the product of a large photo would take much memory.
+    height = step * max(1, _PART // (step * known.shape[1]))
+    for top in range(0, len(known), height):
+        part = known[top : top + height, :, None]
+        shown = np.where(part, values[top : top + height], np.float32(0))
+        sums.append(_summed(shown, step))
+        counts.append(_summed(part.astype(np.float32), step))
+    starts = np.arange(0, known.shape[1], step)
+    totals, weights = np.concatenate(sums), np.concatenate(counts)
+    if step > 1:
+        totals, weights = (
+            np.add.reduceat(rows, starts, axis=1) / step**2 for rows in (totals, weights)
+        )
     grid = _pulled(totals, weights)
     rows, columns = np.nonzero(wanted)
     return _between(grid, (rows + 0.5) / step - 0.5, (columns + 0.5) / step - 0.5)
-
-
-def _cells(values: np.ndarray, known: np.ndarray, step: int) -> Iterator[np.ndarray]:
-    """Yield the sums of known values, and their number, over a cell's pixels, for each cell."""
-    sums, counts = [], []
-    for top in range(0, len(known), step):
-        # Cell row by cell row: the product of a large photo would take much memory.
-        part = known[top : top + step, :, None]
-        sums.append(np.sum(values[top : top + step], axis=0, where=part, dtype=np.float32))
-        counts.append(np.sum(part, axis=0, dtype=np.float32))
-    starts = np.arange(0, known.shape[1], step)
-    for rows in (sums, counts):
-        yield np.add.reduceat(np.stack(rows), starts, axis=1) / step**2
 
 
 def _pulled(totals: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """Return the values `(h, w, C)` of all cells, of weighted sums and weights `(h, w, 1)`."""
     if max(weights.shape) == 1:
         return totals / np.maximum(weights, _DRAW)
-    halves = [_halved(_halved(sums).swapaxes(0, 1)).swapaxes(0, 1) for sums in (totals, weights)]
+    halves = [
+        _summed(_summed(sums, 2).swapaxes(0, 1), 2).swapaxes(0, 1) for sums in (totals, weights)
+    ]
     # A cell that is known in part counts as known.
     excess = np.maximum(halves[1], 1)
     coarse = _pulled(halves[0] / excess, halves[1] / excess)
@@ -83,10 +81,12 @@ def _pulled(totals: np.ndarray, weights: np.ndarray) -> np.ndarray:
     return (totals + _DRAW * around) / (weights + _DRAW)
 
 
-def _halved(sums: np.ndarray) -> np.ndarray:
-    """Return the sums of each two rows, and an odd last row."""
-    out, second = sums[::2].copy(), sums[1::2]
-    out[: len(second)] += second
+def _summed(values: np.ndarray, step: int) -> np.ndarray:
+    """Return the sums of each `step` rows of `(H, ...)`; the last may have fewer."""
+    out = values[::step].copy()
+    for first in range(1, step):
+        rows = values[first::step]
+        out[: len(rows)] += rows
     return out
 
 

@@ -52,6 +52,7 @@ def test_the_advice_can_be_typed():
     }
     typed = [command for one in advise(trade.ROWS) for command in one["commands"]]
     assert any("int8" in command for command in typed)
+    typed += commands(trade.ROWS[0] | {"precision": "float16"})
     for command in typed:
         name, *arguments = command.split()
         parsers[name].parse_args(arguments)
