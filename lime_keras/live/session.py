@@ -167,13 +167,14 @@ class Session:
         size, (top, left, side) = len(view.mask), view.square
         if lacking := {"specular_shading", "mirror"} - set(material.layers):
             raise ValueError(f"the model has no {' and no '.join(sorted(lacking))}")
-        specular = material.layers["specular_shading"]
-        diffuse = recomposition.diffuse(view.image, view.mask, specular, material)
         # What lies beyond the photo was not seen.
         mask = np.minimum(view.mask, 1) * framing.inside(view.square, height, width, size)
-        layers = material.layers | {"mask": mask, "diffuse": diffuse}
+        layers = material.layers | {"mask": mask}
         small = {name: _reduced(layer) for name, layer in layers.items()}
         image = colour.linear_to_srgb(_reduced(colour.srgb_to_linear(view.image)))
+        small["diffuse"] = recomposition.diffuse(
+            image, small["mask"], small["specular_shading"], material
+        )
         focal, _, x, y = shading.assumed_camera(height, width)
         camera = np.array([focal, focal, x - left, y - top]) * (len(image) / side)
         light = guessed_light.estimate(image, dataclasses.replace(material, layers=small), camera)

@@ -73,7 +73,7 @@ def test_rounds_are_pooled_by_hand():
 
 def test_every_case_is_there_once_and_the_paper_is_timed_alone():
     listed = list(cases.of_model("best", cores=8))
-    assert len(listed) == len(set(listed)) == 2 * 2 * 8 + 2
+    assert len(listed) == len(set(listed)) == 2 * 3 * 8 + 2
     assert {case.threads for case in listed} == {1, 2}
     assert len({case.name for case in listed}) == len(listed)
     paper = list(cases.of_model(cases.PAPER, cores=1))

@@ -1,7 +1,7 @@
 // A stream of frames and what is known of its object: lime_keras/live/session.py, with the graphs
 // run by a function instead of the estimator.
 
-import { toLinear } from "../colour.js";
+import { toLinear, toSrgb } from "../colour.js";
 import * as cautions from "./cautions.js";
 import { withContrast } from "./contrast.js";
 import * as framing from "./framing.js";
@@ -12,6 +12,7 @@ import { Fusion, Tracker } from "./tracking.js";
 
 const BIN_WIDTH = 0.375; // Decades of s.
 const WARNED_EVERY = 10; // Frames after which warnings are looked for without layers, too.
+const LIGHT_PIXELS = 64; // Height and width to which a square is reduced for its light.
 const BLACK = 1e-4; // Squared length of m_d up to which its diffuse layer is only noise.
 const [HIDING, WHITE] = [0.5, 254 / 255]; // `highlights`
 const FOCAL = 1.2; // Focal length over the photo's longer side: `shading.ASSUMED_FOCAL`.
@@ -171,10 +172,15 @@ export class Session {
     const material = materialOf(layers);
     if (!layers.mirror || !layers.specular_shading) return null;
     if (Object.values(material).slice(0, 3).includes(null)) return null;
-    const { size } = this;
     const { top, left, side } = view.square;
+    const step = Math.floor(this.size / LIGHT_PIXELS);
+    const by = step > 1 && this.size % step === 0 ? step : 1;
+    const size = this.size / by;
+    const small = (values, channels = 1) => means(values, this.size, by, channels);
     // What lies beyond the photo was not seen.
-    const mask = view.mask.map((value, at) => (inside[at] ? value : 0));
+    const mask = small(view.mask.map((value, at) => (inside[at] ? value : 0)));
+    const seen = small(view.seen.map(toLinear), 3).map(toSrgb);
+    const specular = small(layers.specular_shading);
     const focal = (FOCAL * Math.max(height, width) * size) / side;
     const camera = [
       ...[focal, focal],
@@ -182,17 +188,29 @@ export class Session {
     ];
     const normal = normals(mask, size, size);
     // M is nowhere below S on the average: S is M, blurred. MirrorNet makes lamps too weak.
-    const mirror = layers.mirror.map((value, at) => Math.max(value, layers.specular_shading[at]));
-    const shading = diffuseShading(view, layers);
+    const mirror = small(layers.mirror).map((value, at) => Math.max(value, specular[at]));
+    const shading = diffuseShading(seen, mask, specular, layers);
     const light = lighting.estimated(normal, mirror, shading, mask, size, camera);
     if (light === null) return null;
     const object = [...mask.keys()].filter((at) => mask[at] >= framing.THRESHOLD);
     const faces = Float32Array.from({ length: 3 * object.length }, (_, at) => {
       return normal[3 * object[Math.floor(at / 3)] + (at % 3)];
     });
-    const brightness = object.map((at) => greyOf(view.seen, at));
+    const brightness = object.map((at) => greyOf(seen, at));
     return withContrast(light, faces, brightness, material);
   }
+}
+
+/** The means of areas of `by` × `by` pixels of a picture of `size` × `size`. */
+function means(values, size, by, channels) {
+  const out = new Float32Array((size / by) ** 2 * channels);
+  for (let at = 0; at < values.length; at++) {
+    const pixel = Math.floor(at / channels);
+    const row = Math.floor(pixel / size / by);
+    const column = Math.floor((pixel % size) / by);
+    out[(row * (size / by) + column) * channels + (at % channels)] += values[at] / by ** 2;
+  }
+  return out;
 }
 
 /** The mean of linear R, G and B of a pixel. */
@@ -207,10 +225,10 @@ function isHidden(seen, at, specular) {
 }
 
 /** D, NaN if m_d is black or it is hidden: the picture without m_s · S, over m_d. */
-function diffuseShading({ seen, mask }, layers) {
+function diffuseShading(seen, mask, shadings, layers) {
   const albedo = layers.diffuse_albedo;
   const square = albedo.reduce((sum, value) => sum + value * value, 0);
-  return layers.specular_shading.map((shading, at) => {
+  return shadings.map((shading, at) => {
     if (!(square > BLACK)) return NaN;
     const specular = layers.specular_albedo[0] * shading;
     if (isHidden(seen, at, specular)) return NaN;
