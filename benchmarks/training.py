@@ -1,12 +1,14 @@
-"""The training speed of each stage: examples a second by preset, precision and XLA.
+"""The training speed of each stage: examples a second by preset and by how a step is computed.
 
-    python benchmarks/training.py [--presets smoke live] [--steps 8]
+    python benchmarks/training.py [--presets smoke live] [--steps 8] [--batch-size 32]
     python benchmarks/training.py --corpus CORPUS [--photos 512] [--presets live]
 
 The batches are random and already in memory, so reading costs nothing here. With a corpus, a
 stage's photos are made; steps on batches of them take turns with steps on one batch in memory.
 The settings of a stage take turns step by step, so that a busy moment slows all of them alike.
-Speeds follow from the median time of a step.
+Speeds follow from the median time of a step; `--processor-time` counts what the process computed,
+for one thread on a machine that others use too. `split given` is a step whose dichromatic split was
+computed before, `not watched` one whose gradients' norms are not.
 """
 
 import argparse
@@ -15,9 +17,10 @@ import statistics
 import sys
 import tempfile
 import time
+import unittest.mock
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import keras
 import numpy as np
@@ -25,19 +28,34 @@ from tqdm import tqdm
 
 from lime_keras.networks import PRESETS, Architecture, build
 from lime_keras.networks.precision import computing_in
+from lime_keras.networks.registry import DERIVED
+from lime_keras.optics.dichromatic import channels
 from lime_keras.optics.environment import STORED_SHAPE
 from lime_keras.train.config import Config, corpus_sha256
 from lime_keras.train.data import Data, without_origin
+from lime_keras.train.optimizer import OPTIMIZERS
 from lime_keras.train.stage_model import StageModel
 from lime_keras.train.stages import SCHEDULES, Stage
 
+
+class Setting(NamedTuple):
+    """How a step is computed."""
+
+    precision: str
+    xla: bool = False
+    is_split: bool = False
+    is_watched: bool = True
+
+
 SETTINGS = {
-    "float32": ("float32", False),
-    "float32, XLA": ("float32", True),
-    "bfloat16": ("bfloat16", False),
-    "bfloat16, XLA": ("bfloat16", True),
+    "float32": Setting("float32"),
+    "float32, XLA": Setting("float32", xla=True),
+    "float32, split given": Setting("float32", is_split=True),
+    "float32, not watched": Setting("float32", is_watched=False),
+    "bfloat16": Setting("bfloat16"),
+    "bfloat16, XLA": Setting("bfloat16", xla=True),
+    "bfloat16, split given": Setting("bfloat16", is_split=True),
 }
-"""Precision of each setting, and whether XLA compiles the step."""
 STAGES = ("specular", "exponent", "albedo", "specular+mirror", "specular+mirror+exponent+albedo")
 
 
@@ -49,9 +67,13 @@ def main() -> None:
     parser.add_argument("--presets", nargs="+", choices=list(PRESETS), default=["smoke", "live"])
     parser.add_argument("--settings", nargs="+", choices=list(SETTINGS), default=list(SETTINGS))
     parser.add_argument("--steps", type=int, default=8)
+    parser.add_argument("--stages", nargs="+", choices=STAGES, default=list(STAGES))
+    parser.add_argument("--batch-size", type=int, help="(default: the preset's)")
+    parser.add_argument("--processor-time", action="store_true")
     parser.add_argument("--corpus", type=Path, help="measure the photos of this corpus")
     parser.add_argument("--photos", type=int, default=512)
     options = parser.parse_args()
+    clock = time.process_time if options.processor_time else time.perf_counter
     if options.corpus is not None:
         for preset in options.presets:
             _photos(options.corpus, preset, options.photos, options.steps)
@@ -60,17 +82,17 @@ def main() -> None:
     print("|---|---|---:|" + "---:|" * len(options.settings))
     for preset in options.presets:
         architecture, schedule = PRESETS[preset], SCHEDULES[preset]
-        batch = _batch(architecture.size, schedule.batch_size)
+        size = options.batch_size or schedule.batch_size
+        batch = _batch(architecture.size, size)
         for stage in schedule.stages(architecture):
-            if stage.name not in STAGES:
+            if stage.name not in options.stages:
                 continue
             steps = {
-                name: _step(architecture, stage, *SETTINGS[name], batch)
-                for name in options.settings
+                name: _step(architecture, stage, SETTINGS[name], batch) for name in options.settings
             }
-            seconds = _alternately(steps, options.steps, f"{preset} {stage.name}")
-            rates = (f"{schedule.batch_size / seconds[name]:.1f}" for name in options.settings)
-            print(f"| {preset} | {stage.name} | {schedule.batch_size} | ", end="")
+            seconds = _alternately(steps, options.steps, f"{preset} {stage.name}", clock)
+            rates = (f"{size / seconds[name]:.1f}" for name in options.settings)
+            print(f"| {preset} | {stage.name} | {size} | ", end="")
             print(" | ".join(rates) + " |", flush=True)
 
 
@@ -118,26 +140,42 @@ def _photos(corpus: Path, preset: str, count: int, steps: int) -> None:
 
 
 def _step(
-    architecture: Architecture, stage: Stage, precision: str, xla: bool, batch: dict[str, Any]
+    architecture: Architecture, stage: Stage, setting: Setting, batch: dict[str, Any]
 ) -> Callable[[], Any]:
     """Return a function that takes one training step, already compiled."""
-    with computing_in(precision):
+    with computing_in(setting.precision):
         subnetworks = build(architecture, seed=0)
-    model = StageModel({name: subnetworks[name] for name in stage.subnetworks})
-    model.compile(optimizer=keras.optimizers.Adam(stage.learning_rate), jit_compile=xla)
+    model = StageModel({name: subnetworks[name] for name in stage.subnetworks}, losses="robust")
+    if setting.is_watched:
+        groups = [(name, len(one.trainable_variables)) for name, one in model.subnetworks.items()]
+        optimizer = OPTIMIZERS["adam"](stage.learning_rate, groups)
+    else:
+        optimizer = keras.optimizers.Adam(stage.learning_rate)
+    model.compile(optimizer=optimizer, jit_compile=setting.xla)
+    optimizer.build(model.trainable_variables)
     seen = {name: batch[name] for name in model.features}
-    model.train_on_batch(seen)
+    given: dict[str, Any] = {}
+    if setting.is_split:
+        split = channels(batch["image"], batch["mask"])
+        given["dichromatic"] = lambda seen: split
+    with unittest.mock.patch.dict(DERIVED, given):  # the step is traced here, and so remembers it
+        model.train_on_batch(seen)
     return lambda: model.train_on_batch(seen)
 
 
-def _alternately(steps: dict[str, Callable[[], Any]], count: int, what: str) -> dict[str, float]:
+def _alternately(
+    steps: dict[str, Callable[[], Any]],
+    count: int,
+    what: str,
+    clock: Callable[[], float] = time.perf_counter,
+) -> dict[str, float]:
     """Return the median seconds of a step, by setting."""
     seconds: dict[str, list[float]] = {name: [] for name in steps}
     for _ in tqdm(range(count), desc=what, file=sys.stderr):
         for name, step in steps.items():
-            began = time.perf_counter()
+            began = clock()
             step()
-            seconds[name].append(time.perf_counter() - began)
+            seconds[name].append(clock() - began)
     return {name: statistics.median(times) for name, times in seconds.items()}
 
 
