@@ -346,7 +346,10 @@ def main(argv: list[str] | None = None) -> int:
     options = command.parse_args(argv)
     if options.recipe is not None:
         if strange := _beside_a_recipe(command, options):
-            command.error(f"{strange}: a recipe says this itself; see docs/how-to/recipes.md")
+            command.error(
+                f"{strange} does not go with --recipe, which says it itself or does without: write "
+                "a recipe of your own (docs/how-to/recipes.md)"
+            )
         return console.run(lambda: _carry_out(options), "the same command goes on from here")
     if not options.paths or options.data is not None:
         command.error("--data is for --recipe" if options.paths else "PATH is missing: a corpus")

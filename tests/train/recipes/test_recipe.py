@@ -139,8 +139,8 @@ def test_what_a_training_names_must_be_there(change, words):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["corpus", "--recipe", "live"], "PATH: a recipe says this itself"),
-        (["--recipe", "live", "--width", "8"], "--width: a recipe says this itself"),
+        (["corpus", "--recipe", "live"], "PATH does not go with --recipe"),
+        (["--recipe", "live", "--width", "8"], "--width does not go with --recipe"),
         (["corpus", "--preset", "live", "--data", "d"], "--data is for --recipe"),
         (["--preset", "live"], "PATH is missing"),
         (["--recipe", "live", "--average", "1"], "1 is not between 0 and 1"),
