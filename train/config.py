@@ -69,7 +69,7 @@ class Config:
 
         Raises:
             FileNotFoundError: if the folder holds no run.
-            ValueError: if another version of this package began the run, or it ends by the clock.
+            ValueError: if another version of this package began the run.
         """
         path = config_path(run)
         if not path.is_file():
@@ -79,33 +79,21 @@ class Config:
             )
         try:
             held = untrusted.read_json(path)["config"]
-            minutes = held.pop("minutes", None)
             architecture = Architecture(**held.pop("architecture"))
             schedule = Schedule(**held.pop("schedule"))
             for name in ("materials", "frozen"):
                 if held.get(name) is not None:
                     held[name] = tuple(held[name])
-            config = cls(architecture=architecture, schedule=schedule, **held)
+            return cls(architecture=architecture, schedule=schedule, **held)
         except (AttributeError, KeyError, TypeError, ValueError) as error:
             raise ValueError(
                 f"{path} is not of this version ({error}): pass another --out"
             ) from error
-        _refuse_minutes(run, minutes)
-        return config
 
 
 def config_path(run: Path) -> Path:
     """Return the path of a run's record."""
     return run / "config.json"
-
-
-def _refuse_minutes(run: Path, minutes: Any) -> None:
-    """Raise ValueError if a run was begun with an end by the clock."""
-    if minutes is not None:
-        raise ValueError(
-            f"{run} was begun with --minutes {minutes}, and stages end by their number of batches "
-            f"now: begin another --out with --start-from {run}, its length by --scale-steps"
-        )
 
 
 def corpus_sha256(paths: Sequence[Path]) -> str:
@@ -159,12 +147,6 @@ def check(run: Path, config: Config) -> None:
         raise ValueError(
             f"{path} is no record of a run ({error}): pass another --out, or remove {run}"
         ) from error
-    _refuse_minutes(run, held.get("minutes"))
-    if "papers" in (held.get("schedule") or {}):
-        raise ValueError(
-            f"{run} was begun by the recipe of before (schedule.papers), which no longer is: pass "
-            "another --out, or remove it"
-        )
     differing = [
         f"{name} {there} there, {asked} asked"
         for name, there, asked in differences(held, _plain(config))
