@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import keras
+import numpy as np
 import onnx
 import tensorflow as tf
 from keras import layers
@@ -57,7 +58,11 @@ def write_onnx(network: keras.Model, path: Path) -> None:
 
     serve = served(_with_resizing(network))
     tf2onnx.convert.from_function(
-        serve, input_signature=serve.input_signature, opset=OPSET, output_path=str(path)
+        serve,
+        input_signature=serve.input_signature,
+        opset=OPSET,
+        custom_op_handlers={"Log1p": (_convert_log1p, [])},  # which neither it nor ONNX has
+        output_path=str(path),
     )
     model = onnx.load(path)
     _ease_broadcasts(model)
@@ -65,6 +70,14 @@ def write_onnx(network: keras.Model, path: Path) -> None:
     onnx.save(model, path)
     # The converter's copies of the graph refer to one another, and hold 1 GB for a U-Net of 20 MB.
     gc.collect()
+
+
+def _convert_log1p(graph: Any, node: Any, name: str, arguments: Any) -> None:
+    """Convert log(1 + x), in the graph of `tf2onnx`; x is at least 0, so little is lost."""
+    one = graph.make_const(f"{name}/one", np.float32(1.0))
+    added = graph.make_node("Add", [node.input[0], one.output[0]])
+    node.type = "Log"
+    graph.replace_input(node, node.input[0], added.output[0], 0)
 
 
 def _with_resizing(network: keras.Model) -> keras.Model:
