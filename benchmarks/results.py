@@ -50,13 +50,16 @@ def differences(content: Mapping[str, Any], data: Path) -> Iterator[str]:
 
     Args:
         content: what `record.read` returns.
-        data: folder of the corpora; one that is not there counts as unchanged.
+        data: folder of the corpora and runs; one that is not there counts as unchanged.
     """
     _, script, *rest = shlex.split(content["command"])
     if content["code"] is not None and (now := code(record.ROOT / script)) != content["code"]:
         yield f"{script} is number {now}, and was {content['code']}"
     for name, digest in content["weights"].items():
-        if model_folder.digest(model_folder.find(name)) != digest:
+        model = model_folder.find(name)
+        model = model if name in model_folder.shipped() else data / model
+        is_there = (model_folder.folder(model) / model_folder.ARCHITECTURE).is_file()
+        if is_there and model_folder.digest(model) != digest:
             yield f"the weights {name} are others"
     if content["corpus"] is not None and rest and (data / rest[0]).is_dir():
         if record.digest(data / rest[0]) != content["corpus"]:
