@@ -38,10 +38,11 @@ LONGEST = (
 
 TESTS = Path(__file__).parent
 QUICK = (
-    *("lime_keras/optics", "lime_keras/io", "lime_keras/lighting", "lime_keras/networks"),
+    *("lime_keras/optics", "lime_keras/io", "lime_keras/lighting", "benchmarks"),
     *("lime_keras/test_losses.py", "lime_keras/test_metrics.py", "lime_keras/test_material.py"),
-    *("lime_keras/model/test_folder.py", "lime_keras/video/test_fusion.py", "eval/accuracy"),
-    *("train/test_terms.py", "benchmarks", "test_layout.py", "test_contributing.py"),
+    *("lime_keras/model/test_folder.py", "lime_keras/networks/test_wiring.py"),
+    *("lime_keras/video/test_fusion.py", "eval/accuracy/test_measures.py"),
+    *("test_layout.py", "test_contributing.py"),
 )
 """What `pytest -m quick` runs, below `tests/`: numbers, files and the order of imports."""
 
@@ -62,7 +63,8 @@ def pytest_collection_modifyitems(items):
     """The longest files first: every process takes whole files, and the last one keeps all."""
     items.sort(key=lambda item: item.path.name not in LONGEST)
     for item in items:
-        if _is_quick(item.path) and not item.get_closest_marker("slow"):
+        takes_long = item.get_closest_marker("slow") or "wheel" in item.fixturenames
+        if _is_quick(item.path) and not takes_long:
             item.add_marker("quick")
 
 
