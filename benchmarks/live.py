@@ -15,8 +15,9 @@ asked over HTTP, too, by Gradio's own client, which does not know the stream of 
 page.
 
 Each row has, after a second of warming up, the median of the frames' times, the frames a second in
-the mean, and for the server the processors' time of a frame, which other programs change less. The
-load of the machine before and after is printed, for nothing here means much on a busy one.
+the mean, and the processors' time of a frame, which other programs change less: of a page that of
+the server, the browser and what drives it (on Linux). The load of the machine before and after is
+printed, for nothing here means much on a busy one.
 """
 
 import argparse
@@ -183,13 +184,15 @@ def _asker(server: LiveServer, frames: list[np.ndarray]) -> Callable[..., None]:
 
 def _tell_of_page(name: str, url: str, frames: list[np.ndarray], seconds: float) -> None:
     """Print the row of a page, and what it says of its engine and of the answers' parts."""
-    times, told = _in_browser(url, frames, seconds)
-    _tell(name, times)
+    times, used, told = _in_browser(url, frames, seconds)
+    _tell(name, times, f"{1000 * used:.0f}")
     print(f"the page says: {told}", file=sys.stderr)
 
 
-def _in_browser(url: str, frames: list[np.ndarray], seconds: float) -> tuple[list[float], str]:
-    """Return the seconds between the answers that a page shows, and what the page says."""
+def _in_browser(
+    url: str, frames: list[np.ndarray], seconds: float
+) -> tuple[list[float], float, str]:
+    """Return the seconds between a page's answers, the processors' for each, and what it says."""
     program = shutil.which("chromium") or shutil.which("google-chrome")
     if program is None:
         raise SystemExit("the page is run in Chromium: apt-get install chromium")
@@ -219,13 +222,31 @@ def _in_browser(url: str, frames: list[np.ndarray], seconds: float) -> tuple[lis
             page.wait_for_selector("#speed:visible", timeout=120_000)
             page.wait_for_timeout(1000 * _WARMING)
             page.evaluate("answered.length = 0")
+            before = _processor_seconds()
             page.wait_for_timeout(1000 * seconds)
             page.wait_for_function("() => answered.length > 6", timeout=120_000)
             moments = page.evaluate("answered")
+            used = (_processor_seconds() - before) / len(moments)
             said = [page.inner_text(f"#{name}") for name in ("about", "speed", "timing")]
             told = ": ".join(said)
             browser.close()
-    return list(np.diff(moments) / 1000), told
+    return list(np.diff(moments) / 1000), used, told
+
+
+def _processor_seconds() -> float:
+    """Return the seconds of the processors that all descendants of this process have taken."""
+    parents, ticks = {}, {}
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError):
+            fields = path.read_text().rpartition(")")[2].split()
+            number = int(path.parent.name)
+            parents[number], ticks[number] = int(fields[1]), int(fields[11]) + int(fields[12])
+
+    def is_own(number: int) -> bool:
+        return number == os.getpid() or (number in parents and is_own(parents[number]))
+
+    own = [number for number in parents if number != os.getpid() and is_own(number)]
+    return sum(ticks[number] for number in own) / os.sysconf("SC_CLK_TCK")
 
 
 @contextlib.contextmanager

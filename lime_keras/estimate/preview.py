@@ -227,7 +227,8 @@ def _resized(image: np.ndarray, square: Square, *, is_photo: bool = False) -> np
     padded = np.pad(part, [*beyond, (0, 0)], mode="edge" if is_photo else "constant")
     how = Image.Resampling.BOX if square.side > _TILE else Image.Resampling.BILINEAR
     planes = np.ascontiguousarray(np.moveaxis(padded, -1, 0), np.float32)
-    tile = np.stack([Image.fromarray(plane).resize((_TILE, _TILE), how) for plane in planes], -1)
+    resized = [Image.fromarray(plane).resize((_TILE, _TILE), how) for plane in planes]
+    tile = np.stack([np.asarray(plane) for plane in resized], axis=-1)
     return colour.linear_to_srgb(tile) if is_photo else tile
 
 
