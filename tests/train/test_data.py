@@ -69,6 +69,24 @@ def test_each_photo_is_seen_once_an_epoch_in_another_order_and_either_way(paths,
     assert len({one.tobytes() for one in images}) > 9
 
 
+def test_photos_are_made_before_a_batch_is_asked_for_and_hold_what_is_learnt_from(paths, tmp_path):
+    data = _data(paths, tmp_path)
+    data.training(MATERIAL, ("image",), 0)
+    (kept,) = data._opened.values()
+    assert kept.is_complete
+    # The paper's Eq. 5 knows no clipping, and only MirrorNet learns from M.
+    assert {"image", "mask", "mirror", "painted"} < set(kept.features)
+    assert not {"clipped", "cast", "environment"} & set(kept.features)
+    config = _config(paths / "corpus")
+    bare = dataclasses.replace(
+        config,
+        architecture=dataclasses.replace(config.architecture, mirror=False),
+        schedule=dataclasses.replace(config.schedule, losses="robust"),
+    )
+    found = set(Data([paths / "corpus"], bare, tmp_path).features)
+    assert "mirror" not in found and {"clipped", "cast"} < found
+
+
 def test_without_flips_there_are_none(paths, run):
     batches = _first(_data(paths, run, flips=False, camera=False), 0, 8)
     images = {one.tobytes() for batch in batches for one in batch["image"]}
