@@ -41,11 +41,17 @@ def test_the_graphs_answer_what_keras_answers(tiny_model, graphs):
 
 
 def test_an_ablations_graphs_answer_what_keras_answers(ablation_model):
-    images, engine = parity.images(32), opened(model_folder.graphs(ablation_model))
-    joined = assemble(weights.load(ablation_model)[1])
-    expected = parity.predictions(Network(joined), images)
-    found = parity.predictions(engine, images)
-    parity.check(expected, found, "float32")
+    agrees(ablation_model)
+
+
+def test_the_graphs_of_linear_radiance_answer_what_keras_answers(linear_model):
+    agrees(linear_model)
+
+
+def agrees(model):
+    images, engine = parity.images(32), opened(model_folder.graphs(model))
+    expected = parity.predictions(Network(assemble(weights.load(model)[1])), images)
+    parity.check(expected, parity.predictions(engine, images), "float32")
 
 
 def test_a_given_mask_replaces_segmentation(tiny_model, graphs):
