@@ -4,6 +4,7 @@ import os
 import platform
 from pathlib import Path
 
+from lime_keras import processors
 from lime_keras.version import installed
 
 _PACKAGES = ("tensorflow", "keras", "onnxruntime", "onnx", "tf2onnx", "numpy", "lime-keras")
@@ -26,18 +27,13 @@ def describe() -> dict:
     flags = set(about.get("flags", about.get("Features", "")).split())
     return {
         "processor": about.get("model name") or platform.processor() or platform.machine(),
-        "cores": cores(),
+        "cores": processors.count(),
         "instructions": [name for name in _DECIDE_PRECISION if name in flags],
         "memory_gib": round(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30, 1),
         "system": platform.platform(),
         "python": platform.python_version(),
         "packages": installed(_PACKAGES),
     }
-
-
-def cores() -> int:
-    """Return the number of processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _processor() -> dict[str, str]:

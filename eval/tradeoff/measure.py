@@ -16,7 +16,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-from lime_keras import console
+from lime_keras import console, processors
 from lime_keras.data.corpus import SPLITS, Split
 from lime_keras.export.parity import ParityError
 from lime_keras.live.server import PAGE
@@ -69,7 +69,7 @@ def measure(
     for split in SPLITS:  # int8 is calibrated on the train split, which would be missed late
         Split(corpus, split).shard_paths()
     load, own = os.getloadavg()[0], models.Models(dict(runs), corpus, folder)
-    listed = [case for name in (*runs, PAPER) for case in cases.of_model(name, machine.cores())]
+    listed = [case for name in (*runs, PAPER) for case in cases.of_model(name, processors.count())]
     refused: dict[str, str] = {}
     paths: dict[TimedUse, Path] = {}
     for case in tqdm(listed, "models", **console.bar_options()):
