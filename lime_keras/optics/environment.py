@@ -80,11 +80,11 @@ def _lookup(radiance: np.ndarray, direction: np.ndarray) -> np.ndarray:
     width = radiance.shape[1]
     top, bottom, left, right, right_share, bottom_share = _between(direction, *radiance.shape)
     texels = radiance.reshape(-1)  # `take` with one index needs a third of the time of two indices
-    rows = [
+    above, below = (
         _blend(texels.take(row + left), texels.take(row + right), right_share)
         for row in (top * width, bottom * width)
-    ]
-    return _blend(*rows, bottom_share)
+    )
+    return _blend(above, below, bottom_share)
 
 
 def _blend(one: np.ndarray, other: np.ndarray, share: np.ndarray) -> np.ndarray:
