@@ -180,7 +180,7 @@ class _Run:
         path, things = self._folder / "cutouts.json", self._folder / steps.CUTOUTS / "things"
         other = self._reuse and self._reuse / path.name
         if other is not None and other.is_file() and not path.is_file():
-            named = [one["package"] for one in untrusted.read_json(other)]
+            named = [one["package"] for one in _packages(other)]
             if named == [str(package) for package in self._recipe.packages]:
                 _link_tree(other.parent / steps.CUTOUTS, self._folder / steps.CUTOUTS)
                 atomic.write(path, other.read_bytes())
@@ -193,8 +193,8 @@ class _Run:
                         f"skipped: {one['package']}: {one['skipped']}; masks learn without it. To "
                         f"try again, remove {path}"
                     )
-            atomic.write(path, json.dumps(records, indent=1) + "\n")
-        return json.loads(path.read_text(encoding="utf-8"))
+            atomic.write(path, json.dumps({"packages": records}, indent=1) + "\n")
+        return _packages(path)
 
     def _complete(self, name: str) -> None:
         """Take a step, and before it those that it needs, unless it is done."""
@@ -269,6 +269,14 @@ class _Run:
         """Return the commits of all steps."""
         paths = sorted((self._folder / "steps").rglob("*.json"))
         return sorted({untrusted.read_json(path)["commit"] for path in paths})
+
+
+def _packages(path: Path) -> list[dict[str, Any]]:
+    """Return the records of downloaded packages."""
+    try:
+        return [dict(one) for one in untrusted.read_json(path)["packages"]]
+    except (KeyError, TypeError, ValueError) as error:
+        raise ValueError(f"{path} is no record of cut-outs ({error}): remove it") from error
 
 
 def _record_path(run: Path, name: str) -> Path:
