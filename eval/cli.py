@@ -174,15 +174,15 @@ def _evaluate(options: argparse.Namespace, command: str) -> int:
     asked = run or compared or options.tradeoff
     model = run or (None if asked else model_folder.SHIPPED)
     corpus, how = options.corpus, {"command": command}
-    seen = how | {"camera": options.camera}
+    shown = how | {"camera": options.camera}
     failed = False
     if model and corpus:
-        print(sections.evaluation(out, model, corpus, **seen), end="")
+        print(sections.evaluation(out, model, corpus, **shown), end="")
     if compared:
         runs, answers = options.table1 or [run] * bool(run), options.predictions or []
-        print(sections.compare(out, runs, answers, corpus, **seen), end="")
+        print(sections.compare(out, runs, answers, corpus, **shown), end="")
     if options.tradeoff:
-        print(sections.trade(out, options.tradeoff, corpus, **seen), end="")
+        print(sections.trade(out, options.tradeoff, corpus, **shown), end="")
     if options.stability:
         from .stability import suite
 

@@ -76,7 +76,7 @@ def judge(
         low, high = np.percentile(other - full, _PER_CENT)
         signs = {float(np.sign(b.mean() - a.mean())) for a in rows[0] for b in rows[1]}
         cells = [printed[row].get(name) for row in (_FULL, claim.row)]
-        told = (low > 0 or high < 0) and len(signs) == 1
+        is_clear = (low > 0 or high < 0) and len(signs) == 1
         found.append(
             {
                 "claim": claim.text,
@@ -86,7 +86,7 @@ def judge(
                 "interval": [float(low), float(high)],
                 "pairs": len(rows[0]) * len(rows[1]),
                 "verdict": ("holds" if (low > 0) == claim.rises else "does not")
-                if told
+                if is_clear
                 else "cannot be told",
             }
         )

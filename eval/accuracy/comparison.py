@@ -214,8 +214,8 @@ def markdown(compared: Mapping[str, Any]) -> str:
         "difference on the same images; another training of the same system would differ too. "
         f"{unit}."
     )
-    told = claims.markdown(compared["claims"])
-    return "\n\n".join(filter(None, [aligned(lines), note, told])) + "\n"
+    judged = claims.markdown(compared["claims"])
+    return "\n\n".join(filter(None, [aligned(lines), note, judged])) + "\n"
 
 
 def verdict(run: Mapping[str, Any], name: str) -> str:

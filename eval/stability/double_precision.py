@@ -69,12 +69,12 @@ def answers(
 
     def run(name: str) -> Any:
         network = subnetworks[name]
-        return _run(network, [seen[tensor.name] for tensor in network.inputs], rounding)
+        return _run(network, [inputs[tensor.name] for tensor in network.inputs], rounding)
 
-    seen = {"image": images}
+    inputs = {"image": images}
     contrast = 1 if is_plain(subnetworks["segmentation"]) else MASK_CONTRAST
     mask = np.clip(contrast * (run("segmentation") - 0.5) + 0.5, 0, 1)
-    seen |= {"masked_image": images * mask, "dichromatic": channels(images, mask)}
+    inputs |= {"masked_image": images * mask, "dichromatic": channels(images, mask)}
     out = {"mask": mask}
     shapes = {"specular": mask, "mirror": mask, "reflectance_map": disc(images.shape[1])}
     for name in filter(subnetworks.__contains__, shapes):
@@ -82,9 +82,9 @@ def answers(
         raw = run(name)
         if is_plain(subnetworks[name]):
             raw = np.log1p(np.maximum(raw, 0))
-        seen[quantity] = raw * shapes[name]
-        out[quantity] = np.expm1(np.clip(seen[quantity], 0, HIGHEST_COMPRESSED))
-        seen[f"linear_{quantity}"] = out[quantity]
+        inputs[quantity] = raw * shapes[name]
+        out[quantity] = np.expm1(np.clip(inputs[quantity], 0, HIGHEST_COMPRESSED))
+        inputs[f"linear_{quantity}"] = out[quantity]
     if both := {"material", "trunk"}.intersection(subnetworks):
         exponent, albedos = run(both.pop())
     else:

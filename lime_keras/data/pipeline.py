@@ -54,7 +54,7 @@ def training_shards(corpus: Path) -> tuple[list[Path], list[Path]]:
 
 
 def verified_shards(split: Split) -> list[Path]:
-    """Return the paths of a split's shards, each with the bytes that the manifest tells of.
+    """Return the paths of a split's shards, each with the bytes that the manifest names.
 
     All shards are read once and hashed, in several threads; a shard that has not changed since is
     not hashed again by this process.
@@ -67,7 +67,7 @@ def verified_shards(split: Split) -> list[Path]:
     paths, expected = split.shard_paths(), split.sha256
     if len(paths) != len(expected):
         raise ValueError(
-            f"{split.manifest_path} tells of {len(paths)} shards with {len(expected)} checksums: "
+            f"{split.manifest_path} names {len(paths)} shards with {len(expected)} checksums: "
             "delete it and run the same `lime-render` command again"
         )
     sizes = [path.stat().st_size for path in paths]

@@ -50,9 +50,9 @@ def estimate(
     specular = whole.specular_albedo * layers["specular_shading"]
     hidden = highlights.hidden(image_srgb, specular)[..., None]
     diffuse = np.where(hidden, np.nan, layers["diffuse"])
-    seen = dataclasses.replace(material, layers=layers | {"mirror": mirror, "diffuse": diffuse})
+    observed = dataclasses.replace(material, layers=layers | {"mirror": mirror, "diffuse": diffuse})
     normal = guessed_normals.normals(layers["mask"])
-    light = illumination.estimate(illumination.from_material(seen, normal, camera))
+    light = illumination.estimate(illumination.from_material(observed, normal, camera))
     inside = layers["mask"][..., 0] >= 0.5
     brightness = colour.grey(colour.srgb_to_linear(image_srgb[inside]))
     return with_contrast(light, normal[inside], brightness, material)

@@ -57,8 +57,8 @@ def write(
         normal = _read(normals, mask)
         light = illumination.estimate(illumination.from_material(material, normal))
     photo.write(folder / f"{name}-environment.exr", light[..., None])
-    seen = colour.linear_to_srgb(light / (1 + light))
-    photo.write(folder / f"{name}-environment.png", seen[..., None])
+    mapped = colour.linear_to_srgb(light / (1 + light))
+    photo.write(folder / f"{name}-environment.png", mapped[..., None])
     if clone is not None:
         shown = clone(image_srgb, mask, material, light, alpha=alpha)
         photo.write(folder / f"{name}-clone.png", shown)

@@ -102,15 +102,15 @@ def read(folder: Path) -> Description | None:
 
 def _is_sound(description: Description) -> bool:
     """Return whether the fields have their types, and no graph reads what a later one answers."""
-    told = (description.weights, description.system, *description.graphs)
+    texts = (description.weights, description.system, *description.graphs)
     answered: set[str] = set()
     for graph in description.graphs.values():
-        told += (*graph.inputs, *graph.outputs, graph.sha256)
+        texts += (*graph.inputs, *graph.outputs, graph.sha256)
         if not set(graph.inputs) <= {"image", "mask"} | answered:
             return False
         answered |= set(graph.outputs)
     is_size = type(description.size) is int and description.size > 0
-    return is_size and "mask" in answered and all(isinstance(text, str) for text in told)
+    return is_size and "mask" in answered and all(isinstance(text, str) for text in texts)
 
 
 def read_verified(folder: Path, name: str, graph: Graph) -> bytes:

@@ -27,8 +27,8 @@ def hidden(image_srgb: np.ndarray, specular: np.ndarray) -> np.ndarray:
         specular: m_s · S, linear radiance `(H, W, 1)`, at least 0.
     """
     clipped = colour.brightest(image_srgb) >= _WHITE
-    seen = colour.grey(colour.srgb_to_linear(image_srgb))
-    return clipped | (specular[..., 0] > SHARE * seen)
+    brightness = colour.grey(colour.srgb_to_linear(image_srgb))
+    return clipped | (specular[..., 0] > SHARE * brightness)
 
 
 def inpainted(values: np.ndarray, known: np.ndarray, wanted: np.ndarray) -> np.ndarray:

@@ -417,7 +417,7 @@ def test_a_manifest_without_a_checksum_for_each_shard_is_named(tmp_path):
     path = tmp_path / "train" / "manifest.json"
     held = json.loads(path.read_text(encoding="utf-8"))
     path.write_text(json.dumps(held | {"sha256": held["sha256"][:1]}), encoding="utf-8")
-    with pytest.raises(ValueError, match=r"manifest\.json tells of 2 shards with 1 checksums"):
+    with pytest.raises(ValueError, match=r"manifest\.json names 2 shards with 1 checksums"):
         pipeline.training_shards(tmp_path)
 
 
