@@ -3,7 +3,7 @@
     make weights NAME=best DATA=DATA
     lime-train --recipe best --data DATA --out runs/best        # the same, but for `make ship`
 
-Some 6.5 hours on two cores: 2.3 render, 1 masks, 1.8 S and M, 1.1 the encoders (computed from
+Some 6.5 hours on two cores: 2.3 render, 1 masks, 1.8 S and M, 1.1 the encoders (estimated from
 rates, see docs/how-to/recipes.md). 40 GB of disk.
 Scores: not trained yet. The set of this name that comes with the package is of before there were
 recipes (lime_keras/pretrained/README.md).

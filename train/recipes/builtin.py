@@ -5,7 +5,7 @@
 It downloads nothing and ships no weights. Its validation scenes are of the split `test` of another
 seed than the paper's protocol has, so that no shape or room of them is seen or tested.
 
-Some 5.5 hours on two cores (computed from rates, see docs/how-to/recipes.md). 30 GB of disk.
+Some 5.5 hours on two cores (estimated from rates, see docs/how-to/recipes.md). 30 GB of disk.
 Scores: not trained yet.
 """
 

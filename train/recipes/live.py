@@ -3,7 +3,7 @@
     make weights NAME=live DATA=DATA
     lime-train --recipe live --data DATA --out runs/live        # the same, but for `make ship`
 
-Some 6 hours on two cores: 2 render, 1.2 masks, 2 S and M, 0.8 the encoders (computed from rates,
+Some 6 hours on two cores: 2 render, 1.2 masks, 2 S and M, 0.8 the encoders (estimated from rates,
 see docs/how-to/recipes.md). 30 GB of disk.
 Scores: not trained yet. The set of this name that comes with the package is of before there were
 recipes (lime_keras/pretrained/README.md).

@@ -2,7 +2,7 @@
 
     lime-train --recipe nano --data DATA --out runs/nano --reuse runs/live
 
-Some 4.5 hours on two cores, or 1.5 with --reuse of a run of `live` (computed from rates, see
+Some 4.5 hours on two cores, or 1.5 with --reuse of a run of `live` (estimated from rates, see
 docs/how-to/recipes.md). 30 GB of disk.
 Scores: not trained yet. The set of this name that comes with the package is of before there were
 recipes (lime_keras/pretrained/README.md).
