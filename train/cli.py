@@ -122,7 +122,7 @@ def _add_data(out: argparse.ArgumentParser) -> None:
         type=console.count,
         metavar="N",
         help="photos that a stage learns from, or fewer if it does not see as many; they are made "
-        "before it and kept in RUN/photos, 170 kB each at 128 pixels (default: 100000)",
+        "before it and kept in RUN/photos, some 140 kB each at 128 pixels (default: 100000)",
     )
     data.add_argument(
         "--materials",
