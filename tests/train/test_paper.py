@@ -16,6 +16,7 @@ from lime_keras.data.corpus import Split
 from lime_keras.networks import PRESETS, build
 from lime_keras.networks.registry import is_plain
 from lime_keras.optics import colour, shading, shininess
+from lime_keras.optics.reflectance_map import disc, true_reflectance_map
 from lime_keras.train import cli, trainer
 from lime_keras.train.config import Config, corpus_sha256
 from lime_keras.train.data import Data
@@ -203,6 +204,19 @@ def test_each_loss_is_the_texts_by_hand():
     for name, value in expected.items():
         found = np.array(TERMS[name].loss(truth, answer, units))
         np.testing.assert_allclose(found, value, rtol=1e-4, err_msg=name)
+
+
+def test_the_baselines_map_has_the_squared_error_of_what_is_compressed():
+    rng, size = np.random.default_rng(5), 8
+    light = rng.uniform(size=(2, 64, 128, 1)).astype(np.float32)
+    truth = batch(size) | {"environment": light}
+    raw = rng.normal(size=(2, size, size, 3)).astype(np.float32)
+    answer = StageOutputs({"reflectance_map": raw}, {}, {})
+    found = np.array(TERMS["reflectance_map_l2"].loss(truth, answer, Units()))
+    difference = raw - np.log1p(np.array(true_reflectance_map(truth)))
+    inside = disc(size)[..., 0] > 0
+    expected = np.square(difference)[:, inside].mean((1, 2))
+    np.testing.assert_allclose(found, expected, rtol=1e-4)
 
 
 def test_the_networks_are_those_of_section_5(subnetworks):
