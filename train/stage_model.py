@@ -23,8 +23,9 @@ class StageModel(keras.Model):
 
     The input of a subnetwork is the prediction of another subnetwork of the stage if there is one,
     then a prediction of the batch that was kept of a frozen one (`photos.answers`), else the ground
-    truth. The object is cut out by the batch's input mask (`photos.masks`), if it has one, else by
-    the true mask.
+    truth. If SegmentationNet is not in the stage, the object is cut out by the batch's input mask
+    (`photos.masks`), if it has one, else by the true mask. All subnetworks together are the whole
+    system.
 
     Args:
         subnetworks: subnetworks of the stage by name; all of them are trained that are not frozen.
@@ -81,7 +82,11 @@ class StageModel(keras.Model):
             for name in self._given
             if name not in self._kept
         }
-        given |= {"mask": batch.get(INPUT_MASK, batch["mask"]), "image": batch["image"]}
+        given["image"] = batch["image"]
+        if "mask" in self._answered:
+            del given["mask"]
+        else:
+            given["mask"] = batch.get(INPUT_MASK, batch["mask"])
         predicted = {name: batch[f"{PREDICTED}{name}"] for name in self._kept}
         graph = Wiring(self.subnetworks, given, training=training, predicted=predicted)
         return StageOutputs(

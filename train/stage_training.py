@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from time import monotonic
 from typing import NoReturn
@@ -146,23 +146,13 @@ class StageTraining:
         local = self._devices.local_rows(without_origin(batch))
         return self._model.train_on_batch(self._devices.split(local), return_dict=True)
 
-    def _evaluate(self, batch: Batch) -> dict[str, float]:
-        """Update the measures with a held-out batch and return the batch's losses by name."""
-        devices = self._devices
-        seen, weights = devices.split(devices.local_rows(batch)), devices.weights(batch)
-        return self._model.test_on_batch(seen, sample_weight=weights, return_dict=True)
-
     def _validate(self, step: int, training: dict[str, float], curve: Curve, board: Board) -> None:
-        """Evaluate on the held-out examples and record their losses with the training losses."""
-        model, losses = self._model, Means()
-        model.reset_measures()
-        for batch in self._data.validation(self._features, self._kept):
-            losses.add(self._evaluate(batch))
-        held_out = losses.means()
-        measured = model.measured() if held_out else {}
+        """Evaluate on the validation set and record its losses with the training losses."""
+        batches = self._data.validation(self._features, self._kept)
+        validation, measured, _ = evaluate(self._model, batches, self._devices)
         if self._devices.leads:
-            curve.add(step, training, held_out, measured)
-        board.scalars(step, {"training": training, "held out": held_out, "measure": measured})
+            curve.add(step, training, validation, measured)
+        board.scalars(step, {"training": training, "validation": validation, "measure": measured})
 
     def _stop(
         self, step: int, batch: Batch, losses: Mapping[str, float], norms: Mapping[str, float]
@@ -192,6 +182,19 @@ class StageTraining:
             f"stage {self._stage.name}, step {step}: {', '.join(broken)} not finite; {found}. The "
             "run's last checkpoint is from before"
         )
+
+
+def evaluate(
+    model: StageModel, batches: Iterable[Batch], devices: Devices
+) -> tuple[dict[str, float], dict[str, float], int]:
+    """Return mean losses and measures of a compiled model by name, and the number of examples."""
+    losses, examples = Means(), 0
+    model.reset_measures()
+    for batch in batches:
+        examples += len(batch["mask"])
+        shares, weights = devices.split(devices.local_rows(batch)), devices.weights(batch)
+        losses.add(model.test_on_batch(shares, sample_weight=weights, return_dict=True))
+    return losses.means(), model.measured() if examples else {}, examples
 
 
 def _finite(values: Mapping[str, float]) -> bool:

@@ -6,9 +6,15 @@ from pathlib import Path
 
 from lime_keras.io import untrusted
 
-from .system_evaluation import evaluation_path
-
 _LOSS, _MEASURE = "validation_", "measure_"
+
+
+def evaluation_path(run: Path) -> Path:
+    """Return the path of a run's evaluation: a number of `examples`, and `measures` by name.
+
+    A measure that is not finite is null there.
+    """
+    return run / "evaluation.json"
 
 
 def table(run: Path) -> str:

@@ -16,6 +16,7 @@ import contextlib
 import dataclasses
 import hashlib
 import json
+import math
 import shutil
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
@@ -36,10 +37,10 @@ from .optimizer import OPTIMIZERS, LossScale
 from .photos import answers
 from .photos.making import OnMaking
 from .stage_model import StageModel
-from .stage_training import Files, Progress, StageTraining, Tell
+from .stage_training import Files, Progress, StageTraining, Tell, evaluate
 from .stages import WARM_UP, Stage
 from .state import Checkpoint
-from .system_evaluation import SystemEvaluation, evaluation_path
+from .summary import evaluation_path
 from .terms import TERMS
 
 
@@ -77,7 +78,7 @@ def train(
     Returns:
         Names of the subnetworks without trained weights: no finished stage has trained them, and
         the run did not begin with weights for them. Empty if the run's model is complete; then it
-        is also evaluated (`train.system_evaluation`).
+        is also evaluated on the validation set, each subnetwork on the predictions of the others.
 
     Raises:
         FileNotFoundError: if a corpus is incomplete, or there is no run to reuse.
@@ -172,9 +173,6 @@ class _Run:
         learnt = (name for part in self._parts for name in part.stage.subnetworks)
         known = {*begun, *learnt}
         self.untrained = [name for name in self._subnetworks if name not in known]
-        self._evaluation = (
-            None if self.untrained else SystemEvaluation(self._subnetworks, data, split)
-        )
 
     def learn(self) -> None:
         """Load the finished stages, train the others in order, and write the model."""
@@ -192,9 +190,24 @@ class _Run:
 
     def evaluate(self) -> None:
         """Evaluate the whole system, if all of it is trained and something of it is new."""
-        news = self.left or not evaluation_path(self._folder).is_file()
-        if self._parts and self._evaluation is not None and news:
-            self._evaluation.write(self._folder)
+        path = evaluation_path(self._folder)
+        if not self._parts or self.untrained or (path.is_file() and not self.left):
+            return
+        config, split = self._config, self._split
+        with split.scope():
+            model = StageModel(
+                self._subnetworks,
+                config.compositing,
+                config.schedule.losses,
+                config.lobe,
+                replicas=split.replicas,
+            )
+            model.compile()
+        _, measures, examples = evaluate(model, self._data.validation(model.features), split)
+        if split.leads:
+            finite = {name: v if math.isfinite(v) else None for name, v in measures.items()}
+            text = json.dumps({"examples": examples, "measures": finite}, indent=1)
+            atomic.write(path, text + "\n")
 
     def _load(self, part: "_StageRun") -> None:
         part.checkpoint.restore(part.model)

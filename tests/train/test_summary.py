@@ -3,8 +3,7 @@
 import json
 
 from lime_keras.train.state import Curve
-from lime_keras.train.summary import evaluation, table
-from lime_keras.train.system_evaluation import evaluation_path
+from lime_keras.train.summary import evaluation, evaluation_path, table
 
 
 def test_held_out_losses_before_and_after_each_stage(tmp_path):
