@@ -1,4 +1,4 @@
-"""Limits of the cautions, each beside others: what they find on the held-out scenes.
+"""Limits of the cautions, each beside others, on scenes that no training has used.
 
     python benchmarks/cautions.py CORPUS [--weights live]
 
@@ -21,13 +21,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import scenes
 from scipy import stats
-from tqdm import tqdm
 
 from lime_keras import Estimator
-from lime_keras.data import pipeline
-from lime_keras.data.corpus import Split
 from lime_keras.estimate import cautions
+from lime_keras.eval.markdown_table import aligned
 from lime_keras.metrics import overlap, overlap_ratio
 from lime_keras.optics import colour, dichromatic, gloss
 from lime_keras.optics.compositing import compose
@@ -80,47 +79,42 @@ def main() -> None:
 
 
 def _answers(estimator: Estimator, corpus: Path) -> list[Answer]:
-    """Return the answers for all held-out photos in which an object was found."""
-    shards = pipeline.verified_shards(Split(corpus, "train"))
-    batches = pipeline.evaluation(
-        shards, size=Split(corpus, "train").size, batch_size=8, camera=True
-    )
+    """Return the answers for all scenes of the train split in which an object was found."""
     out = []
-    for batch in tqdm(batches.as_numpy_iterator(), unit="batch"):
-        names = ("image", "mask", "shininess")
-        truths = zip(*(batch[name] for name in names), _radiance(batch), strict=True)
-        for image, mask, shininess, radiance in truths:
-            exponent = float(np.ravel(shininess)[0])
-            material = estimator.estimate(np.rint(255 * image).astype(np.uint8))
-            if material.exponent is None or material.exponent_interval is None:
-                continue
-            low, high = material.exponent_interval
-            inside = mask[..., 0] >= 0.5
-            warm = colour.linear_to_srgb(np.clip(colour.srgb_to_linear(image) * _WARM, 0, 1))
-            out.append(
-                Answer(
-                    material.mask_confidence or 0.0,
-                    overlap_ratio(*overlap(mask[None], material.layers["mask"][None]))[0],
-                    np.log10(high / low),
-                    abs(np.log10(material.exponent / exponent)),
-                    low <= exponent <= high,
-                    dichromatic.colour_spread(image, inside),
-                    dichromatic.colour_spread(warm, inside),
-                    cautions.bright_share(image),
-                    cautions.bright_share(colour.linear_to_srgb(np.clip(radiance / 4, 0, 1))),
-                )
+    for scene in scenes.scenes(corpus, "train", camera=True):
+        image, mask = scene["image"], scene["mask"]
+        material = estimator.estimate(scenes.levels(image))
+        if material.exponent is None or material.exponent_interval is None:
+            continue
+        exponent = float(scene["shininess"])
+        low, high = material.exponent_interval
+        inside = mask[..., 0] >= 0.5
+        warm = colour.linear_to_srgb(np.clip(colour.srgb_to_linear(image) * _WARM, 0, 1))
+        short = colour.linear_to_srgb(np.clip(_radiance(scene) / 4, 0, 1))
+        out.append(
+            Answer(
+                material.mask_confidence or 0.0,
+                overlap_ratio(*overlap(mask[None], material.layers["mask"][None]))[0],
+                np.log10(high / low),
+                abs(np.log10(material.exponent / exponent)),
+                low <= exponent <= high,
+                dichromatic.colour_spread(image, inside),
+                dichromatic.colour_spread(warm, inside),
+                cautions.bright_share(image),
+                cautions.bright_share(short),
             )
+        )
     return out
 
 
-def _radiance(batch: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Return the photos `(B, H, W, 3)` in linear radiance, by Eq. 4 unbounded on objects."""
+def _radiance(scene: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Return the photo `(H, W, 3)` in linear radiance, by Eq. 4 unbounded on the object."""
     of_object = compose(
-        *(batch[name] for name in ("diffuse_albedo", "specular_albedo", "ambient")),
-        *(batch[name] for name in ("diffuse_shading", "specular_shading")),
-    )
-    whole = np.where(batch["mask"] > 0.95, of_object, 0)
-    return np.maximum(colour.srgb_to_linear(batch["image"]), whole)
+        *(scene[name] for name in ("diffuse_albedo", "specular_albedo", "ambient")),
+        *(scene[name] for name in ("diffuse_shading", "specular_shading")),
+    )[0]
+    whole = np.where(scene["mask"] > 0.95, of_object, 0)
+    return np.maximum(colour.srgb_to_linear(scene["image"]), whole)
 
 
 def _of_masks(found: Answer) -> None:
@@ -165,10 +159,7 @@ def _of_exposures(found: Answer) -> None:
 
 
 def _table(heads: Sequence[str], rows: Sequence[Sequence[str]], now: float) -> None:
-    print(f"\n| {' | '.join(heads)} |\n|" + "---:|" * len(heads))
-    for row in rows:
-        print(f"| {' | '.join(row)} |")
-    print(f"\nlimit now: {now}\n")
+    print(f"\n{aligned([heads, *rows], ())}\n\nlimit now: {now}\n")
 
 
 if __name__ == "__main__":

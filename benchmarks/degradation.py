@@ -9,20 +9,18 @@ writes degradation.md and degradation.png. The first row of a knob is the photo 
 
 import argparse
 import dataclasses
-import functools
-import io
 from collections.abc import Callable
 from pathlib import Path
 
 import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
+import scenes
 from PIL import Image
 from tqdm import tqdm
 
 from lime_keras import Estimator, console
-from lime_keras.data import pipeline
-from lime_keras.data.corpus import Split
+from lime_keras.eval.markdown_table import aligned
 from lime_keras.metrics import bin_distance, overlap, overlap_ratio
 from lime_keras.optics import camera_law, colour
 from lime_keras.train.photos import paint
@@ -30,7 +28,6 @@ from lime_keras.train.photos import paint
 matplotlib.use("Agg")
 
 MEASURES = ("log10 s", "right or neighbouring bin", "m_d", "m_s", "IoU")
-_Scene = dict[str, np.ndarray]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -57,19 +54,13 @@ def smaller(photo: Photo, to: float) -> Photo:
     mask = np.pad(photo.mask, ((around, around), (around, around), (0, 0)))
     # Mirrored objects would be others: only the frame's edge goes on.
     rows = np.clip(np.arange(-around, size + around), 0, size - 1)
-    image = photo.image[rows][:, rows]
-    small = [np.asarray(_resized(one, size)) for one in (image, np.broadcast_to(mask, image.shape))]
-    return dataclasses.replace(photo, image=small[0], mask=small[1][..., :1])
-
-
-def _resized(image: np.ndarray, size: int) -> np.ndarray:
-    channels = [
-        Image.fromarray(np.ascontiguousarray(image[..., k], np.float32)).resize(
-            (size, size), Image.Resampling.BOX
-        )
-        for k in range(3)
+    both = np.concatenate([photo.image[rows][:, rows], mask], -1).astype(np.float32)
+    small = [
+        Image.fromarray(np.ascontiguousarray(channel)).resize((size, size), Image.Resampling.BOX)
+        for channel in np.moveaxis(both, -1, 0)
     ]
-    return np.stack([np.asarray(channel) for channel in channels], axis=-1)
+    whole = np.stack([np.asarray(channel) for channel in small], axis=-1)
+    return dataclasses.replace(photo, image=whole[..., :3], mask=whole[..., 3:])
 
 
 def tinted(photo: Photo, to: float) -> Photo:
@@ -89,7 +80,6 @@ def moved(photo: Photo, to: float) -> Photo:
     return dataclasses.replace(photo, given=np.asarray(blurred >= level, np.float32))
 
 
-Turn = Callable[[Photo], Photo]
 KNOBS: dict[str, tuple[Callable[..., Photo], tuple[float, ...]]] = {
     "object's share of the frame": (smaller, (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.15)),
     "JPEG quality": (
@@ -119,97 +109,75 @@ def main() -> None:
     options.add_argument("--out", type=Path, default=Path("degradation"))
     arguments = options.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
-    split = Split(arguments.corpus, "test")
-    dataset = pipeline.evaluation(pipeline.verified_shards(split), size=split.size, batch_size=1)
-    scenes = list(dataset.take(arguments.count).as_numpy_iterator())
-    settings: dict[str, dict[float, tuple[list[_Scene], Turn]]] = {
-        knob: {setting: (scenes, functools.partial(turn, to=setting)) for setting in all_settings}
-        for knob in arguments.knobs
-        for turn, all_settings in [KNOBS[knob]]
-    }
-    found = {
-        (weights, knob, setting): _measured(Estimator(weights), *of_setting)
-        for weights in arguments.weights
-        for knob, of_knob in settings.items()
-        for setting, of_setting in tqdm(of_knob.items(), desc=f"{weights}, {knob}", unit="setting")
-    }
-    rows = {knob: tuple(of_knob) for knob, of_knob in settings.items()}
-    text = "\n\n".join(
-        _table(found, weights, knob, rows[knob]) for weights in arguments.weights for knob in rows
-    )
+    chosen = list(scenes.scenes(arguments.corpus, "test", count=arguments.count))
+    found: dict[str, dict[str, np.ndarray]] = {}
+    tables = []
+    for weights in arguments.weights:
+        estimator = Estimator(weights)
+        for knob in arguments.knobs:
+            turn, settings = KNOBS[knob]
+            rows = [
+                _measured(estimator, chosen, turn, to)
+                for to in tqdm(settings, desc=f"{weights}, {knob}", unit="setting")
+            ]
+            found.setdefault(knob, {})[weights] = np.array(rows)
+            lines = [
+                [f"{to:g}", *(f"{value:.3f}" for value in row)]
+                for to, row in zip(settings, rows, strict=True)
+            ]
+            tables.append(aligned([[f"`{weights}`, {knob}", *MEASURES], *lines]))
+    text = "\n\n".join(tables)
     (arguments.out / "degradation.md").write_text(text + "\n", encoding="utf-8")
     print(text)
-    _draw(found, arguments.weights, rows, arguments.out / "degradation.png")
+    _draw(found, arguments.out / "degradation.png")
 
 
-def _measured(estimator: Estimator, scenes: list[_Scene], turn: Turn) -> np.ndarray:
+def _measured(
+    estimator: Estimator,
+    chosen: list[dict[str, np.ndarray]],
+    turn: Callable[..., Photo],
+    to: float,
+) -> np.ndarray:
     """Return the mean of each measure; where no object was found, all but the IoU are left out."""
     rows: list[tuple[float, ...]] = []
-    for scene in scenes:
+    for scene in chosen:
         # A stored image is clipped; what is left of it is what a camera has.
-        linear = colour.srgb_to_linear(scene["image"][0])
-        photo = turn(Photo(linear, scene["mask"][0]))
-        levels = np.round(colour.linear_to_srgb(np.clip(photo.image, 0, 1)) * 255).astype(np.uint8)
+        photo = turn(Photo(colour.srgb_to_linear(scene["image"]), scene["mask"]), to)
+        levels = scenes.levels(colour.linear_to_srgb(np.clip(photo.image, 0, 1)))
         if photo.quality is not None:
-            file = io.BytesIO()
-            Image.fromarray(levels).save(file, "JPEG", quality=photo.quality)
-            levels = np.asarray(Image.open(file))
+            levels = scenes.jpeg(levels, photo.quality)
         material = estimator.estimate(levels, photo.given)
         probabilities = material.exponent_bin_probabilities
         if material.exponent is None or material.specular_albedo is None or probabilities is None:
             rows.append((np.nan, np.nan, np.nan, np.nan, 0.0))
             continue
-        log, true = np.log10(material.exponent), np.log10(scene["shininess"][0])
-        distance = float(bin_distance(scene["shininess"][0], probabilities))
         rows.append(
             (
-                abs(log - true),
-                distance <= 1,
-                np.abs(np.asarray(material.diffuse_albedo) - scene["diffuse_albedo"][0]).mean(),
-                abs(material.specular_albedo - float(np.ravel(scene["specular_albedo"])[0])),
+                abs(np.log10(material.exponent) - np.log10(scene["shininess"])),
+                float(bin_distance(scene["shininess"], probabilities)) <= 1,
+                np.abs(np.asarray(material.diffuse_albedo) - scene["diffuse_albedo"]).mean(),
+                abs(material.specular_albedo - float(scene["specular_albedo"])),
                 overlap_ratio(*overlap(photo.mask[None], material.layers["mask"][None]))[0],
             )
         )
     return np.nanmean(np.asarray(rows, float), axis=0)
 
 
-def _table(
-    found: dict[tuple[str, str, float], np.ndarray],
-    weights: str,
-    knob: str,
-    settings: tuple[float, ...],
-) -> str:
-    lines = [f"| `{weights}`, {knob} | {' | '.join(MEASURES)} |", "|---|" + "---:|" * len(MEASURES)]
-    for setting in settings:
-        cells = " | ".join(f"{value:.3f}" for value in found[weights, knob, setting])
-        lines.append(f"| {setting:g} | {cells} |")
-    return "\n".join(lines)
-
-
-def _draw(
-    found: dict[tuple[str, str, float], np.ndarray],
-    sets: list[str],
-    settings_of: dict[str, tuple[float, ...]],
-    path: Path,
-) -> None:
+def _draw(found: dict[str, dict[str, np.ndarray]], path: Path) -> None:
+    """Draw each measure over the settings of each knob, a line a set of weights."""
+    size = (2.5 * len(found), 10)
     figure, axes = plt.subplots(
-        len(MEASURES),
-        len(settings_of),
-        figsize=(2.5 * len(settings_of), 10),
-        sharex="col",
-        sharey="row",
-        squeeze=False,
+        len(MEASURES), len(found), figsize=size, sharex="col", sharey="row", squeeze=False
     )
-    for column, (knob, settings) in enumerate(settings_of.items()):
-        ordered = sorted(settings)
+    for column, (knob, of_weights) in enumerate(found.items()):
+        settings = np.array(KNOBS[knob][1])
+        order = np.argsort(settings)
         for row, measure in enumerate(MEASURES):
             axis = axes[row, column]
-            for weights in sets:
-                values = [found[weights, knob, setting][row] for setting in ordered]
-                axis.plot(ordered, values, marker="o", markersize=3, label=weights)
+            for weights, values in of_weights.items():
+                axis.plot(settings[order], values[order, row], "o-", markersize=3, label=weights)
             axis.grid(alpha=0.3)
-            if column == 0:
-                axis.set_ylabel(measure)
+            axes[row, 0].set_ylabel(measure)
         axes[-1, column].set_xlabel(knob)
     axes[0, 0].legend()
     figure.tight_layout()

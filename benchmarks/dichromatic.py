@@ -9,16 +9,13 @@ what is left is the bound itself: no pixel of a real object has S = 0.
 """
 
 import argparse
-import io
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from PIL import Image
-from tqdm import tqdm
+import scenes
 
-from lime_keras.data import pipeline
-from lime_keras.data.corpus import Split
+from lime_keras.eval.markdown_table import aligned
 from lime_keras.optics import camera_law, colour, dichromatic
 from lime_keras.optics.compositing import compose
 
@@ -33,18 +30,19 @@ def main() -> None:
     options.add_argument("--split", default="train", choices=("train", "test"))
     options.add_argument("--count", type=int, default=200)
     arguments = options.parse_args()
-    shards = pipeline.verified_shards(Split(arguments.corpus, arguments.split))
-    records = pipeline.evaluation(shards, size=128, batch_size=1).take(arguments.count)
     errors: dict[str, list[tuple[float, float, float]]] = {flaw: [] for flaw in FLAWS}
-    for record in tqdm(records.as_numpy_iterator(), total=arguments.count, unit="scene"):
+    for record in scenes.scenes(arguments.corpus, arguments.split, count=arguments.count, size=128):
+        batch = {name: np.asarray(value)[None] for name, value in record.items()}
         for flaw, change in FLAWS.items():
-            found = _errors(record, change)
+            found = _errors(batch, change)
             if found is not None:
                 errors[flaw].append(found)
-    print("| flaw | diffuse light | grey light | hue |\n|---|---:|---:|---:|")
-    for flaw, rows in errors.items():
-        diffuse, grey, hue = np.median(rows, axis=0)
-        print(f"| {flaw} | {diffuse:.3f} | {grey:.3f} | {hue:.1f}° |")
+    lines = [
+        [flaw, f"{diffuse:.3f}", f"{grey:.3f}", f"{hue:.1f}°"]
+        for flaw, rows in errors.items()
+        for diffuse, grey, hue in [np.median(rows, axis=0)]
+    ]
+    print(aligned([["flaw", "diffuse light", "grey light", "hue"], *lines]))
 
 
 def _errors(
@@ -58,9 +56,9 @@ def _errors(
     behind = colour.srgb_to_linear(record["image"]) * (1 - mask)
     whole = np.clip(mask * compose(m_d, m_s, m_a, shade, gloss) + behind, 0, 1)
     image, seen = change((whole, mask))
-    levels = np.round(colour.linear_to_srgb(image) * 255).astype(np.uint8)
+    levels = scenes.levels(colour.linear_to_srgb(image))
     if change is FLAWS["JPEG of quality 70"]:
-        levels = _jpeg(levels, 70)
+        levels = scenes.jpeg(levels[0], 70)[None]
     parts = dichromatic.split(levels.astype(np.float32) / 255, seen)
     inside = (mask >= 1) & (seen > 0) & (whole.max(-1, keepdims=True) < 1)
     if not inside.any() or not parts.trusted.any():
@@ -75,12 +73,6 @@ def _errors(
         float(np.abs(parts.grey[inside] - true_grey).mean() / (size + true_grey.mean())),
         float(np.degrees(np.arccos(np.clip(cosine, -1, 1)))),
     )
-
-
-def _jpeg(levels: np.ndarray, quality: int) -> np.ndarray:
-    file = io.BytesIO()
-    Image.fromarray(levels[0]).save(file, "JPEG", quality=quality)
-    return np.asarray(Image.open(file))[None]
 
 
 def _moved(pixels: int) -> Callable[[Scene], Scene]:

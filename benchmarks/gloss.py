@@ -17,11 +17,9 @@ from pathlib import Path
 import numpy as np
 import photographs
 import record
-from tqdm import tqdm
+import scenes
 
 from lime_keras import Estimator
-from lime_keras.data import pipeline
-from lime_keras.data.corpus import Split
 from lime_keras.model import folder as model_folder
 from lime_keras.model import gloss_file
 from lime_keras.optics import gloss
@@ -40,7 +38,8 @@ def main() -> None:
     record.add_option(options)
     arguments = options.parse_args()
     estimator = Estimator(arguments.weights, ["mask", "albedo", "exponent"])
-    levels, glossy = (np.array(column) for column in zip(*_scenes(arguments), strict=True))
+    of_scenes = _scenes(estimator, arguments.corpus)
+    levels, glossy = (np.array(column) for column in zip(*of_scenes, strict=True))
     # Every second scene: both halves hold all shapes and lights.
     fitted, kept = slice(0, None, 2), slice(1, None, 2)
     measured = _measure(fit(levels[fitted], glossy[fitted]), levels[kept], glossy[kept])
@@ -79,20 +78,13 @@ def fit(levels: np.ndarray, glossy: np.ndarray) -> gloss.Calibration:
     return gloss.Calibration(even=float(-weights[0] / weights[1]), slope=float(weights[1]))
 
 
-def _scenes(arguments: argparse.Namespace) -> Iterator[tuple[float, bool]]:
+def _scenes(estimator: Estimator, corpus: Path) -> Iterator[tuple[float, bool]]:
     """Yield the estimated level of each photographed scene, and whether it is glossy."""
-    estimator = Estimator(arguments.weights, ["mask", "albedo", "exponent"])
-    shards = pipeline.verified_shards(Split(arguments.corpus, "train"))
-    size = Split(arguments.corpus, "train").size
-    batches = pipeline.evaluation(shards, size=size, batch_size=8, camera=True)
-    for batch in tqdm(batches.as_numpy_iterator(), unit="batch"):
-        numbers = (np.ravel(batch[name]) for name in ("shininess", "specular_albedo"))
-        for image, exponent, specular in zip(batch["image"], *numbers, strict=True):
-            material = estimator.estimate(np.rint(255 * image).astype(np.uint8))
-            if material.exponent is None:
-                continue
-            found = gloss.level(material.exponent, material.specular_albedo)
-            yield found, gloss.level(float(exponent), float(specular)) >= gloss.SIDE
+    for scene in scenes.scenes(corpus, "train", camera=True):
+        material = estimator.estimate(scenes.levels(scene["image"]))
+        if material.exponent is not None:
+            true = gloss.level(float(scene["shininess"]), float(scene["specular_albedo"]))
+            yield gloss.level(material.exponent, material.specular_albedo), true >= gloss.SIDE
 
 
 def _photographs(

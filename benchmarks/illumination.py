@@ -28,6 +28,7 @@ import record
 from tqdm import tqdm
 
 from lime_keras import console
+from lime_keras.eval.markdown_table import aligned
 from lime_keras.lighting import illumination
 from lime_keras.model import folder as model_folder
 from lime_keras.optics import colour, compositing, environment, shading, shininess
@@ -179,12 +180,12 @@ def _bins(found: list[tuple[int, list[float]]]) -> Iterator[tuple[str, np.ndarra
 
 def _table(name: str, found: list[tuple[int, list[float]]]) -> str:
     """Return a Markdown table of the means for each bin and for all images."""
-    lines = [f"\n{name}\n", f"| s | count | {' | '.join(_COLUMNS)} |", "|---|" + "---:|" * 5]
+    lines = [["s", "count", *_COLUMNS]]
     for label, rows in _bins(found):
         error, seen, relit, ball = rows.mean(axis=0)
-        numbers = f"{error:.3f} | {seen:.3f} | {relit:.2f} dB | {ball:.2f} dB"
-        lines.append(f"| {label} | {len(rows)} | {numbers} |")
-    return "\n".join(lines)
+        numbers = f"{error:.3f}", f"{seen:.3f}", f"{relit:.2f} dB", f"{ball:.2f} dB"
+        lines.append([label, f"{len(rows)}", *numbers])
+    return f"\n{name}\n\n{aligned(lines)}"
 
 
 def _figures(found: list[tuple[int, list[float]]]) -> dict[str, record.Figure]:

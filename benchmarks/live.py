@@ -1,18 +1,13 @@
-"""Frames a second of the live page with either engine, beside Gradio's webcam route.
+"""Frames a second of the live page with either engine.
 
     python benchmarks/live.py
     python benchmarks/live.py --browser --static http://localhost:8000/
-    python benchmarks/live.py --gradio /elsewhere/bin/python
 
 The server is asked over HTTP, as the page asks it, for frames of 640 × 480 of a moving ball: the
 mask alone, the mask and the material, the page's rhythm (layers with every third frame), and the
-light as well. The page captures and draws besides; `--browser` runs it in
-Chromium on a clip of the same frames, and counts the answers that it shows. So does `--static` with
-a page of `lime-live --static`, which is served elsewhere (`python3 -m http.server -d site`).
-`--gradio` names the Python of an environment with gradio and this package, which serves the same
-model as Gradio does for pictures of a webcam: each frame as a file, each answer as a picture; it is
-asked over HTTP, too, by Gradio's own client, which does not know the stream of its
-page.
+light as well. The page captures and draws besides; `--browser` runs it in Chromium on a clip of
+the same frames, and counts the answers that it shows. So does `--static` with a page of
+`lime-live --static`, which is served elsewhere (`python3 -m http.server -d site`).
 
 Each row has, after a second of warming up, the median of the frames' times, the frames a second in
 the mean, and the processors' time of a frame, which other programs change less: of a page that of
@@ -23,7 +18,6 @@ printed, for nothing here means much on a busy one.
 import argparse
 import contextlib
 import http.client
-import io
 import json
 import os
 import shutil
@@ -47,21 +41,6 @@ from lime_keras.live.server import LiveServer
 
 _SHAPE = 480, 640
 _WARMING = 1.0
-_GRADIO = """
-import sys, gradio
-import numpy as np
-from lime_keras import Estimator
-estimator = Estimator("live", only=["mask", "specular", "mirror", "albedo", "exponent"])
-def estimate(image):
-    material = estimator.estimate(image)
-    edge = material.layers["mask"][..., 0] >= 0.5
-    return np.where(edge[..., None], image, image // 2), material.to_json()
-page = gradio.Interface(
-    estimate, gradio.Image(sources=["webcam"]), [gradio.Image(), gradio.JSON()],
-    api_name="estimate",
-)
-page.launch(server_port=int(sys.argv[1]), quiet=True)
-"""
 _COUNT = """
   window.answered = [];
   const { prototype } = CanvasRenderingContext2D;
@@ -70,16 +49,6 @@ _COUNT = """
     if (this.canvas.id === "frame") window.answered.push(performance.now());
     return put.apply(this, given);
   };
-"""
-_CLIENT = """
-import sys, time
-from gradio_client import Client, handle_file
-client = Client(f"http://127.0.0.1:{sys.argv[1]}/", verbose=False)
-end = time.perf_counter() + float(sys.argv[2])
-while time.perf_counter() < end:
-    begun = time.perf_counter()
-    client.predict(handle_file(sys.argv[3]), api_name="/estimate")
-    print(time.perf_counter() - begun, flush=True)
 """
 
 
@@ -106,8 +75,6 @@ def main() -> None:
     if arguments.static:
         name = "page without Python in Chromium"
         _tell_of_page(name, arguments.static, frames, arguments.seconds)
-    if arguments.gradio:
-        _tell("Gradio", _by_gradio(arguments.gradio, frames[0], arguments.seconds))
     print(f"\nload after: {_load()}")
 
 
@@ -118,7 +85,6 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--seconds", type=float, default=8.0, help="of each row (default: 8)")
     parser.add_argument("--browser", action="store_true", help="run the page in Chromium, too")
     parser.add_argument("--static", metavar="URL", help="run this page in Chromium, too")
-    parser.add_argument("--gradio", type=Path, metavar="PYTHON", help="Python that has gradio")
     return parser.parse_args()
 
 
@@ -271,42 +237,6 @@ def _write_clip(path: Path, frames: list[np.ndarray]) -> None:
             planes = np.moveaxis(np.asarray(Image.fromarray(frame).convert("YCbCr")), -1, 0)
             halves = (plane[::2, ::2].tobytes() for plane in planes[1:])
             file.write(b"FRAME\n" + planes[0].tobytes() + b"".join(halves))
-
-
-def _by_gradio(python: Path, frame: np.ndarray, seconds: float) -> list[float]:
-    with tempfile.TemporaryDirectory() as scratch:
-        path = Path(scratch) / "frame.png"
-        path.write_bytes(_encoded(frame, "PNG"))
-        port = "8338"
-        served = subprocess.Popen([python, "-c", _GRADIO, port], stdout=subprocess.DEVNULL)
-        try:
-            _await(int(port), served)
-            command = [str(python), "-c", _CLIENT, port, str(_WARMING + seconds), str(path)]
-            told = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-        finally:
-            served.terminate()
-            served.wait()
-    return [float(line) for line in told.splitlines()][1:]
-
-
-def _await(port: int, process: "subprocess.Popen[bytes]") -> None:
-    """Wait until a process answers on a port."""
-    for _ in range(600):
-        if process.poll() is not None:
-            raise SystemExit("Gradio ended at once: see above")
-        with contextlib.suppress(OSError):
-            connection = http.client.HTTPConnection("127.0.0.1", port, timeout=1)
-            connection.request("GET", "/config")
-            if connection.getresponse().status == 200:
-                return
-        time.sleep(0.2)
-    raise SystemExit("Gradio does not answer")
-
-
-def _encoded(frame: np.ndarray, kind: str) -> bytes:
-    file = io.BytesIO()
-    Image.fromarray(frame).save(file, kind, quality=95)
-    return file.getvalue()
 
 
 def _ball(right: float, up: float) -> np.ndarray:

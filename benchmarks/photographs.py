@@ -27,6 +27,7 @@ from lime_keras.estimate.estimator import Estimator
 from lime_keras.eval.markdown_table import ABSENT, aligned
 from lime_keras.io import photo as photo_files
 from lime_keras.io import scanner, untrusted
+from lime_keras.metrics import overlap, overlap_ratio
 from lime_keras.optics import colour, shading
 from lime_keras.outputs import available
 from lime_keras.runtime import engine
@@ -208,7 +209,9 @@ def _rows(estimator: Estimator, photo: Photo) -> tuple[dict[str, Any], dict[str,
             "diffuse_albedo": np.full(3, np.nan) if whole is None else whole.diffuse_albedo,
             "specular_albedo": np.nan if whole is None else whole.specular_albedo,
             "exponent": np.nan if whole is None else whole.exponent,
-            "iou": np.nan if given is None or mask is not None else overlap(given, own),
+            "iou": np.nan
+            if given is None or mask is not None
+            else float(overlap_ratio(*overlap(given[None], own[None]))[0]),
             "pixels": mean_colour(image, own if given is None else given),
         }
 
@@ -348,13 +351,6 @@ def _unit(rgb: np.ndarray) -> np.ndarray:
     length = np.linalg.norm(rgb, axis=-1, keepdims=True)
     usable = np.isfinite(length) & (length > 0)
     return np.divide(rgb, length, out=np.full_like(rgb, np.nan), where=usable)
-
-
-def overlap(mask: np.ndarray, predicted: np.ndarray) -> float:
-    """Return the intersection over union of two masks of any shape; 1 if both are empty."""
-    true, estimated = mask >= 0.5, predicted >= 0.5
-    union = np.count_nonzero(true | estimated)
-    return np.count_nonzero(true & estimated) / union if union else 1.0
 
 
 # The table.

@@ -21,6 +21,7 @@ import numpy as np
 from tqdm import tqdm
 
 from lime_keras import console
+from lime_keras.eval.markdown_table import aligned
 from lime_keras.optics import material_law, shininess
 from lime_keras.render.mitsuba_setup import variants
 from lime_keras.render.scene import example, sampling, sources
@@ -40,6 +41,7 @@ _PARAMETERS = {
     "specular albedo": slice(3, 4),
     "log10 exponent": slice(4, 5),
 }
+_HEAD = ("parameter", "variance, raw", "fused", "error, raw", "fused", "fused, last frame")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -52,7 +54,7 @@ class Sequence:
 
 
 def main() -> None:
-    """Print a table of all sequences, and one of their means."""
+    """Print a table of the means over the sequences."""
     arguments = _arguments()
     variants.activate(variants.choose(), threads=1)
     sequences = [render(arguments, k) for k in tqdm(range(arguments.sequences), unit="sequence")]
@@ -61,25 +63,20 @@ def main() -> None:
 
     estimator = Estimator(arguments.weights, ["albedo", "exponent"])
     rows: dict[str, list[list[float]]] = {}
-    print("| sequence | parameter | frames found |" + _HEAD + "\n|---|---|---:|" + 5 * "---:|")
     for sequence in sequences:
-        raw, probabilities = estimates(estimator, sequence)
+        raw = estimates(estimator, sequence)
         found = int(np.sum(np.isfinite(raw[:, 0])))
-        fused = {**_split(fuse(raw)), _BY_PROBABILITIES: _log_exponents(fuse(probabilities))}
-        measured = {**_split(raw), _BY_PROBABILITIES: _log_exponents(probabilities)}
-        truth = {**_split(sequence.truth), _BY_PROBABILITIES: sequence.truth[4:]}
-        for name in truth:
-            row = _measures(measured[name], fused[name], truth[name])
+        print(f"{sequence.name}: an object in {found} of {len(raw)} frames")
+        fused = fuse(raw)
+        for name, part in _PARAMETERS.items():
+            row = _measures(raw[:, part], fused[:, part], sequence.truth[part])
             rows.setdefault(name, []).append(row)
-            print(f"| {sequence.name} | {name} | {found} of {len(raw)} |" + _cells(row))
-    print("\n| parameter |" + _HEAD + "\n|---|" + 5 * "---:|")
-    for name, measured_rows in rows.items():
-        print(f"| {name} |" + _cells(np.nanmean(measured_rows, axis=0)))
-    print("\n" + distances(sequences))
-
-
-_HEAD = " variance, raw | fused | error, raw | fused | fused, last frame |"
-_BY_PROBABILITIES = "log10 exponent, the eight probabilities fused"
+    means = {name: np.nanmean(of_sequences, axis=0) for name, of_sequences in rows.items()}
+    lines = [
+        [name, *(f"{x:.2e}" for x in row[:2]), *(f"{x:.3f}" for x in row[2:])]
+        for name, row in means.items()
+    ]
+    print(f"\n{aligned([_HEAD, *lines])}\n\n{distances(sequences)}")
 
 
 def render(arguments: argparse.Namespace, number: int) -> Sequence:
@@ -108,20 +105,10 @@ def render(arguments: argparse.Namespace, number: int) -> Sequence:
     return Sequence(name, np.stack(frames), np.array(truth))
 
 
-def estimates(estimator, sequence: Sequence) -> tuple[np.ndarray, np.ndarray]:
-    """Estimate each frame alone: the parameters `(T, 5)` and the probabilities `(T, 8)`.
-
-    Frames without an object are NaN, and so are probabilities if the model does not predict them.
-    """
+def estimates(estimator, sequence: Sequence) -> np.ndarray:
+    """Estimate each frame alone: the parameters `(T, 5)`, NaN of frames without an object."""
     materials = [estimator.estimate(frame / np.float32(255)) for frame in sequence.frames]
-    nothing = np.full(shininess.BIN_COUNT, np.nan)
-    probabilities = [
-        m.exponent_bin_probabilities
-        if m.mask_coverage and m.exponent_bin_probabilities is not None
-        else nothing
-        for m in materials
-    ]
-    return np.stack([parameters(m) for m in materials]), np.stack(probabilities)
+    return np.stack([parameters(material) for material in materials])
 
 
 def fuse(estimated: np.ndarray) -> np.ndarray:
@@ -142,16 +129,6 @@ def distances(sequences: list[Sequence]) -> str:
     )
 
 
-def _split(values: np.ndarray) -> dict[str, np.ndarray]:
-    return {name: values[..., part] for name, part in _PARAMETERS.items()}
-
-
-def _log_exponents(probabilities: np.ndarray) -> np.ndarray:
-    """Return log10 s `(T, 1)`, with normalised probabilities: medians do not sum to 1."""
-    total = probabilities.sum(axis=-1, keepdims=True)
-    return shininess.log_expected(probabilities / total)[..., None]
-
-
 def _measures(raw: np.ndarray, fused: np.ndarray, truth: np.ndarray) -> list[float]:
     """Return variances and errors of `(T, C)` estimates, in the order of the table's columns."""
     seen = np.isfinite(raw[:, 0])
@@ -165,11 +142,6 @@ def _measures(raw: np.ndarray, fused: np.ndarray, truth: np.ndarray) -> list[flo
         float(np.mean(np.abs(fused - truth))),
         float(np.mean(np.abs(fused[-1] - truth))),
     ]
-
-
-def _cells(row) -> str:
-    variance, fused_variance, *errors = row
-    return f" {variance:.2e} | {fused_variance:.2e} |" + "".join(f" {e:.3f} |" for e in errors)
 
 
 def _turn(angle: float) -> np.ndarray:

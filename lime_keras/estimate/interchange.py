@@ -3,7 +3,7 @@
 Neither glTF nor Mitsuba has the lobe of Eq. 3, which has no cosine factor. Both get a microfacet
 lobe over a diffuse base that receives the rest of the light, so that together they come near
 m_d · D + m_s · S. Three things were chosen for the least ꟻLIP between spheres of both
-(benchmarks/interchange.py):
+(docs/results.md):
 
 - The roughness: Beckmann's distribution in Mitsuba, GGX in glTF (`lime_keras.optics.microfacets`).
 - The lobe's reflectance, 0.76 m_s. S falls with o·n, a microfacet lobe does not.

@@ -2,7 +2,7 @@
 
 Beckmann's distribution takes α = √(2 / (s + 2)), of nearly the same shape as the lobe (Walter et
 al. 2007, section 5.2). The GGX distribution has longer tails and takes a narrower lobe; its power
-and its largest α were chosen for the least ꟻLIP between spheres (benchmarks/interchange.py).
+and its largest α were chosen for the least ꟻLIP between spheres (docs/results.md).
 """
 
 from typing import Any

@@ -193,13 +193,6 @@ def test_the_unexplained_angle_is_the_least_over_all_amounts_of_grey():
     np.testing.assert_allclose(photographs.unexplained_angle(pixels, grey), expected)
 
 
-def test_the_overlap_of_masks():
-    one, other = np.array([1, 0.5, 0]), np.array([0, 0.5, 0.49])
-    assert photographs.overlap(one, other) == 0.5
-    assert photographs.overlap(one * 0, other * 0) == 1
-    assert photographs.overlap(one, np.full(3, NAN)) == 0
-
-
 @pytest.fixture
 def photos(tmp_path, monkeypatch):
     """A glossy photo (much green) with its mask, a matte one, and one whose answer is NaN."""
