@@ -3,11 +3,13 @@
 import argparse
 import contextlib
 import functools
+import itertools
 import os
+import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lime_keras import console, processors
 from lime_keras.commands import model_option
@@ -19,13 +21,14 @@ from lime_keras.version import __version__
 if TYPE_CHECKING:
     from lime_keras.estimate.estimator import Estimator
     from lime_keras.estimate.results import Results
+    from lime_keras.estimate.terminal import Printer
     from lime_keras.lighting.light_files import Clone
 
 _ENGINES = ("onnx", "keras")
 _FAMILIES = ("u2net", "birefnet", "isnet")
 _NORMALS = (".exr", ".png")
-_OF_A_FRAME = ("mask", "albedo", "exponent")
-"""Parts of an estimate that a video's table and overlay show."""
+_OF_A_FRAME = ("mask", "albedo", "exponent")  # what a video's table and overlay show
+_VIDEO_ENDS = (".csv", "-overlay.mp4", ".json", ".mtl", ".gltf", "-mitsuba.json", "-preview.png")
 
 _EXAMPLE = """
 examples:
@@ -45,6 +48,26 @@ are done), or options contradict each other; 2 an option is unknown; 130 interru
 
 More: docs/how-to/photos.md, docs/how-to/folders.md, docs/how-to/videos.md, docs/how-to/light.md.
 """
+
+
+class _Source(NamedTuple):
+    """A photo or a video.
+
+    Attributes:
+        text: path of its file, or name of a camera.
+        place: path after which its files are named: relative to the folder it was found in.
+    """
+
+    text: str
+    place: Path
+
+    @property
+    def is_video(self) -> bool:
+        return is_video(self.text)
+
+    @property
+    def file(self) -> Path | None:
+        return None if is_camera(self.text) else Path(self.text)
 
 
 def parser() -> argparse.ArgumentParser:
@@ -179,15 +202,14 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _estimate(options: argparse.Namespace) -> int:
-    sources, missing = _present(options.sources)
-    for source in missing:
-        print(f"error: {source} does not exist: check its name", file=sys.stderr)
+    there = [is_camera(text) or os.path.exists(text) for text in options.sources]
+    missing = [text for text, is_there in zip(options.sources, there, strict=True) if not is_there]
+    for text in missing:
+        print(f"error: {text} does not exist: check its name", file=sys.stderr)
+    sources = _sorted(itertools.compress(options.sources, there))
     if not sources:
         return 1
-    photos, videos, places = _sorted(sources)
-    if not photos and not videos:
-        return 1
-    _check(options, photos, videos)
+    _check(options, sources)
     # Mitsuba must be imported before TensorFlow, or the process crashes.
     clone = _clone_onto(options) if options.clone_onto else None
     from lime_keras.io import atomic, locking
@@ -195,66 +217,85 @@ def _estimate(options: argparse.Namespace) -> int:
     with contextlib.ExitStack() as locked:
         with atomic.naming_writer(options.out):
             locked.enter_context(locking.lock_folder(options.out, "lime-estimate is writing into"))
-        failed = _write(options, clone, photos, videos, places, len(missing))
+        failed = _write(options, clone, sources, len(missing))
     return 1 if failed else 0
 
 
 def _write(
-    options: argparse.Namespace,
-    clone: "Clone | None",
-    photos: list[Path],
-    videos: list[str],
-    places: list[Path],
-    missing: int,
+    options: argparse.Namespace, clone: "Clone | None", sources: list[_Source], missing: int
 ) -> int:
     """Write all results, and return how many sources, with the missing ones, have none."""
     from lime_keras.estimate import gallery
     from lime_keras.estimate.batch import Batch
-    from lime_keras.estimate.files import distinct_names
+    from lime_keras.estimate.terminal import Printer
 
-    # Names, and videos that are there with other options.
+    # Print the results that are there already; refuse to begin if another is in the way.
     gallery.check(options.out)
-    names = distinct_names(places)
-    if options.folders:
-        names = [f"{name}/{Path(name).name}" for name in names]
     results = _results(options)
-    paths = [*photos, *(None if is_camera(video) else Path(video) for video in videos)]
-    names = results.keep_names(names, paths, places)
-    for source, name in zip(videos, names[len(photos) :], strict=True):
-        if results.json(name).exists():
-            results.standing(name, _made(results, source))
-    # Estimate.
-    finished: list[str] = []
-    failed = missing
+    named = _named(sources, results, folders=options.folders)
+    printer = Printer(for_people=sys.stdout.isatty() and not options.json)
+    light = bool(options.normals or options.clone_onto)
+    batch = Batch(
+        results, printer, masks=options.mask, light=light, normals=options.normals, clone=clone
+    )
+    batch.check_names([Path(source.text) for source in sources if not source.is_video])
+    provenances = {
+        name: functools.partial(results.provenance, source.file, {})
+        if source.is_video
+        else functools.partial(batch.provenance, Path(source.text))
+        for name, source in named.items()
+    }
+    existing = results.existing(provenances)
+    for name, content in existing.items():
+        printer.existing(content, results.json(name).parent)
+
+    # Estimate the others.
+    left = {name: source for name, source in named.items() if name not in existing}
+    photos = {name: Path(source.text) for name, source in left.items() if not source.is_video}
+    videos = {name: source.text for name, source in left.items() if source.is_video}
+    of_videos: dict[str, dict[str, Any]] = {}
     try:
         if photos:
-            estimator = _estimator(options, options.only)
-            batch = Batch(
-                estimator,
-                results,
-                masks=options.mask,
-                light=bool(options.normals or options.clone_onto),
-                normals=options.normals,
-                clone=clone,
-                for_people=_for_people(options),
-            )
-            finished = batch.finished
-            batch.run(dict(zip(names, photos, strict=False)))
-            print(batch.summary(missing), file=sys.stderr)
-            failed += batch.failed + batch.empty
+            batch.run(_estimator(options, options.only), photos)
         if videos:
             estimator = _estimator(options, options.only or _OF_A_FRAME)
-            for source, name in zip(videos, names[len(photos) :], strict=True):
-                done = _estimate_video(
-                    estimator, source, results, name, for_people=_for_people(options)
-                )
-                finished += [name] if done else []
-                failed += not done
+            for name, video in videos.items():
+                if summary := _estimate_video(
+                    estimator, video, results, name, provenances[name], printer
+                ):
+                    of_videos[name] = summary
     finally:
+        finished = [*existing, *batch.finished, *of_videos]
         if finished:
             gallery.update(options.out, finished)
             print(f"all results: {options.out / gallery.PAGE}", file=sys.stderr)
-    return failed
+
+    # Count.
+    failed = missing + batch.failed + len(videos) - len(of_videos)
+    known = [*existing.values(), *of_videos.values()]
+    empty = batch.empty + sum(
+        not content.get("found", content.get("mask_coverage")) for content in known
+    )
+    there = f"{len(existing)} there already, " if existing else ""
+    timing = f"; {batch.timing()}" if batch.finished else ""
+    print(
+        f"{len(finished) - len(existing)} done, {there}{failed} failed, {empty} without an object, "
+        f"in {options.out}{timing}",
+        file=sys.stderr,
+    )
+    return failed + empty
+
+
+def _named(sources: list[_Source], results: "Results", *, folders: bool) -> dict[str, _Source]:
+    """Return the sources by the names of their results, each of which may get a folder."""
+    from lime_keras.estimate.files import distinct_names
+
+    places = [source.place for source in sources]
+    names = distinct_names(places)
+    if folders:
+        names = [f"{name}/{Path(name).name}" for name in names]
+    names = results.keep_names(names, [source.file for source in sources], places)
+    return dict(zip(names, sources, strict=True))
 
 
 def _results(options: argparse.Namespace) -> "Results":
@@ -276,8 +317,10 @@ def _results(options: argparse.Namespace) -> "Results":
     return Results(options.out, weights, changing, overwrite=options.overwrite)
 
 
-def _check(options: argparse.Namespace, photos: list[Path], videos: list[str]) -> None:
+def _check(options: argparse.Namespace, sources: list[_Source]) -> None:
     """Raise an error if options cannot be carried out, before anything is loaded."""
+    photos = [source.text for source in sources if not source.is_video]
+    videos = [source.text for source in sources if source.is_video]
     # Folders and files.
     console.check_folder(options.out, "--out")
     for option, given in (("--mask", options.mask), ("--normals", options.normals)):
@@ -367,112 +410,58 @@ def _masker(text: str) -> tuple[str, Path]:
     return (family, Path(file)) if family in _FAMILIES and file else (_FAMILIES[0], Path(text))
 
 
-def _for_people(options: argparse.Namespace) -> bool:
-    """Return whether the answers are read by a person, not by a program."""
-    return sys.stdout.isatty() and not options.json
-
-
 def _estimate_video(
-    estimator: "Estimator", source: str, results: "Results", name: str, *, for_people: bool
-) -> bool:
-    """Estimate a video, print its material, and return whether an object was found."""
-    import json
-
-    from lime_keras.estimate import files, terminal
-    from lime_keras.io import result_json
+    estimator: "Estimator",
+    source: str,
+    results: "Results",
+    name: str,
+    provenance: Callable[[], dict[str, Any]],
+    printer: "Printer",
+) -> dict[str, Any] | None:
+    """Estimate a video and print its material; return the content of its JSON, None if it fails."""
+    from lime_keras.estimate import files
     from lime_keras.video.estimate_video import estimate_video
 
     target = results.json(name)
-
-    def tell(content: dict[str, Any], more: Sequence[str] = ()) -> None:
-        colour = terminal.takes_colour(sys.stdout)
-        words = terminal.answer(content, target.parent, more, colour=colour) if for_people else ""
-        print(words or json.dumps(content))
-
-    # Is it there already?
     try:
-        made = _made(results, source)
-        if found := results.standing(name, made):
-            tell(found)
-            print(f"{source}: there already, {target}", file=sys.stderr)
-            return bool(found["found"])
-        ends = (".csv", "-overlay.mp4", ".json", ".mtl", ".gltf", "-mitsuba.json", "-preview.png")
-        results.begin(name, made, [target.stem + end for end in ends])
+        with results.growing(name, provenance(), _VIDEO_ENDS) as draft:
+            summary = estimate_video(source, estimator, target.parent, target.stem)
+            draft.numbers, draft.files = {"video": source} | summary.to_json(), [*summary.files]
     except ValueError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return False
-    # Estimate.
-    try:
-        summary = estimate_video(source, estimator, target.parent, target.stem)
-    except ValueError as error:
-        results.clear(name, [])
-        print(f"error: {error}", file=sys.stderr)
-        return False
-    # Tell.
-    numbers = {"video": source} | summary.to_json()
-    content = result_json.write(target, numbers, made, [*summary.files, target.name])
-    bright = {scene.number: files.remark(scene.material) for scene in summary.scenes}
-    tell(content, [f"scene {number}: {said}" for number, said in bright.items() if said])
+        printer.error(str(error))
+        return None
+    remarks = [
+        f"scene {scene.number}: {remark}"
+        for scene in summary.scenes
+        for remark in files.remarks(scene.material)
+    ]
     for remark in summary.remarks:
-        print(f"warning: {remark}", file=sys.stderr)
-    if not for_people:
-        for scene in summary.scenes:
-            cautions = [caution.message for caution in scene.material.warnings]
-            for message in filter(None, [*cautions, bright[scene.number]]):
-                print(f"warning: {source}, scene {scene.number}: {message}", file=sys.stderr)
-        if not summary.scenes:
-            for caution in summary.material.warnings:
-                print(f"warning: {source}: {caution.message}", file=sys.stderr)
+        printer.warning(remark)
+    printer.result(draft.numbers, target.parent, remarks)
     print(
         f"{source}: {summary.frames} frames, an object in {summary.found} of them, "
         f"{summary.cuts} scene cuts; {summary.table}, {summary.overlay}",
         file=sys.stderr,
     )
-    return summary.found > 0
+    return draft.numbers
 
 
-def _made(results: "Results", video: str) -> dict[str, object]:
-    """Return what the result of a video or camera is made of and with."""
-    return results.made(None if is_camera(video) else Path(video), {})
-
-
-def _present(given: list[str]) -> tuple[list[str], list[str]]:
-    """Return the sources that are there, cameras among them, and those that do not exist."""
-    there = [is_camera(source) or os.path.exists(source) for source in given]
-    pairs = list(zip(given, there, strict=True))
-    return [s for s, found in pairs if found], [s for s, found in pairs if not found]
-
-
-def _sorted(given: list[str]) -> tuple[list[Path], list[str], list[Path]]:
-    """Return the photos and the videos among the sources and in the folders among them.
-
-    The last list holds a path for each photo, then for each video, after which its files are named:
-    relative to the folder it was found in.
-    """
-    photos: dict[Path, Path] = {}
-    videos: dict[str, Path] = {}
-    for source in given:
-        path = Path(source)
-        if is_camera(source) or not path.is_dir():
-            masked = photo_of_mask(path)
-            if masked:
-                print(f"{path} is the mask of {masked}, not a photo", file=sys.stderr)
-            elif is_video(source):
-                videos[source] = Path(_path(source).name)
-            else:
-                photos[path] = Path(path.name)
+def _sorted(given: Iterable[str]) -> list[_Source]:
+    """Return the photos, then the videos, among the sources and in the folders among them."""
+    found: dict[str, _Source] = {}
+    for text in given:
+        path = Path(text)
+        if not is_camera(text) and path.is_dir():
+            files = {str(file): file.relative_to(path) for file in inside(path)}
+            if not files:
+                raise ValueError(
+                    f"{path} has no pictures: their names end in {', '.join(SUFFIXES)}"
+                )
+        elif masked := photo_of_mask(path):
+            print(f"{path} is the mask of {masked}, not a photo", file=sys.stderr)
             continue
-        held = list(inside(path))
-        if not held:
-            raise ValueError(f"{path} has no pictures: their names end in {', '.join(SUFFIXES)}")
-        for file in held:
-            if is_video(str(file)):
-                videos[str(file)] = file.relative_to(path)
-            else:
-                photos[file] = file.relative_to(path)
-    return list(photos), list(videos), [*photos.values(), *videos.values()]
-
-
-def _path(video: str) -> Path:
-    """Return the path after which a video's files are named; a camera's gets a valid file name."""
-    return Path(video.replace(":", "-").replace("/", "-")) if is_camera(video) else Path(video)
+        else:
+            # The files of a camera need a valid name.
+            files = {text: Path(re.sub("[:/]", "-", text) if is_camera(text) else path.name)}
+        found |= {name: _Source(name, place) for name, place in files.items()}
+    return sorted(found.values(), key=lambda source: source.is_video)

@@ -4,6 +4,8 @@ The limits below were chosen by looking at 20 photographs, and at 64 rendered sc
 split as the camera model of training photographs them.
 """
 
+from collections.abc import Iterator
+
 import cc3d
 import numpy as np
 
@@ -84,16 +86,44 @@ whose hole is black (`benchmarks/cautions.py`).
 _JUDGED = 20_000
 """Number of pixels, about, whose brightness is looked at."""
 
-NO_OBJECT = Caution(
-    "no-object",
-    "no object was found, so no material is estimated: pass a mask, or a photo that shows the "
-    "object larger",
-)
-PRINTED_LOBE = Caution(
-    "printed-lobe",
-    "the model's m_s and S are in the unit of the paper's Eq. 3 (lime-render --lobe printed), so "
-    "files for other programs show other highlights: for photos, train on a corpus without it",
-)
+_MESSAGES = {
+    "no-object": "no object was found, so no material is estimated: pass a mask, or a photo that "
+    "shows the object larger",
+    "uncertain-mask": "the mask is uncertain (confidence {:.2f}), and so is what is read inside "
+    "it: look at its outline in the preview, and pass a mask if it is wrong",
+    "small-object": "the mask covers {:.1%} of the photo, and often so little is a part of the "
+    "object: take the photo from nearer, cut it around the object, or pass a mask",
+    "few-pixels": "the object is {} pixels long, too few to show its gloss: pass a photo of more "
+    "pixels, or one from nearer",
+    "touches-frame": "the mask reaches the frame of the photo, so a part of the object may be cut "
+    "off: take a photo with room around it",
+    "many-parts": "the mask falls into parts, the largest {:.0%} of it, and all are taken for one "
+    "object of one material: pass a mask of that object",
+    "too-dark": "the {} is nearly black: {:.0%} of it {}; expose the photo longer, or light the "
+    "object",
+    "underexposed": "hardly anything in the photo is brighter than 40% of white, so it seems "
+    "exposed too short, and the albedos come out too low: expose the photo longer",
+    "clipped": "{:.0%} of the object is burnt out to white, where nothing of its colour and gloss "
+    "is left: expose the photo shorter",
+    "burnt-highlight": "highlights are burnt out to white on {:.0%} of the object, so the specular "
+    "albedo may be too low: expose the photo shorter",
+    "grey": "the object is grey, so only the shape of its highlights tells them from its shading: "
+    "if the photo is black-and-white, pass a photo in colour",
+    "second-colour": "the object seems to have several colours, and the numbers are one for all of "
+    "them: pass a mask of one colour; if it has one, it is a coloured metal, or the light is "
+    "strongly coloured: take a photo in white light",
+    "printed-lobe": "the model's m_s and S are in the unit of the paper's Eq. 3 (lime-render "
+    "--lobe printed), so files for other programs show other highlights: for photos, train on a "
+    "corpus without it",
+}
+"""Messages by code, in the order in which `of` returns them; braces take what was measured."""
+
+
+def _caution(code: str, *measured: object) -> Caution:
+    return Caution(code, _MESSAGES[code].format(*measured))
+
+
+NO_OBJECT, PRINTED_LOBE = _caution("no-object"), _caution("printed-lobe")
 
 
 def confidence(mask: np.ndarray) -> float | None:
@@ -137,25 +167,20 @@ def of(
             then not doubted for being small.
 
     Returns:
-        `NO_OBJECT` if the mask shows none, with `too-dark` if the whole photo is; else, in this
-        order, what is true of `uncertain-mask`, `small-object`, `few-pixels`, `touches-frame`,
-        `many-parts`, `too-dark`, `underexposed`, `clipped`, `burnt-highlight`, `grey` and
-        `second-colour`.
+        `NO_OBJECT` if the mask shows none, with `too-dark` if the whole photo is; else what is true
+        of `_MESSAGES`, in their order.
     """
     inside = mask[..., 0] >= framing.THRESHOLD
     if not inside.any():
-        whole = _thinned(image_srgb.reshape(-1, 3))
-        return NO_OBJECT, *(Caution(*told) for told in _of_darkness(whole, "photo", 0.99))
+        return NO_OBJECT, *_of_darkness(_thinned(image_srgb.reshape(-1, 3)), "photo", 0.99)
     pixels = _thinned(image_srgb[inside])
-    found = [
-        *_of_a_shape(inside),
-        *(_of_darkness(pixels, "object", 0.9) or _of_exposure(image_srgb)),
+    return (
+        *(_of_search(float(inside.mean()), mask_confidence) if mask_confidence is not None else ()),
+        *_of_shape(inside),
+        *(tuple(_of_darkness(pixels, "object", 0.9)) or _of_exposure(image_srgb)),
         *_of_clipping(pixels),
         *_of_colour(pixels, dichromatic.colour_spread(image_srgb, inside)),
-    ]
-    if mask_confidence is not None:
-        found = [*_of_a_search(float(inside.mean()), mask_confidence), *found]
-    return tuple(Caution(code, message) for code, message in found)
+    )
 
 
 def _thinned(pixels: np.ndarray) -> np.ndarray:
@@ -163,61 +188,27 @@ def _thinned(pixels: np.ndarray) -> np.ndarray:
     return pixels[:: max(1, len(pixels) // _JUDGED)]
 
 
-def _of_a_search(share: float, mask_confidence: float) -> list[tuple[str, str]]:
-    found = []
+def _of_search(share: float, mask_confidence: float) -> Iterator[Caution]:
     if mask_confidence < CONFIDENT:
-        found.append(
-            (
-                "uncertain-mask",
-                f"the mask is uncertain (confidence {mask_confidence:.2f}), and so is what is read "
-                "inside it: look at its outline in the preview, and pass a mask if it is wrong",
-            )
-        )
+        yield _caution("uncertain-mask", mask_confidence)
     if share < SMALLEST_SHARE:
-        found.append(
-            (
-                "small-object",
-                f"the mask covers {share:.1%} of the photo, and often so little is a part of the "
-                "object: take the photo from nearer, cut it around the object, or pass a mask",
-            )
-        )
-    return found
+        yield _caution("small-object", share)
 
 
-def _of_a_shape(inside: np.ndarray) -> list[tuple[str, str]]:
-    found = []
+def _of_shape(inside: np.ndarray) -> Iterator[Caution]:
     extent = max(
         int(lit[-1] - lit[0]) + 1
         for lit in (np.flatnonzero(inside.any(axis=1)), np.flatnonzero(inside.any(axis=0)))
     )
     if extent < FEWEST_PIXELS:
-        found.append(
-            (
-                "few-pixels",
-                f"the object is {extent} pixels long, too few to show its gloss: pass a photo of "
-                "more pixels, or one from nearer",
-            )
-        )
+        yield _caution("few-pixels", extent)
     # An object that fills the frame reaches it whatever the frame's size.
     if _on_frame(inside) > ON_FRAME:
-        found.append(
-            (
-                "touches-frame",
-                "the mask reaches the frame of the photo, so a part of the object may be cut off: "
-                "take a photo with room around it",
-            )
-        )
+        yield _caution("touches-frame")
     parts = np.bincount(cc3d.connected_components(inside, connectivity=4).ravel())[1:]
     largest = float(parts.max() / parts.sum())
     if largest < LARGEST_PART:
-        found.append(
-            (
-                "many-parts",
-                f"the mask falls into parts, the largest {largest:.0%} of it, and all are taken "
-                "for one object of one material: pass a mask of that object",
-            )
-        )
-    return found
+        yield _caution("many-parts", largest)
 
 
 def _on_frame(inside: np.ndarray) -> float:
@@ -228,19 +219,12 @@ def _on_frame(inside: np.ndarray) -> float:
     return float(np.concatenate([*edges, *sides]).mean())
 
 
-def _of_darkness(pixels_srgb: np.ndarray, of_what: str, share: float) -> list[tuple[str, str]]:
-    """Return what is wrong if a share of the pixels `(N, 3)` is below `DARKEST`."""
+def _of_darkness(pixels_srgb: np.ndarray, of_what: str, share: float) -> Iterator[Caution]:
+    """Yield a caution if a share of the pixels `(N, 3)` is below `DARKEST`."""
     bright = float(np.quantile(colour.luminance(colour.srgb_to_linear(pixels_srgb)), share))
-    if bright >= DARKEST:
-        return []
-    below = f"is below {bright:.1%} of white" if bright >= 5e-4 else "is black"
-    return [
-        (
-            "too-dark",
-            f"the {of_what} is nearly black: {share:.0%} of it {below}; expose the photo longer, "
-            "or light the object",
-        )
-    ]
+    if bright < DARKEST:
+        below = f"is below {bright:.1%} of white" if bright >= 5e-4 else "is black"
+        yield _caution("too-dark", of_what, share, below)
 
 
 def bright_share(image_srgb: np.ndarray) -> float:
@@ -254,59 +238,24 @@ def bright_share(image_srgb: np.ndarray) -> float:
     return float(np.mean(levels[levels > 0] >= BRIGHT)) if levels.any() else 0.0
 
 
-def _of_exposure(image_srgb: np.ndarray) -> list[tuple[str, str]]:
-    """Return what is wrong if hardly a pixel of a photo `(H, W, 3)` is bright."""
-    if bright_share(image_srgb) >= FEWEST_BRIGHT:
-        return []
-    return [
-        (
-            "underexposed",
-            "hardly anything in the photo is brighter than 40% of white, so it seems exposed too "
-            "short, and the albedos come out too low: expose the photo longer",
-        )
-    ]
+def _of_exposure(image_srgb: np.ndarray) -> Iterator[Caution]:
+    """Yield a caution if hardly a pixel of a photo `(H, W, 3)` is bright."""
+    if bright_share(image_srgb) < FEWEST_BRIGHT:
+        yield _caution("underexposed")
 
 
-def _of_clipping(pixels_srgb: np.ndarray) -> list[tuple[str, str]]:
-    """Return what is wrong if too many of an object's pixels `(N, 3)` are white."""
+def _of_clipping(pixels_srgb: np.ndarray) -> Iterator[Caution]:
+    """Yield a caution if too many of an object's pixels `(N, 3)` are white."""
     white = float(np.mean(pixels_srgb.min(axis=-1) >= _WHITE))
-    if white > CLIPPED:
-        return [
-            (
-                "clipped",
-                f"{white:.0%} of the object is burnt out to white, where nothing of its colour and "
-                "gloss is left: expose the photo shorter",
-            )
-        ]
     if white > BURNT:
-        return [
-            (
-                "burnt-highlight",
-                f"highlights are burnt out to white on {white:.0%} of the object, so the specular "
-                "albedo may be too low: expose the photo shorter",
-            )
-        ]
-    return []
+        yield _caution("clipped" if white > CLIPPED else "burnt-highlight", white)
 
 
-def _of_colour(pixels_srgb: np.ndarray, spread: float) -> list[tuple[str, str]]:
-    """Return what is wrong if an object's pixels `(N, 3)` have no colour, or several."""
+def _of_colour(pixels_srgb: np.ndarray, spread: float) -> Iterator[Caution]:
+    """Yield a caution if an object's pixels `(N, 3)` have no colour, or several."""
     if float(np.mean(np.ptp(pixels_srgb, axis=-1) <= _GREY)) >= GREY_SHARE:
-        return [
-            (
-                "grey",
-                "the object is grey, so only the shape of its highlights tells them from its "
-                "shading: if the photo is black-and-white, pass a photo in colour",
-            )
-        ]
+        yield _caution("grey")
+        return
     second = dichromatic.second_colour(pixels_srgb[colour.brightest(pixels_srgb) < _WHITE])
-    if spread <= SPREAD and second <= dichromatic.SECOND_COLOUR:
-        return []
-    return [
-        (
-            "second-colour",
-            "the object seems to have several colours, and the numbers are one for all of them: "
-            "pass a mask of one colour; if it has one, it is a coloured metal, or the light is "
-            "strongly coloured: take a photo in white light",
-        )
-    ]
+    if not (spread <= SPREAD and second <= dichromatic.SECOND_COLOUR):
+        yield _caution("second-colour")

@@ -238,19 +238,14 @@ class Estimator:
             the whole frame, or closer, as `view` has it.
         """
         if square is not None:
-            view = self._segment([self._unseen(frame, square)])[0]
+            view = self._segment([self._cut(frame, square)])[0]
             if framing.following(view.mask, square, *frame.shape[:2]) is not None:
-                return replace(view, confidence=cautions.confidence(view.mask))
-        view = self._find([self._unseen(frame, framing.whole(*frame.shape[:2]))])[0]
-        return replace(view, confidence=cautions.confidence(view.mask))
+                return view
+        return self._find([self._cut(frame, framing.whole(*frame.shape[:2]))])[0]
 
     def doubts(self, view: View) -> tuple[Caution, ...]:
         """Return the warnings of the estimate of a view: why it may be wrong (`cautions`)."""
-        mask = self._place_mask(view) if view.given is None else view.given
-        photo = view.photo
-        if photo.dtype == np.uint8:
-            photo = photo / np.float32(255)
-        return (*cautions.of(photo, mask, view.confidence), *view.doubts, *self._doubts)
+        return self._warnings(view, self._place_mask(view))
 
     def read(self, view: View, only: Collection[str] | None = None) -> Material:
         """Estimate the material of the object in a view.
@@ -280,8 +275,8 @@ class Estimator:
             The material with the layers that were asked for at the photo's size, the coverage and
             the warnings; where no object was found, with nothing but the mask.
         """
-        mask = self._place_mask(view) if view.given is None else view.given
-        warnings = (*cautions.of(view.photo, mask, view.confidence), *view.doubts, *self._doubts)
+        mask = self._place_mask(view)
+        warnings = self._warnings(view, mask)
         if cautions.NO_OBJECT in warnings:
             return Material(
                 mask_coverage=0.0,
@@ -320,44 +315,35 @@ class Estimator:
 
     def _views(self, photos: Sequence[Picture], masks: Sequence[Picture | None]) -> list[View]:
         """Return the view of each photo; SegmentationNet looks at all of them as one batch."""
-        views = []
-        for picture, given_mask in zip(photos, masks, strict=True):
-            image, given, confidence, doubts = self._load_inputs(picture, given_mask)
-            if given is None:
-                view = self._unseen(image, framing.whole(*image.shape[:2]))
-            else:
-                view = self._unseen(image, framing.around_given(given))
-                mask = framing.cut_layer(given, view.square, self._engine.size)
-                view = replace(view, mask=mask, given=given, confidence=confidence)
-            views.append(replace(view, doubts=doubts))
+        views = [self._frame(*one) for one in zip(photos, masks, strict=True)]
         searched = [index for index, view in enumerate(views) if view.given is None]
         for index, view in zip(searched, self._find([views[at] for at in searched]), strict=True):
-            views[index] = replace(view, confidence=cautions.confidence(view.mask))
+            views[index] = view
         return views
 
-    def _unseen(self, photo: np.ndarray, square: Square) -> View:
-        """Return a view of a square in which nothing was looked for yet."""
-        size = self._engine.size
-        seen = framing.cut(photo, square, size)
-        return View(square, seen, np.zeros((size, size, 1), np.float32), None, photo, None)
-
-    def _load_inputs(
-        self, photo: Picture, mask: Picture | None
-    ) -> tuple[np.ndarray, np.ndarray | None, float | None, tuple[Caution, ...]]:
-        """Return a photo, its mask if SegmentationNet is not to find it, and a masker's confidence.
-
-        The last are what may be wrong with the photo as it was read.
+    def _frame(self, photo: Picture, mask: Picture | None) -> View:
+        """Return the view around a photo's mask or, where SegmentationNet is to look, the whole.
 
         Raises:
             ValueError: if the photo or the mask is refused (see `estimate`).
         """
-        image, alpha, doubts = photo_of(photo)
+        image, given, doubts = photo_of(photo)
+        confidence = None
         if mask is not None:
-            return image, mask_of(mask, *image.shape[:2]), None, doubts
-        if alpha is not None or self._masker is None:
-            return image, alpha, None, doubts
-        known = mask_of(self._masker(image), *image.shape[:2])
-        return image, known, cautions.confidence(known), doubts
+            given = mask_of(mask, *image.shape[:2])
+        elif given is None and self._masker is not None:
+            given = mask_of(self._masker(image), *image.shape[:2])
+            confidence = cautions.confidence(given)
+        if given is None:
+            return replace(self._cut(image, framing.whole(*image.shape[:2])), doubts=doubts)
+        view = self._cut(image, framing.around_given(given))
+        seen = framing.cut_layer(given, view.square, self.size)
+        return replace(view, mask=seen, given=given, confidence=confidence, doubts=doubts)
+
+    def _cut(self, photo: np.ndarray, square: Square) -> View:
+        """Return the view of a square in which nothing was looked for yet."""
+        nothing = np.zeros((self.size, self.size, 1), np.float32)
+        return View(square, framing.cut(photo, square, self.size), nothing, None, photo, None)
 
     def _find(self, views: list[View]) -> list[View]:
         """Return views with the mask of their object, closer ones where the object is small."""
@@ -366,8 +352,7 @@ class Estimator:
         for index, view in enumerate(found):
             square = framing.around(view.mask, view.square)
             if square != view.square:
-                seen = framing.cut(view.photo, square, self._engine.size)
-                closer.append((index, replace(view, square=square, image=seen)))
+                closer.append((index, replace(self._cut(view.photo, square), doubts=view.doubts)))
         for (index, _), view in zip(closer, self._segment([one for _, one in closer]), strict=True):
             # If the closer view shows no object, keep the whole photo.
             if np.any(view.mask >= framing.THRESHOLD):
@@ -375,11 +360,14 @@ class Estimator:
         return found
 
     def _segment(self, views: list[View]) -> list[View]:
-        """Return views with SegmentationNet's masks; there may be none."""
+        """Return views with SegmentationNet's masks and their confidence; there may be none."""
         if not views:
             return []
         masks = self._run(["mask"], {"image": np.stack([view.image for view in views])})["mask"]
-        return [replace(view, mask=mask) for view, mask in zip(views, masks, strict=True)]
+        return [
+            replace(view, mask=mask, confidence=cautions.confidence(mask))
+            for view, mask in zip(views, masks, strict=True)
+        ]
 
     def _outputs_of(self, only: Collection[str]) -> list[str]:
         """Return the names of the outputs, all but the mask, that estimates need."""
@@ -436,8 +424,15 @@ class Estimator:
             **fields,
         )
 
+    def _warnings(self, view: View, mask: np.ndarray) -> tuple[Caution, ...]:
+        """Return why the estimate of a view may be wrong, by its mask at the photo's size."""
+        photo = view.photo / np.float32(255) if view.photo.dtype == np.uint8 else view.photo
+        return (*cautions.of(photo, mask, view.confidence), *view.doubts, *self._doubts)
+
     def _place_mask(self, view: View) -> np.ndarray:
         """Return the mask of a view at the photo's size."""
+        if view.given is not None:
+            return view.given
         if self._full_size:
             return full_size.mask(view.photo, view.square, view.image, view.mask)
         return framing.paste(view.mask, view.square, *view.photo.shape[:2])

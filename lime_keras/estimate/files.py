@@ -4,7 +4,6 @@ import json
 import os
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -25,38 +24,19 @@ _LONGEST = 200
 """Largest number of bytes of a stem: a file's name has at most 255."""
 
 
-def write(
-    folder: Path, name: str, source: Path, image_srgb: np.ndarray, material: Material
-) -> dict[str, object]:
-    """Write the files of an estimate, all but `NAME.json`, and return its numbers.
+def write_pictures(folder: Path, name: str, material: Material) -> list[str]:
+    """Write the layers of an estimate and, if its photo is known, its preview.
 
     Each layer becomes `NAME-LAYER.png`, 8 bits; a layer of linear radiance also becomes
-    `NAME-LAYER.exr`, half floats. `NAME-preview.png` shows the estimate. A complete material also
-    becomes `NAME.mtl`, `NAME.gltf` and `NAME-mitsuba.json`.
+    `NAME-LAYER.exr`, half floats. `NAME-preview.png` shows the estimate.
 
     Args:
         folder: existing folder for the files.
         name: beginning of the files' names.
-        source: path of the photo, recorded among the numbers.
-        image_srgb: photo `(H, W, 3)`, sRGB in [0, 1].
-        material: estimate from the photo.
+        material: estimate from a photo.
 
     Returns:
-        The numbers of `NAME.json`, to which `Results.writing` adds what they were made of.
-
-    Raises:
-        OSError: if a file cannot be written.
-    """
-    write_pictures(folder, name, replace(material, image_srgb=image_srgb))
-    write_formats(folder, name, material)
-    return {"photo": str(source)} | material.to_json()
-
-
-def write_pictures(folder: Path, name: str, material: Material) -> list[str]:
-    """Write the layers of an estimate and, if its photo is known, its preview.
-
-    Returns:
-        The names of the files, as `write` describes them.
+        The names of the files.
 
     Raises:
         OSError: if a file cannot be written.
@@ -90,11 +70,11 @@ def write_formats(folder: Path, name: str, material: Material) -> list[str]:
     return list(texts)
 
 
-def remark(material: Material) -> str | None:
-    """Return a warning of what the files of other tools cannot hold of a material, or None."""
+def remarks(material: Material) -> list[str]:
+    """Return warnings of what the files for other programs cannot hold of a material."""
     if material.whole() is None or not material.mask_coverage:
-        return None
-    return interchange.warning(material)
+        return []
+    return list(filter(None, [interchange.warning(material)]))
 
 
 def distinct_names(sources: Iterable[Path]) -> list[str]:

@@ -7,7 +7,7 @@ moved to their places together, the JSON last: a result is there completely, or 
 
 import contextlib
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -25,12 +25,14 @@ class Draft:
     """A result that is being written.
 
     Attributes:
-        folder: empty folder for its files.
+        folder: folder for its files.
         numbers: numbers for its JSON; once the result is in place, the whole content of that.
+        files: names of files that grow in their places (`Results.growing`).
     """
 
     folder: Path
     numbers: dict[str, Any] = field(default_factory=dict)
+    files: list[str] = field(default_factory=list)
 
 
 class Results:
@@ -88,7 +90,7 @@ class Results:
                 out[k] = kept.get(k) or next(others)
         return out
 
-    def made(self, source: Path | None, beside: Mapping[str, Path]) -> dict[str, Any]:
+    def provenance(self, source: Path | None, beside: Mapping[str, Path]) -> dict[str, Any]:
         """Return what a result is made of and with, ready for JSON.
 
         Args:
@@ -99,32 +101,57 @@ class Results:
             ValueError: if a file is missing, or is none but a pipe or a folder, say.
             OSError: if a file cannot be read.
         """
-        given = {name: digest(path) for name, path in beside.items()}
+        others = {name: digest(path) for name, path in beside.items()}
         return (
             self._made
             | {"source": source and digest(source)}
-            | ({"beside": given} if given else {})
+            | ({"beside": others} if others else {})
         )
 
-    def standing(self, name: str, made: Mapping[str, Any]) -> dict[str, Any] | None:
-        """Return the finished result of this name if it was made alike; else None.
+    def existing(
+        self, provenances: Mapping[str, Callable[[], Mapping[str, Any]]]
+    ) -> dict[str, dict[str, Any]]:
+        """Return the finished results that would come out the same, by name.
+
+        Args:
+            provenances: function that returns the `provenance` of each source, by the result's
+                name; called only where there is a result.
 
         Raises:
-            ValueError: if a result of this name was made of or with something else, or a file has
-                its name, and nothing may be overwritten.
+            ValueError: if a result of one of the names was made of or with something else, or a
+                file has its name, and nothing may be overwritten.
         """
-        path = self.json(name)
-        if self._overwrite or not os.path.lexists(path):
-            return None
-        found = result_json.read(path)
-        if found is None:
+        results, conflicts = {}, []
+        for name, provenance in provenances.items():
+            if self._overwrite or not os.path.lexists(self.json(name)):
+                continue
+            try:
+                made = provenance()
+            except (ValueError, OSError):
+                continue  # a source that cannot be read is reported when its turn comes
+            try:
+                result = self._existing(self.json(name), made)
+            except ValueError as error:
+                conflicts.append(str(error))
+                continue
+            if result is not None:
+                results[name] = result
+        if conflicts:
+            more = f" ({len(conflicts)} results are in the way)" if len(conflicts) > 1 else ""
+            raise ValueError(f"{conflicts[0]}{more}")
+        return results
+
+    def _existing(self, path: Path, made: Mapping[str, Any]) -> dict[str, Any] | None:
+        """Return a result if it is whole; raise ValueError if it was made otherwise."""
+        result = result_json.read(path)
+        if result is None:
             raise ValueError(f"{path} is no result of lime-estimate: {_MEND}")
-        if differences := _differences(found["made"], made):
+        if differences := _differences(result["made"], made):
             raise ValueError(f"{path} was made {' and '.join(differences)}: {_MEND}")
         if made["source"] is None:
             raise ValueError(f"{path} was made of an earlier recording: {_MEND}")
-        is_whole = all((path.parent / file).is_file() for file in found["files"])
-        return found if is_whole and not found["made"].get("unfinished") else None
+        is_whole = all((path.parent / file).is_file() for file in result["files"])
+        return result if is_whole and not result["made"].get("unfinished") else None
 
     @contextlib.contextmanager
     def writing(self, name: str, made: Mapping[str, Any]) -> Iterator[Draft]:
@@ -147,7 +174,7 @@ class Results:
             draft = Draft(partial)
             yield draft
             files = sorted([*(path.name for path in partial.iterdir()), target.name])
-            self.clear(name, files)
+            self._clear(name, files)
             draft.numbers = result_json.write(partial / target.name, draft.numbers, made, files)
             # The numbers come last: with them, the result counts as complete.
             with atomic.naming_writer(target):
@@ -163,32 +190,34 @@ class Results:
         finally:
             atomic.remove(partial)
 
-    def begin(self, name: str, made: Mapping[str, Any], files: list[str]) -> None:
-        """Prepare a result whose files grow in place, and mark it as unfinished.
+    @contextlib.contextmanager
+    def growing(self, name: str, made: Mapping[str, Any], ends: Sequence[str]) -> Iterator[Draft]:
+        """Yield a draft whose files grow in their places, as those of a video do.
+
+        An interruption leaves them there, marked as unfinished. After a ValueError nothing is left.
 
         Args:
             name: name of the result.
             made: what it is made of and with.
-            files: names of the files that it may have.
+            ends: ends of the names of the files that it may have.
 
         Raises:
             ValueError: if another file has one of these names, and nothing may be overwritten.
         """
-        self.clear(name, files)
         target = self.json(name)
-        result_json.write(target, {}, dict(made) | {"unfinished": True}, files)
+        draft = Draft(target.parent, files=[target.stem + end for end in ends])
+        self._clear(name, draft.files)
+        result_json.write(target, {}, dict(made) | {"unfinished": True}, draft.files)
+        try:
+            yield draft
+        except ValueError:
+            self._clear(name, [])
+            raise
+        files = [*draft.files, target.name]
+        draft.numbers = result_json.write(target, draft.numbers, made, files)
 
-    def clear(self, name: str, files: list[str]) -> None:
-        """Remove an earlier result.
-
-        Args:
-            name: name of the result.
-            files: names of the files that the next one has.
-
-        Raises:
-            ValueError: if a file that is none of a result has one of these names, and nothing may
-                be overwritten.
-        """
+    def _clear(self, name: str, files: list[str]) -> None:
+        """Remove an earlier result; raise ValueError if one of `files` is another's."""
         target = self.json(name)
         earlier = result_json.read(target)
         own = set(earlier["files"]) if earlier else set()
@@ -220,18 +249,18 @@ def _digest_or_none(path: Path | None) -> str | None:
         return None
 
 
-def _differences(found: Mapping[str, Any], made: Mapping[str, Any]) -> list[str]:
+def _differences(earlier: Mapping[str, Any], made: Mapping[str, Any]) -> list[str]:
     """Return in words what a result was made of or with, where that is not `made`."""
     words = []
-    if found.get("source") != made["source"]:
+    if earlier.get("source") != made["source"]:
         words.append("of another photo or video")
-    if found.get("weights") != made["weights"]:
+    if earlier.get("weights") != made["weights"]:
         words.append("with other weights")
-    if found.get("beside") != made.get("beside"):
+    if earlier.get("beside") != made.get("beside"):
         words.append("with another mask or other normals")
-    if found.get("version") != made["version"]:
-        words.append(f"by version {found.get('version')}")
-    then, now = (each.get("options") or {} for each in (found, made))
+    if earlier.get("version") != made["version"]:
+        words.append(f"by version {earlier.get('version')}")
+    then, now = (each.get("options") or {} for each in (earlier, made))
     for name in sorted({*then, *now}):
         if then.get(name) != now.get(name):
             words.append(

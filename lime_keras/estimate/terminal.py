@@ -1,9 +1,13 @@
-"""An answer for a person at a terminal, in place of a line of JSON."""
+"""What a run prints of its results: words for a person at a terminal, else lines of JSON."""
 
+import json
 import os
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import IO, Any
+
+from tqdm import tqdm
 
 from lime_keras.material import srgb_hex
 from lime_keras.optics import gloss
@@ -20,27 +24,72 @@ def takes_colour(stream: IO[str]) -> bool:
     return stream.isatty() and not plain
 
 
-def answer(
-    content: Mapping[str, Any], folder: Path, more: Sequence[str] = (), *, colour: bool
+class Printer:
+    """The printer of a run's results, beside its progress bar.
+
+    Args:
+        for_people: whether standard output gets words (`describe`) in place of JSON; warnings are
+            then a part of them, else they go to standard error.
+    """
+
+    def __init__(self, *, for_people: bool):
+        self._for_people = for_people
+
+    def existing(self, content: Mapping[str, Any], folder: Path) -> None:
+        """Print a result of an earlier run.
+
+        Args:
+            content: content of the result's JSON (`lime_keras.io.result_json`).
+            folder: folder of the result's files.
+        """
+        self._print(content, folder, ())
+
+    def result(self, content: Mapping[str, Any], folder: Path, remarks: Sequence[str] = ()) -> None:
+        """Print a result of this run; `remarks` are further warnings."""
+        self._print(content, folder, remarks)
+        if not self._for_people:
+            for part in content.get("scenes") or [content]:
+                where = f", scene {part['scene']}" if "scene" in part else ""
+                for message in _messages(part):
+                    self.warning(f"{_source(content)}{where}: {message}")
+            for remark in remarks:
+                self.warning(f"{_source(content)}: {remark}")
+
+    def warning(self, text: str) -> None:
+        """Print a warning to standard error."""
+        tqdm.write(f"warning: {text}", file=sys.stderr)
+
+    def error(self, text: str) -> None:
+        """Print an error to standard error, which may not take a name that is no UTF-8."""
+        tqdm.write(f"error: {os.fsencode(text).decode(errors='replace')}", file=sys.stderr)
+
+    def _print(self, content: Mapping[str, Any], folder: Path, remarks: Sequence[str]) -> None:
+        colour = takes_colour(sys.stdout)
+        words = describe(content, folder, remarks, colour=colour) if self._for_people else None
+        tqdm.write(words or json.dumps(content))
+
+
+def describe(
+    content: Mapping[str, Any], folder: Path, remarks: Sequence[str] = (), *, colour: bool
 ) -> str:
     """Return the lines of one result: its source, its material, its warnings and its files.
 
     Args:
-        content: content of the result's JSON (`lime_keras.io.result_json`).
+        content: content of the result's JSON.
         folder: folder of the result's files.
-        more: further messages, after the warnings.
+        remarks: further messages, after the warnings.
         colour: whether the diffuse albedo is shown as a swatch, by ANSI true colour.
     """
-    lines = [str(content.get("photo", content.get("video")))]
+    lines = [_source(content)]
     scenes = content.get("scenes", ())
     if len(scenes) > 1:
         for scene in scenes:
             lines.append(f"  scene {scene['scene']}  {material(scene, colour=colour)}")
-            lines += [f"  ! {said}" for said in _messages(scene)]
+            lines += [f"  ! {message}" for message in _messages(scene)]
     else:
         lines.append(f"  {material(content, colour=colour)}")
-        lines += [f"  ! {said}" for said in _messages(content)]
-    lines += [f"  ! {said}" for said in more]
+        lines += [f"  ! {message}" for message in _messages(content)]
+    lines += [f"  ! {remark}" for remark in remarks]
     lines.append(f"  {_places(content['files'], folder)}")
     return "\n".join(lines)
 
@@ -62,6 +111,10 @@ def material(numbers: Mapping[str, Any], *, colour: bool) -> str:
     if not parts and numbers.get("mask_coverage"):
         parts.append(f"mask alone, {numbers['mask_coverage']:.1%} of the picture")
     return "   ".join(parts) or "no material"
+
+
+def _source(content: Mapping[str, Any]) -> str:
+    return str(content.get("photo", content.get("video")))
 
 
 def _messages(numbers: Mapping[str, Any]) -> Iterator[str]:

@@ -230,9 +230,9 @@ def _results(folder: Path) -> None:
     gallery.check(folder)
     list(scanner.inside(folder))
     results = Results(folder, "0", {})
+    made = {"version": "0", "weights": "0", "source": "0"}
     for name in ("one", "clip"):
-        found = results.standing(name, {"version": "0", "weights": "0", "source": "0"})
-        if found is not None:
+        if results.existing({name: lambda: made}):
             gallery.update(folder, [name])
 
 

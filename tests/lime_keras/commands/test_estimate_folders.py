@@ -159,17 +159,17 @@ def test_a_page_of_someone_else_is_refused(folder, tmp_path, capsys):
 def test_what_was_done_before_an_interruption_is_in_the_gallery(folder, tmp_path, monkeypatch):
     from lime_keras.estimate import files
 
-    write_files = files.write
+    write_pictures = files.write_pictures
     done: list[tuple] = []
 
     def interrupted(*arguments):
         if done:
             raise KeyboardInterrupt
         done.append(arguments)
-        return write_files(*arguments)
+        return write_pictures(*arguments)
 
     out = tmp_path / "out"
-    monkeypatch.setattr(files, "write", interrupted)
+    monkeypatch.setattr(files, "write_pictures", interrupted)
     assert run(folder, out=out) == 130
     assert len((out / "materials.csv").read_text().splitlines()) == 2
     assert not list(out.rglob("partial-*"))

@@ -41,8 +41,12 @@ def add(out, name, **fields):
     path = out / f"{name}.json"
     path.parent.mkdir(parents=True, exist_ok=True)
     values = {"diffuse_albedo": np.array([0.5, 0.2, 0.1]), "specular_albedo": 0.4, "exponent": 30.0}
-    material = Material(**values | fields, mask_coverage=1.0, layers={"mask": MASK})
-    numbers = files.write(path.parent, path.stem, out / "photo.png", PHOTO, material)
+    material = Material(
+        **values | fields, mask_coverage=1.0, layers={"mask": MASK}, image_srgb=PHOTO
+    )
+    files.write_pictures(path.parent, path.stem, material)
+    files.write_formats(path.parent, path.stem, material)
+    numbers = {"photo": str(out / "photo.png")} | material.to_json()
     written = [path.name, *sorted(file.name for file in path.parent.glob(f"{path.stem}*"))]
     result_json.write(path, numbers, {"source": name}, written)
 

@@ -19,7 +19,7 @@ def results(tmp_path, weights="w" * 64, overwrite=False, **options):
 
 
 def write(found, photo, name="sub/a", files=("a-mask.png", "a.mtl"), beside=()):
-    with found.writing(name, found.made(photo, dict(beside))) as draft:
+    with found.writing(name, found.provenance(photo, dict(beside))) as draft:
         for file in files:
             (draft.folder / file).write_text(name)
         draft.numbers = {"exponent": 3.0}
@@ -28,16 +28,16 @@ def write(found, photo, name="sub/a", files=("a-mask.png", "a.mtl"), beside=()):
 
 def test_what_would_be_the_same_is_kept(tmp_path, photo):
     found = results(tmp_path, only=["mask"])
-    assert found.standing("sub/a", found.made(photo, {})) is None
+    assert found.existing({"sub/a": lambda: found.provenance(photo, {})}).get("sub/a") is None
     told = write(found, photo)
     again = results(tmp_path, only=["mask"], shadow=False)
-    kept = again.standing("sub/a", again.made(photo, {}))
+    kept = again.existing({"sub/a": lambda: again.provenance(photo, {})}).get("sub/a")
     assert kept == told
     assert kept["exponent"] == 3 and kept["files"] == ["a-mask.png", "a.json", "a.mtl"]
     assert {path.name for path in (tmp_path / "out" / "sub").iterdir()} == set(kept["files"])
     # A photo that was moved is the same photo.
     moved = photo.rename(tmp_path / "other.png")
-    assert again.standing("sub/a", again.made(moved, {})) == kept
+    assert again.existing({"sub/a": lambda: again.provenance(moved, {})}).get("sub/a") == kept
 
 
 @pytest.mark.parametrize(
@@ -53,23 +53,23 @@ def test_what_was_made_otherwise_is_refused(change, told, tmp_path, photo):
     write(results(tmp_path), photo)
     other = results(tmp_path, **change)
     with pytest.raises(ValueError, match=rf"sub/a\.json was made {told}: pass --overwrite"):
-        other.standing("sub/a", other.made(photo, {}))
+        other.existing({"sub/a": lambda: other.provenance(photo, {})}).get("sub/a")
     other = results(tmp_path, overwrite=True, **change)
-    assert other.standing("sub/a", other.made(photo, {})) is None
+    assert other.existing({"sub/a": lambda: other.provenance(photo, {})}).get("sub/a") is None
 
 
 def test_another_photo_and_another_mask_are_refused(tmp_path, photo):
     found = results(tmp_path)
     write(found, photo, beside={"mask": photo})
     with pytest.raises(ValueError, match="with another mask or other normals"):
-        found.standing("sub/a", found.made(photo, {}))
+        found.existing({"sub/a": lambda: found.provenance(photo, {})}).get("sub/a")
     photo.write_bytes(b"another photo")
     with pytest.raises(ValueError, match=r"of another photo or video and with another mask"):
-        found.standing("sub/a", found.made(photo, {}))
-    made = found.made(None, {})
+        found.existing({"sub/a": lambda: found.provenance(photo, {})}).get("sub/a")
+    made = found.provenance(None, {})
     write(found, None, name="camera-0")
     with pytest.raises(ValueError, match="was made of an earlier recording"):
-        found.standing("camera-0", made)
+        found.existing({"camera-0": lambda: made}).get("camera-0")
 
 
 @pytest.mark.parametrize(
@@ -85,7 +85,7 @@ def test_another_file_of_that_name_is_refused(content, tmp_path, photo):
     path.parent.mkdir()
     path.write_text(content)
     with pytest.raises(ValueError, match=r"a\.json is no result of lime-estimate"):
-        found.standing("a", found.made(photo, {}))
+        found.existing({"a": lambda: found.provenance(photo, {})}).get("a")
     with pytest.raises(ValueError, match=r"a\.json is there, and no part of an earlier result"):
         write(found, photo, name="a")
     assert path.read_text() == content and len(list(path.parent.iterdir())) == 1
@@ -107,9 +107,9 @@ def test_a_result_that_lacks_a_file_is_made_again(tmp_path, photo):
     found = results(tmp_path)
     write(found, photo)
     (tmp_path / "out" / "sub" / "a.mtl").unlink()
-    assert found.standing("sub/a", found.made(photo, {})) is None
+    assert found.existing({"sub/a": lambda: found.provenance(photo, {})}).get("sub/a") is None
     write(found, photo)
-    assert found.standing("sub/a", found.made(photo, {})) is not None
+    assert found.existing({"sub/a": lambda: found.provenance(photo, {})}).get("sub/a") is not None
 
 
 def test_of_a_result_that_is_replaced_nothing_is_left(tmp_path, photo):
@@ -126,7 +126,7 @@ def test_what_fails_leaves_nothing_and_keeps_what_was(tmp_path, photo):
     before = {path.name: path.read_text() for path in (tmp_path / "out" / "sub").iterdir()}
     with (
         pytest.raises(KeyboardInterrupt),
-        found.writing("sub/a", found.made(photo, {})) as draft,
+        found.writing("sub/a", found.provenance(photo, {})) as draft,
     ):
         (draft.folder / "a-mask.png").write_text("half")
         raise KeyboardInterrupt
@@ -136,12 +136,14 @@ def test_what_fails_leaves_nothing_and_keeps_what_was(tmp_path, photo):
 
 def test_an_unfinished_recording_is_made_again(tmp_path, photo):
     found = results(tmp_path)
-    made = found.made(photo, {})
-    found.begin("clip", made, ["clip.csv"])
-    (tmp_path / "out" / "clip.csv").write_text("frame\n0\n")
-    assert found.standing("clip", made) is None
-    found.begin("clip", made, ["clip.csv"])
-    assert not (tmp_path / "out" / "clip.csv").exists()
+    made = found.provenance(photo, {})
+    with pytest.raises(KeyboardInterrupt), found.growing("clip", made, [".csv"]):
+        (tmp_path / "out" / "clip.csv").write_text("frame\n0\n")
+        raise KeyboardInterrupt
+    assert (tmp_path / "out" / "clip.csv").exists()
+    assert not found.existing({"clip": lambda: made})
+    with found.growing("clip", made, [".csv"]):
+        assert not (tmp_path / "out" / "clip.csv").exists()
 
 
 def test_files_elsewhere_are_never_taken_for_parts_of_a_result(tmp_path, photo):

@@ -25,7 +25,7 @@ def content(material=WHOLE, files=FILES, **more):
 
 
 def test_four_lines_tell_a_photo():
-    lines = terminal.answer(content(), Path("out"), colour=False).splitlines()
+    lines = terminal.describe(content(), Path("out"), colour=False).splitlines()
     assert lines == [
         "photos/vase.jpg",
         "  #bc7c59   rather matte (71 %), s 20 (15 to 29)   specular 0.05",
@@ -47,7 +47,7 @@ def test_a_gloss_is_told_with_the_interval_of_the_exponent():
 
 def test_a_photo_without_an_object_has_no_material():
     nothing = Material(mask_coverage=0.0, warnings=(Caution("no-object", "nothing there"),))
-    lines = terminal.answer(content(nothing), Path("out"), ["more"], colour=False).splitlines()
+    lines = terminal.describe(content(nothing), Path("out"), ["more"], colour=False).splitlines()
     assert lines[1:4] == ["  no material", "  ! nothing there", "  ! more"]
 
 
@@ -59,7 +59,7 @@ def test_a_mask_alone_says_how_much_it_covers():
 def test_each_scene_of_a_video_has_its_line():
     scenes = [{"scene": n, "gloss": "matte", "exponent": 3.0, "warnings": []} for n in (1, 4)]
     told = {"video": "clip.mp4", "scenes": scenes, "files": ["clip.csv"], "warnings": []}
-    lines = terminal.answer(told, Path("out"), colour=False).splitlines()
+    lines = terminal.describe(told, Path("out"), colour=False).splitlines()
     assert lines[1:3] == ["  scene 1  matte, s 3.0", "  scene 4  matte, s 3.0"]
 
 
