@@ -11,8 +11,7 @@ from typing import Any
 
 from lime_keras.runtime.engine import PRECISIONS
 
-PHOTO, STREAM, NETWORKS = "photo", "stream", "networks"
-"""Kinds of cases."""
+PHOTO, STREAM, NETWORKS = "photo", "stream", "networks"  # kinds of cases
 ONNX, KERAS, SAVED_MODEL = "ONNX Runtime", "Keras", "SavedModel"
 ASKED: Mapping[str, Mapping[str, Any]] = {
     PHOTO: {
@@ -30,8 +29,7 @@ ASKED: Mapping[str, Mapping[str, Any]] = {
 }
 """What is asked for by name: `only` of an `Estimator`, and the options of a `FrameRequest`."""
 WHOLE = "everything"
-PAPER = "paper"
-"""Name of the untrained model of the preset `paper`: its time and memory alone."""
+PAPER = "paper"  # name of the untrained model of the preset `paper`: its time and memory alone
 
 
 @dataclasses.dataclass(frozen=True)

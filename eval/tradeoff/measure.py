@@ -32,8 +32,7 @@ from .cases import PAPER, TimedUse
 
 ROUNDS = 3
 EFFORT = timing.Effort()
-PICTURE = PAGE / "sample.jpg"
-"""The photo that is estimated: the first that the live page offers."""
+PICTURE = PAGE / "sample.jpg"  # the photo that is estimated: the first that the live page offers
 
 
 def measure(

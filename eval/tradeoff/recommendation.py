@@ -17,8 +17,7 @@ SCORED = (
 _AS_GOOD = 0.01
 """Relative difference of scores that counts as equal: the test images cannot distinguish such
 scores, so the faster case is taken."""
-FRAME_MS = 1000 / 30
-"""Milliseconds for a frame of video at 30 frames per second."""
+FRAME_MS = 1000 / 30  # milliseconds for a frame of video at 30 frames per second
 
 Row = Mapping[str, Any]
 

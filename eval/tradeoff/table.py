@@ -14,8 +14,7 @@ _ERRORS = (
     *("mirror_relative", "relighting_psnr", "relighting_psnr_unseen"),
 )
 """Names of the measures in the table of errors; the JSON holds all measures."""
-_TITAN_XP_MS = 13.72
-"""The paper's time for its five subnetworks on a Titan Xp."""
+_TITAN_XP_MS = 13.72  # the paper's time for its five subnetworks on a Titan Xp
 _COLUMNS: dict[str, Callable[[Row], str]] = {
     "model": lambda row: row["model"],
     "runtime": lambda row: row["runtime"],

@@ -29,8 +29,7 @@ _QUIET = {
     # As lime-live sets it: small products that wait by spinning take the networks' processor.
     "OPENBLAS_NUM_THREADS": "1",
 }
-_SIZE = 640, 480
-"""Width and height of the picture in pixels: a camera's."""
+_SIZE = 640, 480  # width and height of the picture in pixels: a camera's
 _STEPS = (0, 3, 6, 9, 6, 3)
 """Pixels by which the frames of a stream are shifted in turn, so that none is like the last."""
 

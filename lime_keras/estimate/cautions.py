@@ -69,8 +69,7 @@ BURNT = 0.01
 
 Two of the photographs are above: what a highlight has beyond white is missing in m_s.
 """
-_WHITE = 254 / 255
-"""sRGB level of white; JPEG often leaves it one level below the highest."""
+_WHITE = 254 / 255  # sRGB level of white; JPEG often leaves it one level below the highest
 _GREY, GREY_SHARE = 2.5 / 255, 0.99
 """Range of sRGB up to which R, G and B count as one, and the share of a grey object that has it.
 
@@ -83,8 +82,7 @@ Of 989 scenes of one material, under the camera's casts, 5 % are above. Of the t
 things with prints, several glazes or several parts eleven are, and of the eight others the guitar,
 whose hole is black (`benchmarks/cautions.py`).
 """
-_JUDGED = 20_000
-"""Number of pixels, about, whose brightness is looked at."""
+_JUDGED = 20_000  # number of pixels, about, whose brightness is looked at
 
 _MESSAGES = {
     "no-object": "no object was found, so no material is estimated: pass a mask, or a photo that "

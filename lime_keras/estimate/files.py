@@ -14,14 +14,11 @@ from lime_keras.material import Material
 from lime_keras.optics import colour
 from lime_keras.outputs import OUTPUTS, Output
 
-_ROWS = 64
-"""Number of rows of a layer that are encoded at once."""
+_ROWS = 64  # number of rows of a layer that are encoded at once
 
-_WRITERS = 2
-"""Number of layers that are written at the same time; each takes memory of its own."""
+_WRITERS = 2  # number of layers that are written at the same time; each takes memory of its own
 
-_LONGEST = 200
-"""Largest number of bytes of a stem: a file's name has at most 255."""
+_LONGEST = 200  # largest number of bytes of a stem: a file's name has at most 255
 
 
 def write_pictures(folder: Path, name: str, material: Material) -> list[str]:

@@ -13,22 +13,15 @@ import OpenImageIO as oiio
 
 from lime_keras.optics import colour
 
-FILL = 0.73
-"""Share of a square's side that the object fills: the middle of the range in training."""
-_SMALLEST_FILL = 0.5
-"""Share of a square's side below which the networks see a smaller square."""
-_PART = 2**22
-"""Pixels of a square that are padded and averaged at a time."""
-THRESHOLD = 0.5
-"""Smallest coverage, in [0, 1], of a pixel that belongs to the object."""
+FILL = 0.73  # share of a square's side that the object fills: the middle of the range in training
+_SMALLEST_FILL = 0.5  # share of a square's side below which the networks see a smaller square
+_PART = 2**22  # pixels of a square that are padded and averaged at a time
+THRESHOLD = 0.5  # smallest coverage, in [0, 1], of a pixel that belongs to the object
 
 
-_LEVELS = np.arange(256, dtype=np.float32) / np.float32(255)
-"""The sRGB levels of uint8, in [0, 1]."""
-_LINEAR = colour.srgb_to_linear(_LEVELS)
-"""Their linear radiance."""
-_LARGEST_FILL = 0.9
-"""Share of a square's side from which a followed object has outgrown it."""
+_LEVELS = np.arange(256, dtype=np.float32) / np.float32(255)  # the sRGB levels of uint8, in [0, 1]
+_LINEAR = colour.srgb_to_linear(_LEVELS)  # their linear radiance
+_LARGEST_FILL = 0.9  # share of a square's side from which a followed object has outgrown it
 _Beyond = tuple[tuple[int, int], ...]
 
 

@@ -35,10 +35,8 @@ COLUMNS = (
 """Columns of the table. Albedos are linear; `colour` is the diffuse one, sRGB, as #rrggbb."""
 _MARK = '<meta name="generator" content="lime-estimate">'
 _TEMPLATE = Path(__file__).with_name("gallery.html")
-_THUMBNAIL = 160
-"""Height and width of a thumbnail in pixels."""
-_MOST_ENTROPY = 3.0
-"""Entropy in bits of eight classes that are equally likely."""
+_THUMBNAIL = 160  # height and width of a thumbnail in pixels
+_MOST_ENTROPY = 3.0  # entropy in bits of eight classes that are equally likely
 _VIEWED = {
     "-preview.png": "preview",
     ".gltf": "glTF",

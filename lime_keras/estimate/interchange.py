@@ -32,23 +32,16 @@ from lime_keras.optics.shading import normaliser
 from lime_keras.version import __version__
 
 _SPHERE_ROWS, _SPHERE_COLUMNS = 32, 64
-SPHERE_DISTANCE = 3.5
-"""Distance of Mitsuba's camera from the middle of the unit sphere."""
-_FAR = 1000.0
-"""Distance of Mitsuba's lights, in radii of the sphere."""
-_BEHIND = 100.0
-"""Distance of the fill, over that of the lights before it."""
-_FLOAT, _UNSIGNED_SHORT = 5126, 5123
-_VERTICES, _INDICES = 34962, 34963
-"""Numbers of glTF for component types and buffer targets."""
+SPHERE_DISTANCE = 3.5  # distance of Mitsuba's camera from the middle of the unit sphere
+_FAR = 1000.0  # distance of Mitsuba's lights, in radii of the sphere
+_BEHIND = 100.0  # distance of the fill, over that of the lights before it
+_FLOAT, _UNSIGNED_SHORT = 5126, 5123  # numbers of glTF for component types
+_VERTICES, _INDICES = 34962, 34963  # and for buffer targets
 _MOST_BRIGHT = 25.0
 """Factor that makes 1 of glTF's F0 = 0.04 of a dielectric, so `specularFactor` alone sets F0."""
-_LOBE_SHARE = 0.76
-"""Reflectance of the microfacet lobe, as a share of m_s, for a narrow lobe."""
-_DIFFUSE_BELOW = 1.5
-"""Exponent at which half of m_s goes to the diffuse base."""
-_UNSEEN = 0.99
-"""Least factor of the albedos that is not worth a warning."""
+_LOBE_SHARE = 0.76  # reflectance of the microfacet lobe, as a share of m_s, for a narrow lobe
+_DIFFUSE_BELOW = 1.5  # exponent at which half of m_s goes to the diffuse base
+_UNSEEN = 0.99  # least factor of the albedos that is not worth a warning
 
 
 def albedo_scale(material: Material) -> float:

@@ -17,14 +17,11 @@ _TILE, _COLUMNS = 320, 3
 _MARGIN, _TITLE = 10, 26
 _WIDTH = _MARGIN + _COLUMNS * (_TILE + _MARGIN)
 """Width of a page: it is read on a screen of 1,000 pixels without being made smaller."""
-_ROOM = 14
-"""Pixels around the sphere in its tile."""
+_ROOM = 14  # pixels around the sphere in its tile
 _PAPER, _INK = (250, 250, 251), (29, 36, 48)
-_BACKGROUND = 0.16
-"""Linear radiance of the grey behind the sphere."""
+_BACKGROUND = 0.16  # linear radiance of the grey behind the sphere
 _CAUTION = (168, 72, 0)
-_LINE = 20
-"""Height of a line of warnings in pixels."""
+_LINE = 20  # height of a line of warnings in pixels
 _OUTLINE = np.array([1.0, 0.25, 0.1], np.float32)
 _TITLES = {
     "photo": "photo and mask",

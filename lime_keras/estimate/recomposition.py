@@ -8,8 +8,7 @@ from lime_keras.estimate import framing
 from lime_keras.material import Material
 from lime_keras.optics import colour, compositing, highlights
 
-_PIXELS_AT_ONCE = 1 << 18
-"""Number of pixels of a photo, about, whose layers are computed at once."""
+_PIXELS_AT_ONCE = 1 << 18  # number of pixels of a photo, about, whose layers are computed at once
 
 
 def diffuse(

@@ -12,8 +12,7 @@ from tqdm import tqdm
 from lime_keras.material import srgb_hex
 from lime_keras.optics import gloss
 
-_SWATCH = 4
-"""Width of the colour in letters."""
+_SWATCH = 4  # width of the colour in letters
 _FORMATS = (".gltf", ".mtl", "-mitsuba.json", "-clone.png", "-overlay.mp4", ".csv", ".json")
 """Ends of the files that are named; the layers lie beside them."""
 

@@ -16,8 +16,7 @@ from onnx import numpy_helper
 
 from lime_keras.runtime.saved_model import CARD, SERVED
 
-OPSET = 17
-"""Version of the ONNX operator set in the written files."""
+OPSET = 17  # version of the ONNX operator set in the written files
 _ELEMENTWISE = (
     *("Add", "Sub", "Mul", "Div", "Pow", "Max", "Min"),
     *("Equal", "Less", "LessOrEqual", "Greater", "GreaterOrEqual"),

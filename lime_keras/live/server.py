@@ -26,8 +26,7 @@ from lime_keras.live import wire
 from lime_keras.live.session import Session
 from lime_keras.version import __version__
 
-PAGE = Path(__file__).parent / "page"
-"""Folder of the page's files."""
+PAGE = Path(__file__).parent / "page"  # folder of the page's files
 _TYPES = {
     ".html": "text/html; charset=utf-8",
     ".css": "text/css; charset=utf-8",
@@ -47,10 +46,8 @@ _HEADERS = {
     "Referrer-Policy": "no-referrer",
     "X-Content-Type-Options": "nosniff",
 }
-_PATIENCE = 30.0
-"""Seconds without a byte after which a connection is closed."""
-_DIGITS = 20
-"""Largest number of digits of a length that is looked at."""
+_PATIENCE = 30.0  # seconds without a byte after which a connection is closed
+_DIGITS = 20  # largest number of digits of a length that is looked at
 
 
 @dataclass(frozen=True)

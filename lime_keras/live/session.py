@@ -26,8 +26,7 @@ _NUMBERS = (*_SHOWN, "exponent_bin_probabilities", "exponent_entropy")
 _LIGHT_PIXELS = 64
 """Height and width to which a square is reduced for its light, which has 64 × 128 texels: more
 pixels take four times as long, and move the light by less than the next frame does."""
-_WARNED_EVERY = 10
-"""Number of frames after which warnings are looked for without layers, too."""
+_WARNED_EVERY = 10  # number of frames after which warnings are looked for without layers, too
 
 
 @dataclass(frozen=True)

@@ -25,8 +25,7 @@ from lime_keras.model import gloss_file
 from lime_keras.model import graphs as graph_folder
 from lime_keras.version import __version__
 
-RUNTIME_VERSION = "1.30.0"
-"""Release of onnxruntime-web."""
+RUNTIME_VERSION = "1.30.0"  # release of onnxruntime-web
 _ARCHIVE = f"onnxruntime-web-{RUNTIME_VERSION}.tgz"
 _ADDRESS = f"https://registry.npmjs.org/onnxruntime-web/-/{_ARCHIVE}"
 _SHA512 = "q0y+JrrtukXSzsBWEMccVfqX25LRmosXHF+CaRJmg8pZClzcV7svNc4rKY3jL02Vb7QmRMDs1SigqR4CXAfKYQ=="

@@ -6,10 +6,8 @@ from typing import Protocol
 
 import numpy as np
 
-ENGINES = ("onnx", "keras")
-"""Names of the engines that run a model's folder, the default first."""
-PRECISIONS = ("float32", "float16", "int8")
-"""Precisions of a model's graphs, the default first."""
+ENGINES = ("onnx", "keras")  # names of the engines that run a model's folder, the default first
+PRECISIONS = ("float32", "float16", "int8")  # precisions of a model's graphs, the default first
 
 
 class Engine(Protocol):

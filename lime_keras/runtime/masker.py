@@ -37,12 +37,9 @@ FAMILIES = {
     "isnet": Family((0.5, 0.5, 0.5), (1.0, 1.0, 1.0), False, 1024),
 }
 """Families by name: `u2net` (U²-Net, U²-NetP, silueta), `birefnet`, `isnet` (IS-Net of DIS)."""
-_DTYPES = {"tensor(float16)": np.float16}
-"""NumPy types of inputs that are not float32."""
-_LARGEST = 4096
-"""Largest height and width of a network's picture in pixels."""
-_ROUNDING = 1e-3
-"""Largest distance of a coverage from [0, 1], which float16 may cause."""
+_DTYPES = {"tensor(float16)": np.float16}  # NumPy types of inputs that are not float32
+_LARGEST = 4096  # largest height and width of a network's picture in pixels
+_ROUNDING = 1e-3  # largest distance of a coverage from [0, 1], which float16 may cause
 
 
 class Masker:

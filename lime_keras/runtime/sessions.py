@@ -10,8 +10,7 @@ import onnxruntime
 
 from lime_keras import processors
 
-_LONGEST = 200
-"""Longest part of ONNX Runtime's message that is quoted, in characters."""
+_LONGEST = 200  # longest part of ONNX Runtime's message that is quoted, in characters
 _NO_MEMORY = ("bad_alloc", "Failed to allocate memory")
 """Words by which ONNX Runtime tells that memory is used up, in errors of its own classes."""
 
