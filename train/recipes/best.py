@@ -3,8 +3,8 @@
     make weights NAME=best DATA=DATA
     lime-train --recipe best --data DATA --out runs/best        # the same, but for `make ship`
 
-Some 6.5 hours on two cores: 2.3 render, 1 masks, 1.8 S and M, 1.1 the encoders (estimated from
-rates, see docs/how-to/recipes.md). 40 GB of disk.
+Some 4 hours on two cores: 1.2 render, 1 masks, 1.1 S and M, 0.6 the encoders (estimated from
+rates, see docs/how-to/recipes.md). 25 GB of disk.
 Scores: not trained yet. The set of this name that comes with the package is of before there were
 recipes (lime_keras/pretrained/README.md).
 """
@@ -16,8 +16,8 @@ from .recipe import Corpus, Recipe
 
 _CORPORA = {
     "large": shared.CORPORA["large"],
-    "meshes": Corpus(36_000, seed=4, size=192),
-    "shapes": Corpus(20_000, seed=5, size=192, meshes=False),
+    "meshes": Corpus(20_000, seed=4, size=192),
+    "shapes": Corpus(10_000, seed=5, size=192, meshes=False),
 }
 _ALL = tuple(_CORPORA)
 
@@ -28,10 +28,10 @@ RECIPE = Recipe(
     trainings=shared.MASKS
     | {
         "light": dataclasses.replace(
-            shared.LIGHT, corpora=_ALL, steps=4_000, photos=60_000, start_from="mask-192"
+            shared.LIGHT, corpora=_ALL, steps=3_000, photos=40_000, start_from="mask-192"
         ),
         "material": dataclasses.replace(
-            shared.MATERIAL, corpora=_ALL, steps=8_000, photos=60_000, materials=("natural",)
+            shared.MATERIAL, corpora=_ALL, steps=5_000, photos=40_000, materials=("natural",)
         ),
     },
     validation=dataclasses.replace(shared.VALIDATION, size=192),

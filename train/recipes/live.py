@@ -3,8 +3,8 @@
     make weights NAME=live DATA=DATA
     lime-train --recipe live --data DATA --out runs/live        # the same, but for `make ship`
 
-Some 6 hours on two cores: 2 render, 1.2 masks, 2 S and M, 0.8 the encoders (estimated from rates,
-see docs/how-to/recipes.md). 30 GB of disk.
+Some 4 hours on two cores: 1.2 render, 1.3 masks, 1 S and M, 0.4 the encoders (estimated from rates,
+see docs/how-to/recipes.md). 20 GB of disk.
 Scores: not trained yet. The set of this name that comes with the package is of before there were
 recipes (lime_keras/pretrained/README.md).
 """

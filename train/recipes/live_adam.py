@@ -2,7 +2,7 @@
 
     lime-train --recipe live_adam --data DATA --out runs/live-adam --reuse runs/live
 
-Some 6 hours on two cores, or 4 with --reuse, which takes the corpora over. 30 GB of disk.
+Some 4 hours on two cores, or 3 with --reuse, which takes the corpora over. 20 GB of disk.
 Scores: not trained yet.
 """
 

@@ -2,8 +2,8 @@
 
     lime-train --recipe nano --data DATA --out runs/nano --reuse runs/live
 
-Some 4.5 hours on two cores, or 1.5 with --reuse of a run of `live` (estimated from rates, see
-docs/how-to/recipes.md). 30 GB of disk.
+Some 3.5 hours on two cores, or 1 with --reuse of a run of `live` (estimated from rates, see
+docs/how-to/recipes.md). 20 GB of disk.
 Scores: not trained yet. The set of this name that comes with the package is of before there were
 recipes (lime_keras/pretrained/README.md).
 """

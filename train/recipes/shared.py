@@ -1,6 +1,6 @@
 """What the sets for photographs and the paper's materials share: corpora, masks, S and M.
 
-Corpora of 128 pixels: 60,000 scenes of meshes and 40,000 of built-in shapes, under lights that are
+Corpora of 128 pixels: 36,000 scenes of meshes and 24,000 of built-in shapes, under lights that are
 mixed of maps, rooms, skies and lamps. Scenes decide: 32,000 distinct ones taught more than 64,000
 of fewer shapes. Masks learn at 192 pixels first, the decoder alone, as an encoder that learns
 beside a fresh decoder forgets photographs; then at 128, then at 64.
@@ -10,9 +10,9 @@ from .recipe import Corpus, Package, Training
 
 BOTH = ("uniform", "natural")
 CORPORA = {
-    "meshes": Corpus(60_000, seed=1),
-    "shapes": Corpus(40_000, seed=2, meshes=False),
-    "large": Corpus(16_000, seed=3, size=192),
+    "meshes": Corpus(36_000, seed=1),
+    "shapes": Corpus(24_000, seed=2, meshes=False),
+    "large": Corpus(10_000, seed=3, size=192),
 }
 OF_128 = ("meshes", "shapes")
 VALIDATION = Corpus(640, seed=1000, materials="natural")
@@ -41,7 +41,7 @@ MASKS = {
         ("large",),
         steps=1_000,
         rate=2e-3,
-        photos=16_000,
+        photos=10_000,
         cutouts=True,
         precision="float32",  # depthwise convolutions are slower in bfloat16
         size=192,
@@ -52,7 +52,7 @@ MASKS = {
         ("large",),
         steps=3_000,
         rate=1e-3,
-        photos=16_000,
+        photos=10_000,
         start_from="decoder",
         average=0.999,
         cutouts=True,
@@ -75,18 +75,18 @@ MASK_128 = Training(
 LIGHT = Training(
     ("specular", "mirror"),
     OF_128,
-    steps=8_000,
+    steps=6_000,
     rate=2e-3,
-    photos=100_000,
+    photos=60_000,
     start_from="mask",
 )
 """S and M of both laws, each alone, cut out by the masks of before."""
 MATERIAL = Training(
     ("specular+mirror+exponent+albedo",),
     OF_128,
-    steps=12_000,
+    steps=10_000,
     rate=2e-3,
-    photos=100_000,
+    photos=60_000,
     start_from="light",
     freeze=("specular", "mirror"),
 )

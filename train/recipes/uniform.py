@@ -2,8 +2,8 @@
 
     lime-train --recipe uniform --data DATA --out runs/uniform --reuse runs/live
 
-Some 6 hours on two cores as `live`, or 1 with --reuse of its run: only the encoders differ. 30 GB
-of disk.
+Some 4 hours on two cores as `live`, or half an hour with --reuse of its run: only the encoders
+differ. 20 GB of disk.
 Scores: not trained yet. The set of this name that comes with the package is of before there were
 recipes (lime_keras/pretrained/README.md).
 """
