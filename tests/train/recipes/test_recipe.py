@@ -89,11 +89,11 @@ def test_without_cutouts_the_commands_have_none():
 
 
 def test_a_scaled_recipe_differs_in_its_lengths_alone():
-    live, short = recipes.find("live"), recipes.find("live").scaled(0.001)
+    live, short = recipes.find("live"), recipes.find("live").scaled(0.002)
     assert [one.steps for one in short.trainings.values()] == [
-        max(1, round(one.steps / 1000)) for one in live.trainings.values()
+        max(1, round(one.steps / 500)) for one in live.trainings.values()
     ]
-    assert short.corpora["meshes"].count == 60 and short.validation.count == 40
+    assert short.corpora["meshes"].count == 72 and short.validation.count == 40
     same = {"corpora": live.corpora, "trainings": live.trainings, "validation": live.validation}
     assert dataclasses.replace(short, **same) == live
 
