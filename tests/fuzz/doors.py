@@ -191,7 +191,7 @@ def _run_file(folder: Path) -> None:
         inputs.unusable(found)
         inputs.digests(found), inputs.repairs(found)
     elif path.name == "description.json":
-        resuming.held(path)
+        resuming.read_description(path)
     else:
         resuming.sidecar(path)
 
