@@ -8,7 +8,7 @@ gamma and chromaticities. Files that say nothing are sRGB, those of radiance lin
 import io
 import struct
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -42,7 +42,6 @@ _WHITE = 203.0  # luminance of diffuse white in cd/m² in high dynamic range (IT
 _BRADFORD = np.array(
     [[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]]
 )
-XYZ_D50 = (*XYZ[:6], *_D50)  # CIE XYZ as profiles have it, adapted to their white
 _NEAR = 2e-3  # difference of chromaticities that only their rounding makes
 _LIKE_SRGB = 0.05
 """Part by which a gamma may differ from 1 / 2.2 to be written for sRGB, as libpng has it."""
@@ -64,6 +63,7 @@ class Tags:
         chromaticities: as `REC709`.
         curve: decoding of its values; None for sRGB's, or what `exponent` says.
         is_unspecified: whether it says that its colours are not sRGB, and not what they are.
+        is_narrow: whether black is 16 of 255 and white 235, as in video.
     """
 
     code_points: tuple[int, int] | None = None
@@ -73,6 +73,7 @@ class Tags:
     chromaticities: tuple[float, ...] | None = None
     curve: Curve | None = None
     is_unspecified: bool = False
+    is_narrow: bool = False
 
 
 @dataclass(frozen=True)
@@ -104,6 +105,10 @@ def decide(tags: Tags, channels: int, *, deep: bool) -> Conversion:
         channels: its number of channels of colour, 1 or 3.
         deep: whether its values have more than 8 bits; the conversion of others has 8, too.
     """
+    if tags.is_narrow:
+        whole = decide(replace(tags, is_narrow=False), channels, deep=deep)
+        levels = 65535 / 256 if deep else 255.0
+        return replace(whole, convert=lambda colours: whole.convert((colours * levels - 16) / 219))
     if tags.code_points and tags.code_points != (2, 2):
         primaries, transfer = tags.code_points
         if primaries in (*_PRIMARIES, 2) and transfer in (*_CURVES, 2):
@@ -125,15 +130,6 @@ def decide(tags: Tags, channels: int, *, deep: bool) -> Conversion:
     return _converting(tags.chromaticities or REC709, curve)
 
 
-def lab_to_xyz(values: np.ndarray) -> np.ndarray:
-    """Return CIE XYZ under D50 of CIELab `(h, W, 3)`: L* / 100, and a*, b* as (v + 128) / 255."""
-    offset = values * np.float32(255) - np.float32(128)
-    y = (100 * values[..., 0] + 16) / 116
-    cubes = np.stack([y + offset[..., 1] / 500, y, y - offset[..., 2] / 200], -1)
-    xyz = np.where(cubes > 6 / 29, cubes**3, 3 * (6 / 29) ** 2 * (cubes - 4 / 29))
-    return (xyz * _white(_D50)).astype(np.float32)
-
-
 def is_standard(primaries: int) -> bool:
     """Return whether all players show these primaries of H.273 as sRGB's."""
     return primaries in _LIKE_REC709 or primaries not in _PRIMARIES
@@ -151,8 +147,6 @@ def matrix(chromaticities: tuple[float, ...]) -> np.ndarray:
         ValueError: if the chromaticities make no colours.
     """
     if np.allclose(chromaticities[:6], XYZ[:6], atol=_NEAR):
-        if chromaticities == XYZ_D50:
-            return _to_rec709(_D50)
         return np.linalg.inv(_to_xyz(REC709))
     try:
         out = _to_rec709(chromaticities[6:]) @ _to_xyz(chromaticities)

@@ -2,8 +2,9 @@
 
 import mmap
 import re
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+import struct
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -38,8 +39,8 @@ _MARKER = re.compile(rb"\xff[^\x00\x01\xd0-\xd7\xff]", re.DOTALL)
 _END_OF_IMAGE = 0xD9
 _HEAD = 2**16  # number of bytes of which a header is read
 _SQUARE = 0.01  # part by which pixels may be wider than high to count as squares
-_PICTURES = ("", "rgba", "rgb", "combined", "beauty")
-"""Names of the layer that shows the whole picture, the first one first."""
+_PICTURES = ("", "composite.combined", "rgba", "rgb", "combined", "beauty")
+"""Ends of the name of the layer that shows the whole picture, the first one first."""
 _ORIENTATION, _EXIF, _INTEROPERABILITY = 0x0112, 0x8769, 0xA005
 _COLOUR_SPACE, _WHITE_POINT, _PRIMARIES = 0xA001, 0x013E, 0x013F
 _UNCALIBRATED = 0xFFFF
@@ -94,10 +95,12 @@ def open_picture(path: Path, check_size: CheckSize) -> Picture:
     """
     with path.open("rb") as file:
         head = file.read(64)
+    if head[:2] == b"BM" and head[28:31] != b"\x20\0\0":  # 32 bits, of which some may be alpha
+        return _open_by_pillow(path, check_size, "BMP")
     if head[4:8] == _FTYP:
         brands = {head[at : at + 4] for at in (8, *range(16, 64, 4))}
         if brands.intersection(_AVIF):
-            return _open_avif(path, check_size)
+            return _open_by_pillow(path, check_size, "AVIF")
         if brands.intersection(_HEIF):
             return _open_heif(path, check_size)
     return _open(path, check_size)
@@ -138,7 +141,7 @@ def open_image(path: Path, *, subimage: int = 0, straight: bool = False) -> oiio
 
 def _open(path: Path, check_size: CheckSize) -> Picture:
     # Check before decoding: the header says what cannot be read.
-    image = open_image(path, straight=True)
+    image = _whole_page(path, open_image(path, straight=True))
     kind = image.file_format_name
     colours, alpha = _by_place(image.spec())
     if kind == "openexr":
@@ -149,23 +152,28 @@ def _open(path: Path, check_size: CheckSize) -> Picture:
         raise ValueError("it holds no pixels")
     for area in (image.roi, window):
         check_size(area.width, area.height, spec.nchannels)
+    shown = oiio.intersection(image.roi, window)
+    if min(shown.width, shown.height) <= 0:
+        raise ValueError("its display window holds no data: save it whole")
     if kind == "jpeg":
         _check_end(path)
-    if kind == "tiff" and _is_lab(spec):
-        return _open_lab(path)
+    if kind == "targa" or (kind == "tiff" and _is_lab(spec)):
+        return _open_by_pillow(path, check_size, "TIFF" if kind == "tiff" else "TGA")
     tags, turned = _tags(path, image), orientation(path, image)
     most = _largest_integer(spec)
     conversion = colour_space.decide(tags, len(colours), deep=most != 255)
     cautions = conversion.cautions
     # Decode, in the file's own numbers, which take a quarter of the memory of floats.
     if not image.read(image.subimage, force=True):
-        raise ValueError(image.geterror())
+        raise ValueError(f"{image.geterror().strip()}; export it anew, as PNG say")
     if kind == "openexr" and not _holds(image.roi, window):
         image = oiio.ImageBufAlgo.crop(image, roi=_with_channels(window, spec.nchannels))
     if turned > 1:
         image.orientation = turned
         image = oiio.ImageBufAlgo.reorient(image)
         window = image.roi
+    # OpenImageIO inverts 8 bits of which 0 is white, and no others.
+    is_negative = most > 255 and spec.get_int_attribute("tiff:PhotometricInterpretation", 1) == 0
     aspect = spec.get_float_attribute("PixelAspectRatio", 1.0)
     if kind == "openexr" and abs(aspect - 1) > _SQUARE:
         cautions += (
@@ -181,7 +189,10 @@ def _open(path: Path, check_size: CheckSize) -> Picture:
         values = image.get_pixels(oiio.FLOAT, oiio.ROI(*across))
         if values is None:
             raise ValueError(image.geterror())
-        return values.reshape(bottom - top, window.width, -1)
+        values = values.reshape(bottom - top, window.width, -1)
+        if is_negative:
+            values[..., 0] = 1 - values[..., 0]
+        return values
 
     return Picture(
         window.height,
@@ -196,6 +207,24 @@ def _open(path: Path, check_size: CheckSize) -> Picture:
         conversion=conversion,
         cautions=cautions,
     )
+
+
+def _whole_page(path: Path, image: oiio.ImageBuf) -> oiio.ImageBuf:
+    """Return the first page of a file that is no thumbnail, as that of a TIFF may be.
+
+    Raises:
+        ValueError: if there is none: the picture of a raw file lies elsewhere.
+    """
+    page = 0
+    while image.spec().get_int_attribute("tiff:subfiletype") & 1:
+        page += 1
+        try:
+            image = open_image(path, subimage=page, straight=True)
+        except ValueError as error:
+            raise ValueError(
+                "it shows a thumbnail alone, as raw files do: develop it, and save it as TIFF"
+            ) from error
+    return image
 
 
 def _largest_integer(spec: oiio.ImageSpec) -> int:
@@ -241,16 +270,18 @@ def _by_name(path: Path, image: oiio.ImageBuf) -> tuple[oiio.ImageBuf, list[int]
     pictures = {
         name: place
         for name, place in layers.items()
-        if {*"RGB"} <= place[1].keys() and not _last(name).startswith("crypto")
+        if {*"RGB"} <= place[1].keys() and "crypto" not in name.casefold()
     }
-    chosen = [name for called in _PICTURES for name in pictures if _last(name) == called]
-    if not chosen and len(pictures) > 1:
+    ends = (f".{called}" for called in _PICTURES)
+    groups = ([name for name in pictures if f".{name}".casefold().endswith(end)] for end in ends)
+    chosen = next(filter(None, groups), list(pictures))
+    if len(chosen) > 1:
         raise ValueError(
-            f"it holds the layers {', '.join(sorted(pictures))}, and none is called Combined or "
-            "RGBA: save the picture alone"
+            f"it holds the layers {', '.join(sorted(chosen))}, and not one alone is called "
+            "Combined or RGBA: save the picture alone"
         )
-    if pictures:
-        part, channels = pictures[(chosen or list(pictures))[0]]
+    if chosen:
+        part, channels = pictures[chosen[0]]
         colours = [channels[letter] for letter in "RGB"]
     else:
         part, channels = next(iter(layers.values()))
@@ -265,16 +296,15 @@ def _by_name(path: Path, image: oiio.ImageBuf) -> tuple[oiio.ImageBuf, list[int]
     return image, colours, channels.get("A")
 
 
-def _last(layer: str) -> str:
-    return layer.rpartition(".")[2].casefold()
-
-
 # ---- what the file says of itself ------------------------------------------------------------
 
 
 def _tags(path: Path, image: oiio.ImageBuf) -> Tags:
     """Return what a file says of its colours."""
     kind, spec = image.file_format_name, image.spec()
+    space = spec.get_string_attribute("oiio:ColorSpace")
+    if kind == "openexr" and space and oiio.ColorConfig().equivalent(space, "sRGB"):
+        return Tags()  # converted from a photo, and not made linear
     if kind in _LINEAR:
         return Tags(chromaticities=chromaticities(path, image), curve=colour_space.linear)
     if kind == "pnm" and not _largest_integer(spec):
@@ -324,10 +354,18 @@ def of_pillow(image: "Image.Image", path: Path | None = None) -> Tags:
         image: image, of which its file's header is read.
         path: its file; by default the one that it names, if it is there.
     """
-    info = image.info
-    points = None
-    if image.format == "PNG":
-        points = _png_code_points(path or Path(getattr(image, "filename", "")))
+    info, file = image.info, path or Path(getattr(image, "filename", ""))
+    points, is_narrow, profile = None, False, None
+    if "icc_profile" in info:
+        profile = info["icc_profile"] or b"broken"  # Pillow has None where it could not read one
+    if image.format == "PNG" and file.is_file():
+        points, is_narrow = _png_code_points(file)
+    elif image.format == "AVIF" and file.is_file() and not profile:
+        points = _nclx(file)
+    elif image.format == "HEIF" and not profile:
+        points = _points_of_heif(info)
+    elif image.format == "BMP" and file.is_file():
+        return _of_bmp(file)
     white_first = info.get("chromaticity")
     exif = image.getexif()
     own, with_others = _part(exif, _EXIF), _part(exif, _INTEROPERABILITY)
@@ -341,11 +379,12 @@ def of_pillow(image: "Image.Image", path: Path | None = None) -> Tags:
         primaries, exponent = colour_space.ADOBE, 256 / 563
     return Tags(
         points,
-        info.get("icc_profile") or None,
+        profile,
         "srgb" in info or space == 1,
         exponent,
         primaries,
-        is_unspecified=space == _UNCALIBRATED,
+        is_unspecified=space == _UNCALIBRATED or image.mode == "CMYK",
+        is_narrow=is_narrow,
     )
 
 
@@ -357,20 +396,33 @@ def _part(exif: "Image.Exif", number: int) -> dict[int, Any]:
         return {}
 
 
-def _png_code_points(path: Path) -> tuple[int, int] | None:
-    """Return the primaries and the transfer curve of a PNG's chunk cICP."""
-    if not path.is_file():
-        return None
+def _png_code_points(path: Path) -> tuple[tuple[int, int] | None, bool]:
+    """Return the primaries and the curve of a PNG's chunk cICP, and whether its range is narrow."""
     with path.open("rb") as file:
         file.seek(8)
         while len(head := file.read(8)) == 8:
             length, name = int.from_bytes(head[:4]), head[4:]
-            if name == b"cICP":
-                return tuple(file.read(2))  # type: ignore[return-value]
+            if name == b"cICP" and length == 4:
+                primaries, transfer, _, is_full = file.read(4)
+                return (primaries, transfer), not is_full
             if name in (b"IDAT", b"IEND"):
-                return None
+                break
             file.seek(length + 4, 1)
-    return None
+    return None, False
+
+
+def _of_bmp(path: Path) -> Tags:
+    """Return what the header of a BMP says of its colours; only versions 4 and 5 say anything."""
+    with path.open("rb") as file:
+        head = file.read(138)
+        size, space = int.from_bytes(head[14:18], "little"), head[70:74][::-1]
+        if size < 108 or (space == bytes(4) and not any(head[74:110])):
+            return Tags()
+        if space == b"MBED" and size >= 124:
+            offset, length = struct.unpack_from("<II", head, 126)
+            file.seek(14 + offset)
+            return Tags(profile=file.read(length))
+    return Tags(is_unspecified=space not in (b"sRGB", b"Win "))
 
 
 def _of_exr(spec: oiio.ImageSpec) -> tuple[float, ...] | None:
@@ -391,8 +443,6 @@ def _of_radiance(path: Path) -> tuple[float, ...] | None:
     """Return the chromaticities in the header of a Radiance file."""
     with path.open("rb") as file:
         head = file.read(_HEAD).split(b"\n\n")[0]
-    if b"32-bit_rle_xyze" in head:
-        return colour_space.XYZ
     if match := re.search(rb"^PRIMARIES=\s*(.+)$", head, re.MULTILINE):
         numbers = tuple(map(float, match[1].split()))
         # Photoshop writes eight zeros where it knows none.
@@ -409,13 +459,17 @@ def _is_lab(spec: oiio.ImageSpec) -> bool:
     return name == "CIELab"
 
 
-def _open_lab(path: Path) -> Picture:
-    from PIL import Image
+def _open_by_pillow(path: Path, check_size: CheckSize, kind: str) -> Picture:
+    """Open what Pillow reads rightly and OpenImageIO does not, such as TIFF of CIELab."""
+    from PIL import Image, UnidentifiedImageError
 
-    with Image.open(path) as image:
-        if image.mode != "LAB":
-            raise ValueError(f"its colours are CIELab in the form {image.mode}: save it as RGB")
-        return of_image(image)
+    try:
+        image = Image.open(path, formats=[kind])
+    except UnidentifiedImageError as error:
+        raise ValueError(f"it is {kind} of a kind that is not read: save it as PNG") from error
+    with image:
+        check_size(*image.size, len(image.getbands()))
+        return of_image(image, path)
 
 
 def _check_end(path: Path) -> None:
@@ -441,24 +495,15 @@ def _open_heif(path: Path, check_size: CheckSize) -> Picture:
     # The image is upright already: the library applies the file's rotation.
     image = pillow_heif.open_heif(path)
     check_size(image.size[0], image.size[1], 4)
-    nclx, profile = image.info.get("nclx_profile"), image.info.get("icc_profile")
-    points = None
-    if nclx and not profile:
-        points = int(nclx["color_primaries"]), int(nclx["transfer_characteristics"])
+    profile = image.info.get("icc_profile")
+    points = None if profile else _points_of_heif(image.info)
     return of_levels(np.asarray(image), Tags(points, profile))
 
 
-def _open_avif(path: Path, check_size: CheckSize) -> Picture:
-    from PIL import Image, ImageOps, features
-
-    if not features.check("avif"):
-        raise ValueError("it is AVIF, which this build of Pillow does not read: save it as PNG")
-    with Image.open(path) as image:
-        check_size(image.size[0], image.size[1], 4)
-        tags, upright = of_pillow(image, path), ImageOps.exif_transpose(image)
-        if not tags.profile:
-            tags = replace(tags, code_points=_nclx(path))
-        return of_levels(np.asarray(upright), tags)
+def _points_of_heif(info: Mapping[Any, Any]) -> tuple[int, int] | None:
+    """Return the primaries and the transfer curve that pillow_heif tells of an image."""
+    nclx = info.get("nclx_profile")
+    return nclx and (int(nclx["color_primaries"]), int(nclx["transfer_characteristics"]))
 
 
 def _nclx(path: Path) -> tuple[int, int] | None:
@@ -468,19 +513,24 @@ def _nclx(path: Path) -> tuple[int, int] | None:
     return (int.from_bytes(numbers[:2]), int.from_bytes(numbers[2:4])) if found else None
 
 
-def of_image(image: "Image.Image") -> Picture:
+def of_image(image: "Image.Image", path: Path | None = None) -> Picture:
     """Return a PIL image, turned upright, as `open_picture` returns its file.
+
+    Args:
+        image: image of 8 bits a channel.
+        path: its file, as `of_pillow` takes it.
 
     Raises:
         OSError: if its file is cut short, or whatever else its decoder raises.
     """
-    from PIL import ImageOps
+    from PIL import ImageCms, ImageOps
 
     image.load()
-    tags, image = of_pillow(image), ImageOps.exif_transpose(image)
+    tags, image = of_pillow(image, path), ImageOps.exif_transpose(image)
     if image.mode == "LAB":
-        tags = Tags(chromaticities=colour_space.XYZ_D50, curve=colour_space.lab_to_xyz)
-        return of_levels(np.asarray(image), tags)
+        lab, srgb = ImageCms.createProfile("LAB"), ImageCms.createProfile("sRGB")
+        converted = ImageCms.profileToProfile(image, lab, srgb, outputMode="RGB")
+        return of_levels(np.asarray(converted), Tags())
     mode = image.mode
     if image.has_transparency_data:
         mode = "LA" if mode in ("LA", "La") else "RGBA"

@@ -194,6 +194,18 @@ CASES = {
     "Radiance, primaries": lambda p: radiance(p.with_suffix(".hdr")),
     "PFM": lambda p: pfm(p.with_suffix(".pfm")),
     "TIFF, CIELab": lambda p: lab(p.with_suffix(".tif")),
+    "cICP, narrow": lambda p: png(
+        p,
+        np.round(4096 + 56064 * srgb(chart(PATCHES))).astype(np.uint16),
+        cICP=bytes([1, 13, 0, 0]),
+    ),
+    "AVIF, P3": lambda p: avif(p.with_suffix(".avif"), srgb(chart(PATCHES @ TO_P3.T)), 12, 13),
+    "BMP, profile": lambda p: bmp(
+        p.with_suffix(".bmp"), chart(PATCHES) ** (1 / 1.8), b"DEBM", profile(GAMMA)
+    ),
+    "EXR, encoded": lambda p: exr(
+        p.with_suffix(".exr"), srgb(chart(PATCHES)), **{"oiio:ColorSpace": ("string", "sRGB")}
+    ),
 }
 
 
@@ -242,8 +254,29 @@ def lab(path):
     xyz = chart(PATCHES @ TO_XYZ_D50.T) / [0.9642, 1, 0.8251]
     cubes = np.where(xyz > 0.008856, np.cbrt(xyz), 7.787 * xyz + 16 / 116)
     x, y, z = np.moveaxis(cubes, -1, 0)
-    star = np.stack([(116 * y - 16) * 2.55, 500 * (x - y) + 128, 200 * (y - z) + 128], -1)
-    Image.fromarray(np.round(star).astype(np.uint8), "LAB").save(path)
+    star = np.stack([(116 * y - 16) * 2.55, 500 * (x - y), 200 * (y - z)], -1)
+    # The standard of TIFF has a* and b* in bytes with a sign.
+    Image.fromarray(np.round(star).astype(np.int16).astype(np.uint8), "LAB").save(path)
+    return path
+
+
+def avif(path, pixels, primaries, transfer):
+    Image.fromarray(levels(pixels)).save(path, quality=98, subsampling="4:4:4")
+    head, mark, rest = path.read_bytes().partition(b"colrnclx")
+    path.write_bytes(head + mark + struct.pack(">HH", primaries, transfer) + rest[4:])
+    return path
+
+
+def bmp(path, pixels, space, content=b""):
+    """Write a BMP of version 5 whose header names a colour space, and its profile at the end."""
+    rows = levels(pixels)[::-1, :, ::-1]
+    size = rows.nbytes
+    head = struct.pack("<IiiHHIIiiII", 124, *rows.shape[1::-1], 1, 24, 0, size, 0, 0, 0, 0)
+    head += bytes(16) + space + bytes(35) + b"\1" + bytes(12)
+    head += struct.pack("<IIII", 4, 124 + size, len(content), 0)
+    path.write_bytes(
+        b"BM" + struct.pack("<IHHI", 138 + size, 0, 0, 138) + head + rows.tobytes() + content
+    )
     return path
 
 
@@ -252,7 +285,7 @@ def test_a_space_is_converted_from(case, tmp_path):
     """The values are those of the same chart in sRGB; JPEG and CIELab's bytes are coarse."""
     path = CASES[case](tmp_path / "chart.png")
     found = patches(photo.read_srgb(path))
-    coarse = {".jpg": 0.025, ".tif": 0.03, ".hdr": 0.01}.get(path.suffix, 0.006)
+    coarse = {".jpg": 0.025, ".tif": 0.03, ".hdr": 0.01, ".avif": 0.03}.get(path.suffix, 0.006)
     np.testing.assert_allclose(found, srgb(PATCHES), atol=coarse)
 
 
@@ -316,6 +349,28 @@ def test_what_cannot_be_converted_is_told_and_read_as_srgb(tags, words):
     np.testing.assert_array_equal(conversion.convert(values), values)
     (caution,) = conversion.cautions
     assert caution.code == "colours-unknown" and words in caution.message
+
+
+@pytest.mark.parametrize("space", [b"KNIL", bytes(4), b"BGRs"])
+def test_a_linked_or_calibrated_space_of_a_bmp_is_told(space, tmp_path):
+    found = photo.load(bmp(tmp_path / "a.bmp", srgb(chart(PATCHES)), space))
+    np.testing.assert_allclose(patches(found.image), srgb(PATCHES), atol=0.5 / 255)
+    codes = [] if space == b"BGRs" else ["colours-unknown"]
+    assert [caution.code for caution in found.cautions] == codes
+
+
+@pytest.mark.parametrize("suffix", ["jpg", "png"])
+def test_a_profile_of_which_a_part_is_missing_is_told(suffix, tmp_path):
+    """Decoders pass over it, and so P3 would be read as sRGB."""
+    path = tmp_path / f"a.{suffix}"
+    if suffix == "png":
+        png(path, levels(srgb(chart(PATCHES))), iCCP=b"p\0\0no stream")
+    else:
+        Image.fromarray(levels(srgb(chart(PATCHES)))).save(path, icc_profile=profile(GAMMA))
+        content = path.read_bytes()
+        path.write_bytes(content.replace(b"ICC_PROFILE\0\1\1", b"ICC_PROFILE\0\1\2"))
+    (caution,) = photo.load(path).cautions
+    assert "profile is broken" in caution.message
 
 
 @pytest.mark.parametrize("number", sorted(colour_space._CURVES))

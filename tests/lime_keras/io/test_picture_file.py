@@ -139,6 +139,12 @@ def test_the_picture_is_found_among_layers(tmp_path):
             tmp_path / "small.exr", (other, named("crypto00", "rgb")), (picture, named("x", "rgb"))
         ),
         exr(tmp_path / "order.exr", (picture[..., ::-1], named("RGBA", "BGR"))),
+        exr(tmp_path / "ids.exr", (other, named("uCryptoAsset00")), (picture, named("rgba_main"))),
+        exr(
+            tmp_path / "composite.exr",
+            (other, named("ViewLayer.Combined")),
+            (picture, named("Composite.Combined")),
+        ),
         parts(
             tmp_path / "parts.exr",
             {"depth": (depth, ["Z"]), "rgba": (picture, list("RGB")), "AO": (other, list("RGB"))},
@@ -166,6 +172,10 @@ def test_alpha_is_that_of_the_layer(tmp_path):
     ("layers", "words"),
     [
         ([(noise(), named("left")), (noise(), named("right"))], "layers left, right"),
+        (
+            [(noise(), named("Front.Combined")), (noise(), named("Back.Combined"))],
+            "layers Back.Combined, Front.Combined, and not one alone",
+        ),
         ([(noise(), ["Y", "RY", "BY"])], "luminance and chroma"),
         (
             [(noise(), ["normal.X", "normal.Y", "normal.Z"])],
@@ -198,6 +208,70 @@ def test_the_display_window_is_the_picture(tmp_path):
     np.testing.assert_allclose(found, expected, atol=1e-5)
     path = exr(tmp_path / "out.exr", (pixels, list("RGB")), window=(30, 20), at=(-4, -3))
     np.testing.assert_allclose(photo.read(path)[0], encoded(pixels[3:23, 4:34]), atol=1e-5)
+    path = exr(tmp_path / "off.exr", (pixels, list("RGB")), window=(30, 20), at=(40, 0))
+    with pytest.raises(ValueError, match="window holds no data: save it whole"):
+        photo.read(path)
+
+
+# TIFF, BMP and TGA.
+
+
+def tiff(path, *pages):
+    """Write a TIFF of pages, each `(H, W, C)` and the attributes of OpenImageIO."""
+    specs = []
+    for pixels, attributes in pages:
+        kind = {1: oiio.UINT8, 2: oiio.UINT16, 4: oiio.UINT32}[pixels.itemsize]
+        specs.append(oiio.ImageSpec(pixels.shape[1], pixels.shape[0], pixels.shape[2], kind))
+        for name, value in attributes.items():
+            specs[-1].attribute(name, value)
+    out = oiio.ImageOutput.create(str(path))
+    for index, (pixels, _) in enumerate(pages):
+        assert out.open(str(path), specs[index], *(["AppendSubimage"] if index else []))
+        assert out.write_image(np.ascontiguousarray(pixels))
+    out.close()
+    return path
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.uint32])
+def test_of_negatives_white_is_white(kind, tmp_path):
+    """OpenImageIO inverts those of 8 bits alone."""
+    grey = noise(1)
+    pixels = np.round(grey.astype(np.float64) * np.iinfo(kind).max).astype(kind)
+    path = tiff(tmp_path / "a.tif", (np.iinfo(kind).max - pixels, {}))
+    content = path.read_bytes()
+    # PhotometricInterpretation (262), a short: 1 is black at 0, and 0 is white at 0.
+    assert content.count(struct.pack("<HHIH", 262, 3, 1, 1)) == 1
+    path.write_bytes(
+        content.replace(struct.pack("<HHIH", 262, 3, 1, 1), struct.pack("<HHIH", 262, 3, 1, 0))
+    )
+    np.testing.assert_allclose(photo.read(path)[0], grey.repeat(3, -1), atol=0.6 / 255)
+
+
+def test_a_thumbnail_is_not_the_picture(tmp_path):
+    """Raw files begin with one, and hold their picture in another place."""
+    levels = (noise() * 255).astype(np.uint8)
+    thumbnail = levels[::2, ::2], {"tiff:subfiletype": 1}
+    path = tiff(tmp_path / "a.tif", thumbnail, (levels[:16, :16], thumbnail[1]), (levels, {}))
+    np.testing.assert_allclose(photo.read(path)[0], levels / 255, atol=1e-6)
+    with pytest.raises(ValueError, match=r"a\.dng.*thumbnail alone.*develop it"):
+        photo.read(tiff(tmp_path / "b.tif", thumbnail).rename(tmp_path / "a.dng"))
+
+
+def test_bytes_of_a_bmp_and_a_tga_lie_where_their_heads_say(tmp_path):
+    levels = np.dstack([(noise() * 255).astype(np.uint8), np.full((HEIGHT, WIDTH), 255, np.uint8)])
+    levels[:, :20] = 0
+    expected = levels[..., :3] / 255
+    head = struct.pack("<IiiHHIIiiII", 108, WIDTH, HEIGHT, 1, 32, 3, levels.size, 0, 0, 0, 0)
+    head += struct.pack("<IIII", 0xFF, 0xFF00, 0xFF0000, 0xFF000000) + b"BGRs".ljust(52, b"\0")
+    head = b"BM" + struct.pack("<IHHI", 122 + levels.size, 0, 0, 122) + head
+    (tmp_path / "a.bmp").write_bytes(head + levels[::-1].tobytes())
+    grey = np.dstack([levels[..., 0], levels[..., 3]])
+    head = struct.pack("<BBBHHBHHHHBB", 0, 0, 3, 0, 0, 0, 0, 0, WIDTH, HEIGHT, 16, 0x28)
+    (tmp_path / "a.tga").write_bytes(head + grey.tobytes())
+    for name, pixels in (("a.bmp", expected), ("a.tga", expected[..., :1].repeat(3, -1))):
+        image, alpha = photo.read(tmp_path / name)
+        np.testing.assert_allclose(image, pixels, atol=1e-6, err_msg=name)
+        np.testing.assert_allclose(alpha, levels[..., 3:] / 255, err_msg=name)
 
 
 # Content, not suffix.
