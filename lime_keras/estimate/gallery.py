@@ -96,8 +96,13 @@ def update(out: Path, names: Iterable[str]) -> None:
     table.writerows(rows)
     atomic.write(out / TABLE, text.getvalue())
     page = Template(_TEMPLATE.read_text(encoding="utf-8"))
+
+    def draw(card: tuple[dict[str, Any], dict[str, Any]]) -> str:
+        with untrusted.naming(out / card[0]["json"], "a result"):
+            return _card(out, *card)
+
     with ThreadPoolExecutor(processors.count()) as pool:
-        drawn = pool.map(lambda card: _card(out, *card), cards)
+        drawn = pool.map(draw, cards)
         filled = page.substitute(mark=_MARK, count=len(rows), cards="\n".join(drawn), table=TABLE)
     atomic.write(out / PAGE, filled)
 

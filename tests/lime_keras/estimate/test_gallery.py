@@ -123,6 +123,14 @@ def test_half_a_character_is_told_with_the_results_name(tmp_path):
         gallery.update(tmp_path, ["a"])
 
 
+def test_half_a_material_is_refused_by_the_results_name(tmp_path):
+    add(tmp_path, "a")
+    path = tmp_path / "a.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"specular_albedo": None}))
+    with pytest.raises(ValueError, match=r"a\.json cannot be read as a result"):
+        gallery.update(tmp_path, ["a"])
+
+
 def test_results_of_earlier_runs_stay_and_removed_ones_go(tmp_path):
     for name in ("a", "b", "c"):
         add(tmp_path, name)
