@@ -5,6 +5,7 @@ hidden nodes), said (skeletons), or refused by its name (compression, and whatev
 requires that is not known here).
 """
 
+import copy
 import json
 import struct
 from collections.abc import Iterator
@@ -57,6 +58,10 @@ def plain(content: bytes) -> Plain:
     """
     document, binary = _chunks(content)
     _check_required(document)
+    if any(
+        not buffer.get("uri", "data:").startswith("data:") for buffer in document.get("buffers", [])
+    ):
+        raise ValueError("a part of it lies in another file: export it as one GLB")
     notes = []
     if any("skin" in node for node in document.get("nodes", [])):
         notes.append("posed by a skeleton, which is not applied: export the pose as a mesh")
@@ -126,11 +131,17 @@ class _File:
 
     def make_plain(self) -> None:
         """Apply what changes the shape."""
-        for mesh in self.document["meshes"]:
+        meshes = self.document["meshes"]
+        for node in self.document["nodes"]:
+            if "mesh" in node and node.get("weights"):  # these hold for it alone
+                meshes.append(copy.deepcopy(meshes[node["mesh"]]) | {"weights": node["weights"]})
+                node["mesh"] = len(meshes) - 1
+        for mesh in meshes:
+            mesh["primitives"] = [p for p in mesh["primitives"] if "POSITION" in p["attributes"]]
             for primitive in mesh["primitives"]:
                 primitive.get("extensions", {}).pop(_DRACO, None)  # what is there is a fallback
                 if primitive.get("mode", _TRIANGLES) in (_TRIANGLES, _STRIP, _FAN):
-                    self._make_plain(primitive, self._weights(mesh))
+                    self._make_plain(primitive, mesh.get("weights", []))
         for node in list(self.document["nodes"]):
             if _INSTANCES in node.get("extensions", {}):
                 self._show_instances(node)
@@ -155,8 +166,8 @@ class _File:
         count = 0
         for primitive in mesh["primitives"]:
             mode = primitive.get("mode", _TRIANGLES)
-            place = primitive.get("indices", primitive["attributes"].get("POSITION"))
-            if place is None or mode not in (_TRIANGLES, _STRIP):
+            place = primitive.get("indices", primitive["attributes"]["POSITION"])
+            if mode not in (_TRIANGLES, _STRIP):
                 continue
             corners = self.document["accessors"][place]["count"]
             count += corners // 3 if mode == _TRIANGLES else max(corners - 2, 0)
@@ -165,14 +176,12 @@ class _File:
     def _make_plain(self, primitive: dict[str, Any], weights: list[float]) -> None:
         """Give a primitive positions that are plain floats, and triangles in place of a fan."""
         accessors, attributes = self.document["accessors"], primitive["attributes"]
-        if "POSITION" not in attributes:
-            return
         accessor = accessors[attributes["POSITION"]]
-        targets = [t["POSITION"] for t in primitive.get("targets", []) if "POSITION" in t]
-        is_moved = any(weights[: len(targets)])
-        if is_moved or accessor.get("normalized") or "sparse" in accessor:
+        pairs = zip(weights, primitive.get("targets", []), strict=False)
+        moves = [(weight, to["POSITION"]) for weight, to in pairs if weight and "POSITION" in to]
+        if moves or accessor.get("normalized") or "sparse" in accessor:
             places = self._values(accessor)
-            for weight, target in zip(weights, targets, strict=False):
+            for weight, target in moves:
                 places = places + weight * self._values(accessors[target])
             attributes["POSITION"] = self._add(places.astype("<f4"), "VEC3", 5126)
         elif "bufferView" not in accessor:
@@ -188,16 +197,6 @@ class _File:
             faces = np.stack([first, corners[1:-1], corners[2:]], -1)
             primitive["indices"] = self._add(faces.astype("<u4").reshape(-1, 1), "SCALAR", 5125)
             primitive["mode"] = _TRIANGLES
-
-    def _weights(self, mesh: dict[str, Any]) -> list[float]:
-        """Return the weights of a mesh's morph targets, its own or those of the node it is in."""
-        index = next(k for k, other in enumerate(self.document["meshes"]) if other is mesh)
-        own = [
-            n["weights"]
-            for n in self.document["nodes"]
-            if n.get("mesh") == index and "weights" in n
-        ]
-        return list(own[0] if own else mesh.get("weights", []))
 
     def _show_instances(self, node: dict[str, Any]) -> None:
         """Give a node a child for each of its instances."""

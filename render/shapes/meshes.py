@@ -165,6 +165,9 @@ def _parts(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[str]]:
         # Of two solids of one name, trimesh reads one.
         content = _BETWEEN_SOLIDS.sub(b"\n", content)
         expected = len(_FACET.findall(content))
+    elif kind == "stl":
+        # Whatever follows the last face lets trimesh take it for text.
+        content = content[: 84 + 50 * int.from_bytes(content[80:84], "little")]
     scene = trimesh.load_scene(io.BytesIO(content), file_type=kind, process=False)
     nowhere = np.full((1, 3), np.nan)
     vertices, faces, normals, count = [nowhere], [np.zeros((0, 3), int)], [nowhere], 1

@@ -77,6 +77,22 @@ def morphed(glb):
     glb.document["meshes"][0]["weights"] = [0.5]
 
 
+def morphed_beside_itself(glb):
+    """The same mesh twice: the first node has a weight of its own, and the other the mesh's."""
+    morphed(glb)
+    glb.document["meshes"][0]["weights"] = [0]
+    glb.document["nodes"] = [{"mesh": 0, "weights": [1]}, {"mesh": 0, "translation": [6, 0, 0]}]
+    glb.document["scenes"] = [{"nodes": [0, 1]}]
+
+
+def morphed_by_the_second(glb):
+    """The first target moves normals alone; a primitive without places shows nothing."""
+    morphed(glb)
+    glb.primitive["targets"].insert(0, {"NORMAL": 0})
+    glb.document["meshes"][0]["weights"] = [9, 0.5]
+    glb.document["meshes"][0]["primitives"].append({"attributes": {}})
+
+
 def instanced(glb):
     moves = glb.add(np.array([[0, 0, 0], [4, 0, 0], [8, 0, 0]], "<f4"))
     told = {gltf._INSTANCES: {"attributes": {"TRANSLATION": moves}}}
@@ -117,6 +133,8 @@ def strip(glb):
         (normalised, ("KHR_mesh_quantization",), (2, 1, 1, 8)),
         (sparse, (), (6, 1, 1, 4)),
         (morphed, (), (4, 1, 1, 4)),
+        (morphed_beside_itself, (), (8, 1, 1, 8)),
+        (morphed_by_the_second, (), (4, 1, 1, 4)),
         (instanced, ("EXT_mesh_gpu_instancing",), (10, 2, 1, 12)),
         (hidden, ("KHR_node_visibility",), (2, 1, 1, 4)),
         (another_scene, (), (6, 1, 1, 4)),
@@ -170,6 +188,18 @@ def test_a_fallback_of_compressed_faces_is_read(tmp_path):
     glb = Glb()
     glb.primitive["extensions"] = {gltf._DRACO: {"bufferView": 0, "attributes": {"POSITION": 0}}}
     assert proportions(glb.write(tmp_path / "a.glb")) == (2, 1, 1, 4)
+
+
+def test_a_part_in_another_file_is_told(tmp_path):
+    glb = Glb()
+    path = glb.write(tmp_path / "a.glb")
+    content = path.read_bytes().replace(
+        b'"buffers": [{"byteLength"', b'"buffers":[{"uri":"b","byteLength"'
+    )
+    more = len(content) - len(path.read_bytes())
+    path.write_bytes(_resized(content, more))
+    with pytest.raises(ValueError, match="lies in another file: export it as one GLB"):
+        meshes.read(path)
 
 
 @pytest.mark.parametrize("damage", ["count", "offset", "view", "loop", "type"])

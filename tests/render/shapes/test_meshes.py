@@ -152,7 +152,7 @@ def test_stl_is_read_as_text_and_as_bytes_whatever_its_normals(tmp_path, kind):
     if kind == "stl":  # some programs begin these, too, as if they were text
         facets = np.frombuffer(data[84:], np.dtype("3<f4, (3,3)<f4, <u2")).copy()
         facets["f0"] = (0, 0, np.nan)
-        data = b"solid ball".ljust(80) + data[80:84] + facets.tobytes()
+        data = b"solid ball".ljust(80) + data[80:84] + facets.tobytes() + b"more"
     (tmp_path / "ball.stl").write_bytes(data)
     mesh = meshes.load(tmp_path / "ball.stl")
     check(mesh)
