@@ -208,18 +208,21 @@ def test_the_tables_of_a_subnetwork_name_the_same():
     from lime_keras.networks import Architecture, build, output_names
     from lime_keras.networks.registry import OUTPUT_ROWS, QUANTITIES, SUBNETWORKS
     from lime_keras.outputs import NEEDED, OUTPUTS
-    from lime_keras.train.terms import LEARNING, MEASURES, TERMS
+    from lime_keras.train.stages import SCHEDULES
+    from lime_keras.train.terms import MEASURES, TERMS
 
-    systems = ({}, {"exponent": "regression"}, {"trunk": True}, {"system": "reflectance-map"})
-    built = [build(Architecture(32, 1, 1, 1, 1, **system)) for system in systems]
+    options = ({}, {"exponent": "regression"}, {"trunk": True}, {"system": "reflectance-map"})
+    systems = [Architecture(32, 1, 1, 1, 1, **system) for system in options]
+    built = list(map(build, systems))
     assert set().union(*map(output_names, built)) == set(OUTPUTS)
     assert tuple(OUTPUT_ROWS) == tuple(OUTPUTS) and set().union(*NEEDED.values()) < set(OUTPUTS)
     assert {row.quantity for row in OUTPUT_ROWS.values()} == set(QUANTITIES)
-    assert set().union(*built) == set(SUBNETWORKS) == set(LEARNING)
-    learnt = LEARNING.values()
-    assert set().union(*(row.terms for row in learnt)) == set(TERMS)
-    assert set().union(*(row.measures for row in learnt)) == set(MEASURES)
-    assert {term.quantity for term in TERMS.values()} == set(QUANTITIES)
+    assert set().union(*built) == set(SUBNETWORKS)
+    stages = [stage for system in systems for stage in SCHEDULES["paper"].stages(system)]
+    assert set().union(*(stage.subnetworks for stage in stages)) == set(SUBNETWORKS)
+    predicted = set().union(*(row.predicts for row in SUBNETWORKS.values()))
+    assert {row.quantity for row in MEASURES.values()} == predicted - {"reflectance_map"}
+    assert {term.comparison.quantity for term in TERMS.values()} == set(QUANTITIES)
     fed = {x.name for part in built for network in part.values() for x in network.inputs}
     assert fed <= {"image", "masked_image", *QUANTITIES}
 

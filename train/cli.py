@@ -1,7 +1,6 @@
 """`lime-train`: run the training stages."""
 
 import argparse
-import operator
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -50,7 +49,6 @@ _OPTIONS = {
 """The field of the config that takes an option's value."""
 _OF_RECIPES = ("recipe", "data", "out", "seed", "scale_steps", "reuse")
 """The options that `--recipe` takes; a recipe says the others itself."""
-_FIELDS = (*_OPTIONS.values(), *_PARTS.values(), "begun_from", "cutouts")
 _EXAMPLE = """
 examples:
   lime-train corpus --out runs/first --preset smoke
@@ -130,7 +128,7 @@ def _add_data(out: argparse.ArgumentParser) -> None:
         choices=_MATERIALS,
         metavar="LAW",
         help="laws of the albedos: `uniform`, the paper's; `natural`, as common objects have them; "
-        "or both in turns (default: uniform; held-out scenes then keep their own)",
+        "or both in turns (default: uniform; validation scenes then keep their own)",
     )
     data.add_argument(
         "--cutouts",
@@ -392,7 +390,8 @@ def _momentum(text: str) -> float:
 def _train(options: argparse.Namespace) -> int:
     console.check_folder(options.out, "--out")
     console.require("lime-train", "keras")
-    _import_tensorflow()
+    if os.environ.get("KERAS_BACKEND", "tensorflow") == "tensorflow":
+        console.import_tensorflow()
     if options.hosts is None and options.host is None and options.coordinator is None:
         return _train_here(options)
     _check_hosts(options)
@@ -421,7 +420,7 @@ def _check_hosts(options: argparse.Namespace) -> None:
 
 
 def _train_here(options: argparse.Namespace) -> int:
-    from . import graphs, hosts, initial_weights, summary, trainer
+    from . import graphs, hosts, summary, trainer
 
     config = config_of(options)
     leads = hosts.rank_and_size()[0] == 0
@@ -443,8 +442,6 @@ def _train_here(options: argparse.Namespace) -> int:
     print(summary.table(options.out))
     if evaluated := summary.evaluation(options.out):
         print(f"\n{evaluated}\n")
-    if config.begun_from is not None:
-        print(initial_weights.described(options.out))
     if untrained:
         print(
             f"no whole model yet: {', '.join(untrained)} not trained; run the other --stages, or "
@@ -456,25 +453,10 @@ def _train_here(options: argparse.Namespace) -> int:
     return 0
 
 
-def _import_tensorflow() -> None:
-    """Import TensorFlow if it is the backend; other backends need it only to make photos.
-
-    Raises:
-        ValueError: if it is not installed.
-    """
-    if os.environ.get("KERAS_BACKEND", "tensorflow") != "tensorflow":
-        return
-    try:
-        console.import_tensorflow()
-    except ImportError as error:
-        raise ValueError(
-            "TensorFlow is not installed: install it, or set KERAS_BACKEND=jax to train on photos "
-            "that are made already"
-        ) from error
-
-
 def config_of(options: argparse.Namespace) -> Any:
-    """Return the config: from the options, else from the resumed run, else from the defaults."""
+    """Return the config: from the options, else from the resumed run, else from the preset."""
+    import dataclasses
+
     from lime_keras.data.corpus import Split
     from lime_keras.networks import PRESETS
 
@@ -482,27 +464,28 @@ def config_of(options: argparse.Namespace) -> Any:
     from .stages import SCHEDULES
 
     asked = _overrides(options)
-    if options.resume:
-        held = Config.read(options.out)
-        asked = {field: operator.attrgetter(field)(held) for field in _FIELDS} | asked
-    preset = asked["preset"]
+    resumed = Config.read(options.out) if options.resume else None
+    preset = options.preset if resumed is None else resumed.preset
     schedule = SCHEDULES[preset]
-    _check_materials(options, preset, schedule.repaints)
+    if options.materials is not None and not schedule.repaints:
+        raise ValueError(
+            f"--materials: the preset {preset} shows the materials that "
+            f"{', '.join(map(str, options.paths))} holds; render a corpus by `lime-render "
+            "--materials`, or pass --preset live"
+        )
     if "architecture.encoder_width" in asked:
         usual = PRESETS[preset]
         share = asked["architecture.encoder_width"] / usual.encoder_width
         asked["architecture.dense_width"] = max(1, round(usual.dense_width * share))
-    fresh = Config(
-        preset=preset,
-        steps_scale=1.0,
-        architecture=PRESETS[preset],
-        schedule=schedule.scaled(asked.get("steps_scale", 1.0), asked.get("rate_scale", 1.0)),
-        seed=0,
-        corpus_sha256=corpus_sha256(options.paths),
-        lobe=lobe_of(options.paths),
-        plain_scenes=all(Split(path, "train").is_plain for path in options.paths),
-    )
-    return _with(fresh, asked)
+    data = {
+        "corpus_sha256": corpus_sha256(options.paths),
+        "lobe": lobe_of(options.paths),
+        "plain_scenes": all(Split(path, "train").is_plain for path in options.paths),
+    }
+    if resumed is not None:
+        return _with(dataclasses.replace(resumed, **data), asked)
+    schedule = schedule.scaled(asked.get("steps_scale", 1.0), asked.get("rate_scale", 1.0))
+    return _with(Config(preset, 1.0, PRESETS[preset], schedule, 0, **data), asked)
 
 
 def _overrides(options: argparse.Namespace) -> dict[str, Any]:
@@ -546,16 +529,6 @@ def _with(config: Any, values: Mapping[str, Any]) -> Any:
             for name, fields in inner.items()
         },
     )
-
-
-def _check_materials(options: argparse.Namespace, preset: str, repaints: bool) -> None:
-    """Raise ValueError if materials are asked for that the data cannot show."""
-    if options.materials is not None and not repaints:
-        raise ValueError(
-            f"--materials: the preset {preset} shows the materials that "
-            f"{', '.join(map(str, options.paths))} holds; render a corpus by `lime-render "
-            "--materials`, or pass --preset live"
-        )
 
 
 class _Bars:

@@ -103,10 +103,8 @@ def corpus_sha256(paths: Sequence[Path]) -> str:
 
     Raises:
         FileNotFoundError: if a split is incomplete.
-        ValueError: if a path is a bank of an earlier version, or a manifest is broken.
+        ValueError: if a manifest is broken.
     """
-    for path in paths:
-        _refuse_bank(path)
     digests = [digest for path in paths for digest in Split(path, "train").sha256]
     return hashlib.sha256("".join(digests).encode()).hexdigest()
 
@@ -125,15 +123,6 @@ def lobe_of(paths: Sequence[Path]) -> str:
                 "different units; train on one of them, or render the other again"
             )
     return lobes[0]
-
-
-def _refuse_bank(path: Path) -> None:
-    """Raise ValueError if a folder is a bank, which earlier versions made scenes of."""
-    if (path / "bank.json").is_file() or (path / "geometry").is_dir():
-        raise ValueError(
-            f"{path} is a bank, which is no longer trained from: render a corpus by `lime-render "
-            "OUT --split train --endless SHARE` and pass OUT"
-        )
 
 
 def check(run: Path, config: Config) -> None:

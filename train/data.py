@@ -4,6 +4,7 @@ Both are read from kept photos (`train.photos`). The photos of a stage are made 
 first batch, and then seen again and again: in another order each time, flipped or not.
 """
 
+import functools
 import hashlib
 import itertools
 import zlib
@@ -44,7 +45,7 @@ class Data:
         paths: folders of corpora with complete train splits; each batch mixes all of them.
         config: config of the run.
         folder: folder of the run; photos are kept in its folder `photos`.
-        devices: devices of the run; the process that leads makes the photos.
+        devices: devices of the run, by default one; the process that leads makes the photos.
         on_making: function called as photos and answers are made.
         photographs: folders of things and places whose hash is `config.cutouts`.
 
@@ -63,7 +64,7 @@ class Data:
         photographs: tuple[Path, Path] | None = None,
     ):
         self._paths, self._config, self._folder = tuple(paths), config, folder / "photos"
-        self._devices, self._on_making = devices, on_making
+        self._devices, self._on_making = devices or Devices(1), on_making
         _check_sizes(paths, config.architecture.size)
         if config.cutouts is not None and photographs is None:
             raise FileNotFoundError("this run learns from cut-outs: pass its --cutouts again")
@@ -217,7 +218,7 @@ class Data:
         key = hashlib.sha256(text.encode()).hexdigest()[:16]
         if key not in self._opened:
             size = self._config.architecture.size
-            local = networks if self._devices is None else self._devices.local_copies(networks)
+            local = self._devices.local_copies(networks)
             kept = Kept(self._folder / key, photos.count, answers.features(frozen), size)
             self._complete(
                 kept,
@@ -228,7 +229,7 @@ class Data:
 
     def _complete(self, kept: Kept, make: Any) -> None:
         """Make what is to be kept in the process that leads; the others wait for it."""
-        if self._devices is None or self._devices.leads:
+        if self._devices.leads:
             make()
         while not kept.is_complete:
             sleep(0.2)
@@ -261,15 +262,9 @@ def _rows(count: int, seed: int, positions: range) -> np.ndarray:
     return np.array(rows)
 
 
+@functools.lru_cache(2)  # a batch may span two epochs
 def _order(count: int, seed: int, epoch: int) -> np.ndarray:
-    key = (count, seed, epoch)
-    if key not in _orders:
-        _orders.clear()
-        _orders[key] = np.random.default_rng((seed, epoch)).permutation(count)
-    return _orders[key]
-
-
-_orders: dict[tuple[int, int, int], np.ndarray] = {}
+    return np.random.default_rng((seed, epoch)).permutation(count)
 
 
 def _read(photos: Kept, told: Kept | None, rows: np.ndarray, features: Collection[str]) -> Batch:

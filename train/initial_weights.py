@@ -1,11 +1,10 @@
 """The weights of a trained model that a run begins with, in place of fresh weights.
 
 The run keeps a copy of the model in `RUN/begun-from/`, so that it can be resumed without the
-original. `taken.json` there names the subnetworks whose weights were taken.
+original.
 """
 
 import hashlib
-import json
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -13,12 +12,12 @@ import keras
 import numpy as np
 from keras import ops
 
-from lime_keras.io import atomic, untrusted
+from lime_keras.io import atomic
 from lime_keras.model import folder as model_folder
 from lime_keras.model import weights
 from lime_keras.networks.architecture import ENCODER_BLOCKS
 
-_FOLDER, _TAKEN = "begun-from", "taken.json"
+_FOLDER = "begun-from"
 
 
 def sha256(model: Path) -> str:
@@ -41,7 +40,7 @@ def keep(model: Path, run: Path) -> None:
         weights.copy(model, partial)
 
 
-def load(run: Path, subnetworks: Mapping[str, keras.Model], *, record: bool = True) -> list[str]:
+def load(run: Path, subnetworks: Mapping[str, keras.Model]) -> list[str]:
     """Set the weights of those subnetworks that have the same layers in the copied model.
 
     A U-Net's layers are the same for any image size. An encoder's first dense layer depends on it:
@@ -50,7 +49,6 @@ def load(run: Path, subnetworks: Mapping[str, keras.Model], *, record: bool = Tr
     Args:
         run: folder of the run.
         subnetworks: subnetworks of the run by name.
-        record: whether to write down in `taken.json` which of them were set.
 
     Returns:
         Names of the subnetworks that were set.
@@ -59,40 +57,22 @@ def load(run: Path, subnetworks: Mapping[str, keras.Model], *, record: bool = Tr
         ValueError: if no subnetwork fits, or a file is broken.
     """
     _, others = weights.load(run / _FOLDER, whole=False)
-    given = {
-        name: fitted
+    fitting = {
+        name: values
         for name, network in subnetworks.items()
-        if name in others and (fitted := _fitted(network, others[name])) is not None
+        if name in others and (values := _fit(network, others[name])) is not None
     }
-    taken = list(given)
-    if not taken:
+    if not fitting:
         raise ValueError(
             f"none of the subnetworks in {run / _FOLDER} has the layers of {run}'s: leave out "
             "--start-from, or pass the --width and --preset that it was trained with"
         )
-    for name in taken:
-        subnetworks[name].set_weights(given[name])
-    if record:
-        text = json.dumps({"taken": taken, "fresh": [n for n in subnetworks if n not in taken]})
-        atomic.write(run / _FOLDER / _TAKEN, text + "\n")
-    return taken
+    for name, values in fitting.items():
+        subnetworks[name].set_weights(values)
+    return list(fitting)
 
 
-def described(run: Path) -> str:
-    """Return in words which subnetworks began with the model's weights, and which afresh."""
-    path = run / _FOLDER / _TAKEN
-    try:
-        found = untrusted.read_json(path)
-        return ", ".join(
-            f"{' and '.join(names)} {how}"
-            for names, how in ((found["taken"], "continued"), (found["fresh"], "begun afresh"))
-            if names
-        )
-    except (KeyError, TypeError, ValueError) as error:
-        raise ValueError(f"{path} names no subnetworks ({error}): begin another run") from error
-
-
-def _fitted(network: keras.Model, other: keras.Model) -> list[np.ndarray] | None:
+def _fit(network: keras.Model, other: keras.Model) -> list[np.ndarray] | None:
     """Return the weights of another network for this one, or None if its layers differ."""
     cells, before = (one.inputs[0].shape[1] // 2**ENCODER_BLOCKS for one in (network, other))
     values = other.get_weights()
@@ -100,13 +80,13 @@ def _fitted(network: keras.Model, other: keras.Model) -> list[np.ndarray] | None
         return None
     for index, weight in enumerate(network.weights):
         if cells != before and weight.path.endswith("dense1/kernel"):
-            values[index] = _resampled(values[index], before, cells)
+            values[index] = _resample(values[index], before, cells)
         if values[index].shape != weight.shape:
             return None
     return values
 
 
-def _resampled(kernel: np.ndarray, before: int, now: int) -> np.ndarray:
+def _resample(kernel: np.ndarray, before: int, now: int) -> np.ndarray:
     """Resample the kernel of a dense layer that reads `before` × `before` cells to `now` × `now`.
 
     The sum over the cells stays what it was, so even features give the same answer.

@@ -57,7 +57,7 @@ class StageModel(keras.Model):
         self.terms = [
             name
             for name in terms.terms_of(subnetworks, losses, compositing)
-            if TERMS[name].quantity in self._answered
+            if TERMS[name].comparison.quantity in self._answered
         ]
         self._means = {term: keras.metrics.Mean(name=term) for term in self.terms}
         self._measures = terms.metrics_of(subnetworks)
@@ -140,7 +140,10 @@ class StageModel(keras.Model):
 
     def measured(self) -> dict[str, float]:
         """Return the measures by name, over all batches with weights since `reset_measures`."""
-        return terms.measured(self._measures)
+        return {
+            name: float(ops.convert_to_numpy(metric.result()))
+            for name, metric in self._measures.items()
+        }
 
     def _of_a_batch(self) -> list[keras.metrics.Metric]:
         return [metric for metric in self.metrics if metric.name not in self._measures]

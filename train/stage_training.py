@@ -19,7 +19,7 @@ from .tensorboard_log import Board
 
 _SECONDS_BETWEEN_CHECKPOINTS = 60
 _CURVE_POINTS, _LONGEST_INTERVAL = 10, 500
-"""Number of evaluations on held-out examples in a stage, and most batches between two of them."""
+"""Number of evaluations on the validation set in a stage, and most batches between two of them."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Progress:
     Attributes:
         stage: the stage.
         step: number of batches done.
-        losses: mean training losses by name, since the last evaluation on held-out examples.
+        losses: mean training losses by name, since the last evaluation on the validation set.
         data_wait: share of the time since that evaluation spent waiting for batches, in [0, 1].
     """
 
@@ -56,34 +56,45 @@ class Files:
         self.board = run / "tensorboard" / name
 
 
+@dataclasses.dataclass(frozen=True)
+class StageRun:
+    """A stage to load or to train.
+
+    Attributes:
+        stage: the stage.
+        model: its model, compiled with its optimiser before it is trained.
+        kept: frozen subnetworks whose predictions are kept with the photos.
+        checkpoint: checkpoint of the stage; its file may not exist yet.
+        files: paths of the stage's files.
+        step: number of batches at which the checkpoint stood when the run was opened.
+    """
+
+    stage: Stage
+    model: StageModel
+    kept: Mapping[str, keras.Model]
+    checkpoint: Checkpoint
+    files: Files
+    step: int
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether the checkpoint is that of the last batch."""
+        return self.step == self.stage.steps
+
+
 class StageTraining:
     """The training of a stage, from its checkpoint or from its start to its last batch.
 
     Args:
-        stage: stage to train.
-        model: model of the stage, compiled with its optimiser.
-        checkpoint: checkpoint of the stage; its file may not exist yet.
-        files: paths of the stage's files.
-        data: training and held-out examples.
+        part: stage to train.
+        data: training and validation batches.
         devices: devices that each batch is split between.
-        kept: frozen subnetworks whose predictions are kept with the photos.
         tell: function called with the progress after each batch, and once before.
     """
 
-    def __init__(
-        self,
-        stage: Stage,
-        model: StageModel,
-        checkpoint: Checkpoint,
-        files: Files,
-        data: Data,
-        devices: Devices,
-        kept: Mapping[str, keras.Model],
-        tell: Tell,
-    ):
-        self._stage, self._model, self._checkpoint, self._files = stage, model, checkpoint, files
-        self._data, self._devices, self._kept, self._tell = data, devices, kept, tell
-        self._features = data.with_input_mask(stage, model.features)
+    def __init__(self, part: StageRun, data: Data, devices: Devices, tell: Tell):
+        self._part, self._data, self._devices, self._tell = part, data, devices, tell
+        self._features = data.with_input_mask(part.stage, part.model.features)
 
     def run(self) -> None:
         """Train until the stage's last batch.
@@ -93,24 +104,24 @@ class StageTraining:
                 a single one causes it.
             ValueError: if a record is damaged.
         """
-        step = self._checkpoint.step() or 0
+        part, step = self._part, self._part.step
         if step:
-            self._checkpoint.restore(self._model)
-        curve = Curve(self._files.curve, step)
-        board = Board(self._files.board if self._devices.leads else None)
+            part.checkpoint.restore(part.model)
+        curve = Curve(part.files.curve, step)
+        board = Board(part.files.board if self._devices.leads else None)
         try:
             self._run(step, curve, board)
         finally:
             board.close()
 
     def _run(self, step: int, curve: Curve, board: Board) -> None:
-        # Begin: what is held out is looked at before the first batch.
-        stage, model = self._stage, self._model
+        # Begin: the validation set is looked at before the first batch.
+        stage, model = self._part.stage, self._part.model
         interval = min(max(1, stage.steps // _CURVE_POINTS), _LONGEST_INTERVAL)
         self._tell(Progress(stage, step, {}, 0.0))
         if step == 0:
             self._validate(0, {}, curve, board)
-        batches = self._data.training(stage, self._features, step, self._kept)
+        batches = self._data.training(stage, self._features, step, self._part.kept)
         losses, norms, waited, began = Means(), Means(), 0.0, monotonic()
         saved, first = began, step
         while step < stage.steps:
@@ -123,7 +134,7 @@ class StageTraining:
             batch_norms = gradient_norms(model.optimizer)
             if not _finite(batch_losses) or not _finite(batch_norms):
                 self._stop(step, batch, batch_losses, batch_norms)
-            # Tell, and look at what is held out.
+            # Tell, and look at the validation set.
             losses.add(batch_losses)
             norms.add(batch_norms)
             if step == stage.steps:
@@ -138,18 +149,18 @@ class StageTraining:
             # Keep.
             if step == stage.steps or monotonic() - saved > _SECONDS_BETWEEN_CHECKPOINTS:
                 if self._devices.leads:
-                    self._checkpoint.save(model, step)
+                    self._part.checkpoint.save(model, step)
                 saved = monotonic()
 
     def _step(self, batch: Batch) -> dict[str, float]:
         """Take a training step and return the batch's losses by name."""
         local = self._devices.local_rows(without_origin(batch))
-        return self._model.train_on_batch(self._devices.split(local), return_dict=True)
+        return self._part.model.train_on_batch(self._devices.split(local), return_dict=True)
 
     def _validate(self, step: int, training: dict[str, float], curve: Curve, board: Board) -> None:
         """Evaluate on the validation set and record its losses with the training losses."""
-        batches = self._data.validation(self._features, self._kept)
-        validation, measured, _ = evaluate(self._model, batches, self._devices)
+        batches = self._data.validation(self._features, self._part.kept)
+        validation, measured, _ = evaluate(self._part.model, batches, self._devices)
         if self._devices.leads:
             curve.add(step, training, validation, measured)
         board.scalars(step, {"training": training, "validation": validation, "measure": measured})
@@ -171,7 +182,7 @@ class StageTraining:
         blamed = []
         for row in range(len(batch["mask"])):
             alone = self._step({name: value[row : row + 1] for name, value in batch.items()})
-            if not _finite(alone) or not _finite(gradient_norms(self._model.optimizer)):
+            if not _finite(alone) or not _finite(gradient_norms(self._part.model.optimizer)):
                 blamed.append(row)
         found = (
             f"from {self._data.describe_examples(batch, blamed)}"
@@ -179,8 +190,8 @@ class StageTraining:
             else "no example of the batch does it alone: try another --seed or --precision float32"
         )
         raise RuntimeError(
-            f"stage {self._stage.name}, step {step}: {', '.join(broken)} not finite; {found}. The "
-            "run's last checkpoint is from before"
+            f"stage {self._part.stage.name}, step {step}: {', '.join(broken)} not finite; {found}. "
+            "The run's last checkpoint is from before"
         )
 
 

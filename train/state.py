@@ -124,8 +124,8 @@ class Curve:
         Args:
             step: number of batches done.
             training: mean training losses since the row before.
-            validation: mean losses of the held-out examples.
-            measures: measures of the held-out examples, which are errors or shares.
+            validation: mean losses on the validation set.
+            measures: measures on the validation set, which are errors or shares.
         """
         seconds = self._earlier + time.monotonic() - self._began
         row = {"step": str(step), "seconds": f"{seconds:.1f}"}

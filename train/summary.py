@@ -1,4 +1,4 @@
-"""The summary of a run: held-out losses and measures before and after each stage."""
+"""The summary of a run: validation losses and measures before and after each stage."""
 
 import csv
 from collections.abc import Iterable, Sequence
@@ -18,14 +18,14 @@ def evaluation_path(run: Path) -> Path:
 
 
 def table(run: Path) -> str:
-    """Return held-out losses and measures before and after each stage, as aligned text.
+    """Return validation losses and measures before and after each stage, as aligned text.
 
     The text is empty if the run has no curves.
 
     Before a joined stage, its subnetworks are as trained alone, but read one another's predictions.
     So the difference between before and after is the gain of joined training.
     """
-    rows = [("stage", "batches", "minutes", "held-out loss or measure", "before", "after")]
+    rows = [("stage", "batches", "minutes", "validation loss or measure", "before", "after")]
     for path in sorted((run / "curves").glob("[0-9]*-*.csv")):
         with path.open(newline="", encoding="utf-8") as file:
             held = list(csv.DictReader(file))
@@ -41,7 +41,7 @@ def table(run: Path) -> str:
 
 
 def evaluation(run: Path) -> str:
-    """Return the measures of the whole system on the held-out examples, as aligned text.
+    """Return the measures of the whole system on the validation set, as aligned text.
 
     The text is empty if the run's system is not complete, and so not evaluated.
     """
@@ -50,7 +50,7 @@ def evaluation(run: Path) -> str:
         return ""
     try:
         found = untrusted.read_json(path)
-        rows = [("whole system", f"of {found['examples']} held-out examples")]
+        rows = [("whole system", f"of {found['examples']} validation examples")]
         for name, value in found["measures"].items():
             rows.append((name, "not finite" if value is None else f"{value:.4f}"))
     except (AttributeError, KeyError, TypeError, ValueError) as error:

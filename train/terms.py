@@ -1,9 +1,7 @@
-"""The loss terms, with their weights, and the measures of each subnetwork.
+"""The loss terms, with their weights, and the measures of what subnetworks predict.
 
-`LEARNING` has a row for each subnetwork, with names of loss terms (rows of `TERMS`) and of measures
-(rows of `MEASURES`). The measures are those of Table 1, each a Keras metric with the name that
-`lime-eval` uses. Losses and measures use the true mask, whatever the objects are cut out with
-(`photos.kept.INPUT_MASK`).
+The measures are those of Table 1, each a Keras metric with the name that `lime-eval` uses. Losses
+and measures use the true mask, whatever the objects are cut out with (`photos.kept.INPUT_MASK`).
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -15,6 +13,7 @@ from keras import ops
 
 from lime_keras import losses
 from lime_keras.metrics import MaskedRelativeError, PooledIoU, WithinBins
+from lime_keras.networks import SUBNETWORKS
 from lime_keras.optics import camera_law, shininess
 from lime_keras.optics.dynamic_range import compress
 from lime_keras.optics.masking import masked_mean
@@ -54,77 +53,59 @@ class Units:
 
 
 @dataclass(frozen=True)
+class Comparison:
+    """What losses of a prediction are computed from.
+
+    Attributes:
+        quantity: name of the quantity that is predicted.
+        features: names of the features that losses and measures of the quantity read, beside
+            `image` and `mask`.
+        arguments: function of a batch, `StageOutputs` and the `Units` of the stage that returns the
+            arguments of a loss, the truth first.
+    """
+
+    quantity: str
+    features: tuple[str, ...]
+    arguments: Callable[[Batch, StageOutputs, Units], tuple[Any, ...]]
+
+
+@dataclass(frozen=True)
 class Term:
     """A loss term.
 
     Attributes:
         weight: factor of the term in the total loss; the paper gives none
             (docs/explanation/decisions.md).
-        quantity: name of the quantity whose prediction the term compares with the truth.
-        loss: function of a batch, `StageOutputs` and the `Units` of the stage; returns the loss of
-            each example, `(B,)`.
-        features: names of the features that it and the measures of its quantity read, beside
-            `image` and `mask`.
+        comparison: what it compares.
+        error: function of the comparison's arguments; returns the loss of each example, `(B,)`.
         losses: value of `Schedule.losses` that has the term; None if every schedule has it.
     """
 
     weight: float
-    quantity: str
-    loss: "Callable[[Batch, StageOutputs, Units], Any]"
-    features: tuple[str, ...] = ()
+    comparison: Comparison
+    error: Callable[..., Any]
     losses: str | None = None
+
+    def loss(self, batch: Batch, answer: StageOutputs, units: Units) -> Any:
+        """Return the loss of each example, `(B,)`, without the weight."""
+        return self.error(*self.comparison.arguments(batch, answer, units))
 
 
 @dataclass(frozen=True)
 class StageMeasure:
-    """A measure, which evaluates the outputs on held-out examples and is not trained on.
+    """A measure, which evaluates the outputs on the validation set and is not trained on.
 
     Attributes:
+        quantity: name of the quantity that the outputs are computed from; that of the probabilities
+            stands for a regressed log10 s, too.
         metric: function that builds the Keras metric from its name.
         compared: function of a batch and the outputs that returns the metric's arguments, the
             truth first.
     """
 
+    quantity: str
     metric: Callable[[str], keras.metrics.Metric]
     compared: Callable[[Batch, Mapping[str, Any]], tuple[Any, ...]]
-
-
-@dataclass(frozen=True)
-class Learning:
-    """The loss terms and measures of one subnetwork, and when it joins the others.
-
-    Attributes:
-        terms: names out of `TERMS`; terms of quantities that no subnetwork of the stage predicts
-            are left out, and those of the other `Term.losses` (`terms_of`).
-        measures: names out of `MEASURES`.
-        joined: number, from 1, of the first joined stage that trains it; None if it is only trained
-            alone.
-        optimizer: a key of `optimizer.OPTIMIZERS` that trains it alone, whatever the schedule says;
-            None for the schedule's.
-    """
-
-    terms: tuple[str, ...]
-    measures: tuple[str, ...] = ()
-    joined: int | None = None
-    optimizer: str | None = None
-
-
-@dataclass(frozen=True)
-class _Truth:
-    """A function that computes a truth from a batch, and the features that it reads."""
-
-    of: Callable[[Batch, Units], Any]
-    features: tuple[str, ...]
-
-
-def truth(quantity: str, batch: Batch, units: Units) -> Any:
-    """Return the ground truth of a quantity, linear if it is radiance."""
-    return _COMPUTED[quantity].of(batch, units) if quantity in _COMPUTED else batch[quantity]
-
-
-def features_of_truth(quantity: str) -> tuple[str, ...]:
-    """Return the names of the features that `truth` reads."""
-    return _COMPUTED[quantity].features if quantity in _COMPUTED else (quantity,)
 
 
 def terms_of(subnetworks: Iterable[str], losses: str, compositing: bool = True) -> list[str]:
@@ -136,23 +117,30 @@ def terms_of(subnetworks: Iterable[str], losses: str, compositing: bool = True) 
         compositing: whether Eq. 5 is among them.
     """
     return [
-        term
-        for name in subnetworks
-        for term in LEARNING[name].terms
-        if TERMS[term].losses in (None, losses) and (compositing or term not in PERCEPTUAL)
+        name
+        for part in subnetworks
+        for name, term in TERMS.items()
+        if _REGRESSED.get(term.comparison.quantity, term.comparison.quantity)
+        in SUBNETWORKS[part].predicts
+        and term.losses in (None, losses)
+        and (compositing or name not in PERCEPTUAL)
     ]
 
 
 def features_of(names: Iterable[str]) -> tuple[str, ...]:
     """Return the names of the features that loss terms read, and the measures beside them."""
-    read = (feature for name in names for feature in TERMS[name].features)
+    read = (feature for name in names for feature in TERMS[name].comparison.features)
     return tuple(dict.fromkeys(("image", "mask", *read)))
 
 
 def metrics_of(subnetworks: Iterable[str]) -> dict[str, keras.metrics.Metric]:
     """Build the metrics of these subnetworks' measures, by name."""
-    names = [name for part in subnetworks for name in LEARNING[part].measures]
-    return {name: MEASURES[name].metric(name) for name in names}
+    return {
+        name: row.metric(name)
+        for part in subnetworks
+        for name, row in MEASURES.items()
+        if row.quantity in SUBNETWORKS[part].predicts
+    }
 
 
 def update(
@@ -166,67 +154,43 @@ def update(
         metric.update_state(*MEASURES[name].compared(batch, outputs), sample_weight=weights)
 
 
-def measured(metrics: Mapping[str, keras.metrics.Metric]) -> dict[str, float]:
-    """Return the results of metrics by name, over all batches since they were reset."""
-    return {name: float(ops.convert_to_numpy(metric.result())) for name, metric in metrics.items()}
-
-
-def _reflectance_map(batch: Batch, units: Units) -> Any:
-    # The map is shaded by the furnace-normalised S.
+def truth(quantity: str, batch: Batch, units: Units) -> Any:
+    """Return the ground truth of a quantity, linear if it is radiance."""
+    if quantity != "reflectance_map":
+        return batch[quantity]
+    # The map, which records do not hold, is shaded by the furnace-normalised S.
     factor = lobe_factor(batch["shininess"], units.lobe)
     shaded = {**batch, "specular_albedo": batch["specular_albedo"] * factor}
     return ops.stop_gradient(true_reflectance_map(shaded))
 
 
-_LIT = ("environment", "shininess", "diffuse_albedo", "specular_albedo", "ambient")
-_COMPUTED = {"reflectance_map": _Truth(_reflectance_map, _LIT)}
-"""Quantities whose truth is computed, because records do not hold it."""
+def features_of_truth(quantity: str) -> tuple[str, ...]:
+    """Return the names of the features that `truth` reads."""
+    return _MAP.features if quantity == "reflectance_map" else (quantity,)
 
 
-Loss = Callable[[Batch, StageOutputs, Units], Any]
-
-
-def _mask(loss: Callable[[Any, Any], Any]) -> Loss:
-    return lambda batch, answer, units: loss(batch["mask"], answer.raw["mask"])
-
-
-def _shading(name: str) -> Loss:
-    return lambda batch, answer, units: losses.shading_l1(
-        batch[name], answer.raw[name], batch["mask"], units.linear
+def _compare_shading(quantity: str) -> Comparison:
+    return Comparison(
+        quantity,
+        (quantity,),
+        lambda batch, answer, units: (
+            batch[quantity],
+            answer.raw[quantity],
+            batch["mask"],
+            units.linear,
+        ),
     )
 
 
-def _map(error: Callable[[Any], Any]) -> Loss:
-    def loss(batch: Batch, answer: StageOutputs, units: Units) -> Any:
-        true = compress(truth("reflectance_map", batch, units))
-        shape = (ops.shape(true)[0], *true.shape[1:3], 1)
-        inside = ops.broadcast_to(disc(true.shape[1])[None], shape)
-        return masked_mean(error(answer.raw["reflectance_map"] - true), inside)
-
-    return loss
+def _compare_maps(batch: Batch, answer: StageOutputs, units: Units) -> tuple[Any, Any]:
+    """Return the difference of the maps, compressed, and where the sphere is."""
+    true = compress(truth("reflectance_map", batch, units))
+    shape = (ops.shape(true)[0], *true.shape[1:3], 1)
+    inside = ops.broadcast_to(disc(true.shape[1])[None], shape)
+    return answer.raw["reflectance_map"] - true, inside
 
 
-def _diffuse_albedo(loss: Callable[[Any, Any], Any]) -> Loss:
-    return lambda batch, answer, units: loss(batch["diffuse_albedo"], answer.raw["albedos"][:, :3])
-
-
-def _specular_albedo(loss: Callable[[Any, Any], Any]) -> Loss:
-    return lambda batch, answer, units: loss(
-        ops.expand_dims(batch["specular_albedo"], -1), answer.raw["albedos"][:, 3:]
-    )
-
-
-def _exponent(loss: Callable[[Any, Any], Any]) -> Loss:
-    return lambda batch, answer, units: loss(
-        batch["exponent_bin"], answer.raw["exponent_bin_probabilities"]
-    )
-
-
-def _log_exponent(loss: Callable[[Any, Any], Any]) -> Loss:
-    return lambda batch, answer, units: loss(batch["shininess"], answer.raw["log_exponent"])
-
-
-def _composed(batch: Batch, answer: StageOutputs) -> tuple[Any, Any, Any, Any, Any, Any, Any]:
+def _compose(batch: Batch, answer: StageOutputs, units: Units) -> tuple[Any, ...]:
     """Return what both forms of Eq. 5 compare: the photo, and Eq. 4 of what is estimated."""
     # Eq. 4 knows nothing of paint, so painted pixels do not count.
     albedos, unpainted = answer.raw["albedos"], batch["mask"] * (1.0 - batch["painted"])
@@ -241,63 +205,74 @@ def _composed(batch: Batch, answer: StageOutputs) -> tuple[Any, Any, Any, Any, A
     )
 
 
-def _compositing_printed(batch: Batch, answer: StageOutputs, units: Units) -> Any:
-    return losses.compositing_l2(*_composed(batch, answer))
+def _compose_photo(batch: Batch, answer: StageOutputs, units: Units) -> tuple[Any, ...]:
+    """Return what `_compose` does, where the photo is clipped, and its white balance."""
+    balance = camera_law.balance(batch["cast"], camera_law.places(batch["image"].shape[1]))
+    return (*_compose(batch, answer, units), batch["clipped"], balance)
 
 
-def _compositing(batch: Batch, answer: StageOutputs, units: Units) -> Any:
-    return losses.compositing_l1(
-        *_composed(batch, answer),
-        clipped=batch["clipped"],
-        balance=camera_law.balance(batch["cast"], camera_law.places(batch["image"].shape[1])),
-    )
-
-
-_OF_MAP = features_of_truth("reflectance_map")
-_EXPONENTS = ("exponent_bin", "shininess")
-_DIFFUSE, _SPECULAR = ("diffuse_albedo",), ("specular_albedo",)
 _PERCEIVED = ("painted", "ambient", "diffuse_shading")
+_REGRESSED = {"log_exponent": "exponent_bin_probabilities"}
+"""What the registry of subnetworks calls a quantity that a regressing one predicts instead."""
+
+_MASK = Comparison("mask", (), lambda batch, answer, units: (batch["mask"], answer.raw["mask"]))
+_SPECULAR, _MIRROR = _compare_shading("specular_shading"), _compare_shading("mirror")
+_BINS = Comparison(
+    "exponent_bin_probabilities",
+    ("exponent_bin", "shininess"),
+    lambda batch, answer, units: (
+        batch["exponent_bin"],
+        answer.raw["exponent_bin_probabilities"],
+    ),
+)
+_LOG = Comparison(
+    "log_exponent",
+    ("exponent_bin", "shininess"),
+    lambda batch, answer, units: (batch["shininess"], answer.raw["log_exponent"]),
+)
+_DIFFUSE_ALBEDO = Comparison(
+    "albedos",
+    ("diffuse_albedo",),
+    lambda batch, answer, units: (batch["diffuse_albedo"], answer.raw["albedos"][:, :3]),
+)
+_SPECULAR_ALBEDO = Comparison(
+    "albedos",
+    ("specular_albedo",),
+    lambda batch, answer, units: (
+        ops.expand_dims(batch["specular_albedo"], -1),
+        answer.raw["albedos"][:, 3:],
+    ),
+)
+_EQ5 = Comparison("albedos", _PERCEIVED, _compose)
+_EQ5_OF_PHOTO = Comparison("albedos", (*_PERCEIVED, "clipped", "cast"), _compose_photo)
+_MAP = Comparison(
+    "reflectance_map",
+    ("environment", "shininess", "diffuse_albedo", "specular_albedo", "ambient"),
+    _compare_maps,
+)
 TERMS = {
     # The paper's. It gives no weights.
-    "mask": Term(1.0, "mask", _mask(losses.mask_l2), losses="printed"),
-    "specular": Term(1.0, "specular_shading", _shading("specular_shading"), ("specular_shading",)),
-    "mirror": Term(1.0, "mirror", _shading("mirror"), ("mirror",)),
-    "exponent_binary": Term(
-        1.0,
-        "exponent_bin_probabilities",
-        _exponent(losses.exponent_binary_cross_entropy),
-        _EXPONENTS,
-        "printed",
+    "mask": Term(1.0, _MASK, losses.mask_l2, "printed"),
+    "specular": Term(1.0, _SPECULAR, losses.shading_l1),
+    "mirror": Term(1.0, _MIRROR, losses.shading_l1),
+    "exponent_binary": Term(1.0, _BINS, losses.exponent_binary_cross_entropy, "printed"),
+    "log_exponent_l1": Term(1.0, _LOG, losses.log_exponent_l1, "printed"),
+    "diffuse_albedo": Term(1.0, _DIFFUSE_ALBEDO, losses.albedo_l2, "printed"),
+    "specular_albedo": Term(1.0, _SPECULAR_ALBEDO, losses.albedo_l2, "printed"),
+    "compositing_printed": Term(1.0, _EQ5, losses.compositing_l2, "printed"),
+    "reflectance_map_l2": Term(
+        1.0, _MAP, lambda error, inside: masked_mean(ops.square(error), inside), "printed"
     ),
-    "log_exponent_l1": Term(
-        1.0, "log_exponent", _log_exponent(losses.log_exponent_l1), _EXPONENTS, "printed"
-    ),
-    "diffuse_albedo": Term(1.0, "albedos", _diffuse_albedo(losses.albedo_l2), _DIFFUSE, "printed"),
-    "specular_albedo": Term(
-        1.0, "albedos", _specular_albedo(losses.albedo_l2), _SPECULAR, "printed"
-    ),
-    "compositing_printed": Term(1.0, "albedos", _compositing_printed, _PERCEIVED, "printed"),
-    "reflectance_map_l2": Term(1.0, "reflectance_map", _map(ops.square), _OF_MAP, "printed"),
     # Those in their place.
-    "structure": Term(1.0, "mask", _mask(losses.mask_structure), losses="robust"),
-    "exponent": Term(
-        0.1,
-        "exponent_bin_probabilities",
-        _exponent(losses.exponent_cross_entropy),
-        _EXPONENTS,
-        "robust",
+    "structure": Term(1.0, _MASK, losses.mask_structure, "robust"),
+    "exponent": Term(0.1, _BINS, losses.exponent_cross_entropy, "robust"),
+    "log_exponent": Term(0.3, _LOG, losses.log_exponent_l2, "robust"),
+    "diffuse_albedo_l1": Term(1.0, _DIFFUSE_ALBEDO, losses.albedo_l1, "robust"),
+    "specular_albedo_l1": Term(1.0, _SPECULAR_ALBEDO, losses.albedo_l1, "robust"),
+    "compositing": Term(1.0, _EQ5_OF_PHOTO, losses.compositing_l1, "robust"),
+    "reflectance_map": Term(
+        1.0, _MAP, lambda error, inside: masked_mean(ops.abs(error), inside), "robust"
     ),
-    "log_exponent": Term(
-        0.3, "log_exponent", _log_exponent(losses.log_exponent_l2), _EXPONENTS, "robust"
-    ),
-    "diffuse_albedo_l1": Term(
-        1.0, "albedos", _diffuse_albedo(losses.albedo_l1), _DIFFUSE, "robust"
-    ),
-    "specular_albedo_l1": Term(
-        1.0, "albedos", _specular_albedo(losses.albedo_l1), _SPECULAR, "robust"
-    ),
-    "compositing": Term(1.0, "albedos", _compositing, (*_PERCEIVED, "clipped", "cast"), "robust"),
-    "reflectance_map": Term(1.0, "reflectance_map", _map(ops.abs), _OF_MAP, "robust"),
 }
 PERCEPTUAL = ("compositing", "compositing_printed")
 """The terms of Eq. 5."""
@@ -307,8 +282,8 @@ def _log_exponents(batch: Batch, outputs: Mapping[str, Any]) -> tuple[Any, Any]:
     """Return true and estimated log10 s, each `(B, 1)`; expected value of probabilities."""
     least = 10.0**shininess.LOG_LOW
     true = ops.log10(ops.maximum(batch["shininess"], least))
-    found = shininess.log_of_outputs(outputs)
-    return ops.expand_dims(true, -1), ops.expand_dims(found, -1)
+    estimated = shininess.log_of_outputs(outputs)
+    return ops.expand_dims(true, -1), ops.expand_dims(estimated, -1)
 
 
 def _bins(batch: Batch, outputs: Mapping[str, Any]) -> tuple[Any, Any]:
@@ -322,48 +297,30 @@ def _layers(name: str) -> Callable[[Batch, Mapping[str, Any]], tuple[Any, Any, A
     return lambda batch, outputs: (batch[name], outputs[name], batch["mask"])
 
 
+_ERROR = keras.metrics.MeanAbsoluteError
+_EXPONENT = "exponent_bin_probabilities"
 MEASURES = {
     "mask_iou_pooled": StageMeasure(
-        PooledIoU, lambda batch, outputs: (batch["mask"], outputs["mask"])
+        "mask", PooledIoU, lambda batch, outputs: (batch["mask"], outputs["mask"])
     ),
-    "specular_shading_relative": StageMeasure(MaskedRelativeError, _layers("specular_shading")),
-    "mirror_relative": StageMeasure(MaskedRelativeError, _layers("mirror")),
-    "exponent_exact": StageMeasure(lambda name: WithinBins(0, name), _bins),
-    "exponent_within_one": StageMeasure(lambda name: WithinBins(1, name), _bins),
-    "log_exponent_mae": StageMeasure(keras.metrics.MeanAbsoluteError, _log_exponents),
+    "specular_shading_relative": StageMeasure(
+        "specular_shading", MaskedRelativeError, _layers("specular_shading")
+    ),
+    "mirror_relative": StageMeasure("mirror", MaskedRelativeError, _layers("mirror")),
+    "exponent_exact": StageMeasure(_EXPONENT, lambda name: WithinBins(0, name), _bins),
+    "exponent_within_one": StageMeasure(_EXPONENT, lambda name: WithinBins(1, name), _bins),
+    "log_exponent_mae": StageMeasure(_EXPONENT, _ERROR, _log_exponents),
     "diffuse_albedo_mae": StageMeasure(
-        keras.metrics.MeanAbsoluteError,
+        "albedos",
+        _ERROR,
         lambda batch, outputs: (batch["diffuse_albedo"], outputs["diffuse_albedo"]),
     ),
     "specular_albedo_mae": StageMeasure(
-        keras.metrics.MeanAbsoluteError,
+        "albedos",
+        _ERROR,
         lambda batch, outputs: (
             ops.expand_dims(batch["specular_albedo"], -1),
             outputs["specular_albedo"],
         ),
     ),
 }
-
-_EXPONENT = ("exponent_exact", "exponent_within_one", "log_exponent_mae")
-_ALBEDOS = ("diffuse_albedo_mae", "specular_albedo_mae")
-_ALBEDO_TERMS = (
-    "diffuse_albedo",
-    "specular_albedo",
-    "diffuse_albedo_l1",
-    "specular_albedo_l1",
-)
-_EXPONENT_TERMS = ("exponent_binary", "exponent", "log_exponent_l1", "log_exponent")
-LEARNING = {
-    "segmentation": Learning(("mask", "structure"), ("mask_iou_pooled",)),
-    "specular": Learning(("specular",), ("specular_shading_relative",), joined=1),
-    # Under Muon its deep levels grew by a factor of five each, until a level above them died.
-    "mirror": Learning(("mirror",), ("mirror_relative",), joined=1, optimizer="adam"),
-    "albedo": Learning((*_ALBEDO_TERMS, *PERCEPTUAL), _ALBEDOS, joined=3),
-    "exponent": Learning(_EXPONENT_TERMS, _EXPONENT, joined=2),
-    "trunk": Learning(
-        (*_ALBEDO_TERMS, *PERCEPTUAL, *_EXPONENT_TERMS), (*_EXPONENT, *_ALBEDOS), joined=2
-    ),
-    "reflectance_map": Learning(("reflectance_map_l2", "reflectance_map"), joined=1),
-    "material": Learning((*_ALBEDO_TERMS, *_EXPONENT_TERMS), (*_EXPONENT, *_ALBEDOS), joined=1),
-}
-"""Row of each subnetwork by name, in the order in which subnetworks are trained alone."""

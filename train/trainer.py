@@ -5,7 +5,7 @@ A run's folder holds:
 - `config.json`: the record of the run;
 - `stages/N-name.npz`: weights, optimiser state and step of a stage;
 - `curves/N-name.csv`: losses and measures of a stage;
-- `evaluation.json`: measures of the whole system on the held-out examples;
+- `evaluation.json`: measures of the whole system on the validation set;
 - `tensorboard/`: the same, with gradient norms;
 - `photos/`: the photos that it learns from (`train.photos`);
 - `model/`: the trained model with a copy of the record;
@@ -37,7 +37,7 @@ from .optimizer import OPTIMIZERS, LossScale
 from .photos import answers
 from .photos.making import OnMaking
 from .stage_model import StageModel
-from .stage_training import Files, Progress, StageTraining, Tell, evaluate
+from .stage_training import Files, Progress, StageRun, StageTraining, Tell, evaluate
 from .stages import WARM_UP, Stage
 from .state import Checkpoint
 from .summary import evaluation_path
@@ -126,12 +126,10 @@ class _Run:
     """A run whose subnetworks are built and whose stages are known: to learn, then to evaluate.
 
     Attributes:
-        left: stages that are not finished.
         untrained: names of the subnetworks for which there are no trained weights, also at the end.
 
     Args:
-        folder, config, data, tell, only, reuse, start_from: as `train` takes them.
-        split: devices that each batch is split between.
+        folder, config, data, split, tell, only, reuse, start_from: as `train` takes them.
 
     Raises:
         ValueError: as `train` does of what the folders hold.
@@ -153,79 +151,95 @@ class _Run:
         # The subnetworks, fresh or begun with.
         begun: list[str] = []
         with split.scope():
-            self._subnetworks = _build(config)
+            with computing_in(config.precision):
+                self._subnetworks = build(config.architecture, config.seed)
             if start_from is not None and split.leads:
                 initial_weights.keep(start_from, folder)
             hosts.assert_same({"--start-from": start_from is not None})
             if config.begun_from is not None:
-                begun = initial_weights.load(folder, self._subnetworks, record=split.leads)
+                begun = initial_weights.load(folder, self._subnetworks)
             if config.architecture.pretrained and "segmentation" not in begun:
                 backbone.begin(self._subnetworks["segmentation"])
-            _freeze(config, self._subnetworks, begun)
+        if begun and split.leads:
+            fresh = [name for name in self._subnetworks if name not in begun]
+            print(f"continued: {', '.join(begun)}; fresh: {', '.join(fresh) or 'none'}")
+        _freeze(config, self._subnetworks, begun)
         if "segmentation" in begun:
             data.set_masker(self._subnetworks["segmentation"])
         self._trained = set(begun)
         # The stages, as far as their checkpoints stand.
-        self._parts = _parts(folder, config, self._subnetworks, split, only, reuse)
+        self._parts = self._open_stages(only, reuse)
         positions = [[part.stage.name, part.step] for part in self._parts]
         hosts.assert_same({"checkpoints or --stages": positions})
-        self.left = [part for part in self._parts if not part.finished]
-        learnt = (name for part in self._parts for name in part.stage.subnetworks)
-        known = {*begun, *learnt}
+        known = {*begun, *(name for part in self._parts for name in part.stage.subnetworks)}
         self.untrained = [name for name in self._subnetworks if name not in known]
+
+    def _open_stages(self, only: Collection[str] | None, reuse: Path | None) -> list[StageRun]:
+        """Return the stages that are finished or to be trained, in order."""
+        config, out = self._config, []
+        signatures: dict[str, str] = {}
+        for number, stage in enumerate(stages_of(config), 1):
+            networks = {part: self._subnetworks[part] for part in stage.subnetworks}
+            kept = answers.independent(networks, config.frozen or ())
+            learning = {name: one for name, one in networks.items() if name not in kept}
+            model = self._model(learning, kept)
+            signature = _signature(config, stage, model, signatures)
+            files = Files(self._folder, f"{number}-{stage.name}")
+            checkpoint = Checkpoint(files.checkpoint, signature)
+            if reuse is not None:
+                if self._split.leads:
+                    _take_over(reuse, stage, signature, files)
+                hosts.assert_same({"--reuse": stage.name})
+            part = StageRun(stage, model, kept, checkpoint, files, checkpoint.step() or 0)
+            if part.is_finished or only is None or stage.name in only:
+                out.append(part)
+                signatures |= dict.fromkeys(stage.subnetworks, signature)
+        return out
+
+    def _model(
+        self, subnetworks: Mapping[str, keras.Model], kept: Mapping[str, keras.Model]
+    ) -> StageModel:
+        config, split = self._config, self._split
+        with split.scope():
+            return StageModel(
+                subnetworks,
+                config.compositing,
+                config.schedule.losses,
+                config.lobe,
+                kept,
+                split.replicas,
+            )
 
     def learn(self) -> None:
         """Load the finished stages, train the others in order, and write the model."""
         for part in self._parts:
-            self._trained |= set(part.stage.subnetworks)
-            if part.finished:
-                self._load(part)
+            if part.is_finished:
+                part.checkpoint.restore(part.model)
+                self._tell(Progress(part.stage, part.step, {}, 0.0))
             else:
-                self._compiled(part).run()
-            name = part.stage.name
-            if name == "segmentation":
-                self._data.set_masker(self._subnetworks[name])
+                with self._split.scope():
+                    _compile(part.model, part.stage, self._config)
+                StageTraining(part, self._data, self._split, self._tell).run()
+            self._trained |= set(part.stage.subnetworks)
+            if part.stage.name == "segmentation":
+                self._data.set_masker(self._subnetworks["segmentation"])
         if self._parts and self._split.leads:
             self._write()
 
     def evaluate(self) -> None:
         """Evaluate the whole system, if all of it is trained and something of it is new."""
-        path = evaluation_path(self._folder)
-        if not self._parts or self.untrained or (path.is_file() and not self.left):
+        path, split = evaluation_path(self._folder), self._split
+        is_new = not path.is_file() or not all(part.is_finished for part in self._parts)
+        if not self._parts or self.untrained or not is_new:
             return
-        config, split = self._config, self._split
+        model = self._model(self._subnetworks, {})
         with split.scope():
-            model = StageModel(
-                self._subnetworks,
-                config.compositing,
-                config.schedule.losses,
-                config.lobe,
-                replicas=split.replicas,
-            )
             model.compile()
         _, measures, examples = evaluate(model, self._data.validation(model.features), split)
         if split.leads:
             finite = {name: v if math.isfinite(v) else None for name, v in measures.items()}
             text = json.dumps({"examples": examples, "measures": finite}, indent=1)
             atomic.write(path, text + "\n")
-
-    def _load(self, part: "_StageRun") -> None:
-        part.checkpoint.restore(part.model)
-        self._tell(Progress(part.stage, part.step, {}, 0.0))
-
-    def _compiled(self, part: "_StageRun") -> StageTraining:
-        with self._split.scope():
-            _compile(part.model, part.stage, self._config)
-        return StageTraining(
-            part.stage,
-            part.model,
-            part.checkpoint,
-            part.files,
-            self._data,
-            self._split,
-            part.kept,
-            self._tell,
-        )
 
     def _write(self) -> None:
         """Write what is trained so far with a copy of the run's record, in place of the earlier."""
@@ -236,22 +250,6 @@ class _Run:
         ):
             weights.save(partial, self._config.architecture, trained)
             atomic.write(partial / "training.json", config_path(self._folder).read_bytes())
-
-
-@dataclasses.dataclass(frozen=True)
-class _StageRun:
-    """A stage to load or to train, with the number of batches at which its checkpoint stands."""
-
-    stage: Stage
-    model: StageModel
-    kept: Mapping[str, keras.Model]
-    checkpoint: Checkpoint
-    files: Files
-    step: int
-
-    @property
-    def finished(self) -> bool:
-        return self.step == self.stage.steps
 
 
 def stages_of(config: Config) -> list[Stage]:
@@ -274,49 +272,6 @@ def _freeze(config: Config, subnetworks: Mapping[str, keras.Model], begun: Colle
                 f"--freeze {name}: this run {why}; pass --start-from with a model that has it"
             )
         subnetworks[name].trainable = False
-
-
-def _parts(
-    run: Path,
-    config: Config,
-    subnetworks: Mapping[str, keras.Model],
-    split: Devices,
-    only: Collection[str] | None,
-    reuse: Path | None,
-) -> list[_StageRun]:
-    """Return the stages that are finished or to be trained, in order."""
-    parts: list[_StageRun] = []
-    trained: dict[str, str] = {}
-    for number, stage in enumerate(stages_of(config), 1):
-        networks = {part: subnetworks[part] for part in stage.subnetworks}
-        kept = answers.independent(networks, config.frozen or ())
-        with split.scope():
-            model = StageModel(
-                {part: network for part, network in networks.items() if part not in kept},
-                config.compositing,
-                config.schedule.losses,
-                config.lobe,
-                kept,
-                split.replicas,
-            )
-        signature = _signature(config, stage, model, trained)
-        files = Files(run, f"{number}-{stage.name}")
-        checkpoint = Checkpoint(files.checkpoint, signature)
-        if reuse is not None:
-            if split.leads:
-                _take_over(reuse, stage, signature, files)
-            hosts.assert_same({"--reuse": stage.name})
-        part = _StageRun(stage, model, kept, checkpoint, files, checkpoint.step() or 0)
-        if part.finished or only is None or stage.name in only:
-            parts.append(part)
-            trained |= dict.fromkeys(stage.subnetworks, signature)
-    return parts
-
-
-def _build(config: Config) -> dict[str, keras.Model]:
-    """Build the run's subnetworks with fresh weights, in the config's precision."""
-    with computing_in(config.precision):
-        return build(config.architecture, config.seed)
 
 
 def _compile(model: StageModel, stage: Stage, config: Config) -> None:

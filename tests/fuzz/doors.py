@@ -174,7 +174,7 @@ def _masker(folder: Path) -> None:
 def _run_file(folder: Path) -> None:
     """Read a JSON file of a run or a rendering with what reads a file of that name."""
     from lime_keras.render.jobs import inputs, resuming
-    from lime_keras.train import config, initial_weights, summary
+    from lime_keras.train import config, summary
 
     folder = folder / "run"
     path = _file(folder)
@@ -182,10 +182,6 @@ def _run_file(folder: Path) -> None:
         config.check(folder, config.Config.read(folder))
     elif path.name == "evaluation.json":
         summary.evaluation(folder)
-    elif path.name == "taken.json":
-        (folder / "begun-from").mkdir()
-        path.rename(folder / "begun-from" / path.name)
-        initial_weights.described(folder)
     elif path.name == "inputs.json":
         found = inputs.read(path)
         inputs.unusable(found)

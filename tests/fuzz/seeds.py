@@ -320,7 +320,6 @@ def runs(folder: Path) -> None:
     for name, content in {
         "config": {"config": dataclasses.asdict(config), "version": "0", "corpora": []},
         "evaluation": {"examples": 4, "measures": {"mask_iou": 0.5, "exponent_exact": None}},
-        "taken": {"taken": ["mirror"], "fresh": ["specular", "albedo"]},
         "inputs": findings,
         "description": {"split": "train", "count": 4, "seed": 0, "size": 64, "shapes": None},
         "sidecar": {"examples": 1, "sha256": "0" * 64, "failures": [], "packages": {"numpy": "2"}},

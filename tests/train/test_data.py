@@ -176,12 +176,6 @@ def test_scenes_are_plain_without_mixed_lights_and_endless_bodies(tmp_path, law)
     assert Split(corpus, "train").is_plain == (not law)
 
 
-def test_a_bank_is_refused_with_what_took_its_place(tmp_path):
-    (tmp_path / "bank" / "geometry").mkdir(parents=True)
-    with pytest.raises(ValueError, match=r"is a bank.* `lime-render OUT --split train --endless"):
-        corpus_sha256([tmp_path / "bank"])
-
-
 def test_the_data_are_identified_by_their_files(paths):
     names = ("corpus", "other")
     digests = {corpus_sha256([paths / name]) for name in names}

@@ -17,7 +17,7 @@ def test_held_out_losses_before_and_after_each_stage(tmp_path):
     two.add(7, {"loss": 2.0}, {"loss": 2.0, "specular": 0.5, "mirror": 1.5}, relative)
     lines = [line.split() for line in table(tmp_path).splitlines()]
     assert lines == [
-        "stage batches minutes held-out loss or measure before after".split(),
+        "stage batches minutes validation loss or measure before after".split(),
         ["segmentation", "3", "0.0", "mask", "0.5000", "0.2500"],
         ["mask_iou_pooled", "0.0000", "0.9000"],
         ["specular+mirror", "7", "0.0", "loss", "3.0000", "2.0000"],
@@ -33,7 +33,7 @@ def test_measures_of_the_whole_system(tmp_path):
     evaluation_path(tmp_path).write_text(json.dumps(found), encoding="utf-8")
     lines = [line.split("  ") for line in evaluation(tmp_path).splitlines()]
     assert [[cell.strip() for cell in line if cell] for line in lines] == [
-        ["whole system", "of 48 held-out examples"],
+        ["whole system", "of 48 validation examples"],
         ["mask_iou_pooled", "0.7500"],
         ["exponent_exact", "not finite"],
     ]

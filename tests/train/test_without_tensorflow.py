@@ -15,8 +15,8 @@ from lime_keras.train.stages import SCHEDULES, Schedule
 @pytest.mark.parametrize(
     "backend, expected",
     [
-        ("jax", "photos are made of records, which TensorFlow reads, and it is not installed"),
-        ("tensorflow", "TensorFlow is not installed: install it, or set KERAS_BACKEND=jax"),
+        ("jax", "making photos needs tensorflow: pip install"),
+        ("tensorflow", "this command needs tensorflow: pip install"),
     ],
 )
 def test_what_needs_tensorflow_says_so(backend, expected, tmp_path):

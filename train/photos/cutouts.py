@@ -194,13 +194,6 @@ def _shadow(cover: np.ndarray, generator: np.random.Generator) -> np.ndarray:
 
 def _shifted(image: np.ndarray, down: int, right: int) -> np.ndarray:
     """Return an image `(S, S, C)` moved by whole pixels, 0 where nothing comes in."""
-    out = np.zeros_like(image)
-    rows, columns = _moved(len(image), down), _moved(len(image), right)
-    out[rows[1], columns[1]] = image[rows[0], columns[0]]
-    return out
-
-
-def _moved(size: int, by: int) -> tuple[slice, slice]:
-    """Return which part of `size` pixels stays visible when they move, and where it comes to."""
-    source = slice(max(-by, 0), size - max(by, 0))
-    return source, slice(source.start + by, source.stop + by)
+    size, margin = len(image), max(abs(down), abs(right))
+    padded = np.pad(image, ((margin, margin), (margin, margin), (0, 0)))
+    return padded[margin - down :, margin - right :][:size, :size]

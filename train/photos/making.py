@@ -48,7 +48,7 @@ class Recipe:
         paint: `prints`, `clutter`, or None for none (`photos.paint`).
         cutouts: folders of things and places whose cut-outs half of the photos show, or None.
         validation: None for photos of the scenes that are trained on, in an order of their own each
-            time all were seen; else how many of those that each corpus holds out are photographed,
+            time all were seen; else how many validation scenes of each corpus are photographed,
             once each, in order, by their own seeds.
     """
 
@@ -78,19 +78,20 @@ class Scenes:
 
     Raises:
         FileNotFoundError: if a split is incomplete.
-        ValueError: if TensorFlow is missing, or a split is too small or damaged.
+        MissingExtra: if TensorFlow is not installed.
+        ValueError: if a split is too small or damaged.
     """
 
     def __init__(self, recipe: Recipe):
-        _import_tensorflow()
+        console.import_tensorflow()
         from lime_keras.data import pipeline
 
         self._recipe = recipe
         self.shards: list[Path] = []
         self._records: list[tuple[Path, int, int]] = []
         for corpus in recipe.corpora:
-            training, held_out = pipeline.training_shards(corpus)
-            shards = training if recipe.validation is None else held_out
+            training, validation = pipeline.training_shards(corpus)
+            shards = training if recipe.validation is None else validation
             spans = [(path, *span) for path in shards for span in pipeline.record_spans(path)]
             self._records += spans[: recipe.validation]
             self.shards += shards
@@ -266,11 +267,12 @@ def make(recipe: Recipe, photos: Kept, title: str, on_making: OnMaking) -> None:
         FileNotFoundError: if a split is incomplete, or a folder of cut-outs holds nothing of use.
         OSError: if the disk is full.
         RuntimeError: if a process died.
-        ValueError: if TensorFlow is missing, or a split is too small or damaged.
+        MissingExtra: if TensorFlow is not installed.
+        ValueError: if a split is too small or damaged.
     """
     if photos.is_complete:
         return
-    _import_tensorflow()
+    console.require("making photos", "tensorflow")
     missing = photos.begin()
     done = photos.count - sum(map(len, missing))
     for part in _finished(recipe, photos, missing):
@@ -278,16 +280,6 @@ def make(recipe: Recipe, photos: Kept, title: str, on_making: OnMaking) -> None:
         done += len(part)
         on_making(title, done, photos.count)
     photos.finish({"recipe": json.loads(json.dumps(dataclasses.asdict(recipe), default=str))})
-
-
-def _import_tensorflow() -> None:
-    try:
-        console.import_tensorflow()
-    except ImportError as error:
-        raise ValueError(
-            "photos are made of records, which TensorFlow reads, and it is not installed: install "
-            "it, or copy a run whose photos are made"
-        ) from error
 
 
 def _finished(recipe: Recipe, photos: Kept, missing: list[range]) -> Iterator[range]:

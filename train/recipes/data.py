@@ -57,16 +57,16 @@ def validation_names(names: Iterable[str], count: int) -> set[str]:
     return set(ranked[: max(1, min(count, len(ranked) // 5))])
 
 
-def link_sides(data: Path, kind: str, held_out: int, out: Path) -> None:
-    """Link the files of DATA into OUT/KIND/train and OUT/KIND/test, validation's into the latter.
+def link_sides(data: Path, kind: str, count: int, out: Path) -> None:
+    """Link the files of DATA into OUT/KIND/train, and those of validation into OUT/KIND/test.
 
     `lime-render --shapes OUT/meshes --environments OUT/environments` then renders the one side by
     `--split train`, the other by `--split test`.
     """
     files = training_files(data, kind)
-    kept_out = validation_names([path.name for path in files], held_out)
+    validation = validation_names([path.name for path in files], count)
     wanted = {
-        out / kind / ("test" if path.name in kept_out else "train") / path.name: path.resolve()
+        out / kind / ("test" if path.name in validation else "train") / path.name: path.resolve()
         for path in files
     }
     for side in ("train", "test"):

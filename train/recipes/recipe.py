@@ -164,7 +164,7 @@ class Recipe:
     def scaled(self, factor: float) -> "Recipe":
         """Return the recipe with `factor` times the batches, photos and examples, for a trial.
 
-        Each corpus keeps at least 40 examples, so that it has some to hold out.
+        Each corpus keeps at least 40 examples, so that it has some for validation.
         """
 
         def times(number: int, least: int = 1) -> int:

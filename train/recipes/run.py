@@ -106,8 +106,8 @@ class _Run:
                     files |= data.digests(data_folder, kind, bar.move)
         self._record = self._begin(name, seed, files)
         if data_folder is not None and files:
-            for kind, held_out in zip(data.SUFFIXES, found.held_out, strict=True):
-                data.link_sides(data_folder, kind, held_out, self._folder / steps.DATA)
+            for kind, count in zip(data.SUFFIXES, found.held_out, strict=True):
+                data.link_sides(data_folder, kind, count, self._folder / steps.DATA)
         # The steps.
         things = self._fetch_cutouts()
         self._steps = steps.steps(found, seed, any("sha256" in one for one in things))

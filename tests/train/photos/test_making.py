@@ -8,6 +8,7 @@ import pytest
 from sphere_corpus import example, write_split
 
 from lime_keras.data import camera
+from lime_keras.networks import SUBNETWORKS
 from lime_keras.optics import camera_law, colour
 from lime_keras.train import terms
 from lime_keras.train.config import corpus_sha256
@@ -16,7 +17,7 @@ from lime_keras.train.photos.kept import Kept
 from lime_keras.train.photos.making import Recipe, Studio
 
 SIZE = 32
-FEATURES = (*terms.features_of(terms.terms_of(terms.LEARNING, "robust")), "seed", "index")
+FEATURES = (*terms.features_of(terms.terms_of(SUBNETWORKS, "robust")), "seed", "index")
 
 
 @pytest.fixture(scope="module")
