@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
+from lime_keras.data.corpus import SPLITS, Split
 from lime_keras.io import atomic
 
 from . import croissant, data_card
-from .contents import read
 
 
 def write(folder: Path) -> list[Path]:
@@ -20,7 +20,8 @@ def write(folder: Path) -> list[Path]:
     Returns:
         The paths of the files that were written.
     """
-    parts = read(folder)
+    splits = [Split(folder, name) for name in SPLITS]
+    parts = [split for split in splits if split.manifest_path.is_file()]
     if not parts:
         return []
     name = folder.resolve().name

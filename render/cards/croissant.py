@@ -8,9 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from lime_keras.data.corpus import Split
 from lime_keras.version import __version__
-
-from .contents import Part
 
 FIELDS = {
     "image": ("sc:ImageObject", "LDR sRGB over its background, (S, S, 3); PNG, 8 bits"),
@@ -41,12 +40,12 @@ _CITED = (
 )
 
 
-def text(name: str, parts: Sequence[Part]) -> str:
+def text(name: str, parts: Sequence[Split]) -> str:
     """Return the metadata as JSON.
 
     Args:
         name: name of the folder.
-        parts: its complete parts, at least one.
+        parts: its complete splits, at least one.
     """
     metadata: dict[str, Any] = {
         "@context": json.loads(_CONTEXT.read_text(encoding="utf-8")),
@@ -58,14 +57,27 @@ def text(name: str, parts: Sequence[Part]) -> str:
         "citeAs": _CITED,
         "version": __version__,
         "distribution": [
-            *(_file(*file) for part in parts for file in sorted(part.files.items())),
+            *(
+                _file(f"{part.name}/{part.shard_path(number).name}", digest)
+                for part in parts
+                for number, digest in enumerate(part.sha256)
+            ),
             *map(_shards, parts),
         ],
     }
-    if all(part.is_built_in for part in parts):
+    if all(map(is_built_in, parts)):
         metadata["license"] = "https://spdx.org/licenses/MIT.html"
     metadata["recordSet"] = [_records(part) for part in parts]
     return json.dumps(metadata, indent=1, ensure_ascii=False) + "\n"
+
+
+def is_built_in(part: Split) -> bool:
+    """Return whether no file of a user is in a split, not even through a bank, as there once was.
+
+    Raises:
+        ValueError: if its manifest is broken.
+    """
+    return not any(part.inputs.values()) and "bank" not in part.manifest["description"]
 
 
 def _file(path: str, digest: str) -> dict[str, Any]:
@@ -79,7 +91,7 @@ def _file(path: str, digest: str) -> dict[str, Any]:
     }
 
 
-def _shards(part: Part) -> dict[str, Any]:
+def _shards(part: Split) -> dict[str, Any]:
     return {
         "@type": "cr:FileSet",
         "@id": f"{part.name}-shards",
@@ -89,7 +101,7 @@ def _shards(part: Part) -> dict[str, Any]:
     }
 
 
-def _records(part: Part) -> dict[str, Any]:
+def _records(part: Split) -> dict[str, Any]:
     def field(name: str) -> dict[str, Any]:
         kind, content = FIELDS[name]
         repeated = {"repeated": True} if name in _REPEATED else {}

@@ -8,8 +8,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from string import Template
 
-from .contents import Part
-from .croissant import FIELDS
+from lime_keras.data.corpus import Split
+
+from .croissant import FIELDS, is_built_in
 
 _CARD = Path(__file__).with_name("data_card.md")
 WRITTEN = "<!-- written by lime-render; without this line the file is kept as it is -->"
@@ -23,14 +24,14 @@ _OTHERS = (
 )
 
 
-def text(name: str, parts: Sequence[Part]) -> str:
+def text(name: str, parts: Sequence[Split]) -> str:
     """Return the card as Markdown with a YAML head.
 
     Args:
         name: name of the folder.
-        parts: its complete parts, at least one.
+        parts: its complete splits, at least one.
     """
-    built_in = all(part.is_built_in for part in parts)
+    built_in = all(map(is_built_in, parts))
     count = sum(part.count for part in parts)
     return Template(_CARD.read_text(encoding="utf-8")).substitute(
         name=name,
@@ -52,16 +53,15 @@ def is_ours(path: Path) -> bool:
         return True
 
 
-def _parts(parts: Sequence[Part]) -> str:
+def _parts(parts: Sequence[Split]) -> str:
     rows = [
         "| part | entries | pixels | shapes | lights | files |",
         "|---|---:|---:|---:|---:|---:|",
     ]
     for part in parts:
-        size = part.description["size"]
         rows.append(
-            f"| {part.name} | {part.count} | {size} × {size} | {len(part.shapes)} | {part.lights} "
-            f"| {len(part.files)} |"
+            f"| {part.name} | {part.count} | {part.size} × {part.size} | {len(part.shapes)} "
+            f"| {len(part.lights)} | {len(part.sha256)} |"
         )
     return "\n".join(rows) + "\n"
 
@@ -71,15 +71,16 @@ def _fields() -> str:
     return "\n".join(["| feature | content |", "|---|---|", *rows]) + "\n"
 
 
-def _made(part: Part) -> str:
+def _made(part: Split) -> str:
     """Return the list of everything that the bytes of a part depend on."""
     rows = [f"`{part.name}`:\n"]
     rows += [
         f"- {key.replace('_', ' ')}: {'built in' if value is None else value}"
-        for key, value in part.description.items()
+        for key, value in part.manifest["description"].items()
     ]
     for kind, files in part.inputs.items():
         if files:
             rows.append(f"- files of {kind}: {', '.join(sorted(files))}")
-    rows.append(f"- packages: {', '.join(f'{k} {v}' for k, v in sorted(part.packages.items()))}")
+    packages = sorted(part.manifest["packages"].items())
+    rows.append(f"- packages: {', '.join(f'{name} {version}' for name, version in packages)}")
     return "\n".join(rows) + "\n"

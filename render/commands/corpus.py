@@ -1,31 +1,65 @@
 """`lime-render OUT`: render one split of a corpus."""
 
 import argparse
+import sys
+from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from lime_keras import console
-from lime_keras.data.corpus import LOBES, Split
+from lime_keras import console, processors
+from lime_keras.data.corpus import LOBES, SPLITS, Split
 
 from ..scene.quality import QUALITIES
-from . import options as shared
+
+if TYPE_CHECKING:
+    from ..mitsuba_setup.variants import Choice
 
 INTERRUPTED = "the same command goes on with the shards that are missing"
+_MATERIALS = ("uniform", "natural")  # `material_law.LAWS`, without NumPy
+_LIGHT_LAWS = ("mixed", "maps")  # `sources.LIGHT_LAWS`, without NumPy
+_MOST_IN_A_SHARD = 512
 
 
 def add_options(out: argparse.ArgumentParser) -> None:
     """Add the options for rendering."""
     out.add_argument("out", type=Path, metavar="OUT", help="folder of the corpus")
-    contents = shared.add_contents(out, "examples")
-    contents.add_argument(
-        "--size", type=shared.size, default=256, help="height and width in pixels (default: 256)"
+    _add_contents(out.add_argument_group("contents"))
+    _add_inputs(
+        out.add_argument_group(
+            "input",
+            "A fifth of the files of --shapes and --environments is kept for the test split. "
+            "Folders with subfolders train and test are split by these.",
+        )
     )
-    contents.add_argument(
+    _add_speed(out.add_argument_group("speed"))
+
+
+def _add_contents(out: Any) -> None:
+    """Add the options of what is drawn, and how much of it."""
+    out.add_argument("--split", choices=SPLITS, required=True, help="which half of the data")
+    out.add_argument(
+        "--count", type=console.count, required=True, help="number of examples to render"
+    )
+    out.add_argument(
+        "--seed",
+        type=console.whole(0, 2**63 - 1),
+        default=0,
+        help="of everything random (default: 0)",
+    )
+    out.add_argument(
+        "--size",
+        type=console.whole(32, multiple=32),
+        default=256,
+        help="height and width in pixels (default: 256)",
+    )
+    # Laws.
+    out.add_argument(
         "--materials",
-        choices=shared.MATERIALS,
-        default=shared.MATERIALS[0],
+        choices=_MATERIALS,
+        default=_MATERIALS[0],
         help="law of the materials: the paper's, or as common objects have them (default: uniform)",
     )
-    contents.add_argument(
+    out.add_argument(
         "--lobe",
         dest="shading",
         choices=LOBES,
@@ -33,62 +67,113 @@ def add_options(out: argparse.ArgumentParser) -> None:
         help="S normalised to the white furnace, or Eq. 3 as printed, which gives m_s in the "
         "paper's unit (default: furnace)",
     )
-    contents.add_argument(
+    out.add_argument(
         "--light-law",
-        choices=shared.LIGHT_LAWS,
+        choices=_LIGHT_LAWS,
         help="mixed: each light is made of maps, rooms, skies and lamps, and crops and backgrounds "
         "vary more; maps: each light is one map, as the paper has it (default: mixed for training, "
         "maps for test)",
     )
-    contents.add_argument(
+    out.add_argument(
         "--endless",
-        type=shared.share,
+        type=_share,
         metavar="SHARE",
         help="share of the bodies that are made for eight examples alone: random shapes, and those "
         "of --shapes deformed; 0 to 1 (default: 0.5 for training, 0 for test)",
     )
-    contents.add_argument(
+    out.add_argument(
         "--quality",
         choices=tuple(QUALITIES),
         default="fast",
         help="reference converges, and takes many times as long (default: fast)",
     )
-    contents.add_argument(
+    out.add_argument(
         "--lights",
         choices=("unseen", "known"),
         default="unseen",
         help="of a test split: lights of its own, or those of the train split, newly turned, as "
         "the paper tests (default: unseen)",
     )
-    contents.add_argument(
+    # What is built in.
+    out.add_argument(
         "--shape-count",
         type=console.count,
         metavar="N",
         help="of the built-in shapes (default: 400 for training, 100 for test)",
     )
-    contents.add_argument(
+    out.add_argument(
         "--light-count",
         type=console.count,
         metavar="N",
         help="of the built-in rooms (default: 40 for training, 12 for test)",
     )
-    shared.add_inputs(
-        out,
-        shapes="instead of the built-in shapes",
-        environments="environment maps (HDR, EXR; equirectangular) instead of the built-in rooms; "
-        "mixed lights have rooms and skies beside them",
+
+
+def _add_inputs(out: Any) -> None:
+    """Add the user's folders."""
+    out.add_argument(
+        "--shapes",
+        type=Path,
+        metavar="DIR",
+        help="meshes (OBJ, PLY, STL, GLB) instead of the built-in shapes",  # `meshes.EXTENSIONS`
     )
-    speed = out.add_argument_group("speed")
-    machines = speed.add_mutually_exclusive_group()
-    shared.add_workers(machines)
+    out.add_argument(
+        "--environments",
+        type=Path,
+        metavar="DIR",
+        help="environment maps (HDR, EXR; equirectangular) instead of the built-in rooms; mixed "
+        "lights have rooms and skies beside them",
+    )
+    out.add_argument(
+        "--backgrounds",
+        type=Path,
+        metavar="DIR",
+        help="pictures to put behind the objects instead of random textures",
+    )
+    out.add_argument(
+        "--unusable",
+        choices=("refuse", "skip"),
+        default="refuse",
+        help="what to do about files of these folders that cannot be used; each is named with the "
+        "reason (default: refuse to begin)",
+    )
+
+
+def _add_speed(out: Any) -> None:
+    """Add the options of processes, machines and files."""
+    machines = out.add_mutually_exclusive_group()
+    machines.add_argument(
+        "--workers",
+        type=console.count,
+        default=processors.count(),
+        help="processes (default: all cores that this process may use)",
+    )
     machines.add_argument(
         "--ray",
         metavar="ADDRESS",
         help="render on the Ray cluster at this address (HOST:PORT, or auto); its nodes must share "
         "OUT and the input folders",
     )
-    shared.add_device(speed)
-    shared.add_shard_size(speed, "examples", " (default: a twentieth of the count, at most 512)")
+    out.add_argument(
+        "--device",
+        choices=("cpu", "cuda"),  # `variants.DEVICES`
+        help="what renders: the processor, or an NVIDIA GPU (default: a GPU that works, or the one "
+        "that a corpus was begun with)",
+    )
+    out.add_argument(
+        "--shard-size",
+        type=console.count,
+        metavar="N",
+        help="examples in a file (default: a twentieth of the count, at most 512)",
+    )
+
+
+def _share(text: str) -> float:
+    """Parse an option that is a share, 0 to 1."""
+    value = float(text)
+    if not 0 <= value <= 1:
+        raise argparse.ArgumentTypeError(f"{text} is not in 0 … 1")
+    return value
 
 
 def run(options: argparse.Namespace) -> int:
@@ -101,9 +186,18 @@ def run(options: argparse.Namespace) -> int:
     from ..jobs.description import Description
 
     begun = Split(options.out, options.split).description_path
-    choice = shared.chosen_variant(begun, options.device)
+    choice = choose_variant(begun, options.device)
     light_law, endless = _laws(options)
+    folders = {
+        name: str(folder.resolve()) if (folder := getattr(options, name)) else None
+        for name in ("shapes", "environments", "backgrounds")
+    }
     description = Description(
+        split=options.split,
+        count=options.count,
+        seed=options.seed,
+        size=options.size,
+        shard_size=options.shard_size or min(_MOST_IN_A_SHARD, -(-options.count // 20)),
         quality=options.quality,
         shading=options.shading,
         variant=choice.variant,
@@ -113,7 +207,7 @@ def run(options: argparse.Namespace) -> int:
         light_count=options.light_count,
         light_law=light_law,
         endless=endless,
-        **shared.described(options, 512),
+        **folders,
     )
     with (
         console.Bar("files", "file") as checked,
@@ -132,7 +226,7 @@ def run(options: argparse.Namespace) -> int:
             on_example=rendered.move,
         )
     cards.write(options.out)
-    shared.print_remarks(manifest, "example")
+    _print_remarks(manifest)
     print(f"{manifest['examples']} examples in {options.out / options.split}")
     return 0
 
@@ -156,7 +250,7 @@ def _laws(options: argparse.Namespace) -> tuple[str, float]:
         ValueError: if a test split is asked for with anything but maps and shapes as they are.
     """
     is_test = options.split == "test"
-    mixed, maps = shared.LIGHT_LAWS
+    mixed, maps = _LIGHT_LAWS
     law = options.light_law or (maps if is_test else mixed)
     share = options.endless if options.endless is not None else (0.0 if is_test else 0.5)
     if is_test and (law != maps or share):
@@ -165,3 +259,39 @@ def _laws(options: argparse.Namespace) -> tuple[str, float]:
             "leave out --light-law and --endless"
         )
     return law, share
+
+
+def choose_variant(description: Path, device: str | None) -> "Choice":
+    """Choose a variant of Mitsuba, and tell it; what was begun with another one goes on with that.
+
+    Args:
+        description: file of the description with which a folder was begun; it need not exist.
+        device: one of `variants.DEVICES`; None for the one with which the folder was begun, or for
+            whichever works.
+
+    Raises:
+        RuntimeError: if the device cannot render here.
+    """
+    from ..jobs import resuming
+    from ..mitsuba_setup import variants
+
+    begun = (resuming.read_description(description) or {}).get("variant")
+    if begun is not None and device is None:
+        device = variants.device_of(begun)
+    choice = variants.choose(device)
+    if begun == variants.SLOW and device == variants.CPU_DEVICE:
+        # It was begun without a libLLVM: its other shards need the same variant.
+        choice = variants.Choice(variants.SLOW, None)
+    print(choice.explain(), file=sys.stderr)
+    return choice
+
+
+def _print_remarks(manifest: Mapping[str, Any]) -> None:
+    """Print what was repaired, skipped and replaced."""
+    for repair in manifest["repaired"]:
+        print(f"repaired: {repair}", file=sys.stderr)
+    for kind, skipped in manifest["skipped"].items():
+        for name, reason in skipped.items():
+            print(f"skipped: {kind}: {name}: {reason}", file=sys.stderr)
+    for failure in manifest["failures"]:
+        print(f"replaced: example {failure['index']}: {failure['error']}", file=sys.stderr)

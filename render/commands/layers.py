@@ -22,7 +22,7 @@ def add(subparsers: Any) -> None:
     )
     command.add_argument("corpus", type=Path, metavar="CORPUS", help="folder of the corpus")
     command.add_argument(
-        "index", type=shared.index, metavar="INDEX", help="of the example in the split"
+        "index", type=console.whole(0), metavar="INDEX", help="of the example in the split"
     )
     command.add_argument("--split", choices=SPLITS, required=True, help="which half of the corpus")
     command.add_argument(

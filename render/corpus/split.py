@@ -1,21 +1,27 @@
 """The rendering of a split: independent shards, written atomically by worker processes.
 
-The bytes of a shard depend on the split's description and the shard's number alone, not on the
-number of workers, nor on interruptions. A finished shard is never written again.
+Inputs are checked, the folder is claimed, and what is missing is rendered. The bytes of a shard
+depend on the split's description and the shard's number alone, not on the number of workers, nor on
+interruptions. A finished shard is never written again.
 """
 
+import dataclasses
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 from lime_keras.data.corpus import SPLITS, Split
+from lime_keras.io import locking
 
-from ..jobs import cluster, inputs, rendering, resuming
+from ..jobs import cluster, inputs, resuming
 from ..jobs.description import Description, Job
 from ..jobs.processes import Pool
-from ..jobs.rendering import OnProgress
 from ..mitsuba_setup import variants
 from . import worker
 from .random_example import Sources
+
+OnProgress = Callable[[int, int], None]
+"""A function that is called with (done, total) as work goes on."""
 
 
 def render_split(
@@ -51,40 +57,81 @@ def render_split(
         ValueError: if the folder holds a split of another description, or an input is unusable.
         RuntimeError: if a worker died, or the cluster cannot be used. Finished shards are kept.
     """
-    readers = Pool(workers)
-    job, findings = rendering.begin(
-        Job(out.absolute(), description, choice),
-        readers,
-        skip_unusable=skip_unusable,
-        tell=on_input,
-    )
+    readers, job = Pool(workers), Job(out.absolute(), description, choice)
+    # Check the inputs before the folder is made, so that an unusable file leaves nothing.
+    begun = _refuse_another(job)
+    known = None if begun is None else inputs.read(job.split.inputs_path)
+    findings = _inspect(job, readers, known, on_input)
+    if begun is None and not skip_unusable:
+        inputs.refuse(findings)
+    job = dataclasses.replace(job, usable=inputs.usable(findings))
     _check_other_split(job, findings)
     renderers: cluster.Cluster | Pool
     if ray:
         renderers = cluster.Cluster(ray, worker.PACKAGES, worker.start, job)
     else:
         renderers = Pool(workers, worker.start, job)
-
-    def render() -> dict[str, Any]:
+    # Claim the folder, and render what is missing.
+    with locking.lock_folder(job.split.folder, "lime-render is rendering"):
+        _refuse_another(job)
+        resuming.write_json(job.split.description_path, description.recorded())
+        inputs.write(job.split.inputs_path, findings)
         _render_missing(job, renderers, on_room, on_example)
-        return _manifest(job, findings)
+        manifest = _manifest(job, findings)
+        # A file that changed meanwhile may be in some shards only.
+        _inspect(job, readers, findings, on_input)
+        resuming.write_json(job.split.manifest_path, manifest)
+    return manifest
 
-    return rendering.complete(job, findings, readers, render, on_input)
+
+def _refuse_another(job: Job) -> dict[str, Any] | None:
+    """Return the description of the job's folder; ValueError is raised if it is of another job."""
+    begun = resuming.read_description(job.split.description_path)
+    if begun is None:
+        return None
+    asked = job.description.recorded()
+    differing = [
+        f"{key} {begun.get(key)} there, {asked.get(key)} asked"
+        for key in sorted(asked | begun)
+        if asked.get(key) != begun.get(key)
+    ]
+    if differing:
+        raise ValueError(
+            f"{job.split.folder} holds another split: {', '.join(differing)}. Pass another "
+            "folder, the same options, or remove it"
+        )
+    return begun
+
+
+def _inspect(
+    job: Job, pool: Pool, known: inputs.Findings | None, tell: OnProgress
+) -> inputs.Findings:
+    files = job.description.files()
+    return inputs.inspect(files, known, lambda task, items: pool.map(task, items, tell))
 
 
 def _render_missing(
     job: Job, renderers: cluster.Cluster | Pool, on_room: OnProgress, on_example: OnProgress
 ) -> None:
     """Render the rooms and shards that are missing."""
-    resuming.remove_partials(job.split.folder, job.split.folder / "rooms")
+    _remove_partials(job.split.folder)
     rooms = _rooms(job)
     missing = [name for name in rooms if not (job.lights.cache / name).is_file()]
     if missing:
         finished = len(rooms) - len(missing)
         renderers.run(worker.render_room, missing, finished, len(rooms), on_room)
-    rendering.render_shards(job, renderers, worker.render_shard, on_example)
-    # A lost node may have left some.
-    resuming.remove_partials(job.split.folder, job.split.folder / "rooms")
+    count, shards = job.description.count, job.missing()
+    done = count - sum(len(job.description.indices(shard)) for shard in shards)
+    on_example(done, count)
+    if shards:
+        renderers.run(worker.render_shard, shards, done, count, on_example)
+    _remove_partials(job.split.folder)
+
+
+def _remove_partials(folder: Path) -> None:
+    """Remove what killed processes and lost nodes left in a split's folder."""
+    for partial in [*folder.glob("partial-*"), *folder.glob("rooms/partial-*")]:
+        partial.unlink(missing_ok=True)
 
 
 def _check_other_split(job: Job, findings: inputs.Findings) -> None:
@@ -137,9 +184,10 @@ def _check_known_lights(
 
 def _manifest(job: Job, findings: inputs.Findings) -> dict[str, Any]:
     """Return the manifest of a complete split, put together from the sidecars of its shards."""
-    sidecars = rendering.sidecars(job)
+    paths = map(job.split.sidecar_path, range(job.description.shards))
+    sidecars = [resuming.sidecar(path) for path in paths]
     return {
-        "packages": rendering.packages(sidecars),
+        "packages": _packages(sidecars),
         "description": job.description.recorded(),
         "device": variants.device_of(job.description.variant),
         "shards": job.description.shards,
@@ -148,7 +196,20 @@ def _manifest(job: Job, findings: inputs.Findings) -> dict[str, Any]:
         "failures": [failure for sidecar in sidecars for failure in sidecar["failures"]],
         "shapes": job.shapes.names() + _endless_bodies(job),
         "lights": job.lights.names(),
-        **rendering.inputs_record(findings),
+        "inputs": inputs.digests(findings),
+        "skipped": inputs.unusable(findings),
+        "repaired": inputs.repairs(findings),
+    }
+
+
+def _packages(sidecars: Sequence[dict[str, Any]]) -> dict[str, str]:
+    """Return the versions of packages that shards were rendered with, by name.
+
+    Shards may have different versions, if the software was changed in between.
+    """
+    return {
+        name: ", ".join(sorted({sidecar["packages"][name] for sidecar in sidecars}))
+        for name in sidecars[0]["packages"]
     }
 
 

@@ -1,11 +1,12 @@
 """The work of a rendering process: its sources, the rendering of one room or one shard."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
 from lime_keras import console
+from lime_keras.io import atomic, untrusted
 
+from ..jobs import nodes, resuming
 from ..jobs.description import Job
 from ..jobs.processes import Ticks
 from ..mitsuba_setup import variants
@@ -65,16 +66,30 @@ def render_shard(worker: Worker, shard: int) -> None:
     Raises:
         RuntimeError: if the shard cannot be written, for example because the disk is full.
     """
-    # It imports TensorFlow, which must come after Mitsuba.
-    from . import shards
+    import tensorflow as tf  # must come after Mitsuba
 
+    split, indices = worker.job.split, worker.job.description.indices(shard)
     failures: list[dict[str, Any]] = []
-
-    def records() -> Iterator[bytes]:
-        for index in worker.job.description.indices(shard):
-            example = worker.example(index)
-            yield example.record
-            failures.extend(example.failures)
-            worker.ticks.put(1)
-
-    shards.write(worker.job.split, shard, records(), PACKAGES, failures)
+    path = split.shard_path(shard)
+    try:
+        # `shared`: a node that was taken for lost may still be writing the same shard.
+        with atomic.replacing(path, shared=True) as partial:
+            with tf.io.TFRecordWriter(str(partial)) as writer:
+                for index in indices:
+                    example = worker.example(index)
+                    writer.write(example.record)
+                    failures += example.failures
+                    worker.ticks.put(1)
+            digest = untrusted.sha256(partial)
+        sidecar = {
+            "examples": len(indices),
+            "sha256": digest,
+            "failures": failures,
+            "packages": nodes.versions(PACKAGES),
+        }
+        resuming.write_json(split.sidecar_path(shard), sidecar, shared=True)
+    except (tf.errors.OpError, OSError) as error:
+        raise RuntimeError(
+            f"{path} cannot be written ({error}): make room or mend the folder. Finished shards "
+            "are kept, and the same command goes on"
+        ) from error

@@ -44,37 +44,6 @@ def sidecar(path: Path) -> dict[str, Any]:
     return found
 
 
-def refuse_another(
-    folder: Path, kind: str, held: dict[str, Any] | None, wanted: dict[str, Any]
-) -> None:
-    """Raise ValueError if a folder was begun with another description.
-
-    Args:
-        folder: the folder.
-        kind: kind of thing that it holds, for the message.
-        held: description with which it was begun; None for a new folder.
-        wanted: description that is asked for.
-    """
-    if held is None:
-        return
-    differing = sorted(key for key in wanted | held if wanted.get(key) != held.get(key))
-    if differing:
-        raise ValueError(
-            f"{folder} holds another {kind}: "
-            + ", ".join(
-                f"{key} {held.get(key)} there, {wanted.get(key)} asked" for key in differing
-            )
-            + ". Pass another folder, the same options, or remove it"
-        )
-
-
-def remove_partials(*folders: Path) -> None:
-    """Remove what killed processes left in folders."""
-    for folder in folders:
-        for partial in folder.glob("partial-*"):
-            partial.unlink(missing_ok=True)
-
-
 def write_json(path: Path, value: Any, *, shared: bool = False) -> None:
     """Write a JSON file completely or not at all; `shared` as for `atomic.replacing`."""
     atomic.write(path, json.dumps(value, indent=1) + "\n", shared=shared)

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from lime_keras.render.commands import options
+from lime_keras.render.commands import corpus
 from lime_keras.render.mitsuba_setup import variants
 
 ON_GPU = variants.Choice(variants.GPU, None)
@@ -22,7 +22,7 @@ def choose(tmp_path, begun, device=None):
     description = tmp_path / "description.json"
     if begun:
         description.write_text(json.dumps({"variant": begun}))
-    return options.chosen_variant(description, device)
+    return corpus.choose_variant(description, device)
 
 
 @pytest.mark.parametrize(

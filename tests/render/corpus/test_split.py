@@ -22,7 +22,7 @@ from lime_keras.data.corpus import SPLITS, Split
 from lime_keras.render.corpus import split
 from lime_keras.render.corpus.random_example import Sources, render_example
 from lime_keras.render.inspect import verification
-from lime_keras.render.jobs import processes, rendering, resuming
+from lime_keras.render.jobs import processes, resuming
 from lime_keras.render.jobs.description import Description, Job
 
 
@@ -196,7 +196,7 @@ def test_other_options_that_came_while_inputs_were_checked_are_refused(
         resuming.write_json(job.split.description_path, job.description.recorded() | {"seed": 99})
         return {}
 
-    monkeypatch.setattr(rendering, "_inspected", inspected)
+    monkeypatch.setattr(split, "_inspect", inspected)
     with pytest.raises(ValueError, match="seed 99 there, "):
         render(tmp_path, description, mitsuba_choice)
 
