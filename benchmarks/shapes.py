@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lime_keras.render.shapes import endless, groups, meshes
+from lime_keras.render.shapes import endless, meshes
 from lime_keras.render.shapes.deformation import deformed
 
 
@@ -23,13 +23,10 @@ def main() -> None:
     options.add_argument("--count", type=int, default=50, help="meshes of each family")
     options.add_argument("--meshes", type=Path, help="folder with train/ of real meshes")
     chosen = options.parse_args()
-    rest = 1 - endless.GROUPED
-    rows = {name: (share * rest, make) for name, (share, make) in endless.FAMILIES.items()}
-    rows["(group)"] = endless.GROUPED, lambda rng: groups.sample(rng, endless.single)
     print("| family | share | mean ms | largest ms | faces | 90 % | filled |")
     print("|---|---:|---:|---:|---:|---:|---:|")
     total = 0.0
-    for name, (share, make) in rows.items():
+    for name, (share, make) in endless.FAMILIES.items():
         drawn, times = _timed(make, range(chosen.count))
         faces = [len(mesh.faces) for mesh in drawn]
         filled = np.median([_volume(mesh) for mesh in drawn]) / (4 / 3 * np.pi)

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from . import carving, extrusion, facets, fields, groups, joinery, lathe, sheets, solids, wires
+from . import carving, extrusion, fields, lathe, solids, wires
 from .meshes import Mesh
 
 CELLS = 50_000
@@ -18,31 +18,25 @@ SIDES = 56
 """Number of sides of a turned piece: enough for 24 flutes."""
 
 FAMILIES: dict[str, tuple[float, Callable[[np.random.Generator], Mesh]]] = {
-    "composition": (0.05, lambda rng: solids.polygonise(*fields.composition(rng), CELLS)),
-    "blobs": (0.04, lambda rng: solids.polygonise(*fields.blobs(rng), CELLS)),
-    "frame": (0.06, lambda rng: solids.polygonise(*fields.frame(rng))),
-    "turned": (0.07, lambda rng: lathe.sample(rng, SIDES)),
-    "hollowed": (0.08, lambda rng: solids.polygonise(*fields.carved(rng), CELLS)),
-    "dented": (0.07, lambda rng: solids.polygonise(*fields.dented(rng), CELLS)),
-    "carved": (0.13, carving.sample),
-    "extruded": (0.1, extrusion.sharp),
-    "bevelled": (0.06, lambda rng: extrusion.bevelled(rng, CELLS)),
-    "tubes": (0.07, wires.tubes),
-    "chains": (0.01, wires.chains),
-    "cages": (0.03, wires.cages),
-    "branches": (0.02, wires.branches),
-    "sheets": (0.05, sheets.sample),
-    "joinery": (0.11, joinery.sample),
-    "facets": (0.05, facets.sample),
+    "composition": (0.063, lambda rng: solids.polygonise(*fields.composition(rng), CELLS)),
+    "blobs": (0.05, lambda rng: solids.polygonise(*fields.blobs(rng), CELLS)),
+    "frame": (0.076, lambda rng: solids.polygonise(*fields.frame(rng))),
+    "turned": (0.089, lambda rng: lathe.sample(rng, SIDES)),
+    "hollowed": (0.101, lambda rng: solids.polygonise(*fields.carved(rng), CELLS)),
+    "dented": (0.089, lambda rng: solids.polygonise(*fields.dented(rng), CELLS)),
+    "carved": (0.164, carving.sample),
+    "extruded": (0.127, extrusion.sharp),
+    "bevelled": (0.076, lambda rng: extrusion.bevelled(rng, CELLS)),
+    "tubes": (0.089, wires.tubes),
+    "chains": (0.013, wires.chains),
+    "cages": (0.038, wires.cages),
+    "branches": (0.025, wires.branches),
 }
-"""The families of one thing: share of the draws, and the function that draws a mesh."""
-
-GROUPED = 0.1
-"""Share of the draws that are groups of things, each of one of the families."""
+"""The families: share of the draws, and the function that draws a mesh."""
 
 
 def endless(rng: np.random.Generator) -> Mesh:
-    """Make random closed surfaces of one of the `FAMILIES`, or a group of them.
+    """Make random closed surfaces of one of the `FAMILIES`.
 
     Args:
         rng: The only source of randomness; the same state gives the same mesh.
@@ -51,13 +45,6 @@ def endless(rng: np.random.Generator) -> Mesh:
         A normalised `Mesh` of a dozen to some 50,000 faces, mostly 500 to 15,000. Its surfaces are
         watertight; where a thing is made of several, they may overlap or lie apart.
     """
-    if rng.random() < GROUPED:
-        return groups.sample(rng, single)
-    return single(rng)
-
-
-def single(rng: np.random.Generator) -> Mesh:
-    """Make one thing, of one of the `FAMILIES`; see `endless`."""
     shares = np.array([share for share, _ in FAMILIES.values()])
     family = list(FAMILIES)[rng.choice(len(shares), p=shares / shares.sum())]
     return FAMILIES[family][1](rng)

@@ -75,15 +75,3 @@ def frame_along(axis: np.ndarray) -> np.ndarray:
 def placed(solid: Manifold, rotation: np.ndarray, move: np.ndarray) -> Manifold:
     """Return a solid after a rotation `(3, 3)` and a translation `(3,)`."""
     return solid.transform(np.column_stack([rotation, move]))
-
-
-def bar(
-    start: np.ndarray, end: np.ndarray, radius: float, end_radius: float, sides: int = 20
-) -> Manifold:
-    """Return a straight bar from `start` to `end`, a prism of that number of sides."""
-    along = np.asarray(end, float) - start
-    length = float(np.linalg.norm(along))
-    solid = Manifold.cylinder(length, radius, end_radius, sides)
-    if sides == 4:
-        solid = solid.rotate((0, 0, 45))
-    return placed(solid, frame_along(along / length), start)

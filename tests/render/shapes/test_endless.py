@@ -6,18 +6,16 @@ import numpy as np
 import pytest
 from mesh_checks import (
     check,
-    flat_normals,
     is_balanced,
-    pieces,
     share_on_the_side_of_the_normals,
     volume,
 )
 
-from lime_keras.render.shapes import endless, facets, groups, meshes
+from lime_keras.render.shapes import endless, meshes
 from lime_keras.render.shapes.meshes import Mesh
 
 BALL = 4 / 3 * np.pi
-THIN = ("frame", "tubes", "chains", "cages", "branches", "sheets", "joinery")
+THIN = ("frame", "tubes", "chains", "cages", "branches")
 SEEDS = range(4)
 
 
@@ -39,28 +37,10 @@ def test_a_family_is_closed_and_faces_outwards(family):
         sound(drawn(family, seed))
 
 
-def test_a_group_is_closed_and_has_several_pieces():
-    for seed in SEEDS:
-        mesh = groups.sample(np.random.default_rng(seed), facets.sample)
-        sound(mesh)
-        assert 2 <= pieces(mesh) <= 4
-
-
 @pytest.mark.parametrize("family", THIN)
 def test_thin_families_fill_little_of_their_sphere(family):
     shares = [volume(drawn(family, seed)) / BALL for seed in SEEDS]
     assert np.median(shares) < 0.1
-
-
-def test_facets_are_flat():
-    for seed in SEEDS:
-        mesh = drawn("facets", seed)
-        flat = flat_normals(mesh)
-        area = np.linalg.norm(flat, axis=1, keepdims=True)
-        flat, normals = (flat / area)[area[:, 0] > 1e-4], mesh.normals[mesh.faces]
-        np.testing.assert_allclose(
-            normals[area[:, 0] > 1e-4], np.broadcast_to(flat[:, None], (len(flat), 3, 3)), atol=5e-3
-        )
 
 
 def test_shares_are_those_that_are_stated(monkeypatch):
@@ -76,14 +56,12 @@ def test_shares_are_those_that_are_stated(monkeypatch):
 
     families = {name: (share, stand_in(name)) for name, (share, _) in endless.FAMILIES.items()}
     monkeypatch.setattr(endless, "FAMILIES", families)
-    monkeypatch.setattr(groups, "sample", lambda rng, draw: stand_in("group")(rng))
     rng = np.random.default_rng(0)
     for _ in range(4000):
         endless.endless(rng)
     assert sum(share for share, _ in families.values()) == pytest.approx(1)
-    assert names["group"] / 4000 == pytest.approx(endless.GROUPED, abs=0.02)
     for name, (share, _) in families.items():
-        assert names[name] / 4000 == pytest.approx(share * (1 - endless.GROUPED), abs=0.02)
+        assert names[name] / 4000 == pytest.approx(share, abs=0.02)
         assert names[name]
 
 
@@ -96,15 +74,3 @@ def test_shapes_are_a_function_of_the_generator_and_go_on():
             np.testing.assert_array_equal(one, other)
         seen.add(mesh.vertices.tobytes())
     assert len(seen) == 6
-
-
-def test_a_group_of_copies_touches_without_overlap(monkeypatch):
-    """With a gap of nothing, the spheres of a group touch in one point."""
-    ball = drawn("facets", 0)
-    vertices = ball.vertices / np.linalg.norm(ball.vertices, axis=1, keepdims=True)
-    part = vertices, ball.faces, vertices
-    for seed in SEEDS:
-        towards = np.random.default_rng(seed).normal(size=3)
-        towards /= np.linalg.norm(towards)
-        moved = groups._beside(part, part, towards, 0.25)[0]
-        assert (moved @ towards).min() - (vertices @ towards).max() == pytest.approx(0.25)

@@ -51,16 +51,6 @@ def test_frames_and_turns_are_rotations(seed):
         assert np.linalg.det(rotation) == pytest.approx(1)
 
 
-@pytest.mark.parametrize("sides", [4, 20])
-def test_a_bar_reaches_from_end_to_end(sides):
-    start, end = np.array([1.0, 2, 3]), np.array([2.0, 0, 5])
-    vertices, _, _ = parts.of_solid(parts.bar(start, end, 0.1, 0.2, sides))
-    along = (vertices - start) @ (end - start) / 9
-    np.testing.assert_allclose([along.min(), along.max()], [0, 1], atol=1e-6)
-    away = np.linalg.norm(vertices - start - along[:, None] * (end - start), axis=1)
-    np.testing.assert_allclose(away, 0.1 + 0.1 * along, atol=1e-6)
-
-
 def test_carving_leaves_a_share_of_the_solid_in_one_piece(monkeypatch):
     """Changes that would take nearly everything are not made."""
     monkeypatch.setattr(carving, "_carved", lambda rng, solid: Manifold())
