@@ -130,11 +130,6 @@ def decide(tags: Tags, channels: int, *, deep: bool) -> Conversion:
     return _converting(tags.chromaticities or REC709, curve)
 
 
-def is_standard(primaries: int) -> bool:
-    """Return whether all players show these primaries of H.273 as sRGB's."""
-    return primaries in _LIKE_REC709 or primaries not in _PRIMARIES
-
-
 def matrix(chromaticities: tuple[float, ...]) -> np.ndarray:
     """Return the matrix `(3, 3)` from linear RGB to linear Rec. 709, the white points adapted.
 

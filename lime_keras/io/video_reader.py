@@ -96,7 +96,7 @@ class Footage:
         self._container.close()
 
     def __iter__(self) -> Iterator[Frame]:
-        count, now, damaged, offset = 0, 0.0, 0, None
+        count, now, damaged, seconds, offset = 0, 0.0, 0, 0.0, None
         for packet in self._packets():
             try:
                 decoded = [(picture, self._pixels(picture)) for picture in packet.decode()]
@@ -109,7 +109,7 @@ class Footage:
             for picture, pixels in decoded:
                 seconds = count / self._rate if picture.time is None else picture.time
                 offset = seconds if offset is None else offset
-                if count and seconds - offset <= now and not is_camera(self._source):
+                if count and seconds - offset < now and not is_camera(self._source):
                     # Joined recordings begin their clocks anew: the time goes on.
                     offset = seconds - now - 1 / self._rate
                     self._remark_joint(now)
@@ -131,7 +131,8 @@ class Footage:
         if damaged:
             self.remarks.append(f"{self._source}: {damaged} damaged packets were left out")
         spacing = now / (count - 1) if count > 1 else 1 / self._rate
-        if now + spacing < _WHOLE * self._announced:
+        # Matroska announces when the last frame ends by its own clock, which may begin late.
+        if max(now, seconds) + spacing < _WHOLE * self._announced:
             self.remarks.append(
                 f"{self._source} announces {self._announced:.2f} s, but its pictures end after "
                 f"{now:.2f} s: it seems cut short; what there is was read"
@@ -228,11 +229,11 @@ def _upright(picture: Any, width: int, height: int) -> np.ndarray:
     size = {} if (width, height) == (picture.width, picture.height) else _resized(width, height)
     pixels = picture.to_ndarray(format="rgb24", src_colorspace=matrix, **size)
     primaries, transfer = picture.color_primaries, picture.color_trc
-    if not colour_space.is_standard(primaries) and transfer not in _HDR:
-        # An unspecified curve is that of all video in standard range.
-        points = primaries, transfer if transfer != _UNSPECIFIED else _REC709
-        convert = colour_space.decide(Tags(code_points=points), _CHANNELS, deep=False).convert
-        pixels = np.round(convert(pixels / np.float32(255)) * 255).astype(np.uint8)
+    # An unspecified curve is that of all video in standard range.
+    points = primaries, transfer if transfer != _UNSPECIFIED else _REC709
+    conversion = colour_space.decide(Tags(code_points=points), _CHANNELS, deep=False)
+    if not conversion.is_identity and transfer not in _HDR:
+        pixels = np.round(conversion.convert(pixels / np.float32(255)) * 255).astype(np.uint8)
     matrix_bytes = picture.side_data.get("DISPLAYMATRIX")
     return (
         pixels
