@@ -10,6 +10,7 @@ import numpy as np
 
 from lime_keras.estimate import interchange, preview
 from lime_keras.io import atomic, photo
+from lime_keras.io.scanner import folded
 from lime_keras.material import Material
 from lime_keras.optics import colour
 from lime_keras.outputs import OUTPUTS, Output
@@ -77,9 +78,9 @@ def remarks(material: Material) -> list[str]:
 def distinct_names(sources: Iterable[Path]) -> list[str]:
     """Return a name for the files of each source: its path without the suffix.
 
-    Sources whose files would have the same names are numbered from 2. Names that differ in case
-    alone count as the same, as they are on some systems. Names so long that a layer's file could
-    not be named after them are cut.
+    Sources whose files would have the same names are numbered from 2. Names that differ in case or
+    in the form of accents alone count as the same, as they are on some systems. Names so long that
+    a layer's file could not be named after them are cut.
 
     Args:
         sources: paths of photos and videos, relative to where they were looked for.
@@ -103,7 +104,7 @@ def distinct_names(sources: Iterable[Path]) -> list[str]:
 
 def _taking(name: str) -> set[str]:
     """Return the names that other results must not have."""
-    return {name.casefold(), f"{name}-mitsuba".casefold()}
+    return {folded(name), folded(f"{name}-mitsuba")}
 
 
 def _write_layers(folder: Path, name: str, material: Material) -> list[str]:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from lime_keras.io import atomic, result_json, untrusted
+from lime_keras.io.scanner import folded
 from lime_keras.version import __version__
 
 _MEND = "pass --overwrite to replace it, or another folder to --out"
@@ -74,7 +75,7 @@ class Results:
         out = list(names)
         alike: dict[str, list[int]] = {}
         for index, place in enumerate(places):
-            alike.setdefault(place.with_suffix("").as_posix().casefold(), []).append(index)
+            alike.setdefault(folded(place.with_suffix("").as_posix()), []).append(index)
         for group in alike.values():
             done = {k: found for k in group if (found := result_json.read(self.json(names[k])))}
             if len(group) < 2 or not done:

@@ -6,6 +6,7 @@ refuse what is not there, before any is loaded.
 
 import itertools
 import os
+import unicodedata
 from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
 
@@ -85,8 +86,18 @@ def _beside(path: Path, stem: str, ends: Iterable[str]) -> Path | None:
 
 
 def _cases(name: str) -> Iterator[str]:
-    """Yield a name as it is, in lower case and in capitals."""
-    yield from dict.fromkeys((name, name.lower(), name.upper()))
+    """Yield a name as it is, in lower case and in capitals, and with accents as systems have them.
+
+    A Mac may write é as two characters, and other systems as one.
+    """
+    cases = (name, name.lower(), name.upper())
+    others = (unicodedata.normalize(form, case) for form in ("NFC", "NFD") for case in cases)
+    yield from dict.fromkeys((*cases, *others))
+
+
+def folded(name: str) -> str:
+    """Return a name by which others of it that differ in case or in form of accents are alike."""
+    return unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).casefold())
 
 
 def of_photo(photo: Path, folder: Path) -> Path:
@@ -106,7 +117,7 @@ def of_photo(photo: Path, folder: Path) -> Path:
             continue
         files = [file for file in list_folder(place, SUFFIXES) if file != photo]
         for stems in ((photo.stem,), (photo.name,), (f"{photo.stem}{_MASK}",)):
-            for fold in (str, str.casefold):
+            for fold in (str, folded):
                 named = [file for file in files if fold(file.stem) in map(fold, stems)]
                 exact = [file for file in named if fold(file.name) == fold(photo.name)]
                 if len(exact or named) > 1:

@@ -1,9 +1,11 @@
 """Results: whole or not there, kept if they would be the same, and never lost unasked."""
 
 import json
+from pathlib import Path
 
 import pytest
 
+from lime_keras.estimate.files import distinct_names
 from lime_keras.estimate.results import Results
 from lime_keras.io import result_json
 
@@ -155,3 +157,10 @@ def test_files_elsewhere_are_never_taken_for_parts_of_a_result(tmp_path, photo):
     assert result_json.read(path)["files"] == []
     write(found, photo, name="a")
     assert photo.read_bytes() == b"a photo"
+
+
+def test_names_that_a_disk_may_take_for_one_are_numbered():
+    """A Mac's disk has one form of accents, and Windows' one case."""
+    sources = ["\u00fc.png", "u\u0308.png", "U\u0308.jpg", "u.png"]
+    names = ["\u00fc", "u\u0308-2", "U\u0308-3", "u"]
+    assert distinct_names(map(Path, sources)) == names

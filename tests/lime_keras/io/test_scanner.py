@@ -84,6 +84,15 @@ def test_a_mask_in_capitals_lies_beside_its_photo(tmp_path):
     assert mask_beside(tmp_path / "cup.png") == tmp_path / "cup_mask.png"
 
 
+def test_accents_of_one_and_of_two_characters_are_alike(tmp_path):
+    """A Mac's archive may hold both: photos as its disk names them, masks as a program does."""
+    make(tmp_path, "fu\u0308chs.jpg", "f\u00fcchs_mask.png", "masks/F\u00dcCHS.png")
+    photo, mask = tmp_path / "fu\u0308chs.jpg", tmp_path / "f\u00fcchs_mask.png"
+    assert mask_beside(photo) == mask and photo_of_mask(mask) == photo
+    assert of_photo(photo, tmp_path / "masks").name == "F\u00dcCHS.png"
+    assert [path.name for path in inside(tmp_path)] == [photo.name, "F\u00dcCHS.png"]
+
+
 @pytest.mark.parametrize(
     ("files", "expected"),
     [
