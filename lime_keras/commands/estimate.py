@@ -461,7 +461,8 @@ def _sorted(given: Iterable[str]) -> list[_Source]:
             print(f"{path} is the mask of {masked}, not a photo", file=sys.stderr)
             continue
         else:
-            # The files of a camera need a valid name.
-            files = {text: Path(re.sub("[:/]", "-", text) if is_camera(text) else path.name)}
+            # The files of a camera need a valid name; `./a.png` is `a.png`.
+            camera = {text: Path(re.sub("[:/]", "-", text))}
+            files = camera if is_camera(text) else {str(path): Path(path.name)}
         found |= {name: _Source(name, place) for name, place in files.items()}
     return sorted(found.values(), key=lambda source: source.is_video)
