@@ -1,27 +1,23 @@
 """The cost of shapes without end: processor time and faces, by family.
 
-    OMP_NUM_THREADS=1 python benchmarks/shapes.py [--count 50] [--meshes DIR]
+    OMP_NUM_THREADS=1 python benchmarks/shapes.py [--count 50]
 
 Each row is one family of `render.shapes.endless`: its share of the draws, the mean and the largest
 time of a mesh, its faces (median, 90 %), and the share of the unit sphere that it fills (median).
-Below, the time of a deformation, of such shapes or of the meshes of a folder's `train/`.
 """
 
 import argparse
 import time
-from pathlib import Path
 
 import numpy as np
 
 from lime_keras.render.shapes import endless, meshes
-from lime_keras.render.shapes.deformation import deformed
 
 
 def main() -> None:
     """Print the table."""
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--count", type=int, default=50, help="meshes of each family")
-    options.add_argument("--meshes", type=Path, help="folder with train/ of real meshes")
     chosen = options.parse_args()
     print("| family | share | mean ms | largest ms | faces | 90 % | filled |")
     print("|---|---:|---:|---:|---:|---:|---:|")
@@ -37,17 +33,6 @@ def main() -> None:
             flush=True,
         )
     print(f"\nmean of all draws: {total:.1f} ms")
-    if chosen.meshes:
-        things = [meshes.load(path) for path in sorted((chosen.meshes / "train").iterdir())]
-    else:
-        things = [endless.endless(np.random.default_rng(k)) for k in range(4 * chosen.count)]
-    kept = iter(things)
-    results, times = _timed(lambda rng: deformed(next(kept), rng), range(len(things)))
-    print(
-        f"deformed: mean {times.mean():.1f} ms, median {np.median(times):.1f}, largest "
-        f"{times.max():.0f}; faces before {np.mean([len(m.faces) for m in things]):.0f}, "
-        f"after {np.mean([len(m.faces) for m in results]):.0f}"
-    )
 
 
 def _timed(make, seeds) -> tuple[list[meshes.Mesh], np.ndarray]:

@@ -78,8 +78,8 @@ def _add_contents(out: Any) -> None:
         "--endless",
         type=_share,
         metavar="SHARE",
-        help="share of the bodies that are made for eight examples alone: random shapes, and those "
-        "of --shapes deformed; 0 to 1 (default: 0.5 for training, 0 for test)",
+        help="share of the bodies that are random shapes, each made for eight examples alone; 0 to "
+        "1 (default: 0.25 for training, 0 for test)",
     )
     out.add_argument(
         "--quality",
@@ -252,7 +252,7 @@ def _laws(options: argparse.Namespace) -> tuple[str, float]:
     is_test = options.split == "test"
     mixed, maps = _LIGHT_LAWS
     law = options.light_law or (maps if is_test else mixed)
-    share = options.endless if options.endless is not None else (0.0 if is_test else 0.5)
+    share = options.endless if options.endless is not None else (0.0 if is_test else 0.25)
     if is_test and (law != maps or share):
         raise ValueError(
             "--split test has single maps and shapes as they are, so that scores can be compared: "

@@ -1,7 +1,4 @@
-"""The bodies of a shard: listed shapes as they are, and bodies that no other shard has.
-
-Half of the latter are `endless` shapes, the others listed shapes, deformed.
-"""
+"""The bodies of a shard: listed shapes, and endless ones, which no other shard has."""
 
 import math
 from collections.abc import Sequence
@@ -10,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..scene.sources import ShapeSource, generator
-from ..shapes.deformation import deformed
 from ..shapes.endless import endless
 from ..shapes.meshes import Mesh
 
@@ -29,18 +25,15 @@ class Body:
 
     Attributes:
         name: name of the listed shape; or, of an endless one, that of shard and number.
-        place: numbers of the shard and of the body in it, if it is made for the shard; None for a
-            listed shape as it is.
-        is_endless: whether it is an endless shape, else a listed one.
+        place: numbers of the shard and of the body in it, of an endless shape; else None.
     """
 
     name: str
     place: tuple[int, int] | None = None
-    is_endless: bool = False
 
 
 def count(shard_size: int) -> int:
-    """Return the number of bodies, and of lights, that are made for a shard."""
+    """Return the number of bodies, and of mixed lights, that a shard has."""
     return min(MOST, math.ceil(shard_size / EXAMPLES))
 
 
@@ -52,7 +45,7 @@ def draw(
     Args:
         rng: source of randomness.
         names: names of the listed shapes; each comes as often as the others.
-        share: share of the bodies that are made for the shard, above 0.
+        share: share of the bodies that are endless, above 0.
         shard: number of the shard.
         shard_size: number of examples in a shard.
     """
@@ -61,11 +54,10 @@ def draw(
     lots = rng.random(number)
     bodies = []
     for place, lot in enumerate(lots):
-        if lot < share / 2:
-            bodies.append(Body(f"endless-{shard:05d}-{place:02d}", (shard, place), True))
+        if lot < share:
+            bodies.append(Body(f"endless-{shard:05d}-{place:02d}", (shard, place)))
         else:
-            made = (shard, place) if lot < share else None
-            bodies.append(Body(names[order[place]], made))
+            bodies.append(Body(names[order[place]]))
     return bodies
 
 
@@ -77,5 +69,4 @@ def load(body: Body, shapes: ShapeSource) -> Mesh:
     """
     if body.place is None:
         return shapes.load(body.name)
-    rng = generator(shapes.seed, shapes.split, "body", *body.place)
-    return endless(rng) if body.is_endless else deformed(shapes.load(body.name), rng)
+    return endless(generator(shapes.seed, shapes.split, "body", *body.place))

@@ -229,7 +229,7 @@ def _endless_bodies(job: Job) -> list[str]:
         body.name
         for shard in range(given.shards if given.endless else 0)
         for body in sources.names_in_shard(given.seed, shard, given.shard_size)[0]
-        if body.is_endless
+        if body.place is not None
     ]
 
 

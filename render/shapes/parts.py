@@ -16,15 +16,15 @@ CREASE = 38.0
 """Angle in degrees: faces that meet at a larger one keep separate normals."""
 
 
-def of_solid(solid: Manifold, crease: float = CREASE) -> Part:
-    """Return the surface of a solid, with creases where faces meet at more than `crease` degrees.
+def of_solid(solid: Manifold) -> Part:
+    """Return the surface of a solid, with creases where faces meet at more than `CREASE` degrees.
 
     Raises:
         ValueError: If the solid is empty.
     """
     if solid.is_empty():
         raise ValueError("The solid is empty: it has no surface.")
-    mesh = solid.calculate_normals(0, crease).to_mesh()
+    mesh = solid.calculate_normals(0, CREASE).to_mesh()
     values = np.asarray(mesh.vert_properties)
     return values[:, :3], np.asarray(mesh.tri_verts), values[:, 3:6]
 

@@ -16,20 +16,19 @@ def face_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def smoothed(
-    vertices: np.ndarray, faces: np.ndarray, crease: float = CREASE
+    vertices: np.ndarray, faces: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
     """Compute the normals of a mesh from its shape alone.
 
     Vertices in one place are joined; of several faces with the same corners, the first is kept.
     Faces are turned to agree with their neighbours: all faces of a connected surface get the
     orientation of the majority. A one-sided surface is left as it is. At every vertex, faces that
-    are connected by edges flatter than `crease` share a normal: the mean of the face normals,
+    are connected by edges flatter than `CREASE` share a normal: the mean of the face normals,
     weighted by area and by angle.
 
     Args:
         vertices: `(V, 3)`, within about [-1, 1].
         faces: `(F, 3)`; a face of zero area shares no normal with others.
-        crease: angle in radians; faces that meet at a larger one keep separate normals.
 
     Returns:
         Vertices, which are doubled along creases; faces; normals of any length; and the number of
@@ -41,7 +40,7 @@ def smoothed(
     turned = _against(corners)
     faces, corners = (np.where(turned[:, None], f[:, ::-1], f) for f in (faces, corners))
     normals = face_normals(vertices, faces)
-    patch = _patches(corners, normals, crease)
+    patch = _patches(corners, normals)
     weighted = np.repeat(normals, 3, axis=0) * _angles(vertices[faces]).reshape(-1, 1)
     sums = np.stack([np.bincount(patch, weights=w) for w in weighted.T], axis=1)
     middle = np.empty(len(sums), int)
@@ -90,11 +89,11 @@ def _against(corners: np.ndarray) -> np.ndarray:
     return (kept[turned] > kept[as_is]) | ((kept[turned] == kept[as_is]) & (turned < as_is))
 
 
-def _patches(corners: np.ndarray, normals: np.ndarray, crease: float) -> np.ndarray:
+def _patches(corners: np.ndarray, normals: np.ndarray) -> np.ndarray:
     """Number the corners, `(3 F,)`, so that corners that share a normal have the same number."""
     one, other, same = _edges(corners)
     unit = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
-    smooth = ~same & ((unit[one // 3] * unit[other // 3]).sum(1) > np.cos(crease))
+    smooth = ~same & ((unit[one // 3] * unit[other // 3]).sum(1) > np.cos(CREASE))
     one, other = one[smooth], other[smooth]
     ends = [h - h % 3 + (h + 1) % 3 for h in (one, other)]
     return _components(np.r_[one, ends[0]], np.r_[ends[1], other], corners.size)

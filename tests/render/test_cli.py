@@ -66,10 +66,10 @@ def test_the_options_reach_the_renderer(render, monkeypatch, tmp_path):
     expected = ("train", 9, 3, 64, 4, "reference", "furnace", str(tmp_path / "meshes"), None, None)
     assert tuple(vars(description).values())[: len(expected)] == expected
     assert description.materials == "uniform"
-    assert (description.light_law, description.endless) == ("mixed", 0.5)
+    assert (description.light_law, description.endless) == ("mixed", 0.25)
     for options, laws in (
         (("--split", "test"), ("maps", 0.0)),
-        (("--light-law", "maps", "--endless", 0.25), ("maps", 0.25)),
+        (("--light-law", "maps", "--endless", 0.75), ("maps", 0.75)),
     ):
         assert render("--count", 9, *options)[0] == 0
         assert (calls[-1][1].light_law, calls[-1][1].endless) == laws

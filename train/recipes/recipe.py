@@ -26,7 +26,7 @@ class Corpus:
         meshes: whether its shapes are those of DATA/meshes; built-in shapes without.
         maps: whether its lights are made of the maps of DATA/environments; built-in rooms without.
         materials: law of the materials, for scenes that are shown as they are rendered.
-        endless: share of the bodies that are made for eight examples alone; None for the usual one.
+        endless: share of the bodies that are random shapes; None for the usual one.
         light_law: `mixed` or `maps`; None for the usual one.
     """
 
