@@ -66,7 +66,7 @@ def _photo(examples: Path, name: str) -> Shown:
     else:
         # The object was cut out on black.
         mask = (image.max(axis=-1, keepdims=True) > 0).astype(np.float32)
-    square = framing.around_given(mask)
+    square = framing.around_mask(mask)
     return framing.cut(image, square, SIZE), framing.cut_layer(mask, square, SIZE)
 
 

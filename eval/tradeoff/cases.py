@@ -1,8 +1,9 @@
 """The cases of the trade: what is asked for, of which model, in which precision, on how many cores.
 
 A photo is estimated by `Estimator`, and a frame of a stream by `Session`, from the picture in
-memory to the answer in memory, as `lime-estimate` and `lime-live` do. SavedModel and Keras, which
-other programs load, answer the networks' square alone.
+memory to the answer in memory, as `lime-estimate` and `lime-live` do; the page without Python
+answers the same frames in a browser. SavedModel and Keras, which other programs load, answer the
+networks' square alone.
 """
 
 import dataclasses
@@ -11,8 +12,14 @@ from typing import Any
 
 from lime_keras.runtime.engine import PRECISIONS
 
-PHOTO, STREAM, NETWORKS = "photo", "stream", "networks"  # kinds of cases
-ONNX, KERAS, SAVED_MODEL = "ONNX Runtime", "Keras", "SavedModel"
+PHOTO, STREAM, PAGE, NETWORKS = "photo", "stream", "page", "networks"  # kinds of cases
+ONNX, KERAS, SAVED_MODEL, BROWSER = "ONNX Runtime", "Keras", "SavedModel", "Chromium"
+_OF_A_FRAME: Mapping[str, Mapping[str, bool]] = {
+    "mask": {"material": False, "layers": False, "light": False, "fusion": True},
+    "material": {"material": True, "layers": False, "light": False, "fusion": True},
+    "everything": {"material": True, "layers": True, "light": False, "fusion": True},
+    "with the light": {"material": True, "layers": True, "light": True, "fusion": True},
+}
 ASKED: Mapping[str, Mapping[str, Any]] = {
     PHOTO: {
         "mask": ["mask"],
@@ -20,12 +27,8 @@ ASKED: Mapping[str, Mapping[str, Any]] = {
         "everything": None,
         "with the light": None,
     },
-    STREAM: {
-        "mask": {"material": False, "layers": False, "light": False},
-        "material": {"layers": False, "light": False},
-        "everything": {"light": False},
-        "with the light": {},
-    },
+    STREAM: _OF_A_FRAME,
+    PAGE: _OF_A_FRAME,
 }
 """What is asked for by name: `only` of an `Estimator`, and the options of a `FrameRequest`."""
 WHOLE = "everything"
@@ -38,9 +41,9 @@ class TimedUse:
 
     Attributes:
         model: name of the model.
-        kind: `PHOTO`, `STREAM` or `NETWORKS`.
+        kind: `PHOTO`, `STREAM`, `PAGE` or `NETWORKS`.
         asked: name out of `ASKED[kind]`; `everything` for `NETWORKS`.
-        runtime: `ONNX`, `KERAS` or `SAVED_MODEL`.
+        runtime: `ONNX`, `KERAS`, `SAVED_MODEL` or `BROWSER`.
         precision: precision of the graphs, out of `engine.PRECISIONS`.
         threads: number of processor cores that the process may use.
     """
@@ -67,9 +70,11 @@ def of_model(model: str, cores: int) -> Iterator[TimedUse]:
     most = min(2, cores)
     for threads in sorted({1, most}):
         for precision in PRECISIONS if model != PAPER else PRECISIONS[:1]:
-            for kind, asked in ASKED.items():
-                for name in asked:
+            for kind in (PHOTO, STREAM):
+                for name in ASKED[kind]:
                     yield TimedUse(model, kind, name, ONNX, precision, threads)
+        for name in ASKED[PAGE] if model != PAPER else ():
+            yield TimedUse(model, PAGE, name, BROWSER, threads=threads)
     if model != PAPER:
         for runtime in (SAVED_MODEL, KERAS):
-            yield TimedUse(model, NETWORKS, WHOLE, runtime, "float32", most)
+            yield TimedUse(model, NETWORKS, WHOLE, runtime, threads=most)

@@ -1,4 +1,4 @@
-"""The figure of the trade: time against the score, for a photo and for a stream."""
+"""The figure of the trade: time against the score, for a photo, a stream and the page."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -11,19 +11,19 @@ from matplotlib.typing import FillStyleType
 
 from ..report.figures import DPI, TONES, dress, to_png
 from ..report.themes import LIGHT, Theme
-from .cases import ASKED, PAPER, PHOTO, STREAM
+from .cases import ASKED, PAGE, PAPER, PHOTO, STREAM
 from .recommendation import FRAME_MS, front
 
 _MARKERS = {"mask": "s", "material": "o", "everything": "D", "with the light": "^"}
 _FILLED: dict[str, FillStyleType] = {"float32": "full", "float16": "left", "int8": "none"}
 """How markers are filled, by precision."""
-_TITLES = {PHOTO: "a photo", STREAM: "a frame of a stream"}
+_TITLES = {PHOTO: "a photo", STREAM: "a frame of a stream", PAGE: "the same in a browser"}
 _HEADROOM = 1.08
 """Height of the axis of scores by the largest one, so that its marker is not cut off."""
 
 
 def pareto(result: Mapping[str, Any], theme: Theme = LIGHT) -> bytes:
-    """Draw the score over the time of an answer, as PNG: a panel for photos, one for streams.
+    """Draw the score over the time of an answer, as PNG, with a panel for each kind of use.
 
     A line joins what nothing beats among the cases of the material; precision fills the markers.
     Scores start at 0; time is logarithmic. `paper`, which has no score, is a line at its time.
@@ -37,10 +37,16 @@ def pareto(result: Mapping[str, Any], theme: Theme = LIGHT) -> bytes:
     rows = [row for row in rows if row["threads"] == most]
     models = list(dict.fromkeys(row["model"] for row in rows if row["model"] != PAPER))
     tones = {model: TONES[index % len(TONES)] for index, model in enumerate(models)}
-    figure = Figure(figsize=(9.5, 4.4), dpi=DPI, facecolor=theme.paper, layout="constrained")
-    for axes, kind in zip(figure.subplots(1, 2), _TITLES, strict=True):
+    titles = {
+        kind: title for kind, title in _TITLES.items() if any(r["kind"] == kind for r in rows)
+    }
+    figure = Figure(
+        figsize=(4.75 * len(titles), 4.4), dpi=DPI, facecolor=theme.paper, layout="constrained"
+    )
+    panels = figure.subplots(1, len(titles), squeeze=False)[0]
+    for axes, (kind, title) in zip(panels, titles.items(), strict=True):
         _panel(axes, [row for row in rows if row["kind"] == kind], tones, theme)
-        axes.set_title(_TITLES[kind], color=theme.ink, fontsize=10)
+        axes.set_title(title, color=theme.ink, fontsize=10)
     points: dict[str, Any] = {"linestyle": "none", "markersize": 7}
     handles = [
         *(Line2D([], [], **points, marker="o", color=t, label=m) for m, t in tones.items()),

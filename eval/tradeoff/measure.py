@@ -19,7 +19,7 @@ from tqdm import tqdm
 from lime_keras import console, processors
 from lime_keras.data.corpus import SPLITS, Split
 from lime_keras.export.parity import ParityError
-from lime_keras.live.server import PAGE
+from lime_keras.live import server
 from lime_keras.model import folder as model_folder
 from lime_keras.runtime import engine as runtime
 
@@ -28,11 +28,11 @@ from ..accuracy import measures
 from ..accuracy.evaluate import evaluate
 from ..kept import Kept
 from . import cases, machine, models, recommendation, timing
-from .cases import PAPER, TimedUse
+from .cases import ONNX, PAGE, PAPER, TimedUse
 
 ROUNDS = 3
 EFFORT = timing.Effort()
-PICTURE = PAGE / "sample.jpg"  # the photo that is estimated: the first that the live page offers
+PICTURE = server.PAGE / "sample.jpg"  # the first photo that the live page offers
 
 
 def measure(
@@ -72,14 +72,18 @@ def measure(
     refused: dict[str, str] = {}
     paths: dict[TimedUse, Path] = {}
     for case in tqdm(listed, "models", **console.bar_options()):
-        variant = f"{case.model} in {case.precision}"
+        variant = f"{case.model} in {case.precision if case.kind != PAGE else 'a browser'}"
         try:
             if variant not in refused:
                 paths[case] = own.path(case)
-        except ParityError as error:
+        except (ParityError, models.Unavailable) as error:
             refused[variant] = str(error)
             tqdm.write(f"warning: {variant} is left out: {error}", file=sys.stderr)
-    variants = {(case.model, case.precision): paths[case] for case in paths if case.model != PAPER}
+    variants = {
+        (case.model, case.precision): path
+        for case, path in paths.items()
+        if case.model != PAPER and case.runtime == ONNX
+    }
     errors = {
         (name, precision): _errors(
             runs[name],
@@ -117,7 +121,8 @@ def _errors(
 ) -> dict[str, Any]:
     """Return `errors`, `interval` and `chance` by measure, and the `count` of images.
 
-    SavedModel and Keras have those of the graphs in float32, with which they agree to 10⁻³.
+    SavedModel, Keras and the page have those of the graphs in float32, with which they agree to
+    10⁻³.
     """
 
     def make() -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""The files of the models that are compared: graphs in each precision, and a SavedModel.
+"""The files of the models that are compared: graphs in each precision, a SavedModel, and a page.
 
 They are written once into a folder, and again when they are of other weights.
 """
@@ -7,12 +7,18 @@ from pathlib import Path
 
 from lime_keras.export import exporter, graphs
 from lime_keras.io import atomic
+from lime_keras.live import static
 from lime_keras.model import folder as model_folder
 from lime_keras.model import graphs as graph_folder
 from lime_keras.model import weights
 from lime_keras.networks import PRESETS, build
 
-from .cases import PAPER, SAVED_MODEL, TimedUse
+from . import browser
+from .cases import BROWSER, PAPER, SAVED_MODEL, TimedUse
+
+
+class Unavailable(RuntimeError):
+    """What a case needs is not there, such as a browser."""
 
 
 class Models:
@@ -28,15 +34,27 @@ class Models:
         self._runs, self._corpus, self._folder = runs, corpus, folder
 
     def path(self, case: TimedUse) -> Path:
-        """Return what a case runs: the folder of a model, or a SavedModel; written if missing."""
+        """Return what a case runs: the folder of a model, a SavedModel or a page.
+
+        It is written if it is missing.
+
+        Raises:
+            Unavailable: if the case cannot be run here.
+        """
         if case.model == PAPER:
             return self._paper()
         run, home = self._runs[case.model], self._folder / case.model
-        if case.runtime == SAVED_MODEL:
-            path, mark = exporter.target(home, exporter.SAVED_MODEL), home / "saved_model.weights"
-            digest = model_folder.digest(run)
+        if case.runtime in (SAVED_MODEL, BROWSER):
+            is_page = case.runtime == BROWSER
+            path = home / "page" if is_page else exporter.target(home, exporter.SAVED_MODEL)
+            mark, digest = home / f"{case.runtime}.weights", model_folder.digest(run)
+            if is_page and (lack := browser.missing()):
+                raise Unavailable(lack)
             if not (path.is_dir() and mark.is_file() and mark.read_text() == digest):
-                exporter.export(home, exporter.SAVED_MODEL, run)
+                if is_page:
+                    _write_page(path, run)
+                else:
+                    exporter.export(home, exporter.SAVED_MODEL, run)
                 atomic.write(mark, digest)
             return path
         if case.precision == "float32":
@@ -59,11 +77,22 @@ class Models:
         return home
 
 
+def _write_page(path: Path, run: Path) -> None:
+    try:
+        with static.fetched_runtime() as runtime:
+            static.write(path, run, runtime)
+    except OSError as error:
+        raise Unavailable(str(error)) from error
+
+
 def size(case: TimedUse, path: Path) -> int:
     """Return the number of bytes of the files that a case loads."""
-    files = model_folder.files(path)
     if case.runtime == SAVED_MODEL:
         files = [file for file in path.rglob("*") if file.is_file()]
+    elif case.runtime == BROWSER:
+        files = list((path / "graphs").iterdir())
     elif case.precision != "float32":
         files = list(model_folder.graphs(path, case.precision).glob("*.onnx"))
+    else:
+        files = model_folder.files(path)
     return sum(file.stat().st_size for file in files)

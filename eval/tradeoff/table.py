@@ -5,7 +5,7 @@ from typing import Any
 
 from ..accuracy.measures import MEASURES
 from ..markdown_table import ABSENT, aligned
-from .cases import NETWORKS, PHOTO, STREAM
+from .cases import NETWORKS, PAGE, PHOTO, STREAM
 
 Row = Mapping[str, Any]
 _ERRORS = (
@@ -23,13 +23,13 @@ _COLUMNS: dict[str, Callable[[Row], str]] = {
     "cores": lambda row: str(row["threads"]),
     "ms": lambda row: _ms(row["ms"]),
     "p95": lambda row: _ms(row["p95_ms"]),
-    "networks ms": lambda row: _ms(row["networks_ms"]),
+    "networks ms": lambda row: _ms(row["networks_ms"]) if "networks_ms" in row else ABSENT,
     "score": lambda row: f"{row['score']:.3f}" if "score" in row else ABSENT,
     "model MiB": lambda row: f"{row['model_mib']:.1f}",
-    "peak MiB": lambda row: f"{row['peak_memory_mib']:.0f}",
+    "peak MiB": lambda row: f"{row['peak_memory_mib']:.0f}" if "busy" in row else ABSENT,
     "cold start s": lambda row: f"{row['cold_start_s']:.2f}",
     "spread": lambda row: f"{100 * row['spread']:.0f} %",
-    "busy": lambda row: f"{row['busy']:.1f}",
+    "busy": lambda row: f"{row['busy']:.1f}" if "busy" in row else ABSENT,
 }
 _TEXTS = ("model", "runtime", "precision", "asked for")
 """Names of the text columns, which are flush left."""
@@ -54,6 +54,7 @@ def markdown(result: Mapping[str, Any]) -> str:
         "What to take": _advice(result["advice"]),
         "A photo": f"`Estimator.estimate` of a picture of 640 × 480.\n\n{_table(of(PHOTO))}",
         "A frame of a stream": f"`Session.process`, as in `lime-live`.\n\n{_table(of(STREAM))}",
+        "A frame of the page without Python": _page(of(PAGE)),
         "Runtimes that other programs load": _networks(of(NETWORKS)),
         "Errors": _errors(result),
     }
@@ -65,7 +66,7 @@ def _conditions(result: Mapping[str, Any]) -> str:
     machine = result["machine"]
     packages = ", ".join(f"{name} {version}" for name, version in machine["packages"].items())
     instructions = ", ".join(machine["instructions"]) or "unknown instructions"
-    seen = ", seen through a camera" if result["camera"] else ""
+    camera = ", photographed" if result["camera"] else ""
     scored = ", ".join(MEASURES[name].short for name in result["scored"])
     return (
         f"{result['date']}, {machine['processor']} ({instructions}), {machine['cores']} cores, "
@@ -74,9 +75,9 @@ def _conditions(result: Mapping[str, Any]) -> str:
         f"{result['rounds']} processes of their own, taken in turns, after warm-up, from the "
         "picture in memory to the answer in memory; the networks alone beside. Busy: processor "
         "seconds a second; far below the cores, other programs were in the way. Errors are those "
-        f"of {result['count']} test images of {result['corpus']}{seen}, by the same engine. Score: "
-        f"mean of error ÷ chance over {scored}; 0 is perfect, 1 knows nothing. `paper` is the "
-        f"paper's architecture, untrained (on a Titan Xp: {_TITAN_XP_MS} ms in its networks)."
+        f"of {result['count']} test images of {result['corpus']}{camera}, by the same engine. "
+        f"Score: mean of error ÷ chance over {scored}; 0 is perfect, 1 knows nothing. `paper` is "
+        f"the paper's architecture, untrained (on a Titan Xp: {_TITAN_XP_MS} ms in its networks)."
         + "".join(f" {name} is left out: {why}." for name, why in result["refused"].items())
     )
 
@@ -85,13 +86,19 @@ def _advice(advice: Sequence[Mapping[str, Any]]) -> str:
     lines = []
     for one in advice:
         row, budget = one["row"], one["budget_ms"]
-        said = f"**{row['model']}** in {row['precision']} ({_ms(row['ms'])} ms"
-        said += f", score {row['score']:.3f})"
+        choice = f"**{row['model']}** in {row['precision']} ({_ms(row['ms'])} ms"
+        choice += f", score {row['score']:.3f})"
         if not one["within"]:
-            said = f"nothing measured takes {_ms(budget)} ms or less; nearest is {said}"
+            choice = f"nothing measured takes {_ms(budget)} ms or less; nearest is {choice}"
         typed = "\n".join(f"      {command}" for command in one["commands"])
-        lines.append(f"- For {one['use']}: {said}.\n\n{typed}\n")
+        lines.append(f"- For {one['use']}: {choice}.\n\n{typed}\n")
     return "\n".join(lines)
+
+
+def _page(rows: Sequence[Row]) -> str:
+    columns = ("model", "asked for", "cores", "ms", "p95", "model MiB", "cold start s", "spread")
+    about = "The engine of `lime-live --static` in Chromium, in WebAssembly, without the drawing."
+    return f"{about}\n\n{_table(rows, columns)}" if rows else "It was not measured."
 
 
 def _networks(rows: Iterable[Row]) -> str:

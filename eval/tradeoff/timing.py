@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from .cases import ASKED, KERAS, PHOTO, SAVED_MODEL, STREAM, TimedUse
+from .cases import ASKED, KERAS, PAGE, PHOTO, SAVED_MODEL, STREAM, TimedUse
 
 _QUIET = {
     "TF_CPP_MIN_LOG_LEVEL": "3",
@@ -61,9 +61,9 @@ def measure(case: TimedUse, path: Path, picture: Path, effort: Effort) -> dict[s
         effort: number and duration of the calls.
 
     Returns:
-        `seconds` of each timed call, and `networks_s` of each run of the networks alone;
-        `cold_start_s`, from the start of the process to its first answer; `busy`, processor seconds
-        a second during the timed calls; and `peak_memory_mib` of the whole process.
+        `seconds` of each timed call, and `cold_start_s`, from the start of the process to its first
+        answer; but for a page also `networks_s` of each run of the networks alone, `busy`,
+        processor seconds a second during the timed calls, and `peak_memory_mib` of the process.
 
     Raises:
         RuntimeError: if the process fails; the message holds the last line of its errors.
@@ -83,10 +83,10 @@ def measure(case: TimedUse, path: Path, picture: Path, effort: Effort) -> dict[s
         env=os.environ | _QUIET,
     )
     if child.returncode:
-        said = child.stderr.strip().splitlines() or [f"exit status {child.returncode}"]
+        errors = child.stderr.strip().splitlines() or [f"exit status {child.returncode}"]
         raise RuntimeError(
-            f"{case.name} cannot be timed: {said[-1]}; a negative status is a signal, and -9 often "
-            "too little memory"
+            f"{case.name} cannot be timed: {errors[-1]}; a negative status is a signal, and -9 "
+            "often too little memory"
         )
     return json.loads(child.stdout.splitlines()[-1])
 
@@ -95,24 +95,27 @@ def pooled(rounds: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     """Pool several results of `measure` for one case into one row.
 
     Returns:
-        `ms` and `p95_ms` of an answer (median and 95th percentile of all calls), `networks_ms`
-        (median), `samples` (number of calls), `spread` of the rounds' medians (relative), medians
-        of `cold_start_s` and `busy`, and the largest `peak_memory_mib`.
+        `ms` and `p95_ms` of an answer (median and 95th percentile of all calls), `samples` (number
+        of calls), `spread` of the rounds' medians (relative), and the median of `cold_start_s`; but
+        for a page also `networks_ms`, the medians of `busy`, and the largest `peak_memory_mib`.
     """
-    seconds, networks = (
-        np.concatenate([one[name] for one in rounds]) for name in ("seconds", "networks_s")
-    )
+    seconds = np.concatenate([one["seconds"] for one in rounds])
     medians = [np.median(one["seconds"]) for one in rounds]
-    return {
+    out = {
         "ms": 1e3 * float(np.median(seconds)),
         "p95_ms": 1e3 * float(np.percentile(seconds, 95)),
-        "networks_ms": 1e3 * float(np.median(networks)),
         "samples": len(seconds),
         "spread": float((max(medians) - min(medians)) / np.median(seconds)),
         "cold_start_s": float(np.median([one["cold_start_s"] for one in rounds])),
-        "busy": float(np.median([one["busy"] for one in rounds])),
-        "peak_memory_mib": float(max(one["peak_memory_mib"] for one in rounds)),
     }
+    if "networks_s" in rounds[0]:
+        networks = np.concatenate([one["networks_s"] for one in rounds])
+        out |= {
+            "networks_ms": 1e3 * float(np.median(networks)),
+            "busy": float(np.median([one["busy"] for one in rounds])),
+            "peak_memory_mib": float(max(one["peak_memory_mib"] for one in rounds)),
+        }
+    return out
 
 
 def main() -> None:
@@ -122,23 +125,26 @@ def main() -> None:
     if hasattr(os, "sched_setaffinity"):
         # ONNX Runtime takes a thread for each core that the process may use (`processors`).
         os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[: case.threads])
-    call, networks = _prepared(case, Path(task["path"]), _frame(Path(task["picture"])))
-    call()
-    answered = time.monotonic()
-    for _ in range(effort.warm_up - 1):
+    path, frame = Path(task["path"]), _frame(Path(task["picture"]))
+    if case.kind == PAGE:
+        from . import browser
+
+        answered, seconds = browser.measure(
+            path, _stream(frame), ASKED[PAGE][case.asked], case.threads, task["effort"]
+        )
+        result: dict[str, Any] = {"seconds": seconds}
+    else:
+        call, networks = _prepared(case, path, frame)
         call()
-    seconds, busy = _repeated(call, effort)
-    peak = _peak_memory() / 2**20
-    for _ in range(effort.warm_up):
-        networks()
-    result = {
-        "cold_start_s": answered - task["began"],
-        "seconds": seconds,
-        "busy": busy,
-        "peak_memory_mib": peak,
-        "networks_s": _repeated(networks, effort)[0],
-    }
-    print(json.dumps(result))
+        answered = time.monotonic()
+        for _ in range(effort.warm_up - 1):
+            call()
+        seconds, busy = _repeated(call, effort)
+        result = {"seconds": seconds, "busy": busy, "peak_memory_mib": _peak_memory() / 2**20}
+        for _ in range(effort.warm_up):
+            networks()
+        result["networks_s"] = _repeated(networks, effort)[0]
+    print(json.dumps(result | {"cold_start_s": answered - task["began"]}))
 
 
 def _frame(picture: Path) -> np.ndarray:
@@ -146,6 +152,11 @@ def _frame(picture: Path) -> np.ndarray:
     from PIL import Image
 
     return np.asarray(Image.open(picture).convert("RGB").resize(_SIZE))
+
+
+def _stream(frame: np.ndarray) -> list[np.ndarray]:
+    """Return the frames of a stream, of which none is like the one before."""
+    return [np.roll(frame, step, axis=1) for step in _STEPS]
 
 
 def _prepared(
@@ -166,10 +177,10 @@ def _prepared(
     needed, names = available(engine.outputs), ASKED[PHOTO][case.asked]
     outputs = {output for name in names or needed for output in needed[name]} - {"mask"}
     view = estimator.view(frame)
-    given = {"image": view.image[None], "mask": view.mask[None]}
+    inputs = {"image": view.image[None], "mask": view.mask[None]}
     return call, lambda: (
-        engine.run(["mask"], {"image": given["image"]}),
-        engine.run(sorted(outputs), given),
+        engine.run(["mask"], {"image": inputs["image"]}),
+        engine.run(sorted(outputs), inputs),
     )
 
 
@@ -186,7 +197,7 @@ def _of_stream(estimator: Any, asked: Mapping[str, bool], frame: np.ndarray) -> 
     from lime_keras.live.session import FrameRequest, Session
 
     session, request = Session(estimator), FrameRequest(**asked)
-    frames = itertools.cycle([np.roll(frame, step, axis=1) for step in _STEPS])
+    frames = itertools.cycle(_stream(frame))
     return lambda: session.process(next(frames), None, request)
 
 
@@ -211,10 +222,10 @@ def _whole(
 
         engine = SavedModel(path)
     square = framing.whole(*frame.shape[:2])
-    given = {"image": framing.cut(frame, square, engine.size)[None]}
+    inputs = {"image": framing.cut(frame, square, engine.size)[None]}
 
     def call() -> Any:
-        return engine.run(engine.outputs, given)
+        return engine.run(engine.outputs, inputs)
 
     return call, call
 

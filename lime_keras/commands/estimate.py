@@ -265,7 +265,7 @@ def _write(
                 ):
                     of_videos[name] = summary
     finally:
-        finished = [*existing, *batch.finished, *of_videos]
+        finished = existing | batch.finished | of_videos
         if finished:
             gallery.update(options.out, finished)
             print(f"all results: {options.out / gallery.PAGE}", file=sys.stderr)

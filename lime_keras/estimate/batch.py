@@ -56,7 +56,7 @@ class Batch:
         clone: renderer of another shape in the object's place; used only with `light`.
 
     Attributes:
-        finished: names of the photos that this run has estimated.
+        finished: content of the JSON of each photo that this run has estimated, by name.
         failed: number of photos that failed: they could not be read, or their light could not be
             estimated.
         empty: number of photos without an object, which have no material.
@@ -79,7 +79,7 @@ class Batch:
         self._written: deque[tuple[_Input, Future[tuple[dict[str, Any], list[str]]]]] = deque()
         self._seconds = {"reading": 0.0, "networks": 0.0, "writing": 0.0}
         self._subnetworks: list[str] = []
-        self.finished: list[str] = []
+        self.finished: dict[str, dict[str, Any]] = {}
         self.failed = self.empty = 0
 
     def check_names(self, photos: Iterable[Path]) -> None:
@@ -103,7 +103,7 @@ class Batch:
                     )
 
     def provenance(self, path: Path) -> dict[str, Any]:
-        """Return what the result of a photo is made of and with (`Results.provenance`)."""
+        """Return what the result of a photo depends on (`Results.provenance`)."""
         beside = {"mask": self._mask_file(path)}
         if self._normals is not None:
             beside["normals"] = _file_for(path, self._normals)
@@ -124,11 +124,11 @@ class Batch:
         finally:
             self._writer.shutdown(cancel_futures=True)
             # What was written when the run was interrupted is there, too.
-            self.finished += [
-                one.name
+            self.finished |= {
+                one.name: written.result()[0]
                 for one, written in self._written
                 if not (written.cancelled() or written.exception())
-            ]
+            }
 
     def timing(self) -> str:
         """Return the mean times of a photo, and which subnetworks took part, in words."""
@@ -204,7 +204,7 @@ class Batch:
             except ValueError as error:
                 self._fail(one.path, error)
             else:
-                self.finished.append(one.name)
+                self.finished[one.name] = numbers
                 self.empty += not numbers["mask_coverage"]
                 self._printer.result(numbers, self._results.json(one.name).parent, remarks)
             yield

@@ -1,4 +1,4 @@
-"""The reasons to distrust an estimate, seen in its photo and its mask, and the mask's confidence.
+"""The reasons to distrust an estimate, by its photo and its mask, and the mask's confidence.
 
 The limits below were chosen by looking at 20 photographs, and at 64 rendered scenes of the training
 split as the camera model of training photographs them.
@@ -21,7 +21,7 @@ this limit finds 59 % of the wrong masks, and 73 % of the masks that it finds ar
 (`benchmarks/cautions.py`).
 """
 SMALLEST_SHARE = 0.04
-"""Share of a photo from which a mask that was found is trusted.
+"""Share of a photo from which SegmentationNet's mask is trusted.
 
 Of scenes shown ever smaller in a larger frame, one mask in six that covers less is wrong (IoU below
 0.7), and one in twenty that covers more. Often it is a part of the object.
@@ -38,7 +38,7 @@ LARGEST_PART = 0.9
 The rendered scene and the three photographs that stay below have parts of the object missing.
 """
 ON_FRAME, NEAR_FRAME = 0.01, 1 / 128
-"""Share of the photo's outline that a mask may reach, and what counts as the outline, of its side.
+"""Largest share of a photo's outline that a mask may reach, and the outline's share of its side.
 
 The networks see 64 to 192 pixels, and their masks keep clear of the last one. Half of the scenes of
 which a tenth is cut off reach more of the frame, and one in thirty of the whole ones.
@@ -161,8 +161,8 @@ def of(
     Args:
         image_srgb: photo `(H, W, 3)`, sRGB in [0, 1].
         mask: coverage `(H, W, 1)` in [0, 1].
-        mask_confidence: confidence of a mask that was found; None if the mask was given, which is
-            then not doubted for being small.
+        mask_confidence: confidence of an estimated mask; None for one that the user supplied, which
+            is not doubted for being small.
 
     Returns:
         `NO_OBJECT` if the mask shows none, with `too-dark` if the whole photo is; else what is true

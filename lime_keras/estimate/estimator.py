@@ -37,8 +37,7 @@ class View:
         mask: coverage `(S, S, 1)` in [0, 1], as the networks see it, beyond the photo too.
         confidence: `Material.mask_confidence`.
         photo: the photo `(H, W, 3)`, sRGB in [0, 1].
-        given: coverage `(H, W, 1)` in [0, 1] of a mask that was not found by SegmentationNet, or
-            None.
+        supplied_mask: coverage `(H, W, 1)` in [0, 1] of the photo, unless SegmentationNet finds it.
         doubts: what may be wrong with the photo as it was read.
     """
 
@@ -47,7 +46,7 @@ class View:
     mask: np.ndarray
     confidence: float | None
     photo: np.ndarray
-    given: np.ndarray | None
+    supplied_mask: np.ndarray | None
     doubts: tuple[Caution, ...] = ()
 
     @property
@@ -65,8 +64,8 @@ class Estimator:
 
     A call takes a photo, or a list of photos, and returns a `Material`, or a list.
     `estimate` finds the object (`view`), estimates its material in the square that the networks see
-    (`read`), and brings the layers to the photo's size (`place`). Who shows the layers in the
-    square alone calls the first two.
+    (`read`), and brings the layers to the photo's size (`place`). A program that shows the layers
+    in the square alone calls the first two.
 
     Args:
         weights: folder of the trained model, from `lime-train` or
@@ -316,7 +315,7 @@ class Estimator:
     def _views(self, photos: Sequence[Picture], masks: Sequence[Picture | None]) -> list[View]:
         """Return the view of each photo; SegmentationNet looks at all of them as one batch."""
         views = [self._frame(*one) for one in zip(photos, masks, strict=True)]
-        searched = [index for index, view in enumerate(views) if view.given is None]
+        searched = [index for index, view in enumerate(views) if view.supplied_mask is None]
         for index, view in zip(searched, self._find([views[at] for at in searched]), strict=True):
             views[index] = view
         return views
@@ -327,18 +326,18 @@ class Estimator:
         Raises:
             ValueError: if the photo or the mask is refused (see `estimate`).
         """
-        image, given, doubts = photo_of(photo)
+        image, full, doubts = photo_of(photo)
         confidence = None
         if mask is not None:
-            given = mask_of(mask, *image.shape[:2])
-        elif given is None and self._masker is not None:
-            given = mask_of(self._masker(image), *image.shape[:2])
-            confidence = cautions.confidence(given)
-        if given is None:
+            full = mask_of(mask, *image.shape[:2])
+        elif full is None and self._masker is not None:
+            full = mask_of(self._masker(image), *image.shape[:2])
+            confidence = cautions.confidence(full)
+        if full is None:
             return replace(self._cut(image, framing.whole(*image.shape[:2])), doubts=doubts)
-        view = self._cut(image, framing.around_given(given))
-        seen = framing.cut_layer(given, view.square, self.size)
-        return replace(view, mask=seen, given=given, confidence=confidence, doubts=doubts)
+        view = self._cut(image, framing.around_mask(full))
+        low = framing.cut_layer(full, view.square, self.size)
+        return replace(view, mask=low, supplied_mask=full, confidence=confidence, doubts=doubts)
 
     def _cut(self, photo: np.ndarray, square: Square) -> View:
         """Return the view of a square in which nothing was looked for yet."""
@@ -347,17 +346,17 @@ class Estimator:
 
     def _find(self, views: list[View]) -> list[View]:
         """Return views with the mask of their object, closer ones where the object is small."""
-        found = self._segment(views)
+        segmented = self._segment(views)
         closer = []
-        for index, view in enumerate(found):
+        for index, view in enumerate(segmented):
             square = framing.around(view.mask, view.square)
             if square != view.square:
                 closer.append((index, replace(self._cut(view.photo, square), doubts=view.doubts)))
         for (index, _), view in zip(closer, self._segment([one for _, one in closer]), strict=True):
             # If the closer view shows no object, keep the whole photo.
             if np.any(view.mask >= framing.THRESHOLD):
-                found[index] = view
-        return found
+                segmented[index] = view
+        return segmented
 
     def _segment(self, views: list[View]) -> list[View]:
         """Return views with SegmentationNet's masks and their confidence; there may be none."""
@@ -387,10 +386,10 @@ class Estimator:
             yield self._material(view, {name: value[index] for name, value in answers.items()})
 
     def _run(
-        self, outputs: Collection[str], given: Mapping[str, np.ndarray]
+        self, outputs: Collection[str], inputs: Mapping[str, np.ndarray]
     ) -> Mapping[str, np.ndarray]:
         """Return the model's outputs by name; raise ValueError if one is not finite."""
-        answers = self._engine.run(outputs, given)
+        answers = self._engine.run(outputs, inputs)
         for name, answer in answers.items():
             if not np.isfinite(answer).all():
                 raise ValueError(
@@ -431,8 +430,8 @@ class Estimator:
 
     def _place_mask(self, view: View) -> np.ndarray:
         """Return the mask of a view at the photo's size."""
-        if view.given is not None:
-            return view.given
+        if view.supplied_mask is not None:
+            return view.supplied_mask
         if self._full_size:
             return full_size.mask(view.photo, view.square, view.image, view.mask)
         return framing.paste(view.mask, view.square, *view.photo.shape[:2])

@@ -51,20 +51,20 @@ def whole(height: int, width: int) -> Square:
 
 
 def around(mask: np.ndarray, square: Square) -> Square:
-    """Return the square for a closer view of the object found in `square`.
+    """Return the square for a closer view of the object in `square`.
 
     Args:
         mask: coverage `(S, S, 1)` in [0, 1] of `square`.
-        square: square of the photo in which the mask was found.
+        square: square of the photo that the mask shows.
 
     Returns:
         `square` itself if the mask shows no object, or if the largest object fills at least half
         of its side. Else a square around that object, which fills `FILL` of its side.
     """
-    found = _largest_object(mask)
-    if found is None or found[1] >= _SMALLEST_FILL * len(mask):
+    largest = _largest_object(mask)
+    if largest is None or largest[1] >= _SMALLEST_FILL * len(mask):
         return square
-    return _centred(*found, square, square.side / len(mask))
+    return _centred(*largest, square, square.side / len(mask))
 
 
 def _largest_object(mask: np.ndarray) -> tuple[tuple[slice, ...], int] | None:
@@ -98,12 +98,12 @@ def following(mask: np.ndarray, square: Square, height: int, width: int) -> Squa
         return None
     box, extent = object_box
     size, everything = len(mask), whole(height, width)
-    inner = (slice(1, size - 1),) * 2
+    within = (slice(1, size - 1),) * 2
     cut_off = any(
-        (edge.start < seen.start and origin > 0) or (edge.stop > seen.stop and end < length)
-        for edge, seen, origin, end, length in zip(
+        (edge.start < limits.start and origin > 0) or (edge.stop > limits.stop and end < length)
+        for edge, limits, origin, end, length in zip(
             box,
-            inner,
+            within,
             square[:2],
             (square.top + square.side, square.left + square.side),
             (height, width),
@@ -116,8 +116,8 @@ def following(mask: np.ndarray, square: Square, height: int, width: int) -> Squa
     return closer if closer.side < _SMALLEST_FILL / FILL * everything.side else everything
 
 
-def around_given(mask: np.ndarray) -> Square:
-    """Return the square around the object of a given mask; the object fills `FILL` of its side.
+def around_mask(mask: np.ndarray) -> Square:
+    """Return the square around the object of a photo's mask; the object fills `FILL` of its side.
 
     All that the mask covers counts as the object. An empty mask gives the square of the whole
     photo.
@@ -161,21 +161,21 @@ def cut(image_srgb: np.ndarray, square: Square, size: int) -> np.ndarray:
     # A square wholly beyond the photo still sees its nearest edge.
     rows = slice(min(max(top, 0), height - 1), max(min(top + side, height), 1))
     columns = slice(min(max(left, 0), width - 1), max(min(left + side, width), 1))
-    seen = image_srgb[rows, columns]
+    content = image_srgb[rows, columns]
     first = [min(max(-edge, 0), side - 1) for edge in (top, left)]
-    last = [side - count - edge for count, edge in zip(seen.shape[:2], first, strict=True)]
+    last = [side - count - edge for count, edge in zip(content.shape[:2], first, strict=True)]
     beyond = (*zip(first, last, strict=True), (0, 0))
-    levels = _LEVELS if seen.dtype == np.uint8 else None
+    levels = _LEVELS if content.dtype == np.uint8 else None
     if side == size:
-        return np.pad(seen if levels is None else levels[seen], beyond, mode="edge")
+        return np.pad(content if levels is None else levels[content], beyond, mode="edge")
     # A frame's 256 levels are looked up: the power of each pixel takes ten times as long.
-    linear = colour.srgb_to_linear(seen) if levels is None else _LINEAR[seen]
+    linear = colour.srgb_to_linear(content) if levels is None else _LINEAR[content]
     if side > size:
         resampled = _shrunk(linear, beyond, size, "edge")
     else:
         resampled = _enlarged(np.pad(linear, beyond, mode="edge"), size)
     resampled = colour.linear_to_srgb(resampled)
-    least, most = seen.min(), seen.max()
+    least, most = content.min(), content.max()
     return np.clip(resampled, *((least, most) if levels is None else levels[[least, most]]))
 
 
@@ -190,13 +190,13 @@ def cut_layer(layer: np.ndarray, square: Square, size: int) -> np.ndarray:
         size: height and width of the result in pixels.
     """
     inside, outside = overlap(square, *layer.shape[:2])
-    seen = np.asarray(layer[outside], np.float32)
-    if not seen.size:
+    content = np.asarray(layer[outside], np.float32)
+    if not content.size:
         return np.zeros((size, size, layer.shape[-1]), np.float32)
     beyond = (*((part.start, square.side - part.stop) for part in inside), (0, 0))
     if square.side > size:
-        return _shrunk(seen, beyond, size, "constant")
-    padded = np.pad(seen, beyond)
+        return _shrunk(content, beyond, size, "constant")
+    padded = np.pad(content, beyond)
     return padded if square.side == size else _enlarged(padded, size)
 
 

@@ -3,10 +3,10 @@
 In a window of a few pixels of the networks a layer is nearly linear in the photo's colours: exactly
 so for the mask of an object of one colour before a background of another. These linear functions
 are fitted at the networks' size, as those of the guided filter are (He, Sun and Tang 2013; He and
-Sun 2015, "Fast Guided Filter"). To the layer, interpolated, is then added what they make of the
-detail of the photo that the networks did not see. So where colours tell nothing, the layer stays as
-it is. No value leaves the range of the layer's values around it: there are no halos, and the
-photo's texture stays out of where the layer has no edge.
+Sun 2015, "Fast Guided Filter"). They turn the photo's detail, which the networks did not see, into
+detail of the layer, which is added to the interpolated layer. Where the colours say nothing, the
+layer stays as it is. No value leaves the range of the layer's values around it: there are no halos,
+and the photo's texture stays out of where the layer has no edge.
 """
 
 import itertools
@@ -33,28 +33,28 @@ which would take a hundred times as long.
 
 
 def mask(
-    image_srgb: np.ndarray, square: Square, seen_srgb: np.ndarray, seen_mask: np.ndarray
+    image_srgb: np.ndarray, square: Square, guide_srgb: np.ndarray, low_mask: np.ndarray
 ) -> np.ndarray:
     """Upsample the mask of a square to its photo.
 
     Args:
         image_srgb: photo `(H, W, 3)`, sRGB in [0, 1].
         square: square of the photo that the networks saw.
-        seen_srgb: its content at the networks' size `(S, S, 3)`, sRGB in [0, 1] (`framing.cut`).
-        seen_mask: its mask `(S, S, 1)` in [0, 1].
+        guide_srgb: its content at the networks' size `(S, S, 3)`, sRGB in [0, 1] (`framing.cut`).
+        low_mask: its mask `(S, S, 1)` in [0, 1].
 
     Returns:
         Coverage `(H, W, 1)` float32 in [0, 1], 0 outside the square.
     """
-    everywhere = np.ones_like(seen_mask)
-    return _guided(image_srgb, square, seen_srgb, seen_mask, everywhere, _NOISE_OF_MASK)
+    everywhere = np.ones_like(low_mask)
+    return _guided(image_srgb, square, guide_srgb, low_mask, everywhere, _NOISE_OF_MASK)
 
 
 def radiance(
     image_srgb: np.ndarray,
     square: Square,
-    seen_srgb: np.ndarray,
-    seen_mask: np.ndarray,
+    guide_srgb: np.ndarray,
+    low_mask: np.ndarray,
     layer: np.ndarray,
     full_mask: np.ndarray,
 ) -> np.ndarray:
@@ -66,21 +66,21 @@ def radiance(
     Args:
         image_srgb: photo `(H, W, 3)`, sRGB in [0, 1].
         square: square of the photo that the networks saw.
-        seen_srgb: its content at the networks' size `(S, S, 3)`, sRGB in [0, 1] (`framing.cut`).
-        seen_mask: its mask `(S, S, 1)` in [0, 1].
+        guide_srgb: its content at the networks' size `(S, S, 3)`, sRGB in [0, 1] (`framing.cut`).
+        low_mask: its mask `(S, S, 1)` in [0, 1].
         layer: radiance `(S, S, 1)`, linear and at least 0, such as S or M.
         full_mask: coverage `(H, W, 1)` in [0, 1] of the photo.
 
     Returns:
         Radiance `(H, W, 1)` float32, linear, 0 where `full_mask` is 0 and outside the square.
     """
-    inside = (seen_mask >= framing.THRESHOLD).astype(np.float32)
+    inside = (low_mask >= framing.THRESHOLD).astype(np.float32)
     # The networks' layers are masked in this domain, and photos are nearly linear in it.
-    own = inside * compress(layer) / np.maximum(seen_mask, framing.THRESHOLD)
+    unmasked = inside * compress(layer) / np.maximum(low_mask, framing.THRESHOLD)
     around = _box_sum(inside, 2)
-    beyond = _box_sum(own, 2) / np.maximum(around, 1)
-    continued = np.where(inside > 0, own, beyond).astype(np.float32)
-    out = _guided(image_srgb, square, seen_srgb, continued, inside, _NOISE_OF_RADIANCE)
+    beyond = _box_sum(unmasked, 2) / np.maximum(around, 1)
+    continued = np.where(inside > 0, unmasked, beyond).astype(np.float32)
+    out = _guided(image_srgb, square, guide_srgb, continued, inside, _NOISE_OF_RADIANCE)
     for rows in range(0, len(out), _TILE):
         part = slice(rows, rows + _TILE)
         out[part] = expand(out[part] * full_mask[part])
@@ -90,15 +90,15 @@ def radiance(
 def _guided(
     image: np.ndarray,
     square: Square,
-    seen: np.ndarray,
+    guide: np.ndarray,
     layer: np.ndarray,
     weights: np.ndarray,
     noise: float,
 ) -> np.ndarray:
     """Return a layer `(S, S, 1)` of the square in the photo's pixels, `(H, W, 1)` float32."""
-    slopes = _slopes(seen, layer, weights, noise)
+    slopes = _slopes(guide, layer, weights, noise)
     low, high = _range(layer)
-    known = np.concatenate([layer, low, high, slopes, seen], axis=-1, dtype=np.float32)
+    known = np.concatenate([layer, low, high, slopes, guide], axis=-1, dtype=np.float32)
     planes = np.ascontiguousarray(known.transpose(2, 0, 1))
     out = np.zeros((*image.shape[:2], 1), np.float32)
     inside, _ = framing.overlap(square, *image.shape[:2])
@@ -133,21 +133,21 @@ def _interpolated(planes: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> 
     return [rows[:, down] @ plane[down, across] @ columns[:, across].T for plane in planes]
 
 
-def _slopes(seen: np.ndarray, layer: np.ndarray, weights: np.ndarray, noise: float) -> np.ndarray:
+def _slopes(guide: np.ndarray, layer: np.ndarray, weights: np.ndarray, noise: float) -> np.ndarray:
     """Return the gradient `(S, S, 3)` of the layer by the photo's colours, by least squares.
 
     Each fit is over the 3 × 3 pixels around. The guided filter takes the mean of neighbouring fits,
     for a smooth result; here it made the mask's error half as large again.
     """
-    colours, values = seen.astype(np.float64), layer.astype(np.float64)
+    colours, values = guide.astype(np.float64), layer.astype(np.float64)
     total = _box_sum(weights.astype(np.float64), 1)
 
     def mean(quantity: np.ndarray) -> np.ndarray:
         return _box_sum(weights * quantity, 1) / np.maximum(total, 1)
 
     middle = mean(colours)
-    products = mean((colours[..., :, None] * colours[..., None, :]).reshape(*seen.shape[:2], 9))
-    spread = products.reshape(*seen.shape[:2], 3, 3) - middle[..., :, None] * middle[..., None, :]
+    products = mean((colours[..., :, None] * colours[..., None, :]).reshape(*guide.shape[:2], 9))
+    spread = products.reshape(*guide.shape[:2], 3, 3) - middle[..., :, None] * middle[..., None, :]
     together = mean(colours * values) - middle * mean(values)
     return np.linalg.solve(spread + noise**2 * np.eye(3), together[..., None])[..., 0]
 

@@ -10,7 +10,7 @@ import csv
 import html
 import io
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from string import Template
@@ -66,22 +66,23 @@ def check(out: Path) -> None:
             )
 
 
-def update(out: Path, names: Iterable[str]) -> None:
+def update(out: Path, contents: Mapping[str, Mapping[str, Any]]) -> None:
     """Write page and table of a folder, of the results that they have and of new ones.
 
     Results that are no longer there are left out.
 
     Args:
         out: folder of the results.
-        names: names of new results; `NAME.json` holds the numbers of each.
+        contents: content of the JSON of each new result, by name.
 
     Raises:
         ValueError: if the table, or a result that it lists, holds what no such file holds.
         OSError: if a file cannot be written.
     """
     rows, cards = [], []
-    for path in sorted({*_listed(out / TABLE), *(f"{name}.json" for name in names)}):
-        content = result_json.read(out / path)
+    new = {f"{name}.json": content for name, content in contents.items()}
+    for path in sorted({*_listed(out / TABLE), *new}):
+        content = new.get(path) or result_json.read(out / path)
         if content is None:
             continue
         with untrusted.naming(out / path, "a result"):
@@ -116,7 +117,7 @@ def _listed(table: Path) -> list[str]:
         return [row["json"] for row in csv.DictReader(file) if row.get("json")]
 
 
-def _rows(path: str, content: dict[str, Any]) -> Iterator[dict[str, Any]]:
+def _rows(path: str, content: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     """Yield the rows of a result: one of a photo, one of each scene of a video."""
     source = content.get("photo", content.get("video"))
     for scene in content.get("scenes", [content]):
@@ -132,7 +133,7 @@ def _rows(path: str, content: dict[str, Any]) -> Iterator[dict[str, Any]]:
         yield row
 
 
-def _card(out: Path, row: dict[str, Any], content: dict[str, Any]) -> str:
+def _card(out: Path, row: dict[str, Any], content: Mapping[str, Any]) -> str:
     """Return the HTML of one result, with the keys to sort it by."""
     folder, stem = Path(row["json"]).parent, Path(row["json"]).stem
     title = (folder / stem).as_posix() if folder.name != stem else folder.as_posix()
@@ -141,27 +142,27 @@ def _card(out: Path, row: dict[str, Any], content: dict[str, Any]) -> str:
         title += f", scene {row['scene']}"
         start = f"{stem}-scene-{row['scene']}"
         files = [f for f in files if f.startswith((f"{start}.", f"{start}-"))]
-    shown = {said: file for end, said in _VIEWED.items() for file in files if file.endswith(end)}
+    shown = {label: file for end, label in _VIEWED.items() for file in files if file.endswith(end)}
     keys = {"name": title.casefold()} | _keys(row)
     data = " ".join(f'data-{name}="{html.escape(str(key))}"' for name, key in keys.items())
     links = [
-        f'<a href="{_link(folder / file)}">{said}</a>'
-        for said, file in ({"numbers": Path(row["json"]).name} | shown).items()
+        f'<a href="{_link(folder / file)}">{label}</a>'
+        for label, file in ({"numbers": Path(row["json"]).name} | shown).items()
     ]
     picture = ""
     if "preview" in shown:
         address = _link(folder / shown["preview"])
         pictures = "".join(
-            f'<img src="{data_url}" width="{_THUMBNAIL}" height="{_THUMBNAIL}" alt="{said}">'
-            for said, data_url in _thumbnails(out / folder / shown["preview"], row).items()
+            f'<img src="{data_url}" width="{_THUMBNAIL}" height="{_THUMBNAIL}" alt="{label}">'
+            for label, data_url in _thumbnails(out / folder / shown["preview"], row).items()
         )
         picture = f'<a class="pictures" href="{address}">{pictures}</a>'
-    told = "".join(f"<li>{html.escape(line)}</li>" for line in _told(row))
+    lines = "".join(f"<li>{html.escape(line)}</li>" for line in _caption(row))
     swatch = f'<i style="background:{row["colour"]}"></i>' if row["colour"] else ""
     return (
         f"<article {data}>{picture}"
         f'<h2 title="{html.escape(str(row["source"]))}">{swatch}{html.escape(title)}</h2>'
-        f"<ul>{told}</ul><p>{' · '.join(links)}</p></article>"
+        f"<ul>{lines}</ul><p>{' · '.join(links)}</p></article>"
     )
 
 
@@ -182,7 +183,7 @@ def _keys(row: dict[str, Any]) -> dict[str, float | str]:
     return keys
 
 
-def _told(row: dict[str, Any]) -> Iterator[str]:
+def _caption(row: dict[str, Any]) -> Iterator[str]:
     """Yield the lines of a card."""
     if row["gloss"] is not None:
         yield row["gloss"]
@@ -215,12 +216,12 @@ def _thumbnails(path: Path, row: dict[str, Any]) -> dict[str, str]:
     if row["diffuse_r"] is not None and row["exponent"] is not None:
         pictures["sphere of the material"] = tiles[1]
     urls = {}
-    for said, tile in pictures.items():
+    for label, tile in pictures.items():
         encoded = io.BytesIO()
         tile.resize((_THUMBNAIL, _THUMBNAIL), Image.Resampling.BOX).save(
             encoded, "JPEG", quality=85
         )
-        urls[said] = f"data:image/jpeg;base64,{base64.b64encode(encoded.getvalue()).decode()}"
+        urls[label] = f"data:image/jpeg;base64,{base64.b64encode(encoded.getvalue()).decode()}"
     return urls
 
 

@@ -60,7 +60,7 @@ def albedo_scale(material: Material) -> float:
 
 
 def warning(material: Material) -> str | None:
-    """Return what to tell of a material whose albedos are written 1 % smaller or more, or None."""
+    """Return the warning of a material whose albedos are written 1 % smaller or more, or None."""
     scale = albedo_scale(material)
     if scale > _UNSEEN:
         return None

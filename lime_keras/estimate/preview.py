@@ -132,7 +132,7 @@ def tiles(image_srgb: np.ndarray, material: Material) -> dict[str, np.ndarray]:
         shown["in a studio"] = _sphere_tile(material)
     for name, title in list(_TITLES.items())[1:]:
         if name in material.layers:
-            tile = _seen(material.layers[name], material)
+            tile = _crop(material.layers[name], material)
             # S and M are far brighter than white, so their bright parts are compressed.
             linear = tile / (1 + tile) if tile.shape[-1] == 1 else np.clip(tile, 0, 1)
             shown[title] = _framed(colour.linear_to_srgb(linear), material, image_srgb)
@@ -172,7 +172,7 @@ def rim(inside: np.ndarray, width: int = 1) -> np.ndarray:
 
 def caption(material: Material) -> list[str]:
     """Return the estimated numbers in lines of text: in words, in numbers, then the mask."""
-    words = [said for said in (material.gloss, material.diffuse_srgb_hex) if said is not None]
+    words = [text for text in (material.gloss, material.diffuse_srgb_hex) if text is not None]
     parts = []
     if material.diffuse_albedo is not None:
         red, green, blue = material.diffuse_albedo
@@ -187,7 +187,7 @@ def caption(material: Material) -> list[str]:
 
 def _with_outline(image_srgb: np.ndarray, material: Material) -> np.ndarray:
     """Return the photo's square as a tile, with the outline of the mask."""
-    edge = rim(_seen(material.layers["mask"], material)[..., 0] >= framing.THRESHOLD)
+    edge = rim(_crop(material.layers["mask"], material)[..., 0] >= framing.THRESHOLD)
     photo = _resized(*_thinned(image_srgb, _square(material, image_srgb)), is_photo=True)
     return _framed(np.where(edge[..., None], _OUTLINE, photo), material, image_srgb)
 
@@ -208,7 +208,7 @@ def _framed(tile: np.ndarray, material: Material, image: np.ndarray) -> np.ndarr
     return np.where(inside, tile, np.array(_PAPER, np.float32) / 255)
 
 
-def _seen(layer: np.ndarray, material: Material) -> np.ndarray:
+def _crop(layer: np.ndarray, material: Material) -> np.ndarray:
     """Return the square of a linear layer `(H, W, C)` that the networks saw, as a tile."""
     return _resized(*_thinned(layer, _square(material, layer)))
 

@@ -38,8 +38,8 @@ def diffuse(
     hidden &= inside
     if hidden.any():
         likely = highlights.inpainted(out, inside & ~hidden, hidden)
-        seen = colour.srgb_to_linear(image_srgb[hidden]) * mask[hidden]
-        out[hidden] = np.minimum(likely, seen)
+        visible = colour.srgb_to_linear(image_srgb[hidden]) * mask[hidden]
+        out[hidden] = np.minimum(likely, visible)
     return out
 
 

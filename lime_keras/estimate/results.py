@@ -1,7 +1,7 @@
-"""The results in an output folder: recognised by what made them, and never overwritten unasked.
+"""The results in an output folder: kept if they would be the same, and never overwritten unasked.
 
-A run leaves alone what is there and would come out the same, and refuses what would replace
-something else; the JSON of a result tells (`lime_keras.io.result_json`). The files of a result are
+The JSON of a result has its provenance (`lime_keras.io.result_json`). A run keeps what would come
+out the same, and refuses to begin where it would replace something else. The files of a result are
 moved to their places together, the JSON last: a result is there completely, or not at all.
 """
 
@@ -77,13 +77,13 @@ class Results:
         for index, place in enumerate(places):
             alike.setdefault(folded(place.with_suffix("").as_posix()), []).append(index)
         for group in alike.values():
-            done = {k: found for k in group if (found := result_json.read(self.json(names[k])))}
+            done = {k: earlier for k in group if (earlier := result_json.read(self.json(names[k])))}
             if len(group) < 2 or not done:
                 continue
             left = {k: _digest_or_none(sources[k]) for k in group}
             kept = {}
-            for k, found in done.items():
-                owner = next((i for i in left if left[i] == found["made"].get("source")), None)
+            for k, earlier in done.items():
+                owner = next((i for i in left if left[i] == earlier["made"].get("source")), None)
                 if owner is not None and left.pop(owner):
                     kept[owner] = names[k]
             others = iter(names[k] for k in group if names[k] not in kept.values())
@@ -92,7 +92,7 @@ class Results:
         return out
 
     def provenance(self, source: Path | None, beside: Mapping[str, Path]) -> dict[str, Any]:
-        """Return what a result is made of and with, ready for JSON.
+        """Return what a result depends on, ready for JSON.
 
         Args:
             source: photo or video; None for a camera, which never shows the same again.
@@ -119,19 +119,19 @@ class Results:
                 name; called only where there is a result.
 
         Raises:
-            ValueError: if a result of one of the names was made of or with something else, or a
-                file has its name, and nothing may be overwritten.
+            ValueError: if a result of one of the names has another provenance, or another file has
+                its name, and nothing may be overwritten.
         """
         results, conflicts = {}, []
-        for name, provenance in provenances.items():
+        for name, compute in provenances.items():
             if self._overwrite or not os.path.lexists(self.json(name)):
                 continue
             try:
-                made = provenance()
+                provenance = compute()
             except (ValueError, OSError):
                 continue  # a source that cannot be read is reported when its turn comes
             try:
-                result = self._existing(self.json(name), made)
+                result = self._existing(self.json(name), provenance)
             except ValueError as error:
                 conflicts.append(str(error))
                 continue
@@ -142,20 +142,20 @@ class Results:
             raise ValueError(f"{conflicts[0]}{more}")
         return results
 
-    def _existing(self, path: Path, made: Mapping[str, Any]) -> dict[str, Any] | None:
-        """Return a result if it is whole; raise ValueError if it was made otherwise."""
+    def _existing(self, path: Path, provenance: Mapping[str, Any]) -> dict[str, Any] | None:
+        """Return a result if it is whole; raise ValueError if its provenance differs."""
         result = result_json.read(path)
         if result is None:
             raise ValueError(f"{path} is no result of lime-estimate: {_MEND}")
-        if differences := _differences(result["made"], made):
+        if differences := _differences(result["made"], provenance):
             raise ValueError(f"{path} was made {' and '.join(differences)}: {_MEND}")
-        if made["source"] is None:
+        if provenance["source"] is None:
             raise ValueError(f"{path} was made of an earlier recording: {_MEND}")
         is_whole = all((path.parent / file).is_file() for file in result["files"])
         return result if is_whole and not result["made"].get("unfinished") else None
 
     @contextlib.contextmanager
-    def writing(self, name: str, made: Mapping[str, Any]) -> Iterator[Draft]:
+    def writing(self, name: str, provenance: Mapping[str, Any]) -> Iterator[Draft]:
         """Yield a draft, and at the end move the result that was written there into place.
 
         The block writes the files of the result but `NAME.json`, and sets its numbers. If it fails,
@@ -176,30 +176,34 @@ class Results:
             yield draft
             files = sorted([*(path.name for path in partial.iterdir()), target.name])
             self._clear(name, files)
-            draft.numbers = result_json.write(partial / target.name, draft.numbers, made, files)
+            draft.numbers = result_json.write(
+                partial / target.name, draft.numbers, provenance, files
+            )
             # The numbers come last: with them, the result counts as complete.
             with atomic.naming_writer(target):
                 for file in sorted(files, key=target.name.__eq__):
                     os.replace(partial / file, target.with_name(file))
         except OSError as error:
             # Told with the names that the files were to have: the folder is removed.
-            said, *others = error.args
-            if isinstance(said, str):
-                said = said.replace(f"{partial}{os.sep}", f"{target.parent}{os.sep}")
-            error.args = (said, *others)
+            text, *others = error.args
+            if isinstance(text, str):
+                text = text.replace(f"{partial}{os.sep}", f"{target.parent}{os.sep}")
+            error.args = (text, *others)
             raise
         finally:
             atomic.remove(partial)
 
     @contextlib.contextmanager
-    def growing(self, name: str, made: Mapping[str, Any], ends: Sequence[str]) -> Iterator[Draft]:
+    def growing(
+        self, name: str, provenance: Mapping[str, Any], ends: Sequence[str]
+    ) -> Iterator[Draft]:
         """Yield a draft whose files grow in their places, as those of a video do.
 
         An interruption leaves them there, marked as unfinished. After a ValueError nothing is left.
 
         Args:
             name: name of the result.
-            made: what it is made of and with.
+            provenance: what it depends on.
             ends: ends of the names of the files that it may have.
 
         Raises:
@@ -208,14 +212,14 @@ class Results:
         target = self.json(name)
         draft = Draft(target.parent, files=[target.stem + end for end in ends])
         self._clear(name, draft.files)
-        result_json.write(target, {}, dict(made) | {"unfinished": True}, draft.files)
+        result_json.write(target, {}, dict(provenance) | {"unfinished": True}, draft.files)
         try:
             yield draft
         except ValueError:
             self._clear(name, [])
             raise
         files = [*draft.files, target.name]
-        draft.numbers = result_json.write(target, draft.numbers, made, files)
+        draft.numbers = result_json.write(target, draft.numbers, provenance, files)
 
     def _clear(self, name: str, files: list[str]) -> None:
         """Remove an earlier result; raise ValueError if one of `files` is another's."""
@@ -250,18 +254,18 @@ def _digest_or_none(path: Path | None) -> str | None:
         return None
 
 
-def _differences(earlier: Mapping[str, Any], made: Mapping[str, Any]) -> list[str]:
-    """Return in words what a result was made of or with, where that is not `made`."""
+def _differences(earlier: Mapping[str, Any], provenance: Mapping[str, Any]) -> list[str]:
+    """Return in words what a result was made of or with, where that is not `provenance`."""
     words = []
-    if earlier.get("source") != made["source"]:
+    if earlier.get("source") != provenance["source"]:
         words.append("of another photo or video")
-    if earlier.get("weights") != made["weights"]:
+    if earlier.get("weights") != provenance["weights"]:
         words.append("with other weights")
-    if earlier.get("beside") != made.get("beside"):
+    if earlier.get("beside") != provenance.get("beside"):
         words.append("with another mask or other normals")
-    if earlier.get("version") != made["version"]:
+    if earlier.get("version") != provenance["version"]:
         words.append(f"by version {earlier.get('version')}")
-    then, now = (each.get("options") or {} for each in (earlier, made))
+    then, now = (each.get("options") or {} for each in (earlier, provenance))
     for name in sorted({*then, *now}):
         if then.get(name) != now.get(name):
             words.append(

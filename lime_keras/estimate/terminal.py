@@ -98,13 +98,13 @@ def material(numbers: Mapping[str, Any], *, colour: bool) -> str:
     parts = []
     diffuse = numbers.get("diffuse_albedo")
     if diffuse is not None:
-        said = srgb_hex(diffuse)
-        red, green, blue = (int(said[at : at + 2], 16) for at in (1, 3, 5))
+        hexadecimal = srgb_hex(diffuse)
+        red, green, blue = (int(hexadecimal[at : at + 2], 16) for at in (1, 3, 5))
         swatch = f"\x1b[48;2;{red};{green};{blue}m{' ' * _SWATCH}\x1b[0m " if colour else ""
-        parts.append(f"{swatch}{said}")
+        parts.append(f"{swatch}{hexadecimal}")
     if numbers.get("exponent") is not None:
-        told = gloss.numbers(numbers["exponent"], numbers.get("exponent_interval"))
-        parts.append(f"{numbers['gloss']}, {told}")
+        shininess = gloss.numbers(numbers["exponent"], numbers.get("exponent_interval"))
+        parts.append(f"{numbers['gloss']}, {shininess}")
     if numbers.get("specular_albedo") is not None:
         parts.append(f"specular {numbers['specular_albedo']:.2f}")
     if not parts and numbers.get("mask_coverage"):

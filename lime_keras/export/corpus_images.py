@@ -1,7 +1,8 @@
 """Images of a corpus, to calibrate a quantised model and to compare an export with its model.
 
-Those for calibration come from shards that networks are trained on: the test split is only for
-reported results.
+The camera model (`lime_keras.data.camera`) photographs them, the same way each time. Those for
+calibration come from shards that networks are trained on: the test split is only for reported
+results.
 """
 
 from pathlib import Path
@@ -14,13 +15,12 @@ from lime_keras.data.corpus import Split
 _COUNT = 64
 
 
-def for_calibration(corpus: Path, size: int, *, camera: bool) -> np.ndarray:
+def for_calibration(corpus: Path, size: int) -> np.ndarray:
     """Return images that networks were trained on, for the calibration of a quantised model.
 
     Args:
         corpus: folder with a complete train split.
         size: height and width of the images; a divisor of the stored size.
-        camera: whether to take photos of the scenes (`lime_keras.data.camera`), the same each time.
 
     Returns:
         Images `(N, size, size, 3)` float32, sRGB in [0, 1]; N is at most 64.
@@ -32,7 +32,14 @@ def for_calibration(corpus: Path, size: int, *, camera: bool) -> np.ndarray:
     """
     check_size(Split(corpus, "train"), size)
     shards, _ = pipeline.training_shards(corpus)
-    return first(shards, size, _COUNT, camera=camera)
+    return first(shards, size)
+
+
+def for_comparison(corpus: Path, size: int) -> np.ndarray:
+    """Return images of the test split; arguments, result and errors as of `for_calibration`."""
+    split = Split(corpus, "test")
+    check_size(split, size)
+    return first(pipeline.verified_shards(split), size)
 
 
 def check_size(split: Split, size: int) -> None:
@@ -44,23 +51,10 @@ def check_size(split: Split, size: int) -> None:
         )
 
 
-def first(shards: list[Path], size: int, count: int, *, camera: bool) -> np.ndarray:
-    """Return the first images of the given shards.
-
-    Args:
-        shards: paths of the shards.
-        size: height and width of the images; a divisor of the stored size.
-        count: largest number of images to return.
-        camera: whether to take photos of the scenes (`lime_keras.data.camera`), the same each time.
-
-    Returns:
-        Images `(N, size, size, 3)` float32, sRGB in [0, 1]; N is at most `count`.
-
-    Raises:
-        ValueError: if the shards hold no examples, or a shard is damaged.
-    """
+def first(shards: list[Path], size: int, count: int = _COUNT) -> np.ndarray:
+    """Return the first images of shards, at most `count`."""
     dataset = pipeline.evaluation(
-        shards, size=size, batch_size=count, camera=camera, features=("image",)
+        shards, size=size, batch_size=count, camera=True, features=("image",)
     )
     batches = pipeline.naming_damage(dataset.take(1).as_numpy_iterator(), shards)
     batch = next(batches, None)

@@ -8,8 +8,6 @@ from pathlib import Path
 import keras
 import numpy as np
 
-from lime_keras.data import pipeline
-from lime_keras.data.corpus import Split
 from lime_keras.export import (
     corpus_images,
     formats,
@@ -31,7 +29,7 @@ from lime_keras.runtime.engine import Engine
 from lime_keras.runtime.keras_engine import KerasEngine
 from lime_keras.runtime.onnx_file import OnnxFile
 from lime_keras.runtime.onnx_graphs import OnnxGraphs
-from lime_keras.runtime.saved_model import SavedModel
+from lime_keras.runtime.saved_model import CARD, SavedModel
 
 SAVED_MODEL, ONNX, WEIGHTS, GRAPHS = "savedmodel", "onnx", "weights", "graphs"
 PRECISIONS = {
@@ -43,7 +41,6 @@ PRECISIONS = {
 """Precisions of each format, its default first. Float16 weights are computed with in float32."""
 
 _VERSION = "1"  # TensorFlow Serving expects a subfolder with a version number
-_PICTURES = 64
 
 
 def export(
@@ -80,6 +77,7 @@ def export(
         ParityError: if the written model differs from Keras beyond the tolerance; nothing is left
             at the path.
     """
+    # Load the model and the images to compare.
     precision = PRECISIONS[model_format][0] if precision is None else precision
     _check(model_format, precision, corpus, only)
     digest = model_folder.digest(weights_folder)
@@ -92,7 +90,14 @@ def export(
         )
     network = assemble(subnetworks, only)
     card = model_card.card(architecture, network, precision)
-    images = _images(architecture.size, corpus)
+    images = {"extremes": parity.images(architecture.size)}
+    if corpus is not None:
+        images["pictures"] = corpus_images.for_comparison(corpus, architecture.size)
+    calibration = None
+    if precision == "int8" and corpus is not None:
+        calibration = corpus_images.for_calibration(corpus, architecture.size)
+
+    # Write.
     plain = None
     if model_format == GRAPHS:
         _complete(folder, weights_folder)
@@ -104,11 +109,11 @@ def export(
     with atomic.replacing(path, shared=model_format == GRAPHS) as partial:
         if model_format == SAVED_MODEL:
             formats.write_saved_model(network, partial)
-            formats.describe_saved_model(partial, card)
+            formats.write_card(partial / CARD, card)
             engine = SavedModel(partial)
         elif model_format == WEIGHTS:
             weights.save(partial, architecture, subnetworks, half=True)
-            formats.describe_weights(partial, card)
+            formats.write_card(partial / CARD.name, card)
             record = model_folder.folder(weights_folder) / "training.json"
             if record.is_file():
                 shutil.copyfile(record, partial / record.name)
@@ -117,26 +122,27 @@ def export(
             if plain is None:
                 graphs.write(partial, architecture, subnetworks, digest)
             else:
-                pictures = _calibration(corpus, architecture.size) if precision == "int8" else None
-                graphs.write_narrow(partial, subnetworks, precision, plain, pictures)
+                graphs.write_narrow(partial, subnetworks, precision, plain, calibration)
             engine = onnx_graphs.open_folder(partial)
         else:
-            _write_onnx(network, partial, precision, corpus)
+            _write_onnx(network, partial, precision, calibration)
             formats.finish_onnx(partial, card)
             engine = OnnxFile(partial)
+
+        # Compare with Keras.
         names = tuple(network.output)
         expected = {
             kind: parity.predictions(keras_engine, batch, names) for kind, batch in images.items()
         }
         differences = {
-            kind: parity.check(found, parity.predictions(engine, images[kind]), precision)
-            for kind, found in expected.items()
+            kind: parity.check(predicted, parity.predictions(engine, images[kind]), precision)
+            for kind, predicted in expected.items()
         }
         if model_format == SAVED_MODEL and len(names) > 1:
             # Each output has a signature of its own, too.
             for name in names:
-                found = parity.predictions(engine, images["extremes"], [name])
-                alone = parity.check({name: expected["extremes"][name]}, found, precision)
+                predicted = parity.predictions(engine, images["extremes"], [name])
+                alone = parity.check({name: expected["extremes"][name]}, predicted, precision)
                 differences["extremes"][name] = max(differences["extremes"][name], alone[name])
         elif model_format in (ONNX, GRAPHS):
             _check_second_runtime(expected["extremes"], engine, partial, images, precision)
@@ -154,7 +160,7 @@ def target(
     It is an ONNX file, a SavedModel's folder inside a folder of versions, a folder of weights, or a
     folder of graphs. With weights or graphs, every command takes `folder` as its `--weights`.
 
-    What answers `only` some outputs is named after them, so it takes no other model's place.
+    A file of `only` some outputs is named after them, so that it replaces no other.
     """
     part = "" if only is None else "-" + "+".join(filter(set(only).__contains__, OUTPUTS))
     if model_format == SAVED_MODEL:
@@ -181,7 +187,7 @@ def _check(
 
 
 def _complete(folder: Path, weights_folder: Path) -> None:
-    """Make a folder of graphs one of a model, with all that lies beside its weights."""
+    """Copy what lies beside a model's weights, so that a folder of graphs is a whole model."""
     if (model_folder.folder(folder) / ARCHITECTURE).is_file():
         return
     model = folder / "model"
@@ -199,21 +205,9 @@ def _plain_graphs(folder: Path, weights_folder: Path, digest: str) -> OnnxGraphs
     return onnx_graphs.open_folder(path)
 
 
-def _calibration(corpus: Path | None, size: int) -> np.ndarray | None:
-    return None if corpus is None else corpus_images.for_calibration(corpus, size, camera=True)
-
-
-def _images(size: int, corpus: Path | None) -> dict[str, np.ndarray]:
-    """Return the sets of images for the parity check, by name."""
-    out = {"extremes": parity.images(size)}
-    if corpus is not None:
-        corpus_images.check_size(Split(corpus, "test"), size)
-        shards = pipeline.verified_shards(Split(corpus, "test"))
-        out["pictures"] = corpus_images.first(shards, size, _PICTURES, camera=True)
-    return out
-
-
-def _write_onnx(network: keras.Model, path: Path, precision: str, corpus: Path | None) -> None:
+def _write_onnx(
+    network: keras.Model, path: Path, precision: str, calibration: np.ndarray | None
+) -> None:
     """Write an ONNX file in one of its `PRECISIONS`."""
     if precision == "float32":
         return formats.write_onnx(network, path)
@@ -223,8 +217,8 @@ def _write_onnx(network: keras.Model, path: Path, precision: str, corpus: Path |
         quantisation.prepare(whole, prepared)
         if precision == "float16":
             quantisation.write_float16(prepared, path)
-        elif (pictures := _calibration(corpus, network.input_shape[1])) is not None:
-            inputs = ({"image": picture[None]} for picture in pictures)
+        elif calibration is not None:
+            inputs = ({"image": picture[None]} for picture in calibration)
             quantisation.write_int8(prepared, path, inputs)
 
 

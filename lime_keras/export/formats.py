@@ -14,7 +14,7 @@ import tensorflow as tf
 from keras import layers
 from onnx import numpy_helper
 
-from lime_keras.runtime.saved_model import CARD, SERVED
+from lime_keras.runtime.saved_model import SERVED
 
 OPSET = 17  # version of the ONNX operator set in the written files
 _ELEMENTWISE = (
@@ -40,15 +40,10 @@ def write_saved_model(network: keras.Model, path: Path) -> None:
     tf.saved_model.save(module, str(path), signatures=signatures)
 
 
-def describe_saved_model(path: Path, card: Mapping[str, Any]) -> None:
-    """Write a model card (`export.model_card`) into a SavedModel: `assets.extra/lime.json`."""
-    (path / CARD).parent.mkdir()
-    (path / CARD).write_text(json.dumps(card, indent=2) + "\n", encoding="utf-8")
-
-
-def describe_weights(path: Path, card: Mapping[str, Any]) -> None:
-    """Write a model card beside weights: `lime.json`."""
-    (path / CARD.name).write_text(json.dumps(card, indent=2) + "\n", encoding="utf-8")
+def write_card(path: Path, card: Mapping[str, Any]) -> None:
+    """Write a model card (`export.model_card`) to a JSON file."""
+    path.parent.mkdir(exist_ok=True)
+    path.write_text(json.dumps(card, indent=2) + "\n", encoding="utf-8")
 
 
 def write_onnx(network: keras.Model, path: Path) -> None:

@@ -23,8 +23,7 @@ from lime_keras.model.graphs import SPLIT, Description, Graph
 from lime_keras.networks.architecture import Architecture
 from lime_keras.runtime.onnx_graphs import OnnxGraphs
 
-_LEAST_NARROWED = 256
-"""Number of values from which on it is worth to store a constant in half the space."""
+_LEAST_NARROWED = 256  # number of values from which a constant is stored in half the space
 
 
 def write(
@@ -53,8 +52,8 @@ def write(
             sizes = alone.output[tensor.name].shape[1:]
             for dimension, size in zip(tensor.type.tensor_type.shape.dim[1:], sizes, strict=True):
                 dimension.dim_value = size
-        held = subnetworks[name].weights if name in subnetworks else []
-        values = {weight.path: keras.ops.convert_to_numpy(weight) for weight in held}
+        stored = subnetworks[name].weights if name in subnetworks else []
+        values = {weight.path: keras.ops.convert_to_numpy(weight) for weight in stored}
         weights_in_graphs.describe(graph, values)
         formats.write_checked(graph, path)
         graphs[name] = Graph(

@@ -70,13 +70,13 @@ def predictions(
 
 
 def check(
-    expected: Mapping[str, np.ndarray], found: Mapping[str, np.ndarray], precision: str
+    expected: Mapping[str, np.ndarray], predicted: Mapping[str, np.ndarray], precision: str
 ) -> dict[str, float]:
     """Return the difference between a written model and Keras for each output, by name.
 
     Args:
         expected: outputs of the Keras model in float32.
-        found: outputs of the written model for the same images.
+        predicted: outputs of the written model for the same images.
         precision: precision of the written model: `float32`, `float16` or `int8`.
 
     Returns:
@@ -86,11 +86,11 @@ def check(
         ParityError: if names or shapes differ, a value is not finite, or the difference is beyond
             `TOLERANCE` or `GROSS`.
     """
-    differences, limit = compare(expected, found), TOLERANCE
+    differences, limit = compare(expected, predicted), TOLERANCE
     if not np.all(np.isfinite(list(differences.values()))):
         raise ParityError(f"the written model's answers are not finite: {differences}")
     if precision != "float32":
-        differences, limit = relative_error(expected, found), GROSS[precision]
+        differences, limit = relative_error(expected, predicted), GROSS[precision]
     if wrong := {name: value for name, value in differences.items() if value > limit}:
         raise ParityError(
             f"the written model differs from Keras: {wrong}; in {precision} it may by {limit}"
@@ -99,7 +99,7 @@ def check(
 
 
 def compare(
-    expected: Mapping[str, np.ndarray], found: Mapping[str, np.ndarray]
+    expected: Mapping[str, np.ndarray], predicted: Mapping[str, np.ndarray]
 ) -> dict[str, float]:
     """Return the largest difference of each output, relative where the expected value is above 1.
 
@@ -107,10 +107,10 @@ def compare(
         ParityError: if names or shapes differ.
     """
     shapes = {name: value.shape for name, value in expected.items()}
-    others = {name: value.shape for name, value in found.items()}
+    others = {name: value.shape for name, value in predicted.items()}
     if shapes != others:
         raise ParityError(f"outputs {others}, expected {shapes}")
     return {
-        name: float(np.max(np.abs(found[name] - value) / np.maximum(np.abs(value), 1)))
+        name: float(np.max(np.abs(predicted[name] - value) / np.maximum(np.abs(value), 1)))
         for name, value in expected.items()
     }

@@ -33,8 +33,7 @@ _WAY_UP = re.compile(r"/specular_net\w*/(up|skip)\d")
 """Nodes of SpecularNet's way up, by name. Its features have the range of radiance: those of `live`
 reach 115 times their 99th percentile, too far for 256 equal steps."""
 _GUIDED = re.compile(r"/segmentation_net\w*/guided")
-"""Nodes of the guided filter, by name: it takes small differences of means, of which few bits leave
-nothing."""
+"""Nodes of the guided filter, by name: its small differences of means vanish in few bits."""
 _SUMS = ("ReduceSum", "ReduceMean")
 """Operators over all pixels, whose sums in float16 lose what they sum, or overflow."""
 _REPEATED = re.compile(f"/{REPEATED}$")

@@ -71,9 +71,9 @@ class _File:
         self.subnetworks = engine.subnetworks
 
     def run(
-        self, outputs: Collection[str], given: Mapping[str, np.ndarray]
+        self, outputs: Collection[str], inputs: Mapping[str, np.ndarray]
     ) -> dict[str, np.ndarray]:
         names = list(outputs)
         with np.errstate(over="ignore", invalid="ignore"):
-            answer = self._evaluator.run(names, dict(given))
+            answer = self._evaluator.run(names, dict(inputs))
         return dict(zip(names, answer, strict=True))

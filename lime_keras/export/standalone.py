@@ -1,4 +1,4 @@
-"""Each subnetwork as a model of its own, which together answer what `assemble` answers.
+"""Each subnetwork as a model of its own; together they compute the outputs of `assemble`.
 
 The split of colours (`optics.dichromatic`), which several subnetworks read, is a model beside them.
 
@@ -23,7 +23,7 @@ from lime_keras.optics import dichromatic
 
 
 def parts(subnetworks: Mapping[str, keras.Model]) -> dict[str, keras.Model]:
-    """Return models that together answer what the subnetworks answer when they are joined.
+    """Return models that together compute the outputs of the joined subnetworks.
 
     Args:
         subnetworks: subnetworks by name, none before another that it reads.
@@ -54,16 +54,16 @@ def standalone(name: str, network: keras.Model) -> keras.Model:
         among its quantities but the mask.
     """
     graph = _SubnetworkGraph(name, network)
-    found = {}
+    tensors = {}
     for quantity in predicted_quantities(name, network):
         if QUANTITIES[quantity].channels:
-            found[_exchanged(quantity)] = graph.network_input(quantity)
+            tensors[_exchanged(quantity)] = graph.network_input(quantity)
         for output, row in OUTPUT_ROWS.items():
             if row.quantity == quantity:
-                found[output] = graph.output(output)
+                tensors[output] = graph.output(output)
     outputs = {
         output: layers.Identity(dtype="float32", name=output)(value)
-        for output, value in found.items()
+        for output, value in tensors.items()
     }
     return keras.Model(graph.inputs, outputs, name=f"{name}_part")
 
@@ -74,8 +74,8 @@ def _split(size: int) -> keras.Model:
         name: keras.Input((size, size, channels), name=name)
         for name, channels in (("image", 3), ("mask", 1))
     }
-    found = DERIVED[SPLIT](inputs.__getitem__)
-    outputs = {SPLIT: layers.Identity(dtype="float32", name=SPLIT)(found)}
+    tensor = DERIVED[SPLIT](inputs.__getitem__)
+    outputs = {SPLIT: layers.Identity(dtype="float32", name=SPLIT)(tensor)}
     return keras.Model(inputs, outputs, name=f"{SPLIT}_part")
 
 

@@ -1,6 +1,6 @@
 """The graphs that the page runs without Python: `mask`, `material` and `layers`.
 
-They are made of the graphs of a model (`lime_keras.model.graphs`). `mask` is SegmentationNet, from
+They join the graphs of a model (`lime_keras.model.graphs`). `mask` is SegmentationNet, from
 `image`. `material` is what the numbers need, from `image` and `mask`. `layers` is what is left,
 which only pictures and the light need: it reads what `material` answers, too. All give exactly the
 numbers of the model, of one image at a time.
@@ -40,8 +40,8 @@ def write(folder: Path, graphs: Path) -> tuple[str, ...]:
         answered = {output for part in parts for output in description.graphs[part].outputs}
         others = [graph for part, graph in description.graphs.items() if part not in parts]
         read = {quantity for graph in others for quantity in graph.inputs}
-        told = [name for name in sorted(answered) if name in OUTPUTS or name in read]
-        joined = _joined(name, models, told)
+        outputs = [name for name in sorted(answered) if name in OUTPUTS or name in read]
+        joined = _joined(name, models, outputs)
         onnx.checker.check_model(joined)
         onnx.save(joined, folder / f"{name}.onnx")
     return tuple(rooms)

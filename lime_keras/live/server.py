@@ -1,8 +1,8 @@
 """The server of the live page, for browsers on the same computer alone.
 
-It listens on 127.0.0.1, answers its own page alone (`Host` and `Origin` are checked, so no other
-web page can use it, by another name neither), and knows no files but the page's, read at the start,
-and the one that it was started with. One frame is estimated at a time.
+It listens on 127.0.0.1 and answers only its own page: it checks `Host` and `Origin`, so that no
+other web page can use it. It serves the page's files, which it reads at the start, and the file
+that it was started with. One frame is estimated at a time.
 """
 
 import json
@@ -117,7 +117,7 @@ class _Handler(BaseHTTPRequestHandler):
     disable_nagle_algorithm = True
 
     def do_GET(self) -> None:
-        if not self._is_own(origin_needed=False):
+        if not self._is_same_origin(origin_needed=False):
             return
         path = self.path.partition("?")[0]
         if path == "/engine.json":
@@ -129,10 +129,10 @@ class _Handler(BaseHTTPRequestHandler):
             kind, content = self.server.pages[path]
             self._send(HTTPStatus.OK, kind, content)
         else:
-            self._tell(HTTPStatus.NOT_FOUND, "gone", f"there is no {path}")
+            self._send_error(HTTPStatus.NOT_FOUND, "gone", f"there is no {path}")
 
     def do_POST(self) -> None:
-        if not self._is_own(origin_needed=True):
+        if not self._is_same_origin(origin_needed=True):
             return
         body = self._body()
         if body is None:
@@ -142,24 +142,28 @@ class _Handler(BaseHTTPRequestHandler):
         elif self.path == "/decode":
             self._one_at_a_time(self._decode, body)
         else:
-            self._tell(HTTPStatus.NOT_FOUND, "gone", f"there is no {self.path}")
+            self._send_error(HTTPStatus.NOT_FOUND, "gone", f"there is no {self.path}")
 
     def _one_at_a_time(self, answer: Any, body: bytes) -> None:
         if not self.server.busy.acquire(blocking=False):
-            self._tell(HTTPStatus.SERVICE_UNAVAILABLE, "busy", "another frame is being estimated")
+            self._send_error(
+                HTTPStatus.SERVICE_UNAVAILABLE, "busy", "another frame is being estimated"
+            )
             return
         try:
             status, kind, content = answer(body)
         except ValueError as error:
-            status, kind, content = _told(HTTPStatus.BAD_REQUEST, "frame", str(error))
+            status, kind, content = _error_response(HTTPStatus.BAD_REQUEST, "frame", str(error))
         except MemoryError:
-            told = "not enough memory for this picture: make it smaller"
-            status, kind, content = _told(HTTPStatus.BAD_REQUEST, "frame", told)
+            message = "not enough memory for this picture: make it smaller"
+            status, kind, content = _error_response(HTTPStatus.BAD_REQUEST, "frame", message)
         except Exception as error:
             # One frame must not end the page; the terminal has the whole story.
             traceback.print_exc()
-            told = f"the estimate failed ({type(error).__name__}); the terminal says more"
-            status, kind, content = _told(HTTPStatus.INTERNAL_SERVER_ERROR, "frame", told)
+            message = f"the estimate failed ({type(error).__name__}); the terminal says more"
+            status, kind, content = _error_response(
+                HTTPStatus.INTERNAL_SERVER_ERROR, "frame", message
+            )
         finally:
             self.server.busy.release()
         self._send(status, kind, content)
@@ -179,23 +183,23 @@ class _Handler(BaseHTTPRequestHandler):
         if suffix not in SUFFIXES:
             raise ValueError(f"{suffix or 'this file'} is no picture: choose {', '.join(SUFFIXES)}")
         with tempfile.TemporaryDirectory(prefix="lime-live-") as folder:
-            given, png = Path(folder) / f"the picture{suffix}", Path(folder) / "picture.png"
-            given.write_bytes(body)
+            picture, png = Path(folder) / f"the picture{suffix}", Path(folder) / "picture.png"
+            picture.write_bytes(body)
             try:
-                photo.write(png, photo.read_srgb(given))
+                photo.write(png, photo.read_srgb(picture))
             except ValueError as error:
-                raise ValueError(str(error).replace(str(given), "the picture")) from error
+                raise ValueError(str(error).replace(str(picture), "the picture")) from error
             return HTTPStatus.OK, "image/png", png.read_bytes()
 
-    def _is_own(self, *, origin_needed: bool) -> bool:
+    def _is_same_origin(self, *, origin_needed: bool) -> bool:
         """Return whether the request is from the server's own page; refuse it if not."""
         host, origin = self.headers.get("Host"), self.headers.get("Origin")
         own = {f"http://{name}" for name in self.server.hosts}
         if host in self.server.hosts and (origin in own or not (origin or origin_needed)):
             return True
         self.close_connection = True
-        told = f"this server answers its own page alone: open {self.server.url}"
-        self._tell(HTTPStatus.FORBIDDEN, "gone", told)
+        message = f"this server answers its own page alone: open {self.server.url}"
+        self._send_error(HTTPStatus.FORBIDDEN, "gone", message)
         return False
 
     def _body(self) -> bytes | None:
@@ -205,7 +209,7 @@ class _Handler(BaseHTTPRequestHandler):
         # Python itself refuses to make a number of thousands of digits.
         if not known or len(length) > _DIGITS or int(length) > wire.LARGEST_BODY:
             self.close_connection = True
-            self._tell(
+            self._send_error(
                 HTTPStatus.REQUEST_ENTITY_TOO_LARGE if known else HTTPStatus.LENGTH_REQUIRED,
                 "frame",
                 f"a picture takes at most {wire.LARGEST_BODY >> 20} MiB: make it smaller",
@@ -217,8 +221,8 @@ class _Handler(BaseHTTPRequestHandler):
             return None
         return body
 
-    def _tell(self, status: HTTPStatus, kind: str, message: str) -> None:
-        self._send(*_told(status, kind, message))
+    def _send_error(self, status: HTTPStatus, kind: str, message: str) -> None:
+        self._send(*_error_response(status, kind, message))
 
     def _send(self, status: HTTPStatus, kind: str, content: bytes) -> None:
         self._head(status, kind, len(content))
@@ -228,7 +232,7 @@ class _Handler(BaseHTTPRequestHandler):
         try:
             file = path.open("rb")
         except OSError as error:
-            self._tell(HTTPStatus.NOT_FOUND, "frame", f"{path.name}: {error.strerror}")
+            self._send_error(HTTPStatus.NOT_FOUND, "frame", f"{path.name}: {error.strerror}")
             return
         with file:
             kind = mimetypes.guess_type(path.name)[0] or "application/octet-stream"
@@ -249,7 +253,7 @@ class _Handler(BaseHTTPRequestHandler):
         """Keep silent: twenty lines a second would tell nobody anything."""
 
 
-def _told(status: HTTPStatus, kind: str, message: str) -> tuple[HTTPStatus, str, bytes]:
+def _error_response(status: HTTPStatus, kind: str, message: str) -> tuple[HTTPStatus, str, bytes]:
     """Return an answer that says what is wrong: `kind` for the page, `message` for its user."""
     content = json.dumps({"error": message, "kind": kind}).encode()
     return status, "application/json", content

@@ -46,7 +46,7 @@ _RUNTIME = {
 """Files of each backend in the archive's folder `dist`."""
 _PAGE = Path(__file__).parent / "page"
 _SERVICE_WORKER = Path("browser") / "service_worker.js"
-_HEADERS = {
+HEADERS = {
     "Cross-Origin-Opener-Policy": "same-origin",
     "Cross-Origin-Embedder-Policy": "require-corp",
 }
@@ -109,8 +109,8 @@ def check(out: Path) -> None:
     if not out.is_dir() or not any(out.iterdir()):
         return
     try:
-        held = untrusted.read_json(out / _DESCRIPTION)
-        is_page = held["engine"] == "browser"
+        description = untrusted.read_json(out / _DESCRIPTION)
+        is_page = description["engine"] == "browser"
     except (OSError, ValueError, LookupError, TypeError):
         is_page = False
     if not is_page:
@@ -147,9 +147,9 @@ def fetched_runtime() -> Iterator[Path]:
 
 def _archive() -> bytes:
     """Return the content of the archive."""
-    held = Path(_ARCHIVE)
-    if held.is_file():
-        return held.read_bytes()
+    file = Path(_ARCHIVE)
+    if file.is_file():
+        return file.read_bytes()
     try:
         with urllib.request.urlopen(_ADDRESS, timeout=_PATIENCE) as answer:
             return answer.read()
@@ -170,9 +170,9 @@ def _add_preflight(page: Path) -> None:
 
 def _write_headers(folder: Path) -> None:
     """Write `_headers` (Netlify, Cloudflare Pages), `vercel.json`, `.nojekyll` (GitHub Pages)."""
-    lines = ["/*", *(f"  {name}: {value}" for name, value in _HEADERS.items())]
+    lines = ["/*", *(f"  {name}: {value}" for name, value in HEADERS.items())]
     (folder / "_headers").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    rows = [{"key": name, "value": value} for name, value in _HEADERS.items()]
+    rows = [{"key": name, "value": value} for name, value in HEADERS.items()]
     rules = {"headers": [{"source": "/(.*)", "headers": rows}]}
     (folder / "vercel.json").write_text(json.dumps(rules, indent=1) + "\n", encoding="utf-8")
     (folder / ".nojekyll").touch()

@@ -75,15 +75,15 @@ def unpack(body: bytes) -> Request:
     )
 
 
-def pack(result: FrameResult, **more: Any) -> bytes:
-    """Return the body of an answer; `more` are further values of its header."""
-    told, parts, first = {}, [], 0
+def pack(result: FrameResult, **further: Any) -> bytes:
+    """Return the body of an answer; `further` are further values of its header."""
+    layout, parts, first = {}, [], 0
     for name, array in result.arrays.items():
         content = np.ascontiguousarray(array, array.dtype.newbyteorder("<")).tobytes()
-        told[name] = {"type": array.dtype.name, "shape": array.shape, "first": first}
+        layout[name] = {"type": array.dtype.name, "shape": array.shape, "first": first}
         parts.append(content)
         first += len(content)
-    header = json.dumps(result.numbers | more | {"arrays": told}, allow_nan=False).encode()
+    header = json.dumps(result.numbers | further | {"arrays": layout}, allow_nan=False).encode()
     return b"".join([_LENGTH.pack(len(header)), header, *parts])
 
 

@@ -1,4 +1,4 @@
-"""The engine that answers images: one interface, whatever runs the networks behind it."""
+"""The interface of what runs a model's networks on images, and how a model's folder is loaded."""
 
 from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
@@ -23,23 +23,23 @@ class Engine(Protocol):
     system: str
     outputs: tuple[str, ...]
 
-    def subnetworks(self, outputs: Iterable[str], given: Collection[str]) -> tuple[str, ...]:
+    def subnetworks(self, outputs: Iterable[str], inputs: Collection[str]) -> tuple[str, ...]:
         """Return the names of the subnetworks that outputs need, each after those it reads.
 
         Args:
             outputs: names out of `self.outputs`.
-            given: names of the quantities that are given: `image`, or `image` and `mask`.
+            inputs: names of what `run` is to get: `image`, or `image` and `mask`.
         """
 
     def run(
-        self, outputs: Collection[str], given: Mapping[str, np.ndarray]
+        self, outputs: Collection[str], inputs: Mapping[str, np.ndarray]
     ) -> dict[str, np.ndarray]:
         """Return outputs by name for a batch.
 
         Args:
             outputs: names out of `self.outputs`.
-            given: `image` `(B, S, S, 3)` float32, sRGB in [0, 1]; and `mask` `(B, S, S, 1)` float32
-                in [0, 1], unless the object is to be found.
+            inputs: `image` `(B, S, S, 3)` float32, sRGB in [0, 1]; and `mask` `(B, S, S, 1)`
+                float32 in [0, 1], unless SegmentationNet finds the object.
 
         Raises:
             ValueError: if the model's files are damaged, or the model takes no mask.
@@ -88,9 +88,9 @@ def load(
     return onnx_graphs.load(run, precision, streaming=streaming)
 
 
-def refuse_mask(given: Collection[str], path: Path) -> None:
-    """Raise ValueError if a mask is given to a model that lies in one file."""
-    if "mask" in given:
+def refuse_mask(inputs: Collection[str], path: Path) -> None:
+    """Raise ValueError if a mask is among the inputs of a model that lies in one file."""
+    if "mask" in inputs:
         raise ValueError(
             f"{path} finds the object itself and takes no mask: pass the folder of the model"
         )

@@ -39,25 +39,25 @@ class KerasEngine:
         self.size, self.system = self.architecture.size, self.architecture.description
         self.outputs = output_names(self.parts)
 
-    def subnetworks(self, outputs: Iterable[str], given: Collection[str]) -> tuple[str, ...]:
+    def subnetworks(self, outputs: Iterable[str], inputs: Collection[str]) -> tuple[str, ...]:
         """Return the names of the subnetworks that outputs need (see `Engine`)."""
-        missing = set(outputs) - set(given)
-        used = self._network(missing, given).layers if missing else []
+        missing = set(outputs) - set(inputs)
+        used = self._network(missing, inputs).layers if missing else []
         return tuple(name for name, part in self.parts.items() if part in used)
 
     def run(
-        self, outputs: Collection[str], given: Mapping[str, np.ndarray]
+        self, outputs: Collection[str], inputs: Mapping[str, np.ndarray]
     ) -> dict[str, np.ndarray]:
         """Return outputs by name for a batch (see `Engine`)."""
         console.check_fork()
-        inputs = dict(given) if len(given) > 1 else given["image"]
-        answer = self._network(outputs, given).predict_on_batch(inputs)
+        fed = dict(inputs) if len(inputs) > 1 else inputs["image"]
+        answer = self._network(outputs, inputs).predict_on_batch(fed)
         return {name: np.array(answer[name]) for name in outputs}
 
-    def _network(self, outputs: Collection[str], given: Collection[str]) -> "keras.Model":
+    def _network(self, outputs: Collection[str], inputs: Collection[str]) -> "keras.Model":
         from lime_keras.networks import assemble
 
-        key = frozenset(outputs), frozenset(given)
+        key = frozenset(outputs), frozenset(inputs)
         if key not in self._joined:
-            self._joined[key] = assemble(self.parts, sorted(outputs), given=set(given) - {"image"})
+            self._joined[key] = assemble(self.parts, sorted(outputs), given=set(inputs) - {"image"})
         return self._joined[key]

@@ -102,21 +102,21 @@ class Masker:
         small = Image.fromarray(levels).resize(
             (self._width, self._height), Image.Resampling.BILINEAR
         )
-        seen = np.asarray(small, np.float32) / 255
+        pixels = np.asarray(small, np.float32) / 255
         if self._family.by_maximum:
-            seen = seen / max(float(seen.max()), 1e-6)
-        seen = (seen - np.array(self._family.mean)) / np.array(self._family.deviation)
-        mask = self._mask(seen.transpose(2, 0, 1)[None].astype(self._dtype))
+            pixels = pixels / max(float(pixels.max()), 1e-6)
+        pixels = (pixels - np.array(self._family.mean)) / np.array(self._family.deviation)
+        mask = self._mask(pixels.transpose(2, 0, 1)[None].astype(self._dtype))
         shown = Image.fromarray(mask).resize((width, height), Image.Resampling.BILINEAR)
         return np.clip(np.asarray(shown, np.float32), 0, 1)[..., None]
 
-    def _mask(self, seen: np.ndarray) -> np.ndarray:
+    def _mask(self, pixels: np.ndarray) -> np.ndarray:
         """Return the coverage `(h, w)` that the network answers."""
         output = self._session.opened().get_outputs()[0].name
         try:
-            answer = np.asarray(self._session.run([output], {self._input: seen})[0], np.float32)
+            answer = np.asarray(self._session.run([output], {self._input: pixels})[0], np.float32)
         except ValueError as error:
-            raise ValueError(f"{self._path} fails on a picture {seen.shape}: {error}") from error
+            raise ValueError(f"{self._path} fails on a picture {pixels.shape}: {error}") from error
         if answer.size == 0 or answer.ndim < 2 or answer.size != np.prod(answer.shape[-2:]):
             raise ValueError(
                 f"{self._path} answers {answer.shape} first, and a masker answers one mask "

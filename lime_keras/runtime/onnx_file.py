@@ -35,18 +35,18 @@ class OnnxFile:
         names = {output.name for output in self._session.opened().get_outputs()}
         self.outputs = tuple(filter(names.__contains__, OUTPUTS))
 
-    def subnetworks(self, outputs: Iterable[str], given: Collection[str]) -> tuple[str, ...]:
+    def subnetworks(self, outputs: Iterable[str], inputs: Collection[str]) -> tuple[str, ...]:
         """Return no names, as the subnetworks are joined in one graph."""
         return ()
 
     def run(
-        self, outputs: Collection[str], given: Mapping[str, np.ndarray]
+        self, outputs: Collection[str], inputs: Mapping[str, np.ndarray]
     ) -> dict[str, np.ndarray]:
         """Return outputs by name for a batch (see `Engine`); a mask is refused."""
-        refuse_mask(given, self._path)
+        refuse_mask(inputs, self._path)
         names = list(outputs)
         try:
-            answer = self._session.run(names, {"image": given["image"]})
+            answer = self._session.run(names, {"image": inputs["image"]})
         except ValueError as error:
             raise ValueError(f"{self._path} fails: {error}") from error
         return dict(zip(names, answer, strict=True))

@@ -63,21 +63,21 @@ class OnnxGraphs:
         answered = {output for graph in self._graphs.values() for output in graph.outputs}
         self.outputs = tuple(filter(answered.__contains__, OUTPUTS))
 
-    def subnetworks(self, outputs: Iterable[str], given: Collection[str]) -> tuple[str, ...]:
+    def subnetworks(self, outputs: Iterable[str], inputs: Collection[str]) -> tuple[str, ...]:
         """Return the names of the subnetworks that outputs need (see `Engine`)."""
-        return tuple(name for name in self.description.needed(outputs, given) if name != SPLIT)
+        return tuple(name for name in self.description.needed(outputs, inputs) if name != SPLIT)
 
     def run(
-        self, outputs: Collection[str], given: Mapping[str, np.ndarray]
+        self, outputs: Collection[str], inputs: Mapping[str, np.ndarray]
     ) -> dict[str, np.ndarray]:
         """Return outputs by name for a batch (see `Engine`)."""
-        values = dict(given)
-        for name in self.description.needed(outputs, given):
+        values = dict(inputs)
+        for name in self.description.needed(outputs, inputs):
             graph = self._graphs[name]
-            inputs = {quantity: values[quantity] for quantity in graph.inputs}
+            fed = {quantity: values[quantity] for quantity in graph.inputs}
             session = self._session(name)
             try:
-                results = session.run(graph.outputs, inputs)
+                results = session.run(graph.outputs, fed)
             except ValueError as error:
                 raise ValueError(
                     f"{self.folder / DESCRIPTION} describes {name} as it is not ({error}): "

@@ -44,19 +44,19 @@ class SavedModel:
         names = self._loaded.signatures[SERVED].structured_outputs
         self.outputs = tuple(filter(names.__contains__, OUTPUTS))
 
-    def subnetworks(self, outputs: Iterable[str], given: Collection[str]) -> tuple[str, ...]:
+    def subnetworks(self, outputs: Iterable[str], inputs: Collection[str]) -> tuple[str, ...]:
         """Return no names, as the subnetworks are joined in one graph."""
         return ()
 
     def run(
-        self, outputs: Collection[str], given: Mapping[str, np.ndarray]
+        self, outputs: Collection[str], inputs: Mapping[str, np.ndarray]
     ) -> dict[str, np.ndarray]:
         """Return outputs by name for a batch (see `Engine`); a mask is refused."""
         import tensorflow as tf
 
         console.check_fork()
-        refuse_mask(given, self._path)
+        refuse_mask(inputs, self._path)
         [*names] = outputs
         signature = names[0] if len(names) == 1 < len(self.outputs) else SERVED
-        answer = self._loaded.signatures[signature](image=tf.constant(given["image"]))
+        answer = self._loaded.signatures[signature](image=tf.constant(inputs["image"]))
         return {name: answer[name].numpy() for name in names}

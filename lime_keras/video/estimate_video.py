@@ -28,7 +28,7 @@ from lime_keras.io.video_writer import Movie
 from lime_keras.material import Material
 from lime_keras.video import scenes
 from lime_keras.video.overlay import draw
-from lime_keras.video.scenes import Scene
+from lime_keras.video.scenes import Scene, Scenes
 from lime_keras.video.tracking import PARAMETERS, Step, Tracker, material_of
 
 COLUMNS = (
@@ -122,72 +122,52 @@ def estimate_video(
             **console.bar_options(),
         )
         folder.mkdir(parents=True, exist_ok=True)
-        run = _Run(folder / f"{name}.csv", folder / f"{name}-overlay.mp4")
+        table, overlay = folder / f"{name}.csv", folder / f"{name}-overlay.mp4"
+        followed = Scenes()
         try:
-            run.follow(shown, estimator or Estimator(only=_ESTIMATED))
+            _follow(shown, estimator or Estimator(only=_ESTIMATED), table, overlay, followed)
         except KeyboardInterrupt:
             if not is_camera(source):
                 raise
-        return run.summary(footage.remarks, scenes.write(folder, name, run.scenes.with_objects()))
-
-
-class _Run:
-    """The files and counts of a video during the estimate."""
-
-    def __init__(self, table: Path, overlay: Path):
-        self._paths = table, overlay
-        self._frames = self._found = self._cuts = 0
-        self._seconds = 0.0
-        self._last = np.full(len(PARAMETERS), np.nan)
-        self.scenes = scenes.Scenes()
-
-    def follow(self, pictures: Iterable[Frame], estimator: Estimator) -> None:
-        """Estimate and fuse each frame, and write its row and picture."""
-        tracker, (table, overlay) = Tracker(), self._paths
-        with _Table(table) as rows, Movie(overlay) as video:
-            rows.write(COLUMNS)
-            for frame in pictures:
-                material = estimator.estimate(frame.image_srgb / np.float32(255))
-                step = tracker.step(frame.image_srgb, material)
-                rows.write(_row(self._frames, frame.time, material, step))
-                status = "new scene" if step.cut else "" if step.found else "no object"
-                seen = material if step.found else Material(layers=material.layers)
-                fused = material_of(step.fused, material.gloss_calibration)
-                picture = draw(frame.image_srgb, frame.time, status, seen, fused)
-                video.write(picture, frame.time)
-                self.scenes.add(frame, material, step)
-                self._count(frame, step)
-
-    def _count(self, frame: Frame, step: Step) -> None:
-        self._frames += 1
-        self._found += step.found
-        self._cuts += step.cut
-        self._seconds = frame.time
-        if np.isfinite(step.fused).any():
-            self._last = step.fused
-
-    def summary(self, remarks: list[str], materials: list[str]) -> Summary:
-        """Return the result so far; `materials` are the names of the scenes' files."""
-        found = self.scenes.with_objects()
-        last = found[-1].material if found else Material()
-        cautions = last.warnings if self._found else (NO_OBJECT,)
+        with_objects = followed.with_objects()
+        found = sum(scene.found for scene in followed.every)
         return Summary(
-            frames=self._frames,
-            found=self._found,
-            cuts=self._cuts,
-            seconds=self._seconds,
-            material=replace(
-                material_of(self._last, last.gloss_calibration),
-                mask_confidence=last.mask_confidence,
-                exponent_bin_probabilities=last.exponent_bin_probabilities,
-                warnings=cautions,
-            ),
-            remarks=tuple(remarks),
-            table=self._paths[0],
-            overlay=self._paths[1],
-            scenes=tuple(found),
-            files=(*(path.name for path in self._paths), *materials),
+            frames=sum(scene.frames for scene in followed.every),
+            found=found,
+            cuts=sum(scene.is_cut for scene in followed.every),
+            seconds=followed.every[-1].end,
+            material=_last(with_objects, found),
+            remarks=tuple(footage.remarks),
+            table=table,
+            overlay=overlay,
+            scenes=tuple(with_objects),
+            files=(table.name, overlay.name, *scenes.write(folder, name, with_objects)),
         )
+
+
+def _follow(
+    frames: Iterable[Frame], estimator: Estimator, table: Path, overlay: Path, followed: Scenes
+) -> None:
+    """Estimate and fuse each frame, and write its row and picture."""
+    tracker = Tracker()
+    with _Table(table) as rows, Movie(overlay) as video:
+        rows.write(COLUMNS)
+        for number, frame in enumerate(frames):
+            material = estimator.estimate(frame.image_srgb / np.float32(255))
+            step = tracker.step(frame.image_srgb, material)
+            rows.write(_row(number, frame.time, material, step))
+            status = "new scene" if step.cut else "" if step.found else "no object"
+            shown = material if step.found else Material(layers=material.layers)
+            fused = material_of(step.fused, material.gloss_calibration)
+            video.write(draw(frame.image_srgb, frame.time, status, shown, fused), frame.time)
+            followed.add(frame, material, step)
+
+
+def _last(with_objects: list[Scene], found: int) -> Material:
+    """Return the fused material of the last scene, without what belongs to one of its frames."""
+    if not with_objects:
+        return Material(warnings=() if found else (NO_OBJECT,))
+    return replace(with_objects[-1].material, mask_coverage=None, square=None, layers={})
 
 
 class _Table:

@@ -33,7 +33,7 @@ class Fusion:
         """The fused estimate, NaN for elements never seen; None before the first estimate."""
         if self._recent is None:
             return None
-        return np.where(self._sightings > 0, self._average, np.nan)
+        return np.where(self._observations > 0, self._average, np.nan)
 
     def update(self, estimate: np.ndarray | float) -> np.ndarray:
         """Fuse the next frame's estimate.
@@ -57,20 +57,20 @@ class Fusion:
             )
         if self._recent is None:
             self._recent = np.full((WINDOW, *new.shape), np.nan)
-            self._sightings = np.zeros(new.shape, np.int64)
+            self._observations = np.zeros(new.shape, np.int64)
             self._average = np.zeros(new.shape)
         if new.shape != self._average.shape:
             raise ValueError(
                 f"estimates since the restart have shape {self._average.shape}, got {new.shape}: "
                 "restart first, or fuse each thing by a Fusion of its own"
             )
-        seen = ~np.isnan(new)
+        observed = ~np.isnan(new)
         shifted = np.concatenate([new[None], self._recent[:-1]])
-        self._recent = np.where(seen, shifted, self._recent)
-        self._sightings = self._sightings + seen
-        medians = np.where(seen, _median(self._recent, self._sightings), self._average)
-        self._average = decayed(self._average, medians, np.maximum(self._sightings, 1))
-        return np.where(self._sightings > 0, self._average, np.nan)
+        self._recent = np.where(observed, shifted, self._recent)
+        self._observations = self._observations + observed
+        medians = np.where(observed, _median(self._recent, self._observations), self._average)
+        self._average = decayed(self._average, medians, np.maximum(self._observations, 1))
+        return np.where(self._observations > 0, self._average, np.nan)
 
 
 def decayed(average: np.ndarray, value: np.ndarray, t: np.ndarray | int) -> np.ndarray:

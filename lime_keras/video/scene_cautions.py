@@ -19,7 +19,7 @@ class SceneCautions:
         self._found = 0
         self._confidences: list[float] = []
         self._probabilities: list[np.ndarray] = []
-        self._seen: dict[str, list[str]] = {}
+        self._messages: dict[str, list[str]] = {}
 
     def add(self, material: Material) -> None:
         """Add the estimate of a frame; one without an object does not count."""
@@ -31,7 +31,7 @@ class SceneCautions:
         if material.exponent_bin_probabilities is not None:
             self._probabilities.append(material.exponent_bin_probabilities)
         for caution in material.warnings:
-            self._seen.setdefault(caution.code, []).append(caution.message)
+            self._messages.setdefault(caution.code, []).append(caution.message)
 
     @property
     def mask_confidence(self) -> float | None:
@@ -53,7 +53,7 @@ class SceneCautions:
         if not self._found:
             return (NO_OBJECT,)
         return tuple(
-            Caution(code, f"in {len(said) / self._found:.0%} of the frames, {said[-1]}")
-            for code, said in self._seen.items()
-            if len(said) >= OFTEN * self._found
+            Caution(code, f"in {len(messages) / self._found:.0%} of the frames, {messages[-1]}")
+            for code, messages in self._messages.items()
+            if len(messages) >= OFTEN * self._found
         )

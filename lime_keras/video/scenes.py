@@ -49,8 +49,9 @@ class Scene:
 class _Running:
     """The scene that is being followed: its counts, and the frame with the largest object."""
 
-    def __init__(self, number: int):
-        self.number, self.frames, self.found = number, 0, 0
+    def __init__(self, number: int, *, is_cut: bool):
+        self.number, self.is_cut = number, is_cut
+        self.frames = self.found = 0
         self.start = self.end = 0.0
         self.cautions = SceneCautions()
         self.fused: np.ndarray | None = None
@@ -71,39 +72,41 @@ class _Running:
         """Return the scene up to now, or None if it has no object."""
         if self.fused is None or self.largest is None:
             return None
-        image, seen = self.largest
+        image, shown = self.largest
         material = dataclasses.replace(
-            material_of(self.fused, seen.gloss_calibration),
-            mask_coverage=seen.mask_coverage,
+            material_of(self.fused, shown.gloss_calibration),
+            mask_coverage=shown.mask_coverage,
             mask_confidence=self.cautions.mask_confidence,
             exponent_bin_probabilities=self.cautions.exponent_bin_probabilities,
             warnings=self.cautions.warnings,
-            square=seen.square,
-            layers={name: layer for name, layer in seen.layers.items() if name == "mask"},
+            square=shown.square,
+            layers={name: layer for name, layer in shown.layers.items() if name == "mask"},
         )
         counts = self.number, self.start, self.end, self.frames, self.found
         return Scene(*counts, material, image)
 
 
 class Scenes:
-    """The scenes of a video, followed frame by frame."""
+    """The scenes of a video, followed frame by frame.
+
+    Attributes:
+        every: all scenes so far, those without an object among them.
+    """
 
     def __init__(self) -> None:
-        self._running = _Running(1)
-        self._finished: list[Scene] = []
+        self.every = [_Running(1, is_cut=False)]
 
     def add(self, frame: Frame, material: Material, step: Step) -> None:
         """Add the next frame, its estimate and the state of the tracking after it."""
-        is_lost = self._running.fused is not None and not np.isfinite(step.fused).any()
+        last = self.every[-1]
+        is_lost = last.fused is not None and not np.isfinite(step.fused).any()
         if step.cut or is_lost:
-            self._finished = self.with_objects()
-            self._running = _Running(self._running.number + 1)
-        self._running.add(frame, material, step)
+            self.every.append(_Running(last.number + 1, is_cut=step.cut))
+        self.every[-1].add(frame, material, step)
 
     def with_objects(self) -> list[Scene]:
         """Return the scenes so far that have an object, the last one among them."""
-        last = self._running.result()
-        return [*self._finished, *([last] if last else [])]
+        return [scene for one in self.every if (scene := one.result()) is not None]
 
 
 def names(name: str, scenes: Iterable[Scene]) -> list[str]:

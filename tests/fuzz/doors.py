@@ -228,8 +228,8 @@ def _results(folder: Path) -> None:
     results = Results(folder, "0", {})
     made = {"version": "0", "weights": "0", "source": "0"}
     for name in ("one", "clip"):
-        if results.existing({name: lambda: made}):
-            gallery.update(folder, [name])
+        if existing := results.existing({name: lambda: made}):
+            gallery.update(folder, existing)
 
 
 # ---- the live page ---------------------------------------------------------------------------

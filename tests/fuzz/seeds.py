@@ -367,9 +367,13 @@ def results(folder: Path) -> None:
     }
     made = {"version": "0", "weights": "0", "options": {}, "source": "0"}
     scenes = {"video": "clip.mp4", "scenes": [numbers | {"scene": 1}, numbers | {"scene": 2}]}
-    result_json.write(seed / "one.json", numbers | {"photo": "one.png"}, made, ["one.json"])
-    result_json.write(seed / "clip.json", scenes, made, ["clip.json", "clip-scene-1.mtl"])
-    gallery.update(seed, ["one", "clip"])
+    photo = numbers | {"photo": "one.png"}
+    files = {"one": ["one.json"], "clip": ["clip.json", "clip-scene-1.mtl"]}
+    contents = {
+        name: result_json.write(seed / f"{name}.json", values, made, files[name])
+        for name, values in (("one", photo), ("clip", scenes))
+    }
+    gallery.update(seed, contents)
 
 
 # ---- the live page ---------------------------------------------------------------------------

@@ -3,8 +3,9 @@
 import math
 
 import pytest
+import static_page
 
-from lime_keras.eval.tradeoff import cases, timing
+from lime_keras.eval.tradeoff import browser, cases, models, timing
 from lime_keras.eval.tradeoff.cases import TimedUse
 from lime_keras.eval.tradeoff.measure import PICTURE
 from lime_keras.eval.tradeoff.timing import Effort
@@ -30,6 +31,18 @@ def test_a_process_answers_for_itself_alone(case, tiny_model):
         assert all(0 < seconds < 60 for seconds in measured[name])
     assert measured["cold_start_s"] > 0 and 0 < measured["busy"] < 2
     assert 10 < measured["peak_memory_mib"] < 4096
+
+
+@pytest.mark.slow
+def test_a_page_answers_in_a_browser(tmp_path):
+    if browser.missing() or not static_page.RUNTIME.is_dir():
+        pytest.skip("there is no Chromium, or no onnxruntime-web")
+    case = TimedUse("live", cases.PAGE, "material", cases.BROWSER)
+    measured = timing.measure(case, static_page.write(tmp_path), PICTURE, QUICK)
+    assert QUICK.least <= len(measured["seconds"]) <= QUICK.most
+    assert timing.pooled([measured]).keys() == {
+        *("ms", "p95_ms", "samples", "spread", "cold_start_s"),
+    }
 
 
 def test_a_process_that_fails_says_why(tmp_path):
@@ -73,8 +86,15 @@ def test_rounds_are_pooled_by_hand():
 
 def test_every_case_is_there_once_and_the_paper_is_timed_alone():
     listed = list(cases.of_model("best", cores=8))
-    assert len(listed) == len(set(listed)) == 2 * 3 * 8 + 2
+    assert len(listed) == len(set(listed)) == 2 * (3 * 8 + 4) + 2
     assert {case.threads for case in listed} == {1, 2}
     assert len({case.name for case in listed}) == len(listed)
     paper = list(cases.of_model(cases.PAPER, cores=1))
     assert len(paper) == 8 and {case.precision for case in paper} == {"float32"}
+
+
+def test_without_a_browser_a_page_is_left_out(tmp_path, tiny_model, monkeypatch):
+    monkeypatch.setattr(browser, "missing", lambda: "there is no Chromium")
+    own = models.Models({"tiny": tiny_model}, tmp_path, tmp_path)
+    with pytest.raises(models.Unavailable, match="no Chromium"):
+        own.path(TimedUse("tiny", cases.PAGE, "mask", cases.BROWSER))

@@ -111,7 +111,7 @@ def test_the_square_around_a_given_mask_holds_all_of_it():
             continue
         rows, columns = ndimage.find_objects(mask[..., 0].astype(int))[0]
         extent = max(rows.stop - rows.start, columns.stop - columns.start)
-        square = framing.around_given(mask)
+        square = framing.around_mask(mask)
         assert square.side == max(1, round(extent / framing.FILL))
         assert square.top == round((rows.start + rows.stop) / 2 - square.side / 2)
         assert square.left == round((columns.start + columns.stop) / 2 - square.side / 2)
@@ -128,7 +128,7 @@ def test_an_object_of_less_than_a_pixel_has_a_square_of_one():
 def test_where_nothing_is_found_the_square_stays(value):
     square = Square(-3, 5, 40)
     assert framing.around(np.full((32, 32, 1), value), square) == square
-    assert framing.around_given(np.full((30, 50, 1), value)) == framing.whole(30, 50)
+    assert framing.around_mask(np.full((30, 50, 1), value)) == framing.whole(30, 50)
 
 
 @pytest.mark.parametrize("row, column", [(0, 0), (31, 31), (7, 20)])
@@ -138,14 +138,14 @@ def test_one_pixel_is_an_object(row, column):
     square = framing.around(mask, Square(0, 0, 320))
     assert square.side == round(10 / framing.FILL)
     assert square.top <= 10 * row and square.top + square.side >= 10 * row + 10
-    given = framing.around_given(mask)
+    given = framing.around_mask(mask)
     assert given.side == 1 and (given.top, given.left) == (row, column)
 
 
 def test_a_given_mask_is_framed_as_in_training():
     """All of it, however large, in the middle of a square that it fills as usual."""
     mask = disc(400, 700, 200, 350, 190)
-    square = framing.around_given(mask)
+    square = framing.around_mask(mask)
     assert square.side == pytest.approx(380 / framing.FILL, abs=2)
     assert square.top + square.side / 2 == pytest.approx(200, abs=1)
     assert square.left + square.side / 2 == pytest.approx(350, abs=1)

@@ -51,6 +51,10 @@ def add(out, name, **fields):
     result_json.write(path, numbers, {"source": name}, written)
 
 
+def update(out, *names):
+    gallery.update(out, {name: result_json.read(out / f"{name}.json") for name in names})
+
+
 def rows(out):
     with (out / "materials.csv").open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
@@ -59,7 +63,7 @@ def rows(out):
 def test_page_and_table_show_each_result(tmp_path):
     add(tmp_path, "a", exponent_entropy=1.5)
     add(tmp_path, "sub/b", diffuse_albedo=np.array([0.2, 0.2, 0.2]), exponent=300.0)
-    gallery.update(tmp_path, ["a", "sub/b"])
+    update(tmp_path, "a", "sub/b")
     first, second = rows(tmp_path)
     assert tuple(first) == gallery.COLUMNS
     assert (first["json"], first["exponent"], first["colour"]) == ("a.json", "30.0", "#bc7c59")
@@ -76,7 +80,7 @@ def test_page_and_table_show_each_result(tmp_path):
 def test_the_gloss_is_told_with_how_sure_it_is(tmp_path):
     add(tmp_path, "flat", exponent_bin_probabilities=np.full(8, 0.125))
     add(tmp_path, "sure", exponent_bin_probabilities=np.eye(8)[3])
-    gallery.update(tmp_path, ["flat", "sure"])
+    update(tmp_path, "flat", "sure")
     flat, sure = rows(tmp_path)
     assert flat["gloss"] == sure["gloss"] == "satin to semi-gloss"
     assert [float(flat[f"exponent_{end}"]) for end in ("low", "high")] == [1.99526, 501.187]
@@ -89,13 +93,13 @@ def test_the_gloss_is_told_with_how_sure_it_is(tmp_path):
 def test_a_preview_of_an_earlier_version_has_no_thumbnails(tmp_path):
     add(tmp_path, "a")
     Image.new("RGB", (1620, 300)).save(tmp_path / "a-preview.png")
-    gallery.update(tmp_path, ["a"])
+    update(tmp_path, "a")
     assert Page(tmp_path / "index.html").pictures == []
 
 
 def test_the_page_holds_its_pictures_and_its_links_lead_to_files(tmp_path):
     add(tmp_path, "sub/100% a#b?")
-    gallery.update(tmp_path, ["sub/100% a#b?"])
+    update(tmp_path, "sub/100% a#b?")
     page = Page(tmp_path / "index.html")
     assert all(re.match("data:image/jpeg;base64,", address) for address in page.pictures)
     from urllib.parse import unquote
@@ -109,7 +113,7 @@ def test_the_page_holds_its_pictures_and_its_links_lead_to_files(tmp_path):
 def test_names_are_told_as_they_are(tmp_path):
     name = "<script>alert(1)</script>"[:8] + '"&'
     add(tmp_path, name)
-    gallery.update(tmp_path, [name])
+    update(tmp_path, name)
     page = Page(tmp_path / "index.html")
     assert name in page.text and page.cards[0]["data-name"] == name
 
@@ -120,7 +124,7 @@ def test_half_a_character_is_told_with_the_results_name(tmp_path):
     numbers = json.loads(path.read_text(encoding="utf-8"))
     path.write_text(json.dumps(numbers | {"photo": "\ud800.png"}))
     with pytest.raises(ValueError, match=r"a\.json cannot be read as a result: .*surrogates"):
-        gallery.update(tmp_path, ["a"])
+        update(tmp_path, "a")
 
 
 def test_half_a_material_is_refused_by_the_results_name(tmp_path):
@@ -134,10 +138,10 @@ def test_half_a_material_is_refused_by_the_results_name(tmp_path):
 def test_results_of_earlier_runs_stay_and_removed_ones_go(tmp_path):
     for name in ("a", "b", "c"):
         add(tmp_path, name)
-        gallery.update(tmp_path, [name])
+        update(tmp_path, name)
     assert [row["json"] for row in rows(tmp_path)] == ["a.json", "b.json", "c.json"]
     (tmp_path / "b.json").unlink()
-    gallery.update(tmp_path, ["a"])
+    update(tmp_path, "a")
     assert [row["json"] for row in rows(tmp_path)] == ["a.json", "c.json"]
 
 
@@ -146,7 +150,7 @@ def test_scenes_of_a_video_have_a_card_each(tmp_path):
     names = ["clip.csv", "clip-scene-1.mtl", "clip-scene-4.mtl", "clip-scene-4-preview.png"]
     numbers = {"video": "clip.mp4", "exponent": 9.0, "scenes": scenes}
     result_json.write(tmp_path / "clip.json", numbers, {}, names)
-    gallery.update(tmp_path, ["clip"])
+    update(tmp_path, "clip")
     assert [row["scene"] for row in rows(tmp_path)] == ["1", "4"]
     page = Page(tmp_path / "index.html")
     assert [card["data-name"] for card in page.cards] == ["clip, scene 1", "clip, scene 4"]
@@ -155,7 +159,7 @@ def test_scenes_of_a_video_have_a_card_each(tmp_path):
 
 def test_an_estimate_of_little_is_shown_by_what_there_is(tmp_path):
     add(tmp_path, "a", diffuse_albedo=None, specular_albedo=None, exponent=None)
-    gallery.update(tmp_path, ["a"])
+    update(tmp_path, "a")
     page = Page(tmp_path / "index.html")
     assert len(page.pictures) == 1 and page.cards[0]["data-gloss"] == ""
     assert rows(tmp_path)[0]["colour"] == ""
@@ -165,7 +169,7 @@ def test_an_estimate_of_little_is_shown_by_what_there_is(tmp_path):
 def test_another_file_of_that_name_is_refused(name, tmp_path):
     add(tmp_path, "a")
     gallery.check(tmp_path)
-    gallery.update(tmp_path, ["a"])
+    update(tmp_path, "a")
     gallery.check(tmp_path)
     (tmp_path / name).write_text("mine\n")
     with pytest.raises(ValueError, match=rf"{name} is there, and not of lime-estimate"):

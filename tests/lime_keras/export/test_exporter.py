@@ -9,6 +9,7 @@ import pytest
 
 from lime_keras import __version__
 from lime_keras.commands import export as export_cli
+from lime_keras.data.corpus import Split
 from lime_keras.export import exporter, formats, parity, quantisation
 from lime_keras.model import folder as model_folder
 from lime_keras.model import weights
@@ -150,9 +151,7 @@ def test_eight_bits_are_calibrated_on_what_was_trained_on(
     monkeypatch.setattr(quantisation, "write_int8", write_int8)
     exporter.export(tmp_path, "onnx", tiny_model, ["mask"], precision="int8", corpus=corpus)
     [images] = seen
-    np.testing.assert_array_equal(
-        images, exporter.corpus_images.for_calibration(corpus, 32, camera=True)
-    )
+    np.testing.assert_array_equal(images, exporter.corpus_images.for_calibration(corpus, 32))
     # The second shard is held out.
     assert images.shape == (4, 32, 32, 3)
 
@@ -163,8 +162,8 @@ def test_pictures_are_those_of_the_test_split(tiny_model, corpus, tmp_path, stan
     differences = exporter.export(tmp_path, "savedmodel", tiny_model, ["mask"], corpus=corpus)
     assert set(differences) == {"extremes", "pictures"}
     assert all(value["mask"] < 1e-6 for value in differences.values())
-    shards = exporter.Split(corpus, "test").shard_paths()
-    pictures = exporter.corpus_images.first(shards, 32, 9, camera=True)
+    shards = Split(corpus, "test").shard_paths()
+    pictures = exporter.corpus_images.first(shards, 32, 9)
     assert len(pictures) == 4
     np.testing.assert_array_equal(np.concatenate(shown)[-4:], pictures)
 

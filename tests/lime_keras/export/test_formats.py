@@ -14,6 +14,7 @@ from whole_engines import File, Network
 from lime_keras.export import exporter, formats, parity
 from lime_keras.model import weights
 from lime_keras.networks import assemble
+from lime_keras.runtime.saved_model import CARD as CARD_PATH
 from lime_keras.runtime.saved_model import SERVED, SavedModel
 
 CARD = {"version": "1.2", "preset": None, "bins": [1.0, 2.5], "outputs": {"mask": "share"}}
@@ -39,7 +40,7 @@ def saved_model(tiny_export, tmp_path_factory):
     path = tmp_path_factory.mktemp("formats") / "saved_model"
     shutil.copytree(exporter.target(tiny_export("savedmodel")[0], "savedmodel"), path)
     shutil.rmtree(path / "assets.extra")
-    formats.describe_saved_model(path, CARD)
+    formats.write_card(path / CARD_PATH, CARD)
     return path
 
 

@@ -14,7 +14,7 @@ from lime_keras.live import static
 from lime_keras.live.session import FrameRequest, Session
 
 pytestmark = pytest.mark.slow
-HEADERS = tuple(static._HEADERS.items())
+HEADERS = tuple(static.HEADERS.items())
 
 ESTIMATE = """
 async ({ levels, masks, width, height, options }) => {

@@ -15,7 +15,7 @@ from lime_keras.live import static
 from lime_keras.model import folder as model_folder
 from lime_keras.version import __version__
 
-HEADERS = tuple(static._HEADERS.items())
+HEADERS = tuple(static.HEADERS.items())
 
 
 @pytest.fixture(scope="module")

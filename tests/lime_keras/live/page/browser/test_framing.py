@@ -86,7 +86,7 @@ def test_a_given_mask_is_cut_as_in_python():
         mask=mask,
         sizes=[16, 128],
     )
-    square = framing.around_given(mask)
+    square = framing.around_mask(mask)
     for size, (*place, seen) in zip([16, 128], found, strict=True):
         assert tuple(place) == square
         expected = framing.cut_layer(mask, square, size)
@@ -115,7 +115,7 @@ def test_squares_are_those_of_python():
     )
     for mask, square, row in zip(masks, squares, found, strict=True):
         assert tuple(row[:3]) == framing.around(mask[..., None], square)
-        assert tuple(row[3:6]) == framing.around_given(mask.reshape(18, 32, 1))
+        assert tuple(row[3:6]) == framing.around_mask(mask.reshape(18, 32, 1))
         assert np.array_equal(row[6], framing.inside(square, 200, 301, 24).ravel())
 
 
