@@ -98,7 +98,7 @@ def update(out: Path, contents: Mapping[str, Mapping[str, Any]]) -> None:
     atomic.write(out / TABLE, text.getvalue())
     page = Template(_TEMPLATE.read_text(encoding="utf-8"))
 
-    def draw(card: tuple[dict[str, Any], dict[str, Any]]) -> str:
+    def draw(card: tuple[dict[str, Any], Mapping[str, Any]]) -> str:
         with untrusted.naming(out / card[0]["json"], "a result"):
             return _card(out, *card)
 

@@ -132,7 +132,7 @@ def test_half_a_material_is_refused_by_the_results_name(tmp_path):
     path = tmp_path / "a.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | {"specular_albedo": None}))
     with pytest.raises(ValueError, match=r"a\.json cannot be read as a result"):
-        gallery.update(tmp_path, ["a"])
+        update(tmp_path, "a")
 
 
 def test_results_of_earlier_runs_stay_and_removed_ones_go(tmp_path):

@@ -420,7 +420,6 @@ def test_a_part_of_a_model_takes_the_place_of_no_other(tiny_model, tmp_path, sta
 
 
 def test_a_corpus_of_another_size_is_refused_with_its_mend(corpus):
-    from lime_keras.data.corpus import Split
     from lime_keras.export import corpus_images
 
     split = Split(corpus, "train")
