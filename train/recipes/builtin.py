@@ -23,12 +23,13 @@ RECIPE = Recipe(
         "large": dataclasses.replace(_SHAPES, count=10_000, seed=3, size=192),
     },
     trainings={
-        name: dataclasses.replace(training, cutouts=False)
+        name: dataclasses.replace(
+            training, cutouts=False, corpora=("shapes" if name == "mask-128" else "large",)
+        )
         for name, training in shared.MASKS.items()
     }
     | {
-        "mask": dataclasses.replace(shared.MASK_128, corpora=("shapes",), cutouts=False),
-        "light": dataclasses.replace(shared.LIGHT, corpora=("shapes",)),
+        "light": dataclasses.replace(shared.LIGHT_128, corpora=("shapes",)),
         "material": dataclasses.replace(
             shared.MATERIAL, corpora=("shapes",), materials=("natural",)
         ),

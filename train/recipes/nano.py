@@ -18,9 +18,10 @@ RECIPE = Recipe(
     corpora=shared.CORPORA,
     trainings=shared.MASKS
     | {
-        "mask-128": dataclasses.replace(shared.MASK_128, size=128, preset="live"),
-        "mask": dataclasses.replace(shared.MASK_128, start_from="mask-128"),
-        "light": shared.LIGHT,
+        "mask": dataclasses.replace(
+            shared.MASKS["mask-128"], start_from="mask-128", size=None, preset=None
+        ),
+        "light": dataclasses.replace(shared.LIGHT_128, start_from="mask", size=None, preset=None),
         "material": dataclasses.replace(shared.MATERIAL, materials=("natural",)),
     },
     validation=dataclasses.replace(shared.VALIDATION, size=64),

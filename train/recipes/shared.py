@@ -3,7 +3,8 @@
 Corpora of 128 pixels: 36,000 scenes of meshes and 24,000 of built-in shapes, under lights that are
 mixed of maps, rooms, skies and lamps. Scenes decide: 32,000 distinct ones taught more than 64,000
 of fewer shapes. Masks learn at 192 pixels first, the decoder alone, as an encoder that learns
-beside a fresh decoder forgets photographs; then at 128, then at 64.
+beside a fresh decoder forgets photographs; then at 128, and at the set's own size. S and M learn at
+128 pixels, too.
 """
 
 from .recipe import Corpus, Package, Training
@@ -60,25 +61,29 @@ MASKS = {
         size=192,
         preset="live",
     ),
+    "mask-128": Training(
+        ("segmentation",),
+        OF_128,
+        steps=3_000,
+        rate=1e-3,
+        photos=48_000,
+        start_from="mask-192",
+        average=0.999,
+        cutouts=True,
+        precision="float32",
+        size=128,
+        preset="live",
+    ),
 }
-MASK_128 = Training(
-    ("segmentation",),
-    OF_128,
-    steps=3_000,
-    rate=1e-3,
-    photos=48_000,
-    start_from="mask-192",
-    average=0.999,
-    cutouts=True,
-    precision="float32",
-)
-LIGHT = Training(
+LIGHT_128 = Training(
     ("specular", "mirror"),
     OF_128,
     steps=6_000,
     rate=2e-3,
     photos=60_000,
-    start_from="mask",
+    start_from="mask-128",
+    size=128,
+    preset="live",
 )
 """S and M of both laws, each alone, cut out by the masks of before."""
 MATERIAL = Training(

@@ -18,8 +18,7 @@ RECIPE = Recipe(
     corpora=shared.CORPORA,
     trainings=shared.MASKS
     | {
-        "mask": shared.MASK_128,
-        "light": shared.LIGHT,
+        "light": shared.LIGHT_128,
         "material": dataclasses.replace(shared.MATERIAL, materials=("uniform",)),
     },
     validation=dataclasses.replace(shared.VALIDATION, materials="uniform"),
