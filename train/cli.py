@@ -477,7 +477,7 @@ def config_of(options: argparse.Namespace) -> Any:
         usual = PRESETS[preset]
         share = asked["architecture.encoder_width"] / usual.encoder_width
         asked["architecture.dense_width"] = max(1, round(usual.dense_width * share))
-    data = {
+    data: dict[str, Any] = {
         "corpus_sha256": corpus_sha256(options.paths),
         "lobe": lobe_of(options.paths),
         "plain_scenes": all(Split(path, "train").is_plain for path in options.paths),

@@ -77,16 +77,11 @@ def angular(corners: np.ndarray) -> list[np.ndarray]:
     return [np.stack(edge) for edge in zip(corners, np.roll(corners, -1, axis=0), strict=True)]
 
 
-def smooth(points: np.ndarray, count: int, closed: bool) -> np.ndarray:
-    """Return `count` points along the Catmull-Rom spline through points `(K, 3)`."""
-    if closed:
-        padded = np.concatenate([points[-1:], points, points[:2]])
-        t = np.arange(count) * len(points) / count
-    else:
-        before, after = 2 * points[:1] - points[1:2], 2 * points[-1:] - points[-2:-1]
-        padded = np.concatenate([before, points, after])
-        t = np.linspace(0, len(points) - 1, count)
-    return spline(padded, t)
+def smooth(points: np.ndarray, count: int) -> np.ndarray:
+    """Return `count` points along the open Catmull-Rom spline through points `(K, 3)`."""
+    before, after = 2 * points[:1] - points[1:2], 2 * points[-1:] - points[-2:-1]
+    padded = np.concatenate([before, points, after])
+    return spline(padded, np.linspace(0, len(points) - 1, count))
 
 
 def spline(padded: np.ndarray, t: np.ndarray) -> np.ndarray:

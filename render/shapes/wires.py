@@ -64,7 +64,7 @@ def branches(rng: np.random.Generator) -> Mesh:
             bent = along + 0.4 * parts.direction(rng)
             end = start + length * bent / np.linalg.norm(bent)
             middle = start + 0.5 * length * along
-            curve = sweeps.smooth(np.stack([start, middle, end]), 12, False)
+            curve = sweeps.smooth(np.stack([start, middle, end]), 12)
             thin = radius * rng.uniform(0.6, 0.9)
             pieces.append(sweeps.tube(curve, np.linspace(radius, thin, 12), False, 8))
             for _ in range(forks):
@@ -130,7 +130,7 @@ def _line(rng: np.random.Generator, count: int) -> tuple[np.ndarray, bool]:
     for _ in range(rng.integers(2, 8)):
         step = steps[-1] + rng.uniform(0.4, 1.2) * parts.direction(rng)
         steps.append(step / np.linalg.norm(step))
-    return sweeps.smooth(np.cumsum(steps, axis=0), count, False), False
+    return sweeps.smooth(np.cumsum(steps, axis=0), count), False
 
 
 def _spring(rng: np.random.Generator, count: int) -> tuple[np.ndarray, bool]:

@@ -82,8 +82,7 @@ def test_the_tightest_bend_of_a_circle_is_its_radius():
 @pytest.mark.parametrize("closed", [False, True])
 def test_splines_pass_their_points_and_even_points_are_even(closed):
     points = np.random.default_rng(3).normal(size=(6, 3))
-    count = 6 * 20 if closed else 5 * 20 + 1
-    curve = sweeps.smooth(points, count, closed)
+    curve = sweeps.smooth(points, 5 * 20 + 1)
     np.testing.assert_allclose(curve[::20], points, atol=1e-9)
     even = sweeps.even(curve, 400, closed)
     steps = np.linalg.norm(np.diff(even, axis=0), axis=1)
