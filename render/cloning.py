@@ -43,12 +43,10 @@ _TILT = np.array(
     ]
 )
 """Rotation from upright to camera space."""
-_GROUND = _TILT[:, 1]
-"""Unit normal of the ground in camera space."""
+_GROUND = _TILT[:, 1]  # unit normal of the ground in camera space
 _MOST_PIXELS = 1024
 """Largest side of the rendered square in pixels; a larger object is rendered so and enlarged."""
-_FINE = (256, 512)
-"""Rows and columns to which the estimated light is resampled for rendering."""
+_FINE = (256, 512)  # rows and columns to which the estimated light is resampled for rendering
 _RIM = 0.03
 """Width by which the mask is grown, as a share of the object's size, to hide the old edges."""
 UPRIGHT = {
@@ -56,14 +54,12 @@ UPRIGHT = {
     "z": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]),
 }
 """Rotations that stand a mesh upright, by the axis that points up in its file."""
-_SHADOW_REACH = 3
-"""Side of the square that may be shadowed, in sides of the rendered square."""
+_SHADOW_REACH = 3  # side of the square that may be shadowed, in sides of the rendered square
 _SHADOW_PIXELS = 384
 """Largest side of the shadow in pixels; it is soft, so a larger one is enlarged."""
 _SHADOW_FADE = 0.15
 """Share of the shadow's square, at each edge, over which a long shadow fades out."""
-_VISIBLE = 1 / 512
-"""Least share of light taken that changes a pixel of 8 bits."""
+_VISIBLE = 1 / 512  # least share of light taken that changes a pixel of 8 bits
 
 
 def clone(

@@ -30,10 +30,8 @@ from .photos.kept import INPUT_MASK, PREDICTED, Kept
 from .photos.making import OnMaking, Recipe
 from .stages import Stage
 
-_ORIGIN = ("seed", "index")
-"""Features that identify an example of a corpus."""
-_MASK_FEATURES = ("image", "mask", *_ORIGIN)
-"""Features that SegmentationNet alone is trained with."""
+_ORIGIN = ("seed", "index")  # features that identify an example of a corpus
+_MASK_FEATURES = ("image", "mask", *_ORIGIN)  # features that SegmentationNet alone is trained with
 
 Batch = dict[str, Any]
 

@@ -18,10 +18,8 @@ _JOINED = {
 """Number of the first joined stage of each subnetwork, None if it is only trained alone; in the
 order in which subnetworks are trained alone."""
 # Under Muon its deep levels grew by a factor of five each, until a level above them died.
-_OPTIMIZERS = {"mirror": "adam"}
-"""What trains a subnetwork alone, whatever the schedule says."""
-WARM_UP = 0.02
-"""Share of a stage in which Muon's learning rate rises from nearly 0."""
+_OPTIMIZERS = {"mirror": "adam"}  # what trains a subnetwork alone, whatever the schedule says
+WARM_UP = 0.02  # share of a stage in which Muon's learning rate rises from nearly 0
 
 
 @dataclass(frozen=True)

@@ -20,8 +20,7 @@ from lime_keras.optics.masking import masked_mean
 from lime_keras.optics.reflectance_map import disc, true_reflectance_map
 from lime_keras.optics.shading import lobe_factor
 
-Batch = Mapping[str, Any]
-"""Features of a batch by name, as `data.pipeline` names them."""
+Batch = Mapping[str, Any]  # features of a batch by name, as `data.pipeline` names them
 
 
 class StageOutputs(NamedTuple):

@@ -11,8 +11,7 @@ from skimage.transform import resize
 from lime_keras.optics import colour, shininess
 
 _DPI = 100
-_THUMB, _GAP, _MARGIN, _HEAD = 128, 6, 24, 84
-"""Sizes on the page in pixels."""
+_THUMB, _GAP, _MARGIN, _HEAD = 128, 6, 24, 84  # sizes on the page in pixels
 _BLOCKS = 2
 _TEXT_WIDTH = 216
 _LINE = 17

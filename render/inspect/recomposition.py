@@ -13,10 +13,8 @@ from lime_keras.data import records
 from lime_keras.optics import colour
 from lime_keras.optics.compositing import compose
 
-HALF_ROUNDING = 2.0**-11
-"""Largest relative error of a number rounded to half precision."""
-FLOAT_ROUNDING = 2.0**-20
-"""Largest relative error of a dozen operations in single precision."""
+HALF_ROUNDING = 2.0**-11  # largest relative error of a number rounded to half precision
+FLOAT_ROUNDING = 2.0**-20  # largest relative error of a dozen operations in single precision
 _CODES = np.arange(256)
 _HALF_CODE = 0.5 + 1e-3
 """Largest error of a code: rounding to 8 bits, and single precision in the sRGB curve."""

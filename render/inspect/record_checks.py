@@ -17,8 +17,7 @@ from . import recomposition
 from .recomposition import FLOAT_ROUNDING, HALF_ROUNDING, covered_pixels, pixels_at
 
 _LAYERS = ("diffuse_shading", "specular_shading", "mirror")
-_PROBES = 16
-"""Largest number of pixels in which D and S are computed again."""
+_PROBES = 16  # largest number of pixels in which D and S are computed again
 _CANDIDATES_PER_PROBE = 8
 _SMOOTH = 0.999
 """Least n·n' between neighbouring pixels in which D and S are computed again.

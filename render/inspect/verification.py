@@ -19,8 +19,7 @@ from lime_keras.io import untrusted
 from . import input_checks, record_checks
 from .faults import Faults
 
-_AHEAD = 8
-"""Number of records per thread that are held in memory at once."""
+_AHEAD = 8  # number of records per thread that are held in memory at once
 _READ = (
     *("shards", "count", "sha256", "shapes", "lights", "inputs"),
     *("seed", "size", "shard_size", "lobe"),

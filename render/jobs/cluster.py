@@ -20,8 +20,7 @@ from . import nodes
 from .description import Job
 from .processes import TASKS_PER_PROCESS, THREAD_VARIABLES, Ticks
 
-_RETRIES = 3
-"""How often a shard may lose its process, because a node is lost or memory runs out."""
+_RETRIES = 3  # how often a shard may lose its process, because a node is lost or memory runs out
 _SECONDS_TO_ANSWER = 5
 _START = (
     "start one with `ray start --head --port 6379` on one machine and `ray start --address "

@@ -42,8 +42,7 @@ class Finding:
     notes: tuple[str, ...] = ()
 
 
-Findings = dict[str, list[Finding]]
-"""Findings of a split by kind, in the order of the files."""
+Findings = dict[str, list[Finding]]  # findings of a split by kind, in the order of the files
 
 
 def check(kind: str, path: Path) -> Finding:

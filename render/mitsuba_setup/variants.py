@@ -23,8 +23,7 @@ _DRIVERS = (Path("/dev/nvidiactl"), Path("/dev/dxg"))
 """
 _LIBRARY_VARIABLE = "DRJIT_LIBLLVM_PATH"
 _PROBE_SECONDS = 120
-_TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3
-"""Options of glibc's `mallopt`, from `malloc.h`."""
+_TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3  # options of glibc's `mallopt`, from `malloc.h`
 
 # Bad libraries aborted on a minimum of floats, then on a traced ray; the results are checked too.
 _PROBE = """

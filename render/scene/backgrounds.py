@@ -23,8 +23,7 @@ from lime_keras.optics import colour, environment, shading
 
 from .lights import Light
 
-LARGEST = 2**27
-"""Largest number of pixels of a picture: a panorama of 16,384 × 8,192."""
+LARGEST = 2**27  # largest number of pixels of a picture: a panorama of 16,384 × 8,192
 LEAST_SIDE = 8
 """Least number of pixels along either side of a picture; smaller pictures show nothing."""
 _BLENDED = 0.4  # share of the varied backgrounds that blend two pictures

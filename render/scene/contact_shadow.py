@@ -17,12 +17,10 @@ from .sampling import Pose
 
 _RAYS, _SLOW_RAYS = 256, 48
 """Number of rays at each pixel, and the same where Mitsuba traces them one by one."""
-_ROWS = 64
-"""Rows of the light's level from which the rays are drawn, at most."""
+_ROWS = 64  # rows of the light's level from which the rays are drawn, at most
 _GAP = 1e-3
 """Height of the mesh above the plane; so a flat bottom lies between the ground and its light."""
-_MOST_RAYS = 2**21
-"""Largest number of rays that are traced at once; they take some 100 MB."""
+_MOST_RAYS = 2**21  # largest number of rays that are traced at once; they take some 100 MB
 
 
 def shade(mesh: Mesh, light: Light, pose: Pose, up: np.ndarray, size: int) -> np.ndarray:

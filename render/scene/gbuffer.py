@@ -18,10 +18,8 @@ from lime_keras.optics.shading import reflect
 from ..shapes.meshes import Mesh
 from .quality import FAST, Quality
 
-_MOST_RAYS = 2**22
-"""Largest number of rays that are traced at once; they take some 500 MB."""
-_LEAST_COSINE = 0.02
-"""Least o·n of a normal; smooth shading can turn normals away from the viewer."""
+_MOST_RAYS = 2**22  # largest number of rays that are traced at once; they take some 500 MB
+_LEAST_COSINE = 0.02  # least o·n of a normal; smooth shading can turn normals away from the viewer
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,7 @@ from .lights import Light
 Cut = tuple[slice, np.ndarray, np.ndarray]
 """A group of samples, with the directions `(T, 3)` and the energies `(T,)` of its lights."""
 
-_LEAST_CELLS = 4
-"""Fewest cells across the sphere into which mirror directions are sorted."""
+_LEAST_CELLS = 4  # fewest cells across the sphere into which mirror directions are sorted
 _TOGETHER = 16
 """Number of groups whose lights are cut at once: few enough for the processor's cache."""
 

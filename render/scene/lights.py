@@ -19,8 +19,7 @@ from .quality import FAST, Quality
 
 _COARSEST = 16
 _FEWEST_ROWS = 32
-_DIAGONAL = 1.5
-"""Largest distance of two directions in a texel, in heights of the texel."""
+_DIAGONAL = 1.5  # largest distance of two directions in a texel, in heights of the texel
 
 
 @dataclass(frozen=True)

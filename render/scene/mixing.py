@@ -11,8 +11,7 @@ from lime_keras.optics import environment
 from . import environments
 from .light_law import Lamp, LightDraw
 
-LEAST_ROWS = 256
-"""Least number of rows of a mixture: a texel is then as wide as the smallest lamps."""
+LEAST_ROWS = 256  # least number of rows of a mixture: a texel is then as wide as the smallest lamps
 _SMALLEST = (
     0.65  # least half length and half width of a lamp, in texels: it covers a texel's middle
 )

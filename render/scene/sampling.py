@@ -32,10 +32,8 @@ class Framing(NamedTuple):
     cut: float = 0.0
 
 
-NARROW = Framing((0.55, 0.92))
-"""The crops of photos that are framed by the detector of the mask."""
-WIDE = Framing((0.35, 1.05), cut=0.15)
-"""More widely drawn crops, to train on."""
+NARROW = Framing((0.55, 0.92))  # the crops of photos that are framed by the detector of the mask
+WIDE = Framing((0.35, 1.05), cut=0.15)  # more widely drawn crops, to train on
 _FARTHEST_CUT = 0.25
 
 

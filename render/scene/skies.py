@@ -9,10 +9,8 @@ from lime_keras.optics import colour, environment
 
 _ELEVATION_SINE = (0.02, 0.98)
 """Range of the sine of the sun's height above the horizon: uniform over the sky's area."""
-_TURBIDITY = (1.5, 10.0)
-"""Range of the turbidity, from a clear mountain sky to haze, log-uniform."""
-_GROUND = (0.05, 0.6)
-"""Range of the ground's albedo, from asphalt to old snow."""
+_TURBIDITY = (1.5, 10.0)  # range of the turbidity, from a clear mountain sky to haze, log-uniform
+_GROUND = (0.05, 0.6)  # range of the ground's albedo, from asphalt to old snow
 _SUN_RADIUS = math.radians(0.5358 / 2)
 _RINGS, _SECTORS = 32, 128
 """Numbers of samples of the sun's disc, from its centre outwards and around."""

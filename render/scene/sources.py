@@ -26,8 +26,7 @@ from .quality import FAST, Quality
 TEST_SHARE = 0.2
 PROCEDURAL_SHAPES = {"train": 400, "test": 100}
 PROCEDURAL_ROOMS = {"train": 40, "test": 12}
-SKIES = 48
-"""Number of skies, which mixed lights have beside rooms."""
+SKIES = 48  # number of skies, which mixed lights have beside rooms
 LIGHT_LAWS = ("mixed", "maps")
 """Laws of the lights: mixtures of maps, rooms, skies and lamps (`light_law`); or single maps."""
 MIXED, MAPS = LIGHT_LAWS

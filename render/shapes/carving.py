@@ -6,8 +6,7 @@ from manifold3d import Manifold
 from . import parts, profiles
 from .meshes import Mesh, normalised
 
-_LEAST_LEFT = 0.15
-"""Share of a solid's volume that a change must leave; else it is not made."""
+_LEAST_LEFT = 0.15  # share of a solid's volume that a change must leave; else it is not made
 
 
 def sample(rng: np.random.Generator) -> Mesh:

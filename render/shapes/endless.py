@@ -11,11 +11,9 @@ import numpy as np
 from . import carving, extrusion, fields, lathe, solids, wires
 from .meshes import Mesh
 
-CELLS = 50_000
-"""Cells of the grid on which implicit fields without thin bars are polygonised."""
+CELLS = 50_000  # cells of the grid on which implicit fields without thin bars are polygonised
 
-SIDES = 56
-"""Number of sides of a turned piece: enough for 24 flutes."""
+SIDES = 56  # number of sides of a turned piece: enough for 24 flutes
 
 FAMILIES: dict[str, tuple[float, Callable[[np.random.Generator], Mesh]]] = {
     "composition": (0.063, lambda rng: solids.polygonise(*fields.composition(rng), CELLS)),

@@ -17,8 +17,7 @@ from .parts import direction
 
 Field = Callable[[np.ndarray], np.ndarray]
 
-_LEAST_LEFT = 0.015
-"""Least share of the cube of half width one that a carved solid still fills."""
+_LEAST_LEFT = 0.015  # least share of the cube of half width one that a carved solid still fills
 
 
 def composition(rng: np.random.Generator) -> tuple[Field, float]:

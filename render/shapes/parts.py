@@ -12,8 +12,7 @@ from manifold3d import Manifold, OpType
 
 Part = tuple[np.ndarray, np.ndarray, np.ndarray]
 
-CREASE = 38.0
-"""Angle in degrees: faces that meet at a larger one keep separate normals."""
+CREASE = 38.0  # angle in degrees: faces that meet at a larger one keep separate normals
 
 
 def of_solid(solid: Manifold) -> Part:

@@ -5,8 +5,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 CREASE = np.radians(50)  # faces that meet at a larger angle keep separate normals
-_JOINED = 6
-"""Number of decimals to which vertices in one place agree, in a mesh of about unit size."""
+_JOINED = 6  # number of decimals to which vertices in one place agree, in a mesh of about unit size
 
 
 def face_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:

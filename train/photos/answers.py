@@ -18,8 +18,7 @@ from . import masks
 from .kept import INPUT_MASK, PREDICTED, Kept
 from .making import OnMaking
 
-_BATCH = 32
-"""Photos of one prediction: not tuned, all of them fit any device that trains."""
+_BATCH = 32  # photos of one prediction: not tuned, all of them fit any device that trains
 
 
 def independent(

@@ -17,24 +17,17 @@ from lime_keras.optics import colour
 
 from . import paint
 
-_SUFFIXES = ".png", ".webp"
-"""Ends of the pictures' names."""
+_SUFFIXES = ".png", ".webp"  # ends of the pictures' names
 _LEAST_SIDE, _LEAST_COLOURS = 64, 250
 """Least pixels along the longer side of a thing, and least colours: fewer are letters and signs."""
-_COLOUR_STEP = 8
-"""Steps of 255 that count as one colour."""
+_COLOUR_STEP = 8  # steps of 255 that count as one colour
 _OPAQUE = 0.97
 """Largest share of a picture that a thing covers; a picture without alpha is no cut-out."""
-_EXTENT = 0.35, 1.05
-"""Least and largest length of a thing's longer side, of the image's."""
-_TURN = 0.35
-"""Standard deviation of a thing's turn, in radians."""
-_OFF_CENTRE = 0.1
-"""Standard deviation of a thing's place, of the image's side."""
-_PAPER = 0.2
-"""Share of the things before white, black or grey paper."""
-_SHADED = 0.5
-"""Share of the things that cast a shadow on what is behind them."""
+_EXTENT = 0.35, 1.05  # least and largest length of a thing's longer side, of the image's
+_TURN = 0.35  # standard deviation of a thing's turn, in radians
+_OFF_CENTRE = 0.1  # standard deviation of a thing's place, of the image's side
+_PAPER = 0.2  # share of the things before white, black or grey paper
+_SHADED = 0.5  # share of the things that cast a shadow on what is behind them
 _BRIGHTNESS = 0.66
 """Standard deviation of the logarithm of a picture's gain of light: 0.3 of sRGB values."""
 

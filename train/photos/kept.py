@@ -17,8 +17,7 @@ from lime_keras.io import atomic, untrusted
 from lime_keras.optics.dynamic_range import compress
 from lime_keras.optics.environment import STORED_SHAPE
 
-PART = 128
-"""Number of rows that are made at once, and lost if the making is interrupted."""
+PART = 128  # number of rows that are made at once, and lost if the making is interrupted
 INPUT_MASK = "seen_mask"
 """Feature: the mask that the object is cut out with; losses and measures take the true one."""
 PREDICTED = "predicted_"
@@ -28,10 +27,8 @@ FORMAT = 2
 """Number of the form of the files; files of another form are made anew, in another folder."""
 
 _RECORD = "photos.json"
-_RESERVE = 2**28
-"""Bytes that stay free on the disk for checkpoints and models."""
-_ENDS = 8
-"""Bytes before a layer's levels: the values of the lowest and the highest, float32."""
+_RESERVE = 2**28  # bytes that stay free on the disk for checkpoints and models
+_ENDS = 8  # bytes before a layer's levels: the values of the lowest and the highest, float32
 
 _BYTES = {"image": 3, "mask": 1, INPUT_MASK: 1}
 _BITS = {"clipped": 3, "painted": 1}

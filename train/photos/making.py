@@ -26,8 +26,7 @@ from lime_keras.data.corpus import Split
 from . import kept, paint
 from .kept import Kept
 
-_CUT_OUT = 0.5
-"""Share of SegmentationNet's photos that show a cut-out, if there are any."""
+_CUT_OUT = 0.5  # share of SegmentationNet's photos that show a cut-out, if there are any
 
 OnMaking = Callable[[str, int, int], None]
 """Function called with what is made, how much of it is there, and how much there will be."""

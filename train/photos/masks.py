@@ -16,8 +16,7 @@ _BLUR = (1, 4)
 """
 _MOVED = 0.35
 """Standard deviation of the level that an edge is cut at, about one half, along the edge."""
-_SHARPNESS = 8.0
-"""Slope of a damaged mask's edge over the coverage of its blur."""
+_SHARPNESS = 8.0  # slope of a damaged mask's edge over the coverage of its blur
 _BITTEN = 0.3
 """Share of the damaged masks that lack a piece, and share of those that let a piece in."""
 

@@ -21,29 +21,22 @@ _PRINTED, _MOTTLED = 0.1, 0.1
 """
 _LEVELS = 0.2, 1.8
 """Least and largest level of the noise from which on there is a print: on 42 to 4 %."""
-_BRIGHTEST_ALBEDO = 0.9
-"""Largest albedo of a print."""
-_MOTTLING = 0.15
-"""Largest standard deviation of the small changes, as a share of the albedo."""
+_BRIGHTEST_ALBEDO = 0.9  # largest albedo of a print
+_MOTTLING = 0.15  # largest standard deviation of the small changes, as a share of the albedo
 
 _TEXTURED, _PARTED, _LABELLED = 0.3, 0.4, 0.4
 """Shares of the objects that wear another photo's scene, that are of two or three materials, and
 that bear prints, in clutter."""
 _CAMOUFLAGED, _STUDIO = 0.1, 0.1
 """Shares of the scenes whose background has the object's own colour, and of those before paper."""
-_SHADED = 0.2
-"""Share of the scenes with a shadow across them."""
-_BRIGHTEST = 3.0
-"""Largest factor from the object's shading to a print's, sRGB."""
-_DARKEST = 0.25
-"""Least factor of a shadow, sRGB."""
+_SHADED = 0.2  # share of the scenes with a shadow across them
+_BRIGHTEST = 3.0  # largest factor from the object's shading to a print's, sRGB
+_DARKEST = 0.25  # least factor of a shadow, sRGB
 _CELLS, _COARSE = (2, 24), (1, 4)
 """Smallest and largest number of cells along an image of the noise that prints, and parts and
 shadows, are cut from."""
-_SHARPNESS = 12.0
-"""Slope of a print's edge, per standard deviation of the noise."""
-_EXPONENT = 2.2
-"""Power of an sRGB value that its light is about."""
+_SHARPNESS = 12.0  # slope of a print's edge, per standard deviation of the noise
+_EXPONENT = 2.2  # power of an sRGB value that its light is about
 
 Scene = Mapping[str, Any]
 """`object` and `background`, linear light `(S, S, 3)`; `mask` and `diffuse_shading` `(S, S, 1)`;

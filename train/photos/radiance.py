@@ -10,8 +10,7 @@ from lime_keras.data import pipeline
 from lime_keras.data.camera import SCENE, linear, objects_share
 from lime_keras.optics import material_law
 
-_NEAR = 64
-"""Materials on either side of a scene's s in the table of natural ones, 0.024 decades."""
+_NEAR = 64  # materials on either side of a scene's s in the table of natural ones, 0.024 decades
 
 
 def scene(
