@@ -15,10 +15,14 @@ from lime_keras import console
 
 # A command that prints lines, then a word on standard error, and leaves a file when it is done.
 COMMAND = """
+import subprocess
 import sys
 from lime_keras import console
 
 def work():
+    # A worker process has the three streams, too: without them it dies.
+    worker = "import os; [os.fstat(number) for number in range(3)]"
+    subprocess.run([sys.executable, "-c", worker], check=True)
     for number in range(20000):
         print("line", number)
     print("done", file=sys.stderr)
