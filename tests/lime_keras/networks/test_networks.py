@@ -89,31 +89,50 @@ def fresh(architecture, seed):
     return again
 
 
+SYSTEMS = {
+    "LIME": {},
+    "without MirrorNet": {"mirror": False},
+    "regression": {"exponent": "regression"},
+    "baseline": {"system": "reflectance-map"},
+}
+SLOW = ("without MirrorNet", "regression")
+
+
+@pytest.fixture(
+    scope="module",
+    params=[pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in SYSTEMS],
+)
+def architecture(request, tiny):
+    """The smallest architecture of the whole system, and of each ablation."""
+    return dataclasses.replace(tiny, **SYSTEMS[request.param])
+
+
 @pytest.fixture(scope="module")
-def fresh_subnetworks(tiny):
+def fresh_whole(tiny):
     return fresh(tiny, seed=0)
 
 
 @pytest.fixture(scope="module")
-def fresh_ablation(ablation):
-    return fresh(ablation, seed=3)
+def fresh_system(architecture):
+    return fresh(architecture, seed=0 if architecture.description == "LIME" else 3)
 
 
 @pytest.fixture
-def subnetworks(fresh_subnetworks):
+def subnetworks(fresh_whole):
     """Freshly initialised, their heads lifted into the range that is not clipped."""
-    out = fresh_subnetworks()
-    # Above and below 0 in turn: some of each image belongs to the object.
-    lift(out, mask=0.3, layers=0.5, albedos=0.5)
-    return out
+    return lifted(fresh_whole())
 
 
 @pytest.fixture
-def ablated(fresh_ablation):
-    """As `subnetworks`, of each ablation."""
-    out = fresh_ablation()
-    lift(out, mask=0.3, layers=0.5, albedos=0.5)
-    return out
+def system(fresh_system):
+    """As `subnetworks`, of each architecture."""
+    return lifted(fresh_system())
+
+
+def lifted(subnetworks):
+    # Above and below 0 in turn: some of each image belongs to the object.
+    lift(subnetworks, mask=0.3, layers=0.5, albedos=0.5)
+    return subnetworks
 
 
 def lift(subnetworks, mask, layers, albedos):
@@ -220,17 +239,6 @@ def test_m_d_has_the_hue_of_the_pixels_but_in_the_paper(tiny):
 # The joined model holds what is needed.
 
 
-@pytest.mark.parametrize("output", OUTPUTS)
-def test_an_output_takes_only_the_subnetworks_it_needs(output, subnetworks):
-    network = assemble(subnetworks, [output])
-    held = {layer.name for layer in network.layers if isinstance(layer, keras.Model)}
-    assert held == {f"{name}_net" for name in NEEDED[output]}
-    expected = sum(subnetworks[name].count_params() for name in NEEDED[output])
-    assert network.count_params() == expected
-    # The others need not even exist.
-    assemble({name: subnetworks[name] for name in NEEDED[output]}, [output])
-
-
 def test_everything_takes_each_subnetwork_once(subnetworks):
     network = assemble(subnetworks)
     assert network.count_params() == sum(n.count_params() for n in subnetworks.values())
@@ -247,31 +255,6 @@ def test_unknown_outputs_and_none_are_refused(outputs, subnetworks):
 
 
 # The joined model's answers.
-
-
-def test_the_joined_model_is_figure_2(subnetworks, tiny):
-    image = images(tiny.size)
-    found = answer(assemble(subnetworks), image)
-
-    def run(name, *inputs):
-        return np.array(subnetworks[name](list(inputs) if len(inputs) > 1 else inputs[0]))
-
-    mask = np.clip(1.5 * run("segmentation", image) - 0.25, 0, 1)
-    specular = run("specular", image * mask) * mask
-    mirror = run("mirror", specular) * mask
-    albedos = np.clip(run("albedo", image * mask, specular), 0, 1)
-    expected = {
-        "mask": mask,
-        "specular_shading": np.expm1(np.clip(specular, 0, 11)),
-        "mirror": np.expm1(np.clip(mirror, 0, 11)),
-        "diffuse_albedo": albedos[:, :3],
-        "specular_albedo": albedos[:, 3:],
-        "exponent_bin_probabilities": softmax(run("exponent", specular, mirror), axis=-1),
-    }
-    assert set(found) == set(expected)
-    for name, value in expected.items():
-        assert found[name].shape == value.shape
-        np.testing.assert_allclose(found[name], value, rtol=1e-4, atol=1e-5, err_msg=name)
 
 
 def test_outputs_asked_for_alone_are_those_of_the_whole(subnetworks, tiny):
@@ -304,33 +287,12 @@ def test_answers_are_in_range_and_layers_zero_outside_the_mask(subnetworks, tiny
         assert np.ptp(found[name], axis=0).max() > 1e-4, f"{name} does not see the image"
 
 
-@pytest.mark.parametrize("bias", [-1e6, -1.0, 0.0, 12.0, 1e6])
-def test_answers_stay_in_range_whatever_the_subnetworks_say(bias, subnetworks, tiny):
-    lift(subnetworks, mask=bias, layers=bias, albedos=bias)
-    found = answer(assemble(subnetworks), images(tiny.size))
-    in_range(found)
-    if bias == 1e6:
-        assert (found["mask"] == 1).all() and found["mirror"].min() > 59_000
-    if bias == -1e6:
-        assert (found["mask"] == 0).all() and (found["specular_albedo"] == 0).all()
-
-
 @pytest.mark.parametrize("batch", [1, 3])
 def test_an_images_answer_does_not_depend_on_its_batch(batch, subnetworks, tiny):
     network, image = assemble(subnetworks), images(tiny.size)
     whole, part = answer(network, image), answer(network, image[:batch])
     for name in OUTPUTS:
         np.testing.assert_allclose(part[name], whole[name][:batch], rtol=1e-4, atol=1e-5)
-
-
-def test_mixed_precision_answers_in_single(tiny):
-    before = keras.config.dtype_policy()
-    keras.config.set_dtype_policy("mixed_float16")
-    try:
-        network = assemble(build(tiny))
-        in_range(answer(network, images(tiny.size)))
-    finally:
-        keras.config.set_dtype_policy(before)
 
 
 # The ablations.
@@ -341,6 +303,7 @@ def without(outputs, *removed, **added):
 
 
 ABLATED = {
+    "LIME": NEEDED,
     "LIME without MirrorNet": without(
         NEEDED, "mirror", exponent_bin_probabilities={"segmentation", "specular", "exponent"}
     ),
@@ -356,12 +319,12 @@ ABLATED = {
         for output in ("diffuse_albedo", "specular_albedo", "exponent_bin_probabilities")
     },
 }
-"""By an ablation's description: its outputs, and what each takes."""
+"""By a system's description: its outputs, and what each takes."""
 
 
-def test_architectures_say_what_they_are(tiny, ablation):
+def test_architectures_say_what_they_are(tiny, architecture):
     assert tiny.description == "LIME"
-    assert ablation.description in ABLATED
+    assert architecture.description in ABLATED
     both = dataclasses.replace(tiny, mirror=False, exponent="regression")
     assert both.description == "LIME without MirrorNet with its exponent by regression"
     split = dataclasses.replace(tiny, dichromatic=True, hue=True)
@@ -477,51 +440,53 @@ def test_sizes_that_do_not_halve_evenly_are_refused(size, depth, multiple, tiny)
     dataclasses.replace(tiny, size=multiple, unet_depth=depth)
 
 
-def test_an_ablations_outputs_take_only_the_subnetworks_they_need(ablated, ablation):
-    needed = ABLATED[ablation.description]
-    assert set(output_names(ablated)) == set(needed)
-    assert tuple(ablated) == subnetwork_names(ablation)
-    assert set().union(*needed.values()) == set(ablated)
+def test_outputs_take_only_the_subnetworks_they_need(system, architecture):
+    needed = ABLATED[architecture.description]
+    assert set(output_names(system)) == set(needed)
+    assert tuple(system) == subnetwork_names(architecture)
+    assert set().union(*needed.values()) == set(system)
     for output, held in needed.items():
-        network = assemble(ablated, [output])
+        network = assemble(system, [output])
         subnetworks = [layer.name for layer in network.layers if isinstance(layer, keras.Model)]
         assert sorted(subnetworks) == sorted(f"{name}_net" for name in held), output
-    whole = assemble(ablated)
+        # The others need not even exist.
+        assemble({name: system[name] for name in held}, [output])
+    whole = assemble(system)
     assert set(whole.output) == set(needed)
-    assert whole.count_params() == sum(network.count_params() for network in ablated.values())
+    assert whole.count_params() == sum(network.count_params() for network in system.values())
 
 
-def test_what_an_ablation_does_not_answer_is_refused(ablated):
-    for output in {*OUTPUTS, "log_exponent", "reflectance_map"} - set(output_names(ablated)):
+def test_what_a_system_does_not_answer_is_refused(system):
+    for output in {*OUTPUTS, "log_exponent", "reflectance_map"} - set(output_names(system)):
         with pytest.raises(ValueError, match=rf"'{output}'.* not among mask, "):
-            assemble(ablated, ["mask", output])
+            assemble(system, ["mask", output])
 
 
-def test_the_ablations_joined_by_hand(ablated, ablation):
-    image = images(ablation.size)
-    found = answer(assemble(ablated), image)
+def test_the_system_joined_by_hand(system, architecture):
+    image = images(architecture.size)
+    found = answer(assemble(system), image)
 
     def run(name, *inputs):
-        answered = ablated[name](list(inputs) if len(inputs) > 1 else inputs[0])
+        answered = system[name](list(inputs) if len(inputs) > 1 else inputs[0])
         return list(map(np.array, answered)) if isinstance(answered, list) else np.array(answered)
 
     mask = np.clip(1.5 * run("segmentation", image) - 0.25, 0, 1)
     expected = {"mask": mask}
-    if ablation.system == "lime":
+    if architecture.system == "lime":
         specular = run("specular", image * mask) * mask
         expected["specular_shading"] = np.expm1(np.clip(specular, 0, 11))
         albedos, seen = run("albedo", image * mask, specular), [specular]
-        if ablation.mirror:
+        if architecture.mirror:
             seen.append(run("mirror", specular) * mask)
             expected["mirror"] = np.expm1(np.clip(seen[1], 0, 11))
         exponent = run("exponent", *seen)
     else:
-        sphere = run("reflectance_map", image * mask) * disc(ablation.size)
+        sphere = run("reflectance_map", image * mask) * disc(architecture.size)
         expected["reflectance_map"] = np.expm1(np.clip(sphere, 0, 11))
         exponent, albedos = run("material", sphere)
     albedos = np.clip(albedos, 0, 1)
     expected |= {"diffuse_albedo": albedos[:, :3], "specular_albedo": albedos[:, 3:]}
-    if ablation.exponent == "regression":
+    if architecture.exponent == "regression":
         expected["log_exponent"] = np.clip(exponent, 0, 3)
     else:
         expected["exponent_bin_probabilities"] = softmax(exponent, axis=-1)
@@ -533,11 +498,11 @@ def test_the_ablations_joined_by_hand(ablated, ablation):
 
 
 @pytest.mark.parametrize("bias", [-1e6, -1.0, 0.0, 12.0, 1e6])
-def test_the_ablations_stay_in_range_whatever_the_subnetworks_say(bias, ablated, ablation):
-    lift(ablated, mask=bias, layers=bias, albedos=bias)
-    if ablation.exponent == "regression":
-        ablated["exponent"].get_layer("log_exponent").bias.assign([bias])
-    found = answer(assemble(ablated), images(ablation.size))
+def test_answers_stay_in_range_whatever_the_subnetworks_say(bias, system, architecture):
+    lift(system, mask=bias, layers=bias, albedos=bias)
+    if architecture.exponent == "regression":
+        system["exponent"].get_layer("log_exponent").bias.assign([bias])
+    found = answer(assemble(system), images(architecture.size))
     in_range(found)
     if abs(bias) == 1e6:
         end = float(bias > 0)
@@ -545,7 +510,7 @@ def test_the_ablations_stay_in_range_whatever_the_subnetworks_say(bias, ablated,
         if "log_exponent" in found:
             assert (found["log_exponent"] == 3 * end).all()
         if "reflectance_map" in found:
-            inside = disc(ablation.size)[..., 0] == 1
+            inside = disc(architecture.size)[..., 0] == 1
             assert (found["reflectance_map"][:, inside] >= 59_000 * end).all()
             assert (found["reflectance_map"][:, ~inside] == 0).all()
 
@@ -556,10 +521,10 @@ def test_regression_begins_in_the_middle(tiny):
     assert np.array(network([black, black])).item() == pytest.approx(1.5)
 
 
-def test_the_ablations_in_mixed_precision_answer_in_single(ablation):
+def test_systems_in_mixed_precision_answer_in_single(architecture):
     before = keras.config.dtype_policy()
     keras.config.set_dtype_policy("mixed_float16")
     try:
-        in_range(answer(assemble(build(ablation)), images(ablation.size)))
+        in_range(answer(assemble(build(architecture)), images(architecture.size)))
     finally:
         keras.config.set_dtype_policy(before)
