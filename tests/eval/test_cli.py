@@ -310,16 +310,6 @@ def test_an_ablations_report_shows_what_it_has(ablation):
     assert f"repeat({expected}, 1fr)" in page
 
 
-def test_broken_weights_of_a_regression_are_refused(corpus, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(weights, "_read", lambda path, network: network.load_weights(path))
-    architecture = dataclasses.replace(TINY, exponent="regression")
-    subnetworks = build(architecture)
-    subnetworks["exponent"].get_layer("log_exponent").bias.assign([np.nan])
-    weights.save(tmp_path, architecture, subnetworks)
-    line = _fails(capsys, corpus, "--weights", tmp_path)
-    assert "log_exponent_found is not finite for test example 0" in line and str(tmp_path) in line
-
-
 def _fails(capsys, *arguments):
     """The one line that a failing command prints."""
     assert cli.main([str(argument) for argument in arguments]) == 1
@@ -350,24 +340,6 @@ def test_a_broken_manifest_is_named(run, tmp_path, capsys):
 def test_an_empty_split_is_refused(run, tmp_path, capsys):
     _write_split(tmp_path / "test", [])
     assert "holds no examples" in _fails(capsys, tmp_path, "--weights", run)
-
-
-def test_a_damaged_shard_is_named(run, tmp_path, capsys):
-    _write_split(tmp_path / "test", [[0]])
-    shard = tmp_path / "test" / "00000.tfrecord"
-    shard.write_bytes(shard.read_bytes()[:-40])
-    line = _fails(capsys, tmp_path, "--weights", run)
-    assert f"{shard} is broken: record 0" in line and "lime-render" in line
-
-
-def test_a_damaged_record_is_named(corpus, run, tmp_path, capsys):
-    shutil.copytree(corpus, tmp_path / "corpus")
-    shard = tmp_path / "corpus" / "test" / "00001.tfrecord"
-    data = bytearray(shard.read_bytes())
-    data[-100] ^= 1
-    shard.write_bytes(data)
-    line = _fails(capsys, tmp_path / "corpus", "--weights", run, "--out", tmp_path)
-    assert f"{shard} is broken: record 2" in line and "lime-render" in line
 
 
 def test_a_broken_picture_is_named(corpus, run, tmp_path, capsys):

@@ -70,14 +70,6 @@ def test_linear_grey_is_encoded_too(tmp_path):
     np.testing.assert_allclose(found, 0.5370987, atol=1e-3)
 
 
-def test_photographs_are_turned_upright(tmp_path):
-    pixels = np.zeros((16, 24, 3))
-    pixels[:, :12] = 1
-    found = photo.read_srgb(write(tmp_path / "turned.jpg", pixels, orientation=6))
-    assert found.shape == (24, 16, 3)
-    assert found[:8].min() > 0.8 and found[-8:].max() < 0.2
-
-
 def exif(orientation):
     out = Image.Exif()
     out[0x0112] = orientation

@@ -181,18 +181,6 @@ def brute_force(normal, view, exponent, radiance, subdivision=1):
 
 
 @pytest.mark.parametrize("exponent", BINS.values(), ids=BINS)
-def test_a_sphere_in_a_room_by_brute_force(exponent):
-    radiance = room()
-    normal, view = sphere(12)
-    lights = shading.texels(radiance)
-    diffuse = shading.diffuse(normal, *lights)
-    specular = shading.specular(normal, view, exponent, *lights)
-    for k in range(len(normal)):
-        expected = brute_force(normal[k], view[k], exponent, radiance)
-        assert (diffuse[k], specular[k]) == pytest.approx(expected, rel=1e-9)
-
-
-@pytest.mark.parametrize("exponent", BINS.values(), ids=BINS)
 def test_texels_are_fine_enough_for_the_lobe(exponent):
     radiance = room(128)
     normal, view = sphere(8, seed=1)
@@ -236,16 +224,6 @@ def test_single_precision_and_chunks_change_little(exponent, monkeypatch):
     monkeypatch.setattr(shading, "_CHUNK", 1)
     again = shading.specular(normal, view, exponent, *lights)
     np.testing.assert_allclose(again, double[1], rtol=1e-10)
-
-
-@pytest.mark.parametrize("dtype", [np.float32, np.float64])
-@pytest.mark.parametrize("exponent", [1e-6, 1.0])
-def test_a_cosine_whose_square_is_nothing(exponent, dtype):
-    """At i = o, h·n is 1e-30, whose square float32 does not hold."""
-    normal, facing = np.array([[1, 0, 1e-30]], dtype), np.array([[0, 0, 1]], dtype)
-    found = shading.specular(normal, facing, exponent, facing, np.ones(1, dtype))
-    expected = 1e-30**exponent * normaliser(exponent)
-    assert found[0] == pytest.approx(expected, rel=1e-5, abs=0)
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -1.0])
@@ -311,16 +289,6 @@ def test_an_exponent_that_is_none_has_no_normaliser(exponent):
     with pytest.raises(ValueError, match=r"exponents are at least 0, got .*: check the material"):
         normaliser(exponent)
     np.testing.assert_allclose(normaliser(np.array([0.0, -0.0])), 1 / (2 * math.pi))
-
-
-def test_normaliser_at_its_ends():
-    assert normaliser(0.0) == pytest.approx(1 / (2 * math.pi), rel=1e-12)
-    assert normaliser(1e6) == pytest.approx((1e6 + 2) / (8 * math.pi), rel=1e-12)
-
-
-def test_normaliser_is_linear_far_out_and_rises_everywhere():
-    exponents = np.concatenate([[0], np.geomspace(1e-6, 1e6, 1000)])
-    assert (np.diff(normaliser(exponents)) > 0).all()
 
 
 def test_tensors_and_arrays_agree(differentiate):
