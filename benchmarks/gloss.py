@@ -45,7 +45,7 @@ def main() -> None:
     measured = _measure(fit(levels[fitted], glossy[fitted]), levels[kept], glossy[kept])
     calibration = fit(levels, glossy)
     print(f"{arguments.weights}: {len(levels)} scenes, {glossy.mean():.0%} glossy; {calibration}")
-    print("held-out half:", _sentence(measured))
+    print("the half that was not fitted:", _sentence(measured))
     columns = {f"renders_{name}": figure for name, figure in measured.items()}
     if arguments.photos:
         pairs = list(_photographs(estimator, calibration, arguments.photos))

@@ -37,8 +37,7 @@ from lime_keras.optics.blinn_phong import BlinnPhong
 CODE = 2
 _BLUR = 2 * math.pi / environment.STORED_SHAPE[0]
 _BATCH = 10
-_BALL = 48
-"""Height and width in pixels of the image of the ball."""
+_BALL = 48  # height and width in pixels of the image of the ball
 _COLUMNS = ("error", "seen", "relit", "ball")
 _FEATURES = ("image", "mirror", "diffuse_shading")
 

@@ -38,8 +38,7 @@ TITAN_XP = {
 }
 """The paper's run times of its subnetworks on a Titan Xp, milliseconds for one image."""
 WHOLE = "whole system"
-WARM_UP = 3
-"""Number of rounds that are not timed, because the first rounds trace and allocate."""
+WARM_UP = 3  # number of rounds that are not timed, because the first rounds trace and allocate
 _COUNTED = keras.layers.Conv2D | keras.layers.DepthwiseConv2D | keras.layers.Dense
 
 

@@ -23,8 +23,7 @@ from typing import Any
 import numpy as np
 
 CASES = ("maps", "mixed")
-_A_LIGHT = 8
-"""Number of examples for each light and each body."""
+_A_LIGHT = 8  # number of examples for each light and each body
 
 
 def main() -> None:

@@ -34,8 +34,7 @@ _DISTANCE = 6.0
 _FILL = 0.8
 """Share of the image's width that the object's bounding sphere fills: the object can turn without
 leaving the image."""
-_TURN = math.radians(90)
-"""Angle of the turn from the first frame to the last, in radians."""
+_TURN = math.radians(90)  # angle of the turn from the first frame to the last, in radians
 _PARAMETERS = {
     "diffuse albedo": slice(0, 3),
     "specular albedo": slice(3, 4),

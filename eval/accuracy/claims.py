@@ -64,7 +64,7 @@ def judge(
         the row where they are printed, `ours` alike, the `interval` of the difference, the number
         of `pairs` of runs, and the `verdict`.
     """
-    found = []
+    verdicts = []
     for claim in CLAIMS:
         name = claim.measure
         rows = [
@@ -77,7 +77,7 @@ def judge(
         signs = {float(np.sign(b.mean() - a.mean())) for a in rows[0] for b in rows[1]}
         cells = [printed[row].get(name) for row in (_FULL, claim.row)]
         is_clear = (low > 0 or high < 0) and len(signs) == 1
-        found.append(
+        verdicts.append(
             {
                 "claim": claim.text,
                 "measure": name,
@@ -90,7 +90,7 @@ def judge(
                 else "cannot be told",
             }
         )
-    return found
+    return verdicts
 
 
 def markdown(judged: Sequence[Mapping[str, Any]]) -> str:

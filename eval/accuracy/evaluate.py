@@ -27,8 +27,7 @@ from lime_keras.runtime.keras_engine import KerasEngine
 from . import flip_error, relighting, training_record
 from .predictions import Answers, Predictions
 
-_AT_ONCE = 16
-"""Number of examples computed at once."""
+_AT_ONCE = 16  # number of examples computed at once
 _LEAST_EXPONENT = 10.0**shininess.LOG_LOW
 """Lower limit of the true exponent, as in `shininess.bin_of`, because log10 0 is not finite."""
 
@@ -106,7 +105,7 @@ def evaluate(
     split = Split(corpus, "test")
     training_record.check_lobe(model_dir, split)
     shards = pipeline.verified_shards(split)
-    count, stored = _count_and_size(shards)
+    count, stored = _count(shards), split.size
     if stored % architecture.size:
         raise ValueError(
             f"{shards[0]} holds images of {stored} pixels, which cannot be averaged to the "
@@ -128,17 +127,17 @@ def evaluate(
             full = _padded(example, batch_size)
             given = {name: full[name] for name in ("image", "mask")}
             answers = {
-                "found": _cut(engine.run(engine.outputs, {"image": given["image"]}), number),
+                "own_mask": _cut(engine.run(engine.outputs, {"image": given["image"]}), number),
                 "true_mask": _cut(engine.run(others, given), number),
             }
-            measured = measure(example, answers["found"])
+            measured = measure(example, answers["own_mask"])
             with_mask = _errors(example, answers["true_mask"])
-            # Of what is not finite, no picture can be made.
+            # Values that are not finite cannot be rendered.
             for columns in (measured, with_mask):
                 _check_finite(columns, model_dir, first)
             relit = _relit(example, answers, split.lobe, pool)
             rows.append(
-                measured | _layers_flip(example, answers["found"], pool) | _relit_columns(relit)
+                measured | _layers_flip(example, answers["own_mask"], pool) | _relit_columns(relit)
             )
             true_mask.append(with_mask | relit["true_mask"])
 
@@ -154,7 +153,7 @@ def evaluate_predictions(predictions: Predictions, corpus: Path) -> dict[str, np
 
     The images have their stored size. An image counts also where the system does not answer it, or
     one of its quantities: its mask as empty, its layers as black, its numbers as the medians of the
-    true ones and its probabilities as the shares of the bins in this split.
+    true ones, and its probabilities as the shares of the bins in this split.
 
     Returns:
         Columns as in `Evaluation.rows`, and `answered` `(N,)`: whether there is any answer.
@@ -166,16 +165,18 @@ def evaluate_predictions(predictions: Predictions, corpus: Path) -> dict[str, np
     """
     split = Split(corpus, "test")
     shards = pipeline.verified_shards(split)
-    count, size = _count_and_size(shards)
+    count, size = _count(shards), split.size
     answers = Answers(predictions, count, size, _constant_answer(shards, size))
     rows: list[dict[str, np.ndarray]] = []
     dataset = pipeline.evaluation(shards, size=size, batch_size=_AT_ONCE)
     with ThreadPoolExecutor(processors.count()) as pool:
         for first, example in _batches(dataset, shards, count):
-            found = answers.batch(first, len(example["mask"]))
-            columns = measure(example, found) | _layers_flip(example, found, pool)
+            predicted = answers.batch(first, len(example["mask"]))
+            columns = measure(example, predicted) | _layers_flip(example, predicted, pool)
             if {"diffuse_found", "specular_found", "log_exponent_found"} <= columns.keys():
-                columns |= _relit_columns(_relit(example, {"found": found}, split.lobe, pool))
+                columns |= _relit_columns(
+                    _relit(example, {"own_mask": predicted}, split.lobe, pool)
+                )
             rows.append(columns)
     return _joined(rows) | {"answered": answers.answered}
 
@@ -217,14 +218,14 @@ def confusion(rows: Mapping[str, np.ndarray]) -> np.ndarray:
 
 def _predictions(estimate: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Return the columns of the estimated numbers."""
-    found = {}
+    columns = {}
     if _has_exponent(estimate):
-        found["log_exponent_found"] = shininess.log_of_outputs(estimate)
+        columns["log_exponent_found"] = shininess.log_of_outputs(estimate)
     if "diffuse_albedo" in estimate:
-        found["diffuse_found"] = estimate["diffuse_albedo"]
+        columns["diffuse_found"] = estimate["diffuse_albedo"]
     if "specular_albedo" in estimate:
-        found["specular_found"] = estimate["specular_albedo"][:, 0]
-    return found
+        columns["specular_found"] = estimate["specular_albedo"][:, 0]
+    return columns
 
 
 def _mask_errors(
@@ -247,8 +248,8 @@ def _errors(
         errors |= _exponent_errors(example, estimate)
     for name in ("diffuse", "specular"):
         if f"{name}_albedo" in estimate:
-            found = estimate[f"{name}_albedo"]
-            pair = np.reshape(example[f"{name}_albedo"], found.shape), found
+            predicted = estimate[f"{name}_albedo"]
+            pair = np.reshape(example[f"{name}_albedo"], predicted.shape), predicted
             errors[f"{name}_absolute"] = metrics.albedo_absolute_error(*pair)
             errors[f"{name}_squared"] = metrics.albedo_squared_error(*pair)
     return errors
@@ -272,9 +273,9 @@ def _exponent_errors(
     errors["ggx_alpha_error"] = metrics.ggx_alpha_error(exponent, log)
     if "exponent_bin_probabilities" not in estimate:
         # A NaN prediction stays NaN in `log_error`, which `_check_finite` refuses.
-        found = shininess.bin_of(10.0 ** np.nan_to_num(log))
-        distance = np.abs(found - shininess.bin_of(exponent))
-        return errors | {"predicted_bin": found, "bin_distance": distance}
+        predicted = shininess.bin_of(10.0 ** np.nan_to_num(log))
+        distance = np.abs(predicted - shininess.bin_of(exponent))
+        return errors | {"predicted_bin": predicted, "bin_distance": distance}
     probabilities = estimate["exponent_bin_probabilities"]
     winning = shininess.log_winning(probabilities)
     return errors | {
@@ -345,15 +346,15 @@ def _relit(
 
     each = list(pool.map(one, range(len(example["mask"]))))
     return {
-        name: {column: np.array([found[name][column] for found in each]) for column in columns}
+        name: {column: np.array([row[name][column] for row in each]) for column in columns}
         for name, columns in each[0].items()
     }
 
 
 def _relit_columns(relit: Mapping[str, Mapping[str, np.ndarray]]) -> dict[str, np.ndarray]:
-    """Return the columns of the answer `found` in the result of `_relit`, and of `average`."""
+    """Return the columns of the answer `own_mask` in the result of `_relit`, and of `average`."""
     average = {f"average_{name}": column for name, column in relit["average"].items()}
-    return {**relit["found"], **average}
+    return {**relit["own_mask"], **average}
 
 
 def _padded(example: Mapping[str, np.ndarray], size: int) -> dict[str, np.ndarray]:
@@ -379,26 +380,24 @@ def _relative_errors(
     """
     columns = {}
     for name in filter(estimate.__contains__, ("specular_shading", "mirror")):
-        true, found = (layers[name].astype(np.float64) for layers in (example, estimate))
+        true, predicted = (layers[name].astype(np.float64) for layers in (example, estimate))
         columns[f"{name}_relative"], columns[f"{name}_lit"] = metrics.masked_relative_error(
-            true, found, example["mask"]
+            true, predicted, example["mask"]
         )
     return columns
 
 
-def _count_and_size(shards: list[Path]) -> tuple[int, int]:
-    """Return the number of examples in the shards, and the stored size of the images in pixels.
+def _count(shards: list[Path]) -> int:
+    """Return the number of examples in the shards.
 
     Raises:
-        ValueError: if there are no examples.
+        ValueError: if there are no examples, or a shard is cut off.
     """
-    dataset = tf.data.TFRecordDataset([str(path) for path in shards])
-    first = next(pipeline.naming_damage(dataset.take(1).map(records.parse), shards), None)
-    count = sum(1 for _ in pipeline.naming_damage(dataset, shards))
-    if first is None:
+    count = sum(len(pipeline.record_spans(path)) for path in shards)
+    if not count:
         folder = shards[0].parent if shards else "the test split"
         raise ValueError(f"{folder} holds no examples: render the split again with --count above 0")
-    return count, first["mask"].shape[0]
+    return count
 
 
 def _batches(

@@ -10,7 +10,7 @@ import OpenImageIO as oiio
 from .tone import coloured, white_point
 
 
-def layer_flip(layer: np.ndarray, found: np.ndarray, mask: np.ndarray) -> float:
+def layer_flip(layer: np.ndarray, estimated: np.ndarray, mask: np.ndarray) -> float:
     """Return the mean ꟻLIP of a layer inside the mask, in [0, 1]; 0 if the mask is empty.
 
     Both layers are shown as in a report: cut out by the mask, the truth's 99th percentile as white,
@@ -18,7 +18,7 @@ def layer_flip(layer: np.ndarray, found: np.ndarray, mask: np.ndarray) -> float:
 
     Args:
         layer: true linear radiance `(H, W, 1)`.
-        found: estimated linear radiance `(H, W, 1)`.
+        estimated: estimated linear radiance `(H, W, 1)`.
         mask: true coverage `(H, W, 1)`.
     """
     inside = mask >= 0.5
@@ -26,7 +26,7 @@ def layer_flip(layer: np.ndarray, found: np.ndarray, mask: np.ndarray) -> float:
         return 0.0
     white = white_point(layer, mask)
     # Cut off at white first: a division of the largest floats would overflow.
-    cut = (np.minimum(one, white) * inside for one in (layer, found))
+    cut = (np.minimum(one, white) * inside for one in (layer, estimated))
     truth, shown = (oiio.ImageBuf(coloured(one / white).astype(np.float32)) for one in cut)
     # The images are linear with values up to 1: with hdr=0 ꟻLIP does not search for exposures.
     difference = oiio.ImageBufAlgo.FLIP_diff(truth, shown, hdr=0, nthreads=1)

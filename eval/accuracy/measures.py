@@ -136,7 +136,7 @@ MEASURES = {
         floor=shininess.QUANTISATION_FLOOR,
     ),
     "log_exponent_bias": Measure(
-        "Exponent, mean of log10 s found less true",
+        "Exponent, bias of log10 s (estimated − true)",
         "log10 s bias",
         ("log_signed",),
         more_is_better=None,

@@ -32,12 +32,9 @@ _VALUES = {
     "exponent_bin_probabilities": (8, 0, 1),
 }
 """Number of values, lowest and highest value of each key of a JSON that is read."""
-_SUM_WITHIN = 1e-3
-"""Deviation of the probabilities' sum from 1 that their rounding may cause."""
-_SHOWN = 3
-"""Number of files left out that are named."""
-_LONGEST = 60
-"""Largest number of characters of a wrong value in a message."""
+_SUM_WITHIN = 1e-3  # deviation of the probabilities' sum from 1 that their rounding may cause
+_SHOWN = 3  # number of files left out that are named
+_LONGEST = 60  # largest number of characters of a wrong value in a message
 
 
 @dataclass(frozen=True)
@@ -179,20 +176,20 @@ def _numbers(path: Path) -> dict[str, np.ndarray]:
         raise ValueError(
             f"{path} is no answer ({error}): write one JSON object, or delete the file"
         ) from error
-    found = {name: _checked(path, name, content[name]) for name in _VALUES if name in content}
-    if "exponent" in found:
-        found["log_exponent"] = np.log10(found.pop("exponent"))
-    return found
+    numbers = {name: _checked(path, name, content[name]) for name in _VALUES if name in content}
+    if "exponent" in numbers:
+        numbers["log_exponent"] = np.log10(numbers.pop("exponent"))
+    return numbers
 
 
-def _checked(path: Path, name: str, given: Any) -> np.ndarray:
+def _checked(path: Path, name: str, content: Any) -> np.ndarray:
     """Return the values of a key as float32 `(K,)`; raise ValueError if one is wrong."""
     count, low, high = _VALUES[name]
-    values = given if isinstance(given, list) else [given]
+    values = content if isinstance(content, list) else [content]
     are_numbers = all(type(value) in (int, float) and low <= value <= high for value in values)
-    if len(values) != count or isinstance(given, list) != (count > 1) or not are_numbers:
+    if len(values) != count or isinstance(content, list) != (count > 1) or not are_numbers:
         raise ValueError(
-            f"{path}: {name} is {json.dumps(given)[:_LONGEST]}, and not "
+            f"{path}: {name} is {json.dumps(content)[:_LONGEST]}, and not "
             f"{'a number' if count == 1 else f'{count} numbers'} in [{low}, {high}]: clip it, or "
             "leave it out where there is no answer"
         )

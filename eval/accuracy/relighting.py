@@ -82,12 +82,12 @@ class Lit:
         return colour.linear_to_srgb(np.clip(radiance, 0.0, 1.0))
 
 
-def psnr(true: np.ndarray, found: np.ndarray) -> float:
+def psnr(true: np.ndarray, estimated: np.ndarray) -> float:
     """Compute the PSNR in decibel of two images in [0, 1], at most `HIGHEST_PSNR`.
 
     Images without pixels have `HIGHEST_PSNR`.
     """
-    error = float(np.mean(np.square(np.float64(true) - found))) if true.size else 0.0
+    error = float(np.mean(np.square(np.float64(true) - estimated))) if true.size else 0.0
     return min(HIGHEST_PSNR, -10 * math.log10(error)) if error > 0 else HIGHEST_PSNR
 
 

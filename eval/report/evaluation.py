@@ -29,7 +29,7 @@ _HEADLINES = (
 
 
 def evaluation(
-    found: Evaluation,
+    evaluated: Evaluation,
     summary: Mapping[str, Any],
     examples: list[Example],
     worst: list[Example],
@@ -41,7 +41,7 @@ def evaluation(
     """Return the section about one run as HTML.
 
     Args:
-        found: evaluation of the run.
+        evaluated: evaluation of the run.
         summary: result of `measures.summarise` for this evaluation.
         examples: examples to show with their layers (see `examples.read`).
         worst: examples to show small, with their relighting error.
@@ -49,25 +49,25 @@ def evaluation(
         corpus: folder of the corpus with the test split.
         run: folder of the weights; its `config.json` is shown where it exists.
     """
-    parts = slices(found.rows)
+    parts = slices(evaluated.rows)
     return rendered(
         "evaluation.html",
         command=command,
         corpus=corpus.name or str(corpus),
         run=run.name or str(run),
         summary=summary,
-        exponent=labels.exponent(found.architecture),
+        exponent=labels.exponent(evaluated.architecture),
         tiles=[_tile(name, summary) for name in _HEADLINES],
         header=table.HEADER,
         rows=table.rows(summary),
-        confusion=both_themes(lambda theme: figures.confusion(found.confusion, theme)),
-        albedos=both_themes(lambda theme: figures.albedos(found.rows, theme)),
-        reliability=both_themes(lambda theme: figures.reliability(found.rows, theme)),
-        relighting=both_themes(lambda theme: figures.relighting(found.rows, theme)),
+        confusion=both_themes(lambda theme: figures.confusion(evaluated.confusion, theme)),
+        albedos=both_themes(lambda theme: figures.albedos(evaluated.rows, theme)),
+        reliability=both_themes(lambda theme: figures.reliability(evaluated.rows, theme)),
+        relighting=both_themes(lambda theme: figures.relighting(evaluated.rows, theme)),
         slice_header=("Part", "images", *(MEASURES[name].short for name in _shown(parts))),
         slices=[_slice_cells(part, _shown(parts)) for part in parts],
         examples=[_card(example) for example in examples],
-        worst=[_small_card(example, found) for example in worst],
+        worst=[_small_card(example, evaluated) for example in worst],
         config=_pretty_json(run / "config.json"),
         manifest=_pretty_json(Split(corpus, "test").manifest_path),
     )
@@ -106,13 +106,13 @@ def _tile(name: str, summary: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _small_card(example: Example, found: Evaluation) -> dict[str, Any]:
+def _small_card(example: Example, evaluated: Evaluation) -> dict[str, Any]:
     """Return the template's values for one of the worst relit examples."""
     truth = example.truth
     return _material(example) | {
         "source": f"{truth['shape'].decode()} under {truth['light'].decode()}, "
         f"index {truth['index']}",
-        "psnr": DECIBEL.number(found.rows["relit"][example.choice.position]),
+        "psnr": DECIBEL.number(evaluated.rows["relit"][example.choice.position]),
         "photo": data_uri(renders.png(truth["image"])),
         "true": data_uri(renders.png(renders.true_render(example))),
         "estimated": data_uri(renders.png(renders.estimated_render(example))),

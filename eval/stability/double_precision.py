@@ -1,22 +1,22 @@
 """A reference system in double precision, computed layer by layer.
 
-Single and half precision are compared with it. Keras in float64 would not serve: the last layers of
-the networks are built to compute in float32.
+Single and half precision are compared with it. Each layer is built anew in float64, whatever the
+precision of the network's own is.
 """
 
-from collections.abc import Callable, Collection, Mapping
+import functools
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import keras
 import numpy as np
-import tensorflow as tf
 from keras import layers
 
 from lime_keras.networks.blocks import HueOfPixels
 from lime_keras.networks.guided_filter import GuidedFilter
 from lime_keras.networks.registry import MASK_CONTRAST, SUBNETWORKS, is_plain
-from lime_keras.optics.dichromatic import channels, with_hue_of_pixels
+from lime_keras.optics.dichromatic import channels
 from lime_keras.optics.dynamic_range import HIGHEST_COMPRESSED
 from lime_keras.optics.reflectance_map import disc
 from lime_keras.optics.shininess import LOG_HIGH, LOG_LOW
@@ -99,75 +99,38 @@ def answers(
 
 def _run(model: keras.Model, inputs: Collection[np.ndarray], rounding: Rounding) -> Any:
     """Return the output of a functional model, or its outputs as a list."""
-    made = {id(tensor): x for tensor, x in zip(model.inputs, inputs, strict=True)}
+    tensors = {id(tensor): x for tensor, x in zip(model.inputs, inputs, strict=True)}
     for layer in model.layers:
         if isinstance(layer, layers.InputLayer):
             continue
-        given = layer.input if isinstance(layer.input, list) else [layer.input]
-        answer = _LAYERS[type(layer)](layer, *[made[id(tensor)] for tensor in given], rounding)
-        made[id(layer.output)] = rounding.answer(answer)
-    found = [made[id(tensor)] for tensor in model.outputs]
-    return found[0] if len(found) == 1 else found
+        read = layer.input if isinstance(layer.input, list) else [layer.input]
+        answer = _answer(layer, [tensors[id(tensor)] for tensor in read], rounding)
+        tensors[id(layer.output)] = rounding.answer(answer)
+    outputs = [tensors[id(tensor)] for tensor in model.outputs]
+    return outputs[0] if len(outputs) == 1 else outputs
 
 
-def _convolution(layer: layers.Conv2D, x: np.ndarray, rounding: Rounding) -> np.ndarray:
-    kernel, bias = _weights(layer, rounding)
-    return _activated(layer, tf.nn.conv2d(x, kernel, layer.strides, "SAME").numpy() + bias)
+def _answer(layer: keras.Layer, inputs: list[np.ndarray], rounding: Rounding) -> np.ndarray:
+    """Return a layer's output in float64, with random errors in its weights."""
+    if isinstance(layer, GuidedFilter):
+        # It takes small variances, so rounding errors of the mask and of the colours count.
+        inputs = [rounding.answer(x) for x in inputs]
+    if isinstance(layer, GuidedFilter | HueOfPixels):  # these compute in their inputs' precision
+        return np.asarray(layer.call(inputs))
+    given = inputs if len(inputs) > 1 else inputs[0]
+    double = _in_double(layer)
+    if not double.built:
+        double(given)
+    double.set_weights(
+        [
+            rounding.weights(np.float64(x)) if x.ndim > 1 else np.float64(x)
+            for x in layer.get_weights()
+        ]
+    )
+    return np.asarray(double(given))
 
 
-def _depthwise(layer: layers.DepthwiseConv2D, x: np.ndarray, rounding: Rounding) -> np.ndarray:
-    kernel, bias = _weights(layer, rounding)
-    strides = (1, *layer.strides, 1)
-    return _activated(layer, tf.nn.depthwise_conv2d(x, kernel, strides, "SAME").numpy() + bias)
-
-
-def _dense(layer: layers.Dense, x: np.ndarray, rounding: Rounding) -> np.ndarray:
-    kernel, bias = _weights(layer, rounding)
-    return _activated(layer, x @ kernel + bias)
-
-
-def _weights(layer: keras.Layer, rounding: Rounding) -> tuple[np.ndarray, np.ndarray]:
-    kernel, bias = (np.asarray(weight, np.float64) for weight in layer.get_weights())
-    return rounding.weights(kernel), bias
-
-
-def _activated(layer: Any, x: np.ndarray) -> np.ndarray:
-    name = layer.activation.__name__
-    limits = {"relu": (0, None), "relu6": (0, 6), "linear": (None, None)}
-    return np.clip(x, *limits[name])
-
-
-def _turned(
-    layer: HueOfPixels, albedos: np.ndarray, image: np.ndarray, rounding: Rounding
-) -> np.ndarray:
-    diffuse = with_hue_of_pixels(albedos[:, :3], image)
-    return np.concatenate([diffuse, albedos[:, 3:]], axis=-1)
-
-
-def _filtered(
-    layer: GuidedFilter, mask: np.ndarray, image: np.ndarray, rounding: Rounding
-) -> np.ndarray:
-    # It takes small variances, so rounding errors of the mask and of the colours count.
-    return np.asarray(layer.call([rounding.answer(mask), rounding.answer(image)]))
-
-
-def _pooled(layer: layers.MaxPooling2D, x: np.ndarray, rounding: Rounding) -> np.ndarray:
-    count, height, width, channels = x.shape
-    return x.reshape(count, height // 2, 2, width // 2, 2, channels).max((2, 4))
-
-
-_LAYERS: dict[type, Callable[..., np.ndarray]] = {
-    layers.Add: lambda layer, one, other, rounding: one + other,
-    layers.Conv2D: _convolution,
-    layers.DepthwiseConv2D: _depthwise,
-    layers.Dense: _dense,
-    GuidedFilter: _filtered,
-    HueOfPixels: _turned,
-    layers.MaxPooling2D: _pooled,
-    layers.UpSampling2D: lambda layer, x, rounding: x.repeat(2, 1).repeat(2, 2),
-    layers.Concatenate: lambda layer, *xs: np.concatenate(xs[:-1], axis=-1),
-    layers.Flatten: lambda layer, x, rounding: x.reshape(len(x), -1),
-    layers.Rescaling: lambda layer, x, rounding: x * layer.scale + layer.offset,
-    layers.Reshape: lambda layer, x, rounding: x.reshape(len(x), *layer.target_shape),
-}
-"""Functions that compute each kind of layer in the networks, by class of the layer."""
+@functools.cache
+def _in_double(layer: keras.Layer) -> keras.Layer:
+    """Return a layer like another one, but of float64, without its weights."""
+    return type(layer).from_config(layer.get_config() | {"dtype": "float64"})

@@ -97,14 +97,14 @@ def parser() -> argparse.ArgumentParser:
     return out
 
 
-def _add_input(given: argparse._ArgumentGroup) -> None:
-    given.add_argument(
+def _add_input(group: argparse._ArgumentGroup) -> None:
+    group.add_argument(
         "sources",
         nargs="+",
         metavar="PHOTO",
         help="picture, video, camera, or folder of pictures and videos at any depth",
     )
-    given.add_argument(
+    group.add_argument(
         "--mask",
         type=Path,
         metavar="FILE",
@@ -112,7 +112,7 @@ def _add_input(given: argparse._ArgumentGroup) -> None:
         "with one of the same name for each. NAME_mask.png beside a photo, or its transparency, "
         "also counts as its mask",
     )
-    given.add_argument(
+    group.add_argument(
         "--masker",
         metavar="[FAMILY:]FILE",
         help="ONNX file of another network that finds the object, and its family: "
@@ -323,14 +323,14 @@ def _check(options: argparse.Namespace, sources: list[_Source]) -> None:
     videos = [source.text for source in sources if source.is_video]
     # Folders and files.
     console.check_folder(options.out, "--out")
-    for option, given in (("--mask", options.mask), ("--normals", options.normals)):
-        if given and videos:
+    for option, path in (("--mask", options.mask), ("--normals", options.normals)):
+        if path and videos:
             raise ValueError(f"{option} is for photos, and {videos[0]} is a video: leave one out")
-        if given and not given.exists():
-            raise ValueError(f"{given} does not exist: check what is passed to {option}")
-        if given and not given.is_dir() and len(photos) > 1:
+        if path and not path.exists():
+            raise ValueError(f"{path} does not exist: check what is passed to {option}")
+        if path and not path.is_dir() and len(photos) > 1:
             raise ValueError(
-                f"{option} {given} is one file for {len(photos)} photos: pass a folder that holds "
+                f"{option} {path} is one file for {len(photos)} photos: pass a folder that holds "
                 "one of the same name for each"
             )
     if options.mask and options.masker:

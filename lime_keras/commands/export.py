@@ -47,9 +47,9 @@ def parser() -> argparse.ArgumentParser:
         epilog=_EXAMPLE,
         formatter_class=console.Help,
     )
-    given = out.add_argument_group("input")
-    model_option.add(given)
-    given.add_argument(
+    inputs = out.add_argument_group("input")
+    model_option.add(inputs)
+    inputs.add_argument(
         "--corpus",
         type=Path,
         metavar="CORPUS",
@@ -113,6 +113,6 @@ def _export(options: argparse.Namespace) -> int:
     print(f"{path}, {precision}, {size / 2**20:.1f} MiB; {means} from Keras:")
     print(" " * 30 + "".join(f"{name:>12s}" for name in differences))
     for name in differences["extremes"]:
-        row = "".join(f"{found[name]:12.1e}" for found in differences.values())
+        row = "".join(f"{of_images[name]:12.1e}" for of_images in differences.values())
         print(f"  {name:28s}{row}")
     return 0

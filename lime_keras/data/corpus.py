@@ -162,14 +162,14 @@ class Split:
         return self._described("light_split", str, self.name)
 
     def _described(self, name: str, kind: type, absent: Any = None) -> Any:
-        found = self._recorded("description", dict)
+        description = self._recorded("description", dict)
         for option, values in _READ.items():
-            if found.get(option, values[0]) not in values:
+            if description.get(option, values[0]) not in values:
                 raise ValueError(
-                    f"{self.folder} was rendered with --{option} {found[option]}, which is no "
-                    "longer read: render it again without"
+                    f"{self.folder} was rendered with --{option} {description[option]}, which is "
+                    "no longer read: render it again without"
                 )
-        return self._checked(found.get(name, absent), kind, f"description.{name}")
+        return self._checked(description.get(name, absent), kind, f"description.{name}")
 
     def _texts(self, name: str) -> list[str]:
         return [self._checked(one, str, name) for one in self._recorded(name, list)]

@@ -35,9 +35,9 @@ _SOURCES = {"clipped": "image", "painted": "mask", "cast": "mask", "exponent_bin
 
 
 def training_shards(corpus: Path) -> tuple[list[Path], list[Path]]:
-    """Return the paths of the train split's shards: for training, and held out for validation.
+    """Return the paths of the train split's shards: for training, and for validation.
 
-    The last tenth of the shards, and at least one shard, is held out.
+    The last tenth of the shards, and at least one shard, is the validation set.
 
     Raises:
         FileNotFoundError: if the split is incomplete.
@@ -49,8 +49,8 @@ def training_shards(corpus: Path) -> tuple[list[Path], list[Path]]:
             f"{corpus}/train has {len(paths)} shard; training needs at least 2, one of them for "
             "validation: render more examples or pass a smaller --shard-size"
         )
-    held_out = max(1, len(paths) // 10)
-    return paths[:-held_out], paths[-held_out:]
+    count = max(1, len(paths) // 10)
+    return paths[:-count], paths[-count:]
 
 
 def verified_shards(split: Split) -> list[Path]:
@@ -82,8 +82,8 @@ def verified_shards(split: Split) -> list[Path]:
             **console.bar_options(),
         ) as bar,
     ):
-        found = threads.map(_digest, paths, (path.stat().st_mtime_ns for path in paths), sizes)
-        for path, size, digest, wanted in zip(paths, sizes, found, expected, strict=True):
+        digests = threads.map(_digest, paths, (path.stat().st_mtime_ns for path in paths), sizes)
+        for path, size, digest, wanted in zip(paths, sizes, digests, expected, strict=True):
             bar.update(size)
             if digest != wanted:
                 record_spans(path)
@@ -270,10 +270,10 @@ def _refuse_non_finite(example: dict[str, tf.Tensor]) -> dict[str, tf.Tensor]:
     }
 
 
-def _broken(path: Path, record: int, found: str) -> ValueError:
+def _broken(path: Path, record: int, reason: str) -> ValueError:
     """Return the error for a damaged record; records are counted from 0."""
     return ValueError(
-        f"{path} is broken: record {record} (the first is 0) cannot be read: {found}; delete the "
+        f"{path} is broken: record {record} (the first is 0) cannot be read: {reason}; delete the "
         "file and its .json, and run the same `lime-render` command again"
     )
 

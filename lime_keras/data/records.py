@@ -28,8 +28,7 @@ from lime_keras.optics.environment import STORED_SHAPE
 
 SCHEMA_VERSION = 1  # version of the schema
 LARGEST_HALF = 65504.0
-COMPRESSION = 2
-"""zlib's compression level, 0…9: a fifth faster than 4, and files 6.5 % larger."""
+COMPRESSION = 2  # zlib's compression level, 0…9: a fifth faster than 4, and files 6.5 % larger
 
 DAMAGED = (tf.errors.DataLossError, tf.errors.InvalidArgumentError, UnicodeDecodeError)
 """What TensorFlow raises at damaged records: the last where its message quotes them, as text."""

@@ -23,7 +23,7 @@ def photo_of(picture: Any) -> photo.Photo:
 
     Args:
         picture: path of a file (`photo.read`), its bytes, or an open binary file; PIL image
-            (`photo.from_pil`); what `photo.load` has read; uint8 array `(H, W, 3)`, sRGB; or array
+            (`photo.load_pil`); what `photo.load` has read; uint8 array `(H, W, 3)`, sRGB; or array
             of floats `(H, W, 3)`, sRGB in [0, 1].
 
     Returns:

@@ -1,4 +1,4 @@
-"""Atomic writing: a file or folder is there completely, or not at all, and failing names it."""
+"""Atomic writing: a file or folder is there completely or not at all, and errors name it."""
 
 import contextlib
 import errno
@@ -42,16 +42,16 @@ def replacing(path: Path, *, shared: bool = False) -> Iterator[Path]:
         OSError: if the file cannot be written; the message names it and the mend.
     """
     partial = path.with_name(_partial(path.name, f"{uuid.uuid4().hex}-" if shared else ""))
-    made = [parent for parent in path.parents if not parent.exists()]
+    created = [parent for parent in path.parents if not parent.exists()]
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         remove(partial)
         yield partial
         _take_place(partial, path)
     except BaseException as error:
-        with contextlib.suppress(OSError):  # the first error is the one to tell
+        with contextlib.suppress(OSError):  # the first error is the one to report
             remove(partial)
-        for parent in made:
+        for parent in created:
             with contextlib.suppress(OSError):  # another process has written there meanwhile
                 parent.rmdir()
         if isinstance(error, OSError) and _is_of(error, path, partial):
@@ -75,7 +75,7 @@ def _take_place(partial: Path, path: Path) -> None:
 
 @contextlib.contextmanager
 def naming_writer(path: Path) -> Iterator[None]:
-    """Name the file in the errors of a block that writes to it, for files that grow in place.
+    """Name the file in the errors of a block that writes to it; for files that grow in place.
 
     Raises:
         OSError: in place of the system's errors, with the file's name and the mend.
@@ -102,7 +102,7 @@ def _named(error: OSError, path: Path) -> OSError:
 
 
 def _is_of(error: OSError, path: Path, partial: Path) -> bool:
-    """Return whether an error is of writing `path`: it names no file, or this or one inside it."""
+    """Return whether an error is of writing `path`: it names no file, this one, or one inside."""
     if error.errno is None or error.filename is None:
         return error.errno is not None
     named = Path(os.fsdecode(error.filename))

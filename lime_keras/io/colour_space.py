@@ -42,9 +42,9 @@ _WHITE = 203.0  # luminance of diffuse white in cd/m² in high dynamic range (IT
 _BRADFORD = np.array(
     [[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]]
 )
-_NEAR = 2e-3  # difference of chromaticities that only their rounding makes
+_NEAR = 2e-3  # largest difference of chromaticities by rounding
 _LIKE_SRGB = 0.05
-"""Part by which a gamma may differ from 1 / 2.2 to be written for sRGB, as libpng has it."""
+"""Largest relative difference of a gamma from 1 / 2.2 that still means sRGB, as in libpng."""
 _LEVELS = 2  # levels of 255 by which profiles of sRGB differ from each other
 
 Curve = Callable[[np.ndarray], np.ndarray]
@@ -53,7 +53,7 @@ Curve = Callable[[np.ndarray], np.ndarray]
 
 @dataclass(frozen=True)
 class Tags:
-    """The words of a file on its colours.
+    """What a file says of its colours.
 
     Attributes:
         code_points: H.273's numbers of primaries and transfer curve.
@@ -78,7 +78,7 @@ class Tags:
 
 @dataclass(frozen=True)
 class Conversion:
-    """The way from a file's values to sRGB.
+    """The conversion from a file's values to sRGB.
 
     Attributes:
         convert: function from colours `(h, W, C)`, C being 1 or 3, 1 for the largest integer, to

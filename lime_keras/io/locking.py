@@ -20,7 +20,7 @@ def lock_folder(folder: Path, work: str) -> Iterator[None]:
     Raises:
         RuntimeError: if another process has locked the folder.
     """
-    made = [path for path in (folder, *folder.parents) if not path.exists()]
+    created = [path for path in (folder, *folder.parents) if not path.exists()]
     folder.mkdir(parents=True, exist_ok=True)
     handle = os.open(folder, os.O_RDONLY)
     try:
@@ -33,7 +33,7 @@ def lock_folder(folder: Path, work: str) -> Iterator[None]:
     try:
         yield
     finally:
-        for path in made:
+        for path in created:
             with contextlib.suppress(OSError):  # something is in it
                 path.rmdir()
         os.close(handle)

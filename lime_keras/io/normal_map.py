@@ -81,20 +81,20 @@ def _channels(path: Path, names: tuple[str, ...]) -> list[int]:
 def _normals(path: Path, vectors: np.ndarray) -> np.ndarray:
     """Return vectors `(H, W, 3)` made unit, the background 0; raise ValueError if not normals."""
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    seen = length[..., 0] >= _LEAST_LENGTH
-    if not seen.any():
+    known = length[..., 0] >= _LEAST_LENGTH
+    if not known.any():
         raise ValueError(f"{path} holds no normal: all vectors are shorter than {_LEAST_LENGTH}")
-    share = float(np.mean(np.abs(length[seen] - 1) < _UNIT_WITHIN))
+    share = float(np.mean(np.abs(length[known] - 1) < _UNIT_WITHIN))
     if share < 0.5:
         raise ValueError(
             f"{path}: {share:.0%} of the vectors have length 1, the median is "
-            f"{np.median(length[seen]):.3g}: an EXR holds n itself, a PNG (n + 1) / 2 without a "
+            f"{np.median(length[known]):.3g}: an EXR holds n itself, a PNG (n + 1) / 2 without a "
             "gamma"
         )
-    away = float(np.mean(vectors[seen][:, 2] < 0))
+    away = float(np.mean(vectors[known][:, 2] < 0))
     if away > 0.5:
         raise ValueError(
             f"{path}: {away:.0%} of the normals point away from the camera: z points towards the "
             "camera here, flip z, or rotate world-space normals into camera space"
         )
-    return np.where(seen[..., None], vectors / np.maximum(length, _LEAST_LENGTH), 0)
+    return np.where(known[..., None], vectors / np.maximum(length, _LEAST_LENGTH), 0)

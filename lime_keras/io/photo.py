@@ -29,8 +29,8 @@ _LONGEST = 256
 """Largest ratio of a photo's sides; the networks would see a longer one less than a pixel wide."""
 _BAND = 256  # rows of a picture that are converted at a time
 _DIM, _FEWEST = 0.8, 16
-"""Part of an object's brightness below which alpha shows whether it is applied, and in how many
-pixels."""
+"""Where alpha is below this part of the object's brightness, in at least so many pixels, colours
+show whether they are multiplied by it."""
 
 
 class PhotoWarning(UserWarning):
@@ -100,8 +100,8 @@ def load(path: str | Path) -> Photo:
     return Photo(image, alpha, cautions)
 
 
-def from_pil(image: "Image.Image") -> tuple[np.ndarray, np.ndarray | None]:
-    """Return the pixels of a PIL image as `read` returns those of its file.
+def load_pil(image: "Image.Image") -> Photo:
+    """Return the pixels of a PIL image as `load` returns those of its file.
 
     Its orientation and what it brings of its colours are applied. The code points of a PNG are read
     from the file that the image names, as Pillow does not keep them.
@@ -113,14 +113,6 @@ def from_pil(image: "Image.Image") -> tuple[np.ndarray, np.ndarray | None]:
         ValueError: if the image is empty or cut short, or has a mode of more bits, whose range is
             not known.
     """
-    pixels, alpha, cautions = load_pil(image)
-    for caution in cautions:
-        warnings.warn(PhotoWarning(caution, "a PIL image"), stacklevel=2)
-    return pixels, alpha
-
-
-def load_pil(image: "Image.Image") -> Photo:
-    """Return what `from_pil` does, and what may be wrong instead of warning."""
     if image.mode.startswith(("I", "F")):
         raise ValueError(
             f"a PIL image of mode {image.mode} has no known range: pass its path, or an array of "
@@ -223,7 +215,7 @@ def read_radiance(path: str | Path, height: int, width: int) -> np.ndarray:
 
 
 def _opened(path: Path) -> Picture:
-    """Open and decode a picture, of whose size and kind nothing is known yet."""
+    """Open and decode a picture of any size and kind."""
     untrusted.check(path, "a picture")
 
     def check_size(width: int, height: int, channels: int) -> None:

@@ -1,4 +1,4 @@
-"""The opening of picture files: by their content, checked before they are decoded, by names."""
+"""Opens picture files by their content, checks them, and finds the picture among their channels."""
 
 import mmap
 import re
@@ -33,7 +33,7 @@ _STRAIGHT = ("bmp", "gif", "jpeg2000", "jpegxl")
 _LINEAR = ("openexr", "hdr")
 _FTYP, _HEIF = b"ftyp", (b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"mif1", b"msf1")
 _AVIF = (b"avif", b"avis")
-"""Brands of HEIF's files by codec: HEVC, of phones, and AV1."""
+"""Brands of HEIF files by codec: HEVC (phones) and AV1."""
 _MARKER = re.compile(rb"\xff[^\x00\x01\xd0-\xd7\xff]", re.DOTALL)
 """A marker of a JPEG that begins a segment or ends the picture; escaped bytes are none."""
 _END_OF_IMAGE = 0xD9
@@ -88,10 +88,10 @@ CheckSize = Callable[[int, int, int], None]
 
 
 def open_picture(path: Path, check_size: CheckSize) -> Picture:
-    """Open and decode a picture, of whose size and kind nothing is known yet.
+    """Open and decode a picture of any size and kind.
 
     Raises:
-        ValueError: if it is no picture that is read; the message may have the reason alone.
+        ValueError: if it is no picture that can be read; the message may have the reason alone.
     """
     with path.open("rb") as file:
         head = file.read(64)
@@ -476,8 +476,8 @@ def _check_end(path: Path) -> None:
     """Raise ValueError if a JPEG ends before its end marker; its decoder fills what is missing."""
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         place = 2
-        while found := _MARKER.search(data, place):
-            marker, place = data[found.start() + 1], found.end()
+        while match := _MARKER.search(data, place):
+            marker, place = data[match.start() + 1], match.end()
             if marker == _END_OF_IMAGE:
                 return
             # A segment begins with its length; the data of a scan lead to the next marker.

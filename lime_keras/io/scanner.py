@@ -41,9 +41,9 @@ def list_folder(folder: Path, suffixes: Collection[str]) -> list[Path]:
     """
     with os.scandir(folder) as entries:
         names = [entry.name for entry in entries if not is_hidden(entry.name)]
-    found = (folder / name for name in names if Path(name).suffix.lower() in suffixes)
+    paths = (folder / name for name in names if Path(name).suffix.lower() in suffixes)
     # Unlike `Path.is_dir`, this raises no error if a link leads to itself.
-    return sorted(path for path in found if not os.path.isdir(path))
+    return sorted(path for path in paths if not os.path.isdir(path))
 
 
 def walk(folder: Path, suffixes: Collection[str]) -> Iterator[Path]:
@@ -152,6 +152,8 @@ def inside(folder: Path) -> Iterator[Path]:
     for file in walk(folder, (*SUFFIXES, *EXTENSIONS)):
         if file.parent not in written:
             results = map(result_json.read, list_folder(file.parent, (".json",)))
-            written = {file.parent: {name for found in results if found for name in found["files"]}}
+            written = {
+                file.parent: {name for result in results if result for name in result["files"]}
+            }
         if file.name not in written[file.parent] and not photo_of_mask(file):
             yield file

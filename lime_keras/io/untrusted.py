@@ -1,4 +1,4 @@
-"""The door for files that come in: their kind, their size, and whatever their readers raise."""
+"""Checks of files that come in: their kind, their size, and whatever their readers raise."""
 
 import contextlib
 import hashlib
@@ -22,7 +22,7 @@ _KINDS = {
 
 
 def check(path: Path, what: str) -> None:
-    """Raise ValueError unless a path is a file that can be opened without waiting for ever.
+    """Raise ValueError unless a path is a regular file: a pipe would be waited for without end.
 
     Args:
         path: path of the file.
@@ -105,18 +105,18 @@ def read_json(path: Path) -> Any:
 
     Raises:
         ValueError: if there is no such file, or it is too large, too deep, no JSON or no
-            object; the message has the reason alone, and the caller knows the mend.
+            object; the message has the reason alone, and the caller adds what to do.
     """
     check(path, "JSON")
     if (size := path.stat().st_size) > LARGEST_JSON:
         raise ValueError(f"it has {size} bytes, more than {LARGEST_JSON}")
     try:
-        held = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(path.read_text(encoding="utf-8"))
     except RecursionError as error:
         raise ValueError("it is nested too deeply") from error
-    if not isinstance(held, dict):
+    if not isinstance(content, dict):
         raise ValueError("it holds no JSON object")
-    return held
+    return content
 
 
 def json_or_none(path: Path) -> Any:

@@ -202,12 +202,12 @@ def _camera(source: str) -> Any:
 def _known(kind: str) -> str:
     """Return the available cameras in words, for an error message."""
     try:
-        found = [d for d in device.enumerate_input_devices(kind) if "audio" not in d.media_types]
+        cameras = [d for d in device.enumerate_input_devices(kind) if "audio" not in d.media_types]
     except (av.error.FFmpegError, ValueError):
-        found = []
-    if not found:
+        cameras = []
+    if not cameras:
         return "no camera was found; plug one in and allow this program to use it"
-    return "there are " + ", ".join(f"{CAMERA}{d.name} ({d.description})" for d in found)
+    return "there are " + ", ".join(f"{CAMERA}{d.name} ({d.description})" for d in cameras)
 
 
 def _is_cover(stream: Any) -> bool:

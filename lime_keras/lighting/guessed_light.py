@@ -1,9 +1,9 @@
 """The light of a photo whose normals are guessed from the mask (section 7).
 
-Guessed normals are off by tens of degrees, so M and D do not meet in the directions that they come
-from: lamps and shadows average out, and the light of `illumination.estimate` is dull. Two things
-stand in the photo whatever the normals are, and are taken from there: the energy of the highlights,
-and how much the object's brightness varies.
+Guessed normals are off by tens of degrees, so M and D are gathered in wrong directions: lamps and
+shadows average out, and the light of `illumination.estimate` is dull. Two properties of the photo
+do not depend on the normals and correct this: the energy of the highlights, and how much the
+object's brightness varies.
 """
 
 import dataclasses
@@ -15,7 +15,7 @@ from lime_keras.material import Material
 from lime_keras.optics import colour, environment, highlights, shading
 
 _SHARPNESS = 8.0
-"""Power that makes lamps of a light: what is half as bright becomes 256 times darker.
+"""Power that turns a light into lamps: what is half as bright becomes 256 times darker.
 
 Of 4 and 8, by the spheres of ten photographs: with 4 a white glazed fox has no clear highlight.
 """
@@ -61,7 +61,7 @@ def estimate(
 def with_contrast(
     light: np.ndarray, normal: np.ndarray, brightness: np.ndarray, material: Material
 ) -> np.ndarray:
-    """Return a light under which an object is as bright, and varies as much, as it is seen.
+    """Return a light under which an object is as bright, and varies as much, as in the photo.
 
     The light is mixed with lamps, which are its own brightest directions. Both give the object the
     same mean brightness, that of the photo; the share of the lamps is the least that makes the

@@ -111,13 +111,13 @@ def _check(normal, view, mirror, diffuse, mask) -> None:
 
 
 def _unit(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return normals `(N, 3)` made unit, 0 where not known, and which are known, `(N,)` bool."""
+    """Return normals `(N, 3)` of length 1, or 0 where unknown, and which are known, `(N,)` bool."""
     length = np.linalg.norm(normal, axis=-1)
-    given = np.isfinite(length) & (length > 0)
-    known = given & (length >= _LENGTHS[0]) & (length <= _LENGTHS[1])
-    if given.any() and np.mean(known[given]) < 0.5:
+    finite = np.isfinite(length) & (length > 0)
+    known = finite & (length >= _LENGTHS[0]) & (length <= _LENGTHS[1])
+    if finite.any() and np.mean(known[finite]) < 0.5:
         raise ValueError(
-            f"normals have length 1, got a median of {np.median(length[given]):.3g}: decode "
+            f"normals have length 1, got a median of {np.median(length[finite]):.3g}: decode "
             "(n = 2 v − 1) or normalise them"
         )
     return np.where(known[:, None], normal / np.where(known, length, 1)[:, None], 0), known
@@ -237,7 +237,7 @@ def as_printed(evidence: Evidence) -> np.ndarray:
 
 
 def _explaining(values: np.ndarray, weight: np.ndarray, shaded: np.ndarray) -> np.ndarray:
-    """Return the light of order 2 that best fits D `(N,)`; where D says little, it is even."""
+    """Return the light of order 2 that best fits D `(N,)`; it is uniform where D says little."""
     even = np.average(values, weights=weight)
     return even + _low_frequencies(values - even, weight, shaded)
 

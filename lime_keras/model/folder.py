@@ -94,12 +94,12 @@ def files(run: Path) -> list[Path]:
     check_present(model, model / ARCHITECTURE)
     weights = [path for path in sorted(model.glob(f"*{WEIGHTS}")) if path.is_file()]
     there = graphs(run)
-    held = (
+    in_graphs = (
         [graph(there, name) for name in sorted(_described(there))]
         if has_weights_in_graphs(run)
         else []
     )
-    return [model / ARCHITECTURE, *weights, *(path for path in held if path.is_file())]
+    return [model / ARCHITECTURE, *weights, *(path for path in in_graphs if path.is_file())]
 
 
 def lobe(run: Path) -> str:
@@ -134,10 +134,10 @@ def digest(run: Path) -> str:
         FileNotFoundError: if the folder holds no model.
         ValueError: if the description of the graphs, which hold the weights, is damaged.
     """
-    held, total = files(run), hashlib.sha256()
+    paths, total = files(run), hashlib.sha256()
     if has_weights_in_graphs(run):
         return _described_digest(graphs(run) / DESCRIPTION)
-    for path in held:
+    for path in paths:
         total.update(f"{path.name} {path.stat().st_size}\n".encode())
         total.update(path.read_bytes())
     return total.hexdigest()

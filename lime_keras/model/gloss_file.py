@@ -29,15 +29,15 @@ def read(run: Path) -> Calibration:
     if not path.exists():
         return DEFAULT
     try:
-        held = untrusted.read_json(path)
-        found = Calibration(float(held["even"]), float(held["slope"]))
-        if not (math.isfinite(found.even) and 0 < found.slope < math.inf):
-            raise ValueError(f"its numbers are {found}")
+        content = untrusted.read_json(path)
+        calibration = Calibration(float(content["even"]), float(content["slope"]))
+        if not (math.isfinite(calibration.even) and 0 < calibration.slope < math.inf):
+            raise ValueError(f"its numbers are {calibration}")
     except (ValueError, LookupError, TypeError) as error:
         raise ValueError(
             f"{path} is damaged ({error}): delete it, or write it with benchmarks/gloss.py"
         ) from error
-    return found
+    return calibration
 
 
 def write(run: Path, calibration: Calibration, measured: Mapping[str, object]) -> Path:

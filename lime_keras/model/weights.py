@@ -224,11 +224,11 @@ def _read_graph(path: Path, name: str, folder: Path, network: keras.Model) -> No
             f"{folder / DESCRIPTION} does not describe {path.name}: "
             f"{graph_folder.repair_hint(folder)}"
         )
-    held = weights_in_graphs.read(
+    stored = weights_in_graphs.read(
         graph_folder.read_verified(folder, name, description.graphs[name]), path
     )
     try:
-        network.set_weights([held[weight.path] for weight in network.weights])
+        network.set_weights([stored[weight.path] for weight in network.weights])
     except (LookupError, ValueError) as error:
         raise ValueError(
             f"{path} has other layers than {network.name}: {error}; train again"

@@ -47,8 +47,8 @@ def output_names(subnetworks: Mapping[str, keras.Model]) -> tuple[str, ...]:
     replaces `exponent_bin_probabilities`. In the baseline, `reflectance_map` `(B, S, S, 3)`, linear
     radiance, replaces `specular_shading` and `mirror`.
     """
-    found = predictors(subnetworks)
-    return tuple(name for name, row in OUTPUT_ROWS.items() if row.quantity in found)
+    predicted = predictors(subnetworks)
+    return tuple(name for name, row in OUTPUT_ROWS.items() if row.quantity in predicted)
 
 
 def assemble(
@@ -96,7 +96,7 @@ def assemble(
     for name in filter(set(given).__contains__, channels):
         inputs[name] = keras.Input((size, size, channels[name]), name=name)
     graph = Wiring(subnetworks, inputs)
-    found = {
+    tensors = {
         name: layers.Identity(dtype="float32", name=name)(graph.output(name)) for name in outputs
     }
-    return keras.Model(inputs if given else image, found, name="lime")
+    return keras.Model(inputs if given else image, tensors, name="lime")

@@ -68,26 +68,17 @@ class Split(NamedTuple):
     trusted: Any
 
 
-def split(
-    image: Any,
-    mask: Any,
-    *,
-    patch: int = _PATCH,
-    dark: float = _DARK,
-    grey: float = _GREY,
-) -> Split:
+def split(image: Any, mask: Any) -> Split:
     """Split the light of objects into diffuse and grey light.
 
-    The result is exact for an image without noise with a pixel of S = m_a = 0, for `patch` 1,
-    `dark` 0 and `grey` 0. The defaults are for photographs. Taking a quantile of the saturation for
-    the largest was worse under every flaw of a photograph (benchmarks/dichromatic.py).
+    The result is exact for an image without noise with a pixel of S = m_a = 0, if patches are one
+    pixel and `_DARK` and `_GREY` are 0; their values are for photographs. Taking a quantile of the
+    saturation for the largest was worse under every flaw of a photograph
+    (benchmarks/dichromatic.py).
 
     Args:
         image: photos `(B, H, W, 3)`, sRGB in [0, 1].
         mask: coverage of the objects `(B, H, W, 1)` in [0, 1].
-        patch: height and width in pixels of the patches whose saturation is compared.
-        dark: linear radiance added to the mean of a patch.
-        grey: saturation added to the largest where it divides.
     """
     xp = namespace(image, mask)
     linear, weight = _usable(image, mask, xp)
@@ -96,9 +87,9 @@ def split(
     hue, known = _direction(chroma, weight, xp)
     along = xp.sum(chroma * xp.reshape(hue, (-1, 1, 1, 3)), axis=-1, keepdims=True)
     length = xp.maximum(along, np.float32(0))
-    saturation = known * _largest(length, mean, weight, patch, dark, xp)
+    saturation = known * _largest(length, mean, weight, xp)
     inside = xp.where(mask > 0, np.float32(1), np.float32(0))
-    factor = xp.reshape(saturation + np.float32(grey), (-1, 1, 1, 1))
+    factor = xp.reshape(saturation + np.float32(_GREY), (-1, 1, 1, 1))
     least = np.float32(_LEAST_SQUARE)
     diffuse = inside * length / xp.maximum(factor, least)
     return Split(
@@ -267,22 +258,22 @@ def _direction(chroma: Any, weight: Any, xp: Any) -> tuple[Any, Any]:
     return known * mean / xp.maximum(length, np.float32(_LEAST_CHROMA)), known
 
 
-def _largest(length: Any, mean: Any, weight: Any, patch: int, dark: float, xp: Any) -> Any:
+def _largest(length: Any, mean: Any, weight: Any, xp: Any) -> Any:
     """Return the largest saturation of the patches that the object fills, `(B, 1)`."""
     covered, coloured, bright = (
-        _sums(values, patch, xp) for values in (weight, weight * length, weight * mean)
+        _sums(values, xp) for values in (weight, weight * length, weight * mean)
     )
     least = xp.max(covered, axis=1, keepdims=True) * np.float32(_COVERED)
-    size = xp.maximum(bright + covered * np.float32(dark), np.float32(1e-6))
+    size = xp.maximum(bright + covered * np.float32(_DARK), np.float32(1e-6))
     saturation = xp.where(covered >= least, coloured / size, np.float32(0))
     return xp.max(saturation, axis=1, keepdims=True)
 
 
-def _sums(values: Any, patch: int, xp: Any) -> Any:
+def _sums(values: Any, xp: Any) -> Any:
     """Return the sums over whole patches, `(B, N)`."""
-    rows, columns = (size // patch for size in values.shape[1:3])
-    cut = values[:, : rows * patch, : columns * patch, 0]
-    blocks = xp.reshape(cut, (-1, rows, patch, columns, patch))
+    rows, columns = (size // _PATCH for size in values.shape[1:3])
+    cut = values[:, : rows * _PATCH, : columns * _PATCH, 0]
+    blocks = xp.reshape(cut, (-1, rows, _PATCH, columns, _PATCH))
     return xp.reshape(xp.sum(blocks, axis=(2, 4)), (-1, rows * columns))
 
 

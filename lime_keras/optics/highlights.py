@@ -1,8 +1,8 @@
 """The pixels whose diffuse part a highlight hides, and the diffuse part that is likely there.
 
-Where a channel is clipped, or the highlight is most of what is seen, the photo less m_s · S says
-little of m_d · D: an error of S leaves a dark hole there. D is smooth, so the hole is closed from
-around it.
+Where a channel is clipped, or where the highlight is most of the light, subtracting m_s · S from
+the photo does not give m_d · D: an error of S leaves a dark hole. D is smooth, so the hole is
+filled from its surroundings.
 """
 
 import math
@@ -32,7 +32,7 @@ def hidden(image_srgb: np.ndarray, specular: np.ndarray) -> np.ndarray:
 
 
 def inpainted(values: np.ndarray, known: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """Return values where they are wanted, as likely as those known around make them.
+    """Return values where they are wanted, filled in from the known ones around.
 
     Known values are averaged over ever larger cells until there are some, then brought back,
     smoothed, to the cells that lack them (pull and push).

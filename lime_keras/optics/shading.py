@@ -168,8 +168,8 @@ def specular(
         >>> [specular(normal, normal, s, *lights).round(2).tolist() for s in (1.0, 50.0, 500.0)]
         [[1.0], [1.0], [1.0]]
     """
-    found = sum_lobes(lobe_terms(normal, view), exponent, light, energy)
-    return found * np.asarray(normaliser(float(exponent)), found.dtype)
+    total = sum_lobes(lobe_terms(normal, view), exponent, light, energy)
+    return total * np.asarray(normaliser(float(exponent)), total.dtype)
 
 
 def lobe_terms(normal: np.ndarray, view: np.ndarray) -> np.ndarray:

@@ -13,8 +13,7 @@ from lime_keras import console
 from .doors import DOORS, Door
 from .inputs import Block
 
-_A_SHARE = 5
-"""Inputs of a door of share 1 in a block, which one process reads in one go."""
+_A_SHARE = 5  # inputs of a door of share 1 in a block, which one process reads in one go
 _EXAMPLES = """\
 examples:
   python -m tests.fuzz --minutes 10

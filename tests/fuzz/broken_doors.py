@@ -11,8 +11,7 @@ from .verdicts import Limits
 SOUND = b"sound\n"
 LIMITS = Limits(bytes=1 << 27)
 """Limits under which they are read; all but these are those of the command."""
-TOO_MANY = 3 << 26
-"""Bytes beyond the limit."""
+TOO_MANY = 3 << 26  # bytes beyond the limit
 
 
 def _damaged(folder: Path) -> Path | None:

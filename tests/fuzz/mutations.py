@@ -14,10 +14,8 @@ from typing import Any
 
 Mutation = Callable[[random.Random, bytes], bytes]
 
-MOST_BYTES = 1 << 22
-"""Largest number of bytes of a damaged file; what grows beyond is cut."""
-_HEADER = 160
-"""Bytes at the beginning of a file that are hit as often as all the others together."""
+MOST_BYTES = 1 << 22  # largest number of bytes of a damaged file; what grows beyond is cut
+_HEADER = 160  # bytes at the beginning of a file that are hit as often as all the others together
 _INTEGERS = (0, 1, 2, 0x7F, 0x80, 0xFF, 0x7FFF, 0xFFFF, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF)
 _LARGE = (10**6, 2**31 - 1, 2**31, 2**32, 2**53, 2**63, 10**30)
 _NUMBER = re.compile(rb"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
@@ -27,8 +25,7 @@ _EXTREMES = (
     *(b"", b"x", b"0x10", b"1_0", "٣".encode(), b"1.5"),
 )
 _PNG = b"\x89PNG\r\n\x1a\n"
-_DEEP = 100_000
-"""Levels of a nesting that is deeper than a parser's stack."""
+_DEEP = 100_000  # levels of a nesting that is deeper than a parser's stack
 
 
 def mutated(rng: random.Random, data: bytes, name: str) -> bytes:

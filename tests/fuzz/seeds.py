@@ -14,12 +14,9 @@ import numpy as np
 
 sys.path.append(str(Path(__file__).parents[1] / "fixtures"))
 
-HEIGHT, WIDTH = 20, 24
-"""Rows and columns of the pictures in pixels."""
-SIZE = 32
-"""Height and width in pixels of what corpora and models hold."""
-_MAP = (8, 16)
-"""Rows and columns of the environment maps."""
+HEIGHT, WIDTH = 20, 24  # rows and columns of the pictures in pixels
+SIZE = 32  # height and width in pixels of what corpora and models hold
+_MAP = (8, 16)  # rows and columns of the environment maps
 
 
 def make(folder: Path, names: tuple[str, ...]) -> None:

@@ -29,8 +29,7 @@ FAULTS = {
     "swells": "GB of memory, and was ended",
 }
 """What is said of each of the broken doors; the others have tests apart."""
-COUNT = 2
-"""Inputs of a door."""
+COUNT = 2  # inputs of a door
 
 
 def tried(scratch, *names, limits=broken_doors.LIMITS, count=2):

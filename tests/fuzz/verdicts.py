@@ -26,8 +26,7 @@ class Limits:
     bytes: int = 2 << 30
 
 
-LIMITS = Limits()
-"""The limits of the command."""
+LIMITS = Limits()  # the limits of the command
 
 
 @dataclass(frozen=True)

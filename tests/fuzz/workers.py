@@ -25,14 +25,11 @@ Maker = Callable[[Path, tuple[str, ...]], None]
 
 _BEGIN_SECONDS = 180.0
 """Time for all but reading: imports, the first reading of sound inputs, making damaged ones."""
-_TO_END = 5.0
-"""Seconds that an idle process has to end by itself."""
-_TICK = 0.1
-"""Seconds between two looks at the processes."""
+_TO_END = 5.0  # seconds that an idle process has to end by itself
+_TICK = 0.1  # seconds between two looks at the processes
 _LARGEST = 3 << 30
 """Memory with which a process is replaced, because some libraries never give any back."""
-_LOG_END = 6000
-"""Characters kept of what a process printed before it ended."""
+_LOG_END = 6000  # characters kept of what a process printed before it ended
 _ENVIRONMENT = {
     **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "TF_NUM_INTRAOP_THREADS"), "1"),
     **{"TF_NUM_INTEROP_THREADS": "1", "TF_CPP_MIN_LOG_LEVEL": "3", "CUDA_VISIBLE_DEVICES": ""},

@@ -8,8 +8,7 @@ import numpy as np
 
 from .precisions import Precision
 
-HEIGHT = 32
-"""Number of rows of an environment map."""
+HEIGHT = 32  # number of rows of an environment map
 EXPONENTS = {"0": 0.0, "1e-6": 1e-6, "1": 1.0, "1e3": 1e3, "1e6": 1e6}
 
 

@@ -11,8 +11,7 @@ import numpy as np
 
 from lime_keras import live
 
-PAGE = Path(live.__file__).parent / "page"
-"""Folder of the page's modules."""
+PAGE = Path(live.__file__).parent / "page"  # folder of the page's modules
 
 _SCRIPT = """
 const { arrays, values, script } = JSON.parse((await import("node:fs")).readFileSync(0, "utf8"));

@@ -96,15 +96,13 @@ SINGLE = Precision(**vars(of_systems.SINGLE), least=2.0**-126, largest=_LARGEST)
 HALF = Precision(**vars(of_systems.HALF), least=2.0**-24, largest=65504.0)
 BRAIN = Precision(**vars(of_systems.BRAIN), least=2.0**-126, largest=(2 - 2.0**-7) * 2.0**127)
 XLA = Precision(**vars(of_systems.XLA), least=2.0**-126, largest=_LARGEST)
-TENSORS = (SINGLE, HALF, BRAIN, XLA)
-"""Precisions in which functions of `keras.ops` are tried."""
+TENSORS = (SINGLE, HALF, BRAIN, XLA)  # precisions in which functions of `keras.ops` are tried
 
 NUMPY_SINGLE = replace(SINGLE, name="NumPy float32", tensors=False)
 NUMPY_DOUBLE = Precision(
     "NumPy float64", "float64", 2.0**-52, 2.0**-1022, float(np.finfo(float).max), tensors=False
 )
-ARRAYS = (NUMPY_SINGLE, NUMPY_DOUBLE)
-"""Precisions in which functions of NumPy are tried."""
+ARRAYS = (NUMPY_SINGLE, NUMPY_DOUBLE)  # precisions in which functions of NumPy are tried
 
 
 @functools.cache

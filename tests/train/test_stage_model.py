@@ -305,8 +305,7 @@ EXTREMES = {
     "blinding layers": {"specular_shading": 65504.0, "mirror": 65504.0, "diffuse_shading": 65504.0},
     "black layers": {"specular_shading": 0.0, "mirror": 0.0, "diffuse_shading": 0.0},
 }
-LARGEST_GRADIENT = 1e15
-"""Adam squares gradients in float32."""
+LARGEST_GRADIENT = 1e15  # adam squares gradients in float32
 
 
 @pytest.fixture(scope="module", params=LAST, ids=LAST_NAMES)

@@ -13,8 +13,7 @@ from lime_keras.optics import colour, shading, shininess
 
 SIZE = 16
 COUNT = 12
-HALF = 2.0**-11
-"""Rounding of a half float below 1, which normals of the stored size keep."""
+HALF = 2.0**-11  # rounding of a half float below 1, which normals of the stored size keep
 
 
 def write_shard(path, examples):
@@ -358,12 +357,12 @@ def test_whole_shards_are_yielded_whole(shards):
 # The split for validation.
 
 
-@pytest.mark.parametrize("count, held_out", [(2, 1), (3, 1), (19, 1), (20, 2), (35, 3)])
-def test_the_last_tenth_is_held_out(tmp_path, count, held_out):
+@pytest.mark.parametrize("count, last", [(2, 1), (3, 1), (19, 1), (20, 2), (35, 3)])
+def test_the_last_tenth_is_the_validation_set(tmp_path, count, last):
     write_split(tmp_path, "train", [range(1)] * count)
     training, validation = pipeline.training_shards(tmp_path)
     assert training + validation == Split(tmp_path, "train").shard_paths()
-    assert len(validation) == held_out and len(training) == count - held_out
+    assert len(validation) == last and len(training) == count - last
 
 
 def test_one_shard_cannot_be_split(tmp_path):

@@ -6,6 +6,7 @@ import zlib
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from icc_profiles import FORMULA, GAMMA, LINEAR, TABLE, TO_XYZ_D50, profile
 from PIL import Image
 
 from lime_keras.io import colour_space, photo
@@ -25,9 +26,6 @@ TO_ADOBE = np.array([[0.71513, 0.28487, 0], [0, 1, 0], [0, 0.04117, 0.95883]])
 TO_AP1 = np.array([[0.6131, 0.3395, 0.0474], [0.0702, 0.9164, 0.0135], [0.0206, 0.1096, 0.8698]])
 TO_AP0 = np.array([[0.4397, 0.3830, 0.1773], [0.0898, 0.8134, 0.0968], [0.0175, 0.1115, 0.8709]])
 TO_XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
-TO_XYZ_D50 = np.array(
-    [[0.43607, 0.38515, 0.14307], [0.22249, 0.71687, 0.06061], [0.01392, 0.09708, 0.71410]]
-)
 AP1 = (0.713, 0.293, 0.165, 0.830, 0.128, 0.044, 0.32168, 0.33767)
 
 
@@ -76,45 +74,8 @@ def exr(path, pixels, **attributes):
     return path
 
 
-def profile(curve, matrix=TO_XYZ_D50, *, grey=False, kind=b"XYZ "):
-    """An ICC profile (version 4) of a curve and, unless it is grey, of colorants under D50."""
-
-    def fixed(*values):
-        return struct.pack(f">{len(values)}i", *(round(value * 65536) for value in values))
-
-    name = b"sRGB\0".ljust(80, b"\0")
-    tags = {b"desc": b"desc" + bytes(4) + struct.pack(">I", 5) + name}
-    tags |= {b"wtpt": b"XYZ " + bytes(4) + fixed(0.9642, 1, 0.8249)}
-    if grey:
-        tags[b"kTRC"] = curve
-    else:
-        for letter, column in zip((b"r", b"g", b"b"), matrix.T, strict=True):
-            tags[letter + b"XYZ"] = b"XYZ " + bytes(4) + fixed(*column)
-            tags[letter + b"TRC"] = curve
-    table, data = struct.pack(">I", len(tags)), b""
-    for tag, content in tags.items():
-        content += bytes(-len(content) % 4)
-        table += tag + struct.pack(">II", 132 + 12 * len(tags) + len(data), len(content))
-        data += content
-    size = 128 + len(table) + len(data)
-    space = b"GRAY" if grey else b"RGB "
-    head = struct.pack(">I4sI4s4s4s", size, bytes(4), 0x02400000, b"mntr", space, kind)
-    head += bytes(12) + b"acsp" + bytes(28) + fixed(0.9642, 1, 0.8249)
-    return head.ljust(128, b"\0") + table + data
-
-
 def icc(content):
     return {"iCCP": b"p\0\0" + zlib.compress(content)}
-
-
-LINEAR = b"curv" + bytes(8)
-GAMMA = b"curv" + bytes(4) + struct.pack(">IH", 1, round(1.8 * 256)) + bytes(2)
-FORMULA = b"para" + bytes(4) + struct.pack(">HH", 3, 0)
-FORMULA += struct.pack(
-    ">5i", *(round(v * 65536) for v in (2.4, 1 / 1.055, 0.055 / 1.055, 1 / 12.92, 0.04045))
-)
-TABLE = b"curv" + bytes(4) + struct.pack(">I", 1024)
-TABLE += np.round(np.linspace(0, 1, 1024) ** 2 * 65535).astype(">u2").tobytes()
 
 
 def pq(linear):
@@ -295,7 +256,7 @@ def test_a_pil_image_gives_the_numbers_of_its_file(case, tmp_path):
     if path.suffix in (".exr", ".hdr", ".pfm"):
         pytest.skip("a PIL image has 8 bits a channel")
     with Image.open(path) as image:
-        found = photo.from_pil(image)[0]
+        found = photo.load_pil(image).image
     # Pillow has 8 bits of 16.
     np.testing.assert_allclose(
         found, photo.read_srgb(path), atol=0.02 if "16" in str(path) else 0.03

@@ -5,6 +5,7 @@ import struct
 import time
 
 import full_disk
+import icc_profiles
 import lying_headers
 import numpy as np
 import OpenImageIO as oiio
@@ -155,40 +156,20 @@ def test_colours_of_every_kind_of_file(tmp_path, kind):
 P3 = np.array(
     [[0.51512, 0.29198, 0.15710], [0.24120, 0.69225, 0.06657], [-0.00105, 0.04189, 0.78407]]
 )
-SRGB = np.array(
-    [[0.43607, 0.38515, 0.14307], [0.22249, 0.71687, 0.06061], [0.01392, 0.09708, 0.71410]]
-)
 
 
 def profile(space=b"RGB ", description="Display P3"):
-    """An ICC profile (version 4) of P3's primaries and sRGB's curve."""
-
-    def fixed(*values):
-        return struct.pack(f">{len(values)}i", *(round(value * 65536) for value in values))
-
-    text = description.encode("utf-16-be")
-    naming = b"mluc" + struct.pack(">III2s2sII", 0, 1, 12, b"en", b"US", len(text), 28) + text
-    curve = b"para" + struct.pack(">IHH", 0, 3, 0)
-    curve += fixed(2.4, 1 / 1.055, 0.055 / 1.055, 1 / 12.92, 0.04045)
-    white = (0.9642, 1.0, 0.8249)
-    columns = dict(zip((b"rXYZ", b"gXYZ", b"bXYZ", b"wtpt"), (*P3.T, white), strict=True))
-    tags = {b"desc": naming, b"cprt": naming}
-    tags |= {name: b"XYZ " + bytes(4) + fixed(*column) for name, column in columns.items()}
-    tags |= dict.fromkeys((b"rTRC", b"gTRC", b"bTRC"), curve)
-    table, data = struct.pack(">I", len(tags)), b""
-    for name, content in tags.items():
-        content += bytes(-len(content) % 4)
-        table += name + struct.pack(">II", 132 + 12 * len(tags) + len(data), len(content))
-        data += content
-    size = 128 + len(table) + len(data)
-    head = struct.pack(">I4sI4s4s4s", size, bytes(4), 0x04300000, b"mntr", space, b"XYZ ")
-    head += bytes(12) + b"acsp" + bytes(28) + fixed(*white)
-    return head.ljust(128, b"\0") + table + data
+    """A profile of P3's primaries and sRGB's curve."""
+    return icc_profiles.profile(icc_profiles.FORMULA, P3, name=description, space=space)
 
 
 def in_srgb(p3):
     """The same colours, by the definition."""
-    linear = colour.srgb_to_linear(p3.astype(np.float64)) @ P3.T @ np.linalg.inv(SRGB).T
+    linear = (
+        colour.srgb_to_linear(p3.astype(np.float64))
+        @ P3.T
+        @ np.linalg.inv(icc_profiles.TO_XYZ_D50).T
+    )
     return colour.linear_to_srgb(np.clip(linear, 0, 1))
 
 

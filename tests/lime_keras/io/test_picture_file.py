@@ -292,7 +292,7 @@ def test_a_file_is_what_its_content_says(tmp_path):
         found = photo.read_srgb(tmp_path / name)
         np.testing.assert_allclose(found, expected, atol=8 / 255, err_msg=name)
         np.testing.assert_allclose(
-            photo.from_pil(Image.open(tmp_path / name))[0], found, atol=1e-6, err_msg=name
+            photo.load_pil(Image.open(tmp_path / name)).image, found, atol=1e-6, err_msg=name
         )
 
 
@@ -304,7 +304,7 @@ def test_an_orientation_turns_files_and_pil_images_alike(suffix, tmp_path):
     Image.fromarray((noise() * 255).astype(np.uint8)).save(path, exif=exif)
     found = photo.read_srgb(path)
     assert found.shape == (WIDTH, HEIGHT, 3)
-    np.testing.assert_allclose(photo.from_pil(Image.open(path))[0], found, atol=1e-6)
+    np.testing.assert_allclose(photo.load_pil(Image.open(path)).image, found, atol=1e-6)
 
 
 def test_an_orientation_that_xmp_alone_tells_is_applied(tmp_path):
@@ -322,7 +322,7 @@ def test_a_pil_image_cut_short_is_a_value_error():
     content = io.BytesIO()
     Image.fromarray((noise() * 255).astype(np.uint8)).save(content, "JPEG")
     with pytest.raises(ValueError, match="a PIL image cannot be read"):
-        photo.from_pil(Image.open(io.BytesIO(content.getvalue()[:-400])))
+        photo.load_pil(Image.open(io.BytesIO(content.getvalue()[:-400])))
 
 
 # Alpha that is none, or is applied already.
@@ -398,7 +398,7 @@ def test_colours_multiplied_by_alpha_are_not_multiplied_again(brightness, tmp_pa
         Image.fromarray(np.round(pixels * 255).astype(np.uint8)).save(path)
         image, alpha = photo.read(path)
         np.testing.assert_allclose(alpha, straight[..., 3:], atol=0.5 / 255)
-        np.testing.assert_allclose(photo.from_pil(Image.open(path))[0], image, atol=1e-6)
+        np.testing.assert_allclose(photo.load_pil(Image.open(path)).image, image, atol=1e-6)
         images.append(image)
     np.testing.assert_allclose(images[0], multiplied[..., :3], atol=1.5 / 255)
     np.testing.assert_allclose(images[1], images[0], atol=1.5 / 255)

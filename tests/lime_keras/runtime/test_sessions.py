@@ -9,8 +9,7 @@ import pytest
 
 from lime_keras import Estimator, console
 
-_SECONDS = 60
-"""Time after which a child counts as hanging; it takes less than one second."""
+_SECONDS = 60  # time after which a child counts as hanging; it takes less than one second
 
 FORKS = """
 import os, sys

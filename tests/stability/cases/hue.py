@@ -19,8 +19,7 @@ from ..precisions import (
 )
 
 _SIDE = 6
-_LEAST_CHROMA = 1e-3
-"""Mean chroma below which an image has no hue."""
+_LEAST_CHROMA = 1e-3  # mean chroma below which an image has no hue
 
 
 def _images() -> dict[str, np.ndarray]:

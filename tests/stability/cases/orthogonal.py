@@ -20,10 +20,8 @@ from ..precisions import ROUNDINGS, TENSORS, Precision
 
 _STEPS = 5
 _A, _B, _C = 3.4445, -4.7750, 2.0315
-_HIGHEST = 1.22
-"""A bound of the polynomial's value on [0, 1], whatever the number of steps."""
-_FLOOR = 1e-7
-"""Added to the norm that a matrix is divided by, so that one of zeros stays so."""
+_HIGHEST = 1.22  # A bound of the polynomial's value on [0, 1], whatever the number of steps
+_FLOOR = 1e-7  # added to the norm that a matrix is divided by, so that one of zeros stays so
 
 
 def _matrices() -> dict[str, np.ndarray]:

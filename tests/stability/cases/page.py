@@ -14,8 +14,7 @@ from .. import page_modules, srgb_standard
 from ..lights import HEIGHT, lights, normaliser
 from ..precisions import NUMPY_DOUBLE, NUMPY_SINGLE, ROUNDINGS
 
-JAVASCRIPT = "JavaScript"
-"""Precision of these cases, which need Node.js."""
+JAVASCRIPT = "JavaScript"  # precision of these cases, which need Node.js
 _SIZE = 12
 _LEAST_Z, _TAIL, _STEPS, _WIDE = -0.2, 1e-5, 4096, 32
 """What the page leaves out or rounds: normals turned away, tails of lobes, the lobe's table."""
