@@ -1,26 +1,9 @@
 """The calibration of the exponent's class probabilities: reliability of the winning class."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 BINS = 10
 """Number of equal bins of confidence in [0, 1]; confidence is the winning class's probability."""
-
-
-@dataclass(frozen=True)
-class Reliability:
-    """The reliability of the winning class in each bin of confidence.
-
-    Attributes:
-        count: number of examples `(10,)`.
-        confidence: their mean confidence `(10,)`; NaN in a bin without examples.
-        right: share of them whose winning class is the true one `(10,)`; NaN likewise.
-    """
-
-    count: np.ndarray
-    confidence: np.ndarray
-    right: np.ndarray
 
 
 def gaps(probabilities: np.ndarray, right: np.ndarray) -> dict[str, np.ndarray]:
@@ -42,17 +25,24 @@ def gaps(probabilities: np.ndarray, right: np.ndarray) -> dict[str, np.ndarray]:
 GAPS = tuple(f"calibration_{k}" for k in range(BINS))  # names of the columns of `gaps`
 
 
-def reliability(probabilities: np.ndarray, right: np.ndarray) -> Reliability:
-    """Return the share of correct winning classes by bin of confidence; arguments as in `gaps`."""
+def reliability(
+    probabilities: np.ndarray, right: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return, by bin of confidence, how many examples there are and how often they are right.
+
+    Arguments are those of `gaps`.
+
+    Returns:
+        The number of examples, their mean confidence, and the share of correct winning classes,
+        `(10,)` each; the last two are NaN in a bin without examples.
+    """
     confidence, chosen = _binned(probabilities)
     count = np.bincount(chosen, minlength=BINS)
     # An empty bin gives NaN, without a warning.
     each = np.where(count > 0, count, np.nan)
-    return Reliability(
-        count,
-        np.bincount(chosen, confidence, BINS) / each,
-        np.bincount(chosen, np.asarray(right, np.float64), BINS) / each,
-    )
+    sums = (np.bincount(chosen, x, BINS) for x in (confidence, np.asarray(right, np.float64)))
+    mean_confidence, mean_right = (total / each for total in sums)
+    return count, mean_confidence, mean_right
 
 
 def _binned(probabilities: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -11,10 +11,11 @@ from typing import Any
 
 import numpy as np
 
+from lime_keras.model import folder as model_folder
 from lime_keras.networks import PRESETS, Architecture
 
 from ..markdown_table import ABSENT, aligned
-from . import claims, measures, training_record
+from . import claims, measures, units
 from .measures import MEASURES
 
 COLUMNS = (
@@ -62,7 +63,7 @@ class System:
 
 def system(architecture: Architecture, run: Path) -> System:
     """Return what a run is, by its record: the paper's recipe, or another one, and its parts."""
-    config = training_record.read(run)
+    config = model_folder.training_config(run)
     baseline = architecture.system == "reflectance-map"
     ablations = [
         name
@@ -199,7 +200,7 @@ def markdown(compared: Mapping[str, Any]) -> str:
     Rows of the paper that no run was trained by stand at the end. A value is marked where the
     interval of its difference from the reference excludes 0: `+` is better, `−` is worse.
     """
-    runs, unit = compared["runs"], training_record.UNITS[compared["lobe"]]
+    runs, unit = compared["runs"], units.UNITS[compared["lobe"]]
     shown = [name for name in COLUMNS if any(name in run["value"] for run in runs.values())]
     lines = [("Run", *(MEASURES[name].short for name in shown))]
     left = dict(PAPER)

@@ -24,7 +24,7 @@ from lime_keras.optics.blinn_phong import BlinnPhong
 from lime_keras.runtime.engine import Engine
 from lime_keras.runtime.keras_engine import KerasEngine
 
-from . import flip_error, relighting, training_record
+from . import flip_error, relighting, units
 from .predictions import Answers, Predictions
 
 _AT_ONCE = 16  # number of examples computed at once
@@ -103,7 +103,7 @@ def evaluate(
     architecture = weights.read_architecture(model_dir)
     engine = engine or KerasEngine(model_dir)
     split = Split(corpus, "test")
-    training_record.check_lobe(model_dir, split)
+    units.check_lobe(model_dir, split)
     shards = pipeline.verified_shards(split)
     count, stored = _count(shards), split.size
     if stored % architecture.size:

@@ -8,7 +8,7 @@ from lime_keras.networks import Architecture
 from ..markdown_table import aligned
 from .labels import exponent
 from .measures import MEASURES, Measure
-from .training_record import UNITS
+from .units import UNITS
 
 HEADER = ("Measure", "Ours (± 95 % interval)", "With the true mask", "Paper", "Chance", "Floor")
 """Titles of the columns."""

@@ -57,18 +57,19 @@ def reliability(rows: Mapping[str, np.ndarray], theme: Theme = LIGHT) -> bytes |
     """
     if "bin_probabilities" not in rows:
         return None
-    found = calibration.reliability(rows["bin_probabilities"], rows["bin_distance"] == 0)
+    is_right = rows["bin_distance"] == 0
+    count, confidence, right = calibration.reliability(rows["bin_probabilities"], is_right)
     figure = Figure(figsize=(5.4, 4.9), dpi=DPI, facecolor=theme.paper, layout="constrained")
     curve, counts = figure.subplots(2, 1, sharex=True, height_ratios=(4, 1))
     for axes in (curve, counts):
         dress(axes, theme)
     curve.plot([0, 1], [0, 1], color=theme.ink, linewidth=0.8, alpha=0.6)
-    known = found.count > 0
+    known = count > 0
     # 95 % interval of a share of n examples, by the normal approximation.
-    spread = 1.96 * np.sqrt(found.right * (1 - found.right) / np.maximum(found.count, 1))
+    spread = 1.96 * np.sqrt(right * (1 - right) / np.maximum(count, 1))
     curve.errorbar(
-        found.confidence[known],
-        found.right[known],
+        confidence[known],
+        right[known],
         spread[known],
         color=theme.accent,
         marker="o",
@@ -77,7 +78,7 @@ def reliability(rows: Mapping[str, np.ndarray], theme: Theme = LIGHT) -> bytes |
     )
     curve.set(xlim=(0, 1), ylim=(0, 1), ylabel="share in the right bin")
     centres = (np.arange(calibration.BINS) + 0.5) / calibration.BINS
-    counts.bar(centres, found.count, width=0.9 / calibration.BINS, color=theme.accent, alpha=0.6)
+    counts.bar(centres, count, width=0.9 / calibration.BINS, color=theme.accent, alpha=0.6)
     counts.set(xlabel="probability of the winning bin", ylabel="images")
     return to_png(figure)
 

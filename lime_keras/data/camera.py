@@ -22,7 +22,7 @@ SCENE = (
 """Features of an example that a photo of it needs."""
 
 _LEVELS = 2**16  # of the table from radiance to sRGB: a step is at most 0.05 of an 8-bit level
-_UNPAINTED = 1e-4  # share of paint in a pixel's light that rounding may leave, and no more
+_UNPAINTED = 1e-4  # largest share of paint in a pixel's light that is only rounding
 _ROOT_LEVELS = 4096  # of the table from √radiance to sRGB: a step is below 0.1 of an 8-bit level
 
 

@@ -39,7 +39,7 @@ def replacing(path: Path, *, shared: bool = False) -> Iterator[Path]:
             killed process left (`partial-*`).
 
     Raises:
-        OSError: if the file cannot be written; the message names it and the mend.
+        OSError: if the file cannot be written; the message names it and what to do.
     """
     partial = path.with_name(_partial(path.name, f"{uuid.uuid4().hex}-" if shared else ""))
     created = [parent for parent in path.parents if not parent.exists()]
@@ -78,7 +78,7 @@ def naming_writer(path: Path) -> Iterator[None]:
     """Name the file in the errors of a block that writes to it; for files that grow in place.
 
     Raises:
-        OSError: in place of the system's errors, with the file's name and the mend.
+        OSError: in place of the system's errors, with the file's name and what to do.
     """
     try:
         yield

@@ -9,6 +9,7 @@ NumPy, so that the estimator, which runs the exported graphs, finds its model wi
 
 import hashlib
 from pathlib import Path
+from typing import Any
 
 from lime_keras.io import untrusted
 
@@ -102,23 +103,29 @@ def files(run: Path) -> list[Path]:
     return [model / ARCHITECTURE, *weights, *(path for path in in_graphs if path.is_file())]
 
 
-def lobe(run: Path) -> str:
-    """Return the lobe of the S that a model learnt, which decides the unit of its m_s.
+def training_config(run: Path) -> dict[str, Any]:
+    """Return the config that a model was trained with; empty for a model without a record.
 
     Args:
         run: folder of the trained model (see `folder`).
 
-    Returns:
-        One of `lime_keras.data.corpus.LOBES`; `furnace` for a model without a record.
-
     Raises:
-        ValueError: if the record, `training.json`, cannot be read.
+        ValueError: if the record, `config.json` of a run or `training.json` of a model, is broken.
     """
-    path = folder(run) / "training.json"
-    if not path.is_file():
-        return "furnace"
-    with untrusted.naming(path, "record of a training"):
-        return str(untrusted.read_json(path).get("config", {}).get("lobe", "furnace"))
+    for path in (run / "config.json", folder(run) / "training.json"):
+        if path.is_file():
+            with untrusted.naming(path, "record of a training"):
+                return dict(untrusted.read_json(path).get("config", {}))
+    return {}
+
+
+def lobe(run: Path) -> str:
+    """Return the lobe of the S that a model learnt, which decides the unit of its m_s.
+
+    It is one of `lime_keras.data.corpus.LOBES`; `furnace` for a model without a record. Arguments
+    and errors are those of `training_config`.
+    """
+    return str(training_config(run).get("lobe", "furnace"))
 
 
 def digest(run: Path) -> str:

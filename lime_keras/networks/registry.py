@@ -230,5 +230,5 @@ def estimate(quantity: str, network: keras.Model, raw: Any, lookup: InputLookup)
 
 
 def is_plain(network: keras.Model) -> bool:
-    """Return whether a subnetwork predicts an image as it is (`PLAIN_HEAD`)."""
+    """Return whether a subnetwork has a `PLAIN_HEAD`: linear radiance, or an unstretched mask."""
     return any(layer.name == PLAIN_HEAD for layer in network.layers)

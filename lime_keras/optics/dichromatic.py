@@ -133,7 +133,7 @@ def with_hue_of_pixels(diffuse_albedo: Any, masked_image: Any) -> Any:
         masked_image: photos times the object's coverage `(B, H, W, 3)`, sRGB in [0, 1].
 
     Returns:
-        m_d, linear RGB `(B, 3)`. The turned chroma may leave the range of the albedo.
+        m_d, linear RGB `(B, 3)`. The turned albedo may lie outside [0, 1].
     """
     xp = namespace(diffuse_albedo, masked_image)
     linear, weight = _usable(masked_image, np.float32(1), xp)

@@ -11,11 +11,10 @@ from pathlib import Path
 import keras
 import numpy as np
 import pytest
+import sphere_corpus
 import tensorflow as tf
 from scipy.special import softmax
-from sphere_corpus import vouch
 
-from lime_keras.data import records
 from lime_keras.eval import cli, kept, sections
 from lime_keras.eval.accuracy import measures
 from lime_keras.eval.accuracy.evaluate import evaluate
@@ -24,7 +23,7 @@ from lime_keras.eval.stability import suite
 from lime_keras.model import folder as model_folder
 from lime_keras.model import weights
 from lime_keras.networks import Architecture, build
-from lime_keras.optics import environment, shading, shininess
+from lime_keras.optics import shininess
 
 SIZE = 64
 COUNT = 7
@@ -41,58 +40,24 @@ FILES = [
 ]
 
 
-def _example(index):
-    """Random layers on a disc; index 1 has no object, index 2 is extreme in every number."""
-    rng = np.random.default_rng((3, index))
-    y, x = np.mgrid[:SIZE, :SIZE] - SIZE / 2
-    mask = (np.hypot(x, y) < (0 if index == 1 else 20)).astype(np.float32)[..., None]
-    camera = np.array([100, 100, SIZE / 2, SIZE / 2], np.float32)
-    strength = 65504.0 if index == 2 else 1.0
-    layers = {
-        name: (rng.uniform(size=mask.shape) * strength * mask).astype(np.float32)
-        for name in ("diffuse_shading", "specular_shading", "mirror")
-    }
-    return layers | {
-        "image": rng.uniform(size=(SIZE, SIZE, 3)).astype(np.float32),
-        "mask": mask,
-        "normal": shading.view_directions(camera, SIZE, SIZE) * mask,
-        "environment": rng.uniform(size=(*environment.STORED_SHAPE, 1)) * strength,
-        "camera": camera,
-        "diffuse_albedo": rng.uniform(size=3),
-        "specular_albedo": rng.uniform(),
-        "shininess": 0.0 if index == 2 else 10 ** rng.uniform(0, 3),
-        "ambient": 0.02,
-        "shape": "<b>blob</b>",
-        "light": "room",
-        "seed": 0,
-        "index": index,
-    }
-
-
-def _write_split(folder, shards):
-    folder.mkdir(parents=True)
-    for shard, indices in enumerate(shards):
-        with tf.io.TFRecordWriter(str(folder / f"{shard:05d}.tfrecord")) as writer:
-            for index in indices:
-                writer.write(records.encode(_example(index)))
-    manifest = {
-        "shards": len(shards),
-        "examples": sum(map(len, shards)),
-        "description": {
-            "shading": "furnace",
-            "size": SIZE,
-            "shard_size": max(map(len, shards), default=1),
-        },
-    }
-    (folder / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
-    vouch(folder)
+def _example(index, seed, size):
+    """A sphere; index 1 has no object, index 2 is extreme in every number."""
+    out = sphere_corpus.example(index, seed, size) | {"shape": "<b>blob</b>", "light": "room"}
+    layers = ("diffuse_shading", "specular_shading", "mirror")
+    if index == 1:
+        out |= {name: 0 * out[name] for name in ("mask", "normal", *layers)}
+    if index == 2:
+        light = 65504.0 * (out["environment"] > 1)
+        out |= {name: 65504.0 * out["mask"] for name in layers}
+        out |= {"environment": light, "shininess": 0.0}
+    return out
 
 
 @pytest.fixture(scope="module")
 def corpus(tmp_path_factory):
     folder = tmp_path_factory.mktemp("corpus")
-    _write_split(folder / "test", [range(4), range(4, COUNT)])
-    return folder
+    shards = [range(4), range(4, COUNT)]
+    return sphere_corpus.write_split(folder, "test", shards, size=SIZE, make=_example)
 
 
 @pytest.fixture(scope="module")
@@ -338,7 +303,7 @@ def test_a_broken_manifest_is_named(run, tmp_path, capsys):
 
 
 def test_an_empty_split_is_refused(run, tmp_path, capsys):
-    _write_split(tmp_path / "test", [])
+    sphere_corpus.write_split(tmp_path, "test", [], size=SIZE)
     assert "holds no examples" in _fails(capsys, tmp_path, "--weights", run)
 
 
@@ -352,7 +317,7 @@ def test_a_broken_picture_is_named(corpus, run, tmp_path, capsys):
     with tf.io.TFRecordWriter(str(shard)) as writer:
         for serialized in (stored[0], message.SerializeToString(), stored[2]):
             writer.write(serialized)
-    vouch(shard.parent)
+    sphere_corpus.vouch(shard.parent)
     line = _fails(capsys, tmp_path / "corpus", "--weights", run, "--out", tmp_path)
     assert f"{shard} is broken: record 1" in line and "lime-render" in line
 

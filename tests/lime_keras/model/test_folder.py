@@ -49,10 +49,13 @@ def test_the_lobe_is_that_of_the_record(run):
     ):
         record.write_text(text)
         assert model_folder.lobe(run) == lobe
+    assert model_folder.training_config(run / "model") == {"lobe": "printed"}
     for text in ("[]", '{"config": 3}', "{"):
         record.write_text(text)
         with pytest.raises(ValueError, match=r"training\.json"):
             model_folder.lobe(run)
+    (run / "config.json").write_text('{"config": {"seed": 3}}')
+    assert model_folder.training_config(run) == {"seed": 3}
 
 
 def test_a_folder_without_a_model_is_told(tmp_path):
