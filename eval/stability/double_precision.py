@@ -121,12 +121,8 @@ def _answer(layer: keras.Layer, inputs: list[np.ndarray], rounding: Rounding) ->
     double = _in_double(layer)
     if not double.built:
         double(given)
-    double.set_weights(
-        [
-            rounding.weights(np.float64(x)) if x.ndim > 1 else np.float64(x)
-            for x in layer.get_weights()
-        ]
-    )
+    weights = [np.asarray(x, np.float64) for x in layer.get_weights()]
+    double.set_weights([rounding.weights(x) if x.ndim > 1 else x for x in weights])
     return np.asarray(double(given))
 
 
