@@ -1,5 +1,6 @@
 """The forms in which a photo or a mask may be given: a file, its bytes, a PIL image, an array."""
 
+import os
 import tempfile
 from pathlib import Path
 from typing import IO, Any
@@ -14,7 +15,7 @@ _RANGE = (
     "8-bit ones as uint8"
 )
 
-Picture = str | Path | bytes | IO[bytes] | np.ndarray | Image.Image | photo.Photo
+Picture = str | os.PathLike[str] | bytes | IO[bytes] | np.ndarray | Image.Image | photo.Photo
 """A photo or a mask in one of the forms that `photo_of` and `mask_of` take."""
 
 
@@ -64,19 +65,20 @@ def mask_of(picture: Any, height: int, width: int) -> np.ndarray:
         ValueError: if the mask cannot be read, has another size than the photo, is not finite, or
             leaves [0, 1].
     """
-    if isinstance(picture, str | Path):
+    if isinstance(picture, str | os.PathLike):
         return photo.read_mask(picture, height, width)
     read = _read(picture)
     if read is None:
         mask = _floats(picture)
-        if np.asarray(picture).dtype == np.uint8 and 0 < mask.max(initial=0) <= 1 / 255:
-            raise ValueError(
-                "a mask of uint8 is 255 where the object is, and this one is at most 1: pass it as "
-                "bool"
-            )
     else:
         image, alpha, _ = read
         mask = image.mean(-1) if alpha is None else alpha
+    in_levels = read is not None or np.asarray(picture).dtype == np.uint8
+    if in_levels and 0 < mask.max(initial=0) <= 1 / 255:
+        raise ValueError(
+            "a mask of 8 bits is 255 where the object is, and this one is at most 1: pass it as an "
+            "array of bool"
+        )
     if mask.shape not in ((height, width), (height, width, 1)):
         raise ValueError(
             f"a mask has its photo's shape, {(height, width)} or {(height, width, 1)}, got "
@@ -90,7 +92,7 @@ def _read(picture: Any) -> photo.Photo | None:
     """Return what is read of a file or PIL image; None for what is an array."""
     if isinstance(picture, photo.Photo):
         return picture
-    if isinstance(picture, str | Path):
+    if isinstance(picture, str | os.PathLike):
         return photo.load(picture)
     if isinstance(picture, bytes | bytearray | memoryview) or hasattr(picture, "read"):
         return _read_bytes(picture.read() if hasattr(picture, "read") else bytes(picture))

@@ -44,8 +44,8 @@ def read(path: str | Path) -> np.ndarray:
 def _read(path: Path) -> np.ndarray:
     image = picture_file.open_image(path, straight=True)
     kind, names = image.file_format_name, image.spec().channelnames
-    size = image.spec().width, image.spec().height, image.spec().nchannels
-    untrusted.check_size(path, *size, largest=photo.FULL)
+    for area in (image.roi, image.roi_full):
+        untrusted.check_size(path, area.width, area.height, len(names), largest=photo.FULL)
     if kind not in ("openexr", "png"):
         raise ValueError(f"{path} is {kind.upper()}: save normals as OpenEXR or PNG")
     if not image.read(force=True):
@@ -55,7 +55,8 @@ def _read(path: Path) -> np.ndarray:
         # The grid is turned as a photo's and a mask's; the vectors are those of the upright photo.
         image.orientation = orientation
         image = oiio.ImageBufAlgo.reorient(image)
-    pixels = np.asarray(image.get_pixels(oiio.FLOAT))
+    # The display window is the photo's; where it holds no data there is no normal.
+    pixels = np.asarray(image.get_pixels(oiio.FLOAT, image.roi_full))
     vectors = pixels[..., _channels(path, names)]
     if not np.all(np.isfinite(vectors)):
         count = np.sum(~np.isfinite(vectors).all(axis=-1))

@@ -1,6 +1,7 @@
 """Reading and writing of pictures, with OpenImageIO."""
 
 import io
+import os
 import warnings
 import zlib
 from collections.abc import Iterator
@@ -82,7 +83,7 @@ class Photo(NamedTuple):
     cautions: tuple[Caution, ...] = ()
 
 
-def load(path: str | Path) -> Photo:
+def load(path: str | os.PathLike[str]) -> Photo:
     """Read a photo as `read` does, and return what may be wrong instead of warning."""
     path = Path(path)
     picture = _opened(path)
@@ -135,7 +136,7 @@ def read_srgb(path: str | Path) -> np.ndarray:
     return read(path)[0]
 
 
-def read_mask(path: str | Path, height: int, width: int) -> np.ndarray:
+def read_mask(path: str | os.PathLike[str], height: int, width: int) -> np.ndarray:
     """Read the mask of an object from a picture that is white where the object is.
 
     The mask is the mean of the picture's channels, or its alpha channel if it has one.
@@ -158,7 +159,7 @@ def read_mask(path: str | Path, height: int, width: int) -> np.ndarray:
     return mask
 
 
-def read_coverage(path: str | Path, height: int, width: int) -> np.ndarray:
+def read_coverage(path: str | os.PathLike[str], height: int, width: int) -> np.ndarray:
     """Read a mask as `read_mask` does; a black picture, in which no object was found, is taken.
 
     Raises:

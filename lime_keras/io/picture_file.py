@@ -145,7 +145,7 @@ def _open(path: Path, check_size: CheckSize) -> Picture:
     kind = image.file_format_name
     colours, alpha = _by_place(image.spec())
     if kind == "openexr":
-        image, colours, alpha = _by_name(path, image)
+        image, colours, alpha = by_name(path, image)
     spec = image.spec()
     window = image.roi_full if kind == "openexr" else image.roi
     if window.width * window.height == 0:
@@ -253,7 +253,7 @@ def _by_place(spec: oiio.ImageSpec) -> tuple[list[int], int | None]:
     return [0, 1, 2] if spec.nchannels >= 3 else [0], alpha or None
 
 
-def _by_name(path: Path, image: oiio.ImageBuf) -> tuple[oiio.ImageBuf, list[int], int | None]:
+def by_name(path: Path, image: oiio.ImageBuf) -> tuple[oiio.ImageBuf, list[int], int | None]:
     """Return the part of an OpenEXR that shows the picture, and its channels of colour and alpha.
 
     Raises:

@@ -6,7 +6,7 @@ every new texel is the mean of the radiance it covers, weighted by solid angle. 
 the sphere stays the same, wherever the light is.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -36,17 +36,17 @@ def read(path: str | Path) -> tuple[np.ndarray, tuple[str, ...]]:
     no data, the map is black.
 
     Args:
-        path: An OpenEXR or Radiance file with 1, 3 or 4 channels, or R, G and B among others,
-            linear, Rec. 709 unless it tells other chromaticities, about 2:1, of any orientation
-            and at most `LARGEST` texels.
+        path: An OpenEXR or Radiance file, linear, Rec. 709 unless it tells other chromaticities,
+            about 2:1, of any orientation and at most `LARGEST` texels; of several layers the one
+            that would be the photo (`lime_keras.io.photo.read`).
 
     Returns:
         The map, `(H, W)` float32, finite, non-negative: the luminance of the colour channels, in
         the file's unit and size; and notes on what was repaired.
 
     Raises:
-        ValueError: If the file is missing or cannot be read, or if its shape or its number of
-            channels is wrong, or if it is black everywhere.
+        ValueError: If the file is missing or cannot be read, or if its shape is wrong,
+            its channels are not those of one picture, or if it is black everywhere.
     """
     path = Path(path)
     untrusted.check(path, "an environment map")
@@ -65,14 +65,14 @@ def _read(path: Path) -> tuple[np.ndarray, tuple[str, ...]]:
             f"{path}: is a {image.file_format_name.upper()} file by its content, whose numbers are "
             "no radiance; use the OpenEXR or Radiance HDR original."
         )
+    channels, names = [0, 1, 2], image.spec().channelnames
+    if {*names} == {*"XYZ"}:
+        channels = [names.index("Y")]  # the luminance of CIE XYZ
+    elif image.file_format_name == "openexr":
+        image, channels, _ = picture_file.by_name(path, image)
     spec, window = image.spec(), image.roi_full
     for area in (spec, window):
         untrusted.check_size(path, area.width, area.height, spec.nchannels, LARGEST)
-    channels = _colour_channels(spec.channelnames)
-    if not channels:
-        raise ValueError(
-            f"{path}: has {spec.nchannels} channels, expected 1, 3 or 4; save it as grey or RGB."
-        )
     orientation = image.orientation if 1 < image.orientation <= 8 else 1
     height, width = (window.height, window.width)[:: 1 if orientation < 5 else -1]
     if abs(width - 2 * height) > 2 * height * ASPECT:
@@ -109,7 +109,8 @@ def _read(path: Path) -> tuple[np.ndarray, tuple[str, ...]]:
     if absent > 0:
         notes.append(f"{absent:.0%} of its display window holds no data: black")
     if spec.nchannels > 4:
-        notes.append(f"of {spec.nchannels} channels, R, G and B are used")
+        used = ", ".join(spec.channelnames[index] for index in channels)
+        notes.append(f"of {spec.nchannels} channels, {used} are used")
     return _upright(radiance, orientation), tuple(notes)
 
 
@@ -119,18 +120,6 @@ def _unreadable(path: Path, told: str) -> ValueError:
         f"{path}: cannot be read as an image ({reason[0] if reason else 'no reason given'}); check "
         "the path, or save it again as OpenEXR or Radiance HDR."
     )
-
-
-def _colour_channels(names: Sequence[str]) -> list[int]:
-    """Return the indices of the radiance channels, an empty list if they cannot be determined.
-
-    They are R, G and B if the file has them; else, of 1, 3 or 4 channels, Y or the first 1 or 3.
-    """
-    if {"R", "G", "B"} <= set(names):
-        return [names.index(name) for name in "RGB"]
-    if len(names) not in (1, 3, 4):
-        return []
-    return [names.index("Y")] if "Y" in names else list(range(min(len(names), 3)))
 
 
 def _bands(image: oiio.ImageBuf, channels: list[int], path: Path) -> Iterator[np.ndarray]:

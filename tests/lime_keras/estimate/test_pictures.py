@@ -95,8 +95,10 @@ def test_a_cut_out_masks_by_its_transparency():
 
 
 def test_zeros_and_ones_in_bytes_are_refused_with_the_remedy():
-    with pytest.raises(ValueError, match=r"uint8 is 255 .* pass it as bool"):
-        mask_of(MASK.astype(np.uint8), 20, 30)
+    ones = MASK.astype(np.uint8)
+    for mask in (ones, Image.fromarray(ones)):
+        with pytest.raises(ValueError, match=r"8 bits is 255 .* pass it as an array of bool"):
+            mask_of(mask, 20, 30)
     assert mask_of(np.zeros((20, 30), np.uint8), 20, 30).max() == 0
     assert mask_of(2 * MASK.astype(np.uint8), 20, 30).max() == pytest.approx(2 / 255)
 

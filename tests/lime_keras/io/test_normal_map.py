@@ -37,6 +37,19 @@ def test_exr_holds_normals_as_they_are(tmp_path, names):
     assert normal_map.read(path) == pytest.approx(normal, abs=1e-6)
 
 
+def test_normals_lie_in_the_display_window_as_their_photo_does(tmp_path):
+    """A renderer writes the pixels of the object alone."""
+    normal, _ = _ball()
+    spec = oiio.ImageSpec(20, 18, 3, oiio.FLOAT)
+    spec.x, spec.y, spec.full_width, spec.full_height = 2, 3, 24, 24
+    buffer = oiio.ImageBuf(spec)
+    buffer.set_pixels(spec.roi, np.ascontiguousarray(normal[3:21, 2:22], np.float32))
+    assert buffer.write(str(tmp_path / "n.exr"))
+    expected = np.zeros_like(normal)
+    expected[3:21, 2:22] = normal[3:21, 2:22]
+    assert normal_map.read(tmp_path / "n.exr") == pytest.approx(expected, abs=1e-6)
+
+
 def test_normals_are_found_among_other_channels(tmp_path):
     normal, inside = _ball()
     names = ("R", "G", "B", "mask.Y", "normal.X", "normal.Y", "normal.Z")
