@@ -28,8 +28,8 @@ from .scene.sampling import Pose
 from .shapes import meshes
 from .shapes.meshes import Mesh
 
-TURN = math.radians(30)
-"""Default turn of the mesh about its vertical, to the right, in radians.
+_TURN = math.radians(30)
+"""Turn of the mesh about its vertical, to the right, in radians.
 
 A three-quarter view shows more of the shape than a front view.
 """
@@ -69,7 +69,6 @@ def clone(
     radiance: np.ndarray,
     mesh_path: str | Path,
     *,
-    turn: float = TURN,
     up: str = "y",
     shadow: bool = False,
     alpha: np.ndarray | None = None,
@@ -86,7 +85,6 @@ def clone(
         material: m_d, m_s and s, furnace-normalised.
         radiance: environment map `(h, 2 h)` in camera space, linear (see `illumination.estimate`).
         mesh_path: mesh file, in one of the formats `meshes.EXTENSIONS`.
-        turn: angle in radians by which the mesh is turned about its vertical.
         up: axis that points up in the mesh file, one of `UPRIGHT`.
         shadow: whether the mesh casts a shadow on the ground that it stands on, a plane.
         alpha: the photo's own transparency, `(H, W, 1)` in [0, 1], as `photo.read` gives it with
@@ -111,7 +109,7 @@ def clone(
         )
     light = _light(radiance)
     mesh = meshes.load(mesh_path)
-    pose = _upright_pose(mesh, mask, turn, UPRIGHT[up])
+    pose = _upright_pose(mesh, mask, UPRIGHT[up])
     over = _rendered(mesh, light, pose, mask, whole)
     shade = _shadow(mesh, light, pose, mask) if shadow else np.zeros_like(mask)
     shade = np.where(shade < _VISIBLE, 0, shade)
@@ -238,11 +236,11 @@ def _square(mask: np.ndarray) -> Square:
     return Square((top + bottom - side) // 2, (left + right - side) // 2, side)
 
 
-def _upright_pose(mesh: Mesh, mask: np.ndarray, turn: float, upright: np.ndarray) -> Pose:
+def _upright_pose(mesh: Mesh, mask: np.ndarray, upright: np.ndarray) -> Pose:
     """Return the pose of the mesh, upright in the object's box; its camera is in photo pixels."""
     top, bottom, left, right = _box(mask)
     focal, _, centre_x, centre_y = shading.assumed_camera(*mask.shape[:2])
-    cosine, sine = math.cos(turn), math.sin(turn)
+    cosine, sine = math.cos(_TURN), math.sin(_TURN)
     turned = np.array([[cosine, 0, sine], [0, 1, 0], [-sine, 0, cosine]])
     rotation = _TILT @ turned @ upright
     points = mesh.vertices @ rotation.T

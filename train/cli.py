@@ -403,8 +403,8 @@ def _train(options: argparse.Namespace) -> int:
 
 def _check_hosts(options: argparse.Namespace) -> None:
     """Raise ValueError if the options that join processes are incomplete or do not fit."""
-    given = (options.hosts, options.host, options.coordinator)
-    if None in given:
+    joining = (options.hosts, options.host, options.coordinator)
+    if None in joining:
         raise ValueError("--hosts, --host and --coordinator belong together: pass all three")
     if not 0 <= options.host < options.hosts:
         raise ValueError(
@@ -492,24 +492,24 @@ def _overrides(options: argparse.Namespace) -> dict[str, Any]:
     """Return the fields of the config that the options set, by their dotted names."""
     from . import initial_weights
 
-    given = {field: getattr(options, option) for option, field in _OPTIONS.items()}
+    fields = {field: getattr(options, option) for option, field in _OPTIONS.items()}
     put_in, left_out = set(getattr(options, "with") or ()), set(options.without or ())
     if both := sorted(put_in & left_out):
         raise ValueError(f"--with and --without {' '.join(both)}: take one of them")
     lacking = ("dichromatic", "hue") if options.baseline is not None else ()
     if asked := [part for part in lacking if part in put_in]:
         raise ValueError(f"--with {' '.join(asked)}: the reflectance-map baseline has no such part")
-    given |= {_PARTS[part]: True for part in put_in} | {_PARTS[part]: False for part in left_out}
-    given |= {_PARTS[part]: False for part in lacking}
+    fields |= {_PARTS[part]: True for part in put_in} | {_PARTS[part]: False for part in left_out}
+    fields |= {_PARTS[part]: False for part in lacking}
     if options.start_from is not None:
-        given["begun_from"] = initial_weights.sha256(options.start_from)
+        fields["begun_from"] = initial_weights.sha256(options.start_from)
     if options.cutouts is not None:
         from .photos import cutouts
 
-        given["cutouts"] = cutouts.sha256(*options.cutouts)
+        fields["cutouts"] = cutouts.sha256(*options.cutouts)
     return {
         field: tuple(value) if isinstance(value, list) else value
-        for field, value in given.items()
+        for field, value in fields.items()
         if value is not None
     }
 
@@ -550,9 +550,9 @@ class _Bars:
         """Show the progress of a stage."""
         stage = progress.stage
         bar = self._named(f"{self._names.index(stage.name) + 1}/{len(self._names)} {stage.name}")
-        told = {name: f"{value:.3g}" for name, value in progress.losses.items() if name != "loss"}
-        told["data"] = f"{progress.data_wait:.0%}"
-        bar.move(progress.step, stage.steps, told)
+        shown = {name: f"{value:.3g}" for name, value in progress.losses.items() if name != "loss"}
+        shown["data"] = f"{progress.data_wait:.0%}"
+        bar.move(progress.step, stage.steps, shown)
 
     def making(self, what: str, done: int, total: int) -> None:
         """Show how much is there of what is made before a stage."""

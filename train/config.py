@@ -78,13 +78,13 @@ class Config:
                 "begin one"
             )
         try:
-            held = untrusted.read_json(path)["config"]
-            architecture = Architecture(**held.pop("architecture"))
-            schedule = Schedule(**held.pop("schedule"))
+            recorded = untrusted.read_json(path)["config"]
+            architecture = Architecture(**recorded.pop("architecture"))
+            schedule = Schedule(**recorded.pop("schedule"))
             for name in ("materials", "frozen"):
-                if held.get(name) is not None:
-                    held[name] = tuple(held[name])
-            return cls(architecture=architecture, schedule=schedule, **held)
+                if recorded.get(name) is not None:
+                    recorded[name] = tuple(recorded[name])
+            return cls(architecture=architecture, schedule=schedule, **recorded)
         except (AttributeError, KeyError, TypeError, ValueError) as error:
             raise ValueError(
                 f"{path} is not of this version ({error}): pass another --out"
@@ -131,14 +131,14 @@ def check(run: Path, config: Config) -> None:
     if not path.is_file():
         return
     try:
-        held = {**untrusted.read_json(path)["config"]}
+        recorded = {**untrusted.read_json(path)["config"]}
     except (KeyError, TypeError, ValueError) as error:
         raise ValueError(
             f"{path} is no record of a run ({error}): pass another --out, or remove {run}"
         ) from error
     differing = [
         f"{name} {there} there, {asked} asked"
-        for name, there, asked in differences(held, _plain(config))
+        for name, there, asked in differences(recorded, _plain(config))
     ]
     if differing:
         raise ValueError(

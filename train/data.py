@@ -107,13 +107,13 @@ class Data:
             frozen: subnetworks whose predictions are among the features (`answers.independent`).
         """
         photos = self._photos(stage)
-        told = self._answers(photos, features, frozen or {}, self._seed("input masks"))
+        replies = self._answers(photos, features, frozen or {}, self._seed("input masks"))
         size, seed = self._config.schedule.batch_size, self._seed(stage.name)
         wanted = (*features, *_ORIGIN)
 
         def read(step: int) -> Batch:
             rows = _rows(photos.count, seed, range(step * size, (step + 1) * size))
-            batch = _read(photos, told, rows, wanted)
+            batch = _read(photos, replies, rows, wanted)
             if self._config.schedule.flips:
                 flip(batch, np.random.default_rng((seed, step)).random(size) < 0.5)
             return batch
@@ -137,10 +137,10 @@ class Data:
             validation=each,
         )
         photos = self._kept(recipe, each * len(self._paths), "validation photos")
-        told = self._answers(photos, features, frozen or {}, None)
+        replies = self._answers(photos, features, frozen or {}, None)
         for first in range(0, photos.count, schedule.batch_size):
             rows = np.arange(first, min(first + schedule.batch_size, photos.count))
-            yield _read(photos, told, rows, features)
+            yield _read(photos, replies, rows, features)
 
     def describe_examples(self, batch: Batch, rows: Sequence[int]) -> str:
         """Return words that identify examples of a batch and say what mends them.
@@ -265,11 +265,11 @@ def _order(count: int, seed: int, epoch: int) -> np.ndarray:
     return np.random.default_rng((seed, epoch)).permutation(count)
 
 
-def _read(photos: Kept, told: Kept | None, rows: np.ndarray, features: Collection[str]) -> Batch:
+def _read(photos: Kept, replies: Kept | None, rows: np.ndarray, features: Collection[str]) -> Batch:
     """Return some photos, and what was predicted of them."""
-    is_told = {name for name in features if name == INPUT_MASK or name.startswith(PREDICTED)}
-    batch = photos.read(rows, [name for name in features if name not in is_told])
-    return batch | (told.read(rows, is_told) if told is not None else {})
+    names = {name for name in features if name == INPUT_MASK or name.startswith(PREDICTED)}
+    batch = photos.read(rows, [name for name in features if name not in names])
+    return batch | (replies.read(rows, names) if replies is not None else {})
 
 
 def _check_sizes(paths: Sequence[Path], size: int) -> None:

@@ -68,8 +68,8 @@ class _Watched:
             self._norms[name].assign(norm)
             finite = ops.logical_and(finite, ops.isfinite(norm))
             start += count
-        held = [ops.where(finite, gradient, ops.zeros_like(gradient)) for gradient in grads]
-        super().apply(held, trainable_variables)  # type: ignore[misc]
+        safe = [ops.where(finite, gradient, ops.zeros_like(gradient)) for gradient in grads]
+        super().apply(safe, trainable_variables)  # type: ignore[misc]
 
     def update_step(self, gradient: Any, variable: Any, learning_rate: Any) -> None:
         """Take a step for one variable, a smaller one if it is pretrained; Keras calls this."""

@@ -184,13 +184,13 @@ class StageTraining:
             alone = self._step({name: value[row : row + 1] for name, value in batch.items()})
             if not _finite(alone) or not _finite(gradient_norms(self._part.model.optimizer)):
                 blamed.append(row)
-        found = (
+        cause = (
             f"from {self._data.describe_examples(batch, blamed)}"
             if blamed
             else "no example of the batch does it alone: try another --seed or --precision float32"
         )
         raise RuntimeError(
-            f"stage {self._part.stage.name}, step {step}: {', '.join(broken)} not finite; {found}. "
+            f"stage {self._part.stage.name}, step {step}: {', '.join(broken)} not finite; {cause}. "
             "The run's last checkpoint is from before"
         )
 

@@ -28,8 +28,8 @@ def table(run: Path) -> str:
     rows = [("stage", "batches", "minutes", "validation loss or measure", "before", "after")]
     for path in sorted((run / "curves").glob("[0-9]*-*.csv")):
         with path.open(newline="", encoding="utf-8") as file:
-            held = list(csv.DictReader(file))
-        first, last = held[0], held[-1]
+            curve = list(csv.DictReader(file))
+        first, last = curve[0], curve[-1]
         stage = path.stem.partition("-")[2]
         batches, minutes = last["step"], f"{float(last['seconds']) / 60:.1f}"
         for column in _columns(first):
@@ -49,9 +49,9 @@ def evaluation(run: Path) -> str:
     if not path.is_file():
         return ""
     try:
-        found = untrusted.read_json(path)
-        rows = [("whole system", f"of {found['examples']} validation examples")]
-        for name, value in found["measures"].items():
+        content = untrusted.read_json(path)
+        rows = [("whole system", f"of {content['examples']} validation examples")]
+        for name, value in content["measures"].items():
             rows.append((name, "not finite" if value is None else f"{value:.4f}"))
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise ValueError(

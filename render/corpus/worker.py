@@ -6,7 +6,7 @@ from typing import Any
 from lime_keras import console
 from lime_keras.io import atomic, untrusted
 
-from ..jobs import nodes, resuming
+from ..jobs import resuming
 from ..jobs.description import Job
 from ..jobs.processes import Ticks
 from ..mitsuba_setup import variants
@@ -85,7 +85,7 @@ def render_shard(worker: Worker, shard: int) -> None:
             "examples": len(indices),
             "sha256": digest,
             "failures": failures,
-            "packages": nodes.versions(PACKAGES),
+            "packages": resuming.versions(PACKAGES),
         }
         resuming.write_json(split.sidecar_path(shard), sidecar, shared=True)
     except (tf.errors.OpError, OSError) as error:

@@ -16,7 +16,7 @@ from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Iterator
 from typing import Any, TextIO
 
-from . import nodes
+from . import nodes, resuming
 from .description import Job
 from .processes import TASKS_PER_PROCESS, THREAD_VARIABLES, Ticks
 
@@ -62,7 +62,7 @@ class Cluster:
         self._ray = ray
         self._address = address
         self._unlike: set[str] = set()
-        self._arguments = (nodes.versions(packages), nodes.processor(), start, job)
+        self._arguments = (resuming.versions(packages), nodes.processor(), start, job)
         _refuse_silence(address)
 
     def run(

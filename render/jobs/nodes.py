@@ -2,16 +2,15 @@
 
 import dataclasses
 import platform
-from collections.abc import Callable, Hashable, Iterable
+from collections.abc import Callable, Hashable
 from typing import Any
 
 import numpy as np
 
 from lime_keras.io import untrusted
-from lime_keras.version import __version__, installed
 
 from ..mitsuba_setup import variants
-from . import inputs
+from . import inputs, resuming
 from .description import Job
 from .processes import Ticks
 
@@ -48,7 +47,7 @@ def work(
     """Run one task in this process; before its first task, check and set up the process.
 
     Args:
-        wanted: `versions` of the machine that started the rendering.
+        wanted: `resuming.versions` of the machine that started the rendering.
         like: `processor` of that machine.
         start: called once with the job, whose library is then this node's, and the ticks; the
             process keeps the returned object for its tasks.
@@ -82,14 +81,8 @@ def processor() -> list[str]:
     return [platform.machine(), *found]
 
 
-def versions(packages: Iterable[str]) -> dict[str, str]:
-    """Return the versions of some packages and of `lime-keras`, by name."""
-    held = {name: version or "not installed" for name, version in installed(packages).items()}
-    return held | {"lime-keras": __version__}
-
-
 def _refuse_other_versions(wanted: dict[str, str]) -> None:
-    held = versions(wanted.keys() - {"lime-keras"})
+    held = resuming.versions(wanted.keys() - {"lime-keras"})
     differing = [name for name in wanted if held[name] != wanted[name]]
     if differing:
         raise RuntimeError(

@@ -1,10 +1,12 @@
-"""Resuming: the description with which a folder was begun, and the shards that are finished."""
+"""Resuming: how a folder was begun, and the shards that are finished."""
 
 import json
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from lime_keras.io import atomic, untrusted
+from lime_keras.version import __version__, installed
 
 
 def read_description(path: Path) -> dict[str, Any] | None:
@@ -42,6 +44,12 @@ def sidecar(path: Path) -> dict[str, Any]:
             f"{path} vouches for no shard ({error}): delete it, and run the same command again"
         ) from error
     return found
+
+
+def versions(packages: Iterable[str]) -> dict[str, str]:
+    """Return the versions of some packages and of `lime-keras`, by name."""
+    names = {name: version or "not installed" for name, version in installed(packages).items()}
+    return names | {"lime-keras": __version__}
 
 
 def write_json(path: Path, value: Any, *, shared: bool = False) -> None:

@@ -113,13 +113,13 @@ def _input_masks(
             for true, row in zip(batch["mask"], rows, strict=True)
         ]
     undrawn = [index for index, one in enumerate(drawn) if one is None]
-    found = batch["mask"][undrawn]
+    predicted = batch["mask"][undrawn]
     if masker is not None and undrawn:
         # Always as many photos: for another number the prediction would be compiled anew.
         whole = -(-len(undrawn) // _BATCH) * _BATCH
         images = np.split(batch["image"][np.resize(undrawn, whole)], whole // _BATCH)
-        found = np.concatenate([predict_mask(masker, some) for some in images])
-    for index, one in zip(undrawn, found, strict=False):
+        predicted = np.concatenate([predict_mask(masker, some) for some in images])
+    for index, one in zip(undrawn, predicted, strict=False):
         drawn[index] = one
     return np.stack([one for one in drawn if one is not None])
 

@@ -199,8 +199,8 @@ class Kept:
         whole = [
             range(first, min(first + PART, self.count)) for first in range(0, self.count, PART)
         ]
-        made = self.folder / "made.npy"
-        if not made.is_file():
+        marks = self.folder / "made.npy"
+        if not marks.is_file():
             self._check_room()
             with atomic.replacing(self.folder) as partial:
                 partial.mkdir(parents=True)
@@ -208,9 +208,9 @@ class Kept:
                     shape = (self.count, *column.kept_shape)
                     path = partial / f"{name}.npy"
                     np.lib.format.open_memmap(path, "w+", column.dtype, shape)
-                np.save(partial / made.name, np.zeros(len(whole), np.uint8))
-        with untrusted.naming(made, "photos"):
-            is_made = np.load(made)
+                np.save(partial / marks.name, np.zeros(len(whole), np.uint8))
+        with untrusted.naming(marks, "photos"):
+            is_made = np.load(marks)
             return [part for part, done in zip(whole, is_made, strict=True) if not done]
 
     def write(self, first: int, features: Mapping[str, Any]) -> None:
@@ -233,13 +233,13 @@ class Kept:
 
     def mark(self, part: range) -> None:
         """Note that the rows of a part are made, so that they are not made again."""
-        made = np.load(self.folder / "made.npy", mmap_mode="r+")
-        made[part.start // PART] = 1
+        marks = np.load(self.folder / "made.npy", mmap_mode="r+")
+        marks[part.start // PART] = 1
 
     def finish(self, record: Mapping[str, Any]) -> None:
         """Write down that all rows are there, and what they follow from."""
-        told = {"rows": self.count, "features": self.features, **record}
-        atomic.write(self.folder / _RECORD, json.dumps(told, indent=1) + "\n")
+        content = {"rows": self.count, "features": self.features, **record}
+        atomic.write(self.folder / _RECORD, json.dumps(content, indent=1) + "\n")
 
     def read(self, rows: Sequence[int] | np.ndarray, features: Collection[str]) -> dict[str, Any]:
         """Return some rows of some features by name, as networks and losses take them."""

@@ -65,8 +65,8 @@ class Recipe:
 
     def key(self) -> str:
         """Return a hash of the recipe, whatever the folders are called."""
-        held = dataclasses.asdict(self) | {"corpora": None, "cutouts": None, "form": kept.FORMAT}
-        return hashlib.sha256(json.dumps(held, sort_keys=True).encode()).hexdigest()[:16]
+        fields = dataclasses.asdict(self) | {"corpora": None, "cutouts": None, "form": kept.FORMAT}
+        return hashlib.sha256(json.dumps(fields, sort_keys=True).encode()).hexdigest()[:16]
 
 
 class Scenes:

@@ -67,9 +67,9 @@ def carry_out(
         ValueError: if the folder holds another run, or the recipe is none.
         RuntimeError: if a command fails, or another process carries out a recipe there.
     """
-    found = recipe.find(name)
-    found = found if scale == 1 else found.scaled(scale)
-    if found.reads_data and data_folder is None:
+    chosen = recipe.find(name)
+    chosen = chosen if scale == 1 else chosen.scaled(scale)
+    if chosen.reads_data and data_folder is None:
         raise ValueError(
             f"the recipe {name} reads meshes and maps: pass --data with a folder that has "
             f"{' and '.join(data.SUFFIXES)} (docs/reference/data.md)"
@@ -77,7 +77,7 @@ def carry_out(
     if reuse is not None and not (reuse / "steps").is_dir():
         raise FileNotFoundError(f"{reuse} holds no run of a recipe: check --reuse")
     with locking.lock_folder(folder, "lime-train carries out a recipe in"):
-        _Run(name, found, folder, data_folder, seed, reuse).carry_out()
+        _Run(name, chosen, folder, data_folder, seed, reuse).carry_out()
 
 
 class _Run:
@@ -90,29 +90,29 @@ class _Run:
     def __init__(
         self,
         name: str,
-        found: Recipe,
+        chosen: Recipe,
         folder: Path,
         data_folder: Path | None,
         seed: int | None,
         reuse: Path | None,
     ):
-        self._recipe, self._folder, self._reuse = found, folder.resolve(), reuse
-        seed = found.seed if seed is None else seed
+        self._recipe, self._folder, self._reuse = chosen, folder.resolve(), reuse
+        seed = chosen.seed if seed is None else seed
         # The data, and what is asked for.
         files: dict[str, str] = {}
-        if found.reads_data and data_folder is not None:
+        if chosen.reads_data and data_folder is not None:
             for kind in data.SUFFIXES:
                 with console.Bar(kind, "file") as bar:
                     files |= data.digests(data_folder, kind, bar.move)
         self._record = self._begin(name, seed, files)
         if data_folder is not None and files:
-            for kind, count in zip(data.SUFFIXES, found.held_out, strict=True):
+            for kind, count in zip(data.SUFFIXES, chosen.held_out, strict=True):
                 data.link_sides(data_folder, kind, count, self._folder / steps.DATA)
         # The steps.
         things = self._fetch_cutouts()
-        self._steps = steps.steps(found, seed, any("sha256" in one for one in things))
+        self._steps = steps.steps(chosen, seed, any("sha256" in one for one in things))
         self._inputs = {
-            steps.DATA: [self._record["data"], found.held_out],
+            steps.DATA: [self._record["data"], chosen.held_out],
             steps.CUTOUTS: [one.get("sha256") for one in things],
         }
 
@@ -135,12 +135,12 @@ class _Run:
         if path.is_file():
             try:
                 record = untrusted.read_json(path)
-                held = {"recipe": record["recipe"], "seed": record["seed"]}
-                held |= {"data": untrusted.read_json(list_path)}
+                begun = {"recipe": record["recipe"], "seed": record["seed"]}
+                begun |= {"data": untrusted.read_json(list_path)}
             except (KeyError, TypeError, ValueError, OSError) as error:
                 raise ValueError(f"{path} is no recipe's record ({error}): remove it") from error
             asked = {"recipe": plain, "seed": seed, "data": dict(files)}
-            if said := [f"{key} {a} there, {b} asked" for key, a, b in differences(held, asked)]:
+            if said := [f"{key} {a} there, {b} asked" for key, a, b in differences(begun, asked)]:
                 more = f"; and {len(said) - _NAMED} more" if len(said) > _NAMED else ""
                 raise ValueError(
                     f"{self._folder} holds another run: {'; '.join(said[:_NAMED])}{more}. Pass "

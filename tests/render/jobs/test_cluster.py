@@ -244,7 +244,7 @@ def test_what_a_task_raises_names_the_node(head, pair, job):
 
 def test_a_node_with_other_packages_is_refused_by_name(head, pair, job, monkeypatch):
     asked = {"numpy": "0.1", "nil": "1.0", "ray": ray.__version__, "lime-keras": "0"}
-    monkeypatch.setattr(nodes, "versions", lambda packages: asked)
+    monkeypatch.setattr(resuming, "versions", lambda packages: asked)
     differing = r"numpy \S+ there, 0\.1 here, nil not installed there, 1\.0 here, lime-keras "
     with pytest.raises(RuntimeError, match=NODE + differing):
         run(head, job, print, [0], 1)
