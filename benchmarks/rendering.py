@@ -3,8 +3,9 @@
     python benchmarks/rendering.py [--shapes DIR --environments DIR] [--against PYTHON]
 
 Cases: `maps` is a split of single maps and shapes as they are, `mixed` one of mixed lights of which
-half the bodies are endless, as for training; both of the folders, or else built in. As in a shard
-of 512 examples, every light and every body serves eight. Times are processor time of one thread.
+a quarter of the bodies are endless, as for training; both of the folders, or else built in. As in a
+shard of 512 examples, every light and every body serves eight. Times are processor time of one
+thread.
 `--against` is the Python of another checkout's environment. Both then render the same scenes in
 turns, and how many records have the same bytes stands beside the ratio. A round takes a minute.
 """
@@ -132,7 +133,7 @@ def _sources(task: dict[str, Any], case: str, number: int) -> Any:
         sources.ShapeSource(shapes, "train", 0),
         sources.LightSource(environments, "train", 0, Path(task["rooms"]), **lights),
         sources.BackgroundSource(None),
-        **({} if case == "maps" else {"endless": 0.5}),
+        **({} if case == "maps" else {"endless": 0.25}),
     )
     most = max(task["count"] // _A_LIGHT, 1)
     rng = np.random.default_rng(number)

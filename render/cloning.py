@@ -157,10 +157,10 @@ def _rendered(
 
 def _shadow(mesh: Mesh, light: Light, pose: Pose, mask: np.ndarray) -> np.ndarray:
     """Return the share of its light that the ground loses to the mesh, `(H, W, 1)` in [0, 1]."""
-    seen = _square(mask)
-    side = _SHADOW_REACH * seen.side
-    more = (side - seen.side) // 2
-    square = Square(seen.top - more, seen.left - more, side)
+    shown = _square(mask)
+    side = _SHADOW_REACH * shown.side
+    more = (side - shown.side) // 2
+    square = Square(shown.top - more, shown.left - more, side)
     size = min(side, _SHADOW_PIXELS)
     shade = contact_shadow.shade(mesh, light, _cropped(pose, square, size), _GROUND, size)
     middle = (np.arange(size) + 0.5) / size

@@ -85,11 +85,11 @@ def rank_and_size() -> tuple[int, int]:
     return jax.process_index(), jax.process_count()
 
 
-def assert_same(told: Mapping[str, Any]) -> None:
+def assert_same(values: Mapping[str, Any]) -> None:
     """Check that all processes say the same, and wait until all have said it.
 
     Args:
-        told: what must be equal, by a description; as JSON takes it.
+        values: what must be equal, by a description; as JSON takes it.
 
     Raises:
         ValueError: in all processes, if one of them says something else.
@@ -98,12 +98,12 @@ def assert_same(told: Mapping[str, Any]) -> None:
         return
     from jax.experimental import multihost_utils
 
-    texts = [json.dumps(value, sort_keys=True) for value in told.values()]
+    texts = [json.dumps(value, sort_keys=True) for value in values.values()]
     digests = [list(hashlib.sha256(text.encode()).digest()) for text in texts]
     everyone = multihost_utils.process_allgather(np.array(digests, np.uint8))
     differing = (everyone != everyone[:1]).any(axis=(0, 2))
     if differing.any():
-        named = [name for name, differs in zip(told, differing, strict=True) if differs]
+        named = [name for name, differs in zip(values, differing, strict=True) if differs]
         raise ValueError(
             f"the processes of --hosts differ in {', '.join(named)}: give all of them the same "
             "options, data and --out, a folder that they share"

@@ -22,11 +22,11 @@ def commit() -> str | None:
 
 
 def differences(
-    held: Mapping[str, Any], wanted: Mapping[str, Any], prefix: str = ""
+    recorded: Mapping[str, Any], wanted: Mapping[str, Any], prefix: str = ""
 ) -> Iterator[tuple[str, Any, Any]]:
     """Yield (name, value held, value wanted) of each difference; dots join nested names."""
-    for key in sorted(wanted.keys() | held.keys()):
-        there, asked = held.get(key), wanted.get(key)
+    for key in sorted(wanted.keys() | recorded.keys()):
+        there, asked = recorded.get(key), wanted.get(key)
         if isinstance(there, dict) and isinstance(asked, dict):
             yield from differences(there, asked, f"{prefix}{key}.")
         elif there != asked:

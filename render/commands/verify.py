@@ -43,6 +43,6 @@ def _report(faults: "Faults", folder: Path) -> int:
     """Print the faults and their number, and return the exit status."""
     for line in faults.lines():
         print(line, file=sys.stderr)
-    found = f"{faults.count} fault{'s' if faults.count > 1 else ''}"
-    print(f"{faults.examples} examples in {folder}: {found if faults.count else 'sound'}")
+    count = f"{faults.count} fault{'s' if faults.count > 1 else ''}"
+    print(f"{faults.examples} examples in {folder}: {count if faults.count else 'sound'}")
     return int(faults.count > 0)

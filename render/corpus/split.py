@@ -215,20 +215,20 @@ def _packages(sidecars: Sequence[dict[str, Any]]) -> dict[str, str]:
 
 def _rooms(job: Job) -> list[str]:
     """Return the names of the built-in rooms that light the missing shards."""
-    given, sources = job.description, _sources(job)
+    description, sources = job.description, _sources(job)
     rooms, drawn = job.lights.rooms(), set[str]()
     for shard in job.missing() if rooms else []:
-        drawn |= sources.maps_in_shard(given.seed, shard, given.shard_size)
+        drawn |= sources.maps_in_shard(description.seed, shard, description.shard_size)
     return [name for name in rooms if name in drawn]
 
 
 def _endless_bodies(job: Job) -> list[str]:
     """Return the names of the endless bodies of all shards."""
-    given, sources = job.description, _sources(job)
+    description, sources = job.description, _sources(job)
     return [
         body.name
-        for shard in range(given.shards if given.endless else 0)
-        for body in sources.names_in_shard(given.seed, shard, given.shard_size)[0]
+        for shard in range(description.shards if description.endless else 0)
+        for body in sources.names_in_shard(description.seed, shard, description.shard_size)[0]
         if body.place is not None
     ]
 

@@ -22,18 +22,18 @@ def check(path: Path, manifest: dict[str, Any], faults: Faults) -> None:
     """
     listed = manifest.get("inputs")
     try:
-        held = {
+        recorded = {
             kind: {found["name"]: found["sha256"] for found in of_kind if found["problem"] is None}
             for kind, of_kind in untrusted.read_json(path).items()
         }
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         faults.add("inputs", path, f"is missing or holds no findings ({error}): render again")
         return
-    if held != listed:
+    if recorded != listed:
         faults.add("inputs", path, "differs from the inputs in the manifest: render again")
     for kind, key in (("shapes", "shapes"), ("environments", "lights")):
-        used, named = set(held.get(kind, {})), set(manifest.get(key, []))
+        used, named = set(recorded.get(kind, {})), set(manifest.get(key, []))
         others = {name for name in named - used if not _BUILT_IN.fullmatch(str(name))}
         if used and (used - named or others):
-            told = ", ".join(sorted(map(str, (used - named) | others))[:5])
-            faults.add("inputs", path, f"has other {kind} than the manifest: {told}; render again")
+            some = ", ".join(sorted(map(str, (used - named) | others))[:5])
+            faults.add("inputs", path, f"has other {kind} than the manifest: {some}; render again")

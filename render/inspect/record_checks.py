@@ -62,24 +62,24 @@ def faults(example: Mapping[str, np.ndarray], expected: Expected) -> list[tuple[
         example: parsed record (see `records.parse`) in NumPy.
         expected: values that the split's manifest prescribes.
     """
-    found = [*_origin(example, expected)]
+    out = [*_origin(example, expected)]
     square = expected.size, expected.size
     sizes = dict.fromkeys(("image", "mask", "normal", *_LAYERS), square)
-    found += _sizes(example, sizes | {"environment": STORED_SHAPE})
-    if any(kind == "size" for kind, _ in found):
-        return found
+    out += _sizes(example, sizes | {"environment": STORED_SHAPE})
+    if any(kind == "size" for kind, _ in out):
+        return out
     for check in (_material, _camera, _layer_values, _mask):
-        found += check(example)
-    if any(kind in ("mask", "layer", "camera", "material") for kind, _ in found):
+        out += check(example)
+    if any(kind in ("mask", "layer", "camera", "material") for kind, _ in out):
         # The checks below would only repeat such a fault.
-        return found
+        return out
     normals = [*_normals(example)]
-    found += normals
+    out += normals
     if (misfit := recomposition.misfit(example)) is not None:
-        found.append(("recomposition", misfit))
+        out.append(("recomposition", misfit))
     if not normals:
-        found += _shading_sums(example, expected.lobe)
-    return found
+        out += _shading_sums(example, expected.lobe)
+    return out
 
 
 def _origin(example: Mapping, expected: Expected) -> Iterator[tuple[str, str]]:

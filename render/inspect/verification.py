@@ -212,11 +212,11 @@ def _parse(serialized: tf.Tensor) -> dict[str, tf.Tensor]:
 def _gather(checked: Future, path: Path, indices: range, record: int, faults: Faults) -> None:
     """Add the faults of a checked record, with the record's place in the shard."""
     where = f"{path}, record {record}"
-    index, found = checked.result()
+    index, faults_of_record = checked.result()
     if index is not None:
         faults.examples += 1
         expected = indices.start + record
         if index != expected:
             faults.add("index", where, f"is example {index}, expected {expected}")
-    for kind, what in found:
+    for kind, what in faults_of_record:
         faults.add(kind, where, what)

@@ -101,12 +101,12 @@ class Description:
             ValueError: if a folder is missing or holds too few files.
         """
         extensions = {"shapes": meshes.EXTENSIONS, "environments": environments.EXTENSIONS}
-        found = {
+        paths = {
             kind: sources.files(folder, self.split_of(kind), known) if folder else []
             for kind, known in extensions.items()
             for folder in [self.folder(kind)]
         }
-        return found | {
+        return paths | {
             "backgrounds": sources.BackgroundSource(self.folder("backgrounds")).pictures()
         }
 
@@ -138,27 +138,27 @@ class Job:
     @property
     def shapes(self) -> sources.ShapeSource:
         """The source of the split's shapes."""
-        given = self.description
+        description = self.description
         return sources.ShapeSource(
-            given.folder("shapes"),
-            given.split,
-            given.seed,
+            description.folder("shapes"),
+            description.split,
+            description.seed,
             self.usable["shapes"],
-            given.shape_count,
+            description.shape_count,
         )
 
     @property
     def lights(self) -> sources.LightSource:
         """The source of the split's lights."""
-        given = self.description
+        description = self.description
         return sources.LightSource(
-            given.folder("environments"),
-            given.split_of("environments"),
-            given.seed,
+            description.folder("environments"),
+            description.split_of("environments"),
+            description.seed,
             self.split.folder / "rooms",
             self.usable["environments"],
-            given.light_count,
-            given.light_law,
+            description.light_count,
+            description.light_law,
         )
 
     @property

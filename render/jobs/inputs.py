@@ -96,51 +96,53 @@ def _notes(kind: str, path: Path) -> tuple[str, ...]:
 
 def inspect(
     files: dict[str, list[Path]],
-    held: Findings | None,
+    earlier: Findings | None,
     run: Callable[[Callable[[tuple[str, Path]], Finding], list[tuple[str, Path]]], list[Finding]],
 ) -> Findings:
     """Check all files of a split; files whose size and time of change are known are not read again.
 
     Args:
         files: Files by kind; an empty list for a built-in kind.
-        held: Findings from when the split was begun; None for a new split.
+        earlier: Findings from when the split was begun; None for a new split.
         run: `run(function, items)` returns the function's result for each item, in order; the
             function can be sent to another process.
 
     Raises:
         ValueError: If files were changed, added or removed since the split was begun.
     """
-    known = {(kind, f.name): f for kind, found in (held or {}).items() for f in found}
+    known = {(kind, f.name): f for kind, some in (earlier or {}).items() for f in some}
     asked = {(kind, path.name): path for kind, paths in files.items() for path in paths}
-    if held is not None and known.keys() != asked.keys():
+    if earlier is not None and known.keys() != asked.keys():
         differing = sorted(name for _, name in known.keys() ^ asked.keys())
         raise ValueError(
             f"{_listed(differing)} came or went since the split was begun: restore the folders, or "
             "remove the split to render it anew"
         )
-    found = {key: known[key] for key, path in asked.items() if _is_unchanged(path, known.get(key))}
-    unread = [(kind, path) for (kind, name), path in asked.items() if (kind, name) not in found]
+    checked = {
+        key: known[key] for key, path in asked.items() if _is_unchanged(path, known.get(key))
+    }
+    unread = [(kind, path) for (kind, name), path in asked.items() if (kind, name) not in checked]
     for (kind, _), finding in zip(unread, run(_checked, unread), strict=True):
-        found[kind, finding.name] = finding
-    changed = [key[1] for key in known if known[key].sha256 != found[key].sha256]
+        checked[kind, finding.name] = finding
+    changed = [key[1] for key in known if known[key].sha256 != checked[key].sha256]
     if changed:
         raise ValueError(
             f"{_listed(changed)} changed since the split was begun: restore it, or remove the "
             "split to render it anew"
         )
-    return {kind: [found[kind, path.name] for path in paths] for kind, paths in files.items()}
+    return {kind: [checked[kind, path.name] for path in paths] for kind, paths in files.items()}
 
 
 def _checked(file: tuple[str, Path]) -> Finding:
     return check(*file)
 
 
-def _is_unchanged(path: Path, held: Finding | None) -> bool:
+def _is_unchanged(path: Path, earlier: Finding | None) -> bool:
     """Return whether a file has the size and the time of change of its stored finding."""
-    if held is None or not path.is_file():
+    if earlier is None or not path.is_file():
         return False
     stat = path.stat()
-    return (stat.st_size, stat.st_mtime_ns) == (held.size, held.mtime_ns)
+    return (stat.st_size, stat.st_mtime_ns) == (earlier.size, earlier.mtime_ns)
 
 
 def unusable(findings: Findings) -> dict[str, dict[str, str]]:

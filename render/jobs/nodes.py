@@ -69,16 +69,16 @@ def work(
         ticks = _Ticks(board)
         own = dataclasses.replace(job, choice=_own_choice(job.choice))
         _begun = ticks, start(own, ticks)
-    ticks, held = _begun
+    ticks, state = _begun
     ticks.begin(item)
-    task(held, item)
+    task(state, item)
     return processor() == like
 
 
 def processor() -> list[str]:
     """Return the architecture and the SIMD extensions by which NumPy chooses its loops here."""
-    found = np.show_config(mode="dicts").get("SIMD Extensions", {}).get("found", [])
-    return [platform.machine(), *found]
+    extensions = np.show_config(mode="dicts").get("SIMD Extensions", {}).get("found", [])
+    return [platform.machine(), *extensions]
 
 
 def _refuse_other_versions(wanted: dict[str, str]) -> None:

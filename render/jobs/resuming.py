@@ -35,15 +35,15 @@ def sidecar(path: Path) -> dict[str, Any]:
         ValueError: if the file is missing or vouches for no shard.
     """
     try:
-        found = untrusted.read_json(path)
-        kinds = [type(found[name]) for name in ("failures", "packages")]
-        if kinds != [list, dict] or "sha256" not in found:
+        content = untrusted.read_json(path)
+        kinds = [type(content[name]) for name in ("failures", "packages")]
+        if kinds != [list, dict] or "sha256" not in content:
             raise ValueError("a part is missing")
     except (KeyError, ValueError) as error:
         raise ValueError(
             f"{path} vouches for no shard ({error}): delete it, and run the same command again"
         ) from error
-    return found
+    return content
 
 
 def versions(packages: Iterable[str]) -> dict[str, str]:

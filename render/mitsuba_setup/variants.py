@@ -67,9 +67,9 @@ class Choice:
             return f"rendering with {self.variant}, on the GPU"
         if self.library:
             return f"rendering with {self.variant}, {self.library}"
-        found = f" (found but unusable: {', '.join(map(str, self.tried))})" if self.tried else ""
+        failed = f" (found but unusable: {', '.join(map(str, self.tried))})" if self.tried else ""
         return (
-            f"rendering with {self.variant}: no usable libLLVM{found}. This works, many times "
+            f"rendering with {self.variant}: no usable libLLVM{failed}. This works, many times "
             "slower.\nFor the fast variant: `python -m "
             "lime_keras.render.mitsuba_setup.fetch_llvm`, or `apt-get install libllvm19`, or set "
             f"{_LIBRARY_VARIABLE} to a libLLVM of version 17 or later"

@@ -196,12 +196,12 @@ def _lookup(height: int, side: int) -> tuple[np.ndarray, np.ndarray]:
     for k, (forward, up) in enumerate(VIEWS):
         right = np.cross(forward, up)
         ahead, aside, above = (a[0] * x + a[1] * y + a[2] * z for a in (forward, right, up))
-        seen = ahead >= np.maximum(np.abs(aside), np.abs(above)) * np.float32(1 - 1e-6)
+        inside = ahead >= np.maximum(np.abs(aside), np.abs(above)) * np.float32(1 - 1e-6)
         column, row = (
-            np.clip((1 + slope[seen] / ahead[seen]) / 2 * side, 0, side - 1).astype(np.int32)
+            np.clip((1 + slope[inside] / ahead[inside]) / 2 * side, 0, side - 1).astype(np.int32)
             for slope in (aside, -above)
         )
-        pixels[seen] = (k * side + row) * side + column
+        pixels[inside] = (k * side + row) * side + column
     weights = np.sin(theta).reshape(height, SUBDIVISION)
     weights = weights / weights.sum(1, keepdims=True) / SUBDIVISION
     return pixels, weights.reshape(-1, 1).astype(np.float32)

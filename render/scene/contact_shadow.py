@@ -91,8 +91,8 @@ def _ground(mesh: Mesh, pose: Pose, up: np.ndarray, size: int) -> tuple[np.ndarr
     x, y = (np.arange(size) + 0.5 - cx) / fx, (cy - np.arange(size) - 0.5) / fy
     towards = np.stack(np.broadcast_arrays(x[None, :], y[:, None], -1.0), axis=-1).reshape(-1, 3)
     falling = towards @ up
-    seen = np.flatnonzero((falling * np.sign(height) > 0) & (height != 0))
-    return seen, towards[seen] * (height / falling[seen])[:, None]
+    pixels = np.flatnonzero((falling * np.sign(height) > 0) & (height != 0))
+    return pixels, towards[pixels] * (height / falling[pixels])[:, None]
 
 
 def _blocked(scene, origins: np.ndarray, towards: np.ndarray) -> np.ndarray:

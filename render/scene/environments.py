@@ -88,10 +88,10 @@ def _read(path: Path) -> tuple[np.ndarray, tuple[str, ...]]:
         broken += int(np.sum(~sound.all(-1)))
     weights = np.ones(1, np.float32)
     if len(channels) == 3:
-        told = picture_file.chromaticities(path, image)
+        primaries = picture_file.chromaticities(path, image)
         weights = colour.LUMINANCE_WEIGHTS
-        if told:
-            weights = (weights @ colour_space.matrix(told)).astype(np.float32)
+        if primaries:
+            weights = (weights @ colour_space.matrix(primaries)).astype(np.float32)
     # Colours beyond those of the film may sum up to less than nothing.
     radiance = np.concatenate(
         [
@@ -114,8 +114,8 @@ def _read(path: Path) -> tuple[np.ndarray, tuple[str, ...]]:
     return _upright(radiance, orientation), tuple(notes)
 
 
-def _unreadable(path: Path, told: str) -> ValueError:
-    reason = told.strip().splitlines()
+def _unreadable(path: Path, message: str) -> ValueError:
+    reason = message.strip().splitlines()
     return ValueError(
         f"{path}: cannot be read as an image ({reason[0] if reason else 'no reason given'}); check "
         "the path, or save it again as OpenEXR or Radiance HDR."

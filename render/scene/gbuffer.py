@@ -160,13 +160,13 @@ class Tracer:
         place = rotation, translation, camera
         quality = self._quality
         in_sight = self._in_sight(*place)
-        seen = self._look(*place, np.flatnonzero(in_sight), quality.subsamples)
+        coarse = self._look(*place, np.flatnonzero(in_sight), quality.subsamples)
         if quality.refined == quality.subsamples:
-            return seen
-        rough = _edges(seen.coverage)
-        rough[seen.covered_pixels[seen.spread > quality.rough_above]] = True
+            return coarse
+        rough = _edges(coarse.coverage)
+        rough[coarse.covered_pixels[coarse.spread > quality.rough_above]] = True
         again = self._look(*place, np.flatnonzero(rough & in_sight), quality.refined)
-        return _joined(seen.part(~rough), again)
+        return _joined(coarse.part(~rough), again)
 
     def _in_sight(self, rotation, translation, camera) -> np.ndarray:
         """Return row-major flags of the pixels in the boxes of the projected triangles."""
@@ -232,9 +232,9 @@ def _intersect(
 
     start = mi.Point3f(origin)
     if "scalar" in str(mi.variant()):
-        found = [scene.ray_intersect(mi.Ray3f(start, direction)) for direction in directions.T]
-        there = np.flatnonzero([surface.is_valid() for surface in found])
-        normals = [(surface.sh_frame.n, surface.n) for surface in found if surface.is_valid()]
+        hits = [scene.ray_intersect(mi.Ray3f(start, direction)) for direction in directions.T]
+        there = np.flatnonzero([surface.is_valid() for surface in hits])
+        normals = [(surface.sh_frame.n, surface.n) for surface in hits if surface.is_valid()]
         both = np.array(normals, np.float32).reshape(-1, 2, 3)
         shading_normal, geometric = both.transpose(1, 2, 0)
         return there, shading_normal, geometric
@@ -251,8 +251,8 @@ def _intersect(
     dr.eval(valid, shading_normal, geometric)
     there = np.flatnonzero(np.array(valid))
     at_hits = [
-        np.stack([np.array(axis)[there] for axis in (found.x, found.y, found.z)])
-        for found in (shading_normal, geometric)
+        np.stack([np.array(axis)[there] for axis in (each.x, each.y, each.z)])
+        for each in (shading_normal, geometric)
     ]
     return there, at_hits[0], at_hits[1]
 

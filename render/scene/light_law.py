@@ -178,9 +178,9 @@ def _lamps(rng: np.random.Generator, setting: _Setting, part: float) -> tuple[La
     powers = rng.dirichlet(np.ones(count))
     lamps = [_lamp(rng, str(name), back) for name, back in zip(names, behind, strict=True)]
     # Limit the lamps behind to a rim.
-    seen = np.array([min(_COARSE / _area(lamp), 1.0) for lamp in lamps])
-    brightest = np.max(powers * seen, where=~behind, initial=0.0)
-    limit = np.where(names == "canopy", _RIM_CANOPY, _RIM) * brightest / seen
+    in_texel = np.array([min(_COARSE / _area(lamp), 1.0) for lamp in lamps])
+    brightest = np.max(powers * in_texel, where=~behind, initial=0.0)
+    limit = np.where(names == "canopy", _RIM_CANOPY, _RIM) * brightest / in_texel
     powers = np.where(behind, np.minimum(powers, limit), powers)
     powers *= part / powers.sum()
     return tuple(

@@ -169,12 +169,12 @@ class Light:
         if 2 * height not in self.levels:
             return np.zeros(len(energy), bool)
         # Share of a uniform light's energy that a lobe of this exponent sees.
-        seen = min(1.0, 4.0 / (exponent + 2.0))
+        share = min(1.0, 4.0 / (exponent + 2.0))
         total = self.levels[height].total
         fall = exponent * np.log(np.maximum(np.cos(away / 2), 1e-30))
         # How much the lobe is curved there, relative to its middle.
         curved = np.exp(fall) * (1 - 2 * fall)
-        error = energy / (total * seen) * curved * ((math.pi / height) ** 2 * (exponent + 2.0))
+        error = energy / (total * share) * curved * ((math.pi / height) ** 2 * (exponent + 2.0))
         return error > self.quality.split_above
 
 

@@ -25,16 +25,16 @@ def view(maps: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Return a picture `(HEIGHT, WIDTH, 3)`, sRGB in [0, 1], by a camera in a map `(H, W, 3)`."""
     focal = WIDTH * rng.uniform(0.5, 1.5)  # 90 to 37 degrees across
     heading, pitch = rng.uniform(0, 2 * np.pi), np.radians(rng.uniform(-35, 15))
-    seen = -shading.view_directions(
+    rays = -shading.view_directions(
         np.array([focal, focal, WIDTH / 2, HEIGHT / 2]), HEIGHT, WIDTH
     ).reshape(-1, 3)
-    up, forward = seen[:, 1], seen[:, 2]
-    seen[:, 1] = np.cos(pitch) * up - np.sin(pitch) * forward
-    seen[:, 2] = np.sin(pitch) * up + np.cos(pitch) * forward
-    across, forward = seen[:, 0].copy(), seen[:, 2].copy()
-    seen[:, 0] = np.cos(heading) * across + np.sin(heading) * forward
-    seen[:, 2] = np.cos(heading) * forward - np.sin(heading) * across
-    channels = [environment.lookup(maps[..., band], seen) for band in range(3)]
+    up, forward = rays[:, 1], rays[:, 2]
+    rays[:, 1] = np.cos(pitch) * up - np.sin(pitch) * forward
+    rays[:, 2] = np.sin(pitch) * up + np.cos(pitch) * forward
+    across, forward = rays[:, 0].copy(), rays[:, 2].copy()
+    rays[:, 0] = np.cos(heading) * across + np.sin(heading) * forward
+    rays[:, 2] = np.cos(heading) * forward - np.sin(heading) * across
+    channels = [environment.lookup(maps[..., band], rays) for band in range(3)]
     radiance = np.clip(np.stack(channels, -1), 1e-6, LARGEST).reshape(HEIGHT, WIDTH, 3)
     exposure = GREY / np.exp(np.log(radiance).mean()) * 2.0 ** rng.uniform(-1, 1)
     return colour.linear_to_srgb(np.clip(radiance * exposure, 0, 1))

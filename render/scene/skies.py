@@ -106,12 +106,12 @@ def _luminance(
             "sun_scale": float(part == "sun"),
         }
     )
-    seen = -_in_mitsuba(towards.reshape(-1, 3))
+    incoming = -_in_mitsuba(towards.reshape(-1, 3))
     if "scalar" in str(mi.variant()):
-        rgb = np.array([_one(emitter, direction) for direction in seen]).reshape(-1, 3)
+        rgb = np.array([_one(emitter, direction) for direction in incoming]).reshape(-1, 3)
     else:
         surface = mi.SurfaceInteraction3f()
-        surface.wi = mi.Vector3f(*map(mi.Float, seen.T.astype(np.float32)))
+        surface.wi = mi.Vector3f(*map(mi.Float, incoming.T.astype(np.float32)))
         rgb = np.array(emitter.eval(surface)).reshape(3, -1).T
     return (rgb @ colour.LUMINANCE_WEIGHTS).reshape(towards.shape[:-1])
 

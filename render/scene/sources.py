@@ -71,25 +71,25 @@ def files(folder: Path, split: str, extensions: tuple[str, ...]) -> list[Path]:
         raise ValueError(f"{folder} is no folder: pass one with {', '.join(extensions)} files")
     dealt = {name: folder / name for name in SPLITS}
     if all(path.is_dir() for path in dealt.values()):
-        found = list_folder(dealt[split], extensions)
-        if not found:
+        listed = list_folder(dealt[split], extensions)
+        if not listed:
             raise ValueError(f"{dealt[split]} holds no {', '.join(extensions)} file")
-        return found
-    found = list_folder(folder, extensions)
+        return listed
+    listed = list_folder(folder, extensions)
     lacking = [path for path in dealt.values() if not path.is_dir()]
-    if not found and len(lacking) == 1:
+    if not listed and len(lacking) == 1:
         raise ValueError(
             f"{lacking[0]} is missing: files are dealt to training and test by the folders "
             f"{' and '.join(SPLITS)}, or else all lie in {folder} itself"
         )
-    if len(found) < 2:
+    if len(listed) < 2:
         raise ValueError(
-            f"{folder} holds {len(found)} {', '.join(extensions)} files; training and test share "
+            f"{folder} holds {len(listed)} {', '.join(extensions)} files; training and test share "
             "none, so at least 2 are needed"
         )
-    ranked = sorted(found, key=lambda path: hashlib.sha256(os.fsencode(path.name)).digest())
+    ranked = sorted(listed, key=lambda path: hashlib.sha256(os.fsencode(path.name)).digest())
     tests = set(ranked[: max(1, round(len(ranked) * TEST_SHARE))])
-    return [path for path in found if (path in tests) == (split == "test")]
+    return [path for path in listed if (path in tests) == (split == "test")]
 
 
 @dataclass(frozen=True)

@@ -225,11 +225,11 @@ class _File:
             for k, node in enumerate(nodes)
             if node.get("extensions", {}).get(_VISIBILITY, {}).get("visible") is False
         ]
-        seen = set()
+        visited = set()
         while left:
             number = left.pop()
-            if number not in seen:
-                seen.add(number)
+            if number not in visited:
+                visited.add(number)
                 left += nodes[number].get("children", [])
                 yield nodes[number]
 
@@ -252,13 +252,15 @@ class _File:
             return out.astype(float)
         return np.maximum(out / np.iinfo(kind).max, -1)
 
-    def _stored(self, told: dict[str, Any], count: int, columns: int, kind: np.dtype) -> np.ndarray:
+    def _stored(
+        self, place: dict[str, Any], count: int, columns: int, kind: np.dtype
+    ) -> np.ndarray:
         """Return what a view of the buffer holds, `(count, columns)`."""
-        view = self.document["bufferViews"][told["bufferView"]]
+        view = self.document["bufferViews"][place["bufferView"]]
         if view.get("buffer", 0) != 0 or {*_MESHOPT} & view.get("extensions", {}).keys():
             raise ValueError("its vertices lie in another file, or are compressed: export it anew")
         row = columns * kind.itemsize
-        start = view.get("byteOffset", 0) + told.get("byteOffset", 0)
+        start = view.get("byteOffset", 0) + place.get("byteOffset", 0)
         return np.ndarray(
             (count, columns),
             kind,

@@ -157,8 +157,8 @@ def _parts(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[str]]:
     if kind == "obj":
         return *obj.read(content), []
     if kind == "glb":
-        made = gltf.plain(content)
-        content, expected, notes = made.content, made.faces, list(made.notes)
+        plain = gltf.plain(content)
+        content, expected, notes = plain.content, plain.faces, list(plain.notes)
     elif kind == "ply":
         expected = _faces_of_ply(content)
     elif kind == "stl" and content.lstrip().startswith(b"solid") and b"facet" in content[:2048]:
@@ -183,9 +183,9 @@ def _parts(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[str]]:
         there = (corners >= 0) & (corners < len(part.vertices))
         faces.append(np.where(there, count + corners, 0))
         # trimesh computes normals that were not read; only its cache shows which were read.
-        given = "vertex_normals" in part._cache.cache and np.linalg.matrix_rank(linear) == 3
+        has_normals = "vertex_normals" in part._cache.cache and np.linalg.matrix_rank(linear) == 3
         blank = np.full(part.vertices.shape, np.nan)
-        normals.append(part.vertex_normals @ np.linalg.inv(linear) if given else blank)
+        normals.append(part.vertex_normals @ np.linalg.inv(linear) if has_normals else blank)
         count += len(part.vertices)
     corners = np.concatenate(faces)
     if expected is not None and (
@@ -197,8 +197,8 @@ def _parts(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[str]]:
 
 def _faces_of_ply(content: bytes) -> int:
     """Return how many faces the head of a PLY announces; polygons are more than one triangle."""
-    told = _ELEMENT.search(content.partition(b"end_header")[0])
-    return int(told[1]) if told else 0
+    announced = _ELEMENT.search(content.partition(b"end_header")[0])
+    return int(announced[1]) if announced else 0
 
 
 def _sound(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -224,8 +224,8 @@ def _sides(vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray) -> np.n
 
 def _trusted(vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray) -> bool:
     """Return whether the normals are finite, not zero, and seldom on both sides of a face."""
-    given = normals[faces]
-    if not np.isfinite(given).all() or (np.linalg.norm(given, axis=-1) < 1e-6).any():
+    of_corners = normals[faces]
+    if not np.isfinite(of_corners).all() or (np.linalg.norm(of_corners, axis=-1) < 1e-6).any():
         return False
     side = _sides(vertices, faces, normals)
     return bool(((side > 0).all(1) | (side < 0).all(1)).mean() >= _TRUSTED)

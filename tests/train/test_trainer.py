@@ -70,6 +70,10 @@ def _ignore(progress):
     pass
 
 
+def _of_options(corpus, run, *options):
+    return cli.config_of(cli.parser().parse_args([str(corpus), "--out", str(run), *options]))
+
+
 def _weights(run):
     _, subnetworks = weights.load(run)
     return {name: network.get_weights() for name, network in subnetworks.items()}
@@ -627,9 +631,8 @@ def test_damage_stops_the_run_by_name(corpus, config, tmp_path, shard, record):
 
 
 def test_the_camera_is_on_unless_refused(corpus, config, finished, tmp_path, monkeypatch):
-    required = [str(corpus), "--out", str(tmp_path), "--preset", "smoke"]
-    assert cli.config_of(cli.parser().parse_args(required)).schedule.camera
-    refused = cli.config_of(cli.parser().parse_args([*required, "--no-camera"]))
+    assert _of_options(corpus, tmp_path, "--preset", "smoke").schedule.camera
+    refused = _of_options(corpus, tmp_path, "--preset", "smoke", "--no-camera")
     assert not refused.schedule.camera
     clean = dataclasses.replace(config, schedule=dataclasses.replace(BRIEF, camera=False))
     with pytest.raises(ValueError, match="camera True there, False asked"):
@@ -663,8 +666,7 @@ def brief_smoke(monkeypatch):
 
 
 def test_the_record_of_another_version_is_refused_by_name(tmp_path, brief_smoke, corpus):
-    begun = [str(corpus), "--out", str(tmp_path), "--preset", "smoke"]
-    config = cli.config_of(cli.parser().parse_args(begun))
+    config = _of_options(corpus, tmp_path, "--preset", "smoke")
     claim(tmp_path, [corpus], config)
     record = json.loads(config_path(tmp_path).read_text())
     del record["config"]["rate_scale"]
@@ -708,8 +710,7 @@ def test_the_command_trains_some_stages_and_resumes(corpus, tmp_path, brief_smok
 
 def test_the_commands_ablations(corpus, tmp_path):
     def config(*options):
-        required = [str(corpus), "--out", str(tmp_path), "--preset", "paper"]
-        return cli.config_of(cli.parser().parse_args([*required, *options]))
+        return _of_options(corpus, tmp_path, "--preset", "paper", *options)
 
     full = config()
     assert full.architecture == networks.PRESETS["paper"] and full.compositing
@@ -731,10 +732,9 @@ def test_the_commands_ablations(corpus, tmp_path):
 @pytest.mark.parametrize("part", ["mirror", "dichromatic", "hue", "pretrained"])
 def test_the_command_puts_parts_in_and_leaves_them_out(corpus, tmp_path, part):
     for preset in ("paper", "live"):
-        required = [str(corpus), "--out", str(tmp_path), "--preset", preset]
 
-        def architecture(*options, required=required):
-            return cli.config_of(cli.parser().parse_args([*required, *options])).architecture
+        def architecture(*options, preset=preset):
+            return _of_options(corpus, tmp_path, "--preset", preset, *options).architecture
 
         plain = networks.PRESETS[preset]
         assert architecture() == plain
@@ -745,10 +745,8 @@ def test_the_command_puts_parts_in_and_leaves_them_out(corpus, tmp_path, part):
 
 
 def test_parts_are_put_in_or_left_out_but_not_both(corpus, tmp_path):
-    required = [str(corpus), "--out", str(tmp_path), "--preset", "live"]
-
     def config(*options):
-        return cli.config_of(cli.parser().parse_args([*required, *options]))
+        return _of_options(corpus, tmp_path, "--preset", "live", *options)
 
     twice = config("--without", "mirror", "--without", "dichromatic", "perceptual")
     assert not (twice.architecture.mirror or twice.architecture.dichromatic or twice.compositing)
@@ -760,9 +758,8 @@ def test_parts_are_put_in_or_left_out_but_not_both(corpus, tmp_path):
 
 def test_the_baseline_of_every_preset_is_the_papers_kind(corpus, tmp_path):
     for preset in ("paper", "live"):
-        required = [str(corpus), "--out", str(tmp_path), "--preset", preset]
-        options = [*required, "--baseline", "reflectance-map"]
-        found = cli.config_of(cli.parser().parse_args(options)).architecture
+        options = ["--preset", preset, "--baseline", "reflectance-map"]
+        found = _of_options(corpus, tmp_path, *options).architecture
         assert (found.system, found.dichromatic, found.hue) == ("reflectance-map", False, False)
 
 
@@ -801,8 +798,7 @@ def test_the_commands_sizes(corpus, tmp_path, brief_smoke, nudged, capsys):
     architecture = dataclasses.replace(TINY, unet_width=3, size=64)
     assert Config.read(tmp_path / "run").architecture == architecture
     assert stage_runs.left(tmp_path / "run", "specular")["arr_0"].shape == (3, 3, 3, 3)
-    held = cli.config_of(cli.parser().parse_args([*run, "--resume"]))
-    assert held == Config.read(tmp_path / "run")
+    assert _of_options(corpus, tmp_path / "run", "--resume") == Config.read(tmp_path / "run")
     capsys.readouterr()
     assert cli.main([*run, "--resume", "--width", "4", *stage]) == 1
     assert "architecture.unet_width 3 there, 4 asked" in capsys.readouterr().err
