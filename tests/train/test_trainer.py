@@ -101,7 +101,7 @@ def test_a_run_leaves_a_model_and_its_curves(finished):
 
 
 @pytest.mark.slow
-def test_measures_are_pooled_over_the_held_out_examples(corpus, config, tmp_path):
+def test_measures_are_pooled_over_the_validation_set(corpus, config, tmp_path):
     """Not averaged by batch: the last one here is smaller."""
     run = tmp_path / "run"
     schedule = dataclasses.replace(BRIEF, validation_examples=3)
@@ -129,7 +129,7 @@ def _same_stage(one, other, name):
 
 
 def test_the_whole_system_is_evaluated(corpus, config, finished):
-    """By its own mask, on the examples that are held out, as `lime-eval` would."""
+    """By its own mask, on the validation set, as `lime-eval` would."""
     found = json.loads((finished / "evaluation.json").read_text(encoding="utf-8"))
     shards = Split(corpus, "train").shard_paths()[1:]
     dataset = pipeline.evaluation(shards, size=32, batch_size=2, camera=True)
@@ -617,7 +617,7 @@ def test_a_weight_that_is_no_number_is_blamed_on_no_example(corpus, config, tmp_
 
 @pytest.mark.parametrize("shard, record", [(0, 4), (1, 0)])
 def test_damage_stops_the_run_by_name(corpus, config, tmp_path, shard, record):
-    """In an example to train on, and in one that is held out."""
+    """In an example to train on, and in one of the validation set."""
     shutil.copytree(corpus, tmp_path / "corpus")
     path = tmp_path / "corpus" / "train" / f"{shard:05d}.tfrecord"
     whole = [serialized.numpy() for serialized in tf.data.TFRecordDataset(str(path))]
@@ -642,7 +642,7 @@ def test_the_camera_is_on_unless_refused(corpus, config, finished, tmp_path, mon
     for run in (tmp_path, finished):
         with (run / "curves" / "2-specular.csv").open(encoding="utf-8") as file:
             rows.append(list(csv.DictReader(file))[-1])
-    # What is trained on and what is held out are seen alike; exposure changes S itself.
+    # Training and validation photos are taken alike; exposure changes S itself.
     for losses in ("train_specular", "validation_specular"):
         assert rows[0][losses] != rows[1][losses]
 
