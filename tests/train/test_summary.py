@@ -6,7 +6,7 @@ from lime_keras.train.state import Curve
 from lime_keras.train.summary import evaluation, evaluation_path, table
 
 
-def test_held_out_losses_before_and_after_each_stage(tmp_path):
+def test_validation_losses_before_and_after_each_stage(tmp_path):
     one = Curve(tmp_path / "curves" / "1-segmentation.csv", 0)
     one.add(0, {}, {"loss": 0.5, "mask": 0.5}, {"mask_iou_pooled": 0.0})
     one.add(3, {"loss": 0.1, "mask": 0.1}, {"loss": 0.25, "mask": 0.25}, {"mask_iou_pooled": 0.9})

@@ -168,15 +168,15 @@ def test_scenes_that_never_change_are_kept_once(recipe, tmp_path):
     assert making.count_of(plain, tmp_path, 100) == 5
     assert making.count_of(plain, tmp_path, 2) == 2
     assert making.count_of(recipe, tmp_path, 100) == 100
-    held_out = dataclasses.replace(recipe, paint=None, validation=2)
-    assert making.count_of(held_out, tmp_path, 100) == 2
+    validation_recipe = dataclasses.replace(recipe, paint=None, validation=2)
+    assert making.count_of(validation_recipe, tmp_path, 100) == 2
 
 
-def test_validation_photos_are_of_what_is_held_out_by_its_own_seed(recipe):
-    held_out = dataclasses.replace(recipe, materials=(), paint=None, validation=2)
-    rows = Studio(held_out).photos(range(2))
+def test_validation_photos_are_by_the_seeds_of_their_scenes(recipe):
+    validation_recipe = dataclasses.replace(recipe, materials=(), paint=None, validation=2)
+    rows = Studio(validation_recipe).photos(range(2))
     assert rows["index"].tolist() == [5, 6]
-    again = Studio(dataclasses.replace(held_out, seed=9)).photos(range(2))
+    again = Studio(dataclasses.replace(validation_recipe, seed=9)).photos(range(2))
     _same(rows, again)
 
 
