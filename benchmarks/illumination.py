@@ -77,20 +77,17 @@ def _examples(
     from lime_keras.data import pipeline
     from lime_keras.data.corpus import Split
     from lime_keras.eval.accuracy import relighting
-    from lime_keras.model import weights
-    from lime_keras.networks import assemble
+    from lime_keras.runtime.keras_engine import KerasEngine
 
-    size, system = 128, None
-    if run is not None:
-        architecture, subnetworks = weights.load(run)
-        size, system = architecture.size, assemble(subnetworks)
+    engine = KerasEngine(run) if run is not None else None
+    size = 128 if engine is None else engine.size
     features = (*relighting.FEATURES, *_FEATURES)
     batches = pipeline.evaluation(
         Split(corpus, "test").shard_paths(), size=size, batch_size=_BATCH, features=features
     )
     left = count
     for batch in batches.as_numpy_iterator():
-        found = system.predict_on_batch(batch["image"]) if system else None
+        found = engine and engine.run(engine.outputs, {"image": batch["image"]})
         for index in range(min(left, len(batch["mask"]))):
             truth = {name: values[index] for name, values in batch.items()}
             yield truth, found and {name: values[index] for name, values in found.items()}

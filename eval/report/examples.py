@@ -11,9 +11,8 @@ import tensorflow as tf
 from lime_keras.data import pipeline, records
 from lime_keras.data.camera import photograph, radiance
 from lime_keras.data.corpus import Split
-from lime_keras.model import weights
-from lime_keras.networks import assemble
 from lime_keras.optics import shininess
+from lime_keras.runtime.keras_engine import KerasEngine
 
 from ..accuracy.labels import bin_label
 
@@ -102,8 +101,7 @@ def read(
         FileNotFoundError: if the weights or the test split are missing.
         IndexError: if a position lies beyond the split.
     """
-    architecture, subnetworks = weights.load(model_dir)
-    system = assemble(subnetworks)
+    engine = KerasEngine(model_dir)
     wanted = {choice.position for choice in choices}
     found: dict[int, dict[str, Any]] = {}
     photos: dict[int, np.ndarray] = {}
@@ -116,14 +114,15 @@ def read(
             stored = records.parse(serialized)
             stored = photograph(stored, radiance(stored)) if camera else stored
             photos[position] = stored["image"].numpy()
-            example = pipeline.resize(stored, architecture.size)
+            example = pipeline.resize(stored, engine.size)
             found[position] = {name: value.numpy() for name, value in example.items()}
         if len(found) == len(wanted):
             break
     if len(found) < len(wanted):
         raise IndexError(f"the test split holds no examples {sorted(wanted - set(found))}")
     truths = [found[choice.position] for choice in choices]
-    estimates = system.predict_on_batch(np.stack([truth["image"] for truth in truths]))
+    images = np.stack([truth["image"] for truth in truths])
+    estimates = engine.run(engine.outputs, {"image": images})
     return [
         Example(
             choice,

@@ -39,16 +39,6 @@ def test_what_lies_outside_the_mask_is_ignored(garbage, differentiate):
     np.testing.assert_allclose(gradient, np.broadcast_to(mask / 36, values.shape), rtol=1e-5)
 
 
-@pytest.mark.parametrize("coverage", [1.0, 1 / 255])
-@pytest.mark.parametrize("dtype", [np.float16, np.float32])
-def test_one_pixel_is_its_own_mean(coverage, dtype, differentiate):
-    values, mask = field(dtype=dtype), np.zeros((4, 5, 6, 1), dtype)
-    mask[:, 3, 2] = coverage
-    found, [gradient, _] = differentiate(masked_mean, values, mask)
-    np.testing.assert_allclose(found, values[:, 3, 2].mean(-1), rtol=1e-2, atol=1e-3)
-    assert np.isfinite(gradient).all() and np.count_nonzero(gradient) == 4 * 3
-
-
 def test_one_examples_mask_does_not_touch_another():
     values, mask = field(), np.ones((4, 5, 6, 1))
     mask[2] = 0
