@@ -42,7 +42,7 @@ def write(folder: Path, graphs: Path) -> tuple[str, ...]:
         read = {quantity for graph in others for quantity in graph.inputs}
         outputs = [name for name in sorted(answered) if name in OUTPUTS or name in read]
         joined = _joined(name, models, outputs)
-        onnx.checker.check_model(joined)
+        onnx.checker.check_model(joined, full_check=True)
         onnx.save(joined, folder / f"{name}.onnx")
     return tuple(rooms)
 
