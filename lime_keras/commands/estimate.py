@@ -271,11 +271,8 @@ def _write(
             print(f"all results: {options.out / gallery.PAGE}", file=sys.stderr)
 
     # Count.
-    failed = missing + batch.failed + len(videos) - len(of_videos)
-    known = [*existing.values(), *of_videos.values()]
-    empty = batch.empty + sum(
-        not content.get("found", content.get("mask_coverage")) for content in known
-    )
+    failed = missing + len(named) - len(finished)
+    empty = sum(not one.get("found", one.get("mask_coverage")) for one in finished.values())
     there = f"{len(existing)} there already, " if existing else ""
     timing = f"; {batch.timing()}" if batch.finished else ""
     print(

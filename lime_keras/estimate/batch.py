@@ -43,7 +43,7 @@ class _Input(NamedTuple):
 
 
 class Batch:
-    """A run over many photos, with its counts and times.
+    """A run over many photos, with its times.
 
     Args:
         results: folder for the files, and what this run makes them with.
@@ -57,9 +57,6 @@ class Batch:
 
     Attributes:
         finished: content of the JSON of each photo that this run has estimated, by name.
-        failed: number of photos that failed: they could not be read, or their light could not be
-            estimated.
-        empty: number of photos without an object, which have no material.
     """
 
     def __init__(
@@ -80,7 +77,7 @@ class Batch:
         self._seconds = {"reading": 0.0, "networks": 0.0, "writing": 0.0}
         self._subnetworks: list[str] = []
         self.finished: dict[str, dict[str, Any]] = {}
-        self.failed = self.empty = 0
+        self._failed = 0
 
     def check_names(self, photos: Iterable[Path]) -> None:
         """Raise ValueError if a mask or normals could be meant for several photos."""
@@ -110,17 +107,12 @@ class Batch:
         return self._results.provenance(path, {name: file for name, file in beside.items() if file})
 
     def run(self, estimator: Estimator, photos: Mapping[str, Path]) -> None:
-        """Estimate photos, write their files, and print their numbers.
-
-        Args:
-            estimator: model for all photos.
-            photos: path of each photo, by the name for its files, which may begin with folders.
-        """
+        """Estimate photos by the names of their results; write files, and print numbers."""
         try:
             with tqdm(total=len(photos), unit="photo", delay=2, disable=None) as bar:
                 for _ in self._estimate(estimator, photos):
-                    bar.update(len(self.finished) + self.failed - bar.n)
-                bar.update(len(self.finished) + self.failed - bar.n)
+                    bar.update(len(self.finished) + self._failed - bar.n)
+                bar.update(len(self.finished) + self._failed - bar.n)
         finally:
             self._writer.shutdown(cancel_futures=True)
             # What was written when the run was interrupted is there, too.
@@ -205,7 +197,6 @@ class Batch:
                 self._fail(one.path, error)
             else:
                 self.finished[one.name] = numbers
-                self.empty += not numbers["mask_coverage"]
                 self._printer.result(numbers, self._results.json(one.name).parent, remarks)
             yield
 
@@ -235,7 +226,7 @@ class Batch:
         return draft.numbers, files.remarks(material)
 
     def _fail(self, path: Path, error: Exception) -> None:
-        self.failed += 1
+        self._failed += 1
         text = str(error)
         self._printer.error(text if str(path) in text else f"{path}: {text}")
 

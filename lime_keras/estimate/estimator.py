@@ -314,13 +314,13 @@ class Estimator:
 
     def _views(self, photos: Sequence[Picture], masks: Sequence[Picture | None]) -> list[View]:
         """Return the view of each photo; SegmentationNet looks at all of them as one batch."""
-        views = [self._frame(*one) for one in zip(photos, masks, strict=True)]
+        views = [self._view_of(*one) for one in zip(photos, masks, strict=True)]
         searched = [index for index, view in enumerate(views) if view.supplied_mask is None]
         for index, view in zip(searched, self._find([views[at] for at in searched]), strict=True):
             views[index] = view
         return views
 
-    def _frame(self, photo: Picture, mask: Picture | None) -> View:
+    def _view_of(self, photo: Picture, mask: Picture | None) -> View:
         """Return the view around a photo's mask or, where SegmentationNet is to look, the whole.
 
         Raises:

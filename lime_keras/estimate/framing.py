@@ -269,15 +269,9 @@ def _enlarged(image: np.ndarray, size: int) -> np.ndarray:
 
 
 def _shrunk(image: np.ndarray, beyond: _Beyond, size: int, mode: Any) -> np.ndarray:
-    """Average the areas of an image `(H, W, C)`, padded to a square, to `(size, size, C)`.
+    """Average the areas of an image `(H, W, C)`, padded to a larger square, to `(size, size, C)`.
 
     The square is padded and averaged by parts, as that of a long photo is many times as large.
-
-    Args:
-        image: what the square shows of a photo.
-        beyond: pixels to pad, for each axis before and after the image.
-        size: height and width of the result, less than the square's.
-        mode: how to pad, as for `np.pad`.
     """
     rows, columns, channels = beyond
     step = max(1, _PART // (rows[0] + len(image) + rows[1]))

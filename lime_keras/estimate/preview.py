@@ -156,12 +156,7 @@ def pictures_of(page: Image.Image, count: int) -> list[Image.Image]:
 
 
 def rim(inside: np.ndarray, width: int = 1) -> np.ndarray:
-    """Return the outermost pixels of a shape, bool `(H, W)`; the picture's edge is no rim.
-
-    Args:
-        inside: pixels of the shape, bool `(H, W)`.
-        width: width of the rim in pixels.
-    """
+    """Return the outermost pixels of a shape, bool `(H, W)`; the picture's edge is no rim."""
     core = inside
     for _ in range(width):
         around = np.pad(core, 1, mode="edge")

@@ -35,16 +35,11 @@ class Printer:
         self._for_people = for_people
 
     def existing(self, content: Mapping[str, Any], folder: Path) -> None:
-        """Print a result of an earlier run.
-
-        Args:
-            content: content of the result's JSON (`lime_keras.io.result_json`).
-            folder: folder of the result's files.
-        """
+        """Print a result of an earlier run, by the content of its JSON and its files' folder."""
         self._print(content, folder, ())
 
     def result(self, content: Mapping[str, Any], folder: Path, remarks: Sequence[str] = ()) -> None:
-        """Print a result of this run; `remarks` are further warnings."""
+        """Print a result of this run with its warnings, to which `remarks` are added."""
         self._print(content, folder, remarks)
         if not self._for_people:
             for part in content.get("scenes") or [content]:
@@ -73,11 +68,7 @@ def describe(
 ) -> str:
     """Return the lines of one result: its source, its material, its warnings and its files.
 
-    Args:
-        content: content of the result's JSON.
-        folder: folder of the result's files.
-        remarks: further messages, after the warnings.
-        colour: whether the diffuse albedo is shown as a swatch, by ANSI true colour.
+    With `colour`, the diffuse albedo is shown as a swatch, by ANSI true colour.
     """
     lines = [_source(content)]
     scenes = content.get("scenes", ())

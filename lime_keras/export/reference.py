@@ -41,12 +41,7 @@ def _evaluator(model: onnx.ModelProto) -> ReferenceEvaluator:
 
 
 def open_engine(path: Path, engine: Engine) -> Engine:
-    """Return an engine of an ONNX file or folder of graphs that the reference evaluator runs.
-
-    Args:
-        path: file or folder.
-        engine: engine of the same in ONNX Runtime.
-    """
+    """Return the engine that runs an ONNX file or a folder of graphs as `engine` does."""
     if isinstance(engine, OnnxGraphs):
         return _Graphs(engine)
     return _File(path, engine)

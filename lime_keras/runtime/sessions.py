@@ -81,11 +81,7 @@ os.register_at_fork(after_in_child=_leave_all)
 
 
 def options(*, streaming: bool = False) -> onnxruntime.SessionOptions:
-    """Return the options of a session that runs beside others.
-
-    Args:
-        streaming: whether it keeps its memory from run to run, or gives it back.
-    """
+    """Return the options of a session that runs beside others."""
     out = onnxruntime.SessionOptions()
     # Left to itself, ONNX Runtime binds a thread to every core of the machine.
     out.intra_op_num_threads = processors.count()

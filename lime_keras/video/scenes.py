@@ -116,15 +116,10 @@ def names(name: str, scenes: Iterable[Scene]) -> list[str]:
 
 
 def write(folder: Path, name: str, scenes: list[Scene]) -> list[str]:
-    """Write the material of each scene as of a photo (`files.write_formats`), and its preview.
-
-    Args:
-        folder: existing folder for the files.
-        name: name of the video's files.
-        scenes: scenes with an object.
+    """Write each scene's material as a photo's (`files.write_formats`), and its preview.
 
     Returns:
-        The names of the files.
+        The names of the files, which begin with `names`.
 
     Raises:
         OSError: if a file cannot be written.
