@@ -14,12 +14,11 @@ import trimesh
 
 from lime_keras.io import untrusted
 
-from . import gltf, obj
+from . import gltf, obj, ply
 from .smoothing import face_normals, smoothed
 
 EXTENSIONS = (".obj", ".ply", ".stl", ".glb")
 
-_ELEMENT = re.compile(rb"^element\s+face\s+(\d+)", re.MULTILINE)
 _BETWEEN_SOLIDS = re.compile(rb"^\s*endsolid[^\n]*\n\s*solid[^\n]*\n", re.MULTILINE)
 _FACET = re.compile(rb"^\s*facet\s", re.MULTILINE)
 _TRUSTED = 0.98
@@ -154,13 +153,11 @@ def _parts(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[str]]:
         ValueError: if the file requires what is not read, or fewer faces are read than it holds.
     """
     content, kind, notes, expected = path.read_bytes(), path.suffix[1:].lower(), [], None
-    if kind == "obj":
-        return *obj.read(content), []
+    if kind in ("obj", "ply"):
+        return *(obj if kind == "obj" else ply).read(content), []
     if kind == "glb":
         plain = gltf.plain(content)
         content, expected, notes = plain.content, plain.faces, list(plain.notes)
-    elif kind == "ply":
-        expected = _faces_of_ply(content)
     elif kind == "stl" and content.lstrip().startswith(b"solid") and b"facet" in content[:2048]:
         # Of two solids of one name, trimesh reads one.
         content = _BETWEEN_SOLIDS.sub(b"\n", content)
@@ -193,12 +190,6 @@ def _parts(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[str]]:
     ):
         raise ValueError(f"{len(corners)} faces were read, and it holds {expected}")
     return np.concatenate(vertices), corners, np.concatenate(normals), notes
-
-
-def _faces_of_ply(content: bytes) -> int:
-    """Return how many faces the head of a PLY announces; polygons are more than one triangle."""
-    announced = _ELEMENT.search(content.partition(b"end_header")[0])
-    return int(announced[1]) if announced else 0
 
 
 def _sound(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -41,13 +41,13 @@ def read(data: bytes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         except ValueError as error:
             raise ValueError(f"{line[:60].decode(errors='replace')!r}: {error}") from error
     places, known = np.array(vertices), (len(vertices), len(normals))
-    triangles = [np.zeros((0, 3, 2), int)]
+    cut = [np.zeros((0, 3, 2), int)]
     for size, indices in polygons.items():
         if size >= 3:
             outlines = np.array(indices).reshape(-1, size, 2)
             outlines = np.where(outlines < known, outlines, 0)  # 0 for indices beyond the end
-            triangles.append(_triangles(outlines, places))
-    corners = np.concatenate(triangles)
+            cut.append(triangles(outlines, places))
+    corners = np.concatenate(cut)
     pairs, faces = np.unique(corners[..., 0] * len(normals) + corners[..., 1], return_inverse=True)
     nowhere = np.full((1, 3), np.nan)
     vertex, normal = np.divmod(pairs, len(normals))
@@ -74,8 +74,13 @@ def _corner(word: bytes, vertices: int, normals: int) -> tuple[int, int]:
     )
 
 
-def _triangles(corners: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """Cut polygons `(P, n, 2)` into triangles `(F, 3, 2)`: fans, or ears if a fan folds over."""
+def triangles(corners: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Cut polygons `(P, n, C)` into triangles `(F, 3, C)`: fans, or ears if a fan folds over.
+
+    Args:
+        corners: numbers of each corner, its vertex's first.
+        places: vertices `(V, 3)`.
+    """
     points = places[corners[..., 0]]
     spokes = points[:, 1:] - points[:, :1]
     normals = np.cross(spokes[:, :-1], spokes[:, 1:])  # normals of a fan's triangles
@@ -87,7 +92,7 @@ def _triangles(corners: np.ndarray, places: np.ndarray) -> np.ndarray:
             corners[folded], points[folded], normals[folded].sum(1), strict=True
         )
     ]
-    return np.concatenate([corners[~folded][:, fan].reshape(-1, 3, 2), *cut])
+    return np.concatenate([corners[~folded][:, fan].reshape(-1, 3, corners.shape[-1]), *cut])
 
 
 def _ears(points: np.ndarray, normal: np.ndarray) -> np.ndarray:
