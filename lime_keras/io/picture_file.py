@@ -316,8 +316,8 @@ def _tags(path: Path, image: oiio.ImageBuf) -> Tags:
         tags = _by_pillow(path, lambda opened: of_pillow(opened, path)) or tags
     if kind == "tiff" and not _largest_integer(spec) and tags == Tags():
         raise ValueError(
-            "its numbers are floats, and it does not say whether they are linear: save it as "
-            "OpenEXR if they are, else in 16 bits, or with a colour profile"
+            "its numbers are floats or signed, and it does not say whether they are linear: "
+            "save it as OpenEXR if they are, else in 16 bits, or with a colour profile"
         )
     return tags
 
