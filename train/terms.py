@@ -122,7 +122,7 @@ def terms_of(subnetworks: Iterable[str], losses: str, compositing: bool = True) 
         if _REGRESSED.get(term.comparison.quantity, term.comparison.quantity)
         in SUBNETWORKS[part].predicts
         and term.losses in (None, losses)
-        and (compositing or name not in PERCEPTUAL)
+        and (name not in PERCEPTUAL or (compositing and part not in _WITHOUT_S))
     ]
 
 
@@ -214,6 +214,9 @@ _PERCEIVED = ("painted", "ambient", "diffuse_shading")
 _REGRESSED = {"log_exponent": "exponent_bin_probabilities"}
 """What the registry of subnetworks calls a quantity that a regressing one predicts instead."""
 
+_WITHOUT_S = ("material",)
+"""Subnetworks that predict albedos and read no S, and so do not learn by Eq. 5."""
+
 _MASK = Comparison("mask", (), lambda batch, answer, units: (batch["mask"], answer.raw["mask"]))
 _SPECULAR, _MIRROR = _compare_shading("specular_shading"), _compare_shading("mirror")
 _BINS = Comparison(
@@ -254,21 +257,21 @@ TERMS = {
     "mask": Term(1.0, _MASK, losses.mask_l2, "printed"),
     "specular": Term(1.0, _SPECULAR, losses.shading_l1),
     "mirror": Term(1.0, _MIRROR, losses.shading_l1),
-    "exponent_binary": Term(1.0, _BINS, losses.exponent_binary_cross_entropy, "printed"),
-    "log_exponent_l1": Term(1.0, _LOG, losses.log_exponent_l1, "printed"),
     "diffuse_albedo": Term(1.0, _DIFFUSE_ALBEDO, losses.albedo_l2, "printed"),
     "specular_albedo": Term(1.0, _SPECULAR_ALBEDO, losses.albedo_l2, "printed"),
     "compositing_printed": Term(1.0, _EQ5, losses.compositing_l2, "printed"),
+    "exponent_binary": Term(1.0, _BINS, losses.exponent_binary_cross_entropy, "printed"),
+    "log_exponent_l1": Term(1.0, _LOG, losses.log_exponent_l1, "printed"),
     "reflectance_map_l2": Term(
         1.0, _MAP, lambda error, inside: masked_mean(ops.square(error), inside), "printed"
     ),
     # Those in their place.
     "structure": Term(1.0, _MASK, losses.mask_structure, "robust"),
-    "exponent": Term(0.1, _BINS, losses.exponent_cross_entropy, "robust"),
-    "log_exponent": Term(0.3, _LOG, losses.log_exponent_l2, "robust"),
     "diffuse_albedo_l1": Term(1.0, _DIFFUSE_ALBEDO, losses.albedo_l1, "robust"),
     "specular_albedo_l1": Term(1.0, _SPECULAR_ALBEDO, losses.albedo_l1, "robust"),
     "compositing": Term(1.0, _EQ5_OF_PHOTO, losses.compositing_l1, "robust"),
+    "exponent": Term(0.1, _BINS, losses.exponent_cross_entropy, "robust"),
+    "log_exponent": Term(0.3, _LOG, losses.log_exponent_l2, "robust"),
     "reflectance_map": Term(
         1.0, _MAP, lambda error, inside: masked_mean(ops.abs(error), inside), "robust"
     ),
