@@ -443,10 +443,10 @@ def _estimate_video(
     return draft.numbers
 
 
-def _sorted(given: Iterable[str]) -> list[_Source]:
+def _sorted(texts: Iterable[str]) -> list[_Source]:
     """Return the photos, then the videos, among the sources and in the folders among them."""
-    found: dict[str, _Source] = {}
-    for text in given:
+    sources: dict[str, _Source] = {}
+    for text in texts:
         path = Path(text)
         if not is_camera(text) and path.is_dir():
             files = {str(file): file.relative_to(path) for file in inside(path)}
@@ -461,5 +461,5 @@ def _sorted(given: Iterable[str]) -> list[_Source]:
             # The files of a camera need a valid name; `./a.png` is `a.png`.
             camera = {text: Path(re.sub("[:/]", "-", text))}
             files = camera if is_camera(text) else {str(path): Path(path.name)}
-        found |= {name: _Source(name, place) for name, place in files.items()}
-    return sorted(found.values(), key=lambda source: source.is_video)
+        sources |= {name: _Source(name, place) for name, place in files.items()}
+    return sorted(sources.values(), key=lambda source: source.is_video)
