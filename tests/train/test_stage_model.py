@@ -138,7 +138,7 @@ def test_a_subnetwork_overfits_four_images(name, four_images):
 )
 def test_joint_training_lowers_every_term_and_no_head_dies(seed, four_images):
     """Under ℓ1 on mostly black layers, networks have died to all black within a few steps."""
-    _, model = _compiled(LIME, 1e-3, seed=seed, run_eagerly=False)
+    _, model = _compiled(JOINT, 1e-3, seed=seed, run_eagerly=False)
     first = model.test_on_batch(four_images, return_dict=True)
     for _ in range(60):
         model.reset_metrics()
@@ -152,8 +152,6 @@ def test_joint_training_lowers_every_term_and_no_head_dies(seed, four_images):
         values = np.array(answer[name])[inside]
         assert values.max() > 0.1
         assert values.std() > 0.01
-    mask = np.array(answer["mask"])
-    assert mask[inside].mean() - mask[np.array(four_images["mask"]) == 0].mean() > 0.1
     for name in ("albedos", "exponent_bin_probabilities"):
         assert np.ptp(np.array(answer[name]), axis=0).max() > 0.01, f"{name}: one for all images"
 

@@ -82,6 +82,7 @@ class Scenes:
     """
 
     def __init__(self, recipe: Recipe):
+        console.require("making photos", "tensorflow")
         console.import_tensorflow()
         from lime_keras.data import pipeline
 
