@@ -87,7 +87,7 @@ def _examples(
     )
     left = count
     for batch in batches.as_numpy_iterator():
-        found = engine and engine.run(engine.outputs, {"image": batch["image"]})
+        found = engine.run(engine.outputs, {"image": batch["image"]}) if engine else None
         for index in range(min(left, len(batch["mask"]))):
             truth = {name: values[index] for name, values in batch.items()}
             yield truth, found and {name: values[index] for name, values in found.items()}

@@ -50,7 +50,9 @@ class Figure:
         unit = " %" if plain.endswith("%") else ""
         low, high = self.interval or (math.nan, math.nan)
         numbers = (self.value, (high - low) / 2, low, high)
-        value, half, low_end, high_end = (format(one, plain).rstrip("%") for one in numbers)
+        value, half, low_end, high_end = (
+            format(one, plain).rstrip("%").replace("-", "−") for one in numbers
+        )
         if self.interval is None or plain == spec:
             return f"{value}{unit}"
         return (

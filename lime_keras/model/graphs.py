@@ -19,7 +19,7 @@ from lime_keras.model.folder import DESCRIPTION
 from lime_keras.version import __version__
 
 LAYOUT = 1
-"""Version of the graphs' names and meanings; it rises when graphs of before no longer fit."""
+"""Version of the graphs' names and meanings; it rises when earlier graphs no longer fit."""
 SPLIT = "dichromatic"
 """Name of the graph that is no subnetwork, and of its only answer: the split of colours, which
 several subnetworks read (`lime_keras.optics.dichromatic`)."""
@@ -48,8 +48,7 @@ class Description:
         weights: digest of the weights that were exported (`model.folder.digest`).
         size: height and width of the images in pixels.
         system: name of the system in words, such as `LIME without MirrorNet`.
-        graphs: description of each graph by name; none comes before another whose
-            answers it reads.
+        graphs: description of each graph by name; each comes after those whose outputs it reads.
     """
 
     weights: str
@@ -86,18 +85,17 @@ def write(folder: Path, description: Description) -> None:
 def read(folder: Path) -> Description | None:
     """Return the description of a folder's graphs; None if it holds none of this layout."""
     try:
-        held = untrusted.read_json(folder / DESCRIPTION)
-        if held["layout"] != LAYOUT:
+        content = untrusted.read_json(folder / DESCRIPTION)
+        if content["layout"] != LAYOUT:
             return None
         graphs = {
             name: Graph(tuple(row["inputs"]), tuple(row["outputs"]), row["sha256"])
-            for name, row in held["graphs"].items()
+            for name, row in content["graphs"].items()
         }
-        description = Description(held["weights"], held["size"], held["system"], graphs)
+        description = Description(content["weights"], content["size"], content["system"], graphs)
         return description if _is_sound(description) else None
     except (AttributeError, LookupError, TypeError, ValueError):
-        # A description that cannot be read is as good as none.
-        return None
+        return None  # a description that cannot be read counts as none
 
 
 def _is_sound(description: Description) -> bool:

@@ -3,8 +3,8 @@
 In a window of some pixels the mask of an object is nearly linear in the picture's colours: exactly
 so for an object of one colour before a background of another. The filter fits that linear function
 in the window around each pixel, and answers with the mean of all fits that hold there (He, Sun and
-Tang, "Guided Image Filtering", 2013). So a mask that is a few pixels off at an edge, or holds a
-patch of the background's own colour, is mended by what the colours say; it learns nothing.
+Tang, "Guided Image Filtering", 2013). So it corrects a mask that is a few pixels off at an edge, or
+holds a patch of the background's colour. It has no weights.
 """
 
 from collections.abc import Sequence
@@ -32,7 +32,7 @@ class GuidedFilter(layers.Layer):
 
 
 def filtered(mask: Any, image: Any) -> Any:
-    """Return masks filtered by their pictures, `(B, H, W, 1)`, which may lie beyond [0, 1].
+    """Return masks filtered by their pictures, `(B, H, W, 1)`, which may lie outside [0, 1].
 
     Args:
         mask: coverage `(B, H, W, 1)`; it is clipped to [0, 1].

@@ -28,8 +28,8 @@ def segmentation_net(architecture: Architecture) -> keras.Model:
     """
     image = keras.Input((architecture.size, architecture.size, 3), name="image")
     if architecture.pretrained:
-        found = pretrained_unet(image, channels=1)
-        mask = GuidedFilter(dtype="float32", name="guided")([found, image])
+        coarse = pretrained_unet(image, channels=1)
+        mask = GuidedFilter(dtype="float32", name="guided")([coarse, image])
     else:
         mask = _unet(image, architecture, plain=not architecture.mask_contrast)
     return keras.Model(image, mask, name="segmentation_net")

@@ -154,11 +154,11 @@ def _shading(energy: Any, exponent: Any, size: int) -> Any:
     shaded = xp.reshape(xp.transpose(shaded, (0, 2, 3, 1)), (2 * rings, 2 * frequencies))
     polar = xp.reshape(xp.matmul(shaded, synthesis), (2, rings * _ANGLES))
     node, weight = _pixels(size)
-    found = xp.take(xp.transpose(xp.maximum(polar, 0.0)), node, axis=0)
-    value = xp.sum(found * weight[..., None], axis=1)
+    around = xp.take(xp.transpose(xp.maximum(polar, 0.0)), node, axis=0)
+    value = xp.sum(around * weight[..., None], axis=1)
     # At the foot of a highlight the cubic falls below its nodes. The least of the four nodes around
     # the pixel is therefore the lower limit.
-    value = xp.maximum(value, xp.min(xp.take(found, [5, 6, 9, 10], axis=1), axis=1))
+    value = xp.maximum(value, xp.min(xp.take(around, [5, 6, 9, 10], axis=1), axis=1))
     return xp.reshape(value, (size, size, 2))
 
 

@@ -252,13 +252,6 @@ def test_another_subnetworks_file_is_named(name, other, model):
         weights.load(model)
 
 
-def test_another_architectures_weights_are_named(tiny, model):
-    text = json.dumps(dataclasses.asdict(tiny) | {"unet_width": 3})
-    (model / "architecture.json").write_text(text, encoding="utf-8")
-    with pytest.raises(ValueError, match=r"segmentation\.weights\.h5 cannot be read"):
-        weights.load(model)
-
-
 @pytest.mark.parametrize(
     "text",
     [

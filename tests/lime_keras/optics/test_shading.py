@@ -100,21 +100,6 @@ def test_specular_shading_tends_to_the_mirror_image():
 # Closed forms.
 
 
-@pytest.mark.parametrize("exponent", [0, *BINS.values()])
-def test_one_light_is_the_integrand(exponent):
-    normal, view = sphere(60)
-    light, energy = unit(np.array([[0.3, 0.5, 0.8]])), np.array([7.0])
-    cosine = normal @ light[0]
-    diffuse = 7.0 * np.maximum(cosine, 0) / math.pi
-    np.testing.assert_allclose(shading.diffuse(normal, light, energy), diffuse, rtol=1e-12)
-    half = unit(light + view)
-    aligned = np.sum(half * normal, axis=-1)
-    specular = np.where(cosine > 0, normaliser(exponent) * np.maximum(aligned, 0) ** exponent, 0)
-    found = shading.specular(normal, view, exponent, light, energy)
-    np.testing.assert_allclose(found, 7.0 * specular, rtol=1e-9, atol=1e-300)
-    assert (cosine < 0).any() and (cosine > 0).any()
-
-
 def test_light_from_one_side_of_the_sky():
     """E = 1 above the horizon, 0 below: D = (1 + n_y) / 2."""
     radiance = np.zeros((256, 512))
