@@ -71,6 +71,11 @@ def test_rows_of_changing_lengths_keep_their_order():
     )
 
 
+def test_a_corner_without_a_vertex_is_the_one_that_is_no_place():
+    _, faces, _ = ply.read(write("<", polygons=[[0, 1, len(PLACES)], [2, -1, 4], [0, 1, 6]]))
+    np.testing.assert_array_equal(faces, [[1, 2, 0], [3, 0, 5], [1, 2, 7]])
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
