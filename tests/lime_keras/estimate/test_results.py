@@ -1,6 +1,7 @@
 """Results: whole or not there, kept if they would be the same, and never lost unasked."""
 
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -134,6 +135,29 @@ def test_what_fails_leaves_nothing_and_keeps_what_was(tmp_path, photo):
         raise KeyboardInterrupt
     after = {path.name: path.read_text() for path in (tmp_path / "out" / "sub").iterdir()}
     assert after == before
+
+
+def test_the_numbers_go_first_and_come_last(tmp_path, photo, monkeypatch):
+    """So a command that is killed in between leaves no result that counts as whole."""
+    write(results(tmp_path), photo)
+    moves = []
+    unlink, replace = Path.unlink, os.replace
+
+    def watched_unlink(path, missing_ok=False):
+        moves.append(("gone", path.name))
+        unlink(path, missing_ok)
+
+    def watched_replace(source, target):
+        moves.append(("there", Path(target).name))
+        replace(source, target)
+
+    monkeypatch.setattr(Path, "unlink", watched_unlink)
+    monkeypatch.setattr("lime_keras.estimate.results.os.replace", watched_replace)
+    write(results(tmp_path, overwrite=True), photo)
+    gone = [name for move, name in moves if move == "gone" and not name.startswith("partial-")]
+    there = [name for move, name in moves if move == "there"]
+    assert gone[0] == "a.json" and {"a-mask.png", "a.mtl"} <= set(gone[1:])
+    assert there[-1] == "a.json" and {"a-mask.png", "a.mtl"} <= set(there[:-1])
 
 
 def test_an_unfinished_recording_is_made_again(tmp_path, photo):
