@@ -17,7 +17,7 @@ from .recipe import Corpus, Recipe
 
 _OWN = {
     "meshes-192": Corpus(20_000, seed=4, size=192),
-    "shapes-192": Corpus(10_000, seed=5, size=192, meshes=False),
+    "shapes-192": Corpus(10_000, seed=5, size=192, meshes=False, endless=0.75),
 }
 _ALL = ("large", *_OWN)
 

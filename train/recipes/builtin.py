@@ -14,7 +14,7 @@ import dataclasses
 from . import shared
 from .recipe import Corpus, Recipe
 
-_SHAPES = Corpus(60_000, seed=2, meshes=False, maps=False)
+_SHAPES = Corpus(60_000, seed=2, meshes=False, maps=False, endless=0.75)
 
 RECIPE = Recipe(
     preset="live",
