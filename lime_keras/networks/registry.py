@@ -5,14 +5,7 @@ it: each input of a subnetwork's model is named after the quantity that it takes
 S, M and the reflectance map compressed (`dynamic_range`) and 0 outside the object, and images in
 sRGB. An *output* is a value for users, computed from one quantity; its radiance is linear.
 
-To add a subnetwork, add:
-
-- a function in `subnetworks` that builds its model;
-- a row for it in `SUBNETWORKS`, and rows in `QUANTITIES` and `OUTPUT_ROWS` for what it predicts;
-- its outputs in `lime_keras.outputs`;
-- its loss terms and measures in `train/terms.py`;
-- a field of `Architecture` that says whether a system has it. The field's default must be a system
-  without it, so that models trained before still load.
+To add a subnetwork: `docs/how-to/extending.md`.
 """
 
 from collections.abc import Callable
