@@ -24,7 +24,8 @@ FORMATS = (
 )
 """The formats that are read through OpenImageIO, by its names: those that `make fuzz` has damaged.
 
-`open_picture` reads others by Pillow. A decoder that crashes takes the process with it, and all photos of a folder.
+`open_picture` reads others by Pillow. A decoder that crashes takes the process with it, and all
+photos of a folder.
 """
 _OF_PILLOW = ("bmp", "gif", "jpeg", "jpeg2000", "png", "tiff", "webp")
 """Formats whose tags Pillow knows better: EXIF, XMP, and PNG's chromaticities."""
