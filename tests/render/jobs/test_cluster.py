@@ -317,8 +317,9 @@ def test_the_command_gives_the_bytes_of_one_machine(
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(variants, "choose", lambda device=None: mitsuba_choice)
     options = ["--split", "train", "--count", "8", "--size", "64", "--shard-size", "2"]
+    laws = ["--light-law", description.light_law, "--endless", str(description.endless)]
     folders = ["--shapes", description.shapes, "--environments", description.environments]
-    assert cli.main(["corpus", *options, *folders, "--ray", head.address]) == 0
+    assert cli.main(["corpus", *options, *laws, *folders, "--ray", head.address]) == 0
     printed, _ = capsys.readouterr()
     assert printed == "8 examples in corpus/train\n"
     assert contents(tmp_path / "corpus") == contents(rendered)
