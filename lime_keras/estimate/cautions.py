@@ -16,7 +16,7 @@ from lime_keras.optics import colour, dichromatic
 CONFIDENT = 0.925
 """Confidence from which a mask is trusted.
 
-A mask is wrong if its IoU with the true one is below 0.7. On 512 scenes held out from training,
+A mask is wrong if its IoU with the true one is below 0.7. On 512 validation scenes,
 this limit finds 59 % of the wrong masks, and 73 % of the masks that it finds are wrong
 (`benchmarks/cautions.py`).
 """
@@ -130,8 +130,8 @@ def confidence(mask: np.ndarray) -> float | None:
     With p the coverage, as the probability that a pixel is the object's, and T the pixels with p of
     at least one half: Σ_T p / (|T| + Σ_{not T} p), the expected intersection over the expected
     union. It is 1 where every p is 0 or 1. On the rendered scenes its rank correlation with the
-    true IoU is 0.86, that of the mean of |2 p − 1| over the uncertain pixels 0.26. On 512 scenes
-    held out from training its rank correlation is 0.86, and it is 0.08 too high in the mean
+    true IoU is 0.86, that of the mean of |2 p − 1| over the uncertain pixels 0.26. On 512
+    validation scenes its rank correlation is 0.86, and it is 0.08 too high in the mean
     (`benchmarks/cautions.py`).
 
     Args:
