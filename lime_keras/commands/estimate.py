@@ -25,10 +25,9 @@ if TYPE_CHECKING:
     from lime_keras.lighting.light_files import Clone
 
 _ENGINES = ("onnx", "keras")
-_FAMILIES = ("u2net", "birefnet", "isnet")
 _NORMALS = (".exr", ".png")
-_OF_A_FRAME = ("mask", "albedo", "exponent")  # what a video's table and overlay show
-_VIDEO_ENDS = (".csv", "-overlay.mp4", ".json", ".mtl", ".gltf", "-mitsuba.json", "-preview.png")
+_OF_A_FRAME = ("mask", "albedo", "exponent")  # what a video's table shows
+_VIDEO_ENDS = (".csv", ".json", ".mtl", ".gltf", "-mitsuba.json", "-preview.png")
 
 _EXAMPLE = """
 examples:
@@ -39,8 +38,8 @@ examples:
   lime-estimate turntable.mp4               (or camera:0, until Ctrl-C)
 
 DIR/NAME.json has the numbers of a photo and says what may make them wrong. Beside it are the
-layers, a preview, and the material for Blender (glTF), OBJ and Mitsuba; of a video, a table and a
-clip. DIR/index.html shows all results. Run again, the command keeps the results that would come out
+layers, a preview, and the material for Blender (glTF), OBJ and Mitsuba; of a video, a table.
+DIR/index.html shows all results. Run again, the command keeps the results that would come out
 the same, and goes on where it stopped.
 
 Exit status: 0 done; 1 a file cannot be read or shows no object (standard error names it; the others
@@ -112,12 +111,6 @@ def _add_input(group: argparse._ArgumentGroup) -> None:
         "with one of the same name for each. NAME_mask.png beside a photo, or its transparency, "
         "also counts as its mask",
     )
-    group.add_argument(
-        "--masker",
-        metavar="[FAMILY:]FILE",
-        help="ONNX file of another network that finds the object, and its family: "
-        f"{', '.join(_FAMILIES)} (default: {_FAMILIES[0]}); nothing is downloaded",
-    )
 
 
 def _add_estimated(estimated: argparse._ArgumentGroup) -> None:
@@ -128,12 +121,6 @@ def _add_estimated(estimated: argparse._ArgumentGroup) -> None:
         metavar="NAMES",
         help=f"comma-separated: {', '.join(NEEDED)}; only the subnetworks that these need are run "
         "(default: all)",
-    )
-    estimated.add_argument(
-        "--full-size",
-        action="store_true",
-        help="let the edges of mask and layers follow those of the photo; by default the "
-        "networks' own pixels are interpolated",
     )
 
 
@@ -299,11 +286,8 @@ def _results(options: argparse.Namespace) -> "Results":
     """Return the results in the output folder, with what this run makes them with."""
     from lime_keras.estimate.results import Results, digest
 
-    masker = _masker(options.masker) if options.masker else None
     changing = {
         "only": options.only and sorted(options.only),
-        "full-size": options.full_size,
-        "masker": masker and f"{masker[0]}:{digest(masker[1])}",
         "engine": options.engine if options.engine != _ENGINES[0] else None,
         "precision": options.precision if options.precision != "float32" else None,
         "clone-onto": options.clone_onto and digest(options.clone_onto),
@@ -330,13 +314,6 @@ def _check(options: argparse.Namespace, sources: list[_Source]) -> None:
                 f"{option} {path} is one file for {len(photos)} photos: pass a folder that holds "
                 "one of the same name for each"
             )
-    if options.mask and options.masker:
-        raise ValueError("--mask and --masker both say where the object is: leave one out")
-    if options.masker and not _masker(options.masker)[1].is_file():
-        raise ValueError(
-            f"{_masker(options.masker)[1]} is no file: pass an ONNX file to --masker; none is "
-            "downloaded"
-        )
     # Options that exclude each other.
     if options.only and videos and not set(options.only) & set(_OF_A_FRAME):
         raise ValueError(
@@ -384,27 +361,8 @@ def _clone_onto(options: argparse.Namespace) -> "Clone":
 def _estimator(options: argparse.Namespace, only: tuple[str, ...] | None) -> "Estimator":
     from lime_keras.estimate.estimator import Estimator
 
-    masker = None
-    if options.masker:
-        from lime_keras.runtime.masker import Masker
-
-        family, file = _masker(options.masker)
-        masker = Masker(file, family)
     weights = options.weights or model_folder.FOR_PHOTOS
-    return Estimator(
-        weights,
-        only,
-        options.engine,
-        masker,
-        full_size=options.full_size,
-        precision=options.precision,
-    )
-
-
-def _masker(text: str) -> tuple[str, Path]:
-    """Return the family and the path in `FAMILY:FILE`, or in `FILE` alone."""
-    family, _, file = text.partition(":")
-    return (family, Path(file)) if family in _FAMILIES and file else (_FAMILIES[0], Path(text))
+    return Estimator(weights, only, options.engine, precision=options.precision)
 
 
 def _estimate_video(
@@ -437,7 +395,7 @@ def _estimate_video(
     printer.result(draft.numbers, target.parent, remarks)
     print(
         f"{source}: {summary.frames} frames, an object in {summary.found} of them, "
-        f"{summary.cuts} scene cuts; {summary.table}, {summary.overlay}",
+        f"{summary.cuts} scene cuts; {summary.table}",
         file=sys.stderr,
     )
     return draft.numbers

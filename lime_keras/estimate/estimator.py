@@ -7,14 +7,14 @@ Example:
     print(material.diffuse_albedo, material.specular_albedo, material.exponent)
 """
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, overload
 
 import numpy as np
 
-from lime_keras.estimate import cautions, framing, full_size, recomposition
+from lime_keras.estimate import cautions, framing, recomposition
 from lime_keras.estimate.framing import Square
 from lime_keras.estimate.pictures import Picture, mask_of, photo_of
 from lime_keras.material import Caution, Material
@@ -74,11 +74,6 @@ class Estimator:
         only: names of the estimates to make, out of `outputs.NEEDED`; only the subnetworks that
             these need are loaded and run. By default all estimates that this model can make.
         engine: `onnx` for ONNX Runtime or `keras` (`runtime.engine.load`); or a loaded engine.
-        masker: function that finds the object in place of SegmentationNet, such as
-            `lime_keras.runtime.masker.Masker("u2net.onnx")`: it takes a photo `(H, W, 3)`, float32
-            sRGB in [0, 1], and returns coverage `(H, W)` or `(H, W, 1)` in [0, 1].
-        full_size: whether the edges of the layers follow those of the photo (`full_size`); else
-            the layers are interpolated from the networks' size. The mask's coverage follows.
         streaming: whether single frames follow each other, as in `lime-live`: the engine then keeps
             its memory between them, which makes them faster.
         precision: precision of the graphs that ONNX Runtime runs: `float32`, `float16` or `int8`.
@@ -89,7 +84,7 @@ class Estimator:
         system: name of the system in words.
         gloss_calibration: what makes a probability of the estimated gloss (`optics.gloss`).
         subnetworks: names of the subnetworks that are run, in order; `segmentation` is always
-            among them, but is loaded and run only for photos without a mask; with a masker, never.
+            among them, but is loaded and run only for photos without a mask.
 
     Raises:
         FileNotFoundError: if the folder holds no trained model.
@@ -103,12 +98,9 @@ class Estimator:
         weights: str | Path = FOR_PHOTOS,
         only: Collection[str] | None = None,
         engine: str | Engine = ENGINES[0],
-        masker: Callable[[np.ndarray], np.ndarray] | None = None,
-        full_size: bool = False,
         streaming: bool = False,
         precision: str = PRECISIONS[0],
     ):
-        self._masker = masker
         self._model = weights
         run = model_folder.find(weights)
         self.gloss_calibration = gloss_file.read(run)
@@ -120,7 +112,6 @@ class Estimator:
         if isinstance(only, str):
             raise ValueError(f"only is a list of names: pass [{only!r}]")
         needed = available(self._engine.outputs)
-        self._full_size = full_size
         self._only = set(needed if only is None else only)
         unknown = sorted(self._only - set(needed))
         if unknown or not self._only:
@@ -130,7 +121,7 @@ class Estimator:
             )
         self._outputs = self._outputs_of(self._only)
         self.subnetworks = (
-            *(() if masker else self._engine.subnetworks(["mask"], ["image"])),
+            *self._engine.subnetworks(["mask"], ["image"]),
             *self._engine.subnetworks(self._outputs, ["image", "mask"]),
         )
 
@@ -289,7 +280,7 @@ class Estimator:
             if asked == "diffuse":
                 shading = layers.get("specular_shading")
                 if shading is None:
-                    shading = self._place_layer(view, material.layers["specular_shading"], mask)
+                    shading = self._place_layer(view, material.layers["specular_shading"])
                 layers["diffuse"] = recomposition.diffuse(view.photo, mask, shading, material)
                 layers["recomposed"] = recomposition.recompose(
                     layers["diffuse"], mask, shading, material
@@ -300,7 +291,7 @@ class Estimator:
                     # The sphere is not a part of the photo, so it keeps its own size.
                     layers[name] = material.layers[name]
                 elif OUTPUTS[name].layer == "photo" and name != "mask":
-                    layers[name] = self._place_layer(view, material.layers[name], mask)
+                    layers[name] = self._place_layer(view, material.layers[name])
         if "albedo" not in self._only:
             material = replace(material, diffuse_albedo=None, specular_albedo=None)
         coverage = float(np.mean(mask >= framing.THRESHOLD))
@@ -327,17 +318,13 @@ class Estimator:
             ValueError: if the photo or the mask is refused (see `estimate`).
         """
         image, full, doubts = photo_of(photo)
-        confidence = None
         if mask is not None:
             full = mask_of(mask, *image.shape[:2])
-        elif full is None and self._masker is not None:
-            full = mask_of(self._masker(image), *image.shape[:2])
-            confidence = cautions.confidence(full)
         if full is None:
             return replace(self._cut(image, framing.whole(*image.shape[:2])), doubts=doubts)
         view = self._cut(image, framing.around_mask(full))
         low = framing.cut_layer(full, view.square, self.size)
-        return replace(view, mask=low, supplied_mask=full, confidence=confidence, doubts=doubts)
+        return replace(view, mask=low, supplied_mask=full, doubts=doubts)
 
     def _cut(self, photo: np.ndarray, square: Square) -> View:
         """Return the view of a square in which nothing was looked for yet."""
@@ -432,12 +419,8 @@ class Estimator:
         """Return the mask of a view at the photo's size."""
         if view.supplied_mask is not None:
             return view.supplied_mask
-        if self._full_size:
-            return full_size.mask(view.photo, view.square, view.image, view.mask)
-        return framing.paste(view.mask, view.square, *view.photo.shape[:2])
+        return self._place_layer(view, view.mask)
 
-    def _place_layer(self, view: View, layer: np.ndarray, mask: np.ndarray) -> np.ndarray:
-        """Return a layer of radiance at the photo's size, with the photo's mask `(H, W, 1)`."""
-        if self._full_size:
-            return full_size.radiance(view.photo, view.square, view.image, view.mask, layer, mask)
+    def _place_layer(self, view: View, layer: np.ndarray) -> np.ndarray:
+        """Return a layer of a view at the photo's size."""
         return framing.paste(layer, view.square, *view.photo.shape[:2])

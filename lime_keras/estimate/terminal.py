@@ -13,7 +13,7 @@ from lime_keras.material import srgb_hex
 from lime_keras.optics import gloss
 
 _SWATCH = 4  # width of the colour in letters
-_FORMATS = (".gltf", ".mtl", "-mitsuba.json", "-clone.png", "-overlay.mp4", ".csv", ".json")
+_FORMATS = (".gltf", ".mtl", "-mitsuba.json", "-clone.png", ".csv", ".json")
 """Ends of the files that are named; the layers lie beside them."""
 
 

@@ -4,7 +4,7 @@ Example:
     from lime_keras import estimate_video
 
     summary = estimate_video("turntable.mp4", folder="materials")
-    print(summary.material, summary.table, summary.overlay)
+    print(summary.material, summary.table)
 """
 
 import csv
@@ -24,12 +24,10 @@ from lime_keras.estimate.estimator import Estimator
 from lime_keras.io import atomic
 from lime_keras.io.scanner import is_camera
 from lime_keras.io.video_reader import Footage, Frame
-from lime_keras.io.video_writer import Movie
 from lime_keras.material import Material
 from lime_keras.video import scenes
-from lime_keras.video.overlay import draw
 from lime_keras.video.scenes import Scene, Scenes
-from lime_keras.video.tracking import PARAMETERS, Step, Tracker, material_of
+from lime_keras.video.tracking import PARAMETERS, Step, Tracker
 
 COLUMNS = (
     *("frame", "time", "found", "cut", "coverage"),
@@ -58,7 +56,6 @@ class Summary:
             had an object.
         remarks: messages for the user about the source (see `video_reader.Footage`).
         table: path of the CSV file.
-        overlay: path of the video with outline and panel.
         scenes: the scenes that have an object.
         files: names of all files that were written.
     """
@@ -70,7 +67,6 @@ class Summary:
     material: Material
     remarks: tuple[str, ...]
     table: Path
-    overlay: Path
     scenes: tuple[Scene, ...]
     files: tuple[str, ...]
 
@@ -87,17 +83,17 @@ def estimate_video(
     folder: str | Path = "materials",
     name: str | None = None,
 ) -> Summary:
-    """Estimate every frame of a video, and write its table and overlay frame by frame.
+    """Estimate every frame of a video, and write its table frame by frame.
 
     At the end the fused material of each scene is written, too (`scenes.write`).
 
-    Progress goes to standard error. Ctrl-C leaves both files valid. With a camera, Ctrl-C ends the
+    Progress goes to standard error. Ctrl-C leaves the table valid. With a camera, Ctrl-C ends the
     video in the usual way; with a file, KeyboardInterrupt is raised again.
 
     Args:
         source: path of a video file, or name of a camera (see `video_reader.Footage`).
         estimator: estimator of single frames; by default that of the weights for photos.
-        folder: folder for `NAME.csv`, `NAME-overlay.mp4` and the materials; made if it is missing.
+        folder: folder for `NAME.csv` and the materials; made if it is missing.
         name: NAME of the files; by default that of the video.
 
     Returns:
@@ -122,10 +118,10 @@ def estimate_video(
             **console.bar_options(),
         )
         folder.mkdir(parents=True, exist_ok=True)
-        table, overlay = folder / f"{name}.csv", folder / f"{name}-overlay.mp4"
+        table = folder / f"{name}.csv"
         followed = Scenes()
         try:
-            _follow(shown, estimator or Estimator(only=_ESTIMATED), table, overlay, followed)
+            _follow(shown, estimator or Estimator(only=_ESTIMATED), table, followed)
         except KeyboardInterrupt:
             if not is_camera(source):
                 raise
@@ -139,27 +135,20 @@ def estimate_video(
             material=_last(with_objects, found),
             remarks=tuple(footage.remarks),
             table=table,
-            overlay=overlay,
             scenes=tuple(with_objects),
-            files=(table.name, overlay.name, *scenes.write(folder, name, with_objects)),
+            files=(table.name, *scenes.write(folder, name, with_objects)),
         )
 
 
-def _follow(
-    frames: Iterable[Frame], estimator: Estimator, table: Path, overlay: Path, followed: Scenes
-) -> None:
-    """Estimate and fuse each frame, and write its row and picture."""
+def _follow(frames: Iterable[Frame], estimator: Estimator, table: Path, followed: Scenes) -> None:
+    """Estimate and fuse each frame, and write its row."""
     tracker = Tracker()
-    with _Table(table) as rows, Movie(overlay) as video:
+    with _Table(table) as rows:
         rows.write(COLUMNS)
         for number, frame in enumerate(frames):
             material = estimator.estimate(frame.image_srgb / np.float32(255))
             step = tracker.step(frame.image_srgb, material)
             rows.write(_row(number, frame.time, material, step))
-            status = "new scene" if step.cut else "" if step.found else "no object"
-            shown = material if step.found else Material(layers=material.layers)
-            fused = material_of(step.fused, material.gloss_calibration)
-            video.write(draw(frame.image_srgb, frame.time, status, shown, fused), frame.time)
             followed.add(frame, material, step)
 
 

@@ -160,14 +160,6 @@ def _graph_weights(folder: Path) -> None:
         weights_in_graphs.read(path.read_bytes(), path)
 
 
-def _masker(folder: Path) -> None:
-    import numpy as np
-
-    from lime_keras.runtime.masker import Masker
-
-    Masker(_file(folder))(np.full((16, 24, 3), 0.5, np.float32))
-
-
 # ---- JSON ------------------------------------------------------------------------------------
 
 
@@ -288,7 +280,6 @@ DOORS = {
     "weights": Door(_weights, "weights", 1),
     "graphs": Door(_graphs, "graphs", 1),
     "graph-weights": Door(_graph_weights, "graphs", 4),
-    "masker": Door(_masker, "maskers", 8),
     "run": Door(_run_file, "runs", 8),
     "predictions": Door(_predictions, "predictions", 12),
     "results": Door(_results, "results", 8),

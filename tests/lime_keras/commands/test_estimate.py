@@ -273,39 +273,6 @@ def test_a_mask_beside_a_photo_that_does_not_fit_is_told(mask, told, folder, tin
     assert not out.exists()
 
 
-def test_a_masker_finds_the_object(folder, tiny_model, tmp_path, capsys):
-    """It is taken where no mask is given; its family stands before a colon."""
-    from onnx import TensorProto, helper, save
-
-    weights_file = tmp_path / "left.onnx"
-    half = np.broadcast_to(np.arange(8) < 4, (1, 1, 8, 8)).astype(np.float32) * 0.9
-    made = helper.make_tensor("half", TensorProto.FLOAT, half.shape, half.ravel())
-    ends = [
-        [helper.make_tensor_value_info(name, TensorProto.FLOAT, [1, channels, 8, 8])]
-        for name, channels in (("image", 3), ("mask", 1))
-    ]
-    nodes = [helper.make_node("Constant", [], ["mask"], value=made)]
-    graph = helper.make_graph(nodes, "masker", *ends)
-    opset = [helper.make_opsetid("", 17)]
-    save(helper.make_model(graph, opset_imports=opset, ir_version=8), weights_file)
-    write(folder / "b_mask.png", masked((33, 20), 0, 20))
-    for text in (weights_file, f"isnet:{weights_file}"):
-        arguments = (folder, "--masker", text, "--only", "albedo", "--overwrite")
-        assert run(*arguments, weights_folder=tiny_model, out=tmp_path / "out") == 0
-        assert "(specular, albedo)" in capsys.readouterr().err
-        first, second = (json.loads((tmp_path / "out" / f"{n}.json").read_text()) for n in "ab")
-        assert first["mask_coverage"] == pytest.approx(0.5, abs=0.05)
-        assert 0.8 < first["mask_confidence"] < 0.95
-        assert second["mask_coverage"] == 1 and "mask_confidence" not in second
-    for options, told in (
-        (["--masker", "none.onnx"], "none.onnx is no file: pass an ONNX file to --masker"),
-        (["--masker", weights_file, "--mask", folder / "a.png"], "both say where the object is"),
-    ):
-        arguments = (folder / "a.png", *options)
-        assert run(*arguments, weights_folder=tiny_model, out=tmp_path / "no") == 1
-        assert told in capsys.readouterr().err and not (tmp_path / "no").exists()
-
-
 @pytest.fixture
 def blind(monkeypatch):
     """SegmentationNet finds nothing."""
@@ -422,7 +389,7 @@ def test_photos_and_videos_take_nothing_of_the_extras(folder, tmp_path):
     assert answer.returncode == 0, answer.stderr
     assert json.loads((tmp_path / "out" / "a.json").read_text())["specular_albedo"] >= 0
     assert (tmp_path / "out" / "a-preview.png").is_file()
-    assert (tmp_path / "out" / "clip-overlay.mp4").is_file()
+    assert (tmp_path / "out" / "clip.csv").is_file()
 
 
 def ball(size):

@@ -1,4 +1,4 @@
-"""From clips to tables and overlays: fusion, cuts, lost objects, interruptions."""
+"""From clips to tables: fusion, cuts, lost objects, interruptions."""
 
 import csv
 import dataclasses
@@ -12,7 +12,6 @@ from clips import NOTHING, material
 from lime_keras import Estimator, Material
 from lime_keras.estimate.cautions import NO_OBJECT
 from lime_keras.io import video_reader
-from lime_keras.io.video_reader import Footage
 from lime_keras.material import Caution
 from lime_keras.video.estimate_video import estimate_video
 from lime_keras.video.fusion import Fusion
@@ -84,11 +83,6 @@ def test_the_table_and_the_summary(tmp_path):
     assert (summary.frames, summary.found, summary.cuts, summary.remarks) == (11, 9, 1, ())
     assert summary.seconds == pytest.approx(10 / 25, abs=1e-3)
     np.testing.assert_allclose(parameters_of(summary), fused, rtol=1e-6)
-    with Footage(str(summary.overlay)) as footage:
-        shown = list(footage)
-    assert summary.overlay == tmp_path / "out" / "vase-overlay.mp4" and len(shown) == 11
-    assert shown[0].image_srgb.shape == (480, 640 + 280, 3)
-    np.testing.assert_allclose([f.time for f in shown], np.arange(11) / 25, atol=1e-3)
 
 
 def parameters_of(summary):
@@ -162,13 +156,11 @@ def test_progress_goes_to_standard_error(tmp_path, capsys):
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt(), ValueError("broken")])
-def test_what_stops_a_file_leaves_valid_files(error, tmp_path):
+def test_what_stops_a_file_leaves_a_valid_table(error, tmp_path):
     with pytest.raises(type(error)):
         run(tmp_path, scene(9, 0), [*map(material, range(5)), error])
     table = rows(tmp_path / "out" / "vase.csv")
     assert len(table) == 5 and None not in table[-1].values()
-    with Footage(str(tmp_path / "out" / "vase-overlay.mp4")) as footage:
-        assert len(list(footage)) == 5
 
 
 def test_the_table_can_be_read_while_it_grows(tmp_path):
