@@ -50,7 +50,7 @@ ROWS = {
     "render": (
         ("mitsuba_setup", "shapes", "rooms"),
         ("scene",),
-        ("jobs", "inspect", "cloning", "cards"),
+        ("jobs", "inspect", "cloning"),
         ("corpus",),
         ("commands",),
         ("cli",),
