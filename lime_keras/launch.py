@@ -38,8 +38,8 @@ def evaluate() -> int:
 
 
 def estimate() -> int:
-    """Run `lime-estimate`."""
-    return _launch("commands.estimate")
+    """Run `lime-estimate`, whose clones are rendered."""
+    return _launch("render.commands.clone")
 
 
 def export() -> int:

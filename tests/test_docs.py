@@ -26,7 +26,7 @@ HISTORY = {CARD, DOCS / "results.md", *(DOCS / "lab").glob("*.md")}
 """Pages that tell how something came about, also by commands of earlier versions."""
 TEXTS = [*PAGES, ROOT / "README.md", ROOT / "CONTRIBUTING.md", CARD]
 COMMANDS = {
-    "lime-estimate": "lime_keras.commands.estimate",
+    "lime-estimate": "lime_keras.render.commands.clone",
     "lime-export": "lime_keras.commands.export",
     "lime-live": "lime_keras.commands.live",
     "lime-render": "lime_keras.render.cli",

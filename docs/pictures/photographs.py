@@ -8,9 +8,9 @@ import numpy as np
 import trimesh
 from PIL import Image, ImageDraw, ImageFont
 
-from lime_keras.commands import estimate
 from lime_keras.estimate import preview
 from lime_keras.estimate.framing import Square
+from lime_keras.render.commands import clone
 from lime_keras.render.shapes import lathe
 
 VASE = 8
@@ -32,7 +32,7 @@ def main(photos: list[Path], mesh: Path | None, out: Path) -> None:
         folder = Path(scratch)
         shape = mesh or _vase(folder / "vase.ply")
         options = ["--clone-onto", str(shape), "--shadow", "--out", str(folder / "materials")]
-        if status := estimate.main([*map(str, photos), *options]):
+        if status := clone.main([*map(str, photos), *options]):
             raise SystemExit(status)
         _page(folder / "materials", [photo.stem for photo in photos]).save(
             out / "photographs.webp", quality=86

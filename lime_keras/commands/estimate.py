@@ -3,17 +3,15 @@
 import argparse
 import contextlib
 import functools
-import itertools
 import os
-import re
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
-from lime_keras import console, processors
+from lime_keras import console
 from lime_keras.commands import model_option
-from lime_keras.io.scanner import SUFFIXES, inside, is_camera, is_video, photo_of_mask
+from lime_keras.io.scanner import SUFFIXES, inside, is_video, photo_of_mask
 from lime_keras.model import folder as model_folder
 from lime_keras.outputs import NEEDED
 from lime_keras.version import __version__
@@ -27,7 +25,7 @@ if TYPE_CHECKING:
 _ENGINES = ("onnx", "keras")
 _NORMALS = (".exr", ".png")
 _OF_A_FRAME = ("mask", "albedo", "exponent")  # what a video's table shows
-_VIDEO_ENDS = (".csv", ".json", ".mtl", ".gltf", "-mitsuba.json", "-preview.png")
+INTERRUPTED = "what is done so far is in the output folder"
 
 _EXAMPLE = """
 examples:
@@ -35,7 +33,7 @@ examples:
   lime-estimate cup.jpg --mask mask.png --weights runs/mine
   lime-estimate cup.jpg --clone-onto teapot.ply --shadow
   lime-estimate photos/ --out materials --only albedo,exponent
-  lime-estimate turntable.mp4               (or camera:0, until Ctrl-C)
+  lime-estimate turntable.mp4
 
 DIR/NAME.json has the numbers of a photo and says what may make them wrong. Beside it are the
 layers, a preview, and the material for Blender (glTF), OBJ and Mitsuba; of a video, a table.
@@ -47,26 +45,6 @@ are done), or options contradict each other; 2 an option is unknown; 130 interru
 
 More: docs/how-to/photos.md, docs/how-to/folders.md, docs/how-to/videos.md, docs/how-to/light.md.
 """
-
-
-class _Source(NamedTuple):
-    """A photo or a video.
-
-    Attributes:
-        text: path of its file, or name of a camera.
-        place: path after which its files are named: relative to the folder it was found in.
-    """
-
-    text: str
-    place: Path
-
-    @property
-    def is_video(self) -> bool:
-        return is_video(self.text)
-
-    @property
-    def file(self) -> Path | None:
-        return None if is_camera(self.text) else Path(self.text)
 
 
 def parser() -> argparse.ArgumentParser:
@@ -82,7 +60,7 @@ def parser() -> argparse.ArgumentParser:
     _add_input(out.add_argument_group("input"))
     _add_estimated(out.add_argument_group("what is estimated"))
     _add_output(out.add_argument_group("output"))
-    _add_light(out.add_argument_group("light and clone"))
+    _add_light(out.add_argument_group("light"))
     speed = out.add_argument_group("speed")
     speed.add_argument(
         "--engine",
@@ -100,8 +78,9 @@ def _add_input(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "sources",
         nargs="+",
+        type=Path,
         metavar="PHOTO",
-        help="picture, video, camera, or folder of pictures and videos at any depth",
+        help="picture, video, or folder of pictures and videos at any depth",
     )
     group.add_argument(
         "--mask",
@@ -133,16 +112,6 @@ def _add_output(output: argparse._ArgumentGroup) -> None:
         help="folder of the results (default: materials)",
     )
     output.add_argument(
-        "--json",
-        action="store_true",
-        help="print one line of JSON for each photo at a terminal, too; a pipe always gets it",
-    )
-    output.add_argument(
-        "--folders",
-        action="store_true",
-        help="give each photo's files a folder of their own, DIR/NAME/",
-    )
-    output.add_argument(
         "--overwrite",
         action="store_true",
         help="make all results again, and replace those of other photos, weights or options; "
@@ -159,96 +128,105 @@ def _add_light(light: argparse._ArgumentGroup) -> None:
         "photo's size: OpenEXR, or PNG of (n + 1) / 2; for several photos, a folder as for --mask. "
         "The light is then written as DIR/NAME-environment.exr",
     )
-    light.add_argument(
-        "--clone-onto",
-        type=Path,
-        metavar="MESH",
-        help="mesh to render in the object's place: DIR/NAME-clone.png; without --normals they are "
-        "guessed from the mask",
-    )
-    light.add_argument(
-        "--up",
-        choices=("y", "z"),
-        help="axis that points up in the mesh of --clone-onto (default: y)",
-    )
-    light.add_argument(
-        "--shadow",
-        action="store_true",
-        help="let the mesh of --clone-onto cast a shadow on the ground it stands on",
-    )
 
 
 def main(argv: list[str] | None = None) -> int:
     """Estimate the materials in photos and videos and return the exit status."""
     options = parser().parse_args(argv)
-    if not (options.normals or options.clone_onto):
+    return console.run(lambda: run(options), INTERRUPTED)
+
+
+def run(
+    options: argparse.Namespace,
+    clone_options: Mapping[str, object] | None = None,
+    make_clone: "Callable[[], Clone] | None" = None,
+) -> int:
+    """Estimate what the options name, and return the exit status.
+
+    Args:
+        options: options of `parser`.
+        clone_options: options that change a clone, by name, for the results' provenance.
+        make_clone: function that returns the renderer of clones; called once the options are
+            checked. None to render none.
+    """
+    missing = [path for path in options.sources if not os.path.exists(path)]
+    for path in missing:
+        print(f"error: {path} does not exist: check its name", file=sys.stderr)
+    sources = _sorted(path for path in options.sources if path not in missing)
+    if not sources:
+        return 1
+    _check(options, list(sources), clones=make_clone is not None)
+    if not (options.normals or make_clone):
         # Threads that wait for the next small product by spinning would take the processor from
         # the networks and the writers; the products of a light or a clone are large.
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    return console.run(lambda: _estimate(options), "what is done so far is in the output folder")
-
-
-def _estimate(options: argparse.Namespace) -> int:
-    there = [is_camera(text) or os.path.exists(text) for text in options.sources]
-    missing = [text for text, is_there in zip(options.sources, there, strict=True) if not is_there]
-    for text in missing:
-        print(f"error: {text} does not exist: check its name", file=sys.stderr)
-    sources = _sorted(itertools.compress(options.sources, there))
-    if not sources:
-        return 1
-    _check(options, sources)
     # Mitsuba must be imported before TensorFlow, or the process crashes.
-    clone = _clone_onto(options) if options.clone_onto else None
+    clone = make_clone() if make_clone else None
     from lime_keras.io import atomic, locking
 
     with contextlib.ExitStack() as locked:
         with atomic.naming_writer(options.out):
             locked.enter_context(locking.lock_folder(options.out, "lime-estimate is writing into"))
-        failed = _write(options, clone, sources, len(missing))
+        results = _results(options, clone_options or {})
+        failed = _write(options, results, clone, sources, len(missing))
     return 1 if failed else 0
 
 
 def _write(
-    options: argparse.Namespace, clone: "Clone | None", sources: list[_Source], missing: int
+    options: argparse.Namespace,
+    results: "Results",
+    clone: "Clone | None",
+    sources: Mapping[Path, Path],
+    missing: int,
 ) -> int:
-    """Write all results, and return how many sources, with the missing ones, have none."""
+    """Write all results, and return how many sources, with the missing ones, have none.
+
+    Args:
+        options: options of the command.
+        results: folder of the results.
+        clone: renderer of clones.
+        sources: places of the sources (`_sorted`).
+        missing: number of sources that are not there.
+    """
     from lime_keras.estimate import gallery
     from lime_keras.estimate.batch import Batch
+    from lime_keras.estimate.files import distinct_names
     from lime_keras.estimate.terminal import Printer
 
     # Print the results that are there already; refuse to begin if another is in the way.
     gallery.check(options.out)
-    results = _results(options)
-    named = _named(sources, results, folders=options.folders)
-    printer = Printer(for_people=sys.stdout.isatty() and not options.json)
-    light = bool(options.normals or options.clone_onto)
+    names = results.keep_names(distinct_names(sources.values()), [*sources], [*sources.values()])
+    named = dict(zip(names, sources, strict=True))
+    printer = Printer(for_people=sys.stdout.isatty())
+    light = bool(options.normals or clone)
     batch = Batch(
         results, printer, masks=options.mask, light=light, normals=options.normals, clone=clone
     )
-    batch.check_names([Path(source.text) for source in sources if not source.is_video])
+    batch.check_names(path for path in sources if not is_video(path))
     provenances = {
-        name: functools.partial(results.provenance, source.file, {})
-        if source.is_video
-        else functools.partial(batch.provenance, Path(source.text))
-        for name, source in named.items()
+        name: functools.partial(results.provenance, path, {})
+        if is_video(path)
+        else functools.partial(batch.provenance, path)
+        for name, path in named.items()
     }
     existing = results.existing(provenances)
     for name, content in existing.items():
         printer.existing(content, results.json(name).parent)
 
     # Estimate the others.
-    left = {name: source for name, source in named.items() if name not in existing}
-    photos = {name: Path(source.text) for name, source in left.items() if not source.is_video}
-    videos = {name: source.text for name, source in left.items() if source.is_video}
+    left = {name: path for name, path in named.items() if name not in existing}
+    photos = {name: path for name, path in left.items() if not is_video(path)}
     of_videos: dict[str, dict[str, Any]] = {}
     try:
         if photos:
             batch.run(_estimator(options, options.only), photos)
-        if videos:
+        if len(photos) < len(left):
             estimator = _estimator(options, options.only or _OF_A_FRAME)
-            for name, video in videos.items():
-                if summary := _estimate_video(
-                    estimator, video, results, name, provenances[name], printer
+            for name, path in left.items():
+                if is_video(path) and (
+                    summary := _estimate_video(
+                        estimator, path, results, name, provenances[name](), printer
+                    )
                 ):
                     of_videos[name] = summary
     finally:
@@ -270,38 +248,22 @@ def _write(
     return failed + empty
 
 
-def _named(sources: list[_Source], results: "Results", *, folders: bool) -> dict[str, _Source]:
-    """Return the sources by the names of their results, each of which may get a folder."""
-    from lime_keras.estimate.files import distinct_names
-
-    places = [source.place for source in sources]
-    names = distinct_names(places)
-    if folders:
-        names = [f"{name}/{Path(name).name}" for name in names]
-    names = results.keep_names(names, [source.file for source in sources], places)
-    return dict(zip(names, sources, strict=True))
-
-
-def _results(options: argparse.Namespace) -> "Results":
+def _results(options: argparse.Namespace, clone_options: Mapping[str, object]) -> "Results":
     """Return the results in the output folder, with what this run makes them with."""
-    from lime_keras.estimate.results import Results, digest
+    from lime_keras.estimate.results import Results
 
     changing = {
         "only": options.only and sorted(options.only),
         "engine": options.engine if options.engine != _ENGINES[0] else None,
         "precision": options.precision if options.precision != "float32" else None,
-        "clone-onto": options.clone_onto and digest(options.clone_onto),
-        "up": options.up,
-        "shadow": options.shadow,
     }
     weights = model_folder.digest(model_folder.find(options.weights or model_folder.FOR_PHOTOS))
-    return Results(options.out, weights, changing, overwrite=options.overwrite)
+    return Results(options.out, weights, changing | clone_options, overwrite=options.overwrite)
 
 
-def _check(options: argparse.Namespace, sources: list[_Source]) -> None:
+def _check(options: argparse.Namespace, sources: list[Path], *, clones: bool) -> None:
     """Raise an error if options cannot be carried out, before anything is loaded."""
-    photos = [source.text for source in sources if not source.is_video]
-    videos = [source.text for source in sources if source.is_video]
+    videos = list(filter(is_video, sources))
     # Folders and files.
     console.check_folder(options.out, "--out")
     for option, path in (("--mask", options.mask), ("--normals", options.normals)):
@@ -309,9 +271,9 @@ def _check(options: argparse.Namespace, sources: list[_Source]) -> None:
             raise ValueError(f"{option} is for photos, and {videos[0]} is a video: leave one out")
         if path and not path.exists():
             raise ValueError(f"{path} does not exist: check what is passed to {option}")
-        if path and not path.is_dir() and len(photos) > 1:
+        if path and not path.is_dir() and len(sources) > 1:
             raise ValueError(
-                f"{option} {path} is one file for {len(photos)} photos: pass a folder that holds "
+                f"{option} {path} is one file for {len(sources)} photos: pass a folder that holds "
                 "one of the same name for each"
             )
     # Options that exclude each other.
@@ -320,42 +282,20 @@ def _check(options: argparse.Namespace, sources: list[_Source]) -> None:
             f"a video leaves no layers, so --only {','.join(options.only)} leaves nothing of "
             f"{videos[0]}: choose from {', '.join(_OF_A_FRAME)}"
         )
-    if options.clone_onto and videos:
+    if clones and videos:
         raise ValueError(
             f"--clone-onto is for photos, and {videos[0]} is a video, whose light and outline "
             "would flicker from frame to frame: pass a frame of it as a photo"
         )
-    if options.only and (options.normals or options.clone_onto):
+    if options.only and (options.normals or clones):
         raise ValueError("--normals and --clone-onto take the whole estimate: leave out --only")
-    if not options.clone_onto and (options.up or options.shadow):
-        raise ValueError("--up and --shadow say how a mesh is shown: pass one to --clone-onto")
     # What options need.
     if options.weights:
         model_folder.files(options.weights)
-    if options.clone_onto:
-        console.require("--clone-onto", "mitsuba", "trimesh", "scipy", "skimage")
     if options.normals:
         console.require("--normals", "scipy", "skimage")
         if options.normals.is_file() and options.normals.suffix.lower() not in _NORMALS:
             raise ValueError(f"{options.normals}: save normals as OpenEXR or PNG")
-    if options.clone_onto and not options.clone_onto.is_file():
-        raise ValueError(f"{options.clone_onto} is no file: pass a mesh to --clone-onto")
-    if options.clone_onto:
-        from lime_keras.render.shapes import meshes
-
-        meshes.check_kind(options.clone_onto)
-
-
-def _clone_onto(options: argparse.Namespace) -> "Clone":
-    """Return the function that renders a material on the mesh, and set Mitsuba up for it."""
-    from lime_keras.render.mitsuba_setup import variants
-
-    variants.activate(variants.choose(), processors.count())
-    from lime_keras.render import cloning
-
-    return functools.partial(
-        cloning.clone, mesh_path=options.clone_onto, up=options.up or "y", shadow=options.shadow
-    )
 
 
 def _estimator(options: argparse.Namespace, only: tuple[str, ...] | None) -> "Estimator":
@@ -367,10 +307,10 @@ def _estimator(options: argparse.Namespace, only: tuple[str, ...] | None) -> "Es
 
 def _estimate_video(
     estimator: "Estimator",
-    source: str,
+    source: Path,
     results: "Results",
     name: str,
-    provenance: Callable[[], dict[str, Any]],
+    provenance: Mapping[str, Any],
     printer: "Printer",
 ) -> dict[str, Any] | None:
     """Estimate a video and print its material; return the content of its JSON, None if it fails."""
@@ -379,9 +319,9 @@ def _estimate_video(
 
     target = results.json(name)
     try:
-        with results.growing(name, provenance(), _VIDEO_ENDS) as draft:
-            summary = estimate_video(source, estimator, target.parent, target.stem)
-            draft.numbers, draft.files = {"video": source} | summary.to_json(), [*summary.files]
+        with results.writing(name, provenance) as draft:
+            summary = estimate_video(source, estimator, draft.folder, target.stem)
+            draft.numbers = {"video": str(source)} | summary.to_json()
     except ValueError as error:
         printer.error(str(error))
         return None
@@ -395,29 +335,29 @@ def _estimate_video(
     printer.result(draft.numbers, target.parent, remarks)
     print(
         f"{source}: {summary.frames} frames, an object in {summary.found} of them, "
-        f"{summary.cuts} scene cuts; {summary.table}",
+        f"{summary.cuts} scene cuts; {target.with_name(summary.table.name)}",
         file=sys.stderr,
     )
     return draft.numbers
 
 
-def _sorted(texts: Iterable[str]) -> list[_Source]:
-    """Return the photos, then the videos, among the sources and in the folders among them."""
-    sources: dict[str, _Source] = {}
-    for text in texts:
-        path = Path(text)
-        if not is_camera(text) and path.is_dir():
-            files = {str(file): file.relative_to(path) for file in inside(path)}
+def _sorted(sources: Iterable[Path]) -> dict[Path, Path]:
+    """Return the photos, then the videos, among the sources and in the folders among them.
+
+    Each has its place: the path after which its files are named, relative to the folder that it was
+    found in.
+    """
+    places: dict[Path, Path] = {}
+    for path in sources:
+        if path.is_dir():
+            files = {file: file.relative_to(path) for file in inside(path)}
             if not files:
                 raise ValueError(
                     f"{path} has no pictures: their names end in {', '.join(SUFFIXES)}"
                 )
+            places |= files
         elif masked := photo_of_mask(path):
             print(f"{path} is the mask of {masked}, not a photo", file=sys.stderr)
-            continue
         else:
-            # The files of a camera need a valid name; `./a.png` is `a.png`.
-            camera = {text: Path(re.sub("[:/]", "-", text))}
-            files = camera if is_camera(text) else {str(path): Path(path.name)}
-        sources |= {name: _Source(name, place) for name, place in files.items()}
-    return sorted(sources.values(), key=lambda source: source.is_video)
+            places[path] = Path(path.name)
+    return dict(sorted(places.items(), key=lambda source: is_video(source[0])))

@@ -8,12 +8,12 @@ Example:
 """
 
 import csv
+import io
 import itertools
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Self
 
 import numpy as np
 from tqdm import tqdm
@@ -22,8 +22,7 @@ from lime_keras import console
 from lime_keras.estimate.cautions import NO_OBJECT
 from lime_keras.estimate.estimator import Estimator
 from lime_keras.io import atomic
-from lime_keras.io.scanner import is_camera
-from lime_keras.io.video_reader import Footage, Frame
+from lime_keras.io.video_reader import Footage
 from lime_keras.material import Material
 from lime_keras.video import scenes
 from lime_keras.video.scenes import Scene, Scenes
@@ -36,10 +35,7 @@ COLUMNS = (
     *("mask_confidence", "warnings"),
 )
 """Columns of the table that `estimate_video` writes; warnings are codes with a space between."""
-
-
-_ESTIMATED = ("mask", "albedo", "exponent")
-"""What is estimated of a frame by default: a video leaves no layers."""
+_ESTIMATED = ("mask", "albedo", "exponent")  # estimates of a frame by default; layers are not kept
 
 
 @dataclass(frozen=True)
@@ -83,28 +79,26 @@ def estimate_video(
     folder: str | Path = "materials",
     name: str | None = None,
 ) -> Summary:
-    """Estimate every frame of a video, and write its table frame by frame.
+    """Estimate every frame of a video, and write its table and the material of each scene.
 
-    At the end the fused material of each scene is written, too (`scenes.write`).
-
-    Progress goes to standard error. Ctrl-C leaves the table valid. With a camera, Ctrl-C ends the
-    video in the usual way; with a file, KeyboardInterrupt is raised again.
+    Progress goes to standard error. After an interruption nothing was written.
 
     Args:
-        source: path of a video file, or name of a camera (see `video_reader.Footage`).
+        source: path of a video file.
         estimator: estimator of single frames; by default that of the weights for photos.
-        folder: folder for `NAME.csv` and the materials; made if it is missing.
+        folder: folder for `NAME.csv` and the materials (`scenes.write`); made if it is missing.
         name: NAME of the files; by default that of the video.
 
     Returns:
         Counts, fused material and paths of the files.
 
     Raises:
-        ValueError: if the source cannot be opened or holds no picture; nothing is written then.
+        ValueError: if the source cannot be opened or holds no picture.
         OSError: if a file cannot be written.
     """
-    source, folder = str(source), Path(folder)
-    name = name or ("camera" if is_camera(source) else Path(source).stem)
+    source, folder = Path(source), Path(folder)
+    name = name or source.stem
+    estimator = estimator or Estimator(only=_ESTIMATED)
     with Footage(source) as footage:
         pictures = iter(footage)
         first = next(pictures, None)
@@ -117,39 +111,31 @@ def estimate_video(
             unit="frame",
             **console.bar_options(),
         )
-        folder.mkdir(parents=True, exist_ok=True)
-        table = folder / f"{name}.csv"
-        followed = Scenes()
-        try:
-            _follow(shown, estimator or Estimator(only=_ESTIMATED), table, followed)
-        except KeyboardInterrupt:
-            if not is_camera(source):
-                raise
-        with_objects = followed.with_objects()
-        found = sum(scene.found for scene in followed.every)
-        return Summary(
-            frames=sum(scene.frames for scene in followed.every),
-            found=found,
-            cuts=sum(scene.is_cut for scene in followed.every),
-            seconds=followed.every[-1].end,
-            material=_last(with_objects, found),
-            remarks=tuple(footage.remarks),
-            table=table,
-            scenes=tuple(with_objects),
-            files=(table.name, *scenes.write(folder, name, with_objects)),
-        )
-
-
-def _follow(frames: Iterable[Frame], estimator: Estimator, table: Path, followed: Scenes) -> None:
-    """Estimate and fuse each frame, and write its row."""
-    tracker = Tracker()
-    with _Table(table) as rows:
-        rows.write(COLUMNS)
-        for number, frame in enumerate(frames):
+        # Estimate and fuse each frame.
+        text, tracker, followed = io.StringIO(), Tracker(), Scenes()
+        rows = csv.writer(text)
+        rows.writerow(COLUMNS)
+        for number, frame in enumerate(shown):
             material = estimator.estimate(frame.image_srgb / np.float32(255))
             step = tracker.step(frame.image_srgb, material)
-            rows.write(_row(number, frame.time, material, step))
+            rows.writerow(_row(number, frame.time, material, step))
             followed.add(frame, material, step)
+    # Write the table and the scenes.
+    table = folder / f"{name}.csv"
+    atomic.write(table, text.getvalue())
+    with_objects = followed.with_objects()
+    found = sum(scene.found for scene in followed.every)
+    return Summary(
+        frames=sum(scene.frames for scene in followed.every),
+        found=found,
+        cuts=sum(scene.is_cut for scene in followed.every),
+        seconds=followed.every[-1].end,
+        material=_last(with_objects, found),
+        remarks=tuple(footage.remarks),
+        table=table,
+        scenes=tuple(with_objects),
+        files=(table.name, *scenes.write(folder, name, with_objects)),
+    )
 
 
 def _last(with_objects: list[Scene], found: int) -> Material:
@@ -157,27 +143,6 @@ def _last(with_objects: list[Scene], found: int) -> Material:
     if not with_objects:
         return Material(warnings=() if found else (NO_OBJECT,))
     return replace(with_objects[-1].material, mask_coverage=None, square=None, layers={})
-
-
-class _Table:
-    """A CSV file that is written line by line, so that it can be read while it grows."""
-
-    def __init__(self, path: Path):
-        self._path = path
-        with atomic.naming_writer(path):
-            self._file = path.open("w", newline="", buffering=1, encoding="utf-8")
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        with atomic.naming_writer(self._path):
-            self._file.close()
-
-    def write(self, cells: Iterable[str]) -> None:
-        """Append a row."""
-        with atomic.naming_writer(self._path):
-            csv.writer(self._file).writerow(cells)
 
 
 def _row(number: int, seconds: float, material: Material, step: Step) -> Iterator[str]:

@@ -86,7 +86,7 @@ def _mesh(folder: Path) -> None:
 def _video(folder: Path) -> None:
     from lime_keras.io.video_reader import Footage
 
-    with Footage(str(_file(folder))) as footage:
+    with Footage(_file(folder)) as footage:
         for _ in itertools.islice(footage, 100):
             pass
 

@@ -12,6 +12,7 @@ import pytest
 from lime_keras.commands import estimate as estimate_cli
 from lime_keras.io import locking
 from lime_keras.io.photo import read_srgb, write
+from lime_keras.render.commands import clone
 
 
 def photo(seed=0, shape=(40, 50)):
@@ -55,15 +56,6 @@ def test_folders_below_are_searched_and_kept(folder, tmp_path, capsys):
     assert (out / "index.html").is_file()
     assert len((out / "materials.csv").read_text().splitlines()) == 5
     assert not (out / "one" / "index.html").exists()
-
-
-def test_each_photo_may_have_its_folder(folder, tmp_path):
-    out = tmp_path / "out"
-    assert run(folder / "a.png", folder / "one", "--folders", out=out) == 0
-    assert numbers(out) == ["a-2/a-2.json", "a/a.json", "two/a-2/a-2.json", "two/a/a.json"]
-    assert {path.name for path in (out / "a").iterdir()} == {
-        *("a.json", "a-mask.png", "a-preview.png"),
-    }
 
 
 def test_a_second_command_is_refused_while_one_writes_there(folder, tmp_path, capsys):
@@ -240,14 +232,16 @@ def test_a_broken_video_leaves_no_result(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        (["--clone-onto", "CLIP"], "--clone-onto is for photos, and"),
+        (["--clone-onto", "MESH"], "--clone-onto is for photos, and"),
         (["--only", "diffuse"], "a video leaves no layers, so --only diffuse leaves nothing"),
     ],
     ids=["clone", "layers"],
 )
 def test_what_videos_cannot_give_is_refused(arguments, told, clip, tmp_path, capsys):
-    given = [str(clip) if argument == "CLIP" else argument for argument in arguments]
-    assert estimate_video(clip, tmp_path / "out", *given) == 1
+    mesh = tmp_path / "mesh.ply"
+    mesh.touch()
+    given = [str(mesh) if argument == "MESH" else argument for argument in arguments]
+    assert clone.main([str(clip), *given, "--out", str(tmp_path / "out")]) == 1
     assert told in capsys.readouterr().err and not (tmp_path / "out").exists()
 
 

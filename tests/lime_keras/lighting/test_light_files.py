@@ -106,9 +106,7 @@ def test_the_command_loads_mitsuba_before_tensorflow(picture, tiny_model, mesh, 
     image, mask = picture
     photo.write(tmp_path / "photo.png", image)
     photo.write(tmp_path / "mask.png", mask)
-    program = (
-        "import sys; from lime_keras.commands.estimate import main; sys.exit(main(sys.argv[1:]))"
-    )
+    program = "import sys; from lime_keras.render.commands import clone; sys.exit(clone.main())"
     command = [sys.executable, "-c", program, str(tmp_path / "photo.png")]
     options = {"--mask": tmp_path / "mask.png", "--clone-onto": mesh, "--weights": tiny_model}
     for option, value in (options | {"--out": tmp_path / "out"}).items():
