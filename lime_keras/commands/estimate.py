@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 _ENGINES = ("onnx", "keras")
 _NORMALS = (".exr", ".png")
-_OF_A_FRAME = ("mask", "albedo", "exponent")  # what a video's table shows
+_OF_A_FRAME = ("mask", "albedo", "exponent")  # what a video's table and overlay show
 INTERRUPTED = "what is done so far is in the output folder"
 
 _EXAMPLE = """
@@ -36,8 +36,8 @@ examples:
   lime-estimate turntable.mp4
 
 DIR/NAME.json has the numbers of a photo and says what may make them wrong. Beside it are the
-layers, a preview, and the material for Blender (glTF), OBJ and Mitsuba; of a video, a table.
-DIR/index.html shows all results. Run again, the command keeps the results that would come out
+layers, a preview, and the material for Blender (glTF), OBJ and Mitsuba; of a video, a table and a
+clip. DIR/index.html shows all results. Run again, the command keeps the results that would come out
 the same, and goes on where it stopped.
 
 Exit status: 0 done; 1 a file cannot be read or shows no object (standard error names it; the others
@@ -100,6 +100,12 @@ def _add_estimated(estimated: argparse._ArgumentGroup) -> None:
         metavar="NAMES",
         help=f"comma-separated: {', '.join(NEEDED)}; only the subnetworks that these need are run "
         "(default: all)",
+    )
+    estimated.add_argument(
+        "--full-size",
+        action="store_true",
+        help="let the edges of mask and layers follow those of the photo; by default the "
+        "networks' own pixels are interpolated",
     )
 
 
@@ -254,11 +260,12 @@ def _results(options: argparse.Namespace, clone_options: Mapping[str, object]) -
 
     changing = {
         "only": options.only and sorted(options.only),
+        "full-size": options.full_size,
         "engine": options.engine if options.engine != _ENGINES[0] else None,
         "precision": options.precision if options.precision != "float32" else None,
     }
     weights = model_folder.digest(model_folder.find(options.weights or model_folder.FOR_PHOTOS))
-    return Results(options.out, weights, changing | clone_options, overwrite=options.overwrite)
+    return Results(options.out, weights, {**changing, **clone_options}, overwrite=options.overwrite)
 
 
 def _check(options: argparse.Namespace, sources: list[Path], *, clones: bool) -> None:
@@ -302,7 +309,13 @@ def _estimator(options: argparse.Namespace, only: tuple[str, ...] | None) -> "Es
     from lime_keras.estimate.estimator import Estimator
 
     weights = options.weights or model_folder.FOR_PHOTOS
-    return Estimator(weights, only, options.engine, precision=options.precision)
+    return Estimator(
+        weights,
+        only,
+        options.engine,
+        full_size=options.full_size,
+        precision=options.precision,
+    )
 
 
 def _estimate_video(
@@ -335,7 +348,8 @@ def _estimate_video(
     printer.result(draft.numbers, target.parent, remarks)
     print(
         f"{source}: {summary.frames} frames, an object in {summary.found} of them, "
-        f"{summary.cuts} scene cuts; {target.with_name(summary.table.name)}",
+        f"{summary.cuts} scene cuts; {target.with_name(summary.table.name)}, "
+        f"{target.with_name(summary.overlay.name)}",
         file=sys.stderr,
     )
     return draft.numbers

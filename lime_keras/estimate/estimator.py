@@ -14,7 +14,7 @@ from typing import Any, overload
 
 import numpy as np
 
-from lime_keras.estimate import cautions, framing, recomposition
+from lime_keras.estimate import cautions, framing, full_size, recomposition
 from lime_keras.estimate.framing import Square
 from lime_keras.estimate.pictures import Picture, mask_of, photo_of
 from lime_keras.material import Caution, Material
@@ -74,6 +74,8 @@ class Estimator:
         only: names of the estimates to make, out of `outputs.NEEDED`; only the subnetworks that
             these need are loaded and run. By default all estimates that this model can make.
         engine: `onnx` for ONNX Runtime or `keras` (`runtime.engine.load`); or a loaded engine.
+        full_size: whether the edges of the layers follow those of the photo (`full_size`); else
+            the layers are interpolated from the networks' size. The mask's coverage follows.
         streaming: whether single frames follow each other, as in `lime-live`: the engine then keeps
             its memory between them, which makes them faster.
         precision: precision of the graphs that ONNX Runtime runs: `float32`, `float16` or `int8`.
@@ -98,6 +100,7 @@ class Estimator:
         weights: str | Path = FOR_PHOTOS,
         only: Collection[str] | None = None,
         engine: str | Engine = ENGINES[0],
+        full_size: bool = False,
         streaming: bool = False,
         precision: str = PRECISIONS[0],
     ):
@@ -112,6 +115,7 @@ class Estimator:
         if isinstance(only, str):
             raise ValueError(f"only is a list of names: pass [{only!r}]")
         needed = available(self._engine.outputs)
+        self._full_size = full_size
         self._only = set(needed if only is None else only)
         unknown = sorted(self._only - set(needed))
         if unknown or not self._only:
@@ -280,7 +284,7 @@ class Estimator:
             if asked == "diffuse":
                 shading = layers.get("specular_shading")
                 if shading is None:
-                    shading = self._place_layer(view, material.layers["specular_shading"])
+                    shading = self._place_layer(view, material.layers["specular_shading"], mask)
                 layers["diffuse"] = recomposition.diffuse(view.photo, mask, shading, material)
                 layers["recomposed"] = recomposition.recompose(
                     layers["diffuse"], mask, shading, material
@@ -291,7 +295,7 @@ class Estimator:
                     # The sphere is not a part of the photo, so it keeps its own size.
                     layers[name] = material.layers[name]
                 elif OUTPUTS[name].layer == "photo" and name != "mask":
-                    layers[name] = self._place_layer(view, material.layers[name])
+                    layers[name] = self._place_layer(view, material.layers[name], mask)
         if "albedo" not in self._only:
             material = replace(material, diffuse_albedo=None, specular_albedo=None)
         coverage = float(np.mean(mask >= framing.THRESHOLD))
@@ -419,8 +423,12 @@ class Estimator:
         """Return the mask of a view at the photo's size."""
         if view.supplied_mask is not None:
             return view.supplied_mask
-        return self._place_layer(view, view.mask)
+        if self._full_size:
+            return full_size.mask(view.photo, view.square, view.image, view.mask)
+        return framing.paste(view.mask, view.square, *view.photo.shape[:2])
 
-    def _place_layer(self, view: View, layer: np.ndarray) -> np.ndarray:
-        """Return a layer of a view at the photo's size."""
+    def _place_layer(self, view: View, layer: np.ndarray, mask: np.ndarray) -> np.ndarray:
+        """Return a layer of radiance at the photo's size, with the photo's mask `(H, W, 1)`."""
+        if self._full_size:
+            return full_size.radiance(view.photo, view.square, view.image, view.mask, layer, mask)
         return framing.paste(layer, view.square, *view.photo.shape[:2])

@@ -42,6 +42,7 @@ _VIEWED = {
     ".gltf": "glTF",
     ".mtl": "MTL",
     "-mitsuba.json": "Mitsuba",
+    "-overlay.mp4": "overlay",
     "-clone.png": "clone",
 }
 """Files that the page links to, by the end of the name."""

@@ -155,11 +155,14 @@ def pictures_of(page: Image.Image, count: int) -> list[Image.Image]:
     return [page.crop((left, top, left + _TILE, top + _TILE)) for left, top in corners]
 
 
-def rim(inside: np.ndarray) -> np.ndarray:
+def rim(inside: np.ndarray, width: int = 1) -> np.ndarray:
     """Return the outermost pixels of a shape, bool `(H, W)`; the picture's edge is no rim."""
-    around = np.pad(inside, 1, mode="edge")
-    across = around[1:-1, :-2] & around[1:-1, 2:]
-    return inside & ~(across & around[:-2, 1:-1] & around[2:, 1:-1])
+    core = inside
+    for _ in range(width):
+        around = np.pad(core, 1, mode="edge")
+        across = around[1:-1, :-2] & around[1:-1, 2:]
+        core = core & across & around[:-2, 1:-1] & around[2:, 1:-1]
+    return inside & ~core
 
 
 def caption(material: Material) -> list[str]:

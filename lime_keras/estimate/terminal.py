@@ -12,7 +12,7 @@ from tqdm import tqdm
 from lime_keras.material import srgb_hex
 from lime_keras.optics import gloss
 
-_FORMATS = (".gltf", ".mtl", "-mitsuba.json", "-clone.png", ".csv", ".json")
+_FORMATS = (".gltf", ".mtl", "-mitsuba.json", "-clone.png", "-overlay.mp4", ".csv", ".json")
 """Ends of the files that are named; the layers lie beside them."""
 
 

@@ -4,7 +4,7 @@ Example:
     from lime_keras import estimate_video
 
     summary = estimate_video("turntable.mp4", folder="materials")
-    print(summary.material, summary.table)
+    print(summary.material, summary.table, summary.overlay)
 """
 
 import csv
@@ -22,11 +22,13 @@ from lime_keras import console
 from lime_keras.estimate.cautions import NO_OBJECT
 from lime_keras.estimate.estimator import Estimator
 from lime_keras.io import atomic
-from lime_keras.io.video_reader import Footage
+from lime_keras.io.video_reader import Footage, Frame
+from lime_keras.io.video_writer import Movie
 from lime_keras.material import Material
 from lime_keras.video import scenes
+from lime_keras.video.overlay import draw
 from lime_keras.video.scenes import Scene, Scenes
-from lime_keras.video.tracking import PARAMETERS, Step, Tracker
+from lime_keras.video.tracking import PARAMETERS, Step, Tracker, material_of
 
 COLUMNS = (
     *("frame", "time", "found", "cut", "coverage"),
@@ -52,6 +54,7 @@ class Summary:
             had an object.
         remarks: messages for the user about the source (see `video_reader.Footage`).
         table: path of the CSV file.
+        overlay: path of the video with outline and panel.
         scenes: the scenes that have an object.
         files: names of all files that were written.
     """
@@ -63,6 +66,7 @@ class Summary:
     material: Material
     remarks: tuple[str, ...]
     table: Path
+    overlay: Path
     scenes: tuple[Scene, ...]
     files: tuple[str, ...]
 
@@ -79,14 +83,15 @@ def estimate_video(
     folder: str | Path = "materials",
     name: str | None = None,
 ) -> Summary:
-    """Estimate every frame of a video, and write its table and the material of each scene.
+    """Estimate every frame of a video, and write its table, overlay and the material of each scene.
 
     Progress goes to standard error. After an interruption nothing was written.
 
     Args:
         source: path of a video file.
         estimator: estimator of single frames; by default that of the weights for photos.
-        folder: folder for `NAME.csv` and the materials (`scenes.write`); made if it is missing.
+        folder: folder for `NAME.csv`, `NAME-overlay.mp4` and the materials (`scenes.write`); made
+            if it is missing.
         name: NAME of the files; by default that of the video.
 
     Returns:
@@ -111,17 +116,20 @@ def estimate_video(
             unit="frame",
             **console.bar_options(),
         )
-        # Estimate and fuse each frame.
+        folder.mkdir(parents=True, exist_ok=True)
+        table, overlay = folder / f"{name}.csv", folder / f"{name}-overlay.mp4"
+        # Estimate, fuse and draw each frame.
         text, tracker, followed = io.StringIO(), Tracker(), Scenes()
         rows = csv.writer(text)
         rows.writerow(COLUMNS)
-        for number, frame in enumerate(shown):
-            material = estimator.estimate(frame.image_srgb / np.float32(255))
-            step = tracker.step(frame.image_srgb, material)
-            rows.writerow(_row(number, frame.time, material, step))
-            followed.add(frame, material, step)
+        with atomic.replacing(overlay) as partial, Movie(partial) as movie:
+            for number, frame in enumerate(shown):
+                material = estimator.estimate(frame.image_srgb / np.float32(255))
+                step = tracker.step(frame.image_srgb, material)
+                rows.writerow(_row(number, frame.time, material, step))
+                movie.write(_picture(frame, material, step), frame.time)
+                followed.add(frame, material, step)
     # Write the table and the scenes.
-    table = folder / f"{name}.csv"
     atomic.write(table, text.getvalue())
     with_objects = followed.with_objects()
     found = sum(scene.found for scene in followed.every)
@@ -133,9 +141,18 @@ def estimate_video(
         material=_last(with_objects, found),
         remarks=tuple(footage.remarks),
         table=table,
+        overlay=overlay,
         scenes=tuple(with_objects),
-        files=(table.name, *scenes.write(folder, name, with_objects)),
+        files=(table.name, overlay.name, *scenes.write(folder, name, with_objects)),
     )
+
+
+def _picture(frame: Frame, material: Material, step: Step) -> np.ndarray:
+    """Return the overlay of a frame (`overlay.draw`)."""
+    status = "new scene" if step.cut else "" if step.found else "no object"
+    shown = material if step.found else Material(layers=material.layers)
+    fused = material_of(step.fused, material.gloss_calibration)
+    return draw(frame.image_srgb, frame.time, status, shown, fused)
 
 
 def _last(with_objects: list[Scene], found: int) -> Material:

@@ -385,7 +385,7 @@ def test_photos_and_videos_take_nothing_of_the_extras(folder, tmp_path):
     assert answer.returncode == 0, answer.stderr
     assert json.loads((tmp_path / "out" / "a.json").read_text())["specular_albedo"] >= 0
     assert (tmp_path / "out" / "a-preview.png").is_file()
-    assert (tmp_path / "out" / "clip.csv").is_file()
+    assert (tmp_path / "out" / "clip-overlay.mp4").is_file()
 
 
 def ball(size):

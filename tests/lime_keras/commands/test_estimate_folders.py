@@ -125,8 +125,8 @@ def test_other_results_are_refused_before_anything_is_done(folder, tmp_path, cap
         "a.json was made of another photo or video: pass --overwrite" in told.err and not told.out
     )
     assert numbers(out) == ["a.json"] and (out / "a.json").read_text() == before
-    assert run(folder / "a.png", "--precision", "int8", out=out) == 1
-    assert "a.json was made with no --precision, not --precision int8" in capsys.readouterr().err
+    assert run(folder / "a.png", "--full-size", out=out) == 1
+    assert "a.json was made with no --full-size, not --full-size" in capsys.readouterr().err
     assert run(folder / "one" / "a.png", "--overwrite", out=out) == 0
     assert json.loads((out / "a.json").read_text())["photo"] == str(folder / "one" / "a.png")
 
@@ -169,7 +169,7 @@ def test_what_was_done_before_an_interruption_is_in_the_gallery(folder, tmp_path
 
 def test_the_diffuse_layer_alone(folder, tmp_path):
     out = tmp_path / "out"
-    arguments = [str(folder / "a.png"), "--only", "diffuse", "--out", str(out)]
+    arguments = [str(folder / "a.png"), "--only", "diffuse", "--full-size", "--out", str(out)]
     assert estimate_cli.main(arguments) == 0
     layers = {"a-mask.png", "a-diffuse.png", "a-recomposed.png"}
     assert layers == {path.name for path in out.glob("a-*.png")} - {"a-preview.png"}
@@ -194,7 +194,7 @@ def test_a_video_leaves_one_line_and_its_record(clip, tmp_path, capsys):
     (line,) = lines(capsys.readouterr())
     assert line == json.loads((out / "clip.json").read_text())
     assert line["video"] == str(clip) and line["frames"] == 3
-    assert {"clip.csv", "clip.json"} <= set(line["files"])
+    assert {"clip.csv", "clip-overlay.mp4", "clip.json"} <= set(line["files"])
     assert set(line["files"]) == {path.name for path in out.glob("clip*")}
     assert bool(line["scenes"]) == (line["found"] > 0) == (out / "clip.gltf").exists()
     table = (out / "clip.csv").stat().st_mtime_ns

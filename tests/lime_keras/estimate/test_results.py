@@ -75,7 +75,7 @@ def test_another_photo_and_another_mask_are_refused(tmp_path, photo):
     "content",
     [
         *("", "{}", "[1]", '{"made": 1, "files": []}', '{"made": {}}'),
-        '{"made": {"options": "int8"}, "files": []}',
+        '{"made": {"options": "full-size"}, "files": []}',
     ],
 )
 def test_another_file_of_that_name_is_refused(content, tmp_path, photo):

@@ -48,10 +48,10 @@ def test_pictures_in_all_folders_below_in_a_fixed_order(tmp_path):
 
 
 def test_what_the_command_wrote_is_no_source(tmp_path):
-    for name in ("a.png", "a-mask.png", "a-cut.mp4", "b-mask.png"):
+    for name in ("a.png", "a-mask.png", "a-overlay.mp4", "b-mask.png"):
         (tmp_path / name).write_bytes(b"")
     (tmp_path / "b.json").write_text('{"files": ["b-mask.png"]}')
-    result_json.write(tmp_path / "a.json", {}, {}, ["a-mask.png", "a-cut.mp4", "a.json"])
+    result_json.write(tmp_path / "a.json", {}, {}, ["a-mask.png", "a-overlay.mp4", "a.json"])
     assert [path.name for path in inside(tmp_path)] == ["a.png", "b-mask.png"]
 
 

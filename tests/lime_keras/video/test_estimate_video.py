@@ -1,4 +1,4 @@
-"""From clips to tables: fusion, cuts, lost objects, interruptions."""
+"""From clips to tables and overlays: fusion, cuts, lost objects, interruptions."""
 
 import csv
 import dataclasses
@@ -11,6 +11,7 @@ from clips import NOTHING, material
 
 from lime_keras import Estimator, Material
 from lime_keras.estimate.cautions import NO_OBJECT
+from lime_keras.io.video_reader import Footage
 from lime_keras.material import Caution
 from lime_keras.video.estimate_video import estimate_video
 from lime_keras.video.fusion import Fusion
@@ -82,6 +83,11 @@ def test_the_table_and_the_summary(tmp_path):
     assert (summary.frames, summary.found, summary.cuts, summary.remarks) == (11, 9, 1, ())
     assert summary.seconds == pytest.approx(10 / 25, abs=1e-3)
     np.testing.assert_allclose(parameters_of(summary), fused, rtol=1e-6)
+    with Footage(summary.overlay) as footage:
+        shown = list(footage)
+    assert summary.overlay == tmp_path / "out" / "vase-overlay.mp4" and len(shown) == 11
+    assert shown[0].image_srgb.shape == (480, 640 + 280, 3)
+    np.testing.assert_allclose([f.time for f in shown], np.arange(11) / 25, atol=1e-3)
 
 
 def parameters_of(summary):
@@ -158,7 +164,7 @@ def test_progress_goes_to_standard_error(tmp_path, capsys):
 def test_what_stops_it_leaves_nothing(error, tmp_path):
     with pytest.raises(type(error)):
         run(tmp_path, scene(9, 0), [*map(material, range(5)), error])
-    assert not (tmp_path / "out").exists()
+    assert not list((tmp_path / "out").iterdir())
 
 
 def test_a_damaged_video_is_read_as_far_as_it_goes(tmp_path):
@@ -216,7 +222,7 @@ def test_a_network_asked_for_albedo_alone(tiny_model, tmp_path):
 def test_a_table_that_finds_no_room_is_told(tmp_path):
     clip = str(clips.write(tmp_path / "clip.mkv", scene(3, 0)))
     with (
-        pytest.raises(OSError, match=r"vase\.csv cannot be written: .*; "),
+        pytest.raises(OSError, match=r"vase-overlay\.mp4 cannot be written: .*; "),
         full_disk.files_end_after(100),
     ):
         estimate_video(clip, Scripted([material(0)] * 3), tmp_path / "out", "vase")
