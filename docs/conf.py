@@ -58,7 +58,6 @@ autodoc_mock_imports = [
     "ray",
     "scipy",
     "skimage",
-    "tensorboard",
     "tensorflow",
     "tf2onnx",
     "threadpoolctl",

@@ -9,7 +9,6 @@ import io
 import json
 import sys
 from collections.abc import Mapping, Sequence
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +19,6 @@ from lime_keras.io import photo
 from lime_keras.io.atomic import write
 
 from .report import page
-from .report.themes import LIGHT
 
 if TYPE_CHECKING:
     from .kept import Kept
@@ -35,26 +33,25 @@ _TITLES = {
 """Titles of the sections by name, in the order of the report."""
 
 
-def evaluation(out: Path, run: Path, corpus: Path, *, camera: bool, command: str) -> str:
+def evaluation(out: Path, run: Path, corpus: Path, *, command: str) -> str:
     """Measure one run, write its files and its section, and return its table in Markdown."""
     from . import kept
-    from .accuracy import measures, table
+    from .accuracy import evaluate, measures, table
     from .report import evaluation as report
     from .report import examples, figures
 
-    found = kept.evaluation(_results(out), run, corpus, camera=camera)
+    found = kept.evaluation(_results(out), run, corpus)
     lobe = Split(corpus, "test").lobe
-    summary = measures.summarise(found) | {"camera": camera, "lobe": lobe}
-    choices, worst = examples.choose(found.rows), examples.worst(found.rows)
-    shown = examples.read(run, corpus, choices + worst, camera=camera)
-    chosen, failed = shown[: len(choices)], shown[len(choices) :]
+    summary = measures.summarise(found) | {"lobe": lobe}
+    chosen = examples.read(run, corpus, examples.choose(found.rows))
+    confusion = figures.confusions({"Exponent": evaluate.confusion(found.rows)})
     section = report.evaluation(
-        found, summary, chosen, failed, command=command, corpus=corpus, run=run
+        found, summary, confusion, chosen, command=command, corpus=corpus, run=run
     )
     text = table.markdown(summary, found.architecture)
     _write_json(out / "metrics.json", summary)
     write(out / "table1.md", text)
-    write(out / "confusion.png", figures.confusion(found.confusion))
+    write(out / "confusion.png", confusion)
     write(out / "images.csv", _csv(found.rows))
     (out / "examples").mkdir(exist_ok=True)
     for stale in (out / "examples").glob("[0-9]*.png"):
@@ -71,7 +68,6 @@ def compare(
     answers: Sequence[Path],
     corpus: Path,
     *,
-    camera: bool,
     command: str,
 ) -> str:
     """Compare runs and folders of answers, write the files, and return Table 1 in Markdown."""
@@ -93,13 +89,13 @@ def compare(
         rows[name] = kept.predictions(results, found, corpus)
         systems[name] = comparison.other_system(rows[name])
     for name, run in of_runs:
-        evaluated = kept.evaluation(results, run, corpus, camera=camera)
+        evaluated = kept.evaluation(results, run, corpus)
         rows[name] = evaluated.rows
         systems[name] = comparison.system(evaluated.architecture, run)
     # Compare.
     in_order = {name: rows[name] for name in named}
     lobe = Split(corpus, "test").lobe
-    compared = comparison.compare(in_order, systems, lobe) | {"camera": camera}
+    compared = comparison.compare(in_order, systems, lobe)
     text = comparison.markdown(compared)
     matrices = {
         f"{name}: {systems[name].name}": confusion(rows[name])
@@ -111,9 +107,10 @@ def compare(
     write(out / "comparison.md", text)
     pictures = []
     if matrices:
-        write(out / "confusions.png", figures.confusions(matrices))
+        drawn = figures.confusions(matrices)
+        write(out / "confusions.png", drawn)
         picture = page.Picture(
-            partial(figures.confusions, matrices),
+            drawn,
             "confusion matrices of the runs",
             "Figure 7: which exponent bin is taken for which, a row a true bin, in per cent.",
         )
@@ -122,21 +119,21 @@ def compare(
     return text
 
 
-def trade(out: Path, runs: Sequence[Path], corpus: Path, *, camera: bool, command: str) -> str:
+def trade(out: Path, runs: Sequence[Path], corpus: Path, *, command: str) -> str:
     """Measure the speed and accuracy of several runs, write the files, and return the tables."""
     from .tradeoff.figures import pareto
     from .tradeoff.measure import measure
     from .tradeoff.table import markdown
 
     models = out / "models"
-    result = measure(names(runs), corpus, _results(out), models, camera=camera)
+    result = measure(names(runs), corpus, _results(out), models)
     text = markdown(result)
-    draw = partial(pareto, result)
     _write_json(out / "tradeoff.json", result)
     write(out / "tradeoff.md", text)
-    write(out / "pareto.png", draw(LIGHT))
+    drawn = pareto(result)
+    write(out / "pareto.png", drawn)
     picture = page.Picture(
-        draw,
+        drawn,
         "errors against time",
         "Each point is what a user can ask of one model; on the line, no material is both faster "
         "and better.",
