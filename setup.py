@@ -22,6 +22,8 @@ EXTRAS = {
     "train": [
         "tensorflow>=2.20,<2.22",
         "keras>=3.13,<3.16",
+        # What tf.summary writes through.
+        "tensorboard>=2.19,<3",
         # tf2onnx has no maintainer: only the release that the parity tests ran on is taken.
         "tf2onnx>=1.17,<1.18",
         "onnx>=1.17,<2",
@@ -87,7 +89,7 @@ setup(
     install_requires=[
         "numpy>=2.0,<3",
         "onnxruntime>=1.20,<2",
-        # The oldest that was tried.
+        # 3.2.2 has FLIP_diff, which is still experimental there.
         "OpenImageIO>=3.2.2,<4",
         # 11.3 reads AVIF.
         "pillow>=11.3,<13",

@@ -58,6 +58,7 @@ autodoc_mock_imports = [
     "ray",
     "scipy",
     "skimage",
+    "tensorboard",
     "tensorflow",
     "tf2onnx",
     "threadpoolctl",

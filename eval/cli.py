@@ -51,7 +51,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def _add_input(command: argparse.ArgumentParser) -> None:
-    """Add the corpus."""
+    """Add the corpus and how its images are shown."""
     given = command.add_argument_group("input")
     given.add_argument(
         "corpus",
@@ -59,6 +59,12 @@ def _add_input(command: argparse.ArgumentParser) -> None:
         metavar="CORPUS",
         nargs="?",
         help="corpus that lime-render wrote; --stability needs none",
+    )
+    given.add_argument(
+        "--camera",
+        action="store_true",
+        help="show photos of the scenes instead of clean images: exposure, defocus, noise, "
+        "clipping and JPEG of a consumer camera",
     )
 
 
@@ -121,6 +127,12 @@ def main(argv: list[str] | None = None) -> int:
 
 def _checked(command: argparse.ArgumentParser, arguments: list[str]) -> argparse.Namespace:
     """Return the parsed options; exit with a usage error if they do not go together."""
+    if any(argument.partition("=")[0] == "--photos" for argument in arguments):
+        command.error(
+            "photographs have a benchmark of their own, in a checkout: "
+            "python benchmarks/photographs.py PHOTOS --weights RUN ... "
+            "(docs/how-to/photographs.md)"
+        )
     options = command.parse_args(arguments)
     if options.tradeoff == []:
         options.tradeoff = list(model_folder.shipped().values())
@@ -129,6 +141,11 @@ def _checked(command: argparse.ArgumentParser, arguments: list[str]) -> argparse
         command.error("nothing to do: pass a CORPUS or --stability")
     if options.corpus is None and (options.table1 or options.tradeoff or options.predictions):
         command.error("--table1, --tradeoff and --predictions need a CORPUS to measure on")
+    if options.predictions and options.camera:
+        command.error(
+            "--predictions are of clean images, as lime-render images writes them: "
+            "leave out --camera"
+        )
     if options.corpus is None and options.weights and not options.stability:
         command.error("--weights needs a CORPUS to measure on; it comes before the options")
     if options.corpus is not None and not on_corpus and options.stability:
@@ -157,14 +174,15 @@ def _evaluate(options: argparse.Namespace, command: str) -> int:
     asked = run or compared or options.tradeoff
     model = run or (None if asked else model_folder.SHIPPED)
     corpus, how = options.corpus, {"command": command}
+    shown = how | {"camera": options.camera}
     failed = False
     if model and corpus:
-        print(sections.evaluation(out, model, corpus, **how), end="")
+        print(sections.evaluation(out, model, corpus, **shown), end="")
     if compared:
         runs, answers = options.table1 or [run] * bool(run), options.predictions or []
-        print(sections.compare(out, runs, answers, corpus, **how), end="")
+        print(sections.compare(out, runs, answers, corpus, **shown), end="")
     if options.tradeoff:
-        print(sections.trade(out, options.tradeoff, corpus, **how), end="")
+        print(sections.trade(out, options.tradeoff, corpus, **shown), end="")
     if options.stability:
         from .stability import suite
 

@@ -93,15 +93,17 @@ def corpus_of(corpus: Path) -> dict[str, str]:
     return {"corpus": untrusted.sha256(split.manifest_path)}
 
 
-def evaluation(kept: Kept, run: Path, corpus: Path) -> Evaluation:
+def evaluation(kept: Kept, run: Path, corpus: Path, *, camera: bool = False) -> Evaluation:
     """Return the evaluation kept for the same weights and images, or run `evaluate`.
 
     Raises:
         FileNotFoundError: if the weights or the test split are missing.
         ValueError: if `evaluate` refuses the split or the model's outputs.
     """
-    inputs = weights_of(run) | corpus_of(corpus)
-    arrays = kept.arrays("evaluation", inputs, lambda: _as_arrays(evaluate(run, corpus)))
+    inputs = weights_of(run) | corpus_of(corpus) | {"camera": camera}
+    arrays = kept.arrays(
+        "evaluation", inputs, lambda: _as_arrays(evaluate(run, corpus, camera=camera))
+    )
     rows, true_mask = (
         {n.partition(".")[2]: column for n, column in arrays.items() if n.startswith(f"{kind}.")}
         for kind in ("rows", "true_mask")

@@ -9,6 +9,7 @@ import io
 import json
 import sys
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +20,7 @@ from lime_keras.io import photo
 from lime_keras.io.atomic import write
 
 from .report import page
+from .report.themes import LIGHT
 
 if TYPE_CHECKING:
     from .kept import Kept
@@ -33,25 +35,26 @@ _TITLES = {
 """Titles of the sections by name, in the order of the report."""
 
 
-def evaluation(out: Path, run: Path, corpus: Path, *, command: str) -> str:
+def evaluation(out: Path, run: Path, corpus: Path, *, camera: bool, command: str) -> str:
     """Measure one run, write its files and its section, and return its table in Markdown."""
     from . import kept
-    from .accuracy import evaluate, measures, table
+    from .accuracy import measures, table
     from .report import evaluation as report
     from .report import examples, figures
 
-    found = kept.evaluation(_results(out), run, corpus)
+    found = kept.evaluation(_results(out), run, corpus, camera=camera)
     lobe = Split(corpus, "test").lobe
-    summary = measures.summarise(found) | {"lobe": lobe}
-    chosen = examples.read(run, corpus, examples.choose(found.rows))
-    confusion = figures.confusions({"Exponent": evaluate.confusion(found.rows)})
+    summary = measures.summarise(found) | {"camera": camera, "lobe": lobe}
+    choices, worst = examples.choose(found.rows), examples.worst(found.rows)
+    shown = examples.read(run, corpus, choices + worst, camera=camera)
+    chosen, failed = shown[: len(choices)], shown[len(choices) :]
     section = report.evaluation(
-        found, summary, confusion, chosen, command=command, corpus=corpus, run=run
+        found, summary, chosen, failed, command=command, corpus=corpus, run=run
     )
     text = table.markdown(summary, found.architecture)
     _write_json(out / "metrics.json", summary)
     write(out / "table1.md", text)
-    write(out / "confusion.png", confusion)
+    write(out / "confusion.png", figures.confusion(found.confusion))
     write(out / "images.csv", _csv(found.rows))
     (out / "examples").mkdir(exist_ok=True)
     for stale in (out / "examples").glob("[0-9]*.png"):
@@ -68,6 +71,7 @@ def compare(
     answers: Sequence[Path],
     corpus: Path,
     *,
+    camera: bool,
     command: str,
 ) -> str:
     """Compare runs and folders of answers, write the files, and return Table 1 in Markdown."""
@@ -89,13 +93,13 @@ def compare(
         rows[name] = kept.predictions(results, found, corpus)
         systems[name] = comparison.other_system(rows[name])
     for name, run in of_runs:
-        evaluated = kept.evaluation(results, run, corpus)
+        evaluated = kept.evaluation(results, run, corpus, camera=camera)
         rows[name] = evaluated.rows
         systems[name] = comparison.system(evaluated.architecture, run)
     # Compare.
     in_order = {name: rows[name] for name in named}
     lobe = Split(corpus, "test").lobe
-    compared = comparison.compare(in_order, systems, lobe)
+    compared = comparison.compare(in_order, systems, lobe) | {"camera": camera}
     text = comparison.markdown(compared)
     matrices = {
         f"{name}: {systems[name].name}": confusion(rows[name])
@@ -107,10 +111,9 @@ def compare(
     write(out / "comparison.md", text)
     pictures = []
     if matrices:
-        drawn = figures.confusions(matrices)
-        write(out / "confusions.png", drawn)
+        write(out / "confusions.png", figures.confusions(matrices))
         picture = page.Picture(
-            drawn,
+            partial(figures.confusions, matrices),
             "confusion matrices of the runs",
             "Figure 7: which exponent bin is taken for which, a row a true bin, in per cent.",
         )
@@ -119,21 +122,21 @@ def compare(
     return text
 
 
-def trade(out: Path, runs: Sequence[Path], corpus: Path, *, command: str) -> str:
+def trade(out: Path, runs: Sequence[Path], corpus: Path, *, camera: bool, command: str) -> str:
     """Measure the speed and accuracy of several runs, write the files, and return the tables."""
     from .tradeoff.figures import pareto
     from .tradeoff.measure import measure
     from .tradeoff.table import markdown
 
     models = out / "models"
-    result = measure(names(runs), corpus, _results(out), models)
+    result = measure(names(runs), corpus, _results(out), models, camera=camera)
     text = markdown(result)
+    draw = partial(pareto, result)
     _write_json(out / "tradeoff.json", result)
     write(out / "tradeoff.md", text)
-    drawn = pareto(result)
-    write(out / "pareto.png", drawn)
+    write(out / "pareto.png", draw(LIGHT))
     picture = page.Picture(
-        drawn,
+        draw,
         "errors against time",
         "Each point is what a user can ask of one model; on the line, no material is both faster "
         "and better.",

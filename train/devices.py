@@ -1,7 +1,6 @@
-"""Data-parallel training under JAX: one batch split between several devices, also of several hosts.
+"""Data-parallel training: one batch split between several devices, under TensorFlow or JAX.
 
-Keras distributes the batch (`keras.distribution.DataParallel`). The devices may belong to several
-processes (`train.hosts`). Under TensorFlow there is one device, which TensorFlow chooses.
+Under JAX the devices may belong to several processes (`train.hosts`).
 """
 
 import contextlib
@@ -17,6 +16,9 @@ from . import hosts
 class Devices:
     """The first `count` accelerators of each process or, where there are none, processors.
 
+    Under TensorFlow each device holds a copy of the weights (`tf.distribute.MirroredStrategy`).
+    Under JAX, Keras distributes the batch (`keras.distribution.DataParallel`).
+
     Attributes:
         count: number of devices of each process.
         process: number of this process, from 0.
@@ -26,21 +28,28 @@ class Devices:
         count: number of devices of each process; with 1, the backend chooses the device.
 
     Raises:
-        ValueError: if there are fewer devices, or several under another backend than JAX.
+        ValueError: if there are fewer devices.
     """
 
     def __init__(self, count: int):
         self.count = count
         self.process, self.processes = hosts.rank_and_size()
         self._all = count * self.processes
-        if keras.backend.backend() == "jax":
+        self._strategy: Any = None
+        if keras.backend.backend() != "tensorflow":
             # Keras keeps a distribution for the whole process: an earlier one must not stay.
             keras.distribution.set_distribution(_parallel(count) if self._all > 1 else None)
         elif count > 1:
-            raise ValueError(
-                f"--devices {count} needs JAX, and Keras runs on {keras.backend.backend()}: set "
-                "KERAS_BACKEND=jax (pip install 'jax[cuda12]')"
-            )
+            self._strategy = _mirrored(count)
+
+    @property
+    def replicas(self) -> int:
+        """The number of devices that each treat their part of the batch as a whole batch."""
+        return 1 if self._strategy is None else self.count
+
+    def scope(self) -> contextlib.AbstractContextManager:
+        """Return the context in which weights and optimisers must be created."""
+        return contextlib.nullcontext() if self._strategy is None else self._strategy.scope()
 
     @property
     def leads(self) -> bool:
@@ -50,7 +59,7 @@ class Devices:
     @contextlib.contextmanager
     def without_distribution(self) -> Iterator[None]:
         """Return the context in which this process may create variables without the others."""
-        if keras.backend.backend() != "jax":
+        if keras.backend.backend() == "tensorflow":
             yield
             return
         distribution = keras.distribution.distribution()
@@ -70,21 +79,44 @@ class Devices:
                 copy.set_weights(networks[name].get_weights())
         return copies
 
-    def share(self, batch: Mapping[str, Any]) -> dict[str, Any]:
+    def local_rows(self, batch: Mapping[str, Any]) -> Mapping[str, Any]:
         """Return this process's examples of a batch that every process has.
 
-        If its examples cannot be split evenly, each device gets the whole batch: Keras splits the
-        rows between the devices itself, but only evenly, and means stay those of the batch.
+        If its examples cannot be split evenly, each device gets the whole batch.
         """
+        if self.processes == 1:
+            return batch
         size = len(next(iter(batch.values())))
         if size % self._all:
             return {name: np.concatenate([value] * self.count) for name, value in batch.items()}
-        part = size // self.processes
-        rows = slice(part * self.process, part * (self.process + 1))
+        share = size // self.processes
+        rows = slice(share * self.process, share * (self.process + 1))
         return {name: value[rows] for name, value in batch.items()}
 
-    def weights(self, batch: Mapping[str, Any]) -> np.ndarray:
-        """Return the weight of each example of `share` in sums over all devices.
+    def split(self, batch: Mapping[str, Any]) -> Any:
+        """Return this process's examples in the form that Keras takes, split between its devices.
+
+        If the examples cannot be split evenly, each device gets all of them.
+        """
+        size = len(next(iter(batch.values())))
+        if self._strategy is None:
+            if not size % self.count:
+                return batch
+            # Keras splits the rows itself, but only evenly. Several copies of the batch can be
+            # split evenly, and their means are those of the batch.
+            return {name: np.concatenate([value] * self.count) for name, value in batch.items()}
+        if size % self.count:
+            return batch
+        part = size // self.count
+
+        def share(context: Any) -> dict[str, Any]:
+            start = context.replica_id_in_sync_group * part
+            return {name: value[start : start + part] for name, value in batch.items()}
+
+        return self._strategy.experimental_distribute_values_from_function(share)
+
+    def weights(self, batch: Mapping[str, Any]) -> Any:
+        """Return the weight of each example in sums over all devices, split like the batch.
 
         Of n devices that all get an example, each weighs it with 1 / n, so that it counts once.
 
@@ -93,7 +125,17 @@ class Devices:
         """
         size = len(next(iter(batch.values())))
         counted = 1 / self._all if size % self._all else 1.0
-        return self.share({"weights": np.full(size, counted, np.float32)})["weights"]
+        weights = keras.ops.full((size,), counted)
+        return self.split(self.local_rows({"weights": weights}))["weights"]
+
+
+def _mirrored(count: int) -> Any:
+    import tensorflow as tf
+
+    names = [device.name for device in tf.config.list_logical_devices("GPU")] or [
+        device.name for device in tf.config.list_logical_devices("CPU")
+    ]
+    return tf.distribute.MirroredStrategy(_first(names, count))
 
 
 def _parallel(count: int) -> keras.distribution.DataParallel:
@@ -102,9 +144,15 @@ def _parallel(count: int) -> keras.distribution.DataParallel:
     by_process: dict[int, list[str]] = {}
     for device in jax.devices():
         by_process.setdefault(device.process_index, []).append(f"{device.platform}:{device.id}")
-    for names in by_process.values():
-        if len(names) < count:
-            raise ValueError(f"--devices {count}, but JAX sees {len(names)}: {', '.join(names)}")
-    chosen = [name for process in sorted(by_process) for name in by_process[process][:count]]
+    names = [name for process in sorted(by_process) for name in _first(by_process[process], count)]
     # Each process makes its own part of a batch.
-    return keras.distribution.DataParallel(devices=chosen, auto_shard_dataset=False)
+    return keras.distribution.DataParallel(devices=names, auto_shard_dataset=False)
+
+
+def _first(names: list[str], count: int) -> list[str]:
+    if len(names) < count:
+        raise ValueError(
+            f"--devices {count}, but {keras.backend.backend()} sees {len(names)}: "
+            f"{', '.join(names)}"
+        )
+    return names[:count]

@@ -40,8 +40,12 @@ class _Watched:
         self._pretrained = {
             index for index, variable in enumerate(variables) if _is_pretrained(variable)
         }
+        # If the batch is split, each device has a part of the gradient. The sum of the parts' norms
+        # is an upper bound of the gradient's norm, and it is not finite if any part is not.
         self._norms = {
-            name: self.add_variable((), dtype="float32", name=f"{name}_gradient_norm")
+            name: self.add_variable(
+                (), dtype="float32", aggregation="sum", name=f"{name}_gradient_norm"
+            )
             for name, _ in self._groups
         }
 
@@ -120,6 +124,26 @@ OPTIMIZERS = {"adam": WatchedAdam, "muon": WatchedMuon}
 """Optimisers by the name that a schedule gives them."""
 
 
+class LossScale(keras.optimizers.LossScaleOptimizer):
+    """Keras' loss scaling, which reduces the scale if a gradient overflows on any device.
+
+    Keras itself checks only the first of TensorFlow's devices: after an overflow on another device
+    it would take the step and keep the scale.
+    """
+
+    def check_finite(self, grads: list[Any]) -> Any:
+        """Return whether all gradients are finite on all devices, a boolean scalar."""
+        finite = super().check_finite(grads)
+        if keras.backend.backend() != "tensorflow":
+            return finite
+        import tensorflow as tf
+
+        def on_all(strategy: Any, parts: Any) -> Any:
+            return tf.reduce_all(tf.stack(strategy.experimental_local_results(parts)))
+
+        return tf.distribute.get_replica_context().merge_call(on_all, args=(finite,))
+
+
 def gradient_norms(optimizer: keras.optimizers.Optimizer) -> dict[str, float]:
-    """Return the norms of a watched optimiser, also if a loss scale wraps it."""
+    """Return the norms of a watched optimiser, also if a `LossScale` wraps it."""
     return getattr(optimizer, "inner_optimizer", optimizer).norms

@@ -33,6 +33,8 @@ class StageModel(keras.Model):
         losses: which terms are learnt by: those of this `Schedule.losses`.
         lobe: lobe of S in the data, one of `corpus.LOBES`.
         kept: subnetworks of the stage, not among these, whose predictions the batches hold.
+        replicas: number of devices that each compute the loss of their part of a batch. Their
+            gradients are added up, so each loss is divided by this number.
     """
 
     def __init__(
@@ -42,10 +44,12 @@ class StageModel(keras.Model):
         losses: str = "printed",
         lobe: str = "furnace",
         kept: Mapping[str, keras.Model] | None = None,
+        replicas: int = 1,
     ):
         # Truth and losses are in single precision, even if the subnetworks compute in half.
         super().__init__(dtype="float32")
         self.subnetworks = dict(subnetworks)
+        self._replicas = replicas
         self._given = required_inputs(subnetworks)
         self._kept = [name for name in predictors(kept or {}) if name in self._given]
         self._answered, self._found = tuple(predictors(subnetworks)), output_names(subnetworks)
@@ -107,7 +111,7 @@ class StageModel(keras.Model):
             value = ops.mean(term.loss(x, y_pred, self._units))
             self._means[name].update_state(value)
             total = total + term.weight * value
-        return total
+        return total / self._replicas
 
     def compute_metrics(
         self, x: Any, y: Any, y_pred: Any, sample_weight: Any = None

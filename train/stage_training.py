@@ -15,6 +15,7 @@ from .optimizer import gradient_norms
 from .stage_model import StageModel
 from .stages import Stage
 from .state import Checkpoint, Curve, Means
+from .tensorboard_log import Board
 
 _SECONDS_BETWEEN_CHECKPOINTS = 60
 _CURVE_POINTS, _LONGEST_INTERVAL = 10, 500
@@ -52,6 +53,7 @@ class Files:
     def __init__(self, run: Path, name: str):
         self.checkpoint = run / "stages" / f"{name}.npz"
         self.curve = run / "curves" / f"{name}.csv"
+        self.board = run / "tensorboard" / name
 
 
 @dataclasses.dataclass(frozen=True)
@@ -106,15 +108,22 @@ class StageTraining:
         if step:
             part.checkpoint.restore(part.model)
         curve = Curve(part.files.curve, step)
+        board = Board(part.files.board if self._devices.leads else None)
+        try:
+            self._run(step, curve, board)
+        finally:
+            board.close()
+
+    def _run(self, step: int, curve: Curve, board: Board) -> None:
         # Begin: the validation set is looked at before the first batch.
-        stage, model = part.stage, part.model
+        stage, model = self._part.stage, self._part.model
         interval = min(max(1, stage.steps // _CURVE_POINTS), _LONGEST_INTERVAL)
         self._tell(Progress(stage, step, {}, 0.0))
         if step == 0:
-            self._validate(0, {}, curve)
-        batches = self._data.training(stage, self._features, step, part.kept)
-        losses, waited, began = Means(), 0.0, monotonic()
-        saved = began
+            self._validate(0, {}, curve, board)
+        batches = self._data.training(stage, self._features, step, self._part.kept)
+        losses, norms, waited, began = Means(), Means(), 0.0, monotonic()
+        saved, first = began, step
         while step < stage.steps:
             # Learn from a batch.
             asked = monotonic()
@@ -127,30 +136,34 @@ class StageTraining:
                 self._stop(step, batch, batch_losses, batch_norms)
             # Tell, and look at the validation set.
             losses.add(batch_losses)
+            norms.add(batch_norms)
             if step == stage.steps:
                 model.optimizer.finalize_variable_values(model.trainable_variables)
             elapsed = monotonic() - began
             self._tell(Progress(stage, step, losses.means(), waited / max(elapsed, 1e-9)))
             if step % interval == 0 or step == stage.steps:
-                self._validate(step, losses.means(), curve)
-                losses, waited, began = Means(), 0.0, monotonic()
+                rates = {"steps a second": (step - first) / elapsed, "data wait": waited / elapsed}
+                self._validate(step, losses.means(), curve, board)
+                board.scalars(step, {"gradient norm": norms.means(), "throughput": rates})
+                losses, norms, waited, began, first = Means(), Means(), 0.0, monotonic(), step
             # Keep.
             if step == stage.steps or monotonic() - saved > _SECONDS_BETWEEN_CHECKPOINTS:
                 if self._devices.leads:
-                    part.checkpoint.save(model, step)
+                    self._part.checkpoint.save(model, step)
                 saved = monotonic()
 
     def _step(self, batch: Batch) -> dict[str, float]:
         """Take a training step and return the batch's losses by name."""
-        shares = self._devices.share(without_origin(batch))
-        return self._part.model.train_on_batch(shares, return_dict=True)
+        local = self._devices.local_rows(without_origin(batch))
+        return self._part.model.train_on_batch(self._devices.split(local), return_dict=True)
 
-    def _validate(self, step: int, training: dict[str, float], curve: Curve) -> None:
+    def _validate(self, step: int, training: dict[str, float], curve: Curve, board: Board) -> None:
         """Evaluate on the validation set and record its losses with the training losses."""
         batches = self._data.validation(self._features, self._part.kept)
         validation, measured, _ = evaluate(self._part.model, batches, self._devices)
         if self._devices.leads:
             curve.add(step, training, validation, measured)
+        board.scalars(step, {"training": training, "validation": validation, "measure": measured})
 
     def _stop(
         self, step: int, batch: Batch, losses: Mapping[str, float], norms: Mapping[str, float]
@@ -190,7 +203,7 @@ def evaluate(
     model.reset_measures()
     for batch in batches:
         examples += len(batch["mask"])
-        shares, weights = devices.share(batch), devices.weights(batch)
+        shares, weights = devices.split(devices.local_rows(batch)), devices.weights(batch)
         losses.add(model.test_on_batch(shares, sample_weight=weights, return_dict=True))
     return losses.means(), model.measured() if examples else {}, examples
 

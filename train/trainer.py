@@ -6,6 +6,7 @@ A run's folder holds:
 - `stages/N-name.npz`: weights, optimiser state and step of a stage;
 - `curves/N-name.csv`: losses and measures of a stage;
 - `evaluation.json`: measures of the whole system on the validation set;
+- `tensorboard/`: the same, with gradient norms;
 - `photos/`: the photos that it learns from (`train.photos`);
 - `model/`: the trained model with a copy of the record;
 - `begun-from/`: a copy of the trained model that the run began with, if it did.
@@ -32,7 +33,7 @@ from . import backbone, hosts, initial_weights
 from .config import Config, check, claim, config_path
 from .data import Data
 from .devices import Devices
-from .optimizer import OPTIMIZERS
+from .optimizer import OPTIMIZERS, LossScale
 from .photos import answers
 from .photos.making import OnMaking
 from .stage_model import StageModel
@@ -149,15 +150,16 @@ class _Run:
         self._split, self._tell = split, tell
         # The subnetworks, fresh or begun with.
         begun: list[str] = []
-        with computing_in(config.precision):
-            self._subnetworks = build(config.architecture, config.seed)
-        if start_from is not None and split.leads:
-            initial_weights.keep(start_from, folder)
-        hosts.assert_same({"--start-from": start_from is not None})
-        if config.begun_from is not None:
-            begun = initial_weights.load(folder, self._subnetworks)
-        if config.architecture.pretrained and "segmentation" not in begun:
-            backbone.begin(self._subnetworks["segmentation"])
+        with split.scope():
+            with computing_in(config.precision):
+                self._subnetworks = build(config.architecture, config.seed)
+            if start_from is not None and split.leads:
+                initial_weights.keep(start_from, folder)
+            hosts.assert_same({"--start-from": start_from is not None})
+            if config.begun_from is not None:
+                begun = initial_weights.load(folder, self._subnetworks)
+            if config.architecture.pretrained and "segmentation" not in begun:
+                backbone.begin(self._subnetworks["segmentation"])
         if begun and split.leads:
             fresh = [name for name in self._subnetworks if name not in begun]
             print(f"continued: {', '.join(begun)}; fresh: {', '.join(fresh) or 'none'}")
@@ -197,10 +199,16 @@ class _Run:
     def _model(
         self, subnetworks: Mapping[str, keras.Model], kept: Mapping[str, keras.Model]
     ) -> StageModel:
-        config = self._config
-        return StageModel(
-            subnetworks, config.compositing, config.schedule.losses, config.lobe, kept
-        )
+        config, split = self._config, self._split
+        with split.scope():
+            return StageModel(
+                subnetworks,
+                config.compositing,
+                config.schedule.losses,
+                config.lobe,
+                kept,
+                split.replicas,
+            )
 
     def learn(self) -> None:
         """Load the finished stages, train the others in order, and write the model."""
@@ -209,7 +217,8 @@ class _Run:
                 part.checkpoint.restore(part.model)
                 self._tell(Progress(part.stage, part.step, {}, 0.0))
             else:
-                _compile(part.model, part.stage, self._config)
+                with self._split.scope():
+                    _compile(part.model, part.stage, self._config)
                 StageTraining(part, self._data, self._split, self._tell).run()
             self._trained |= set(part.stage.subnetworks)
             if part.stage.name == "segmentation":
@@ -224,7 +233,8 @@ class _Run:
         if not self._parts or self.untrained or not is_new:
             return
         model = self._model(self._subnetworks, {})
-        model.compile()
+        with split.scope():
+            model.compile()
         _, measures, examples = evaluate(model, self._data.validation(model.features), split)
         if split.leads:
             finite = {name: v if math.isfinite(v) else None for name, v in measures.items()}
@@ -273,7 +283,7 @@ def _compile(model: StageModel, stage: Stage, config: Config) -> None:
     averaged = {} if stage.average is None else {"use_ema": True, "ema_momentum": stage.average}
     optimizer: Any = OPTIMIZERS[stage.optimizer](rates, groups, epsilon=stage.epsilon, **averaged)
     if config.precision == "float16":
-        optimizer = keras.optimizers.LossScaleOptimizer(optimizer)
+        optimizer = LossScale(optimizer)
     model.compile(optimizer=optimizer)
     optimizer.build(model.trainable_variables)
 

@@ -24,7 +24,7 @@ from lime_keras.optics.blinn_phong import BlinnPhong
 from lime_keras.runtime.engine import Engine
 from lime_keras.runtime.keras_engine import KerasEngine
 
-from . import relighting, units
+from . import flip_error, relighting, units
 from .predictions import Answers, Predictions
 
 _AT_ONCE = 16  # number of examples computed at once
@@ -48,8 +48,8 @@ class Evaluation:
             `log_error`, `log_squared`, `log_error_winning`, `ggx_alpha_error`, `diffuse_absolute`,
             `diffuse_squared`, `specular_absolute`, `specular_squared`, `specular_shading_relative`,
             `mirror_relative` (with `specular_shading_lit` and `mirror_lit`, 1 where the layer is
-            lit inside the mask; where it is black both are 0), and the relighting PSNR in decibel,
-            `relit` and `relit_unseen`.
+            lit inside the mask; where it is black both are 0), `specular_shading_flip`,
+            `mirror_flip`, and the relighting PSNR in decibel, `relit` and `relit_unseen`.
             `average_relit` and `average_relit_unseen` are the same for the material in the middle
             of all ranges.
             A quantity that the system does not predict has no column. A system that predicts the
@@ -69,12 +69,18 @@ class Evaluation:
         """The number of examples."""
         return len(self.rows["bin"])
 
+    @property
+    def confusion(self) -> np.ndarray:
+        """The number of examples `(8, 8)` by true bin (row) and `predicted_bin` (column)."""
+        return confusion(self.rows)
+
 
 def evaluate(
     model_dir: Path,
     corpus: Path,
     *,
     batch_size: int = _AT_ONCE,
+    camera: bool = False,
     engine: Engine | None = None,
 ) -> Evaluation:
     """Measure a trained system on a corpus' test split, with progress on standard error.
@@ -83,7 +89,10 @@ def evaluate(
         model_dir: folder of `weights.save`, or a run of `lime-train`.
         corpus: folder with a complete `test` split.
         batch_size: examples computed at once; changes the speed, not the numbers.
-        engine: engine of the system, which takes masks; by default its Keras model.
+        camera: show the system photos of the scenes (`lime_keras.data.camera`), the same every
+            time.
+        engine: engine of the system, which takes masks; by default its Keras model. It is given
+            full batches only: the last batch is filled up.
 
     Raises:
         FileNotFoundError: if the weights or the test split are missing.
@@ -108,13 +117,18 @@ def evaluate(
     others = [name for name in engine.outputs if name != "mask"]
     rows: list[dict[str, np.ndarray]] = []
     true_mask: list[dict[str, np.ndarray]] = []
-    dataset = pipeline.evaluation(shards, size=architecture.size, batch_size=batch_size)
+    dataset = pipeline.evaluation(
+        shards, size=architecture.size, batch_size=batch_size, camera=camera
+    )
     with ThreadPoolExecutor(processors.count()) as pool:
         for first, example in _batches(dataset, shards, count):
-            given = {name: example[name] for name in ("image", "mask")}
+            number = len(example["mask"])
+            # TensorFlow would compile the networks again for a batch of another size.
+            full = _padded(example, batch_size)
+            given = {name: full[name] for name in ("image", "mask")}
             answers = {
-                "own_mask": engine.run(engine.outputs, {"image": given["image"]}),
-                "true_mask": engine.run(others, given),
+                "own_mask": _cut(engine.run(engine.outputs, {"image": given["image"]}), number),
+                "true_mask": _cut(engine.run(others, given), number),
             }
             measured = measure(example, answers["own_mask"])
             with_mask = _errors(example, answers["true_mask"])
@@ -122,7 +136,9 @@ def evaluate(
             for columns in (measured, with_mask):
                 _check_finite(columns, model_dir, first)
             relit = _relit(example, answers, split.lobe, pool)
-            rows.append(measured | _relit_columns(relit))
+            rows.append(
+                measured | _layers_flip(example, answers["own_mask"], pool) | _relit_columns(relit)
+            )
             true_mask.append(with_mask | relit["true_mask"])
 
     # All rows, which must be finite.
@@ -156,7 +172,7 @@ def evaluate_predictions(predictions: Predictions, corpus: Path) -> dict[str, np
     with ThreadPoolExecutor(processors.count()) as pool:
         for first, example in _batches(dataset, shards, count):
             predicted = answers.batch(first, len(example["mask"]))
-            columns = measure(example, predicted)
+            columns = measure(example, predicted) | _layers_flip(example, predicted, pool)
             if {"diffuse_found", "specular_found", "log_exponent_found"} <= columns.keys():
                 columns |= _relit_columns(
                     _relit(example, {"own_mask": predicted}, split.lobe, pool)
@@ -168,7 +184,7 @@ def evaluate_predictions(predictions: Predictions, corpus: Path) -> dict[str, np
 def measure(
     example: Mapping[str, np.ndarray], estimate: Mapping[str, np.ndarray]
 ) -> dict[str, np.ndarray]:
-    """Return the columns of `Evaluation.rows` for one batch, without relighting.
+    """Return the columns of `Evaluation.rows` for one batch, without ꟻLIP and relighting.
 
     Args:
         example: batch as `pipeline.evaluation` yields it.
@@ -286,6 +302,21 @@ def _contrast(radiance: np.ndarray) -> np.ndarray:
     return np.where(mean > 0, brightest / np.where(mean > 0, mean, 1.0), 1.0)
 
 
+def _layers_flip(
+    example: Mapping[str, np.ndarray],
+    estimate: Mapping[str, np.ndarray],
+    pool: ThreadPoolExecutor,
+) -> dict[str, np.ndarray]:
+    """Return `specular_shading_flip` and `mirror_flip`, `(B,)`, of the layers in `estimate`."""
+    return {
+        f"{name}_flip": np.array(
+            list(pool.map(flip_error.layer_flip, example[name], estimate[name], example["mask"]))
+        )
+        for name in ("specular_shading", "mirror")
+        if name in estimate
+    }
+
+
 def _relit(
     example: Mapping[str, np.ndarray],
     answers: Mapping[str, Mapping[str, np.ndarray]],
@@ -324,6 +355,20 @@ def _relit_columns(relit: Mapping[str, Mapping[str, np.ndarray]]) -> dict[str, n
     """Return the columns of the answer `own_mask` in the result of `_relit`, and of `average`."""
     average = {f"average_{name}": column for name, column in relit["average"].items()}
     return {**relit["own_mask"], **average}
+
+
+def _padded(example: Mapping[str, np.ndarray], size: int) -> dict[str, np.ndarray]:
+    """Return the batch with its last example repeated until it has `size` examples."""
+    missing = size - len(example["mask"])
+    return {
+        name: np.concatenate([values, np.repeat(values[-1:], missing, axis=0)])
+        for name, values in example.items()
+    }
+
+
+def _cut(answer: Mapping[str, np.ndarray], number: int) -> dict[str, np.ndarray]:
+    """Return the first `number` examples of each output."""
+    return {name: np.asarray(values)[:number] for name, values in answer.items()}
 
 
 def _relative_errors(

@@ -15,6 +15,7 @@ from lime_keras.optics import microfacets, shininess
 from ..markdown_table import ABSENT
 from . import calibration
 from .evaluate import Evaluation
+from .relighting import HIGHEST_PSNR
 
 _RESAMPLES = 1000
 _BOOTSTRAP_SEED = 2018
@@ -64,6 +65,7 @@ class Measure:
         unit: unit in which the measure is printed; shares are printed in per cent.
         more_is_better: whether a higher value is better; None if neither direction is better (the
             neighbouring bin is half right).
+        perfect: value for predictions that equal the ground truth.
         paper: value of the paper's "full approach" in Table 1, if it is printed.
         chance: value for a prediction that ignores the image, or the name of a column of
             `Evaluation.rows` whose mean is that value; None if the truths decide it
@@ -77,6 +79,7 @@ class Measure:
     of_means: Callable[..., Any] = lambda mean: mean
     unit: Unit = PLAIN
     more_is_better: bool | None = False
+    perfect: float = 0.0
     paper: float | None = None
     chance: float | str | None = None
     floor: float | None = None
@@ -86,8 +89,8 @@ def _root(mean: Any) -> Any:
     return np.sqrt(mean)
 
 
-_SHARE: dict[str, Any] = {"unit": PER_CENT, "more_is_better": True}
-_PSNR: dict[str, Any] = {"unit": DECIBEL, "more_is_better": True}
+_SHARE: dict[str, Any] = {"unit": PER_CENT, "more_is_better": True, "perfect": 1.0}
+_PSNR: dict[str, Any] = {"unit": DECIBEL, "more_is_better": True, "perfect": HIGHEST_PSNR}
 
 MEASURES = {
     "mask_iou": Measure("Mask IoU, mean over images", "mask IoU", ("iou",), paper=0.9983, **_SHARE),
@@ -164,6 +167,9 @@ MEASURES = {
         metrics.mean_where_lit,
         chance=1.0,
     ),
+    "specular_shading_flip": Measure(
+        "Specular shading S, ꟻLIP", "S ꟻLIP", ("specular_shading_flip",)
+    ),
     "mirror_relative": Measure(
         "Mirror image M, relative error",
         "M error",
@@ -171,6 +177,7 @@ MEASURES = {
         metrics.mean_where_lit,
         chance=1.0,
     ),
+    "mirror_flip": Measure("Mirror image M, ꟻLIP", "M ꟻLIP", ("mirror_flip",)),
     "relighting_psnr": Measure(
         "Relit under the photo's light, PSNR", "relit", ("relit",), chance="average_relit", **_PSNR
     ),

@@ -1,25 +1,38 @@
-"""The section about one run: its table, its confusion matrix and examples."""
+"""The section about one run: its numbers, figures, slices and examples."""
 
-from collections.abc import Mapping
+import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from lime_keras.data.corpus import Split
 from lime_keras.optics import colour, shininess
 
 from ..accuracy import labels, table
 from ..accuracy.evaluate import Evaluation
-from . import renders
+from ..accuracy.measures import DECIBEL, MEASURES
+from ..accuracy.slices import SHOWN, Slice, slices
+from . import figures, renders
 from .examples import Example
-from .page import data_uri, rendered
+from .page import both_themes, data_uri, rendered
+
+_HEADLINES = (
+    "mask_iou",
+    "exponent_exact",
+    "log_exponent_mae",
+    "diffuse_albedo_mae",
+    "specular_albedo_mae",
+    "relighting_psnr",
+)
 
 
 def evaluation(
     evaluated: Evaluation,
     summary: Mapping[str, Any],
-    confusion: bytes,
     examples: list[Example],
+    worst: list[Example],
     *,
     command: str,
     corpus: Path,
@@ -30,12 +43,13 @@ def evaluation(
     Args:
         evaluated: evaluation of the run.
         summary: result of `measures.summarise` for this evaluation.
-        confusion: its confusion matrix as PNG.
         examples: examples to show with their layers (see `examples.read`).
+        worst: examples to show small, with their relighting error.
         command: command that made the report, as typed.
         corpus: folder of the corpus with the test split.
-        run: folder of the weights.
+        run: folder of the weights; its `config.json` is shown where it exists.
     """
+    parts = slices(evaluated.rows)
     return rendered(
         "evaluation.html",
         command=command,
@@ -43,11 +57,76 @@ def evaluation(
         run=run.name or str(run),
         summary=summary,
         exponent=labels.exponent(evaluated.architecture),
+        tiles=[_tile(name, summary) for name in _HEADLINES],
         header=table.HEADER,
         rows=table.rows(summary),
-        confusion=data_uri(confusion),
+        confusion=both_themes(lambda theme: figures.confusion(evaluated.confusion, theme)),
+        albedos=both_themes(lambda theme: figures.albedos(evaluated.rows, theme)),
+        reliability=both_themes(lambda theme: figures.reliability(evaluated.rows, theme)),
+        relighting=both_themes(lambda theme: figures.relighting(evaluated.rows, theme)),
+        slice_header=("Part", "images", *(MEASURES[name].short for name in _shown(parts))),
+        slices=[_slice_cells(part, _shown(parts)) for part in parts],
         examples=[_card(example) for example in examples],
+        worst=[_small_card(example, evaluated) for example in worst],
+        config=_pretty_json(run / "config.json"),
+        manifest=_pretty_json(Split(corpus, "test").manifest_path),
     )
+
+
+def _shown(parts: Sequence[Slice]) -> list[str]:
+    """Return the names of the measures in `SHOWN` that at least one part has."""
+    return [name for name in SHOWN if any(name in part.value for part in parts)]
+
+
+def _slice_cells(part: Slice, names: Sequence[str]) -> list[str]:
+    cells = [f"{part.by}: {part.label}", str(part.count)]
+    return cells + [
+        MEASURES[name].unit.with_interval(part.value[name], part.interval[name]) for name in names
+    ]
+
+
+def _tile(name: str, summary: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a headline number and its place between chance (0 %) and perfection (100 %)."""
+    measure = MEASURES[name]
+    chance = summary["chance"][name]
+
+    def place(value: float | None) -> float | None:
+        if value is None or chance == measure.perfect:
+            return None
+        way = (value - chance) / (measure.perfect - chance)
+        return round(100 * float(np.clip(way, 0, 1)), 1)
+
+    return {
+        "title": measure.title,
+        "value": measure.unit.number(summary[name]),
+        "paper": measure.unit.number(measure.paper),
+        "ours_at": place(summary[name]),
+        "paper_at": place(measure.paper),
+        "true_mask_at": place(summary["true_mask"].get(name)),
+    }
+
+
+def _small_card(example: Example, evaluated: Evaluation) -> dict[str, Any]:
+    """Return the template's values for one of the worst relit examples."""
+    truth = example.truth
+    return _material(example) | {
+        "source": f"{truth['shape'].decode()} under {truth['light'].decode()}, "
+        f"index {truth['index']}",
+        "psnr": DECIBEL.number(evaluated.rows["relit"][example.choice.position]),
+        "photo": data_uri(renders.png(truth["image"])),
+        "true": data_uri(renders.png(renders.true_render(example))),
+        "estimated": data_uri(renders.png(renders.estimated_render(example))),
+    }
+
+
+def _material(example: Example) -> dict[str, Any]:
+    """Return the true and the estimated m_d, m_s and s as the template prints them."""
+    truth, estimate = example.truth, example.estimate
+    return {
+        "diffuse": [_swatch(material["diffuse_albedo"]) for material in (truth, estimate)],
+        "specular": [f"{float(m['specular_albedo'].item()):.2f}" for m in (truth, estimate)],
+        "exponent": [f"{s:.1f}" for s in (float(truth["shininess"]), example.exponent)],
+    }
 
 
 def _card(example: Example) -> dict[str, Any]:
@@ -55,7 +134,7 @@ def _card(example: Example) -> dict[str, Any]:
     truth, estimate = example.truth, example.estimate
     probabilities = estimate.get("exponent_bin_probabilities", ())
     true_bin = int(shininess.bin_of(truth["shininess"]))
-    return {
+    return _material(example) | {
         "reason": example.choice.reason,
         "source": f"{truth['shape'].decode()} under {truth['light'].decode()}, "
         f"seed {truth['seed']}, index {truth['index']}",
@@ -68,10 +147,6 @@ def _card(example: Example) -> dict[str, Any]:
             }
             for pair in renders.pairs(example)
         ],
-        # The material, true and estimated.
-        "diffuse": [_swatch(material["diffuse_albedo"]) for material in (truth, estimate)],
-        "specular": [f"{float(m['specular_albedo'].item()):.2f}" for m in (truth, estimate)],
-        "exponent": [f"{s:.1f}" for s in (float(truth["shininess"]), example.exponent)],
         "bars": [
             {
                 "height": round(100 * float(p), 1),
@@ -91,3 +166,14 @@ def _swatch(albedo_linear: np.ndarray) -> dict[str, str]:
         "css": f"rgb({red}, {green}, {blue})",
         "text": " ".join(f"{value:.2f}" for value in albedo_linear),
     }
+
+
+def _pretty_json(path: Path) -> str | None:
+    """Return the JSON of a file, indented; its raw text if it is not JSON; None without a file."""
+    if not path.is_file():
+        return None
+    text = path.read_text(encoding="utf-8", errors="replace")
+    try:
+        return json.dumps(json.loads(text), indent=2, ensure_ascii=False)
+    except json.JSONDecodeError:
+        return text

@@ -9,6 +9,7 @@ import numpy as np
 import tensorflow as tf
 
 from lime_keras.data import pipeline, records
+from lime_keras.data.camera import photograph, radiance
 from lime_keras.data.corpus import Split
 from lime_keras.optics import shininess
 from lime_keras.runtime.keras_engine import KerasEngine
@@ -79,13 +80,22 @@ def choose(rows: Mapping[str, np.ndarray]) -> list[Selection]:
     return chosen
 
 
-def read(model_dir: Path, corpus: Path, choices: list[Selection]) -> list[Example]:
+def worst(rows: Mapping[str, np.ndarray]) -> list[Selection]:
+    """Choose the twenty examples with the lowest PSNR relit under their own light, worst first."""
+    order = np.argsort(rows["relit"], kind="stable")[:20]
+    return [Selection(position, "worst relit") for position in order.tolist()]
+
+
+def read(
+    model_dir: Path, corpus: Path, choices: list[Selection], *, camera: bool = False
+) -> list[Example]:
     """Read the chosen test examples and estimate them, in the order of `choices`.
 
     Args:
         model_dir: folder of `weights.save`, or a run of `lime-train`.
         corpus: folder with a complete `test` split.
         choices: examples to read.
+        camera: show the system photos of the scenes, the same as those that `evaluate` shows.
 
     Raises:
         FileNotFoundError: if the weights or the test split are missing.
@@ -102,6 +112,7 @@ def read(model_dir: Path, corpus: Path, choices: list[Selection]) -> list[Exampl
         # Only the chosen examples are decoded.
         if position in wanted:
             stored = records.parse(serialized)
+            stored = photograph(stored, radiance(stored)) if camera else stored
             photos[position] = stored["image"].numpy()
             example = pipeline.resize(stored, engine.size)
             found[position] = {name: value.numpy() for name, value in example.items()}

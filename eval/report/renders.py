@@ -10,10 +10,9 @@ from lime_keras.optics import colour, shading
 from lime_keras.optics.compositing import compose
 from lime_keras.optics.reflectance_map import disc, true_reflectance_map
 
+from ..accuracy.tone import coloured, tonemap, white_point
 from .examples import Example
 
-_WHITE_PERCENTILE = 99.0
-_LEAST_WHITE = 1e-4  # least radiance shown as white, so that a black layer stays black
 _LAYERS = {"specular_shading": "Specular shading S", "mirror": "Mirror image M"}
 
 
@@ -41,7 +40,7 @@ def pairs(example: Example) -> list[Pair]:
         found = estimate["reflectance_map"]
         layers.append(_hdr_pair("Reflectance map", true, found, sphere))
     return [
-        Pair("Mask", _coloured(truth["mask"]), _coloured(estimate["mask"])),
+        Pair("Mask", coloured(truth["mask"]), coloured(estimate["mask"])),
         *layers,
         Pair("Rendered with the material", true_render(example), estimated_render(example)),
     ]
@@ -93,16 +92,8 @@ def png(image_srgb: np.ndarray) -> bytes:
 def _hdr_pair(title: str, true: np.ndarray, found: np.ndarray, mask: np.ndarray) -> Pair:
     """Tone-map a true layer and its estimate by one white point, the truth's 99th percentile."""
     true = true * mask
-    inside = true[mask[..., 0] >= 0.5]
-    white = float(np.percentile(inside, _WHITE_PERCENTILE)) if inside.size else 1.0
-    white = max(white, _LEAST_WHITE)
-    shown = (colour.linear_to_srgb(np.clip(one / white, 0.0, 1.0)) for one in (true, found))
-    return Pair(title, *map(_coloured, shown))
-
-
-def _coloured(values: np.ndarray) -> np.ndarray:
-    """Return a grey `(H, W, 1)` or colour `(H, W, 3)` image as colour, clipped to [0, 1]."""
-    return np.repeat(np.clip(values, 0.0, 1.0), 3 // values.shape[-1], axis=-1)
+    white = white_point(true, mask)
+    return Pair(title, tonemap(true, white), tonemap(found, white))
 
 
 def _over_background(

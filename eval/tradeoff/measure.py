@@ -35,7 +35,9 @@ EFFORT = timing.Effort()
 PICTURE = server.PAGE / "sample.jpg"  # the first photo that the live page offers
 
 
-def measure(runs: Mapping[str, Path], corpus: Path, results: Kept, folder: Path) -> dict[str, Any]:
+def measure(
+    runs: Mapping[str, Path], corpus: Path, results: Kept, folder: Path, *, camera: bool = False
+) -> dict[str, Any]:
     """Measure the trade of trained runs; continue where an earlier call was stopped.
 
     Args:
@@ -43,10 +45,11 @@ def measure(runs: Mapping[str, Path], corpus: Path, results: Kept, folder: Path)
         corpus: folder with complete `train` and `test` splits.
         results: measurements so far.
         folder: folder for the models in other precisions and as SavedModel.
+        camera: show photos of the scenes (`lime_keras.data.camera`) instead of clean images.
 
     Returns:
         As JSON: `machine`, `date`, `load` (average number of running processes at the start),
-        `corpus`, `count` of test images, `rounds`, `scored` (the measures in the score),
+        `corpus`, `camera`, `count` of test images, `rounds`, `scored` (the measures in the score),
         `refused` (why a model has no rows in a precision), `rows`, and `advice`
         (`recommendation.advise`). A row has the attributes of a `TimedUse`, the times of
         `timing.pooled`, `model_mib`, and, but for `paper`, `errors`, `interval`, `chance` and
@@ -88,6 +91,7 @@ def measure(runs: Mapping[str, Path], corpus: Path, results: Kept, folder: Path)
             precision,
             corpus,
             results,
+            camera=camera,
         )
         for (name, precision), path in tqdm(variants.items(), "errors", **console.bar_options())
     }
@@ -102,6 +106,7 @@ def measure(runs: Mapping[str, Path], corpus: Path, results: Kept, folder: Path)
         "date": datetime.datetime.now().astimezone().isoformat(timespec="minutes"),
         "load": load,
         "corpus": str(corpus),
+        "camera": camera,
         "count": next(iter(errors.values()))["count"],
         "rounds": ROUNDS,
         "scored": scored,
@@ -111,7 +116,9 @@ def measure(runs: Mapping[str, Path], corpus: Path, results: Kept, folder: Path)
     }
 
 
-def _errors(run: Path, path: Path, precision: str, corpus: Path, results: Kept) -> dict[str, Any]:
+def _errors(
+    run: Path, path: Path, precision: str, corpus: Path, results: Kept, *, camera: bool
+) -> dict[str, Any]:
     """Return `errors`, `interval` and `chance` by measure, and the `count` of images.
 
     SavedModel, Keras and the page have those of the graphs in float32, with which they agree to
@@ -120,7 +127,7 @@ def _errors(run: Path, path: Path, precision: str, corpus: Path, results: Kept) 
 
     def make() -> dict[str, Any]:
         engine = runtime.load(path, precision=precision)
-        summary = measures.summarise(evaluate(run, corpus, engine=engine))
+        summary = measures.summarise(evaluate(run, corpus, camera=camera, engine=engine))
         known = [name for name in measures.MEASURES if name in summary]
         return {
             "errors": {name: summary[name] for name in known},
@@ -130,7 +137,7 @@ def _errors(run: Path, path: Path, precision: str, corpus: Path, results: Kept) 
         }
 
     of_what = kept.weights_of(run) | kept.corpus_of(corpus)
-    inputs: dict[str, Any] = {**of_what, "precision": precision}
+    inputs: dict[str, Any] = {**of_what, "camera": camera, "precision": precision}
     return results.value("errors", inputs, make)
 
 

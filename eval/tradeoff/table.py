@@ -66,6 +66,7 @@ def _conditions(result: Mapping[str, Any]) -> str:
     machine = result["machine"]
     packages = ", ".join(f"{name} {version}" for name, version in machine["packages"].items())
     instructions = ", ".join(machine["instructions"]) or "unknown instructions"
+    camera = ", photographed" if result["camera"] else ""
     scored = ", ".join(MEASURES[name].short for name in result["scored"])
     return (
         f"{result['date']}, {machine['processor']} ({instructions}), {machine['cores']} cores, "
@@ -74,7 +75,7 @@ def _conditions(result: Mapping[str, Any]) -> str:
         f"{result['rounds']} processes of their own, taken in turns, after warm-up, from the "
         "picture in memory to the answer in memory; the networks alone beside. Busy: processor "
         "seconds a second; far below the cores, other programs were in the way. Errors are those "
-        f"of {result['count']} test images of {result['corpus']}, by the same engine. "
+        f"of {result['count']} test images of {result['corpus']}{camera}, by the same engine. "
         f"Score: mean of error ÷ chance over {scored}; 0 is perfect, 1 knows nothing. `paper` is "
         f"the paper's architecture, untrained (on a Titan Xp: {_TITAN_XP_MS} ms in its networks)."
         + "".join(f" {name} is left out: {why}." for name, why in result["refused"].items())

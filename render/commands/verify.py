@@ -19,8 +19,8 @@ def add(subparsers: Any) -> None:
         subparsers,
         "verify",
         run,
-        "Check files, counts, checksums and every record: that its layers recompose to the image, "
-        "that its numbers lie in their ranges, and more. Exit status 1 if anything is wrong.",
+        "Check files, counts, checksums and every record: that layers recompose to the image, that "
+        "the stored light shades the stored normals, and more. Exit status 1 if anything is wrong.",
         "  lime-render verify corpus\n  lime-render verify corpus --split test",
     )
     shared.add_folder(command)

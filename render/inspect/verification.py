@@ -16,7 +16,7 @@ from lime_keras.data import records
 from lime_keras.data.corpus import SPLITS, Split
 from lime_keras.io import untrusted
 
-from . import record_checks
+from . import input_checks, record_checks
 from .faults import Faults
 
 _AHEAD = 8  # number of records per thread that are held in memory at once
@@ -42,12 +42,14 @@ def verify(corpus: Path, split: str, on_example: Callable[[int, int], None]) -> 
     _check_manifest(files, faults)
     if files.shards > len(files.sha256):
         return faults  # it may tell of a billion shards
+    input_checks.check(files.inputs_path, files.manifest, faults)
     _check_other_split(files, faults)
     _check_strays(files, faults)
     count, shard_size = files.count, files.shard_size
     expected = record_checks.Expected(
         seed=files.seed,
         size=files.size,
+        lobe=files.lobe,
         shapes=frozenset(files.shapes),
         lights=frozenset(files.lights),
     )

@@ -17,7 +17,7 @@ from scipy.special import softmax
 
 from lime_keras.eval import cli, kept, sections
 from lime_keras.eval.accuracy import measures
-from lime_keras.eval.accuracy.evaluate import confusion, evaluate
+from lime_keras.eval.accuracy.evaluate import evaluate
 from lime_keras.eval.report import examples
 from lime_keras.eval.stability import suite
 from lime_keras.model import folder as model_folder
@@ -74,11 +74,11 @@ def evaluated():
     """`evaluate` in batches of 5, each evaluation made once, for the command too."""
     made = {}
 
-    def once(model_dir, corpus):
+    def once(model_dir, corpus, *, camera=False):
         path = model_dir / "model" if (model_dir / "model").exists() else model_dir
-        key = (path, corpus)
+        key = (path, corpus, camera)
         if key not in made:
-            made[key] = evaluate(model_dir, corpus, batch_size=5)
+            made[key] = evaluate(model_dir, corpus, batch_size=5, camera=camera)
         return made[key]
 
     with pytest.MonkeyPatch.context() as patch:
@@ -100,7 +100,7 @@ def written(corpus, run):
 @pytest.mark.slow
 def test_the_batch_size_changes_no_number(corpus, run, evaluation):
     one_by_one = evaluate(run, corpus, batch_size=1)
-    assert np.array_equal(confusion(one_by_one.rows), confusion(evaluation.rows))
+    assert np.array_equal(one_by_one.confusion, evaluation.confusion)
     for name, column in evaluation.rows.items():
         if column.dtype.kind == "f":
             assert one_by_one.rows[name] == pytest.approx(column, rel=1e-3, abs=1e-5), name
@@ -113,10 +113,9 @@ def test_the_batch_size_changes_no_number(corpus, run, evaluation):
 def test_every_example_is_measured_once_in_order(evaluation):
     assert evaluation.count == COUNT
     assert evaluation.rows["index"].tolist() == list(range(COUNT))
-    matrix = confusion(evaluation.rows)
-    assert matrix.sum() == COUNT
+    assert evaluation.confusion.sum() == COUNT
     true_bins = np.bincount(evaluation.rows["bin"], minlength=8)
-    assert matrix.sum(axis=1).tolist() == true_bins.tolist()
+    assert evaluation.confusion.sum(axis=1).tolist() == true_bins.tolist()
 
 
 def test_the_networks_are_also_evaluated_with_the_true_mask(corpus, run, evaluation):
@@ -174,7 +173,7 @@ def test_metrics_hold_every_measure_finite(written):
 def test_the_report_needs_nothing_else(written):
     page = (written / "report.html").read_text(encoding="utf-8")
     assert not re.search(r"https?://|@import|<link[^>]+stylesheet|<script[^>]+src", page)
-    sources = re.findall(r'\bsrc="([^"]*)"', page)
+    sources = re.findall(r'\b(?:src|srcset)="([^"]*)"', page)
     assert len(sources) > 9 * 2
     assert all(source.startswith("data:image/png;base64,") for source in sources)
     assert "undefined" not in page.lower()
@@ -183,6 +182,7 @@ def test_the_report_needs_nothing_else(written):
 def test_the_report_tells_what_made_it_and_escapes_names(written, corpus):
     page = (written / "report.html").read_text(encoding="utf-8")
     assert f"lime-eval {corpus}" in page
+    assert "&#34;preset&#34;: &#34;tiny&#34;" in page
     assert "&lt;b&gt;blob" in page and "<b>blob" not in page
     assert "<b>With the true mask</b>: the same networks without SegmentationNet" in page
 
@@ -195,12 +195,14 @@ def test_out_and_the_table_on_standard_output(corpus, run, tmp_path, capsys):
     captured = capsys.readouterr()
     assert captured.out == (out / "table1.md").read_text(encoding="utf-8")
     assert str(out / "report.html") in captured.err
+    # A bare model has no configuration; the report does without.
+    assert "Configuration" not in (out / "report.html").read_text(encoding="utf-8")
 
 
 # The ablations.
 
 ABLATED = {
-    "without MirrorNet": ({"mirror": False}, {"mirror_relative"}),
+    "without MirrorNet": ({"mirror": False}, {"mirror_relative", "mirror_flip"}),
     "regression": (
         {"exponent": "regression"},
         {"log_exponent_mae_winning", "calibration_error"},
@@ -209,7 +211,9 @@ ABLATED = {
         {"system": "reflectance-map"},
         {
             "specular_shading_relative",
+            "specular_shading_flip",
             "mirror_relative",
+            "mirror_flip",
         },
     ),
 }
@@ -244,7 +248,7 @@ def test_an_ablations_metrics_lack_what_it_has_not(ablation):
     had = set(measures.MEASURES) - lacking
     assert set(found) & set(measures.MEASURES) == had == set(found["interval"])
     assert found["system"] == architecture.description
-    of_predicted_mask = ("mask", "log_exponent_bias")
+    of_predicted_mask = ("mask", "specular_shading_flip", "mirror_flip", "log_exponent_bias")
     assert set(found["true_mask"]) == {
         name for name in had if not name.startswith(of_predicted_mask)
     }
@@ -316,6 +320,28 @@ def test_a_broken_picture_is_named(corpus, run, tmp_path, capsys):
     sphere_corpus.vouch(shard.parent)
     line = _fails(capsys, tmp_path / "corpus", "--weights", run, "--out", tmp_path)
     assert f"{shard} is broken: record 1" in line and "lime-render" in line
+
+
+def test_the_camera_is_used_only_if_asked(corpus, run, written, evaluation, tmp_path):
+    out = tmp_path / "photos"
+    assert cli.main([str(corpus), "--weights", str(run), "--out", str(out), "--camera"]) == 0
+    clean, asked = (
+        json.loads((folder / "metrics.json").read_text(encoding="utf-8"))
+        for folder in (written, out)
+    )
+    assert not clean["camera"] and asked["camera"]
+    assert clean["diffuse_albedo_mae"] != asked["diffuse_albedo_mae"]
+    assert clean["diffuse_albedo_mae"] == pytest.approx(evaluation.rows["diffuse_absolute"].mean())
+
+
+def test_the_examples_shown_are_the_photos_that_were_measured(corpus, run, evaluated):
+    photographed = evaluated(run, corpus, camera=True)
+    chosen = [examples.Selection(5, "later shard"), examples.Selection(0, "first")]
+    for example in examples.read(run, corpus, chosen, camera=True):
+        found = photographed.rows["diffuse_found"][example.choice.position]
+        assert example.estimate["diffuse_albedo"] == pytest.approx(found, abs=1e-5)
+        [clean] = examples.read(run, corpus, [example.choice])
+        assert not np.array_equal(clean.photo_srgb, example.photo_srgb)
 
 
 def test_images_that_the_model_cannot_take_are_refused(corpus, tmp_path, capsys):
@@ -420,7 +446,9 @@ def test_an_interrupt_leaves_a_short_line_and_status_130(corpus, run, monkeypatc
         ["--weights", "run"],
         ["--table1", "run", "--out", "here"],
         ["--predictions", "answers", "--out", "here"],
+        ["corpus", "--predictions", "answers", "--camera", "--out", "here"],
         ["corpus", "--stability", "--out", "here"],
+        ["--photos", "photos"],
     ],
 )
 def test_wrong_usage_exits_with_2(arguments, capsys):
@@ -428,6 +456,12 @@ def test_wrong_usage_exits_with_2(arguments, capsys):
         cli.main(arguments)
     assert stop.value.code == 2
     assert "usage: lime-eval" in capsys.readouterr().err
+
+
+def test_photos_are_told_where_they_went(capsys):
+    with pytest.raises(SystemExit):
+        cli.main(["--photos=photos", "--weights", "a", "b"])
+    assert "python benchmarks/photographs.py PHOTOS" in capsys.readouterr().err
 
 
 def test_runs_of_one_name_are_named_after_their_parents(tmp_path):

@@ -1,4 +1,4 @@
-"""A batch split between two devices trains as it does on one, under JAX."""
+"""A batch split between two devices trains as it does on one, under TensorFlow and JAX."""
 
 import csv
 import json
@@ -31,15 +31,16 @@ def corpora(tmp_path_factory):
     return folder
 
 
-@pytest.fixture(scope="module")
-def runs(corpora, tmp_path_factory):
-    """Folder of what a process with two devices left."""
-    pytest.importorskip("jax")
-    folder = tmp_path_factory.mktemp("runs")
+@pytest.fixture(scope="module", params=["tensorflow", "jax"])
+def runs(request, corpora, tmp_path_factory):
+    """Folder of what a process with two devices left under a backend."""
+    if request.param == "jax":
+        pytest.importorskip("jax")
+    folder = tmp_path_factory.mktemp(request.param)
     for corpus in corpora.iterdir():
         (folder / corpus.name).symlink_to(corpus)
     environment = {
-        "KERAS_BACKEND": "jax",
+        "KERAS_BACKEND": request.param,
         "XLA_FLAGS": "--xla_force_host_platform_device_count=2 --xla_backend_optimization_level=0",
     }
     stage_runs.start("devices", folder, environment)
@@ -47,9 +48,10 @@ def runs(corpora, tmp_path_factory):
 
 
 def _state(run):
-    """Weights, moments, and the gradients' norm."""
+    """Weights and moments, and apart from them the gradients' norm."""
     with np.load(run / "stages" / "4-albedo.npz") as stored:
-        return [stored[f"arr_{index}"] for index in range(len(stored.files) - 2)]
+        *state, norm = (stored[f"arr_{index}"] for index in range(len(stored.files) - 2))
+    return state, norm
 
 
 def _left(runs):
@@ -74,7 +76,7 @@ def test_losses_are_those_of_one_device(runs):
 
 @pytest.mark.slow
 def test_measures_are_those_of_one_device(runs):
-    """Of batches that are shared out and of one that each device sees whole."""
+    """Of batches that are shared out and of one that each device sees whole, in either backend."""
     two, one = _left(runs)["measured"]
     assert len(one) == 8 and 0 < one["mask_iou_pooled"] < 1
     assert two == pytest.approx(one, rel=1e-4)
@@ -83,8 +85,35 @@ def test_measures_are_those_of_one_device(runs):
 
 @pytest.mark.slow
 def test_weights_are_those_of_one_device(runs):
-    for expected, found in zip(_state(runs / "one"), _state(runs / "two"), strict=True):
+    (one, _), (two, _) = _state(runs / "one"), _state(runs / "two")
+    for expected, found in zip(one, two, strict=True):
         assert np.allclose(found, expected, rtol=1e-3, atol=1e-5)
+
+
+@pytest.mark.slow
+def test_the_norm_of_a_split_gradient_is_not_that_of_a_part(runs):
+    """TensorFlow's devices each know the norm of their part; its sum is an upper bound."""
+    (_, one), (_, two) = _state(runs / "one"), _state(runs / "two")
+    assert 0.999 * one < two < 1.5 * one
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("runs", ["tensorflow"], indirect=True)
+def test_half_precision_trains(runs):
+    """Only TensorFlow's devices must agree on a loss scale."""
+    state, norm = _state(runs / "half")
+    assert all(np.all(np.isfinite(one)) for one in state)
+    assert np.isfinite(norm) and norm > 0
+    before, after = _curve(runs / "half")[0], _curve(runs / "half")[-1]
+    assert after["validation_loss"] < before["validation_loss"]
+
+
+@pytest.mark.slow
+def test_an_overflow_on_any_device_holds_the_step_back(runs):
+    """Keras asks the first of TensorFlow's alone."""
+    scale, steps, weight = _left(runs)["overflow"]
+    assert scale == 2.0**119
+    assert (steps, weight) == (0, 1)
 
 
 @pytest.mark.slow
@@ -97,12 +126,13 @@ def test_the_example_that_breaks_a_step_is_named(runs):
 @pytest.mark.slow
 def test_more_devices_than_there_are_is_refused(runs):
     found = _left(runs)["three"]
-    assert found.startswith("ValueError: --devices 3, but JAX sees 2: cpu:0, cpu:1")
+    assert found.startswith("ValueError: --devices 3, but ")
+    assert " sees 2: " in found
 
 
-def test_another_backend_says_what_takes_several_devices():
-    with pytest.raises(ValueError, match=r"--devices 2 needs JAX.* set KERAS_BACKEND=jax"):
-        Devices(2)
+def test_a_process_with_one_device_names_it():
+    with pytest.raises(ValueError, match=r"--devices 9, but tensorflow sees \d+: /device:"):
+        Devices(9)
 
 
 @pytest.mark.parametrize("count", [3, 0, -1])

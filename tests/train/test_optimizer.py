@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import tensorflow as tf
 
-from lime_keras.train.optimizer import WatchedAdam, WatchedMuon, gradient_norms
+from lime_keras.train.optimizer import LossScale, WatchedAdam, WatchedMuon, gradient_norms
 
 SHAPES = [(3, 4), (4,), (2, 3), ()]
 GROUPS = [("first", 2), ("second", 2)]
@@ -111,7 +111,7 @@ def test_after_a_held_step_it_goes_on_as_after_a_gradient_of_zero():
 
 
 def _scaled(weights, scale):
-    optimizer = keras.optimizers.LossScaleOptimizer(WatchedAdam(0.01, GROUPS), initial_scale=scale)
+    optimizer = LossScale(WatchedAdam(0.01, GROUPS), initial_scale=scale)
     optimizer.build(weights)
     return optimizer
 
@@ -127,6 +127,19 @@ def test_a_loss_scale_leaves_norms_and_steps_as_they_are():
         assert np.array_equal(one, other)
 
 
+def test_an_overflow_halves_the_scale_and_is_no_step():
+    weights = _weights()
+    optimizer = _scaled(weights, 8.0)
+    _apply(optimizer, weights, _gradients(0))
+    before, norms = _numbers(weights), gradient_norms(optimizer)
+    _apply(optimizer, weights, _gradients(1, broken=2, value=np.inf))
+    assert float(optimizer.dynamic_scale) == 4.0
+    assert int(optimizer.iterations) == 1
+    assert gradient_norms(optimizer) == norms
+    for one, earlier in zip(_numbers(weights), before, strict=True):
+        assert np.array_equal(one, earlier)
+
+
 @pytest.fixture(scope="module")
 def half_precision():
     """A model in float16 whose loss is the mean of its answer, and its data."""
@@ -136,14 +149,41 @@ def half_precision():
     return model, data
 
 
+def _trained(model, data, optimizer, steps):
+    """Weights and scale after each step, from the same beginning."""
+    model.set_weights([np.ones((3, 1)), np.zeros(1)])
+    model.compile(optimizer=optimizer, loss=lambda _, found: keras.ops.mean(found))
+    optimizer.build(model.trainable_variables)
+    out = []
+    for _ in range(steps):
+        loss = model.train_on_batch(data, np.zeros((len(data), 1)))
+        assert np.isfinite(loss)
+        out.append((model.get_weights(), float(optimizer.dynamic_scale)))
+    return out
+
+
+def test_a_scale_that_overflows_at_first_comes_down_and_training_begins(half_precision):
+    model, data = half_precision
+    # float16 ends at 65504: the gradient in the layer's answers, scale / 8, and then its sums.
+    optimizer = LossScale(WatchedAdam(0.01, [("layer", 2)]), initial_scale=2.0**21)
+    steps = _trained(model, data, optimizer, 12)
+    scales = [scale for _, scale in steps]
+    taken = [step for step, scale in enumerate(scales[1:], 1) if scale == scales[step - 1]]
+    assert scales[0] == 2.0**20
+    assert 3 <= taken[0] <= 8
+    assert taken == list(range(taken[0], 12))
+    for step, (weights, _) in enumerate(steps):
+        assert all(np.all(np.isfinite(one)) for one in weights)
+        assert np.array_equal(weights[0], np.ones((3, 1))) == (step < taken[0])
+    # What the loss is made of by hand: the data's mean, and 1 for the bias.
+    expected = np.sqrt(np.sum(data.mean(axis=0) ** 2) + 1)
+    assert gradient_norms(optimizer)["layer"] == pytest.approx(expected, rel=2e-3)
+
+
 def test_a_broken_example_leaves_half_precision_weights_alone(half_precision):
     model, data = half_precision
-    optimizer = keras.optimizers.LossScaleOptimizer(
-        WatchedAdam(0.01, [("layer", 2)]), initial_scale=64.0
-    )
-    model.compile(optimizer=optimizer, loss=lambda _, found: keras.ops.mean(found))
-    assert np.isfinite(model.train_on_batch(data, np.zeros((len(data), 1))))
-    before = model.get_weights()
+    optimizer = LossScale(WatchedAdam(0.01, [("layer", 2)]), initial_scale=64.0)
+    (before, _) = _trained(model, data, optimizer, 1)[-1]
     broken = data.copy()
     broken[3, 1] = np.nan
     loss = model.train_on_batch(broken, np.zeros((len(data), 1)))

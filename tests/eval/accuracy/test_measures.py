@@ -31,7 +31,9 @@ def test_the_means_are_those_of_hand_arithmetic():
         "specular_albedo_mae": 0.1,
         "specular_albedo_rmse": 0.2,
         "specular_shading_relative": 0.5,
+        "specular_shading_flip": 0.25,
         "mirror_relative": 1.5,
+        "mirror_flip": 0.3,
         "relighting_psnr": 25.0,
         "relighting_psnr_unseen": 15.0,
         # All were called 60 % probable, and a quarter is right.
@@ -165,6 +167,7 @@ def test_paper_row_is_the_full_approach():
             {"specular_shading_relative", "mirror_relative"},
         ),
         (["bin_probabilities"], {"calibration_error"}),
+        (["specular_shading_flip", "mirror_flip"], {"specular_shading_flip", "mirror_flip"}),
     ],
 )
 def test_what_a_system_does_not_have_is_left_out_everywhere(columns, lacking):

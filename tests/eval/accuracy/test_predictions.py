@@ -136,7 +136,7 @@ def test_answers_for_no_image_reach_the_best_constant(corpus, whole, tmp_path):
             },
         ),
         (["-mask.png"], {"mask_iou", "mask_iou_pooled"}),
-        (["-mirror.exr"], {"mirror_relative"}),
+        (["-mirror.exr"], {"mirror_relative", "mirror_flip"}),
     ],
 )
 def test_a_quantity_that_is_never_answered_has_no_measure(kept, columns, answers, corpus, whole):
@@ -242,7 +242,8 @@ def test_the_brightest_layers_are_measured(answers, corpus):
     for path in answers.glob("*.exr"):
         photo.write(path, _layer(65504))
     rows = evaluate_predictions(find(answers), corpus)
-    assert np.isfinite(rows["mirror_relative"]).all()
+    for name in ("mirror_relative", "mirror_flip", "specular_shading_flip"):
+        assert np.isfinite(rows[name]).all(), name
 
 
 def test_an_answer_beyond_the_split_is_named(answers, corpus):

@@ -7,6 +7,7 @@ import pytest
 import trade
 from PIL import Image
 
+from lime_keras.eval.report.themes import DARK, LIGHT
 from lime_keras.eval.tradeoff import recommendation, table
 from lime_keras.eval.tradeoff.cases import PAGE
 from lime_keras.eval.tradeoff.figures import pareto
@@ -19,6 +20,7 @@ RESULT = {
     "date": "2026-01-01",
     "load": 0.1,
     "corpus": "corpus",
+    "camera": False,
     "count": 1000,
     "rounds": 3,
     "scored": ["log_exponent_mae"],
@@ -28,15 +30,18 @@ RESULT = {
 }
 
 
-def test_the_picture_follows_the_rows():
-    whole = np.asarray(Image.open(io.BytesIO(pareto(RESULT))))
+def test_the_picture_follows_the_rows_and_the_theme():
+    light, dark = (
+        np.asarray(Image.open(io.BytesIO(pareto(RESULT, theme)))) for theme in (LIGHT, DARK)
+    )
+    assert light.shape == dark.shape and light[0, 0].mean() > dark[0, 0].mean()
     slower = [
         row | {"ms": 3 * row["ms"] if row["model"] == "best" else row["ms"]} for row in trade.ROWS
     ]
     assert pareto(RESULT | {"rows": slower}) != pareto(RESULT)
     without = [row for row in trade.ROWS if row["kind"] != PAGE]
     narrow = np.asarray(Image.open(io.BytesIO(pareto(RESULT | {"rows": without}))))
-    assert narrow.shape[1] / whole.shape[1] == pytest.approx(2 / 3, abs=0.01)
+    assert narrow.shape[1] / light.shape[1] == pytest.approx(2 / 3, abs=0.01)
 
 
 def test_the_tables_have_every_row_once():

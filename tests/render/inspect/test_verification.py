@@ -11,7 +11,7 @@ import tensorflow as tf
 
 from lime_keras.data import records
 from lime_keras.data.corpus import Split
-from lime_keras.optics import colour
+from lime_keras.optics import colour, shading
 from lime_keras.optics.compositing import compose
 from lime_keras.render.inspect import verification
 
@@ -71,6 +71,75 @@ def test_progress_ends_at_the_count(sound):
     assert told[0] == (1, 5) and told[-1] == (5, 5) and told == sorted(told)
 
 
+def relabelled(corpus, lobe):
+    """Let manifest and description say that the corpus has this lobe."""
+    for name in ("manifest", "description"):
+        path = corpus / "train" / f"{name}.json"
+        content = json.loads(path.read_text(encoding="utf-8"))
+        (content["description"] if name == "manifest" else content)["shading"] = lobe
+        path.write_text(json.dumps(content), encoding="utf-8")
+
+
+def test_the_printed_lobe_is_judged_by_eq_3_as_printed(corpus, examples):
+    def as_printed(example):
+        # The image is the same scene's, because m_s changes with S.
+        factor = shading.lobe_factor(example["shininess"], "printed")
+        layers = {"specular_shading": example["specular_shading"] * factor}
+        return example | layers | {"specular_albedo": example["specular_albedo"] / factor}
+
+    printed = [as_printed(example) for example in examples]
+    # m_s of a sharp lobe is far above 1 in the paper's unit, and no record of `lime-render` is.
+    printed = [dark(example) if example["specular_albedo"] > 1 else example for example in printed]
+    for shard, indices in enumerate(SHARDS):
+        chosen = [printed[index] for index in indices]
+        digest = sphere_corpus.write_shard(corpus / "train", shard, chosen)
+        manifest = corpus / "train" / "manifest.json"
+        digests = json.loads(manifest.read_text(encoding="utf-8"))["sha256"]
+        digests[shard] = digest
+        edit(manifest, sha256=digests)
+    relabelled(corpus, "printed")
+    assert verify(corpus).lines() == []
+    relabelled(corpus, "furnace")
+    assert set(verify(corpus).kinds) == {"shading"}
+
+
+def dark(example):
+    """The same scene without a highlight."""
+    linear = example["ambient"] + example["diffuse_albedo"] * example["diffuse_shading"]
+    shown = np.where(example["mask"] > 0, linear, colour.srgb_to_linear(example["image"]))
+    image = np.clip(colour.linear_to_srgb(np.clip(shown, 0, 1)), 0, 1)
+    return example | {"specular_albedo": 0.0, "image": image}
+
+
+@pytest.mark.parametrize(
+    "content", [None, "{", "[]", '{"shapes": 3}', '{"shapes": [{}]}', "[" * 100_000]
+)
+def test_inputs_that_are_missing_or_damaged_are_a_fault(content, corpus):
+    path = corpus / "train" / "inputs.json"
+    path.unlink() if content is None else path.write_text(content, encoding="utf-8")
+    (line,) = verify(corpus).lines()
+    assert line.startswith(f"inputs: {path}: is missing or holds no findings")
+
+
+def test_names_that_are_not_those_of_the_inputs_are_a_fault(corpus):
+    found = [{"name": name, "sha256": name, "problem": None} for name in ("sphere", "b.obj")]
+    bad = {"name": "c.obj", "sha256": "c", "problem": "cannot be read"}
+    inputs = {"shapes": [*found, bad], "environments": found[:1], "backgrounds": []}
+    path = corpus / "train" / "inputs.json"
+    path.write_text(json.dumps(inputs), encoding="utf-8")
+    assert "differs from the inputs in the manifest" in "\n".join(verify(corpus).lines())
+    digests = {
+        kind: {f["name"]: f["sha256"] for f in of if not f["problem"]}
+        for kind, of in inputs.items()
+    }
+    edit(corpus / "train" / "manifest.json", inputs=digests)
+    lines = verify(corpus).lines()
+    assert [line.partition(": ")[0] for line in lines] == ["inputs", "inputs"]
+    assert "other shapes" in lines[0] and "other environments" in lines[1]
+    edit(corpus / "train" / "manifest.json", shapes=["b.obj", "sphere"], lights=["sphere"])
+    assert set(verify(corpus).kinds) <= {"light", "name", "lights"}
+
+
 def test_a_billion_shards_are_not_waited_for(corpus):
     edit(corpus / "train" / "manifest.json", shards=10**9)
     assert "number of checksums is 2, expected 1000000000" in "\n".join(verify(corpus).lines())
@@ -97,6 +166,14 @@ DAMAGES = {
         ("recomposition", r"stored, expected \d"),
     ),
     "another m_a by one code": (changed("ambient", lambda m_a: m_a + 0.01), ("recomposition", "")),
+    "a light turned by a quarter": (
+        changed("environment", lambda light: np.roll(light, 32, axis=1)),
+        ("shading", "diffuse_shading is off by"),
+    ),
+    "another exponent": (
+        changed("shininess", lambda s: 2.0 if s > 50 else 400.0),
+        ("shading", "specular_shading is off by"),
+    ),
     "flipped normals": (
         changed("normal", lambda n: -n),
         ("normal", r"(\d+) of \1 normals face away from the viewer"),
@@ -300,6 +377,9 @@ def test_what_training_and_test_share_is_told(corpus, kind):
     digests = {"train": {"a": "1" * 64, "b": "2" * 64}, "test": {"b": "3" * 64, "c": "1" * 64}}
     for split, held in digests.items():
         edit(corpus / split / "manifest.json", inputs={kind: held})
+        findings = [{"name": n, "sha256": d, "problem": None} for n, d in held.items()]
+        inputs = corpus / split / "inputs.json"
+        inputs.write_text(json.dumps({kind: findings}), encoding="utf-8")
     faults = verify(corpus)
     assert faults.kinds["split"] == 1
     assert f"{kind} a are in the test split too" in "\n".join(faults.lines())
