@@ -84,6 +84,7 @@ setup(
         ],
         "lime_keras.eval.report": ["templates/*.html"],
         "lime_keras.train.recipes": ["data.csv"],
+        "lime_keras.render.cards": ["*.json", "*.md"],
     },
     # What estimates; what else a command takes is an extra (`lime_keras.console.EXTRAS`).
     install_requires=[
@@ -122,6 +123,8 @@ setup(
             "hypothesis>=6.100,<7",
             # The live page in a browser, where there is one.
             "playwright>=1.50,<2",
+            # What data cards for programs are held against.
+            "mlcroissant>=1.0,<2",
             "ruff==0.17.6",
             "mypy>=1.13,<3",
             "scipy-stubs>=1.17,<2",

@@ -50,7 +50,7 @@ ROWS = {
     "render": (
         ("mitsuba_setup", "shapes", "rooms"),
         ("scene",),
-        ("jobs", "inspect", "cloning"),
+        ("jobs", "inspect", "cloning", "cards"),
         ("corpus",),
         ("commands",),
         ("cli",),

@@ -181,6 +181,7 @@ def run(options: argparse.Namespace) -> int:
     _check(options)
     console.check_folder(options.out, "OUT")
     console.require("lime-render", *console.EXTRAS["render"], "tensorflow")
+    from .. import cards
     from ..corpus.split import render_split
     from ..jobs.description import Description
 
@@ -224,6 +225,7 @@ def run(options: argparse.Namespace) -> int:
             on_room=rooms.move,
             on_example=rendered.move,
         )
+    cards.write(options.out)
     _print_remarks(manifest)
     print(f"{manifest['examples']} examples in {options.out / options.split}")
     return 0
