@@ -92,7 +92,7 @@ def read_folder(folder: Path) -> list[Photo]:
         ValueError: if there is no photo, or the labels name one that is not there, name one twice,
             or have an unknown column or value.
     """
-    pictures = [path for path in scanner.inside(folder) if not scanner.is_video(path)]
+    pictures = [path for path in scanner.inside(folder) if not scanner.is_video(str(path))]
     masks = {path: _mask(path) for path in pictures}
     photos = sorted(path for path in pictures if path not in masks.values())
     if not photos:

@@ -3,15 +3,17 @@
 import argparse
 import contextlib
 import functools
+import itertools
 import os
+import re
 import sys
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lime_keras import console
 from lime_keras.commands import model_option
-from lime_keras.io.scanner import SUFFIXES, inside, is_video, photo_of_mask
+from lime_keras.io.scanner import SUFFIXES, inside, is_camera, is_video, photo_of_mask
 from lime_keras.model import folder as model_folder
 from lime_keras.outputs import NEEDED
 from lime_keras.version import __version__
@@ -23,17 +25,19 @@ if TYPE_CHECKING:
     from lime_keras.lighting.light_files import Clone
 
 _ENGINES = ("onnx", "keras")
+_FAMILIES = ("u2net", "birefnet", "isnet")
 _NORMALS = (".exr", ".png")
 _OF_A_FRAME = ("mask", "albedo", "exponent")  # what a video's table and overlay show
-INTERRUPTED = "what is done so far is in the output folder"
+_VIDEO_ENDS = (".csv", "-overlay.mp4", ".json", ".mtl", ".gltf", "-mitsuba.json", "-preview.png")
 
+INTERRUPTED = "what is done so far is in the output folder"
 _EXAMPLE = """
 examples:
   lime-estimate cup.jpg
   lime-estimate cup.jpg --mask mask.png --weights runs/mine
   lime-estimate cup.jpg --clone-onto teapot.ply --shadow
   lime-estimate photos/ --out materials --only albedo,exponent
-  lime-estimate turntable.mp4
+  lime-estimate turntable.mp4               (or camera:0, until Ctrl-C)
 
 DIR/NAME.json has the numbers of a photo and says what may make them wrong. Beside it are the
 layers, a preview, and the material for Blender (glTF), OBJ and Mitsuba; of a video, a table and a
@@ -45,6 +49,26 @@ are done), or options contradict each other; 2 an option is unknown; 130 interru
 
 More: docs/how-to/photos.md, docs/how-to/folders.md, docs/how-to/videos.md, docs/how-to/light.md.
 """
+
+
+class _Source(NamedTuple):
+    """A photo or a video.
+
+    Attributes:
+        text: path of its file, or name of a camera.
+        place: path after which its files are named: relative to the folder it was found in.
+    """
+
+    text: str
+    place: Path
+
+    @property
+    def is_video(self) -> bool:
+        return is_video(self.text)
+
+    @property
+    def file(self) -> Path | None:
+        return None if is_camera(self.text) else Path(self.text)
 
 
 def parser() -> argparse.ArgumentParser:
@@ -78,9 +102,8 @@ def _add_input(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "sources",
         nargs="+",
-        type=Path,
         metavar="PHOTO",
-        help="picture, video, or folder of pictures and videos at any depth",
+        help="picture, video, camera, or folder of pictures and videos at any depth",
     )
     group.add_argument(
         "--mask",
@@ -89,6 +112,12 @@ def _add_input(group: argparse._ArgumentGroup) -> None:
         help="picture of the photo's size, white where the object is; for several photos, a folder "
         "with one of the same name for each. NAME_mask.png beside a photo, or its transparency, "
         "also counts as its mask",
+    )
+    group.add_argument(
+        "--masker",
+        metavar="[FAMILY:]FILE",
+        help="ONNX file of another network that finds the object, and its family: "
+        f"{', '.join(_FAMILIES)} (default: {_FAMILIES[0]}); nothing is downloaded",
     )
 
 
@@ -116,6 +145,16 @@ def _add_output(output: argparse._ArgumentGroup) -> None:
         default=Path("materials"),
         metavar="DIR",
         help="folder of the results (default: materials)",
+    )
+    output.add_argument(
+        "--json",
+        action="store_true",
+        help="print one line of JSON for each photo at a terminal, too; a pipe always gets it",
+    )
+    output.add_argument(
+        "--folders",
+        action="store_true",
+        help="give each photo's files a folder of their own, DIR/NAME/",
     )
     output.add_argument(
         "--overwrite",
@@ -155,13 +194,14 @@ def run(
         make_clone: function that returns the renderer of clones; called once the options are
             checked. None to render none.
     """
-    missing = [path for path in options.sources if not os.path.exists(path)]
-    for path in missing:
-        print(f"error: {path} does not exist: check its name", file=sys.stderr)
-    sources = _sorted(path for path in options.sources if path not in missing)
+    there = [is_camera(text) or os.path.exists(text) for text in options.sources]
+    missing = [text for text, is_there in zip(options.sources, there, strict=True) if not is_there]
+    for text in missing:
+        print(f"error: {text} does not exist: check its name", file=sys.stderr)
+    sources = _sorted(itertools.compress(options.sources, there))
     if not sources:
         return 1
-    _check(options, list(sources), clones=make_clone is not None)
+    _check(options, sources, clones=make_clone is not None)
     if not (options.normals or make_clone):
         # Threads that wait for the next small product by spinning would take the processor from
         # the networks and the writers; the products of a light or a clone are large.
@@ -182,57 +222,46 @@ def _write(
     options: argparse.Namespace,
     results: "Results",
     clone: "Clone | None",
-    sources: Mapping[Path, Path],
+    sources: list[_Source],
     missing: int,
 ) -> int:
-    """Write all results, and return how many sources, with the missing ones, have none.
-
-    Args:
-        options: options of the command.
-        results: folder of the results.
-        clone: renderer of clones.
-        sources: places of the sources (`_sorted`).
-        missing: number of sources that are not there.
-    """
+    """Write all results, and return how many sources, with the missing ones, have none."""
     from lime_keras.estimate import gallery
     from lime_keras.estimate.batch import Batch
-    from lime_keras.estimate.files import distinct_names
     from lime_keras.estimate.terminal import Printer
 
     # Print the results that are there already; refuse to begin if another is in the way.
     gallery.check(options.out)
-    names = results.keep_names(distinct_names(sources.values()), [*sources], [*sources.values()])
-    named = dict(zip(names, sources, strict=True))
-    printer = Printer(for_people=sys.stdout.isatty())
+    named = _named(sources, results, folders=options.folders)
+    printer = Printer(for_people=sys.stdout.isatty() and not options.json)
     light = bool(options.normals or clone)
     batch = Batch(
         results, printer, masks=options.mask, light=light, normals=options.normals, clone=clone
     )
-    batch.check_names(path for path in sources if not is_video(path))
+    batch.check_names([Path(source.text) for source in sources if not source.is_video])
     provenances = {
-        name: functools.partial(results.provenance, path, {})
-        if is_video(path)
-        else functools.partial(batch.provenance, path)
-        for name, path in named.items()
+        name: functools.partial(results.provenance, source.file, {})
+        if source.is_video
+        else functools.partial(batch.provenance, Path(source.text))
+        for name, source in named.items()
     }
     existing = results.existing(provenances)
     for name, content in existing.items():
         printer.existing(content, results.json(name).parent)
 
     # Estimate the others.
-    left = {name: path for name, path in named.items() if name not in existing}
-    photos = {name: path for name, path in left.items() if not is_video(path)}
+    left = {name: source for name, source in named.items() if name not in existing}
+    photos = {name: Path(source.text) for name, source in left.items() if not source.is_video}
+    videos = {name: source.text for name, source in left.items() if source.is_video}
     of_videos: dict[str, dict[str, Any]] = {}
     try:
         if photos:
             batch.run(_estimator(options, options.only), photos)
-        if len(photos) < len(left):
+        if videos:
             estimator = _estimator(options, options.only or _OF_A_FRAME)
-            for name, path in left.items():
-                if is_video(path) and (
-                    summary := _estimate_video(
-                        estimator, path, results, name, provenances[name](), printer
-                    )
+            for name, video in videos.items():
+                if summary := _estimate_video(
+                    estimator, video, results, name, provenances[name], printer
                 ):
                     of_videos[name] = summary
     finally:
@@ -254,23 +283,39 @@ def _write(
     return failed + empty
 
 
+def _named(sources: list[_Source], results: "Results", *, folders: bool) -> dict[str, _Source]:
+    """Return the sources by the names of their results, each of which may get a folder."""
+    from lime_keras.estimate.files import distinct_names
+
+    places = [source.place for source in sources]
+    names = distinct_names(places)
+    if folders:
+        names = [f"{name}/{Path(name).name}" for name in names]
+    names = results.keep_names(names, [source.file for source in sources], places)
+    return dict(zip(names, sources, strict=True))
+
+
 def _results(options: argparse.Namespace, clone_options: Mapping[str, object]) -> "Results":
     """Return the results in the output folder, with what this run makes them with."""
-    from lime_keras.estimate.results import Results
+    from lime_keras.estimate.results import Results, digest
 
-    changing = {
+    masker = _masker(options.masker) if options.masker else None
+    changing: dict[str, object] = {
         "only": options.only and sorted(options.only),
         "full-size": options.full_size,
+        "masker": masker and f"{masker[0]}:{digest(masker[1])}",
         "engine": options.engine if options.engine != _ENGINES[0] else None,
         "precision": options.precision if options.precision != "float32" else None,
+        **clone_options,
     }
     weights = model_folder.digest(model_folder.find(options.weights or model_folder.FOR_PHOTOS))
-    return Results(options.out, weights, {**changing, **clone_options}, overwrite=options.overwrite)
+    return Results(options.out, weights, changing, overwrite=options.overwrite)
 
 
-def _check(options: argparse.Namespace, sources: list[Path], *, clones: bool) -> None:
+def _check(options: argparse.Namespace, sources: list[_Source], *, clones: bool) -> None:
     """Raise an error if options cannot be carried out, before anything is loaded."""
-    videos = list(filter(is_video, sources))
+    photos = [source.text for source in sources if not source.is_video]
+    videos = [source.text for source in sources if source.is_video]
     # Folders and files.
     console.check_folder(options.out, "--out")
     for option, path in (("--mask", options.mask), ("--normals", options.normals)):
@@ -278,11 +323,18 @@ def _check(options: argparse.Namespace, sources: list[Path], *, clones: bool) ->
             raise ValueError(f"{option} is for photos, and {videos[0]} is a video: leave one out")
         if path and not path.exists():
             raise ValueError(f"{path} does not exist: check what is passed to {option}")
-        if path and not path.is_dir() and len(sources) > 1:
+        if path and not path.is_dir() and len(photos) > 1:
             raise ValueError(
-                f"{option} {path} is one file for {len(sources)} photos: pass a folder that holds "
+                f"{option} {path} is one file for {len(photos)} photos: pass a folder that holds "
                 "one of the same name for each"
             )
+    if options.mask and options.masker:
+        raise ValueError("--mask and --masker both say where the object is: leave one out")
+    if options.masker and not _masker(options.masker)[1].is_file():
+        raise ValueError(
+            f"{_masker(options.masker)[1]} is no file: pass an ONNX file to --masker; none is "
+            "downloaded"
+        )
     # Options that exclude each other.
     if options.only and videos and not set(options.only) & set(_OF_A_FRAME):
         raise ValueError(
@@ -308,22 +360,35 @@ def _check(options: argparse.Namespace, sources: list[Path], *, clones: bool) ->
 def _estimator(options: argparse.Namespace, only: tuple[str, ...] | None) -> "Estimator":
     from lime_keras.estimate.estimator import Estimator
 
+    masker = None
+    if options.masker:
+        from lime_keras.runtime.masker import Masker
+
+        family, file = _masker(options.masker)
+        masker = Masker(file, family)
     weights = options.weights or model_folder.FOR_PHOTOS
     return Estimator(
         weights,
         only,
         options.engine,
+        masker,
         full_size=options.full_size,
         precision=options.precision,
     )
 
 
+def _masker(text: str) -> tuple[str, Path]:
+    """Return the family and the path in `FAMILY:FILE`, or in `FILE` alone."""
+    family, _, file = text.partition(":")
+    return (family, Path(file)) if family in _FAMILIES and file else (_FAMILIES[0], Path(text))
+
+
 def _estimate_video(
     estimator: "Estimator",
-    source: Path,
+    source: str,
     results: "Results",
     name: str,
-    provenance: Mapping[str, Any],
+    provenance: Callable[[], dict[str, Any]],
     printer: "Printer",
 ) -> dict[str, Any] | None:
     """Estimate a video and print its material; return the content of its JSON, None if it fails."""
@@ -332,9 +397,9 @@ def _estimate_video(
 
     target = results.json(name)
     try:
-        with results.writing(name, provenance) as draft:
-            summary = estimate_video(source, estimator, draft.folder, target.stem)
-            draft.numbers = {"video": str(source)} | summary.to_json()
+        with results.growing(name, provenance(), _VIDEO_ENDS) as draft:
+            summary = estimate_video(source, estimator, target.parent, target.stem)
+            draft.numbers, draft.files = {"video": source} | summary.to_json(), [*summary.files]
     except ValueError as error:
         printer.error(str(error))
         return None
@@ -348,30 +413,29 @@ def _estimate_video(
     printer.result(draft.numbers, target.parent, remarks)
     print(
         f"{source}: {summary.frames} frames, an object in {summary.found} of them, "
-        f"{summary.cuts} scene cuts; {target.with_name(summary.table.name)}, "
-        f"{target.with_name(summary.overlay.name)}",
+        f"{summary.cuts} scene cuts; {summary.table}, {summary.overlay}",
         file=sys.stderr,
     )
     return draft.numbers
 
 
-def _sorted(sources: Iterable[Path]) -> dict[Path, Path]:
-    """Return the photos, then the videos, among the sources and in the folders among them.
-
-    Each has its place: the path after which its files are named, relative to the folder that it was
-    found in.
-    """
-    places: dict[Path, Path] = {}
-    for path in sources:
-        if path.is_dir():
-            files = {file: file.relative_to(path) for file in inside(path)}
+def _sorted(texts: Iterable[str]) -> list[_Source]:
+    """Return the photos, then the videos, among the sources and in the folders among them."""
+    sources: dict[str, _Source] = {}
+    for text in texts:
+        path = Path(text)
+        if not is_camera(text) and path.is_dir():
+            files = {str(file): file.relative_to(path) for file in inside(path)}
             if not files:
                 raise ValueError(
                     f"{path} has no pictures: their names end in {', '.join(SUFFIXES)}"
                 )
-            places |= files
         elif masked := photo_of_mask(path):
             print(f"{path} is the mask of {masked}, not a photo", file=sys.stderr)
+            continue
         else:
-            places[path] = Path(path.name)
-    return dict(sorted(places.items(), key=lambda source: is_video(source[0])))
+            # The files of a camera need a valid name; `./a.png` is `a.png`.
+            camera = {text: Path(re.sub("[:/]", "-", text))}
+            files = camera if is_camera(text) else {str(path): Path(path.name)}
+        sources |= {name: _Source(name, place) for name, place in files.items()}
+    return sorted(sources.values(), key=lambda source: source.is_video)

@@ -7,7 +7,7 @@ Example:
     print(material.diffuse_albedo, material.specular_albedo, material.exponent)
 """
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, overload
@@ -74,6 +74,9 @@ class Estimator:
         only: names of the estimates to make, out of `outputs.NEEDED`; only the subnetworks that
             these need are loaded and run. By default all estimates that this model can make.
         engine: `onnx` for ONNX Runtime or `keras` (`runtime.engine.load`); or a loaded engine.
+        masker: function that finds the object in place of SegmentationNet, such as
+            `lime_keras.runtime.masker.Masker("u2net.onnx")`: it takes a photo `(H, W, 3)`, float32
+            sRGB in [0, 1], and returns coverage `(H, W)` or `(H, W, 1)` in [0, 1].
         full_size: whether the edges of the layers follow those of the photo (`full_size`); else
             the layers are interpolated from the networks' size. The mask's coverage follows.
         streaming: whether single frames follow each other, as in `lime-live`: the engine then keeps
@@ -86,7 +89,7 @@ class Estimator:
         system: name of the system in words.
         gloss_calibration: what makes a probability of the estimated gloss (`optics.gloss`).
         subnetworks: names of the subnetworks that are run, in order; `segmentation` is always
-            among them, but is loaded and run only for photos without a mask.
+            among them, but is loaded and run only for photos without a mask; with a masker, never.
 
     Raises:
         FileNotFoundError: if the folder holds no trained model.
@@ -100,10 +103,12 @@ class Estimator:
         weights: str | Path = FOR_PHOTOS,
         only: Collection[str] | None = None,
         engine: str | Engine = ENGINES[0],
+        masker: Callable[[np.ndarray], np.ndarray] | None = None,
         full_size: bool = False,
         streaming: bool = False,
         precision: str = PRECISIONS[0],
     ):
+        self._masker = masker
         self._model = weights
         run = model_folder.find(weights)
         self.gloss_calibration = gloss_file.read(run)
@@ -125,7 +130,7 @@ class Estimator:
             )
         self._outputs = self._outputs_of(self._only)
         self.subnetworks = (
-            *self._engine.subnetworks(["mask"], ["image"]),
+            *(() if masker else self._engine.subnetworks(["mask"], ["image"])),
             *self._engine.subnetworks(self._outputs, ["image", "mask"]),
         )
 
@@ -322,13 +327,17 @@ class Estimator:
             ValueError: if the photo or the mask is refused (see `estimate`).
         """
         image, full, doubts = photo_of(photo)
+        confidence = None
         if mask is not None:
             full = mask_of(mask, *image.shape[:2])
+        elif full is None and self._masker is not None:
+            full = mask_of(self._masker(image), *image.shape[:2])
+            confidence = cautions.confidence(full)
         if full is None:
             return replace(self._cut(image, framing.whole(*image.shape[:2])), doubts=doubts)
         view = self._cut(image, framing.around_mask(full))
         low = framing.cut_layer(full, view.square, self.size)
-        return replace(view, mask=low, supplied_mask=full, doubts=doubts)
+        return replace(view, mask=low, supplied_mask=full, confidence=confidence, doubts=doubts)
 
     def _cut(self, photo: np.ndarray, square: Square) -> View:
         """Return the view of a square in which nothing was looked for yet."""

@@ -28,10 +28,12 @@ class Draft:
     Attributes:
         folder: folder for its files.
         numbers: numbers for its JSON; once the result is in place, the whole content of that.
+        files: names of files that grow in their places (`Results.growing`).
     """
 
     folder: Path
     numbers: dict[str, Any] = field(default_factory=dict)
+    files: list[str] = field(default_factory=list)
 
 
 class Results:
@@ -59,7 +61,7 @@ class Results:
         return self.out / f"{name}.json"
 
     def keep_names(
-        self, names: Sequence[str], sources: Sequence[Path], places: Sequence[Path]
+        self, names: Sequence[str], sources: Sequence[Path | None], places: Sequence[Path]
     ) -> list[str]:
         """Return the names of sources, so that each keeps the name under which it is there already.
 
@@ -67,7 +69,7 @@ class Results:
 
         Args:
             names: names of the sources (`files.distinct_names`).
-            sources: photos and videos.
+            sources: photos and videos; None for cameras.
             places: paths after which they were named.
         """
         out = list(names)
@@ -89,11 +91,11 @@ class Results:
                 out[k] = kept.get(k) or next(others)
         return out
 
-    def provenance(self, source: Path, beside: Mapping[str, Path]) -> dict[str, Any]:
+    def provenance(self, source: Path | None, beside: Mapping[str, Path]) -> dict[str, Any]:
         """Return what a result depends on, ready for JSON.
 
         Args:
-            source: photo or video.
+            source: photo or video; None for a camera, which never shows the same again.
             beside: further files that the result depends on, such as a mask, by what they are.
 
         Raises:
@@ -101,7 +103,11 @@ class Results:
             OSError: if a file cannot be read.
         """
         others = {name: digest(path) for name, path in beside.items()}
-        return self._made | {"source": digest(source)} | ({"beside": others} if others else {})
+        return (
+            self._made
+            | {"source": source and digest(source)}
+            | ({"beside": others} if others else {})
+        )
 
     def existing(
         self, provenances: Mapping[str, Callable[[], Mapping[str, Any]]]
@@ -143,10 +149,10 @@ class Results:
             raise ValueError(f"{path} is no result of lime-estimate: {_MEND}")
         if differences := _differences(result["made"], provenance):
             raise ValueError(f"{path} was made {' and '.join(differences)}: {_MEND}")
-        # Earlier versions left the results of interrupted videos, and said so.
-        is_whole = not result["made"].get("unfinished")
-        is_whole &= all((path.parent / file).is_file() for file in result["files"])
-        return result if is_whole else None
+        if provenance["source"] is None:
+            raise ValueError(f"{path} was made of an earlier recording: {_MEND}")
+        is_whole = all((path.parent / file).is_file() for file in result["files"])
+        return result if is_whole and not result["made"].get("unfinished") else None
 
     @contextlib.contextmanager
     def writing(self, name: str, provenance: Mapping[str, Any]) -> Iterator[Draft]:
@@ -187,6 +193,34 @@ class Results:
         finally:
             atomic.remove(partial)
 
+    @contextlib.contextmanager
+    def growing(
+        self, name: str, provenance: Mapping[str, Any], ends: Sequence[str]
+    ) -> Iterator[Draft]:
+        """Yield a draft whose files grow in their places, as those of a video do.
+
+        An interruption leaves them there, marked as unfinished. After a ValueError nothing is left.
+
+        Args:
+            name: name of the result.
+            provenance: what it depends on.
+            ends: ends of the names of the files that it may have.
+
+        Raises:
+            ValueError: if another file has one of these names, and nothing may be overwritten.
+        """
+        target = self.json(name)
+        draft = Draft(target.parent, files=[target.stem + end for end in ends])
+        self._clear(name, draft.files)
+        result_json.write(target, {}, dict(provenance) | {"unfinished": True}, draft.files)
+        try:
+            yield draft
+        except ValueError:
+            self._clear(name, [])
+            raise
+        files = [*draft.files, target.name]
+        draft.numbers = result_json.write(target, draft.numbers, provenance, files)
+
     def _clear(self, name: str, files: list[str]) -> None:
         """Remove an earlier result; raise ValueError if one of `files` is another's."""
         target = self.json(name)
@@ -212,10 +246,10 @@ def digest(path: Path) -> str:
     return untrusted.sha256(path)[:_DIGITS]
 
 
-def _digest_or_none(path: Path) -> str | None:
+def _digest_or_none(path: Path | None) -> str | None:
     """Return the digest of a file; None if it cannot be read, which is reported later."""
     try:
-        return digest(path)
+        return None if path is None else digest(path)
     except (OSError, ValueError):
         return None
 

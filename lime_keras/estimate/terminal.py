@@ -5,15 +5,22 @@ import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from tqdm import tqdm
 
 from lime_keras.material import srgb_hex
 from lime_keras.optics import gloss
 
+_SWATCH = 4  # width of the colour in letters
 _FORMATS = (".gltf", ".mtl", "-mitsuba.json", "-clone.png", "-overlay.mp4", ".csv", ".json")
 """Ends of the files that are named; the layers lie beside them."""
+
+
+def takes_colour(stream: IO[str]) -> bool:
+    """Return whether a stream is a terminal that shows colours (https://no-color.org)."""
+    plain = os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb"
+    return stream.isatty() and not plain
 
 
 class Printer:
@@ -51,31 +58,41 @@ class Printer:
         tqdm.write(f"error: {os.fsencode(text).decode(errors='replace')}", file=sys.stderr)
 
     def _print(self, content: Mapping[str, Any], folder: Path, remarks: Sequence[str]) -> None:
-        words = describe(content, folder, remarks) if self._for_people else json.dumps(content)
-        tqdm.write(words)
+        colour = takes_colour(sys.stdout)
+        words = describe(content, folder, remarks, colour=colour) if self._for_people else None
+        tqdm.write(words or json.dumps(content))
 
 
-def describe(content: Mapping[str, Any], folder: Path, remarks: Sequence[str] = ()) -> str:
-    """Return the lines of one result: its source, its material, its warnings and its files."""
+def describe(
+    content: Mapping[str, Any], folder: Path, remarks: Sequence[str] = (), *, colour: bool
+) -> str:
+    """Return the lines of one result: its source, its material, its warnings and its files.
+
+    With `colour`, the diffuse albedo is shown as a swatch, by ANSI true colour.
+    """
     lines = [_source(content)]
     scenes = content.get("scenes", ())
     if len(scenes) > 1:
         for scene in scenes:
-            lines.append(f"  scene {scene['scene']}  {material(scene)}")
+            lines.append(f"  scene {scene['scene']}  {material(scene, colour=colour)}")
             lines += [f"  ! {message}" for message in _messages(scene)]
     else:
-        lines.append(f"  {material(content)}")
+        lines.append(f"  {material(content, colour=colour)}")
         lines += [f"  ! {message}" for message in _messages(content)]
     lines += [f"  ! {remark}" for remark in remarks]
     lines.append(f"  {_places(content['files'], folder)}")
     return "\n".join(lines)
 
 
-def material(numbers: Mapping[str, Any]) -> str:
+def material(numbers: Mapping[str, Any], *, colour: bool) -> str:
     """Return the numbers of a material in one line; what was not estimated is left out."""
     parts = []
-    if numbers.get("diffuse_albedo") is not None:
-        parts.append(srgb_hex(numbers["diffuse_albedo"]))
+    diffuse = numbers.get("diffuse_albedo")
+    if diffuse is not None:
+        hexadecimal = srgb_hex(diffuse)
+        red, green, blue = (int(hexadecimal[at : at + 2], 16) for at in (1, 3, 5))
+        swatch = f"\x1b[48;2;{red};{green};{blue}m{' ' * _SWATCH}\x1b[0m " if colour else ""
+        parts.append(f"{swatch}{hexadecimal}")
     if numbers.get("exponent") is not None:
         shininess = gloss.numbers(numbers["exponent"], numbers.get("exponent_interval"))
         parts.append(f"{numbers['gloss']}, {shininess}")

@@ -101,14 +101,6 @@ def load(path: str | os.PathLike[str]) -> Photo:
     return Photo(image, alpha, cautions)
 
 
-def from_pil(image: "Image.Image") -> tuple[np.ndarray, np.ndarray | None]:
-    """Return the pixels of a PIL image as `read` returns those of its file (see `load_pil`)."""
-    pixels, alpha, cautions = load_pil(image)
-    for caution in cautions:
-        warnings.warn(PhotoWarning(caution, "a PIL image"), stacklevel=2)
-    return pixels, alpha
-
-
 def load_pil(image: "Image.Image") -> Photo:
     """Return the pixels of a PIL image as `load` returns those of its file.
 

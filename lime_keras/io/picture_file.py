@@ -33,8 +33,7 @@ _STRAIGHT = ("bmp", "gif", "jpeg2000", "jpegxl")
 """Formats whose colours are not multiplied by alpha, and of which OpenImageIO does not say so."""
 _LINEAR = ("openexr", "hdr")
 _FTYP, _HEIF = b"ftyp", (b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"mif1", b"msf1")
-_AVIF = (b"avif", b"avis")
-"""Brands of HEIF files by codec: HEVC (phones) and AV1."""
+_AVIF = (b"avif", b"avis")  # brands of HEIF files by codec: HEVC (phones) and AV1
 _MARKER = re.compile(rb"\xff[^\x00\x01\xd0-\xd7\xff]", re.DOTALL)
 """A marker of a JPEG that begins a segment or ends the picture; escaped bytes are none."""
 _END_OF_IMAGE = 0xD9
@@ -44,8 +43,7 @@ _PICTURES = ("", "composite.combined", "rgba", "rgb", "combined", "beauty")
 """Ends of the name of the layer that shows the whole picture, the first one first."""
 _ORIENTATION, _EXIF, _INTEROPERABILITY = 0x0112, 0x8769, 0xA005
 _COLOUR_SPACE, _WHITE_POINT, _PRIMARIES = 0xA001, 0x013E, 0x013F
-_UNCALIBRATED = 0xFFFF
-"""Tag numbers of EXIF, and its value for a colour space of no name."""
+_UNCALIBRATED = 0xFFFF  # tag numbers of EXIF, and its value for a colour space of no name
 _PHOTOMETRIC = {
     **{0: "", 1: "", 2: "", 3: "", 5: "CMYK", 6: "", 8: "CIELab"},
     **{4: "a mask", 9: "ICCLab", 10: "ITULab"},

@@ -1,4 +1,4 @@
-"""The kinds of sources by their names (photos, videos), and the search of folders.
+"""The kinds of sources by their names (photos, videos, cameras), and the search of folders.
 
 This module imports no library but Python's own, so that a command can sort what it is given, and
 refuse what is not there, before any is loaded.
@@ -23,6 +23,8 @@ EXTENSIONS = (
     *(".mpg", ".mpeg", ".ts", ".mts", ".m2ts", ".ogv"),
 )
 """Suffixes of files that count as videos; FFmpeg itself looks only at a file's content."""
+CAMERA = "camera:"
+"""Prefix of a camera's name: `camera:0`, `camera:/dev/video2`, `camera:FaceTime HD Camera`."""
 _MASK = "_mask"  # end of the stem of a PNG that is the mask of the photo beside it
 _OF_SYSTEMS = ("__MACOSX", "@eaDir", "#recycle", "$RECYCLE.BIN", "System Volume Information")
 """Folders that archives, network disks and Windows make, with small copies of pictures in some."""
@@ -126,9 +128,14 @@ def of_photo(photo: Path, folder: Path) -> Path:
     raise ValueError(f"{folder} holds nothing for {photo}: call it {photo.stem}, as the photo")
 
 
-def is_video(path: Path) -> bool:
-    """Return whether a path names a video file."""
-    return path.suffix.lower() in EXTENSIONS
+def is_video(source: str) -> bool:
+    """Return whether `source` names a camera or a video file."""
+    return is_camera(source) or Path(source).suffix.lower() in EXTENSIONS
+
+
+def is_camera(source: str) -> bool:
+    """Return whether `source` names a camera."""
+    return source.startswith((CAMERA, "/dev/video"))
 
 
 def inside(folder: Path) -> Iterator[Path]:

@@ -1,5 +1,7 @@
-"""The reader of frames from a video file, upright and in order, with PyAV."""
+"""The reader of frames from a video file or a camera, upright and in order, with PyAV."""
 
+import sys
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,10 +9,14 @@ from typing import Any, Self
 
 import av
 import numpy as np
+from av import device
 
 from lime_keras.io import colour_space, photo, untrusted
 from lime_keras.io.colour_space import Tags
+from lime_keras.io.scanner import CAMERA, is_camera
 
+_DEVICES = {"linux": "v4l2", "darwin": "avfoundation", "win32": "dshow"}
+"""Name of FFmpeg's camera interface, by `sys.platform`."""
 _UNSPECIFIED, _REC709, _HIGH_DEFINITION = 2, 1, 720
 _HDR = {16: "PQ", 18: "HLG"}
 """Names of the transfer curves of high dynamic range, by FFmpeg's number."""
@@ -38,7 +44,8 @@ class Footage:
     """An opened video that can be read once: `with Footage(name) as footage: for frame in …`.
 
     Args:
-        source: path of the file.
+        source: path of a file, or `CAMERA` and the name of a camera. The name is a number or a
+            device file on Linux, and the system's name for the camera elsewhere.
 
     Attributes:
         expected: number of frames that the file announces; None if it announces none.
@@ -49,11 +56,11 @@ class Footage:
         ValueError: if the source is missing, not a video, or has no video stream.
     """
 
-    def __init__(self, source: Path):
+    def __init__(self, source: str):
         self._source = source
-        self._container: Any = _open(source)
+        self._container: Any = _camera(source) if is_camera(source) else _file(source)
         try:
-            with untrusted.naming(source, "a video"):
+            with untrusted.naming(Path(source), "a video"):
                 self._begin()
         except BaseException:
             self._container.close()
@@ -76,7 +83,8 @@ class Footage:
         self._aspect = float(self._stream.sample_aspect_ratio or 1)
         self._is_joined = self._has_fields = False
         self._rate = float(self._stream.average_rate or self._stream.guessed_rate or 25)
-        self._announced = (self._container.duration or 0) / av.time_base
+        announced = (self._container.duration or 0) / av.time_base
+        self._announced = 0.0 if is_camera(source) else announced
         self.expected: int | None = (
             self._stream.frames or round(self._announced * self._rate) or None
         )
@@ -101,7 +109,7 @@ class Footage:
             for picture, pixels in decoded:
                 seconds = count / self._rate if picture.time is None else picture.time
                 offset = seconds if offset is None else offset
-                if count and seconds - offset < now:
+                if count and seconds - offset < now and not is_camera(self._source):
                     # Joined recordings begin their clocks anew: the time goes on.
                     offset = seconds - now - 1 / self._rate
                     self._remark_joint(now)
@@ -140,25 +148,32 @@ class Footage:
 
     def _pixels(self, picture: Any) -> np.ndarray:
         """Return the pixels of a decoded picture (see `_upright`), unless it is too large."""
+        path = Path(self._source)
         width, height = picture.width, picture.height
         if self._aspect > 1 + _SQUARE:
             width = round(width * self._aspect)
         elif self._aspect < 1 - _SQUARE:
             height = round(height / self._aspect)
-        untrusted.check_size(self._source, width, height, _CHANNELS, photo.LARGEST)
-        with untrusted.naming(self._source, "a video"):
+        untrusted.check_size(path, width, height, _CHANNELS, photo.LARGEST)
+        with untrusted.naming(path, "a video"):
             return _upright(picture, width, height)
 
     def _packets(self) -> Iterator[Any]:
         """Yield compressed packets and last an empty packet, which flushes the decoder."""
-        try:
-            yield from self._container.demux(self._stream)
-        except av.error.FFmpegError as error:
-            self.remarks.append(f"{self._source} ends early: {error.strerror}")
+        while True:
+            try:
+                yield from self._container.demux(self._stream)
+                return
+            except av.error.BlockingIOError:
+                time.sleep(0.002)  # on a Mac: the camera has no picture yet
+            except av.error.FFmpegError as error:
+                self.remarks.append(f"{self._source} ends early: {error.strerror}")
+                return
 
 
-def _open(path: Path) -> Any:
+def _file(source: str) -> Any:
     """Open a file by its absolute path, because FFmpeg would take `a:b.mp4` for a protocol."""
+    path = Path(source)
     untrusted.check(path, "a video")
     try:
         return av.open(str(path.absolute()))
@@ -166,9 +181,33 @@ def _open(path: Path) -> Any:
         raise
     except Exception as error:  # beside FFmpeg's errors, those of tags that are no text
         raise ValueError(
-            f"{path} cannot be read as a video ({getattr(error, 'strerror', None) or error}): it "
+            f"{source} cannot be read as a video ({getattr(error, 'strerror', None) or error}): it "
             "is damaged, cut short or of another kind; export it anew, as MP4 say"
         ) from error
+
+
+def _camera(source: str) -> Any:
+    """Open a camera; raise ValueError, with the names of the cameras found, if that fails."""
+    kind, name = _DEVICES.get(sys.platform, "v4l2"), source.removeprefix(CAMERA)
+    address = {"v4l2": f"/dev/video{name}" if name.isdigit() else name, "dshow": f"video={name}"}
+    # AVFoundation asks for NTSC's 29.97 frames a second, which few of its cameras have.
+    options = {"framerate": "30"} if kind == "avfoundation" else {}
+    try:
+        return av.open(address.get(kind, name), format=kind, options=options)
+    except (av.error.FFmpegError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise ValueError(f"{source} cannot be opened ({reason}): {_known(kind)}") from error
+
+
+def _known(kind: str) -> str:
+    """Return the available cameras in words, for an error message."""
+    try:
+        cameras = [d for d in device.enumerate_input_devices(kind) if "audio" not in d.media_types]
+    except (av.error.FFmpegError, ValueError):
+        cameras = []
+    if not cameras:
+        return "no camera was found; plug one in and allow this program to use it"
+    return "there are " + ", ".join(f"{CAMERA}{d.name} ({d.description})" for d in cameras)
 
 
 def _is_cover(stream: Any) -> bool:

@@ -18,8 +18,7 @@ from lime_keras.model import folder as model_folder
 from lime_keras.model.folder import DESCRIPTION
 from lime_keras.version import __version__
 
-LAYOUT = 1
-"""Version of the graphs' names and meanings; it rises when earlier graphs no longer fit."""
+LAYOUT = 1  # version of the graphs' names and meanings; it rises when earlier graphs no longer fit
 SPLIT = "dichromatic"
 """Name of the graph that is no subnetwork, and of its only answer: the split of colours, which
 several subnetworks read (`lime_keras.optics.dichromatic`)."""

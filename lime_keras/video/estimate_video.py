@@ -8,12 +8,12 @@ Example:
 """
 
 import csv
-import io
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 from tqdm import tqdm
@@ -22,6 +22,7 @@ from lime_keras import console
 from lime_keras.estimate.cautions import NO_OBJECT
 from lime_keras.estimate.estimator import Estimator
 from lime_keras.io import atomic
+from lime_keras.io.scanner import is_camera
 from lime_keras.io.video_reader import Footage, Frame
 from lime_keras.io.video_writer import Movie
 from lime_keras.material import Material
@@ -37,7 +38,10 @@ COLUMNS = (
     *("mask_confidence", "warnings"),
 )
 """Columns of the table that `estimate_video` writes; warnings are codes with a space between."""
-_ESTIMATED = ("mask", "albedo", "exponent")  # estimates of a frame by default; layers are not kept
+
+
+_ESTIMATED = ("mask", "albedo", "exponent")
+"""What is estimated of a frame by default: a video leaves no layers."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +54,7 @@ class Summary:
         cuts: number of scene cuts.
         seconds: time from the first frame to the last, in seconds.
         material: fused material at the end of the last scene with an object, without layers, with
-            the warnings of that scene (`video.scene_cautions`); every number is None if no frame
+            the warnings of that scene (`video.scenes`); every number is None if no frame
             had an object.
         remarks: messages for the user about the source (see `video_reader.Footage`).
         table: path of the CSV file.
@@ -83,27 +87,28 @@ def estimate_video(
     folder: str | Path = "materials",
     name: str | None = None,
 ) -> Summary:
-    """Estimate every frame of a video, and write its table, overlay and the material of each scene.
+    """Estimate every frame of a video, and write its table and overlay frame by frame.
 
-    Progress goes to standard error. After an interruption nothing was written.
+    At the end the fused material of each scene is written, too (`scenes.write`).
+
+    Progress goes to standard error. Ctrl-C leaves both files valid. With a camera, Ctrl-C ends the
+    video in the usual way; with a file, KeyboardInterrupt is raised again.
 
     Args:
-        source: path of a video file.
+        source: path of a video file, or name of a camera (see `video_reader.Footage`).
         estimator: estimator of single frames; by default that of the weights for photos.
-        folder: folder for `NAME.csv`, `NAME-overlay.mp4` and the materials (`scenes.write`); made
-            if it is missing.
+        folder: folder for `NAME.csv`, `NAME-overlay.mp4` and the materials; made if it is missing.
         name: NAME of the files; by default that of the video.
 
     Returns:
         Counts, fused material and paths of the files.
 
     Raises:
-        ValueError: if the source cannot be opened or holds no picture.
+        ValueError: if the source cannot be opened or holds no picture; nothing is written then.
         OSError: if a file cannot be written.
     """
-    source, folder = Path(source), Path(folder)
-    name = name or source.stem
-    estimator = estimator or Estimator(only=_ESTIMATED)
+    source, folder = str(source), Path(folder)
+    name = name or ("camera" if is_camera(source) else Path(source).stem)
     with Footage(source) as footage:
         pictures = iter(footage)
         first = next(pictures, None)
@@ -118,41 +123,44 @@ def estimate_video(
         )
         folder.mkdir(parents=True, exist_ok=True)
         table, overlay = folder / f"{name}.csv", folder / f"{name}-overlay.mp4"
-        # Estimate, fuse and draw each frame.
-        text, tracker, followed = io.StringIO(), Tracker(), Scenes()
-        rows = csv.writer(text)
-        rows.writerow(COLUMNS)
-        with atomic.replacing(overlay) as partial, Movie(partial) as movie:
-            for number, frame in enumerate(shown):
-                material = estimator.estimate(frame.image_srgb / np.float32(255))
-                step = tracker.step(frame.image_srgb, material)
-                rows.writerow(_row(number, frame.time, material, step))
-                movie.write(_picture(frame, material, step), frame.time)
-                followed.add(frame, material, step)
-    # Write the table and the scenes.
-    atomic.write(table, text.getvalue())
-    with_objects = followed.with_objects()
-    found = sum(scene.found for scene in followed.every)
-    return Summary(
-        frames=sum(scene.frames for scene in followed.every),
-        found=found,
-        cuts=sum(scene.is_cut for scene in followed.every),
-        seconds=followed.every[-1].end,
-        material=_last(with_objects, found),
-        remarks=tuple(footage.remarks),
-        table=table,
-        overlay=overlay,
-        scenes=tuple(with_objects),
-        files=(table.name, overlay.name, *scenes.write(folder, name, with_objects)),
-    )
+        followed = Scenes()
+        try:
+            _follow(shown, estimator or Estimator(only=_ESTIMATED), table, overlay, followed)
+        except KeyboardInterrupt:
+            if not is_camera(source):
+                raise
+        with_objects = followed.with_objects()
+        found = sum(scene.found for scene in followed.every)
+        return Summary(
+            frames=sum(scene.frames for scene in followed.every),
+            found=found,
+            cuts=sum(scene.is_cut for scene in followed.every),
+            seconds=followed.every[-1].end,
+            material=_last(with_objects, found),
+            remarks=tuple(footage.remarks),
+            table=table,
+            overlay=overlay,
+            scenes=tuple(with_objects),
+            files=(table.name, overlay.name, *scenes.write(folder, name, with_objects)),
+        )
 
 
-def _picture(frame: Frame, material: Material, step: Step) -> np.ndarray:
-    """Return the overlay of a frame (`overlay.draw`)."""
-    status = "new scene" if step.cut else "" if step.found else "no object"
-    shown = material if step.found else Material(layers=material.layers)
-    fused = material_of(step.fused, material.gloss_calibration)
-    return draw(frame.image_srgb, frame.time, status, shown, fused)
+def _follow(
+    frames: Iterable[Frame], estimator: Estimator, table: Path, overlay: Path, followed: Scenes
+) -> None:
+    """Estimate and fuse each frame, and write its row and picture."""
+    tracker = Tracker()
+    with _Table(table) as rows, Movie(overlay) as video:
+        rows.write(COLUMNS)
+        for number, frame in enumerate(frames):
+            material = estimator.estimate(frame.image_srgb / np.float32(255))
+            step = tracker.step(frame.image_srgb, material)
+            rows.write(_row(number, frame.time, material, step))
+            status = "new scene" if step.cut else "" if step.found else "no object"
+            shown = material if step.found else Material(layers=material.layers)
+            fused = material_of(step.fused, material.gloss_calibration)
+            video.write(draw(frame.image_srgb, frame.time, status, shown, fused), frame.time)
+            followed.add(frame, material, step)
 
 
 def _last(with_objects: list[Scene], found: int) -> Material:
@@ -160,6 +168,27 @@ def _last(with_objects: list[Scene], found: int) -> Material:
     if not with_objects:
         return Material(warnings=() if found else (NO_OBJECT,))
     return replace(with_objects[-1].material, mask_coverage=None, square=None, layers={})
+
+
+class _Table:
+    """A CSV file that is written line by line, so that it can be read while it grows."""
+
+    def __init__(self, path: Path):
+        self._path = path
+        with atomic.naming_writer(path):
+            self._file = path.open("w", newline="", buffering=1, encoding="utf-8")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with atomic.naming_writer(self._path):
+            self._file.close()
+
+    def write(self, cells: Iterable[str]) -> None:
+        """Append a row."""
+        with atomic.naming_writer(self._path):
+            csv.writer(self._file).writerow(cells)
 
 
 def _row(number: int, seconds: float, material: Material, step: Step) -> Iterator[str]:

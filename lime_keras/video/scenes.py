@@ -1,6 +1,7 @@
 """The scenes of a video, each with one fused material, and their files.
 
-A scene ends at a cut, and where an object was lost for so long that the fusion restarts.
+A scene ends at a cut, and where an object was lost for so long that the fusion restarts. How sure
+its estimate is, its frames say together.
 """
 
 import dataclasses
@@ -12,9 +13,14 @@ import numpy as np
 from lime_keras.estimate import files, preview
 from lime_keras.io import photo
 from lime_keras.io.video_reader import Frame
-from lime_keras.material import Material
-from lime_keras.video.scene_cautions import SceneCautions
+from lime_keras.material import Caution, Material
 from lime_keras.video.tracking import Step, material_of
+
+OFTEN = 0.5
+"""Share of a scene's frames with an object from which a frame's warning is the scene's.
+
+The fusion takes medians, so what is true of fewer than half of the frames does not change it.
+"""
 
 
 @dataclasses.dataclass
@@ -53,7 +59,9 @@ class _Running:
         self.number, self.is_cut = number, is_cut
         self.frames = self.found = 0
         self.start = self.end = 0.0
-        self.cautions = SceneCautions()
+        self.confidences: list[float] = []
+        self.probabilities: list[np.ndarray] = []
+        self.messages: dict[str, list[str]] = {}
         self.fused: np.ndarray | None = None
         self.largest: tuple[np.ndarray, Material] | None = None
 
@@ -61,12 +69,21 @@ class _Running:
         self.start = self.start if self.frames else frame.time
         self.end = frame.time
         self.frames, self.found = self.frames + 1, self.found + step.found
-        self.cautions.add(material)
+        if step.found:
+            self._add_cautions(material)
         if np.isfinite(step.fused).any():
             self.fused = step.fused
         before = self.largest[1].mask_coverage if self.largest else 0
         if (material.mask_coverage or 0) > (before or 0):
             self.largest = frame.image_srgb, material
+
+    def _add_cautions(self, material: Material) -> None:
+        if material.mask_confidence is not None:
+            self.confidences.append(material.mask_confidence)
+        if material.exponent_bin_probabilities is not None:
+            self.probabilities.append(material.exponent_bin_probabilities)
+        for caution in material.warnings:
+            self.messages.setdefault(caution.code, []).append(caution.message)
 
     def result(self) -> Scene | None:
         """Return the scene up to now, or None if it has no object."""
@@ -76,14 +93,24 @@ class _Running:
         material = dataclasses.replace(
             material_of(self.fused, shown.gloss_calibration),
             mask_coverage=shown.mask_coverage,
-            mask_confidence=self.cautions.mask_confidence,
-            exponent_bin_probabilities=self.cautions.exponent_bin_probabilities,
-            warnings=self.cautions.warnings,
+            mask_confidence=float(np.mean(self.confidences)) if self.confidences else None,
+            exponent_bin_probabilities=np.mean(self.probabilities, axis=0)
+            if self.probabilities
+            else None,
+            warnings=self._warnings(),
             square=shown.square,
             layers={name: layer for name, layer in shown.layers.items() if name == "mask"},
         )
         counts = self.number, self.start, self.end, self.frames, self.found
         return Scene(*counts, material, image)
+
+    def _warnings(self) -> tuple[Caution, ...]:
+        """Return the warnings of at least `OFTEN` of the frames with an object, as last worded."""
+        return tuple(
+            Caution(code, f"in {len(messages) / self.found:.0%} of the frames, {messages[-1]}")
+            for code, messages in self.messages.items()
+            if len(messages) >= OFTEN * self.found
+        )
 
 
 class Scenes:

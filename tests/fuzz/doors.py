@@ -86,7 +86,7 @@ def _mesh(folder: Path) -> None:
 def _video(folder: Path) -> None:
     from lime_keras.io.video_reader import Footage
 
-    with Footage(_file(folder)) as footage:
+    with Footage(str(_file(folder))) as footage:
         for _ in itertools.islice(footage, 100):
             pass
 
@@ -158,6 +158,14 @@ def _graph_weights(folder: Path) -> None:
 
     for path in sorted(model_folder.graphs(folder).glob("*.onnx")):
         weights_in_graphs.read(path.read_bytes(), path)
+
+
+def _masker(folder: Path) -> None:
+    import numpy as np
+
+    from lime_keras.runtime.masker import Masker
+
+    Masker(_file(folder))(np.full((16, 24, 3), 0.5, np.float32))
 
 
 # ---- JSON ------------------------------------------------------------------------------------
@@ -280,6 +288,7 @@ DOORS = {
     "weights": Door(_weights, "weights", 1),
     "graphs": Door(_graphs, "graphs", 1),
     "graph-weights": Door(_graph_weights, "graphs", 4),
+    "masker": Door(_masker, "maskers", 8),
     "run": Door(_run_file, "runs", 8),
     "predictions": Door(_predictions, "predictions", 12),
     "results": Door(_results, "results", 8),

@@ -265,6 +265,27 @@ def graphs(folder: Path) -> None:
     shutil.copytree(model_folder.PRETRAINED / "nano", folder / "nano")
 
 
+def maskers(folder: Path) -> None:
+    """Write a network of one convolution and a sigmoid that finds an object in a picture."""
+    import onnx
+    from onnx import TensorProto, helper, numpy_helper
+
+    kernel = np.random.default_rng(0).normal(size=(1, 3, 3, 3)).astype(np.float32)
+    nodes = [
+        helper.make_node("Conv", ["image", "kernel"], ["logits"], pads=[1, 1, 1, 1]),
+        helper.make_node("Sigmoid", ["logits"], ["mask"]),
+    ]
+    graph = helper.make_graph(
+        nodes,
+        "masker",
+        [helper.make_tensor_value_info("image", TensorProto.FLOAT, (1, 3, 16, 16))],
+        [helper.make_tensor_value_info("mask", TensorProto.FLOAT, (1, 1, 16, 16))],
+        [numpy_helper.from_array(kernel, "kernel")],
+    )
+    made = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+    onnx.save(made, _new(folder, "masker", "masker.onnx"))
+
+
 # ---- JSON ------------------------------------------------------------------------------------
 
 
@@ -398,7 +419,7 @@ MAKERS: dict[str, Callable[[Path], None]] = {
             corpora,
             records,
         ),
-        *(weights, graphs, runs, predictions, results, requests),
+        *(weights, graphs, maskers, runs, predictions, results, requests),
     )
 }
 """Makers of seeds by name."""

@@ -62,9 +62,10 @@ def test_a_folder_is_all_its_pictures(folder, tiny_model, tmp_path, capsys):
 
 
 def test_at_a_terminal_a_person_is_answered(folder, tiny_model, tmp_path, capsys, monkeypatch):
-    """In words, warnings among them; also of a result that is there."""
+    """In words, warnings among them; in JSON if asked for; also of a result that is there."""
     photo, out = folder / "a.png", tmp_path / "out"
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    monkeypatch.setenv("NO_COLOR", "1")
     for _ in range(2):
         assert run(photo, weights_folder=tiny_model, out=out) == 0
         told = capsys.readouterr()
@@ -73,6 +74,9 @@ def test_at_a_terminal_a_person_is_answered(folder, tiny_model, tmp_path, capsys
         assert any(line.startswith("  ! ") for line in others)
         assert others[-1].startswith(f"  {out}{os.sep}: a-preview.png, a.gltf")
         assert "warning: " not in told.err
+    assert run(photo, "--json", weights_folder=tiny_model, out=out) == 0
+    numbers = json.loads(capsys.readouterr().out)
+    assert numbers == json.loads((out / "a.json").read_text(encoding="utf-8"))
 
 
 def test_files_that_fail_are_told_and_the_rest_is_done(folder, tiny_model, tmp_path, capsys):
@@ -267,6 +271,39 @@ def test_a_mask_beside_a_photo_that_does_not_fit_is_told(mask, told, folder, tin
     error = capsys.readouterr().err
     assert f"error: {folder / 'a.png'}: {folder / 'a_mask.png'} " in error and told in error
     assert not out.exists()
+
+
+def test_a_masker_finds_the_object(folder, tiny_model, tmp_path, capsys):
+    """It is taken where no mask is given; its family stands before a colon."""
+    from onnx import TensorProto, helper, save
+
+    weights_file = tmp_path / "left.onnx"
+    half = np.broadcast_to(np.arange(8) < 4, (1, 1, 8, 8)).astype(np.float32) * 0.9
+    made = helper.make_tensor("half", TensorProto.FLOAT, half.shape, half.ravel())
+    ends = [
+        [helper.make_tensor_value_info(name, TensorProto.FLOAT, [1, channels, 8, 8])]
+        for name, channels in (("image", 3), ("mask", 1))
+    ]
+    nodes = [helper.make_node("Constant", [], ["mask"], value=made)]
+    graph = helper.make_graph(nodes, "masker", *ends)
+    opset = [helper.make_opsetid("", 17)]
+    save(helper.make_model(graph, opset_imports=opset, ir_version=8), weights_file)
+    write(folder / "b_mask.png", masked((33, 20), 0, 20))
+    for text in (weights_file, f"isnet:{weights_file}"):
+        arguments = (folder, "--masker", text, "--only", "albedo", "--overwrite")
+        assert run(*arguments, weights_folder=tiny_model, out=tmp_path / "out") == 0
+        assert "(specular, albedo)" in capsys.readouterr().err
+        first, second = (json.loads((tmp_path / "out" / f"{n}.json").read_text()) for n in "ab")
+        assert first["mask_coverage"] == pytest.approx(0.5, abs=0.05)
+        assert 0.8 < first["mask_confidence"] < 0.95
+        assert second["mask_coverage"] == 1 and "mask_confidence" not in second
+    for options, told in (
+        (["--masker", "none.onnx"], "none.onnx is no file: pass an ONNX file to --masker"),
+        (["--masker", weights_file, "--mask", folder / "a.png"], "both say where the object is"),
+    ):
+        arguments = (folder / "a.png", *options)
+        assert run(*arguments, weights_folder=tiny_model, out=tmp_path / "no") == 1
+        assert told in capsys.readouterr().err and not (tmp_path / "no").exists()
 
 
 @pytest.fixture

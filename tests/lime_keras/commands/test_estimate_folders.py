@@ -58,6 +58,15 @@ def test_folders_below_are_searched_and_kept(folder, tmp_path, capsys):
     assert not (out / "one" / "index.html").exists()
 
 
+def test_each_photo_may_have_its_folder(folder, tmp_path):
+    out = tmp_path / "out"
+    assert run(folder / "a.png", folder / "one", "--folders", out=out) == 0
+    assert numbers(out) == ["a-2/a-2.json", "a/a.json", "two/a-2/a-2.json", "two/a/a.json"]
+    assert {path.name for path in (out / "a").iterdir()} == {
+        *("a.json", "a-mask.png", "a-preview.png"),
+    }
+
+
 def test_a_second_command_is_refused_while_one_writes_there(folder, tmp_path, capsys):
     out = tmp_path / "out"
     with locking.lock_folder(out, "lime-estimate is writing into"):

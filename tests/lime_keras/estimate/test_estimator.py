@@ -351,6 +351,32 @@ def test_an_object_that_is_not_found_is_an_answer(tiny, tmp_path):
     assert (material.layers["mask"] == 0).all()
 
 
+def test_a_masker_takes_the_place_of_segmentation(tiny_model):
+    """Its mask is the given one, but may be doubted."""
+    mask = np.zeros((60, 80), np.float32)
+    mask[10:40, 30:60] = 0.9
+    seen = []
+
+    def masker(image):
+        seen.append(image)
+        return mask
+
+    alone = Estimator(tiny_model, masker=masker)
+    image, square = photo((60, 80)), np.ones((60, 80))
+    found, told = alone.estimate_many([image, image], [None, square])
+    assert len(seen) == 1 and seen[0].dtype == np.float32
+    np.testing.assert_array_equal(found.layers["mask"][..., 0], mask)
+    assert found.mask_confidence == pytest.approx(0.9) and told.mask_confidence is None
+    expected = Estimator(tiny_model).estimate(image, mask)
+    np.testing.assert_allclose(found.diffuse_albedo, expected.diffuse_albedo, rtol=1e-4)
+    assert found.square == expected.square and expected.mask_confidence is None
+    assert "segmentation" not in {*alone.subnetworks, *alone._engine._sessions}
+    with pytest.raises(ValueError, match="a mask has its photo's shape"):
+        Estimator(tiny_model, masker=lambda image: mask[:5]).estimate(image)
+    nothing = Estimator(tiny_model, masker=lambda image: 0.49 * np.ones((60, 80)))
+    check_nothing(nothing.estimate(image), (60, 80))
+
+
 # Refusals.
 
 

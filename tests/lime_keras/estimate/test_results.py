@@ -69,6 +69,10 @@ def test_another_photo_and_another_mask_are_refused(tmp_path, photo):
     photo.write_bytes(b"another photo")
     with pytest.raises(ValueError, match=r"of another photo or video and with another mask"):
         found.existing({"sub/a": lambda: found.provenance(photo, {})}).get("sub/a")
+    made = found.provenance(None, {})
+    write(found, None, name="camera-0")
+    with pytest.raises(ValueError, match="was made of an earlier recording"):
+        found.existing({"camera-0": lambda: made}).get("camera-0")
 
 
 @pytest.mark.parametrize(
@@ -154,6 +158,18 @@ def test_the_numbers_go_first_and_come_last(tmp_path, photo, monkeypatch):
     there = [name for move, name in moves if move == "there"]
     assert gone[0] == "a.json" and {"a-mask.png", "a.mtl"} <= set(gone[1:])
     assert there[-1] == "a.json" and {"a-mask.png", "a.mtl"} <= set(there[:-1])
+
+
+def test_an_unfinished_recording_is_made_again(tmp_path, photo):
+    found = results(tmp_path)
+    made = found.provenance(photo, {})
+    with pytest.raises(KeyboardInterrupt), found.growing("clip", made, [".csv"]):
+        (tmp_path / "out" / "clip.csv").write_text("frame\n0\n")
+        raise KeyboardInterrupt
+    assert (tmp_path / "out" / "clip.csv").exists()
+    assert not found.existing({"clip": lambda: made})
+    with found.growing("clip", made, [".csv"]):
+        assert not (tmp_path / "out" / "clip.csv").exists()
 
 
 def test_files_elsewhere_are_never_taken_for_parts_of_a_result(tmp_path, photo):

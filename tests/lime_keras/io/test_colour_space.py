@@ -256,7 +256,7 @@ def test_a_pil_image_gives_the_numbers_of_its_file(case, tmp_path):
     if path.suffix in (".exr", ".hdr", ".pfm"):
         pytest.skip("a PIL image has 8 bits a channel")
     with Image.open(path) as image:
-        found = photo.from_pil(image)[0]
+        found = photo.load_pil(image).image
     # Pillow has 8 bits of 16.
     np.testing.assert_allclose(
         found, photo.read_srgb(path), atol=0.02 if "16" in str(path) else 0.03

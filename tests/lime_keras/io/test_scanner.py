@@ -8,6 +8,7 @@ from lime_keras.io import result_json
 from lime_keras.io.scanner import (
     AmbiguousName,
     inside,
+    is_camera,
     is_video,
     list_folder,
     mask_beside,
@@ -16,11 +17,13 @@ from lime_keras.io.scanner import (
 )
 
 
-def test_names_tell_videos():
+def test_names_tell_videos_and_cameras():
     for name in ("a.mp4", "a/b.MOV", "x.webm"):
-        assert is_video(Path(name))
+        assert is_video(name) and not is_camera(name)
+    for name in ("camera:0", "/dev/video0", "camera:My.jpg"):
+        assert is_video(name) and is_camera(name)
     for name in ("a.png", "mp4", "a.mp4.jpg", "", "photos"):
-        assert not is_video(Path(name))
+        assert not is_video(name)
 
 
 def test_a_mask_lies_beside_its_photo(tmp_path):

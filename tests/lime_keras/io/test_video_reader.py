@@ -1,9 +1,10 @@
-"""Frames out of files: colours, times, orientation, damage."""
+"""Frames out of files and cameras: colours, times, orientation, damage."""
 
+import itertools
 import os
+import sys
 import wave
 from fractions import Fraction
-from pathlib import Path
 
 import av
 import clips
@@ -16,7 +17,7 @@ from lime_keras.io.video_reader import Footage, oriented
 
 def read(source):
     """Images `(T, H, W, 3)`, times and remarks."""
-    with Footage(source) as footage:
+    with Footage(str(source)) as footage:
         found = list(footage)
     images = [frame.image_srgb for frame in found]
     return (np.stack(images) if images else []), [f.time for f in found], footage.remarks
@@ -31,7 +32,7 @@ def test_frames_come_back_as_they_were_written(suffix, tmp_path):
     np.testing.assert_array_equal(found, images)
     np.testing.assert_allclose(times, np.arange(7) / 25, atol=2e-3)
     assert remarks == []
-    with Footage(path) as footage:
+    with Footage(str(path)) as footage:
         assert footage.expected == 7
 
 
@@ -188,9 +189,9 @@ def test_frames_that_are_too_large_are_refused(tmp_path, monkeypatch):
 
 def test_a_missing_file_is_refused(tmp_path):
     with pytest.raises(ValueError, match=r"nowhere\.mp4 cannot be .* \(No such .*\): check"):
-        Footage(tmp_path / "nowhere.mp4")
+        Footage(str(tmp_path / "nowhere.mp4"))
     with pytest.raises(ValueError, match="it is a folder: pass a file"):
-        Footage(tmp_path)
+        Footage(str(tmp_path))
 
 
 @pytest.mark.parametrize("content", [b"", b"not a video\n" * 100, bytes(5000)])
@@ -198,7 +199,7 @@ def test_a_file_of_another_kind_is_refused(content, tmp_path):
     path = tmp_path / "clip.mp4"
     path.write_bytes(content)
     with pytest.raises(ValueError, match=r"clip\.mp4 cannot be read as a video \(.+export it anew"):
-        Footage(path)
+        Footage(str(path))
 
 
 def test_sound_alone_is_refused(tmp_path):
@@ -207,20 +208,63 @@ def test_sound_alone_is_refused(tmp_path):
         file.setparams((1, 2, 8000, 0, "NONE", ""))
         file.writeframes(bytes(16000))
     with pytest.raises(ValueError, match=r"song\.wav holds no video stream"):
-        Footage(path)
+        Footage(str(path))
 
 
 def test_a_colon_in_a_name_is_no_protocol(tmp_path, monkeypatch):
     path = clips.write(tmp_path / "clip.mov", clips.noise(1))
     path.rename(tmp_path / "http:clip.mov")
     monkeypatch.chdir(tmp_path)
-    assert len(read(Path("http:clip.mov"))[0]) == 1
+    assert len(read("http:clip.mov")[0]) == 1
+
+
+# Cameras.
+
+
+def test_a_camera_has_no_end(monkeypatch):
+    # FFmpeg's test picture is opened just as a camera is.
+    monkeypatch.setitem(video_reader._DEVICES, sys.platform, "lavfi")
+    with Footage("camera:testsrc=size=64x48:rate=20") as footage:
+        assert footage.expected is None
+        found = list(itertools.islice(footage, 100))
+    np.testing.assert_allclose([frame.time for frame in found], np.arange(100) / 20, atol=1e-6)
+    assert found[0].image_srgb.shape == (48, 64, 3) and found[0].image_srgb.std() > 10
+
+
+@pytest.mark.parametrize("system", ["linux", "darwin", "win32", "sunos5"])
+def test_a_camera_that_is_not_there_is_refused(system, monkeypatch):
+    monkeypatch.setattr(sys, "platform", system)
+    with pytest.raises(ValueError, match=r"camera:97 cannot be opened \(.+(plug|there are)"):
+        Footage("camera:97")
+
+
+@pytest.mark.parametrize(
+    ("system", "name", "expected"),
+    [
+        ("linux", "0", ("/dev/video0", "v4l2", {})),
+        ("linux", "/dev/video2", ("/dev/video2", "v4l2", {})),
+        ("darwin", "0", ("0", "avfoundation", {"framerate": "30"})),
+        ("win32", "My Webcam", ("video=My Webcam", "dshow", {})),
+    ],
+)
+def test_every_system_has_its_own_names(system, name, expected, monkeypatch):
+    asked = []
+
+    def opened(address, format, options):
+        asked.append((address, format, options))
+        raise ValueError("no such camera")
+
+    monkeypatch.setattr(sys, "platform", system)
+    monkeypatch.setattr(av, "open", opened)
+    with pytest.raises(ValueError, match="no such camera"):
+        Footage(f"camera:{name}")
+    assert asked == [expected]
 
 
 def test_a_pipe_is_refused_and_not_waited_for(tmp_path):
     os.mkfifo(tmp_path / "clip.mp4")
     with pytest.raises(ValueError, match=r"clip\.mp4 cannot be read as a video, it is a pipe"):
-        Footage(tmp_path / "clip.mp4")
+        Footage(str(tmp_path / "clip.mp4"))
 
 
 # Clocks, pixels and colours as recorders leave them.

@@ -10,7 +10,7 @@ from lime_keras.io.video_writer import Movie
 
 
 def decoded(path):
-    with Footage(path) as footage:
+    with Footage(str(path)) as footage:
         return list(footage), footage.remarks
 
 

@@ -11,6 +11,7 @@ from clips import NOTHING, material
 
 from lime_keras import Estimator, Material
 from lime_keras.estimate.cautions import NO_OBJECT
+from lime_keras.io import video_reader
 from lime_keras.io.video_reader import Footage
 from lime_keras.material import Caution
 from lime_keras.video.estimate_video import estimate_video
@@ -55,7 +56,7 @@ def linear(values):
 
 def run(tmp_path, images, materials, **options):
     clip = clips.write(tmp_path / "clip.mkv", images)
-    return estimate_video(clip, Scripted(materials), tmp_path / "out", "vase", **options)
+    return estimate_video(str(clip), Scripted(materials), tmp_path / "out", "vase", **options)
 
 
 # The files.
@@ -83,7 +84,7 @@ def test_the_table_and_the_summary(tmp_path):
     assert (summary.frames, summary.found, summary.cuts, summary.remarks) == (11, 9, 1, ())
     assert summary.seconds == pytest.approx(10 / 25, abs=1e-3)
     np.testing.assert_allclose(parameters_of(summary), fused, rtol=1e-6)
-    with Footage(summary.overlay) as footage:
+    with Footage(str(summary.overlay)) as footage:
         shown = list(footage)
     assert summary.overlay == tmp_path / "out" / "vase-overlay.mp4" and len(shown) == 11
     assert shown[0].image_srgb.shape == (480, 640 + 280, 3)
@@ -157,20 +158,44 @@ def test_progress_goes_to_standard_error(tmp_path, capsys):
     assert told.out == "" and "5/5" in told.err and "frame/s" in told.err
 
 
-# What stops it, and what cannot be read.
+# Interruptions.
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt(), ValueError("broken")])
-def test_what_stops_it_leaves_nothing(error, tmp_path):
+def test_what_stops_a_file_leaves_valid_files(error, tmp_path):
     with pytest.raises(type(error)):
         run(tmp_path, scene(9, 0), [*map(material, range(5)), error])
-    assert not list((tmp_path / "out").iterdir())
+    table = rows(tmp_path / "out" / "vase.csv")
+    assert len(table) == 5 and None not in table[-1].values()
+    with Footage(str(tmp_path / "out" / "vase-overlay.mp4")) as footage:
+        assert len(list(footage)) == 5
+
+
+def test_the_table_can_be_read_while_it_grows(tmp_path):
+    lengths = []
+
+    class Curious(Scripted):
+        def estimate(self, image_srgb):
+            lengths.append(len(rows(tmp_path / "vase.csv")))
+            return super().estimate(image_srgb)
+
+    clip = clips.write(tmp_path / "clip.mkv", scene(4, 0))
+    estimate_video(str(clip), Curious(map(material, range(4))), tmp_path, "vase")
+    assert lengths == [0, 1, 2, 3]
+
+
+def test_a_camera_runs_until_it_is_stopped(tmp_path, monkeypatch):
+    monkeypatch.setitem(video_reader._DEVICES, video_reader.sys.platform, "lavfi")
+    estimator = Scripted([*map(material, range(7)), KeyboardInterrupt()])
+    summary = estimate_video("camera:testsrc=size=64x48:rate=20", estimator, tmp_path, "live")
+    assert (summary.frames, summary.found) == (7, 7)
+    assert len(rows(summary.table)) == 7
 
 
 def test_a_damaged_video_is_read_as_far_as_it_goes(tmp_path):
     path = clips.write(tmp_path / "clip.mp4", clips.noise(20), codec="libx264")
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
-    summary = estimate_video(path, Scripted(map(material, range(20))), tmp_path, "half")
+    summary = estimate_video(str(path), Scripted(map(material, range(20))), tmp_path, "half")
     assert 5 < summary.frames < 15 and len(rows(summary.table)) == summary.frames
     assert "damaged packets" in summary.remarks[0]
 
@@ -182,7 +207,7 @@ def test_of_a_video_without_a_frame_nothing_is_written(share, tmp_path):
     # The header, and as good as nothing behind it.
     path.write_bytes(data[: data.index(b"mdat") + 4 + int(share * 1000)])
     with pytest.raises(ValueError, match=r"clip\.mp4 holds no frame .+ export it anew"):
-        estimate_video(path, Scripted([]), tmp_path / "out", "none")
+        estimate_video(str(path), Scripted([]), tmp_path / "out", "none")
     assert not (tmp_path / "out").exists()
 
 
@@ -199,7 +224,7 @@ def test_a_network_estimates_each_frame(tiny_model, tmp_path):
     images = np.random.default_rng(0).integers(60, 196, (7, 32, 32, 3), dtype=np.uint8)
     estimator = Estimator(tiny_model)
     clip = clips.write(tmp_path / "clip.mkv", images)
-    summary = estimate_video(clip, estimator, tmp_path, "tiny")
+    summary = estimate_video(str(clip), estimator, tmp_path, "tiny")
     fusion, found = Fusion(), 0
     for row, image in zip(rows(summary.table), images, strict=True):
         one = estimator.estimate(image / np.float32(255))
@@ -214,7 +239,7 @@ def test_a_network_estimates_each_frame(tiny_model, tmp_path):
 def test_a_network_asked_for_albedo_alone(tiny_model, tmp_path):
     estimator = Estimator(tiny_model, ["albedo"])
     clip = clips.write(tmp_path / "clip.mkv", clips.noise(2, (32, 32)))
-    summary = estimate_video(clip, estimator, tmp_path, "tiny")
+    summary = estimate_video(str(clip), estimator, tmp_path, "tiny")
     assert summary.material.exponent is None and summary.material.specular_albedo is not None
     assert {row["exponent"] for row in rows(summary.table)} == {""}
 
@@ -222,7 +247,7 @@ def test_a_network_asked_for_albedo_alone(tiny_model, tmp_path):
 def test_a_table_that_finds_no_room_is_told(tmp_path):
     clip = str(clips.write(tmp_path / "clip.mkv", scene(3, 0)))
     with (
-        pytest.raises(OSError, match=r"vase-overlay\.mp4 cannot be written: .*; "),
+        pytest.raises(OSError, match=r"vase\.csv cannot be written: .*; "),
         full_disk.files_end_after(100),
     ):
         estimate_video(clip, Scripted([material(0)] * 3), tmp_path / "out", "vase")

@@ -1,5 +1,6 @@
 """Scenes: where they end, what they are made of, and their files."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 from lime_keras import Material
 from lime_keras.io.video_reader import Frame
+from lime_keras.material import Caution
 from lime_keras.video import scenes
 from lime_keras.video.tracking import LOST_AFTER, Tracker
 
@@ -61,6 +63,28 @@ def test_a_lost_object_ends_its_scene():
 def test_a_scene_is_shown_by_the_frame_with_the_largest_object():
     (scene,) = told([material(10.0, 0.2), material(10.0, 0.4), material(10.0, 0.3)])
     assert scene.material.mask_coverage == 0.4 and scene.image_srgb[0, 0, 0] == 60
+
+
+def test_what_half_of_the_frames_say_is_the_scenes():
+    """Frames without an object do not count."""
+
+    def frame(*codes, confidence=0.9, probabilities=None, words="say"):
+        return dataclasses.replace(
+            material(10.0),
+            mask_confidence=confidence,
+            exponent_bin_probabilities=probabilities,
+            warnings=tuple(Caution(code, f"{words} {code}") for code in codes),
+        )
+
+    often = frame("clipped", "too-dark"), frame("clipped", words="at last")
+    others = frame(confidence=0.5, probabilities=np.eye(8)[2]), frame(confidence=0.7)
+    (scene,) = told([*often, NOTHING, *others, frame(probabilities=np.eye(8)[4]), NOTHING])
+    assert scene.material.warnings == ()
+    (scene,) = told([*often, NOTHING, *others, NOTHING])
+    found = scene.material
+    assert found.warnings == (Caution("clipped", "in 50% of the frames, at last clipped"),)
+    assert found.mask_confidence == pytest.approx((0.9 + 0.9 + 0.5 + 0.7) / 4)
+    np.testing.assert_array_equal(found.exponent_bin_probabilities, np.eye(8)[2])
 
 
 def test_each_scene_leaves_the_files_of_a_photo(tmp_path):
