@@ -127,12 +127,6 @@ def main(argv: list[str] | None = None) -> int:
 
 def _checked(command: argparse.ArgumentParser, arguments: list[str]) -> argparse.Namespace:
     """Return the parsed options; exit with a usage error if they do not go together."""
-    if any(argument.partition("=")[0] == "--photos" for argument in arguments):
-        command.error(
-            "photographs have a benchmark of their own, in a checkout: "
-            "python benchmarks/photographs.py PHOTOS --weights RUN ... "
-            "(docs/how-to/photographs.md)"
-        )
     options = command.parse_args(arguments)
     if options.tradeoff == []:
         options.tradeoff = list(model_folder.shipped().values())

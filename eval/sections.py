@@ -9,7 +9,6 @@ import io
 import json
 import sys
 from collections.abc import Mapping, Sequence
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +19,6 @@ from lime_keras.io import photo
 from lime_keras.io.atomic import write
 
 from .report import page
-from .report.themes import LIGHT
 
 if TYPE_CHECKING:
     from .kept import Kept
@@ -38,7 +36,7 @@ _TITLES = {
 def evaluation(out: Path, run: Path, corpus: Path, *, camera: bool, command: str) -> str:
     """Measure one run, write its files and its section, and return its table in Markdown."""
     from . import kept
-    from .accuracy import measures, table
+    from .accuracy import evaluate, measures, table
     from .report import evaluation as report
     from .report import examples, figures
 
@@ -48,13 +46,16 @@ def evaluation(out: Path, run: Path, corpus: Path, *, camera: bool, command: str
     choices, worst = examples.choose(found.rows), examples.worst(found.rows)
     shown = examples.read(run, corpus, choices + worst, camera=camera)
     chosen, failed = shown[: len(choices)], shown[len(choices) :]
+    pictures = {"confusion": figures.confusions({"Exponent": evaluate.confusion(found.rows)})}
+    if "bin_probabilities" in found.rows:
+        pictures["reliability"] = figures.reliability(found.rows)
     section = report.evaluation(
-        found, summary, chosen, failed, command=command, corpus=corpus, run=run
+        found, summary, pictures, chosen, failed, command=command, corpus=corpus, run=run
     )
     text = table.markdown(summary, found.architecture)
     _write_json(out / "metrics.json", summary)
     write(out / "table1.md", text)
-    write(out / "confusion.png", figures.confusion(found.confusion))
+    write(out / "confusion.png", pictures["confusion"])
     write(out / "images.csv", _csv(found.rows))
     (out / "examples").mkdir(exist_ok=True)
     for stale in (out / "examples").glob("[0-9]*.png"):
@@ -111,9 +112,10 @@ def compare(
     write(out / "comparison.md", text)
     pictures = []
     if matrices:
-        write(out / "confusions.png", figures.confusions(matrices))
+        drawn = figures.confusions(matrices)
+        write(out / "confusions.png", drawn)
         picture = page.Picture(
-            partial(figures.confusions, matrices),
+            drawn,
             "confusion matrices of the runs",
             "Figure 7: which exponent bin is taken for which, a row a true bin, in per cent.",
         )
@@ -131,12 +133,12 @@ def trade(out: Path, runs: Sequence[Path], corpus: Path, *, camera: bool, comman
     models = out / "models"
     result = measure(names(runs), corpus, _results(out), models, camera=camera)
     text = markdown(result)
-    draw = partial(pareto, result)
     _write_json(out / "tradeoff.json", result)
     write(out / "tradeoff.md", text)
-    write(out / "pareto.png", draw(LIGHT))
+    drawn = pareto(result)
+    write(out / "pareto.png", drawn)
     picture = page.Picture(
-        draw,
+        drawn,
         "errors against time",
         "Each point is what a user can ask of one model; on the line, no material is both faster "
         "and better.",

@@ -69,11 +69,6 @@ class Evaluation:
         """The number of examples."""
         return len(self.rows["bin"])
 
-    @property
-    def confusion(self) -> np.ndarray:
-        """The number of examples `(8, 8)` by true bin (row) and `predicted_bin` (column)."""
-        return confusion(self.rows)
-
 
 def evaluate(
     model_dir: Path,
@@ -91,8 +86,7 @@ def evaluate(
         batch_size: examples computed at once; changes the speed, not the numbers.
         camera: show the system photos of the scenes (`lime_keras.data.camera`), the same every
             time.
-        engine: engine of the system, which takes masks; by default its Keras model. It is given
-            full batches only: the last batch is filled up.
+        engine: engine of the system, which takes masks; by default its Keras model.
 
     Raises:
         FileNotFoundError: if the weights or the test split are missing.
@@ -122,13 +116,10 @@ def evaluate(
     )
     with ThreadPoolExecutor(processors.count()) as pool:
         for first, example in _batches(dataset, shards, count):
-            number = len(example["mask"])
-            # TensorFlow would compile the networks again for a batch of another size.
-            full = _padded(example, batch_size)
-            given = {name: full[name] for name in ("image", "mask")}
+            given = {name: example[name] for name in ("image", "mask")}
             answers = {
-                "own_mask": _cut(engine.run(engine.outputs, {"image": given["image"]}), number),
-                "true_mask": _cut(engine.run(others, given), number),
+                "own_mask": engine.run(engine.outputs, {"image": given["image"]}),
+                "true_mask": engine.run(others, given),
             }
             measured = measure(example, answers["own_mask"])
             with_mask = _errors(example, answers["true_mask"])
@@ -355,20 +346,6 @@ def _relit_columns(relit: Mapping[str, Mapping[str, np.ndarray]]) -> dict[str, n
     """Return the columns of the answer `own_mask` in the result of `_relit`, and of `average`."""
     average = {f"average_{name}": column for name, column in relit["average"].items()}
     return {**relit["own_mask"], **average}
-
-
-def _padded(example: Mapping[str, np.ndarray], size: int) -> dict[str, np.ndarray]:
-    """Return the batch with its last example repeated until it has `size` examples."""
-    missing = size - len(example["mask"])
-    return {
-        name: np.concatenate([values, np.repeat(values[-1:], missing, axis=0)])
-        for name, values in example.items()
-    }
-
-
-def _cut(answer: Mapping[str, np.ndarray], number: int) -> dict[str, np.ndarray]:
-    """Return the first `number` examples of each output."""
-    return {name: np.asarray(values)[:number] for name, values in answer.items()}
 
 
 def _relative_errors(

@@ -15,7 +15,6 @@ from lime_keras.optics import microfacets, shininess
 from ..markdown_table import ABSENT
 from . import calibration
 from .evaluate import Evaluation
-from .relighting import HIGHEST_PSNR
 
 _RESAMPLES = 1000
 _BOOTSTRAP_SEED = 2018
@@ -65,7 +64,6 @@ class Measure:
         unit: unit in which the measure is printed; shares are printed in per cent.
         more_is_better: whether a higher value is better; None if neither direction is better (the
             neighbouring bin is half right).
-        perfect: value for predictions that equal the ground truth.
         paper: value of the paper's "full approach" in Table 1, if it is printed.
         chance: value for a prediction that ignores the image, or the name of a column of
             `Evaluation.rows` whose mean is that value; None if the truths decide it
@@ -79,7 +77,6 @@ class Measure:
     of_means: Callable[..., Any] = lambda mean: mean
     unit: Unit = PLAIN
     more_is_better: bool | None = False
-    perfect: float = 0.0
     paper: float | None = None
     chance: float | str | None = None
     floor: float | None = None
@@ -89,8 +86,8 @@ def _root(mean: Any) -> Any:
     return np.sqrt(mean)
 
 
-_SHARE: dict[str, Any] = {"unit": PER_CENT, "more_is_better": True, "perfect": 1.0}
-_PSNR: dict[str, Any] = {"unit": DECIBEL, "more_is_better": True, "perfect": HIGHEST_PSNR}
+_SHARE: dict[str, Any] = {"unit": PER_CENT, "more_is_better": True}
+_PSNR: dict[str, Any] = {"unit": DECIBEL, "more_is_better": True}
 
 MEASURES = {
     "mask_iou": Measure("Mask IoU, mean over images", "mask IoU", ("iou",), paper=0.9983, **_SHARE),

@@ -1,36 +1,26 @@
 """The section about one run: its numbers, figures, slices and examples."""
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from lime_keras.data.corpus import Split
 from lime_keras.optics import colour, shininess
 
 from ..accuracy import labels, table
 from ..accuracy.evaluate import Evaluation
 from ..accuracy.measures import DECIBEL, MEASURES
 from ..accuracy.slices import SHOWN, Slice, slices
-from . import figures, renders
+from . import renders
 from .examples import Example
-from .page import both_themes, data_uri, rendered
-
-_HEADLINES = (
-    "mask_iou",
-    "exponent_exact",
-    "log_exponent_mae",
-    "diffuse_albedo_mae",
-    "specular_albedo_mae",
-    "relighting_psnr",
-)
+from .page import data_uri, rendered
 
 
 def evaluation(
     evaluated: Evaluation,
     summary: Mapping[str, Any],
+    pictures: Mapping[str, bytes],
     examples: list[Example],
     worst: list[Example],
     *,
@@ -43,11 +33,12 @@ def evaluation(
     Args:
         evaluated: evaluation of the run.
         summary: result of `measures.summarise` for this evaluation.
+        pictures: figures as PNG: `confusion`, and `reliability` where there are probabilities.
         examples: examples to show with their layers (see `examples.read`).
         worst: examples to show small, with their relighting error.
         command: command that made the report, as typed.
         corpus: folder of the corpus with the test split.
-        run: folder of the weights; its `config.json` is shown where it exists.
+        run: folder of the weights.
     """
     parts = slices(evaluated.rows)
     return rendered(
@@ -57,19 +48,13 @@ def evaluation(
         run=run.name or str(run),
         summary=summary,
         exponent=labels.exponent(evaluated.architecture),
-        tiles=[_tile(name, summary) for name in _HEADLINES],
         header=table.HEADER,
         rows=table.rows(summary),
-        confusion=both_themes(lambda theme: figures.confusion(evaluated.confusion, theme)),
-        albedos=both_themes(lambda theme: figures.albedos(evaluated.rows, theme)),
-        reliability=both_themes(lambda theme: figures.reliability(evaluated.rows, theme)),
-        relighting=both_themes(lambda theme: figures.relighting(evaluated.rows, theme)),
+        pictures={name: data_uri(png) for name, png in pictures.items()},
         slice_header=("Part", "images", *(MEASURES[name].short for name in _shown(parts))),
         slices=[_slice_cells(part, _shown(parts)) for part in parts],
         examples=[_card(example) for example in examples],
         worst=[_small_card(example, evaluated) for example in worst],
-        config=_pretty_json(run / "config.json"),
-        manifest=_pretty_json(Split(corpus, "test").manifest_path),
     )
 
 
@@ -83,27 +68,6 @@ def _slice_cells(part: Slice, names: Sequence[str]) -> list[str]:
     return cells + [
         MEASURES[name].unit.with_interval(part.value[name], part.interval[name]) for name in names
     ]
-
-
-def _tile(name: str, summary: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a headline number and its place between chance (0 %) and perfection (100 %)."""
-    measure = MEASURES[name]
-    chance = summary["chance"][name]
-
-    def place(value: float | None) -> float | None:
-        if value is None or chance == measure.perfect:
-            return None
-        way = (value - chance) / (measure.perfect - chance)
-        return round(100 * float(np.clip(way, 0, 1)), 1)
-
-    return {
-        "title": measure.title,
-        "value": measure.unit.number(summary[name]),
-        "paper": measure.unit.number(measure.paper),
-        "ours_at": place(summary[name]),
-        "paper_at": place(measure.paper),
-        "true_mask_at": place(summary["true_mask"].get(name)),
-    }
 
 
 def _small_card(example: Example, evaluated: Evaluation) -> dict[str, Any]:
@@ -166,14 +130,3 @@ def _swatch(albedo_linear: np.ndarray) -> dict[str, str]:
         "css": f"rgb({red}, {green}, {blue})",
         "text": " ".join(f"{value:.2f}" for value in albedo_linear),
     }
-
-
-def _pretty_json(path: Path) -> str | None:
-    """Return the JSON of a file, indented; its raw text if it is not JSON; None without a file."""
-    if not path.is_file():
-        return None
-    text = path.read_text(encoding="utf-8", errors="replace")
-    try:
-        return json.dumps(json.loads(text), indent=2, ensure_ascii=False)
-    except json.JSONDecodeError:
-        return text

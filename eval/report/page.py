@@ -1,7 +1,7 @@
 """The report as one self-contained HTML page: sections of numbers, figures and examples."""
 
 import base64
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
@@ -13,8 +13,6 @@ from markupsafe import Markup
 
 from lime_keras.version import __version__, installed
 
-from .themes import DARK, LIGHT, Theme
-
 _TEMPLATES = Path(__file__).parent / "templates"
 _VERSIONS = {"tensorflow": "TensorFlow", "keras": "Keras", "onnxruntime": "ONNX Runtime"}
 """Packages whose versions a section names, with their names in words."""
@@ -25,12 +23,12 @@ class Picture:
     """A figure of a section.
 
     Attributes:
-        draw: function from a theme to a PNG, or to None if there is nothing to draw.
+        png: the figure as PNG.
         alt: description of the figure for readers who cannot see it.
         caption: text below the figure.
     """
 
-    draw: Callable[[Theme], bytes | None]
+    png: bytes
     alt: str
     caption: str
 
@@ -44,14 +42,13 @@ def measured(title: str, text: str, pictures: Sequence[Picture], *, command: str
         pictures: figures of the section.
         command: command that made the section, as typed.
     """
-    drawn = [(both_themes(p.draw), p.alt, p.caption) for p in pictures]
     html = MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
     html = html.replace("<table>", '<div class="wide"><table>')
     return rendered(
         "measured.html",
         title=title,
         command=command,
-        figures=[one for one in drawn if one[0] is not None],
+        figures=[(data_uri(picture.png), picture.alt, picture.caption) for picture in pictures],
         text=Markup(html.replace("</table>", "</table></div>")),
     )
 
@@ -87,14 +84,6 @@ def rendered(template: str, **values: Any) -> str:
         versions=", ".join([f"lime_keras {__version__}", *versions]),
         **values,
     )
-
-
-def both_themes(draw: Callable[[Theme], bytes | None]) -> dict[str, str] | None:
-    """Return the figure for a light and a dark page as data URIs; None if there is no figure."""
-    light, dark = draw(LIGHT), draw(DARK)
-    if light is None or dark is None:
-        return None
-    return {"light": data_uri(light), "dark": data_uri(dark)}
 
 
 def data_uri(data: bytes) -> str:

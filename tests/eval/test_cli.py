@@ -17,7 +17,7 @@ from scipy.special import softmax
 
 from lime_keras.eval import cli, kept, sections
 from lime_keras.eval.accuracy import measures
-from lime_keras.eval.accuracy.evaluate import evaluate
+from lime_keras.eval.accuracy.evaluate import confusion, evaluate
 from lime_keras.eval.report import examples
 from lime_keras.eval.stability import suite
 from lime_keras.model import folder as model_folder
@@ -100,7 +100,7 @@ def written(corpus, run):
 @pytest.mark.slow
 def test_the_batch_size_changes_no_number(corpus, run, evaluation):
     one_by_one = evaluate(run, corpus, batch_size=1)
-    assert np.array_equal(one_by_one.confusion, evaluation.confusion)
+    assert np.array_equal(confusion(one_by_one.rows), confusion(evaluation.rows))
     for name, column in evaluation.rows.items():
         if column.dtype.kind == "f":
             assert one_by_one.rows[name] == pytest.approx(column, rel=1e-3, abs=1e-5), name
@@ -113,9 +113,10 @@ def test_the_batch_size_changes_no_number(corpus, run, evaluation):
 def test_every_example_is_measured_once_in_order(evaluation):
     assert evaluation.count == COUNT
     assert evaluation.rows["index"].tolist() == list(range(COUNT))
-    assert evaluation.confusion.sum() == COUNT
+    matrix = confusion(evaluation.rows)
+    assert matrix.sum() == COUNT
     true_bins = np.bincount(evaluation.rows["bin"], minlength=8)
-    assert evaluation.confusion.sum(axis=1).tolist() == true_bins.tolist()
+    assert matrix.sum(axis=1).tolist() == true_bins.tolist()
 
 
 def test_the_networks_are_also_evaluated_with_the_true_mask(corpus, run, evaluation):
@@ -173,7 +174,7 @@ def test_metrics_hold_every_measure_finite(written):
 def test_the_report_needs_nothing_else(written):
     page = (written / "report.html").read_text(encoding="utf-8")
     assert not re.search(r"https?://|@import|<link[^>]+stylesheet|<script[^>]+src", page)
-    sources = re.findall(r'\b(?:src|srcset)="([^"]*)"', page)
+    sources = re.findall(r'\bsrc="([^"]*)"', page)
     assert len(sources) > 9 * 2
     assert all(source.startswith("data:image/png;base64,") for source in sources)
     assert "undefined" not in page.lower()
@@ -182,7 +183,6 @@ def test_the_report_needs_nothing_else(written):
 def test_the_report_tells_what_made_it_and_escapes_names(written, corpus):
     page = (written / "report.html").read_text(encoding="utf-8")
     assert f"lime-eval {corpus}" in page
-    assert "&#34;preset&#34;: &#34;tiny&#34;" in page
     assert "&lt;b&gt;blob" in page and "<b>blob" not in page
     assert "<b>With the true mask</b>: the same networks without SegmentationNet" in page
 
@@ -195,8 +195,6 @@ def test_out_and_the_table_on_standard_output(corpus, run, tmp_path, capsys):
     captured = capsys.readouterr()
     assert captured.out == (out / "table1.md").read_text(encoding="utf-8")
     assert str(out / "report.html") in captured.err
-    # A bare model has no configuration; the report does without.
-    assert "Configuration" not in (out / "report.html").read_text(encoding="utf-8")
 
 
 # The ablations.
@@ -448,7 +446,6 @@ def test_an_interrupt_leaves_a_short_line_and_status_130(corpus, run, monkeypatc
         ["--predictions", "answers", "--out", "here"],
         ["corpus", "--predictions", "answers", "--camera", "--out", "here"],
         ["corpus", "--stability", "--out", "here"],
-        ["--photos", "photos"],
     ],
 )
 def test_wrong_usage_exits_with_2(arguments, capsys):
@@ -456,12 +453,6 @@ def test_wrong_usage_exits_with_2(arguments, capsys):
         cli.main(arguments)
     assert stop.value.code == 2
     assert "usage: lime-eval" in capsys.readouterr().err
-
-
-def test_photos_are_told_where_they_went(capsys):
-    with pytest.raises(SystemExit):
-        cli.main(["--photos=photos", "--weights", "a", "b"])
-    assert "python benchmarks/photographs.py PHOTOS" in capsys.readouterr().err
 
 
 def test_runs_of_one_name_are_named_after_their_parents(tmp_path):

@@ -10,7 +10,7 @@ import signal
 import sys
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
@@ -20,8 +20,6 @@ from . import inputs, seeds, verdicts
 from .doors import Door
 from .inputs import Block
 from .verdicts import FELL, READ, Limits, Verdict
-
-Maker = Callable[[Path, tuple[str, ...]], None]
 
 _BEGIN_SECONDS = 180.0
 """Time for all but reading: imports, the first reading of sound inputs, making damaged ones."""
@@ -57,7 +55,6 @@ def tried(
     seed: int,
     count: int,
     scratch: Path,
-    make: Maker = seeds.make,
     limits: Limits = verdicts.LIMITS,
 ) -> Iterator[Outcome]:
     """Try inputs in child processes and yield what becomes of each, in any order.
@@ -68,14 +65,13 @@ def tried(
         seed: seed of the run.
         count: number of processes.
         scratch: empty folder for the seeds and the inputs.
-        make: writes seeds of these names into a folder.
         limits: limits of each input.
 
     Raises:
         Unsound: if a seed is not read as it is, or cannot be damaged.
     """
     os.environ.update(_ENVIRONMENT)
-    _made(scratch, make, {door.seeds for door in doors.values()})
+    _made(scratch, {door.seeds for door in doors.values()})
     started: list[_Worker] = []
     try:
         for number in range(count):
@@ -89,10 +85,10 @@ def tried(
             worker.end()
 
 
-def _made(scratch: Path, make: Maker, names: set[str]) -> None:
+def _made(scratch: Path, names: set[str]) -> None:
     """Write the seeds in a process of its own, which may import what it likes."""
     process = multiprocessing.get_context("spawn").Process(
-        target=_make, args=(make, scratch / "seeds", tuple(sorted(names)), scratch / "seeds.txt")
+        target=_make, args=(scratch / "seeds", tuple(sorted(names)), scratch / "seeds.txt")
     )
     process.start()
     process.join()
@@ -100,9 +96,9 @@ def _made(scratch: Path, make: Maker, names: set[str]) -> None:
         raise RuntimeError(f"no seeds could be made:\n{_end(scratch / 'seeds.txt')}")
 
 
-def _make(make: Maker, folder: Path, names: tuple[str, ...], log: Path) -> None:
+def _make(folder: Path, names: tuple[str, ...], log: Path) -> None:
     _quiet(log)
-    make(folder, names)
+    seeds.make(folder, names)
 
 
 class _Worker:
