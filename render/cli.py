@@ -6,11 +6,12 @@ import sys
 from lime_keras import console
 from lime_keras.version import __version__
 
-from .commands import corpus, images, preview, verify, views
+from .commands import corpus, images, layers, preview, verify, views
 
 COMMANDS = {
     "verify": verify,
     "preview": preview,
+    "layers": layers,
     "images": images,
     "views": views,
 }
@@ -20,6 +21,7 @@ _EXAMPLE = """
 other commands, each with a --help of its own:
   lime-render verify CORPUS         check files, checksums and every record
   lime-render preview CORPUS        draw a contact sheet
+  lime-render layers CORPUS INDEX   write one example as OpenEXR layers
   lime-render images CORPUS OUT     write the images of the test split, for other systems
   lime-render views HDRIS OUT       take pictures inside HDR maps, for --backgrounds
 For a corpus with one of these names, write its path: ./verify.

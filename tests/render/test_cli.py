@@ -149,9 +149,19 @@ def test_a_corpus_with_skipped_files_is_sound_and_can_be_looked_at(
     corpus = str(tmp_path / "corpus")
     assert cli.main(["verify", corpus]) == 0
     assert capsys.readouterr().out == f"4 examples in {corpus}/train: sound\n"
-    assert cli.main(["preview", corpus]) == 0
-    [written] = capsys.readouterr().out.splitlines()
-    assert not oiio.ImageBuf(written).has_error
+    layers = ["layers", corpus, "3", "--split", "train"]
+    elsewhere = tmp_path / "example.exr"
+    for command, count in (
+        (["preview", corpus], 1),
+        (layers, 2),
+        ([*layers, "--out", str(elsewhere)], 2),
+    ):
+        assert cli.main(command) == 0
+        written = capsys.readouterr().out.splitlines()
+        assert len(written) == count
+        for path in written:
+            assert not oiio.ImageBuf(path).has_error
+    assert elsewhere.is_file()
     assert cli.main(["verify", corpus]) == 0  # what was drawn beside the shards is no stray
     capsys.readouterr()
     shard = tmp_path / "corpus" / "train" / "00001.tfrecord"
@@ -183,6 +193,8 @@ def test_looking_at_nothing_is_an_error(tmp_path, capsys):
     for command in ("verify", "preview"):
         assert cli.main([command, str(tmp_path)]) == 1
         assert "holds no corpus: render one with" in capsys.readouterr().err
+    assert cli.main(["layers", str(tmp_path), "--split", "test", "0"]) == 1
+    assert "lime-render" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -211,6 +223,9 @@ def test_wrong_usage_ends_with_2(capsys, options, message):
         (["verify", "corpus", "--count", "3"], "unrecognized arguments: --count 3"),
         (["verify", "corpus", "--split", "valid"], "invalid choice"),
         (["preview"], "required: CORPUS"),
+        (["layers", "corpus", "0"], "required: --split"),
+        (["layers", "corpus", "--split", "test"], "required: INDEX"),
+        (["layers", "corpus", "first", "--split", "test"], "invalid"),
         (["images", "corpus"], "required: OUT"),
         (["views", "hdris"], "required: OUT"),
         (["views", "hdris", "views", "--count", "0"], "0 is not at least 1"),
