@@ -1,5 +1,6 @@
 """The commands as they are installed, which also report an interruption during their imports."""
 
+import functools
 import signal
 import sys
 import threading
@@ -22,31 +23,10 @@ def _launch(module: str) -> int:
         return 130
 
 
-def render() -> int:
-    """Run `lime-render`."""
-    return _launch("render.cli")
-
-
-def train() -> int:
-    """Run `lime-train`."""
-    return _launch("train.cli")
-
-
-def evaluate() -> int:
-    """Run `lime-eval`."""
-    return _launch("eval.cli")
-
-
-def estimate() -> int:
-    """Run `lime-estimate`, whose clones are rendered."""
-    return _launch("render.commands.clone")
-
-
-def export() -> int:
-    """Run `lime-export`."""
-    return _launch("commands.export")
-
-
-def live() -> int:
-    """Run `lime-live`."""
-    return _launch("commands.live")
+# By the names of `setup.py`; the clones of `lime-estimate` are rendered.
+render = functools.partial(_launch, "render.cli")
+train = functools.partial(_launch, "train.cli")
+evaluate = functools.partial(_launch, "eval.cli")
+estimate = functools.partial(_launch, "render.commands.clone")
+export = functools.partial(_launch, "commands.export")
+live = functools.partial(_launch, "commands.live")

@@ -1,26 +1,20 @@
 """The gallery of a folder of results: a page to look at them, and a table of their numbers.
 
-The page, `index.html`, holds its pictures and needs no network: it can be opened from a disk, sent
-by mail and put on a server. Both show all results in the folder, of whatever run.
+The page, `index.html`, shows the previews beside it and needs no network. Both show all results in
+the folder, of whatever run.
 """
 
-import base64
 import colorsys
 import csv
 import html
 import io
 import os
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from string import Template
 from typing import Any
 from urllib.parse import quote
 
-from PIL import Image
-
-from lime_keras import processors
-from lime_keras.estimate import preview
 from lime_keras.io import atomic, result_json, untrusted
 from lime_keras.material import srgb_hex
 from lime_keras.optics import gloss
@@ -35,7 +29,6 @@ COLUMNS = (
 """Columns of the table. Albedos are linear; `colour` is the diffuse one, sRGB, as #rrggbb."""
 _MARK = '<meta name="generator" content="lime-estimate">'
 _TEMPLATE = Path(__file__).with_name("gallery.html")
-_THUMBNAIL = 160  # height and width of a thumbnail in pixels
 _MOST_ENTROPY = 3.0  # entropy in bits of eight classes that are equally likely
 _VIEWED = {
     "-preview.png": "preview",
@@ -87,7 +80,7 @@ def update(out: Path, contents: Mapping[str, Mapping[str, Any]]) -> None:
             continue
         with untrusted.naming(out / path, "a result"):
             own = list(_rows(path, content))
-            cards += [(row, content) for row in own]
+            cards += [_card(row, content) for row in own]
             # JSON may hold halves of characters, which no text does.
             "".join(str(cell) for row in own for cell in row.values()).encode()
             rows += own
@@ -97,14 +90,7 @@ def update(out: Path, contents: Mapping[str, Mapping[str, Any]]) -> None:
     table.writerows(rows)
     atomic.write(out / TABLE, text.getvalue())
     page = Template(_TEMPLATE.read_text(encoding="utf-8"))
-
-    def draw(card: tuple[dict[str, Any], Mapping[str, Any]]) -> str:
-        with untrusted.naming(out / card[0]["json"], "a result"):
-            return _card(out, *card)
-
-    with ThreadPoolExecutor(processors.count()) as pool:
-        drawn = pool.map(draw, cards)
-        filled = page.substitute(mark=_MARK, count=len(rows), cards="\n".join(drawn), table=TABLE)
+    filled = page.substitute(mark=_MARK, count=len(rows), cards="\n".join(cards), table=TABLE)
     atomic.write(out / PAGE, filled)
 
 
@@ -133,7 +119,7 @@ def _rows(path: str, content: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
         yield row
 
 
-def _card(out: Path, row: dict[str, Any], content: Mapping[str, Any]) -> str:
+def _card(row: dict[str, Any], content: Mapping[str, Any]) -> str:
     """Return the HTML of one result, with the keys to sort it by."""
     folder, stem = Path(row["json"]).parent, Path(row["json"]).stem
     title = (folder / stem).as_posix() if folder.name != stem else folder.as_posix()
@@ -152,11 +138,7 @@ def _card(out: Path, row: dict[str, Any], content: Mapping[str, Any]) -> str:
     picture = ""
     if "preview" in shown:
         address = _link(folder / shown["preview"])
-        pictures = "".join(
-            f'<img src="{data_url}" width="{_THUMBNAIL}" height="{_THUMBNAIL}" alt="{label}">'
-            for label, data_url in _thumbnails(out / folder / shown["preview"], row).items()
-        )
-        picture = f'<a class="pictures" href="{address}">{pictures}</a>'
+        picture = f'<a class="picture" href="{address}"><img src="{address}" alt="preview"></a>'
     lines = "".join(f"<li>{html.escape(line)}</li>" for line in _caption(row))
     swatch = f'<i style="background:{row["colour"]}"></i>' if row["colour"] else ""
     return (
@@ -202,27 +184,6 @@ def _caption(row: dict[str, Any]) -> Iterator[str]:
         yield mask + (f"covers {row['mask_coverage']:.1%}" if row["mask_coverage"] else "no object")
     if row["warnings"]:
         yield f"⚠ {row['warnings'].replace(' ', ', ')}"
-
-
-def _thumbnails(path: Path, row: dict[str, Any]) -> dict[str, str]:
-    """Return the photo with its mask and, of a whole material, the sphere, as data URLs."""
-    try:
-        untrusted.check(path, "a preview")
-        with untrusted.naming(path, "a preview"), Image.open(path) as page:
-            tiles = preview.pictures_of(page.convert("RGB"), 2)
-    except ValueError:
-        return {}
-    pictures = {"photo and mask": tiles[0]}
-    if row["diffuse_r"] is not None and row["exponent"] is not None:
-        pictures["sphere of the material"] = tiles[1]
-    urls = {}
-    for label, tile in pictures.items():
-        encoded = io.BytesIO()
-        tile.resize((_THUMBNAIL, _THUMBNAIL), Image.Resampling.BOX).save(
-            encoded, "JPEG", quality=85
-        )
-        urls[label] = f"data:image/jpeg;base64,{base64.b64encode(encoded.getvalue()).decode()}"
-    return urls
 
 
 def _link(path: Path) -> str:

@@ -1,6 +1,7 @@
 """The estimate of a stream of frames: one object's material, fused, and the light it is under."""
 
 import dataclasses
+import itertools
 import time
 from dataclasses import dataclass, field
 from typing import Any
@@ -96,19 +97,19 @@ class Session:
             ValueError: if the frame cannot be estimated.
         """
         # The object, and its material.
-        watch, height, width = _Watch(), *image_srgb.shape[:2]
+        laps, (height, width, _) = [("begin", time.perf_counter())], image_srgb.shape
         if mask is None:
             view = self._estimator.look(image_srgb, self._square)
             self._square = framing.following(view.mask, view.square, height, width)
         else:
             view = self._estimator.view(image_srgb, mask / np.float32(255))
             self._square = None
-        watch.lap("framing_and_mask")
+        laps.append(("framing_and_mask", time.perf_counter()))
         material = Material(mask_coverage=view.coverage, square=view.square)
         if request.material and has_object(material):
             wanted = request.layers or request.light
             material = self._estimator.read(view, [*_MATERIAL, *(_LAYERS if wanted else ())])
-            watch.lap("material")
+            laps.append(("material", time.perf_counter()))
 
         # What is known of it since the last cut.
         step = self._tracker.step(image_srgb, material)
@@ -130,7 +131,7 @@ class Session:
                 arrays["light"] = self._lit(view, material, request.fusion)
             except ValueError as error:
                 warnings.append({"code": "no-light", "message": f"no light was found: {error}"})
-            watch.lap("light")
+            laps.append(("light", time.perf_counter()))
 
         numbers = {
             "found": step.found,
@@ -141,7 +142,7 @@ class Session:
             "mask_confidence": view.confidence,
             "material": _numbers(material, _NUMBERS) if estimated else None,
             "fused": (_numbers(fused, _SHOWN) or None) if request.fusion else None,
-            "ms": watch.laps(),
+            "ms": _times(laps),
             "warnings": warnings,
         }
         return FrameResult(numbers, arrays)
@@ -192,21 +193,12 @@ def _reduced(layer: np.ndarray) -> np.ndarray:
     return layer.reshape(size // step, step, size // step, step, channels).mean(axis=(1, 3))
 
 
-class _Watch:
-    """The times in ms of the parts of an estimate."""
-
-    def __init__(self) -> None:
-        self._begun = self._last = time.perf_counter()
-        self._laps: dict[str, float] = {}
-
-    def lap(self, name: str) -> None:
-        """Count the time since the last lap as that of a part."""
-        now = time.perf_counter()
-        self._laps[name], self._last = round(1000 * (now - self._last), 1), now
-
-    def laps(self) -> dict[str, float]:
-        """Return the times by part, and their `total`."""
-        return self._laps | {"total": round(1000 * (time.perf_counter() - self._begun), 1)}
+def _times(laps: list[tuple[str, float]]) -> dict[str, float]:
+    """Return the times in ms of parts that end one after the other, and their `total`."""
+    times = {name: 1000 * (end - begin) for (_, begin), (name, end) in itertools.pairwise(laps)} | {
+        "total": 1000 * (time.perf_counter() - laps[0][1])
+    }
+    return {name: round(value, 1) for name, value in times.items()}
 
 
 def _numbers(material: Material, names: tuple[str, ...]) -> dict[str, Any]:

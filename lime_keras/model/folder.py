@@ -62,16 +62,6 @@ def graphs(run: Path, precision: str = "float32") -> Path:
     return home / ("onnx" if precision == "float32" else f"onnx-{precision}")
 
 
-def graph(graphs: Path, name: str) -> Path:
-    """Return the path of a subnetwork's exported graph, which need not be there.
-
-    Args:
-        graphs: folder of the graphs (see `graphs`).
-        name: name of the subnetwork.
-    """
-    return graphs / f"{name}.onnx"
-
-
 def has_weights_in_graphs(run: Path) -> bool:
     """Return whether a model's weights lie in its exported graphs alone.
 
@@ -96,7 +86,7 @@ def files(run: Path) -> list[Path]:
     weights = [path for path in sorted(model.glob(f"*{WEIGHTS}")) if path.is_file()]
     there = graphs(run)
     in_graphs = (
-        [graph(there, name) for name in sorted(_described(there))]
+        [there / f"{name}.onnx" for name in sorted(_described(there))]
         if has_weights_in_graphs(run)
         else []
     )

@@ -121,7 +121,7 @@ def read_verified(folder: Path, name: str, graph: Graph) -> bytes:
     Raises:
         ValueError: if the file is missing or is not the one described.
     """
-    file = model_folder.graph(folder, name)
+    file = folder / f"{name}.onnx"
     content = file.read_bytes() if file.is_file() else b""
     if hashlib.sha256(content).hexdigest() != graph.sha256:
         raise ValueError(f"{file} is missing or damaged: {repair_hint(folder)}")

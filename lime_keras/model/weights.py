@@ -23,7 +23,6 @@ from lime_keras.model.folder import (
     check_present,
     files,
     folder,
-    graph,
     graphs,
     has_weights_in_graphs,
 )
@@ -76,7 +75,7 @@ def load(model: Path, *, whole: bool = True) -> tuple[Architecture, dict[str, ke
     architecture = read_architecture(model)
     exported = has_weights_in_graphs(model)
     paths = {
-        name: graph(graphs(model), name) if exported else _weights_path(model, name)
+        name: graphs(model) / f"{name}.onnx" if exported else _weights_path(model, name)
         for name in subnetwork_names(architecture)
     }
     if not whole:

@@ -7,13 +7,14 @@ Example:
     print(summary.material, summary.table, summary.overlay)
 """
 
+import contextlib
 import csv
 import itertools
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Self
+from typing import Any
 
 import numpy as np
 from tqdm import tqdm
@@ -150,12 +151,12 @@ def _follow(
 ) -> None:
     """Estimate and fuse each frame, and write its row and picture."""
     tracker = Tracker()
-    with _Table(table) as rows, Movie(overlay) as video:
-        rows.write(COLUMNS)
+    with _table(table) as rows, Movie(overlay) as video:
+        rows.writerow(COLUMNS)
         for number, frame in enumerate(frames):
             material = estimator.estimate(frame.image_srgb / np.float32(255))
             step = tracker.step(frame.image_srgb, material)
-            rows.write(_row(number, frame.time, material, step))
+            rows.writerow(_row(number, frame.time, material, step))
             status = "new scene" if step.cut else "" if step.found else "no object"
             shown = material if step.found else Material(layers=material.layers)
             fused = material_of(step.fused, material.gloss_calibration)
@@ -170,25 +171,14 @@ def _last(with_objects: list[Scene], found: int) -> Material:
     return replace(with_objects[-1].material, mask_coverage=None, square=None, layers={})
 
 
-class _Table:
-    """A CSV file that is written line by line, so that it can be read while it grows."""
-
-    def __init__(self, path: Path):
-        self._path = path
-        with atomic.naming_writer(path):
-            self._file = path.open("w", newline="", buffering=1, encoding="utf-8")
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        with atomic.naming_writer(self._path):
-            self._file.close()
-
-    def write(self, cells: Iterable[str]) -> None:
-        """Append a row."""
-        with atomic.naming_writer(self._path):
-            csv.writer(self._file).writerow(cells)
+@contextlib.contextmanager
+def _table(path: Path) -> Iterator[Any]:
+    """Yield the writer of a CSV file's rows, which can be read while it grows."""
+    with (
+        atomic.naming_writer(path),
+        path.open("w", newline="", buffering=1, encoding="utf-8") as file,
+    ):
+        yield csv.writer(file)
 
 
 def _row(number: int, seconds: float, material: Material, step: Step) -> Iterator[str]:

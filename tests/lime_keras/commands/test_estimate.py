@@ -16,21 +16,12 @@ import pytest
 from lime_keras import Estimator, console
 from lime_keras.commands import estimate as estimate_cli
 from lime_keras.io.photo import read_srgb, write
-from lime_keras.model import folder as model_folder
-from lime_keras.model import weights
-from lime_keras.networks import output_names
-from lime_keras.outputs import NEEDED, available
 
 GALLERY = {"index.html", "materials.csv"}
 
 
 def photo(shape, seed=0):
     return np.random.default_rng(seed).uniform(size=(*shape, 3)).astype(np.float32)
-
-
-def lacking(model):
-    """What a model cannot estimate."""
-    return set(NEEDED) - set(available(output_names(weights.load(model)[1])))
 
 
 @pytest.fixture
@@ -140,18 +131,6 @@ def test_a_folder_without_pictures_is_told(tmp_path, tiny_model, capsys):
     (tmp_path / "empty").mkdir()
     assert run(tmp_path / "empty", weights_folder=tiny_model, out=tmp_path / "out") == 1
     assert f"{tmp_path / 'empty'} has no pictures" in capsys.readouterr().err
-
-
-def test_without_weights_the_packages_own_are_used(
-    folder, tiny_model, tmp_path, monkeypatch, capsys
-):
-    monkeypatch.setattr(model_folder, "FOR_PHOTOS", tiny_model)
-    arguments = [str(folder / "a.png"), "--only", "albedo", "--out", str(tmp_path / "out")]
-    assert estimate_cli.main(arguments) == 0
-    expected = Estimator(tiny_model, ["albedo"]).estimate(read_srgb(folder / "a.png"))
-    assert json.loads(capsys.readouterr().out)["specular_albedo"] == pytest.approx(
-        expected.specular_albedo, rel=1e-4
-    )
 
 
 @pytest.mark.parametrize(
@@ -358,6 +337,26 @@ def test_a_cut_outs_transparency_is_its_mask(tiny_model, tmp_path, capsys):
     assert json.loads(told.out)["mask_coverage"] == 0.5 and "(specular, albedo)" in told.err
 
 
+def test_beside_a_mask_file_a_photos_transparency_is_not_passed_on(tiny_model, tmp_path):
+    """A clone keeps a photo transparent where it is, unless a mask takes the place of that."""
+    pixels = np.concatenate([photo((40, 90)), masked((40, 90), 10, 80)], axis=-1)
+    write(tmp_path / "a.png", pixels)
+    alphas = []
+
+    def clone(image, mask, material, light, *, alpha):
+        alphas.append(alpha)
+        return image
+
+    for name in ("alone", "masked"):
+        arguments = [str(tmp_path / "a.png"), "--weights", str(tiny_model)]
+        options = estimate_cli.parser().parse_args([*arguments, "--out", str(tmp_path / name)])
+        assert estimate_cli.run(options, make_clone=lambda: clone) == 0
+        assert (tmp_path / name / "a-clone.png").is_file()
+        write(tmp_path / "a_mask.png", masked((40, 90), 10, 80))
+    np.testing.assert_array_equal(alphas[0], masked((40, 90), 10, 80))
+    assert alphas[1] is None
+
+
 def test_the_command_writes_what_an_ablation_answers(ablation, ablation_model, tmp_path, capsys):
     write(tmp_path / "ball.png", photo((40, 90)))
     arguments = [str(tmp_path / "ball.png"), "--weights", str(ablation_model)]
@@ -377,15 +376,6 @@ def test_the_command_writes_what_an_ablation_answers(ablation, ablation_model, t
     for name in linear:
         image = oiio.ImageBuf(str(out / f"ball-{name}.exr")).get_pixels(oiio.FLOAT)
         np.testing.assert_allclose(image, material.layers[name], rtol=1e-3, atol=1e-3)
-
-
-def test_the_command_says_what_an_ablation_cannot(ablation, ablation_model, tmp_path, capsys):
-    name = min(lacking(ablation_model))
-    write(tmp_path / "photo.png", photo((40, 90)))
-    arguments = [str(tmp_path / "photo.png"), "--weights", str(ablation_model), "--only", name]
-    assert estimate_cli.main([*arguments, "--out", str(tmp_path / "out")]) == 1
-    assert f"{ablation.description}; choose from mask" in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()
 
 
 # What is loaded.
