@@ -165,7 +165,7 @@ def _open(path: Path, check_size: CheckSize) -> Picture:
     # Decode, in the file's own numbers, which take a quarter of the memory of floats.
     if not image.read(image.subimage, force=True):
         raise ValueError(f"{image.geterror().strip()}; export it anew, as PNG say")
-    if kind == "openexr" and not _holds(image.roi, window):
+    if kind == "openexr" and not image.roi.contains(window):
         image = oiio.ImageBufAlgo.crop(image, roi=_with_channels(window, spec.nchannels))
     if turned > 1:
         image.orientation = turned
@@ -229,15 +229,6 @@ def _whole_page(path: Path, image: oiio.ImageBuf) -> oiio.ImageBuf:
 def _largest_integer(spec: oiio.ImageSpec) -> int:
     integers = {oiio.UINT8: 255, oiio.UINT16: 65535, oiio.UINT32: 2**32 - 1}
     return integers.get(spec.format.basetype, 0)
-
-
-def _holds(data: oiio.ROI, window: oiio.ROI) -> bool:
-    return (
-        data.xbegin <= window.xbegin
-        and data.ybegin <= window.ybegin
-        and data.xend >= window.xend
-        and data.yend >= window.yend
-    )
 
 
 def _with_channels(window: oiio.ROI, channels: int) -> oiio.ROI:

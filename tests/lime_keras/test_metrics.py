@@ -40,23 +40,11 @@ def test_albedo_errors(channels):
     assert (metrics.albedo_absolute_error(true, true) == 0).all()
 
 
-def test_a_constant_guess_scores_chance():
-    drawn = ((np.arange(10_000) + 0.5) / 10_000)[:, None]
-    middle = np.full_like(drawn, 0.5)
-    assert metrics.albedo_absolute_error(drawn, middle).mean() == pytest.approx(0.25)
-    assert metrics.albedo_squared_error(drawn, middle).mean() == pytest.approx(1 / 12)
-
-
 def test_bin_distance_of_every_pair():
     exponents = 10.0 ** np.repeat(shininess.LOG_MEANS, 8)
     probabilities = np.tile(np.eye(8), (8, 1))
     expected = np.abs(np.arange(8)[:, None] - np.arange(8)).reshape(-1)
     np.testing.assert_array_equal(metrics.bin_distance(exponents, probabilities), expected)
-
-
-def test_log_exponent_error_counts_decades_either_way():
-    found = metrics.log_exponent_error(np.array([10, 100, 1000.0]), np.array([2, 2, 2.5]))
-    assert found == pytest.approx([1, 0, 0.5])
 
 
 def test_relative_error_is_compaction_and_scale_free():
@@ -180,16 +168,6 @@ def test_any_split_gives_what_scikit_learn_does(kind, seed, borders):
 
 
 @pytest.mark.parametrize("kind", MADE)
-@settings(max_examples=20)
-@given(seed=st.integers(0, 2**31), order=st.permutations(range(7)))
-def test_the_order_of_the_examples_changes_nothing(kind, seed, order):
-    arguments = _arguments(kind, seed)
-    shuffled = [one[list(order)] for one in arguments]
-    found = _streamed(kind, shuffled, borders=[3])
-    assert found == pytest.approx(_streamed(kind, arguments), rel=1e-5)
-
-
-@pytest.mark.parametrize("kind", MADE)
 def test_an_example_of_weight_one_half_twice_is_that_example(kind):
     arguments = _arguments(kind, seed=6)
     once = _streamed(kind, arguments)
@@ -197,16 +175,6 @@ def test_an_example_of_weight_one_half_twice_is_that_example(kind):
     weights = np.array([1, 1, 0.5, 0.5, 1, 1, 1, 0.5, 0.5], np.float32)
     assert _streamed(kind, doubled, [4, 8], weights) == pytest.approx(once, rel=1e-5)
     assert abs(_streamed(kind, doubled, [4, 8]) - once) > 1e-3
-
-
-@pytest.mark.parametrize("kind", MADE)
-def test_a_metric_begins_anew_when_it_is_reset(kind):
-    first, second = (_arguments(kind, seed, count=40) for seed in (1, 2))
-    metric = MADE[kind]()
-    metric.update_state(*first)
-    metric.reset_state()
-    metric.update_state(*second)
-    assert float(metric.result()) == _streamed(kind, second) != _streamed(kind, first)
 
 
 @pytest.mark.parametrize("kind", MADE)

@@ -226,16 +226,6 @@ def test_a_heics_exif_does_not_turn_it(tmp_path):
     assert photo.read_srgb(path).shape == (32, 48, 3)
 
 
-def test_a_file_that_says_it_is_linear_is_encoded(tmp_path):
-    spec = oiio.ImageSpec(16, 16, 3, oiio.UINT16)
-    spec.attribute("oiio:Gamma", 1.0)
-    spec.attribute("oiio:ColorSpace", "lin_rec709")
-    image = oiio.ImageBuf(spec)
-    oiio.ImageBufAlgo.fill(image, (0.25, 0.25, 0.25))
-    assert image.write(str(tmp_path / "linear.png"))
-    np.testing.assert_allclose(photo.read_srgb(tmp_path / "linear.png"), 0.5370987, atol=1e-3)
-
-
 def test_grey_of_two_bytes_and_of_one_bit(tmp_path):
     deep = np.full((16, 16), 30_000, np.uint16)
     found = photo.read_srgb(save(tmp_path / "deep.png", deep))

@@ -43,11 +43,6 @@ def test_the_hue_is_that_of_the_true_albedo(seed):
     np.testing.assert_allclose(cosine[known], (lengths[0] * lengths[1])[known], atol=1e-3)
 
 
-def test_a_true_albedo_stays():
-    true = albedos(1)
-    np.testing.assert_allclose(with_hue_of_pixels(true, scene(true)), true, atol=2e-5)
-
-
 def test_grey_part_and_saturation_stay():
     estimate = albedos(2)
     found = with_hue_of_pixels(estimate, scene(albedos(3)))
