@@ -237,18 +237,6 @@ def test_sources_name_what_was_found_usable_whatever_comes_later(tmp_path):
     assert pictures == [tmp_path / "7.png"]
 
 
-def test_hidden_files_and_folders_are_no_inputs(tmp_path):
-    for name in ("a.obj", "b.obj", "._a.obj", ".c.obj"):
-        (tmp_path / name).touch()
-    (tmp_path / "folder.obj").mkdir()
-    names = [
-        path.name
-        for split in ("train", "test")
-        for path in sources.files(tmp_path, split, (".obj",))
-    ]
-    assert sorted(names) == ["a.obj", "b.obj"]
-
-
 def test_a_dealt_file_is_read_from_its_subfolder(tmp_path):
     for folder, size in ((tmp_path, 1), (tmp_path / "train", 2), (tmp_path / "test", 3)):
         folder.mkdir(exist_ok=True)
