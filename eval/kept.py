@@ -62,7 +62,7 @@ class Kept:
         """Return arrays by name, of numbers, truth values or text; arguments as for `value`."""
         path = self._path(name, inputs, ".npz")
         try:
-            with path.open("rb") as file, np.load(file) as held:
+            with path.open("rb") as stored, np.load(stored) as held:
                 return dict(held)
         except (OSError, EOFError, ValueError, zipfile.BadZipFile):
             pass  # not there, or damaged after it was written
