@@ -54,7 +54,10 @@ def _ball(size: int, exponent: float) -> np.ndarray:
 
 
 def predictions(
-    engine: Engine, images: np.ndarray, outputs: Collection[str] | None = None
+    engine: Engine,
+    images: np.ndarray,
+    outputs: Collection[str] | None = None,
+    masks: np.ndarray | None = None,
 ) -> dict[str, np.ndarray]:
     """Return an engine's outputs for all images: for the first alone, then in batches of several.
 
@@ -62,11 +65,44 @@ def predictions(
         engine: engine of the model.
         images: images `(N, S, S, 3)`, sRGB in [0, 1].
         outputs: names of the outputs; by default all of the engine's.
+        masks: masks `(N, S, S, 1)` in [0, 1] that the subnetworks read in place of the predicted
+            ones.
     """
     names = engine.outputs if outputs is None else outputs
-    batches = np.split(images, range(1, len(images), _BATCH))
-    answers = [engine.run(names, {"image": batch}) for batch in batches]
+    inputs = {"image": images} | ({} if masks is None else {"mask": masks})
+    batches = np.split(np.arange(len(images)), range(1, len(images), _BATCH))
+    answers = [
+        engine.run(names, {name: values[batch] for name, values in inputs.items()})
+        for batch in batches
+    ]
     return {name: np.concatenate([one[name] for one in answers]) for name in names}
+
+
+def check_against(
+    keras_engine: Engine,
+    images: np.ndarray,
+    outputs: Collection[str],
+    predicted: Mapping[str, np.ndarray],
+    precision: str,
+) -> dict[str, float]:
+    """Return the difference between a written model and Keras for each output (see `check`).
+
+    In float32 Keras reads the mask that the written model predicted: the split of colours is of all
+    pixels with a mask above 0, and rounding may take in one more, which moves all other outputs.
+
+    Args:
+        keras_engine: the Keras model in float32.
+        images: images `(N, S, S, 3)`, sRGB in [0, 1].
+        outputs: names of the outputs that the written model must have.
+        predicted: its outputs for the images.
+        precision: its precision: `float32`, `float16` or `int8`.
+    """
+    expected = predictions(keras_engine, images, outputs)
+    others = [name for name in outputs if name != "mask"]
+    whole = {"mask"} < set(outputs) and "mask" in predicted
+    if precision == "float32" and whole and predicted["mask"].shape == expected["mask"].shape:
+        expected |= predictions(keras_engine, images, others, predicted["mask"])
+    return check(expected, predicted, precision)
 
 
 def check(

@@ -37,6 +37,29 @@ def test_answers_to_all_images_come_from_batches_of_one_and_of_several():
     assert len(parity.predictions(engine, images[:1])["doubled"]) == 1
 
 
+class Cutting:
+    """Engine whose M is 1 in each pixel that the mask takes in, and whose mask leaves out all."""
+
+    outputs = ("mask", "mirror")
+
+    def run(self, outputs, inputs):
+        mask = np.zeros_like(inputs["image"])
+        mirror = (inputs.get("mask", mask) > 0).astype(float)
+        return {name: {"mask": mask, "mirror": mirror}[name] for name in outputs}
+
+
+def test_a_pixel_more_in_the_mask_by_rounding_is_no_difference_of_the_other_outputs():
+    images, one_more = np.zeros((3, 4)), np.zeros((3, 4))
+    one_more[1, 2] = 1e-6
+    predicted = {"mask": one_more, "mirror": (one_more > 0).astype(float)}
+    compared = Cutting(), images, ("mask", "mirror"), predicted
+    assert parity.check_against(*compared, "float32") == {"mask": 1e-6, "mirror": 0}
+    with pytest.raises(parity.ParityError, match=r"differs from Keras.*mirror"):
+        parity.check_against(*compared, "float16")
+    with pytest.raises(parity.ParityError, match="outputs"):
+        parity.check_against(Cutting(), images, ("mirror",), predicted, "float32")
+
+
 def test_differences_are_relative_above_one():
     expected = {"mirror": np.array([0.5, 100.0]), "mask": np.array([0.0])}
     found = {"mirror": np.array([0.6, 101.0]), "mask": np.array([-0.25])}
