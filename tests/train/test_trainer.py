@@ -33,19 +33,12 @@ from lime_keras.train import (
 from lime_keras.train.config import Config, check, claim, config_path, corpus_sha256
 from lime_keras.train.data import Data
 from lime_keras.train.devices import Devices
-from lime_keras.train.stages import SCHEDULES, Schedule, Stage
+from lime_keras.train.stages import SCHEDULES, Stage
 from lime_keras.train.state import Means
 
 TINY = Architecture(size=32, unet_width=2, unet_depth=1, encoder_width=2, dense_width=4)
-BRIEF = Schedule(
-    batch_size=2,
-    single_steps=2,
-    encoder_steps=2,
-    single_learning_rate=1e-3,
-    joint_steps=12,
-    joint_learning_rate=1e-3,
-    validation_examples=2,
-    camera=True,
+BRIEF = dataclasses.replace(
+    stage_runs.BRIEF, batch_size=2, single_steps=2, encoder_steps=2, validation_examples=2
 )
 
 
@@ -277,17 +270,6 @@ def test_corpora_are_learnt_from_together(corpus, config, tmp_path, nudged):
     assert [one["description"]["seed"] for one in record["corpora"]] == [0, 1]
     with pytest.raises(ValueError, match="corpus_sha256"):
         trainer.train([corpus], run, config, _ignore)
-
-
-def test_a_corpus_in_another_unit_is_refused(corpus, config, tmp_path):
-    other = write_split(tmp_path / "literal", "train", [range(2), range(2)], seed=1)
-    path = other / "train" / "manifest.json"
-    manifest = json.loads(path.read_text(encoding="utf-8"))
-    manifest["description"]["shading"] = "literal"
-    path.write_text(json.dumps(manifest), encoding="utf-8")
-    with pytest.raises(ValueError, match="literal/train was rendered with --shading literal"):
-        trainer.train([corpus, other], tmp_path / "run", config, _ignore)
-    assert not (tmp_path / "run").exists()
 
 
 def test_a_finished_run_is_not_trained_again(corpus, config, finished):
