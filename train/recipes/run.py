@@ -35,6 +35,8 @@ from . import cutouts, data, recipe, steps
 from .recipe import Recipe
 
 _PACKAGES = ("tensorflow", "jax", "keras", "numpy", "mitsuba", "drjit")
+_THREADS = ("OMP_NUM_THREADS", "TF_NUM_INTRAOP_THREADS", "TF_NUM_INTEROP_THREADS")
+"""Variables that limit threads; in which order numbers are summed follows from them."""
 _LAUNCH = {"lime-render": "render", "lime-train": "train", "lime-eval": "evaluate"}
 """Function of `lime_keras.launch` that runs a command."""
 _UNKNOWN = "unknown: no checkout"
@@ -167,6 +169,7 @@ class _Run:
             "version": __version__,
             "packages": installed(_PACKAGES),
             "machine": f"{platform.machine()}, {os.cpu_count()} cores",
+            "threads": {name: os.environ[name] for name in _THREADS if name in os.environ},
         }
         atomic.write(list_path, json.dumps(files, indent=1) + "\n")
         atomic.write(path, json.dumps(record, indent=1) + "\n")

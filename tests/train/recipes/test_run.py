@@ -109,7 +109,8 @@ def test_a_run_takes_each_step_once(own, folder, commands, tmp_path, capsys):
             : len(record["steps"])
         ]
     )
-    assert {"sha256", "seed", "data", "commit", "packages", "machine"} < set(record["recipe"])
+    kept = {"sha256", "seed", "data", "commit", "packages", "machine", "threads"}
+    assert kept < set(record["recipe"])
     assert record["steps"]["trainings/rest"]["commit"] == record["recipe"]["commit"]
     assert (out / "onnx" / "a.onnx").is_file()
     assert not list(out.rglob("photos"))
