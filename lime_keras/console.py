@@ -3,6 +3,7 @@
 Exit statuses: 0 done, 1 failed (standard error says why), 2 wrong usage, 130 interrupted.
 """
 
+import _thread
 import argparse
 import contextlib
 import errno
@@ -116,6 +117,17 @@ def open_streams() -> None:
             setattr(sys, name, open(number, mode, encoding="utf-8", closefd=False))
 
 
+def interrupt_again(lost: Any) -> None:
+    """Press Ctrl-C once more where it fell into a finaliser, out of which no exception comes.
+
+    Use it as `sys.unraisablehook`. Finalisers are `__del__`, and what `weakref` calls.
+    """
+    if issubclass(lost.exc_type, KeyboardInterrupt):
+        threading.Timer(0.01, _thread.interrupt_main).start()  # once the finaliser has ended
+    else:
+        sys.__unraisablehook__(lost)
+
+
 @contextlib.contextmanager
 def _heard_interrupts() -> Iterator[list[int]]:
     """Yield a list that is not empty once Ctrl-C was pressed in the block."""
@@ -130,9 +142,11 @@ def _heard_interrupts() -> Iterator[list[int]]:
         yield heard
         return
     signal.signal(signal.SIGINT, interrupt)
+    before, sys.unraisablehook = sys.unraisablehook, interrupt_again
     try:
         yield heard
     finally:
+        sys.unraisablehook = before
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 

@@ -13,6 +13,7 @@ def _launch(module: str) -> int:
         from lime_keras import console
 
         console.open_streams()
+        sys.unraisablehook = console.interrupt_again
         status = int(import_module(f"lime_keras.{module}").main())
         if threading.current_thread() is threading.main_thread():
             # All is done: an interruption while Python ends would turn the status into a failure.

@@ -117,6 +117,28 @@ def test_ctrl_c_while_a_command_is_imported(after, tmp_path):
         assert process.returncode == 130 and "interrupted" in err.splitlines()[-1], err
 
 
+def test_ctrl_c_in_a_finaliser_is_not_lost(tmp_path):
+    code = """
+import os, signal, sys, time
+from lime_keras import console
+
+class Finalised:
+    def __del__(self):
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(0.1)
+
+def work():
+    Finalised()
+    time.sleep(30)
+    return 0
+
+sys.exit(console.run(work, "nothing is lost"))
+"""
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, capture_output=True, text=True, preexec_fn=ctrl_c.is_heard)
+    assert (done.returncode, done.stderr) == (130, "\ninterrupted: nothing is lost\n")
+
+
 def test_ctrl_c_while_a_finished_command_ends_changes_nothing(tmp_path):
     """Python takes a while to end: threads and modules are let go."""
     (tmp_path / "none.png").write_bytes(b"P6 32 32 255 " + bytes(range(256)) * 12)
