@@ -18,6 +18,7 @@ _PARTS = {
     "perceptual": "compositing",
     "mirror": "architecture.mirror",
     "dichromatic": "architecture.dichromatic",
+    "dichromatic-shading": "architecture.dichromatic_shading",
     "hue": "architecture.hue",
     "pretrained": "architecture.pretrained",
     "linear": "architecture.linear",
@@ -206,9 +207,10 @@ def _add_networks(out: argparse.ArgumentParser) -> None:
         choices=tuple(_PARTS),
         metavar="PART",
         help="leave out: perceptual, Eq. 5 in the loss; mirror, MirrorNet; dichromatic, the split "
-        "of colours; hue, m_d in the hue of the pixels; pretrained, the mask's encoder; linear, S "
-        "and M as linear radiance, which are log(1 + x) without; trunk, one encoder with two heads "
-        "in place of AlbedoNet and ExponentNet",
+        "of colours; dichromatic-shading, the same in SpecularNet alone; hue, m_d in the hue of "
+        "the pixels; pretrained, the mask's encoder; linear, S and M as linear radiance, which are "
+        "log(1 + x) without; trunk, one encoder with two heads in place of AlbedoNet and "
+        "ExponentNet",
     )
     networks.add_argument(
         "--with",

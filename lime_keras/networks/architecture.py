@@ -38,8 +38,9 @@ class Architecture:
         pretrained: whether SegmentationNet's encoder is EfficientNet-Lite0
             (`networks.efficientnet`), rather than that of a U-Net, and its mask passes the guided
             filter (`networks.guided_filter`).
-        dichromatic: whether SpecularNet and the encoders see the split of the colours into diffuse
-            and grey light (`optics.dichromatic`).
+        dichromatic: whether the encoders see the split of the colours into diffuse and grey light
+            (`optics.dichromatic`).
+        dichromatic_shading: whether SpecularNet sees it, too, where the encoders do.
         hue: whether m_d is turned to the hue of the object's pixels (`blocks.HueOfPixels`).
         mask_contrast: whether the mask is stretched before it cuts the object out
             (`registry.MASK_CONTRAST`).
@@ -69,6 +70,7 @@ class Architecture:
     linear: bool = False
     encoder_convolutions: int = 1
     trunk: bool = False
+    dichromatic_shading: bool = True
 
     def __post_init__(self) -> None:
         """Raise ValueError if the settings describe no system."""
@@ -103,8 +105,9 @@ class Architecture:
             return "the reflectance-map baseline"
         without = [] if self.mirror else ["without MirrorNet"]
         regresses = ["with its exponent by regression"] if self.exponent == "regression" else []
+        where = "" if self.dichromatic_shading else " in its encoders"
         parts = {
-            "the dichromatic split": self.dichromatic,
+            "the dichromatic split" + where: self.dichromatic,
             "the hue of the pixels": self.hue,
             "one trunk of two heads": self.trunk,
         }
@@ -120,6 +123,7 @@ _LIVE = Architecture(
     dense_width=128,
     pretrained=True,
     dichromatic=True,
+    dichromatic_shading=False,
     hue=True,
 )
 PRESETS = {

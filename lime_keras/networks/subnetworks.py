@@ -38,9 +38,11 @@ def segmentation_net(architecture: Architecture) -> keras.Model:
 def specular_net(architecture: Architecture) -> keras.Model:
     """Build SpecularNet: `masked_image` `(B, S, S, 3)` sRGB → `(B, S, S, 1)` compressed S.
 
-    With `dichromatic`, it reads the split, too. With `linear`, S is linear radiance.
+    With `dichromatic` and `dichromatic_shading`, it reads the split, too. With `linear`, S is
+    linear radiance.
     """
-    inputs = _inputs(architecture, "masked_image", *_split(architecture))
+    read = _split(architecture) if architecture.dichromatic_shading else ()
+    inputs = _inputs(architecture, "masked_image", *read)
     shading = _unet(_joined(inputs), architecture, plain=architecture.linear)
     return keras.Model(_one_or_all(inputs), shading, name="specular_net")
 

@@ -711,7 +711,9 @@ def test_the_commands_ablations(corpus, tmp_path):
         config("--baseline", "reflectance-map", "--without", "mirror")
 
 
-@pytest.mark.parametrize("part", ["mirror", "dichromatic", "hue", "pretrained"])
+@pytest.mark.parametrize(
+    "part", ["mirror", "dichromatic", "dichromatic-shading", "hue", "pretrained"]
+)
 def test_the_command_puts_parts_in_and_leaves_them_out(corpus, tmp_path, part):
     for preset in ("paper", "live"):
 
@@ -721,7 +723,7 @@ def test_the_command_puts_parts_in_and_leaves_them_out(corpus, tmp_path, part):
         plain = networks.PRESETS[preset]
         assert architecture() == plain
         for option, there in (("--with", True), ("--without", False)):
-            changed = dataclasses.replace(plain, **{part: there})
+            changed = dataclasses.replace(plain, **{part.replace("-", "_"): there})
             assert architecture(option, part) == changed
         assert architecture("--with", part) != architecture("--without", part)
 

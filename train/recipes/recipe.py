@@ -84,6 +84,7 @@ class Training:
         precision: of the inner layers.
         size: height and width of the networks' images; None for the recipe's.
         preset: its preset, where it is not the recipe's.
+        options: further options of `lime-train`, after those of the recipe.
     """
 
     stages: tuple[str, ...]
@@ -101,6 +102,7 @@ class Training:
     precision: str = "bfloat16"
     size: int | None = None
     preset: str | None = None
+    options: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -105,7 +105,7 @@ def _training(recipe: Recipe, name: str, training: Training, seed: int, cutouts:
         "--seed": seed,
     }
     needs = (*corpora, *([f"trainings/{before}"] if before else []), *([PLACES] if sees else []))
-    words = ("lime-train", *corpora, *_words(options), *recipe.options)
+    words = ("lime-train", *corpora, *_words(options), *recipe.options, *training.options)
     return Step(words, folder, f"{folder}/model/architecture.json", needs)
 
 

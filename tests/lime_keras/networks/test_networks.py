@@ -172,19 +172,22 @@ def test_the_paper_has_the_layers_of_the_documentation():
         assert network.output_shape == (None, *shape)
 
 
+@pytest.mark.parametrize("shading", [False, True])
 @pytest.mark.parametrize("preset", ["smoke", "nano", "live"])
-def test_other_presets_read_the_split(preset):
-    architecture, subnetworks = PRESETS[preset], build(PRESETS[preset])
+def test_encoders_of_other_presets_read_the_split_and_specular_net_may(preset, shading):
+    assert not PRESETS[preset].dichromatic_shading
+    architecture = dataclasses.replace(PRESETS[preset], dichromatic_shading=shading)
+    subnetworks = build(architecture)
     read = {name: [x.name for x in network.inputs] for name, network in subnetworks.items()}
     assert read == {
         "segmentation": ["image"],
-        "specular": ["masked_image", "dichromatic"],
+        "specular": ["masked_image", *(["dichromatic"] if shading else [])],
         "mirror": ["specular_shading"],
         "exponent": ["masked_image", "dichromatic", "specular_shading"],
         "albedo": ["masked_image", "dichromatic", "specular_shading"],
     }
     for name in ("specular", "mirror"):
-        channels = {"specular": 7, "mirror": 1}[name]
+        channels = {"specular": 7 if shading else 3, "mirror": 1}[name]
         layers = unet_convolutions(architecture, channels)
         expected = sum((k * k * below + 1) * width for k, below, width, _ in layers)
         assert subnetworks[name].count_params() == expected
@@ -329,6 +332,8 @@ def test_architectures_say_what_they_are(tiny, architecture):
     assert both.description == "LIME without MirrorNet with its exponent by regression"
     split = dataclasses.replace(tiny, dichromatic=True, hue=True)
     assert split.description == "LIME with the dichromatic split and the hue of the pixels"
+    encoders = dataclasses.replace(split, hue=False, dichromatic_shading=False)
+    assert encoders.description == "LIME with the dichromatic split in its encoders"
 
 
 def test_the_ablations_exponent_nets_by_hand(tiny):

@@ -68,10 +68,17 @@ def test_live_by_adam_is_live_but_for_the_optimiser():
     assert by_adam.by("muon", 2.0) == live
 
 
-def test_live_and_uniform_share_all_but_the_encoders():
+def test_live_and_uniform_share_corpora_and_masks():
     both = [steps.steps(recipes.find(name), 0, cutouts=True) for name in ("live", "uniform")]
     differing = {name for name in both[0] if both[0][name] != both[1][name]}
-    assert differing == {"trainings/material", "corpora/validation"}
+    assert differing == {"trainings/light", "trainings/material", "corpora/validation"}
+
+
+@pytest.mark.parametrize(("name", "reads"), [("live", False), ("uniform", True)])
+def test_only_uniform_reads_the_split_in_its_shading(name, reads):
+    options = _parsed(steps.steps(recipes.find(name), 0, False)["trainings/material"].command)
+    assert PRESETS[options.preset].dichromatic
+    assert (getattr(options, "with") == ["dichromatic-shading"]) == reads
 
 
 def test_nano_and_best_begin_with_the_mask_of_live():
