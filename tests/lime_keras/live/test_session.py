@@ -10,7 +10,7 @@ from lime_keras import Estimator
 from lime_keras.estimate import framing
 from lime_keras.lighting import guessed_light
 from lime_keras.live.session import FrameRequest, Session
-from lime_keras.optics import environment
+from lime_keras.optics import environment, shading
 from lime_keras.video.tracking import LOST_AFTER
 
 
@@ -56,6 +56,25 @@ def test_the_light_is_that_of_the_photo_in_the_squares_own_pixels(estimator):
     places = [np.unravel_index(light.argmax(), light.shape) for light in (found, expected)]
     first, second = (environment.directions(64, 128)[place] for place in places)
     assert first @ second > np.cos(np.radians(20))
+
+
+def test_a_pixel_of_the_square_looks_where_the_frames_pixel_looks(estimator, monkeypatch):
+    seen = []
+
+    def estimate(image, material, camera):
+        seen.append((len(image), camera))
+        return np.zeros((64, 128, 3), np.float32)
+
+    monkeypatch.setattr(guessed_light, "estimate", estimate)
+    frame = ball(480, 640, radius=0.25, place=(0.8, -0.2))
+    answer = Session(estimator).process(frame, None, FrameRequest(fusion=False))
+    top, left, side = answer.numbers["square"]
+    assert left > 0 and top != 0
+    ((size, small),), whole = seen, shading.assumed_camera(480, 640)
+    for first, begin in ((0, left), (1, top)):
+        in_square = (size / 4 - small[2 + first]) / small[first]
+        in_frame = (begin + side / 4 - whole[2 + first]) / whole[first]
+        assert in_square == pytest.approx(in_frame, rel=1e-6)
 
 
 def test_the_warnings_are_those_of_the_photo(estimator):
