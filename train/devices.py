@@ -79,41 +79,33 @@ class Devices:
                 copy.set_weights(networks[name].get_weights())
         return copies
 
-    def local_rows(self, batch: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Return this process's examples of a batch that every process has.
-
-        If its examples cannot be split evenly, each device gets the whole batch.
-        """
-        if self.processes == 1:
-            return batch
-        size = len(next(iter(batch.values())))
-        if size % self._all:
-            return {name: np.concatenate([value] * self.count) for name, value in batch.items()}
-        share = size // self.processes
-        rows = slice(share * self.process, share * (self.process + 1))
-        return {name: value[rows] for name, value in batch.items()}
-
     def split(self, batch: Mapping[str, Any]) -> Any:
         """Return this process's examples in the form that Keras takes, split between its devices.
 
         If the examples cannot be split evenly, each device gets all of them.
+
+        Args:
+            batch: batch that every process has.
         """
         size = len(next(iter(batch.values())))
+        is_even = size % self._all == 0
         if self._strategy is None:
-            if not size % self.count:
-                return batch
-            # Keras splits the rows itself, but only evenly. Several copies of the batch can be
-            # split evenly, and their means are those of the batch.
-            return {name: np.concatenate([value] * self.count) for name, value in batch.items()}
-        if size % self.count:
+            if not is_even:
+                # Keras splits the rows itself, but only evenly. Several copies of the batch can be
+                # split evenly, and their means are those of the batch.
+                return {name: np.concatenate([value] * self.count) for name, value in batch.items()}
+            share = size // self.processes
+            rows = slice(share * self.process, share * (self.process + 1))
+            return {name: value[rows] for name, value in batch.items()}
+        if not is_even:
             return batch
         part = size // self.count
 
-        def share(context: Any) -> dict[str, Any]:
+        def of_device(context: Any) -> dict[str, Any]:
             start = context.replica_id_in_sync_group * part
             return {name: value[start : start + part] for name, value in batch.items()}
 
-        return self._strategy.experimental_distribute_values_from_function(share)
+        return self._strategy.experimental_distribute_values_from_function(of_device)
 
     def weights(self, batch: Mapping[str, Any]) -> Any:
         """Return the weight of each example in sums over all devices, split like the batch.
@@ -125,8 +117,7 @@ class Devices:
         """
         size = len(next(iter(batch.values())))
         counted = 1 / self._all if size % self._all else 1.0
-        weights = keras.ops.full((size,), counted)
-        return self.split(self.local_rows({"weights": weights}))["weights"]
+        return self.split({"weights": keras.ops.full((size,), counted)})["weights"]
 
 
 def _mirrored(count: int) -> Any:

@@ -154,8 +154,8 @@ class StageTraining:
 
     def _step(self, batch: Batch) -> dict[str, float]:
         """Take a training step and return the batch's losses by name."""
-        local = self._devices.local_rows(without_origin(batch))
-        return self._part.model.train_on_batch(self._devices.split(local), return_dict=True)
+        shares = self._devices.split(without_origin(batch))
+        return self._part.model.train_on_batch(shares, return_dict=True)
 
     def _validate(self, step: int, training: dict[str, float], curve: Curve, board: Board) -> None:
         """Evaluate on the validation set and record its losses with the training losses."""
@@ -203,7 +203,7 @@ def evaluate(
     model.reset_measures()
     for batch in batches:
         examples += len(batch["mask"])
-        shares, weights = devices.split(devices.local_rows(batch)), devices.weights(batch)
+        shares, weights = devices.split(batch), devices.weights(batch)
         losses.add(model.test_on_batch(shares, sample_weight=weights, return_dict=True))
     return losses.means(), model.measured() if examples else {}, examples
 

@@ -78,7 +78,7 @@ def test_each_process_takes_its_part_of_a_batch(hosts_, rows, of_each, counted, 
     for process in range(hosts_):
         monkeypatch.setattr(hosts, "rank_and_size", lambda process=process: (process, hosts_))
         devices = Devices(1)
-        taken += list(devices.local_rows(batch)["mask"])
+        taken += list(devices.split(batch)["mask"])
         weights_here = keras.ops.convert_to_numpy(devices.weights(batch))
         assert weights_here.tolist() == [counted] * of_each
         weight += weights_here.sum()
