@@ -10,7 +10,6 @@ from ..markdown_table import aligned
 from .measures import MEASURES
 
 _FULL = "full approach"
-_PER_CENT = (2.5, 97.5)
 
 
 @dataclass(frozen=True)
@@ -73,7 +72,7 @@ def judge(
         if not all(rows):
             continue
         full, other = (np.mean(runs, axis=0) for runs in rows)
-        low, high = np.percentile(other - full, _PER_CENT)
+        low, high = np.percentile(other - full, (2.5, 97.5))
         signs = {float(np.sign(b.mean() - a.mean())) for a in rows[0] for b in rows[1]}
         cells = [printed[row].get(name) for row in (_FULL, claim.row)]
         is_clear = (low > 0 or high < 0) and len(signs) == 1

@@ -169,19 +169,17 @@ def compare(
     runs = {}
     for name in order:
         value = measures.values(evaluated[name])
+        shown = [key for key in COLUMNS if key in value]
         runs[name] = {
             "system": systems[name].name,
             "row": systems[name].row,
-            "value": {key: value[key] for key in COLUMNS if key in value},
-            "interval": _ends({key: drawn[name][key] for key in COLUMNS if key in value}),
+            "value": {key: value[key] for key in shown},
+            "interval": measures.ends({key: drawn[name][key] for key in shown}),
         }
         if name != reference:
-            runs[name]["difference"] = _ends(
-                {
-                    key: drawn[name][key] - drawn[reference][key]
-                    for key in COLUMNS
-                    if key in drawn[name] and key in drawn[reference]
-                }
+            both = [key for key in shown if key in drawn[reference]]
+            runs[name]["difference"] = measures.ends(
+                {key: drawn[name][key] - drawn[reference][key] for key in both}
             )
     by_row = {row: [drawn[n] for n in order if systems[n].row == row] for row in PAPER}
     return {
@@ -236,7 +234,3 @@ def _cell(run: Mapping[str, Any], name: str) -> str:
 
 def _printed(title: str, cells: Mapping[str, float], shown: list[str]) -> tuple[str, ...]:
     return (title, *(MEASURES[key].unit.number(cells.get(key)) for key in shown))
-
-
-def _ends(drawn: Mapping[str, np.ndarray]) -> dict[str, list[float]]:
-    return {name: np.percentile(values, (2.5, 97.5)).tolist() for name, values in drawn.items()}

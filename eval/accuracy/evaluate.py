@@ -64,17 +64,11 @@ class Evaluation:
     true_mask: dict[str, np.ndarray]
     architecture: Architecture
 
-    @property
-    def count(self) -> int:
-        """The number of examples."""
-        return len(self.rows["bin"])
-
 
 def evaluate(
     model_dir: Path,
     corpus: Path,
     *,
-    batch_size: int = _AT_ONCE,
     camera: bool = False,
     engine: Engine | None = None,
 ) -> Evaluation:
@@ -83,7 +77,6 @@ def evaluate(
     Args:
         model_dir: folder of `weights.save`, or a run of `lime-train`.
         corpus: folder with a complete `test` split.
-        batch_size: examples computed at once; changes the speed, not the numbers.
         camera: show the system photos of the scenes (`lime_keras.data.camera`), the same every
             time.
         engine: engine of the system, which takes masks; by default its Keras model.
@@ -112,7 +105,7 @@ def evaluate(
     rows: list[dict[str, np.ndarray]] = []
     true_mask: list[dict[str, np.ndarray]] = []
     dataset = pipeline.evaluation(
-        shards, size=architecture.size, batch_size=batch_size, camera=camera
+        shards, size=architecture.size, batch_size=_AT_ONCE, camera=camera
     )
     with ThreadPoolExecutor(processors.count()) as pool:
         for first, example in _batches(dataset, shards, count):
@@ -122,21 +115,15 @@ def evaluate(
                 "true_mask": engine.run(others, given),
             }
             measured = measure(example, answers["own_mask"])
+            measured |= _layers_flip(example, answers["own_mask"], pool)
             with_mask = _errors(example, answers["true_mask"])
             # Values that are not finite cannot be rendered.
             for columns in (measured, with_mask):
                 _check_finite(columns, model_dir, first)
             relit = _relit(example, answers, split.lobe, pool)
-            rows.append(
-                measured | _layers_flip(example, answers["own_mask"], pool) | _relit_columns(relit)
-            )
+            rows.append(measured | _relit_columns(relit))
             true_mask.append(with_mask | relit["true_mask"])
-
-    # All rows, which must be finite.
-    evaluation = Evaluation(_joined(rows), _joined(true_mask), architecture)
-    for columns in (evaluation.rows, evaluation.true_mask):
-        _check_finite(columns, model_dir)
-    return evaluation
+    return Evaluation(_joined(rows), _joined(true_mask), architecture)
 
 
 def evaluate_predictions(predictions: Predictions, corpus: Path) -> dict[str, np.ndarray]:
@@ -425,7 +412,7 @@ def _joined(batches: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
     return {name: np.concatenate([batch[name] for batch in batches]) for name in batches[0]}
 
 
-def _check_finite(columns: Mapping[str, np.ndarray], model_dir: Path, first: int = 0) -> None:
+def _check_finite(columns: Mapping[str, np.ndarray], model_dir: Path, first: int) -> None:
     """Raise ValueError, naming the example, if a column of those from `first` on is not finite."""
     for name, column in columns.items():
         if column.dtype.kind != "f" or np.all(np.isfinite(column)):

@@ -82,10 +82,6 @@ class Measure:
     floor: float | None = None
 
 
-def _root(mean: Any) -> Any:
-    return np.sqrt(mean)
-
-
 _SHARE: dict[str, Any] = {"unit": PER_CENT, "more_is_better": True}
 _PSNR: dict[str, Any] = {"unit": DECIBEL, "more_is_better": True}
 
@@ -123,7 +119,7 @@ MEASURES = {
         paper=0.3073,
     ),
     "log_exponent_rmse": Measure(
-        "Exponent, RMSE of log10 s", "log10 s RMSE", ("log_squared",), _root
+        "Exponent, RMSE of log10 s", "log10 s RMSE", ("log_squared",), np.sqrt
     ),
     "log_exponent_mae_winning": Measure(
         "Exponent, error of log10 s, winning bin",
@@ -146,7 +142,7 @@ MEASURES = {
         paper=0.0674,
     ),
     "diffuse_albedo_rmse": Measure(
-        "Diffuse albedo, RMSE", "diffuse RMSE", ("diffuse_squared",), _root
+        "Diffuse albedo, RMSE", "diffuse RMSE", ("diffuse_squared",), np.sqrt
     ),
     "specular_albedo_mae": Measure(
         "Specular albedo, MAE",
@@ -155,7 +151,7 @@ MEASURES = {
         paper=0.2158,
     ),
     "specular_albedo_rmse": Measure(
-        "Specular albedo, RMSE", "specular RMSE", ("specular_squared",), _root
+        "Specular albedo, RMSE", "specular RMSE", ("specular_squared",), np.sqrt
     ),
     "specular_shading_relative": Measure(
         "Specular shading S, relative error",
@@ -206,7 +202,7 @@ def summarise(evaluation: Evaluation) -> dict[str, Any]:
     """
     measured = values(evaluation.rows)
     summary: dict[str, Any] = dict(measured)
-    summary["count"] = evaluation.count
+    summary["count"] = len(evaluation.rows["bin"])
     summary["counted"] = _counted(evaluation.rows)
     summary["system"] = evaluation.architecture.description
     summary["interval"] = intervals(evaluation.rows)
@@ -234,9 +230,12 @@ def intervals(rows: Mapping[str, np.ndarray]) -> dict[str, list[float]]:
 
     The examples are drawn with a fixed seed, so the same rows give the same interval.
     """
-    return {
-        name: np.percentile(drawn, (2.5, 97.5)).tolist() for name, drawn in resampled(rows).items()
-    }
+    return ends(resampled(rows))
+
+
+def ends(drawn: Mapping[str, np.ndarray]) -> dict[str, list[float]]:
+    """Return the ends `[low, high]` of the 95 % interval of drawn values, by name."""
+    return {name: np.percentile(values, (2.5, 97.5)).tolist() for name, values in drawn.items()}
 
 
 def resampled(rows: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
