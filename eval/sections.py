@@ -62,7 +62,7 @@ def evaluation(out: Path, run: Path, corpus: Path, *, camera: bool, command: str
         stale.unlink()
     for example in chosen:
         photo.write(out / "examples" / f"{example.choice.position:05d}.png", example.photo_srgb)
-    _save(out, "evaluation", section)
+    write(_section(out, "evaluation"), section)
     return text
 
 
@@ -107,20 +107,14 @@ def compare(
         for name in compared["runs"]
         if "predicted_bin" in rows[name]
     }
-    # Write.
-    _write_json(out / "comparison.json", compared)
-    write(out / "comparison.md", text)
-    pictures = []
+    pictures = {}
     if matrices:
-        drawn = figures.confusions(matrices)
-        write(out / "confusions.png", drawn)
-        picture = page.Picture(
-            drawn,
+        pictures["confusions.png"] = (
+            figures.confusions(matrices),
             "confusion matrices of the runs",
             "Figure 7: which exponent bin is taken for which, a row a true bin, in per cent.",
         )
-        pictures.append(picture)
-    _save(out, "comparison", page.measured("Table 1", text, pictures, command=command))
+    _write(out, "comparison", compared, text, pictures, command)
     return text
 
 
@@ -133,18 +127,13 @@ def trade(out: Path, runs: Sequence[Path], corpus: Path, *, camera: bool, comman
     models = out / "models"
     result = measure(names(runs), corpus, _results(out), models, camera=camera)
     text = markdown(result)
-    _write_json(out / "tradeoff.json", result)
-    write(out / "tradeoff.md", text)
-    drawn = pareto(result)
-    write(out / "pareto.png", drawn)
-    picture = page.Picture(
-        drawn,
+    picture = (
+        pareto(result),
         "errors against time",
         "Each point is what a user can ask of one model; on the line, no material is both faster "
         "and better.",
     )
-    section = page.measured(_TITLES["tradeoff"], text, [picture], command=command)
-    _save(out, "tradeoff", section)
+    _write(out, "tradeoff", result, text, {"pareto.png": picture}, command)
     return text
 
 
@@ -158,9 +147,7 @@ def stability(out: Path, cases: "Sequence[Case]", *, command: str) -> tuple[str,
 
     verdicts = suite.run(cases)
     text = suite.markdown(verdicts)
-    _write_json(out / "stability.json", suite.to_json(verdicts))
-    write(out / "stability.md", text)
-    _save(out, "stability", page.measured(_TITLES["stability"], text, [], command=command))
+    _write(out, "stability", suite.to_json(verdicts), text, {}, command)
     return text, not suite.failures(verdicts)
 
 
@@ -207,7 +194,20 @@ def _section(out: Path, name: str) -> Path:
     return out / "sections" / f"{name}.html"
 
 
-def _save(out: Path, name: str, section: str) -> None:
+def _write(
+    out: Path,
+    name: str,
+    numbers: Any,
+    text: str,
+    pictures: Mapping[str, page.Picture],
+    command: str,
+) -> None:
+    """Write the files of a section, and the section, which shows its table and its pictures."""
+    _write_json(out / f"{name}.json", numbers)
+    write(out / f"{name}.md", text)
+    for file, (png, *_) in pictures.items():
+        write(out / file, png)
+    section = page.measured(_TITLES[name], text, pictures.values(), command=command)
     write(_section(out, name), section)
 
 

@@ -1,8 +1,7 @@
 """The report as one self-contained HTML page: sections of numbers, figures and examples."""
 
 import base64
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
 from datetime import date
 from pathlib import Path
 from typing import Any
@@ -18,22 +17,11 @@ _VERSIONS = {"tensorflow": "TensorFlow", "keras": "Keras", "onnxruntime": "ONNX 
 """Packages whose versions a section names, with their names in words."""
 
 
-@dataclass(frozen=True)
-class Picture:
-    """A figure of a section.
-
-    Attributes:
-        png: the figure as PNG.
-        alt: description of the figure for readers who cannot see it.
-        caption: text below the figure.
-    """
-
-    png: bytes
-    alt: str
-    caption: str
+Picture = tuple[bytes, str, str]
+"""A figure as PNG, its description for readers who cannot see it, and the text below it."""
 
 
-def measured(title: str, text: str, pictures: Sequence[Picture], *, command: str) -> str:
+def measured(title: str, text: str, pictures: Iterable[Picture], *, command: str) -> str:
     """Return a section of figures and Markdown as HTML.
 
     Args:
@@ -48,7 +36,7 @@ def measured(title: str, text: str, pictures: Sequence[Picture], *, command: str
         "measured.html",
         title=title,
         command=command,
-        figures=[(data_uri(picture.png), picture.alt, picture.caption) for picture in pictures],
+        figures=[(data_uri(png), *words) for png, *words in pictures],
         text=Markup(html.replace("</table>", "</table></div>")),
     )
 

@@ -103,16 +103,22 @@ class TrialSystem:
             out[name] = _MARGIN * moved + formula
         return out
 
-    def compared(self, image: str, found: Mapping[str, np.ndarray], epsilon: float) -> Compared:
+    def compared(
+        self, image: str, found: Answers, epsilon: float, other: Answers | None = None
+    ) -> Compared:
         """Compare all outputs for one of `images` with those in double precision, joined into one.
+
+        Where there are `other` outputs, they are compared with these; both may have errors.
 
         Raises:
             ValueError: if these are other outputs.
         """
-        exact, tolerance = self.exact(image), self.tolerance(image, epsilon)
-        if set(found) != set(exact):
-            raise ValueError(f"answers {sorted(found)}, expected {sorted(exact)}")
-        return joined(Compared(found[name], x, x, tolerance[name]) for name, x in exact.items())
+        right, errors = (self.exact(image), 1) if other is None else (other, 2)
+        if set(found) != set(right):
+            raise ValueError(f"answers {sorted(found)}, expected {sorted(right)}")
+        tolerance = self.tolerance(image, epsilon)
+        parts = (Compared(found[name], x, x, errors * tolerance[name]) for name, x in right.items())
+        return joined(parts)
 
     def steepest(self, precision: Precision) -> np.ndarray:
         """Return the largest absolute derivative of the mean outputs by each weight tensor, `(W,)`.

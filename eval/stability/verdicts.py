@@ -38,11 +38,6 @@ class Verdict:
     passed: bool = field(kw_only=True)
     note: str = ""
 
-    @property
-    def id(self) -> str:
-        """The unique name of the row (see `Case.id`)."""
-        return _id(self.part, self.case, self.precision)
-
 
 @dataclass(frozen=True)
 class Compared:
@@ -112,7 +107,7 @@ class Case:
     @property
     def id(self) -> str:
         """The unique name of the case."""
-        return _id(self.part, self.name, self.precision)
+        return f"{self.part}: {self.name} [{self.precision}]"
 
     def judge(self) -> Verdict:
         """Run the case and return its verdict; an exception is a verdict that failed."""
@@ -153,7 +148,3 @@ def _share(error: float, tolerance: float) -> float:
     if error == 0:
         return 0.0
     return error / tolerance if tolerance > 0 else np.inf
-
-
-def _id(part: str, case: str, precision: str) -> str:
-    return f"{part}: {case} [{precision}]"

@@ -85,14 +85,7 @@ def measure(
         if case.model != PAPER and case.runtime == ONNX
     }
     errors = {
-        (name, precision): _errors(
-            runs[name],
-            path if precision != "float32" else runs[name],
-            precision,
-            corpus,
-            results,
-            camera=camera,
-        )
+        (name, precision): _errors(runs[name], path, precision, corpus, results, camera=camera)
         for (name, precision), path in tqdm(variants.items(), "errors", **console.bar_options())
     }
     scored = recommendation.scored(list(errors.values()))

@@ -155,11 +155,6 @@ def test_read_examples_are_those_of_the_rows(corpus, run, evaluation):
         assert example.estimate["diffuse_albedo"] == pytest.approx(found, abs=1e-5)
 
 
-def test_a_position_beyond_the_split_is_refused(corpus, run):
-    with pytest.raises(IndexError, match="no examples"):
-        examples.read(run, corpus, [examples.Selection(COUNT, "none")])
-
-
 def test_the_four_files_are_written_and_nothing_else(written):
     assert sorted(path.name for path in written.iterdir()) == FILES
 

@@ -37,7 +37,7 @@ def verdicts():
 
 @pytest.fixture(scope="module")
 def all_verdicts():
-    return {verdict.id: verdict for verdict in suite.run(RUN)}
+    return {case.id: verdict for case, verdict in zip(RUN, suite.run(RUN), strict=True)}
 
 
 @pytest.mark.parametrize("name", [case.id for case in CASES if case.precision not in COMPILED])
@@ -55,7 +55,8 @@ def test_compiled_and_exported_parts_hold_too(name, all_verdicts):
 
 @pytest.mark.slow
 def test_the_suite_judges_every_case(all_verdicts):
-    assert list(all_verdicts) == [case.id for case in RUN]
+    judged = [(one.part, one.case, one.precision) for one in all_verdicts.values()]
+    assert judged == [(case.part, case.name, case.precision) for case in RUN]
 
 
 def test_no_case_is_told_twice():

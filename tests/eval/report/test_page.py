@@ -9,7 +9,7 @@ _TABLE = "## Title\n\n| a | b |\n|---|--:|\n| <script>x</script> | 1 |\n"
 
 def test_a_measured_section_holds_its_table_figure_and_command():
     matrix = figures.confusions({"one": np.eye(8, dtype=int)})
-    picture = page.Picture(matrix, "a matrix", "look & see")
+    picture = (matrix, "a matrix", "look & see")
     html = page.measured("A & B", _TABLE, [picture], command="lime-eval 'a b'")
     assert "<h1>A &amp; B</h1>" in html and "lime-eval &#39;a b&#39;" in html
     assert "<table>" in html and "<h2>Title</h2>" in html

@@ -30,7 +30,7 @@ def test_the_tables_hold_every_verdict(verdicts):
     text = suite.markdown(list(verdicts.values()))
     rows = [[cell.strip() for cell in line.strip("| ").split(" | ")] for line in text.splitlines()]
     for verdict in verdicts.values():
-        assert any(row[:2] == [verdict.case, verdict.precision] for row in rows), verdict.id
+        assert any(row[:2] == [verdict.case, verdict.precision] for row in rows), verdict.case
     tables = [line for line in text.splitlines() if line.startswith("|")]
     parts = len({verdict.part for verdict in verdicts.values()})
     # Each table has a header and a rule, the first a row for each part and their sum.

@@ -82,6 +82,7 @@ def test_what_a_part_raises_is_a_failure():
     def fails():
         raise TypeError("no such thing\nand more")
 
-    verdict = Case("part", "case", "float32", fails).judge()
+    case = Case("part", "case", "float32", fails)
+    verdict = case.judge()
     assert not verdict.passed and verdict.note == "TypeError: no such thing"
-    assert verdict.id == "part: case [float32]"
+    assert case.id == "part: case [float32]"
