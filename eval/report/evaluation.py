@@ -1,6 +1,6 @@
 """The section about one run: its numbers, figures, slices and examples."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ from lime_keras.optics import colour, shininess
 from ..accuracy import labels, table
 from ..accuracy.evaluate import Evaluation
 from ..accuracy.measures import DECIBEL, MEASURES
-from ..accuracy.slices import SHOWN, Slice, slices
+from ..accuracy.slices import slices
 from . import renders
 from .examples import Example
 from .page import data_uri, rendered
@@ -41,6 +41,7 @@ def evaluation(
         run: folder of the weights.
     """
     parts = slices(evaluated.rows)
+    shown = {name: MEASURES[name] for name in parts[0].value}
     return rendered(
         "evaluation.html",
         command=command,
@@ -51,23 +52,21 @@ def evaluation(
         header=table.HEADER,
         rows=table.rows(summary),
         pictures={name: data_uri(png) for name, png in pictures.items()},
-        slice_header=("Part", "images", *(MEASURES[name].short for name in _shown(parts))),
-        slices=[_slice_cells(part, _shown(parts)) for part in parts],
+        slice_header=("Part", "images", *(measure.short for measure in shown.values())),
+        slices=[
+            (
+                f"{part.by}: {part.label}",
+                str(part.count),
+                *(
+                    measure.unit.with_interval(part.value[name], part.interval[name])
+                    for name, measure in shown.items()
+                ),
+            )
+            for part in parts
+        ],
         examples=[_card(example) for example in examples],
         worst=[_small_card(example, evaluated) for example in worst],
     )
-
-
-def _shown(parts: Sequence[Slice]) -> list[str]:
-    """Return the names of the measures in `SHOWN` that at least one part has."""
-    return [name for name in SHOWN if any(name in part.value for part in parts)]
-
-
-def _slice_cells(part: Slice, names: Sequence[str]) -> list[str]:
-    cells = [f"{part.by}: {part.label}", str(part.count)]
-    return cells + [
-        MEASURES[name].unit.with_interval(part.value[name], part.interval[name]) for name in names
-    ]
 
 
 def _small_card(example: Example, evaluated: Evaluation) -> dict[str, Any]:

@@ -145,9 +145,11 @@ class TrialSystem:
 
     @functools.cache  # noqa: B019 - as above
     def _network(self, precision: Precision) -> Any:
-        architecture, subnetworks = self._loaded
-        if precision.dtype != "float32":
-            subnetworks = _computing_in(precision.dtype, architecture, subnetworks)
+        architecture, trained = self._loaded
+        with computing_in(precision.dtype):
+            subnetworks = build(architecture)
+        for name, one in subnetworks.items():
+            one.set_weights(trained[name].get_weights())
         network = assemble(subnetworks)
         if not precision.compiled:
             return network
@@ -159,17 +161,6 @@ class TrialSystem:
         exporter.export(self._scratch, model_format, self.folder)
         path = exporter.target(self._scratch, model_format)
         return OnnxFile(path) if model_format == exporter.ONNX else SavedModel(path)
-
-
-def _computing_in(
-    precision: str, architecture: Architecture, subnetworks: Mapping[str, keras.Model]
-) -> dict[str, keras.Model]:
-    """Return subnetworks with the same weights that compute in another precision."""
-    with computing_in(precision):
-        out = build(architecture)
-    for name, network in out.items():
-        network.set_weights(subnetworks[name].get_weights())
-    return out
 
 
 def _numpy(answer: Mapping[str, Any]) -> Answers:
