@@ -123,11 +123,7 @@ def _scale(config: Mapping[str, Any], architecture: Architecture) -> str:
 
 
 def other_system(rows: Mapping[str, np.ndarray]) -> System:
-    """Return the answers by another system.
-
-    Args:
-        rows: result of `evaluate.evaluate_predictions`.
-    """
+    """Return the answers by another system, given the rows of `evaluate.evaluate_predictions`."""
     answered = rows["answered"]
     if answered.all():
         return System("another system")

@@ -164,9 +164,7 @@ def measure(
 ) -> dict[str, np.ndarray]:
     """Return the columns of `Evaluation.rows` for one batch, without ꟻLIP and relighting.
 
-    Args:
-        example: batch as `pipeline.evaluation` yields it.
-        estimate: outputs of the assembled system for this batch.
+    The example is as `pipeline.evaluation` yields it, the estimate as the assembled system does.
     """
     return {
         **{name: example[name] for name in ("seed", "index", "diffuse_albedo", "specular_albedo")},
@@ -186,8 +184,7 @@ def measure(
 def confusion(rows: Mapping[str, np.ndarray]) -> np.ndarray:
     """Return the number of examples `(8, 8)` by true bin (row) and predicted bin (column).
 
-    Args:
-        rows: columns `bin` and `predicted_bin` of `Evaluation.rows`.
+    The rows are those of `Evaluation`, which need `bin` and `predicted_bin` alone.
     """
     matrix = np.zeros((shininess.BIN_COUNT, shininess.BIN_COUNT), np.int64)
     np.add.at(matrix, (rows["bin"], rows["predicted_bin"]), 1)
@@ -301,14 +298,7 @@ def _relit(
     lobe: str,
     pool: ThreadPoolExecutor,
 ) -> dict[str, dict[str, np.ndarray]]:
-    """Return the columns `relit` and `relit_unseen`, `(B,)` decibel, by answer and for `average`.
-
-    Args:
-        example: batch as `pipeline.evaluation` yields it.
-        answers: outputs of the system and of the networks with the true mask, by name.
-        lobe: lobe of the corpus, one of `corpus.LOBES`.
-        pool: threads that compute the examples in parallel.
-    """
+    """Return `relit` and `relit_unseen`, `(B,)` decibel, of each answer and of `average`."""
 
     def one(row: int) -> dict[str, dict[str, float]]:
         materials = {
@@ -352,11 +342,7 @@ def _relative_errors(
 
 
 def _count(shards: list[Path]) -> int:
-    """Return the number of examples in the shards.
-
-    Raises:
-        ValueError: if there are no examples, or a shard is cut off.
-    """
+    """Return the number of examples in the shards, of which none may be cut off."""
     count = sum(len(pipeline.record_spans(path)) for path in shards)
     if not count:
         folder = shards[0].parent if shards else "the test split"
@@ -367,13 +353,7 @@ def _count(shards: list[Path]) -> int:
 def _batches(
     dataset: tf.data.Dataset, shards: list[Path], count: int
 ) -> Iterator[tuple[int, dict[str, np.ndarray]]]:
-    """Yield the batches with the position of their first example, with progress.
-
-    Args:
-        dataset: dataset of `pipeline.evaluation`.
-        shards: paths of its shards.
-        count: number of its examples.
-    """
+    """Yield the batches of a dataset with the position of their first example, with progress."""
     with (
         tqdm(total=count, desc="evaluate", unit="image", **console.bar_options()) as progress,
         # BLAS threads inside each thread of a pool make the sums over lights 5 times as slow.

@@ -49,13 +49,10 @@ class Slice:
 
 
 def slices(rows: Mapping[str, np.ndarray]) -> list[Slice]:
-    """Divide the images by exponent bin, coverage, light contrast, saturation, shape and light.
+    """Divide an `Evaluation`'s rows by bin, coverage, light contrast, saturation, shape, light.
 
     Coverage, light contrast and saturation are continuous and are divided at their quartiles. Equal
     values stay together, so there may be fewer than four parts. No part is empty.
-
-    Args:
-        rows: columns of `Evaluation.rows`.
     """
     return [_slice(rows, *part) for part in _parts(rows) if part[-1].size]
 

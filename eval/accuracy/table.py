@@ -15,12 +15,9 @@ HEADER = ("Measure", "Ours (± 95 % interval)", "With the true mask", "Paper", "
 
 
 def rows(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
-    """Return the cells of the measures that the system has, in the order of `HEADER`.
+    """Return the cells of a result of `measures.summarise`, in the order of `HEADER`.
 
-    Missing numbers are dashes.
-
-    Args:
-        summary: result of `measures.summarise`.
+    There is a row for each measure that the system has; missing numbers are dashes.
     """
     return [_cells(name, measure, summary) for name, measure in MEASURES.items() if name in summary]
 

@@ -54,10 +54,8 @@ class Example:
 def choose(rows: Mapping[str, np.ndarray]) -> list[Selection]:
     """Choose the first example of each exponent bin, then the worst by exponent and each albedo.
 
-    No example is chosen twice. Examples with equal errors are taken in the order of the split.
-
-    Args:
-        rows: columns of `Evaluation.rows`.
+    No example is chosen twice. Examples with equal errors are taken in the order of the split. The
+    rows are those of `Evaluation`.
     """
     spread = [
         Selection(int(np.argmax(rows["bin"] == k)), f"first with {bin_label(k)}")

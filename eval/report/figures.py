@@ -43,11 +43,7 @@ def confusions(matrices: Mapping[str, np.ndarray]) -> bytes:
 
 
 def reliability(rows: Mapping[str, np.ndarray]) -> bytes:
-    """Draw the share of correct bins by confidence as PNG.
-
-    Args:
-        rows: columns of `Evaluation.rows` of a system with probabilities.
-    """
+    """Draw the share of correct bins by confidence as PNG, for rows with `bin_probabilities`."""
     is_right = rows["bin_distance"] == 0
     count, confidence, right = calibration.reliability(rows["bin_probabilities"], is_right)
     figure = Figure(figsize=(5.4, 4.9), dpi=DPI, facecolor=WHITE, layout="constrained")

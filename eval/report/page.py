@@ -52,12 +52,7 @@ def whole(sections: Sequence[tuple[str, str, str]]) -> str:
 
 
 def rendered(template: str, **values: Any) -> str:
-    """Return a template of the report as HTML.
-
-    Args:
-        template: name of the file in `templates/`.
-        values: what the template shows, by name.
-    """
+    """Return a file of `templates/`, filled with values by name, as HTML."""
     known = installed(_VERSIONS)
     versions = [f"{name} {known[package]}" for package, name in _VERSIONS.items() if known[package]]
     environment = jinja2.Environment(

@@ -24,10 +24,7 @@ _IN_A_BATCH = f"all images, in a batch of {BATCH} that ends in NaN"
 def cases(part: str, system: TrialSystem, precisions: Sequence[Precision] = TENSORS) -> list[Case]:
     """Return the cases of a system that Keras runs: images, batches and derivatives.
 
-    Args:
-        part: name of the system in the tables.
-        system: system to try.
-        precisions: precisions to try it in.
+    Its name in the tables is `part`.
     """
     out = []
 

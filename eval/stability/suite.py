@@ -58,9 +58,6 @@ def run(cases: Sequence[Case]) -> list[Verdict]:
 
     A small system takes seconds, and a large one minutes.
 
-    Args:
-        cases: cases to run, of `cases` or others.
-
     Raises:
         ValueError: if Keras' backend is not TensorFlow, which takes the derivatives.
     """

@@ -26,9 +26,7 @@ def pareto(result: Mapping[str, Any]) -> bytes:
 
     A line joins what nothing beats among the cases of the material; precision fills the markers.
     Scores start at 0; time is logarithmic. `paper`, which has no score, is a line at its time.
-
-    Args:
-        result: result of `measure.measure`.
+    The result is that of `measure.measure`.
     """
     rows = [row for row in result["rows"] if row["kind"] in _TITLES]
     most = max(row["threads"] for row in rows)

@@ -40,11 +40,7 @@ _TIMES = (
 
 
 def markdown(result: Mapping[str, Any]) -> str:
-    """Return the tables of the trade in Markdown, each under its heading.
-
-    Args:
-        result: result of `measure.measure`.
-    """
+    """Return the tables of a result of `measure.measure` in Markdown, each under its heading."""
     rows = sorted(result["rows"], key=lambda row: row["ms"])
 
     def of(kind: str) -> list[Row]:
