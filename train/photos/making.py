@@ -285,7 +285,7 @@ def make(recipe: Recipe, photos: Kept, title: str, on_making: OnMaking) -> None:
 def _finished(recipe: Recipe, photos: Kept, missing: list[range]) -> Iterator[range]:
     """Make parts of the photos, and yield each that is made."""
     processes = min(len(os.sched_getaffinity(0)), len(missing))
-    if processes == 1:
+    if processes < 2:
         studio = Studio(recipe)
         for part in missing:
             photos.write(part.start, studio.photos(part))

@@ -91,6 +91,18 @@ def test_any_number_of_processes_and_an_interruption_leave_the_same_bytes(
         assert path.read_bytes() == (folders[1] / path.name).read_bytes(), path.name
 
 
+def test_after_an_interruption_behind_the_last_part_the_photos_are_complete(recipe, tmp_path):
+    def interrupt(what, done, total):
+        raise KeyboardInterrupt
+
+    photos = Kept(tmp_path / "photos", 2, FEATURES, SIZE)
+    with pytest.raises(KeyboardInterrupt):
+        making.make(recipe, photos, "photos", interrupt)
+    assert not photos.is_complete
+    making.make(recipe, photos, "photos", _ignore)
+    assert photos.is_complete
+
+
 def _straight(monkeypatch, **numbers):
     """Let the camera err as these say: no noise, cast, exposure or defocus but theirs."""
     changes = {"STOPS": 0.0, "CONFUSION": 0.0, "FULL_WELL": (1e12, 1e12), "READ_NOISE": 0.0}
