@@ -78,7 +78,7 @@ class Cutouts:
             return paint.paper(size, generator)
         place = self._places[generator.integers(len(self._places))]
         top, left = generator.integers(0, np.subtract(place.shape[:2], size) + 1)
-        out = _linear(place[top : top + size, left : left + size])
+        out = colour.LEVELS[place[top : top + size, left : left + size]]
         out = out[:, ::-1] if generator.random() < 0.5 else out
         return out * np.float32(np.exp(generator.normal(0, _BRIGHTNESS)))
 
@@ -163,16 +163,11 @@ def _resized(pixels: np.ndarray, factor: float) -> np.ndarray:
     return np.asarray(resized.get_pixels(oiio.UINT8))
 
 
-def _linear(pixels: np.ndarray) -> np.ndarray:
-    """Return the linear radiance of sRGB pixels uint8, float32 in [0, 1]."""
-    return colour.LEVELS[pixels]
-
-
 def _light(thing: np.ndarray) -> np.ndarray:
     """Return a thing's light, coverage × radiance, and coverage, `(H, W, 4)` float32."""
     cover = thing[..., 3:] / np.float32(255)
     straight = np.minimum(np.round(thing[..., :3] / np.maximum(cover, 1 / 255)), 255)
-    return np.concatenate([_linear(straight.astype(np.uint8)) * cover, cover], axis=-1)
+    return np.concatenate([colour.LEVELS[straight.astype(np.uint8)] * cover, cover], axis=-1)
 
 
 def _shadow(cover: np.ndarray, generator: np.random.Generator) -> np.ndarray:

@@ -72,9 +72,6 @@ class Recipe:
 class Scenes:
     """The records that photos of a recipe show, by the number of the photo.
 
-    Args:
-        recipe: what the photos follow from.
-
     Raises:
         FileNotFoundError: if a split is incomplete.
         MissingExtra: if TensorFlow is not installed.
@@ -120,9 +117,6 @@ class Scenes:
 
 class Studio:
     """Takes the photos of a recipe; TensorFlow is needed.
-
-    Args:
-        recipe: what the photos follow from.
 
     Raises:
         FileNotFoundError: if a split is incomplete, or a folder of cut-outs holds nothing of use.
@@ -237,10 +231,7 @@ class Studio:
 def count_of(recipe: Recipe, folder: Path, most: int) -> int:
     """Return how many photos there are to make: `most`, or one of each scene if they never change.
 
-    Args:
-        recipe: what the photos follow from.
-        folder: folder of the photos; those that it holds are counted without their corpora.
-        most: largest number.
+    Photos that the folder holds are counted without their corpora.
 
     Raises:
         FileNotFoundError: if a split is incomplete.
@@ -256,12 +247,6 @@ def count_of(recipe: Recipe, folder: Path, most: int) -> int:
 
 def make(recipe: Recipe, photos: Kept, title: str, on_making: OnMaking) -> None:
     """Make the photos that are missing; processes of their own make many at the same time.
-
-    Args:
-        recipe: what the photos follow from.
-        photos: where they are kept.
-        title: name of the photos, for `on_making`.
-        on_making: function called as photos are made.
 
     Raises:
         FileNotFoundError: if a split is incomplete, or a folder of cut-outs holds nothing of use.
@@ -323,10 +308,7 @@ def _start() -> None:
     console.import_tensorflow()
 
 
-@functools.cache
-def _studio(recipe: Recipe) -> Studio:
-    """Return the studio of a process that makes photos, opened once."""
-    return Studio(recipe)
+_studio = functools.cache(Studio)  # opened once in a process that makes photos
 
 
 def _make(recipe: Recipe, photos: Kept, part: range) -> None:

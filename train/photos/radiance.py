@@ -12,6 +12,8 @@ from lime_keras.optics import material_law
 
 _NEAR = 64  # materials on either side of a scene's s in the table of natural ones, 0.024 decades
 
+_natural_table = functools.cache(material_law.natural_table)
+
 
 def scene(
     serialized: tf.Tensor,
@@ -79,18 +81,12 @@ def _uniform(example: dict[str, tf.Tensor], seed: tf.Tensor) -> tf.Tensor:
 
 
 def _natural(example: dict[str, tf.Tensor], seed: tf.Tensor) -> tf.Tensor:
-    logs, albedos = _natural_table()
+    table = _natural_table()
+    logs, albedos = table[:, 0].copy(), table[:, 1:].copy()
     log = tf.math.log(tf.maximum(example["shininess"], 1.0)) / np.log(10.0).astype(np.float32)
     nearest = tf.searchsorted(logs, log[None])[0]
     offset = tf.random.stateless_uniform((), seed, -_NEAR, _NEAR + 1, tf.int32)
     return tf.constant(albedos)[tf.clip_by_value(nearest + offset, 0, len(logs) - 1)]
-
-
-@functools.cache
-def _natural_table() -> tuple[np.ndarray, np.ndarray]:
-    """Return log10 s `(N,)` and the albedos `(N, 4)` of natural materials."""
-    table = material_law.natural_table()
-    return table[:, 0].copy(), table[:, 1:].copy()
 
 
 _DRAW = {material_law.UNIFORM: _uniform, material_law.NATURAL: _natural}
