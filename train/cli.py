@@ -538,15 +538,13 @@ class _Bars:
 
     def __init__(self, stages: list[Any]):
         self._names = [stage.name for stage in stages]
-        self._title = ""
-        self._bar: console.Bar | None = None
+        self._title, self._bar = "", console.Bar("", "")
 
     def __enter__(self) -> "_Bars":
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self._bar is not None:
-            self._bar.__exit__()
+        self._bar.__exit__()
 
     def tell(self, progress: Any) -> None:
         """Show the progress of a stage."""
@@ -561,7 +559,7 @@ class _Bars:
         self._named(what, "photo").move(done, total)
 
     def _named(self, title: str, unit: str = "step") -> console.Bar:
-        if self._bar is None or title != self._title:
+        if title != self._title:
             self.__exit__()
             self._title, self._bar = title, console.Bar(title, unit)
         return self._bar

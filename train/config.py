@@ -148,12 +148,7 @@ def check(run: Path, config: Config) -> None:
 
 
 def claim(run: Path, paths: Sequence[Path], config: Config) -> None:
-    """Record a run in `RUN/config.json`, unless the same config is recorded there already.
-
-    Raises:
-        ValueError: if the folder holds a run of another config (see `check`).
-    """
-    check(run, config)
+    """Record a run in `RUN/config.json`, unless one is recorded there, which `check` has seen."""
     path = config_path(run)
     if path.is_file():
         return

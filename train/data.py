@@ -142,18 +142,6 @@ class Data:
             rows = np.arange(first, min(first + schedule.batch_size, photos.count))
             yield _read(photos, replies, rows, features)
 
-    def describe_examples(self, batch: Batch, rows: Sequence[int]) -> str:
-        """Return words that identify examples of a batch and say what mends them.
-
-        Args:
-            batch: batch of `training`.
-            rows: rows of the examples, at least one.
-        """
-        named = ", ".join(
-            f"example {int(batch['index'][row])} of seed {int(batch['seed'][row])}" for row in rows
-        )
-        return f"{named} of the train split: render it again, or leave it out"
-
     def _photos(self, stage: Stage) -> Kept:
         """Return the photos of a stage, made if they were not.
 

@@ -22,13 +22,10 @@ class _Watched:
     otherwise make every weight NaN. Then it would no longer be possible to find out which example
     it was.
 
-    Args:
-        learning_rate: learning rate, a number or a schedule.
-        groups: name and number of trainable variables of each subnetwork, in the variables' order.
+    The groups are name and number of trainable variables of each subnetwork, in their order.
     """
 
     add_variable: Any
-    built: bool
 
     def __init__(self, learning_rate: Any, groups: Sequence[tuple[str, int]], **kwargs: Any):
         super().__init__(learning_rate, **kwargs)  # type: ignore[call-arg]
@@ -50,14 +47,7 @@ class _Watched:
         }
 
     def apply(self, grads: list[Any], trainable_variables: list[Any] | None = None) -> None:
-        """Record the gradient norms and take a step, with zero gradients if one is not finite.
-
-        Args:
-            grads: gradients of the variables.
-            trainable_variables: variables of the gradients; needed unless `build` was called.
-        """
-        if not self.built and trainable_variables is not None:
-            self.build(list(trainable_variables))
+        """Record the gradient norms and take a step, with zero gradients if one is not finite."""
         start, finite = 0, True
         for name, count in self._groups:
             squares = [

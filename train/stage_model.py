@@ -53,7 +53,8 @@ class StageModel(keras.Model):
         self._given = required_inputs(subnetworks)
         self._kept = [name for name in predictors(kept or {}) if name in self._given]
         self._answered, self._found = tuple(predictors(subnetworks)), output_names(subnetworks)
-        self._units = terms.Units(lobe, any(map(is_plain, _of_radiance(subnetworks))))
+        of_radiance = [subnetworks[name] for name in ("specular", "mirror") if name in subnetworks]
+        self._units = terms.Units(lobe, any(map(is_plain, of_radiance)))
         self.terms = [
             name
             for name in terms.terms_of(subnetworks, losses, compositing)
@@ -147,8 +148,3 @@ class StageModel(keras.Model):
 
     def _of_a_batch(self) -> list[keras.metrics.Metric]:
         return [metric for metric in self.metrics if metric.name not in self._measures]
-
-
-def _of_radiance(subnetworks: Mapping[str, keras.Model]) -> list[keras.Model]:
-    """Return the subnetworks that predict S or M."""
-    return [one for name, one in subnetworks.items() if name in ("specular", "mirror")]

@@ -1,5 +1,6 @@
 """The training of one stage: steps, checkpoints, curves, and a stop if a loss is not finite."""
 
+import contextlib
 import dataclasses
 import math
 from collections.abc import Callable, Iterable, Mapping
@@ -85,11 +86,7 @@ class StageRun:
 class StageTraining:
     """The training of a stage, from its checkpoint or from its start to its last batch.
 
-    Args:
-        part: stage to train.
-        data: training and validation batches.
-        devices: devices that each batch is split between.
-        tell: function called with the progress after each batch, and once before.
+    The progress is told before the first batch, and after each.
     """
 
     def __init__(self, part: StageRun, data: Data, devices: Devices, tell: Tell):
@@ -104,19 +101,15 @@ class StageTraining:
                 a single one causes it.
             ValueError: if a record is damaged.
         """
-        part, step = self._part, self._part.step
-        if step:
+        part = self._part
+        if part.step:
             part.checkpoint.restore(part.model)
-        curve = Curve(part.files.curve, step)
-        board = Board(part.files.board if self._devices.leads else None)
-        try:
-            self._run(step, curve, board)
-        finally:
-            board.close()
+        with contextlib.closing(Board(part.files.board if self._devices.leads else None)) as board:
+            self._run(Curve(part.files.curve, part.step), board)
 
-    def _run(self, step: int, curve: Curve, board: Board) -> None:
+    def _run(self, curve: Curve, board: Board) -> None:
         # Begin: the validation set is looked at before the first batch.
-        stage, model = self._part.stage, self._part.model
+        stage, model, step = self._part.stage, self._part.model, self._part.step
         interval = min(max(1, stage.steps // _CURVE_POINTS), _LONGEST_INTERVAL)
         self._tell(Progress(stage, step, {}, 0.0))
         if step == 0:
@@ -171,9 +164,6 @@ class StageTraining:
         """Find the examples that cause a non-finite value, by a step on each one alone.
 
         The steps are safe: the optimiser ignores a gradient that is not finite (`WatchedAdam`).
-
-        Raises:
-            RuntimeError: always; the message names the examples.
         """
         broken = [name for name, value in losses.items() if not math.isfinite(value)]
         broken += [
@@ -183,9 +173,10 @@ class StageTraining:
         for row in range(len(batch["mask"])):
             alone = self._step({name: value[row : row + 1] for name, value in batch.items()})
             if not _finite(alone) or not _finite(gradient_norms(self._part.model.optimizer)):
-                blamed.append(row)
+                named = f"example {int(batch['index'][row])} of seed {int(batch['seed'][row])}"
+                blamed.append(named)
         cause = (
-            f"from {self._data.describe_examples(batch, blamed)}"
+            f"from {', '.join(blamed)} of the train split: render it again, or leave it out"
             if blamed
             else "no example of the batch does it alone: try another --seed or --precision float32"
         )

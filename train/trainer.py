@@ -88,18 +88,16 @@ def train(
             called differently.
         RuntimeError: if a loss or a gradient is not finite, or another process is training the run.
     """
-    leads = hosts.rank_and_size()[0] == 0
-    lock: contextlib.AbstractContextManager = contextlib.nullcontext()
-    if leads:  # of joined processes, the first locks the folder
-        lock = locking.lock_folder(run, "lime-train is training")
-    with lock:
-        _refuse(config, only, reuse, devices)
+    _refuse(config, only, reuse, devices)
+    split = Devices(devices)
+    lock = locking.lock_folder(run, "lime-train is training")
+    # Of joined processes, the first locks the folder.
+    with lock if split.leads else contextlib.nullcontext():
         # Open: what is there agrees with the config, and among the processes.
-        split = Devices(devices)
         data = Data(paths, config, run, split, on_making, cutouts)
         check(run, config)
         hosts.assert_same({"options or data": dataclasses.asdict(config), "--devices": devices})
-        if leads:
+        if split.leads:
             claim(run, paths, config)
         opened = _Run(run, config, data, split, tell, only, reuse, start_from)
         opened.learn()
@@ -127,12 +125,6 @@ class _Run:
 
     Attributes:
         untrained: names of the subnetworks for which there are no trained weights, also at the end.
-
-    Args:
-        folder, config, data, split, tell, only, reuse, start_from: as `train` takes them.
-
-    Raises:
-        ValueError: as `train` does of what the folders hold.
     """
 
     def __init__(
@@ -260,11 +252,7 @@ def stages_of(config: Config) -> list[Stage]:
 
 
 def _freeze(config: Config, subnetworks: Mapping[str, keras.Model], begun: Collection[str]) -> None:
-    """Make the frozen subnetworks keep their weights.
-
-    Raises:
-        ValueError: if there is no such subnetwork, or the run did not begin with weights for it.
-    """
+    """Make the frozen subnetworks keep their weights, which the run must have begun with."""
     for name in config.frozen or ():
         if name not in begun:
             why = "did not begin with its weights" if name in subnetworks else "has no such part"

@@ -134,21 +134,7 @@ def test_validation_photos_are_of_every_path_without_paint(paths, run):
     np.testing.assert_array_equal(again[0]["image"], batches[0]["image"])
 
 
-def test_who_is_to_blame(paths, run):
-    data = _data(paths, run)
-    (batch,) = _first(data, 0, 1)
-    expected = f"example {int(batch['index'][3])} of seed 0 of the train split: render it again"
-    assert data.describe_examples(batch, [3]).startswith(expected)
-
-
-def test_data_of_another_unit_or_size_is_refused(paths, tmp_path):
-    corpus = write_split(tmp_path / "literal", "train", [range(2), range(2)], size=32)
-    path = corpus / "train" / "manifest.json"
-    manifest = json.loads(path.read_text(encoding="utf-8"))
-    manifest["description"]["shading"] = "literal"
-    path.write_text(json.dumps(manifest), encoding="utf-8")
-    with pytest.raises(ValueError, match="rendered with --shading literal, which is no"):
-        Data([corpus, paths / "other"], stage_runs.config(corpus), tmp_path)
+def test_data_of_another_size_are_refused(tmp_path):
     small = write_split(tmp_path / "small", "train", [range(2), range(2)], size=48)
     with pytest.raises(ValueError, match="small holds images of 48 pixels"):
         Data([small], stage_runs.config(small), tmp_path)

@@ -51,19 +51,6 @@ def test_its_steps_are_adams():
         assert np.all(one != before)
 
 
-def test_it_is_built_by_its_first_step():
-    weights, built = _weights(), _weights()
-    optimizer = WatchedAdam(0.01, GROUPS)
-    for step in range(2):
-        _apply(optimizer, weights, _gradients(step))
-    other = _watched(built)
-    for step in range(2):
-        _apply(other, built, _gradients(step))
-    assert optimizer.norms == other.norms
-    for one, expected in zip(_numbers(weights), _numbers(built), strict=True):
-        assert np.array_equal(one, expected)
-
-
 def test_norms_are_those_of_the_last_steps_gradients():
     weights = _weights()
     optimizer = _watched(weights)
