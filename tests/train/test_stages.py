@@ -51,25 +51,6 @@ def test_muon_trains_all_but_the_lone_mirror(preset):
     assert next(stage for stage in stages if stage.name == "mirror").optimizer == "adam"
 
 
-@pytest.mark.parametrize(
-    "changes", [{}, {"mirror": False}, {"system": "reflectance-map"}], ids=["3", "2", "1"]
-)
-def test_every_row_of_table_1_is_joined_for_the_same_batches(changes):
-    stages = SCHEDULES["paper"].stages(changed("paper", **changes))
-    assert sum(stage.steps for stage in stages if "+" in stage.name) == 45_000
-
-
-def test_without_a_mirror_nothing_is_joined_with_it():
-    assert stage_names("paper", mirror=False) == [
-        "segmentation",
-        "specular",
-        "albedo",
-        "exponent",
-        "specular+exponent",
-        "specular+exponent+albedo",
-    ]
-
-
 def test_one_trunk_takes_the_place_of_two_encoders():
     assert stage_names("live", trunk=True, mirror=False) == [
         "segmentation",
@@ -83,15 +64,6 @@ def test_set_steps_rates_and_averages_are_those_of_every_stage():
     live = dataclasses.replace(SCHEDULES["live"], steps=7, rate=0.5, average=0.9)
     for stage in live.stages(PRESETS["live"]):
         assert (stage.steps, stage.learning_rate, stage.average) == (7, 0.5, 0.9)
-
-
-def test_the_baseline_is_trained_alone_and_then_end_to_end():
-    assert stage_names("paper", system="reflectance-map") == [
-        "segmentation",
-        "reflectance_map",
-        "material",
-        "reflectance_map+material",
-    ]
 
 
 @pytest.mark.parametrize("preset", PRESETS)
