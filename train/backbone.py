@@ -61,10 +61,7 @@ def read() -> dict[str, np.ndarray]:
 def folded(tensors: Mapping[str, np.ndarray]) -> dict[str, list[np.ndarray]]:
     """Return kernel and bias of each layer of `networks.efficientnet`, by the layer's name.
 
-    The normalisation behind each convolution is folded into both.
-
-    Args:
-        tensors: tensors by name, as `read` returns them.
+    The normalisation behind each convolution is folded into both. The tensors are those of `read`.
     """
     out = {f"{PREFIX}_stem": _fold(tensors, "_conv_stem", "_bn0")}
     blocks = {name.split(".")[1] for name in tensors if name.startswith("_blocks.")}

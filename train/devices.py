@@ -80,12 +80,9 @@ class Devices:
         return copies
 
     def split(self, batch: Mapping[str, Any]) -> Any:
-        """Return this process's examples in the form that Keras takes, split between its devices.
+        """Return this process's part of a batch that all have, split between its devices for Keras.
 
         If the examples cannot be split evenly, each device gets all of them.
-
-        Args:
-            batch: batch that every process has.
         """
         size = len(next(iter(batch.values())))
         is_even = size % self._all == 0
@@ -111,9 +108,6 @@ class Devices:
         """Return the weight of each example in sums over all devices, split like the batch.
 
         Of n devices that all get an example, each weighs it with 1 / n, so that it counts once.
-
-        Args:
-            batch: batch that every process has.
         """
         size = len(next(iter(batch.values())))
         counted = 1 / self._all if size % self._all else 1.0

@@ -17,11 +17,7 @@ _EXPORT = "import sys; from lime_keras.commands.export import main; sys.exit(mai
 
 
 def write(run: Path) -> str:
-    """Write a run's graphs, unless they are there, and return what to tell of them.
-
-    Args:
-        run: folder of the run, with a whole model.
-    """
+    """Write the graphs of a run with a whole model, if it has none; return what to tell of them."""
     folder = model_folder.graphs(run)
     description = graph_folder.read(folder)
     if description is not None and description.weights == model_folder.digest(run):

@@ -46,10 +46,6 @@ def load(run: Path, subnetworks: Mapping[str, keras.Model]) -> list[str]:
     A U-Net's layers are the same for any image size. An encoder's first dense layer depends on it:
     if the copied model sees images of another size, its kernel is resampled.
 
-    Args:
-        run: folder of the run.
-        subnetworks: subnetworks of the run by name.
-
     Returns:
         Names of the subnetworks that were set.
 

@@ -15,11 +15,7 @@ _SUFFIXES = ".png", ".webp"
 
 
 def fetch(packages: Sequence[Package], out: Path) -> list[dict[str, Any]]:
-    """Download packages and keep their pictures in a folder.
-
-    Args:
-        packages: the packages.
-        out: folder for the pictures of each package, in a folder of its name.
+    """Download packages and keep the pictures of each in a folder of its name in `out`.
 
     Returns:
         A record of each package: what it is, and `sha256` of the downloaded file and the number of

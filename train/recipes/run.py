@@ -83,11 +83,7 @@ def carry_out(
 
 
 class _Run:
-    """A run of a recipe in its folder; the arguments are those of `carry_out`.
-
-    Raises:
-        ValueError: if the folder holds another run.
-    """
+    """A run of a recipe in its folder; the arguments are those of `carry_out`."""
 
     def __init__(
         self,

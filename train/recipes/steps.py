@@ -44,7 +44,6 @@ def steps(recipe: Recipe, seed: int, cutouts: bool) -> dict[str, Step]:
         f"corpora/{name}": _corpus(f"corpora/{name}", corpus, "train")
         for name, corpus in recipe.corpora.items()
     }
-    cutouts = cutouts and any(training.cutouts for training in recipe.trainings.values())
     if cutouts:
         views = ("views", f"{DATA}/environments", PLACES, "--count", str(_PLACES_OF_A_MAP))
         out[PLACES] = Step(("lime-render", *views), PLACES, PLACES)
