@@ -115,7 +115,7 @@ class Session:
         step = self._tracker.step(image_srgb, material)
         fused = material_of(step.fused, self._estimator.gloss_calibration)
         if step.cut or np.isnan(step.fused).all():
-            self._light.restart()
+            self._light = Fusion()
         if step.cut:
             self._square = None
 

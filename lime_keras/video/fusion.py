@@ -2,7 +2,7 @@
 
 An estimate first passes a median over the last five frames, which removes outliers. Then follows
 the decaying average P̂_t = α P_t + (1 − α) P̂_{t−1} with α = 1/t, the mean of all medians so far.
-t counts the frames since the last scene cut, after which the caller restarts the fusion.
+t counts the frames since the last scene cut, after which the caller takes another `Fusion`.
 """
 
 import numpy as np
@@ -22,32 +22,20 @@ class Fusion:
     """
 
     def __init__(self) -> None:
-        self.restart()
-
-    def restart(self) -> None:
-        """Forget all estimates, for example after a scene cut; the next may have another shape."""
         self._recent: np.ndarray | None = None
-
-    @property
-    def fused(self) -> np.ndarray | None:
-        """The fused estimate, NaN for elements never seen; None before the first estimate."""
-        if self._recent is None:
-            return None
-        return np.where(self._observations > 0, self._average, np.nan)
 
     def update(self, estimate: np.ndarray | float) -> np.ndarray:
         """Fuse the next frame's estimate.
 
         Args:
-            estimate: array of any shape, the same until a restart; NaN for elements not seen. Its
-                values must be meaningful to average, such as log10 of an exponent or linear
-                radiance.
+            estimate: array of any shape, always the same; NaN for elements not seen. Its values
+                must be meaningful to average, such as log10 of an exponent or linear radiance.
 
         Returns:
             The fused estimate, float64 of the same shape, NaN for elements never seen.
 
         Raises:
-            ValueError: if the shape changes between restarts, or an element is infinite.
+            ValueError: if the shape changes, or an element is infinite.
         """
         new = np.asarray(estimate, np.float64)
         if np.any(np.isinf(new)):
@@ -59,11 +47,6 @@ class Fusion:
             self._recent = np.full((WINDOW, *new.shape), np.nan)
             self._observations = np.zeros(new.shape, np.int64)
             self._average = np.zeros(new.shape)
-        if new.shape != self._average.shape:
-            raise ValueError(
-                f"estimates since the restart have shape {self._average.shape}, got {new.shape}: "
-                "restart first, or fuse each thing by a Fusion of its own"
-            )
         observed = ~np.isnan(new)
         shifted = np.concatenate([new[None], self._recent[:-1]])
         self._recent = np.where(observed, shifted, self._recent)

@@ -53,7 +53,7 @@ class Tracker:
         cut, found = self._cuts.is_cut(image_srgb), has_object(material)
         self._lost = 0 if found else self._lost + 1
         if cut or self._lost > LOST_AFTER:
-            self._fusion.restart()
+            self._fusion = Fusion()
         estimate = parameters(material)
         fused = self._fusion.update(estimate)
         return Step(found, cut, estimate, fused)

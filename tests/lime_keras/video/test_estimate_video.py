@@ -76,7 +76,7 @@ def test_the_table_and_the_summary(tmp_path):
     fusion = Fusion()
     for number, (row, one) in enumerate(zip(table, materials, strict=True)):
         if number == 6:
-            fusion.restart()
+            fusion = Fusion()
         fused = fusion.update(parameters(one))
         assert float(row["coverage"]) == one.mask_coverage
         np.testing.assert_allclose(numbers(row), linear(parameters(one)), rtol=1e-5)
@@ -229,7 +229,7 @@ def test_a_network_estimates_each_frame(tiny_model, tmp_path):
     for row, image in zip(rows(summary.table), images, strict=True):
         one = estimator.estimate(image / np.float32(255))
         if row["cut"] == "1":
-            fusion.restart()
+            fusion = Fusion()
         fused = fusion.update(parameters(one))
         found += one.mask_coverage > 0
         np.testing.assert_allclose(numbers(row, "fused_"), linear(fused), rtol=1e-4)
