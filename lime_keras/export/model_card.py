@@ -1,6 +1,7 @@
 """The model card in an exported file: all that is needed to use it without this package."""
 
 import dataclasses
+import operator
 from typing import Any
 
 import keras
@@ -51,10 +52,7 @@ def card(architecture: Architecture, network: keras.Model, precision: str) -> di
 
 def _preset(architecture: Architecture) -> str | None:
     """Return the name of the preset with these U-Nets, whatever else was changed of it."""
-
-    def sizes(one: Architecture) -> tuple[int, int, int]:
-        return one.size, one.unet_width, one.unet_depth
-
+    sizes = operator.attrgetter("size", "unet_width", "unet_depth")
     return next((n for n, preset in PRESETS.items() if sizes(preset) == sizes(architecture)), None)
 
 

@@ -117,13 +117,22 @@ def check(
         precision: precision of the written model: `float32`, `float16` or `int8`.
 
     Returns:
-        The largest difference (`compare`) in float32, else `quantisation.relative_error`.
+        In float32 the largest difference, relative where the expected value is above 1; else
+        `quantisation.relative_error`.
 
     Raises:
         ParityError: if names or shapes differ, a value is not finite, or the difference is beyond
             `TOLERANCE` or `GROSS`.
     """
-    differences, limit = compare(expected, predicted), TOLERANCE
+    shapes = {name: value.shape for name, value in expected.items()}
+    others = {name: value.shape for name, value in predicted.items()}
+    if shapes != others:
+        raise ParityError(f"outputs {others}, expected {shapes}")
+    limit = TOLERANCE
+    differences = {
+        name: float(np.max(np.abs(predicted[name] - value) / np.maximum(np.abs(value), 1)))
+        for name, value in expected.items()
+    }
     if not np.all(np.isfinite(list(differences.values()))):
         raise ParityError(f"the written model's answers are not finite: {differences}")
     if precision != "float32":
@@ -133,21 +142,3 @@ def check(
             f"the written model differs from Keras: {wrong}; in {precision} it may by {limit}"
         )
     return differences
-
-
-def compare(
-    expected: Mapping[str, np.ndarray], predicted: Mapping[str, np.ndarray]
-) -> dict[str, float]:
-    """Return the largest difference of each output, relative where the expected value is above 1.
-
-    Raises:
-        ParityError: if names or shapes differ.
-    """
-    shapes = {name: value.shape for name, value in expected.items()}
-    others = {name: value.shape for name, value in predicted.items()}
-    if shapes != others:
-        raise ParityError(f"outputs {others}, expected {shapes}")
-    return {
-        name: float(np.max(np.abs(predicted[name] - value) / np.maximum(np.abs(value), 1)))
-        for name, value in expected.items()
-    }

@@ -117,7 +117,7 @@ def test_a_saved_model_answers_one_image_and_several(tiny_export, subnetworks):
     for outputs in (engine.outputs, *([name] for name in engine.outputs)):
         found = parity.predictions(engine, images, outputs)
         alone = {output: expected[output] for output in outputs}
-        assert max(parity.compare(alone, found).values()) < 1e-4, outputs
+        assert max(parity.check(alone, found, "float32").values()) < 1e-4, outputs
     with pytest.raises(ValueError, match="takes no mask"):
         engine.run(["mirror"], {"image": images, "mask": images[..., :1]})
 
@@ -146,7 +146,7 @@ def test_an_onnx_file_answers_one_image_and_several(onnx_file, subnetworks):
     images = parity.images(32)
     expected = parity.predictions(Network(assemble(subnetworks)), images)
     found = parity.predictions(File(onnx_file), images)
-    assert max(parity.compare(expected, found).values()) < 1e-4
+    assert max(parity.check(expected, found, "float32").values()) < 1e-4
 
 
 def test_the_description_is_an_onnx_files_properties(onnx_file):

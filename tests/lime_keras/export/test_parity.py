@@ -62,8 +62,9 @@ def test_a_pixel_more_in_the_mask_by_rounding_is_no_difference_of_the_other_outp
 
 def test_differences_are_relative_above_one():
     expected = {"mirror": np.array([0.5, 100.0]), "mask": np.array([0.0])}
-    found = {"mirror": np.array([0.6, 101.0]), "mask": np.array([-0.25])}
-    assert parity.compare(expected, found) == pytest.approx({"mirror": 0.1, "mask": 0.25})
+    found = {"mirror": np.array([0.5004, 100.01]), "mask": np.array([-0.0005])}
+    differences = parity.check(expected, found, "float32")
+    assert differences == pytest.approx({"mirror": 4e-4, "mask": 5e-4})
 
 
 EXPECTED = {"mask": np.array([0.0, 1.0]), "mirror": np.array([3.0, 1.0])}
