@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
 _ENGINES = ("onnx", "keras")
 _FAMILIES = ("u2net", "birefnet", "isnet")
-_NORMALS = (".exr", ".png")
 _OF_A_FRAME = ("mask", "albedo", "exponent")  # what a video's table and overlay show
 _VIDEO_ENDS = (".csv", "-overlay.mp4", ".json", ".mtl", ".gltf", "-mitsuba.json", "-preview.png")
 
@@ -351,10 +350,6 @@ def _check(options: argparse.Namespace, sources: list[_Source], *, clones: bool)
     # What options need.
     if options.weights:
         model_folder.files(options.weights)
-    if options.normals:
-        console.require("--normals", "scipy", "skimage")
-        if options.normals.is_file() and options.normals.suffix.lower() not in _NORMALS:
-            raise ValueError(f"{options.normals}: save normals as OpenEXR or PNG")
 
 
 def _estimator(options: argparse.Namespace, only: tuple[str, ...] | None) -> "Estimator":

@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from tqdm import tqdm
@@ -18,10 +18,8 @@ from lime_keras.estimate.results import Results
 from lime_keras.estimate.terminal import Printer
 from lime_keras.io import photo
 from lime_keras.io.scanner import AmbiguousName, mask_beside, of_photo
+from lime_keras.lighting import light_files
 from lime_keras.material import Material
-
-if TYPE_CHECKING:
-    from lime_keras.lighting.light_files import Clone
 
 _BATCH, _BATCH_PIXELS = 8, 25_000_000
 """Largest number of photos, and of their pixels (about 1 GB), in one batch of the networks."""
@@ -67,7 +65,7 @@ class Batch:
         masks: Path | None = None,
         light: bool = False,
         normals: Path | None = None,
-        clone: "Clone | None" = None,
+        clone: light_files.Clone | None = None,
     ):
         self._results, self._printer, self._masks = results, printer, masks
         self._light, self._normals, self._clone = light, normals, clone
@@ -209,9 +207,6 @@ class Batch:
             files.write_formats(folder, stem, material)
             draft.numbers = {"photo": str(one.path)} | material.to_json()
             if self._light and material.mask_coverage:
-                # SciPy and scikit-image are large, and only the light needs them.
-                from lime_keras.lighting import light_files
-
                 normals = self._normals and _file_for(one.path, self._normals)
                 light_files.write(
                     folder,

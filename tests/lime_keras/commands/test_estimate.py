@@ -437,11 +437,10 @@ def test_a_photo_takes_no_video_library(folder, tmp_path):
         (["HERE", "--mask", "none.png"], "none.png does not exist: check what is passed to --mask"),
         (["HERE", "--weights", "none"], "none holds no trained model"),
         (["HERE", "--clone-onto", "HERE"], "needs mitsuba, trimesh, scipy, skimage: pip install"),
-        (["HERE", "--normals", "HERE"], "needs scipy, skimage: pip install '.[render]'"),
         (["HERE", "--up", "z"], "pass one to --clone-onto"),
         (["HERE", "--shadow"], "pass one to --clone-onto"),
     ],
-    ids=["photo", "mask", "weights", "clone", "normals", "up", "shadow"],
+    ids=["photo", "mask", "weights", "clone", "up", "shadow"],
 )
 def test_what_cannot_be_done_is_told_before_anything_is_loaded(arguments, told, folder, tmp_path):
     given = [str(folder / "a.png") if name == "HERE" else name for name in arguments]
