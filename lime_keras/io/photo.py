@@ -1,5 +1,6 @@
 """Reading and writing of pictures, with OpenImageIO."""
 
+import functools
 import io
 import os
 import warnings
@@ -218,12 +219,8 @@ def read_radiance(path: str | Path, height: int, width: int) -> np.ndarray:
 def _opened(path: Path) -> Picture:
     """Open and decode a picture of any size and kind."""
     untrusted.check(path, "a picture")
-
-    def check_size(width: int, height: int, channels: int) -> None:
-        _check_size(path, width, height, channels)
-
     with untrusted.naming(path, "a picture"):
-        return picture_file.open_picture(path, check_size)
+        return picture_file.open_picture(path, functools.partial(_check_size, path))
 
 
 def _read(path: Path, picture: Picture, factor: int) -> Photo:

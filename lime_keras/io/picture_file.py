@@ -388,17 +388,12 @@ def _part(exif: "Image.Exif", number: int) -> dict[int, Any]:
 
 def _png_code_points(path: Path) -> tuple[tuple[int, int] | None, bool]:
     """Return the primaries and the curve of a PNG's chunk cICP, and whether its range is narrow."""
-    with path.open("rb") as file:
-        file.seek(8)
-        while len(head := file.read(8)) == 8:
-            length, name = int.from_bytes(head[:4]), head[4:]
-            if name == b"cICP" and length == 4:
-                primaries, transfer, _, is_full = file.read(4)
-                return (primaries, transfer), not is_full
-            if name in (b"IDAT", b"IEND"):
-                break
-            file.seek(length + 4, 1)
-    return None, False
+    header = oiio.ImageBuf(str(path))
+    header.geterror()  # fetched, as it would be printed otherwise
+    numbers = header.spec().getattribute("CICP")
+    if numbers is None:
+        return None, False
+    return (int(numbers[0]), int(numbers[1])), not numbers[3]
 
 
 def _of_bmp(path: Path) -> Tags:
