@@ -50,22 +50,18 @@ class MissingExtra(ImportError):
     """A package that is not installed, with the command that installs it."""
 
 
-def _is_prose(line: str) -> bool:
-    return line[:1].strip() != ""
-
-
 class Help(argparse.RawDescriptionHelpFormatter):
     """The layout of a `--help`: paragraphs as wide as the terminal, indented lines as written."""
 
     def _fill_text(self, text: str, width: int, indent: str) -> str:
         out: list[str] = []
-        for prose, group in itertools.groupby(text.strip().splitlines(), _is_prose):
+        for indented, group in itertools.groupby(
+            text.strip().splitlines(), lambda line: not line[:1].strip()
+        ):
             lines = list(group)
-            out += textwrap.wrap(" ".join(lines), width, break_on_hyphens=False) if prose else lines
+            wrapped = textwrap.wrap(" ".join(lines), width, break_on_hyphens=False)
+            out += lines if indented else wrapped
         return "\n".join(indent + line for line in out)
-
-
-_EXPECTED = (OSError, ValueError, RuntimeError, MissingExtra)
 
 
 def run(command: Callable[[], int], interrupted: str) -> int:
@@ -205,8 +201,12 @@ def _end_streams(error: _StreamError) -> int:
 def message(error: Exception) -> str | None:
     """Return what a command says of an expected error; None of any other, which is a fault."""
     if isinstance(error, MemoryError):
-        return _out_of_memory(error)
-    if isinstance(error, _EXPECTED):
+        told = str(error)
+        if "memory: " in told:  # of a file, with its mend
+            return told
+        what = f" ({told})" if told else ""
+        return f"out of memory{what}: close other programs, or give less at once"
+    if isinstance(error, OSError | ValueError | RuntimeError | MissingExtra):
         return str(error)
     # TensorFlow's own errors, such as that of a damaged record, are expected too. The name of
     # their module identifies them, so that TensorFlow need not be imported.
@@ -214,16 +214,6 @@ def message(error: Exception) -> str | None:
         first_line = next(iter(str(error).splitlines()), "an error without words")
         return f"TensorFlow: {first_line} ({type(error).__name__})"
     return None
-
-
-def _out_of_memory(error: MemoryError) -> str:
-    """Return what to tell of an error that may name what found no room, and may say nothing."""
-    told = str(error)
-    if "memory: " in told:  # of a file, with its mend
-        return told
-    return (
-        f"out of memory{f' ({told})' if told else ''}: close other programs, or give less at once"
-    )
 
 
 def whole(least: int, most: int | None = None, multiple: int = 1) -> Callable[[str], int]:

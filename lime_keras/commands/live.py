@@ -104,6 +104,8 @@ def _serve(options: argparse.Namespace) -> int:
     # Threads that wait for the next small product by spinning would take the processor from the
     # networks and from the browser.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    import webbrowser
+
     from lime_keras.estimate.estimator import Estimator
     from lime_keras.live.server import LiveServer, Start
 
@@ -124,17 +126,10 @@ def _serve(options: argparse.Namespace) -> int:
         ) from error
     with server:
         print(f"{server.url} shows the page; Ctrl-C ends it", flush=True)
-        if not options.no_browser:
-            _open(server.url)
+        if not options.no_browser and not webbrowser.open(server.url):
+            print(f"no browser could be opened: open {server.url} in one", file=sys.stderr)
         try:
             server.serve_forever()
         except KeyboardInterrupt:
             print("\nended", file=sys.stderr)
     return 0
-
-
-def _open(url: str) -> None:
-    import webbrowser
-
-    if not webbrowser.open(url):
-        print(f"no browser could be opened: open {url} in one", file=sys.stderr)

@@ -64,7 +64,9 @@ def photograph(
         light, out["painted"] = spread[..., :3], tf.cast(spread[..., 3:] > _UNPAINTED, tf.float32)
     else:
         light = _defocused(light, defocus)
-    light *= _balance(cast, tf.shape(light)[0])
+    size = tf.shape(light)[0]
+    place = (tf.range(size, dtype=tf.float32) + 0.5) * (2.0 / tf.cast(size, tf.float32)) - 1.0
+    light *= tf.cast(camera_law.balance(cast, place, tnp)[0], tf.float32)
     out["cast"] = cast[0]
     out["clipped"] = tf.cast(light >= camera_law.SATURATED, tf.float32)
     levels = _sensed(light, camera_law.full_well(well), seeds[1])
@@ -136,12 +138,6 @@ def _defocused(light: tf.Tensor, strength: tf.Tensor) -> tf.Tensor:
         return tf.nn.depthwise_conv2d(padded[None], kernel, (1, 1, 1, 1), "VALID")[0]
 
     return tf.cond(radius <= 0.5, lambda: light, blurred)
-
-
-def _balance(cast: tf.Tensor, size: tf.Tensor) -> tf.Tensor:
-    """Return the gains `(S, S, 3)` of a photo with a cast `(1, 4)`."""
-    place = (tf.range(size, dtype=tf.float32) + 0.5) * (2.0 / tf.cast(size, tf.float32)) - 1.0
-    return tf.cast(camera_law.balance(cast, place, tnp)[0], tf.float32)
 
 
 def _sensed(light: tf.Tensor, full_well: tf.Tensor, seed: tf.Tensor) -> tf.Tensor:

@@ -171,14 +171,7 @@ def of(
     inside = mask[..., 0] >= framing.THRESHOLD
     if not inside.any():
         return NO_OBJECT, *_of_darkness(_thinned(image_srgb.reshape(-1, 3)), "photo", 0.99)
-    pixels = _thinned(image_srgb[inside])
-    return (
-        *(_of_search(float(inside.mean()), mask_confidence) if mask_confidence is not None else ()),
-        *_of_shape(inside),
-        *(tuple(_of_darkness(pixels, "object", 0.9)) or _of_exposure(image_srgb)),
-        *_of_clipping(pixels),
-        *_of_colour(pixels, dichromatic.colour_spread(image_srgb, inside)),
-    )
+    return tuple(_of_object(image_srgb, inside, mask_confidence))
 
 
 def _thinned(pixels: np.ndarray) -> np.ndarray:
@@ -186,11 +179,24 @@ def _thinned(pixels: np.ndarray) -> np.ndarray:
     return pixels[:: max(1, len(pixels) // _JUDGED)]
 
 
-def _of_search(share: float, mask_confidence: float) -> Iterator[Caution]:
-    if mask_confidence < CONFIDENT:
+def _of_object(
+    image_srgb: np.ndarray, inside: np.ndarray, mask_confidence: float | None
+) -> Iterator[Caution]:
+    """Yield what is true of an object, whose pixels are `inside` `(H, W)`, in order."""
+    share, pixels = float(inside.mean()), _thinned(image_srgb[inside])
+    if mask_confidence is not None and mask_confidence < CONFIDENT:
         yield _caution("uncertain-mask", mask_confidence)
-    if share < SMALLEST_SHARE:
+    if mask_confidence is not None and share < SMALLEST_SHARE:
         yield _caution("small-object", share)
+    yield from _of_shape(inside)
+    darkness = tuple(_of_darkness(pixels, "object", 0.9))
+    yield from darkness
+    if not darkness and bright_share(image_srgb) < FEWEST_BRIGHT:
+        yield _caution("underexposed")
+    white = float(np.mean(pixels.min(axis=-1) >= _WHITE))
+    if white > BURNT:
+        yield _caution("clipped" if white > CLIPPED else "burnt-highlight", white)
+    yield from _of_colour(pixels, dichromatic.colour_spread(image_srgb, inside))
 
 
 def _of_shape(inside: np.ndarray) -> Iterator[Caution]:
@@ -234,19 +240,6 @@ def bright_share(image_srgb: np.ndarray) -> float:
     """
     levels = _thinned(image_srgb.reshape(-1, 3)).max(axis=-1)
     return float(np.mean(levels[levels > 0] >= BRIGHT)) if levels.any() else 0.0
-
-
-def _of_exposure(image_srgb: np.ndarray) -> Iterator[Caution]:
-    """Yield a caution if hardly a pixel of a photo `(H, W, 3)` is bright."""
-    if bright_share(image_srgb) < FEWEST_BRIGHT:
-        yield _caution("underexposed")
-
-
-def _of_clipping(pixels_srgb: np.ndarray) -> Iterator[Caution]:
-    """Yield a caution if too many of an object's pixels `(N, 3)` are white."""
-    white = float(np.mean(pixels_srgb.min(axis=-1) >= _WHITE))
-    if white > BURNT:
-        yield _caution("clipped" if white > CLIPPED else "burnt-highlight", white)
 
 
 def _of_colour(pixels_srgb: np.ndarray, spread: float) -> Iterator[Caution]:

@@ -95,11 +95,12 @@ def wavefront(material: Material, name: str) -> str:
     exponent = min(whole.exponent, 1000.0)
     kd = " ".join(f"{value:.6f}" for value in whole.diffuse_albedo)
     ks = " ".join([f"{whole.specular_albedo:.6f}"] * 3)
+    word = "_".join(name.split()) or "material"  # a name in MTL ends at a space
     peak = whole.specular_albedo * math.pi * float(normaliser(exponent))
     return (
         f"# lime_keras {__version__}: Blinn-Phong, linear RGB; Ks is a reflectance, not a peak\n"
         f"# For a viewer that does not normalise the lobe, Ks is {peak:.6g}\n"
-        f"newmtl {_word(name)}\n"
+        f"newmtl {word}\n"
         f"Ka 0 0 0\nKd {kd}\nKs {ks}\nNs {exponent:.4f}\n"
         "illum 2\n"
     )
@@ -257,11 +258,6 @@ def _whole(material: Material) -> BlinnPhong:
     if whole is None:
         raise ValueError("this estimate lacks a number: estimate `albedo` and `exponent`")
     return replace(whole, diffuse_albedo=np.asarray(whole.diffuse_albedo, np.float64))
-
-
-def _word(name: str) -> str:
-    """Return a name without spaces, because a name in MTL ends at a space."""
-    return "_".join(name.split()) or "material"
 
 
 def _number(value: float) -> float:

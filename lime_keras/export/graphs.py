@@ -6,7 +6,7 @@ the process and walks through sets, so that each file would be another.
 
 import dataclasses
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 import keras
@@ -97,20 +97,13 @@ def write_narrow(
             elif precision == "float16":
                 quantisation.write_float16(prepared, path)
             elif pictures is not None:
-                quantisation.write_int8(prepared, path, _inputs(plain, row, pictures))
+                inputs = (plain.run(row.inputs, {"image": one[None]}) for one in pictures)
+                quantisation.write_int8(prepared, path, inputs)
             graph = onnx.load(path)
             formats.settle(graph)
             formats.write_checked(graph, path)
             graphs[name] = Graph(row.inputs, row.outputs, untrusted.sha256(path))
     graph_folder.write(folder, dataclasses.replace(description, graphs=graphs))
-
-
-def _inputs(
-    plain: OnnxGraphs, graph: Graph, pictures: np.ndarray
-) -> Iterator[dict[str, np.ndarray]]:
-    """Yield what a graph reads for each picture."""
-    for picture in pictures:
-        yield plain.run(graph.inputs, {"image": picture[None]})
 
 
 def _narrow(model: onnx.ModelProto) -> None:

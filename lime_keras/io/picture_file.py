@@ -166,7 +166,7 @@ def _open(path: Path, check_size: CheckSize) -> Picture:
     if not image.read(image.subimage, force=True):
         raise ValueError(f"{image.geterror().strip()}; export it anew, as PNG say")
     if kind == "openexr" and not image.roi.contains(window):
-        image = oiio.ImageBufAlgo.crop(image, roi=_with_channels(window, spec.nchannels))
+        image = oiio.ImageBufAlgo.crop(image, roi=window)
     if turned > 1:
         image.orientation = turned
         image = oiio.ImageBufAlgo.reorient(image)
@@ -229,10 +229,6 @@ def _whole_page(path: Path, image: oiio.ImageBuf) -> oiio.ImageBuf:
 def _largest_integer(spec: oiio.ImageSpec) -> int:
     integers = {oiio.UINT8: 255, oiio.UINT16: 65535, oiio.UINT32: 2**32 - 1}
     return integers.get(spec.format.basetype, 0)
-
-
-def _with_channels(window: oiio.ROI, channels: int) -> oiio.ROI:
-    return oiio.ROI(window.xbegin, window.xend, window.ybegin, window.yend, 0, 1, 0, channels)
 
 
 def _by_place(spec: oiio.ImageSpec) -> tuple[list[int], int | None]:

@@ -70,7 +70,8 @@ class Footage:
         """Find the video stream, and what the container announces of it."""
         source = self._source
         # The cover picture of a song is a video stream, too.
-        streams = [s for s in self._container.streams.video if not _is_cover(s)]
+        videos = self._container.streams.video
+        streams = [one for one in videos if not one.disposition & one.disposition.attached_pic]
         if not streams:
             raise ValueError(f"{source} holds no video stream: pass a file with moving pictures")
         self._stream = streams[0]
@@ -210,10 +211,6 @@ def _known(kind: str) -> str:
     return "there are " + ", ".join(f"{CAMERA}{d.name} ({d.description})" for d in cameras)
 
 
-def _is_cover(stream: Any) -> bool:
-    return bool(stream.disposition & stream.disposition.attached_pic)
-
-
 def _upright(picture: Any, width: int, height: int) -> np.ndarray:
     """Return the pixels `(H, W, 3)`, uint8 sRGB, of a decoded picture, turned upright.
 
@@ -226,7 +223,9 @@ def _upright(picture: Any, width: int, height: int) -> np.ndarray:
     high = min(picture.width, picture.height) >= _HIGH_DEFINITION
     # If the file names no colour matrix, FFmpeg takes BT.601 even for high definition.
     matrix = "ITU709" if unspecified and high else None
-    size = {} if (width, height) == (picture.width, picture.height) else _resized(width, height)
+    size: dict[str, Any] = {}
+    if (width, height) != (picture.width, picture.height):
+        size = {"width": width, "height": height, "interpolation": "BICUBIC"}
     pixels = picture.to_ndarray(format="rgb24", src_colorspace=matrix, **size)
     primaries, transfer = picture.color_primaries, picture.color_trc
     # An unspecified curve is that of all video in standard range.
@@ -240,10 +239,6 @@ def _upright(picture: Any, width: int, height: int) -> np.ndarray:
         if matrix_bytes is None
         else oriented(pixels, np.frombuffer(bytes(matrix_bytes), np.int32))
     )
-
-
-def _resized(width: int, height: int) -> dict[str, Any]:
-    return {"width": width, "height": height, "interpolation": "BICUBIC"}
 
 
 def oriented(pixels: np.ndarray, matrix: np.ndarray) -> np.ndarray:

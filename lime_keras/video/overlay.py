@@ -55,9 +55,9 @@ def panel(seconds: float, status: str, estimate: Material, fused: Material) -> n
         if material.diffuse_albedo is not None:
             swatch = colour.linear_to_srgb(np.clip(material.diffuse_albedo, 0, 1))
             pixels[72 : 72 + _SWATCH[1], left : left + _SWATCH[0]] = np.rint(255 * swatch)
-    ball = _ball(fused)
-    if ball is not None:
+    if fused.whole() is not None:
         left, top = (_PANEL - _SPHERE) // 2, _HEIGHT - _SPHERE - 10
+        ball = np.rint(255 * preview.sphere(fused, _SPHERE))
         pixels[top : top + _SPHERE, left : left + _SPHERE] = ball
     lines = [(12, 30, f"{seconds:.2f} s", 18, _INK), (_RAW, 30, status, 18, _OUTLINE)]
     for column, material in ((_RAW, estimate), (_FUSED, fused)):
@@ -99,13 +99,6 @@ def _written(pixels: np.ndarray, lines: list) -> np.ndarray:
             rgb = tuple(level / 255 for level in ink)
             oiio.ImageBufAlgo.render_text(image, x, y, text, size, "DroidSans", rgb)
     return np.asarray(image.get_pixels(oiio.UINT8))
-
-
-def _ball(material: Material) -> np.ndarray | None:
-    """Return a sphere of the material as uint8 sRGB; None if the material is not complete."""
-    if material.whole() is None:
-        return None
-    return np.rint(255 * preview.sphere(material, _SPHERE)).astype(np.uint8)
 
 
 def _resized(image: np.ndarray, width: int, height: int) -> np.ndarray:
