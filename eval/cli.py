@@ -80,7 +80,7 @@ def _add_measurements(command: argparse.ArgumentParser) -> None:
         type=model_folder.find,
         metavar="RUN",
         help="the errors of one model (default, if nothing else is asked for: "
-        f"{model_folder.DEFAULT})",
+        f"{model_folder.SHIPPED.name})",
     )
     measured.add_argument(
         "--table1",

@@ -114,6 +114,7 @@ def _add_input(group: argparse._ArgumentGroup) -> None:
     )
     group.add_argument(
         "--masker",
+        type=_masker,
         metavar="[FAMILY:]FILE",
         help="ONNX file of another network that finds the object, and its family: "
         f"{', '.join(_FAMILIES)} (default: {_FAMILIES[0]}); nothing is downloaded",
@@ -121,7 +122,7 @@ def _add_input(group: argparse._ArgumentGroup) -> None:
 
 
 def _add_estimated(estimated: argparse._ArgumentGroup) -> None:
-    model_option.add(estimated, model_folder.FOR_PHOTOS.name)
+    model_option.add(estimated, model_folder.FOR_PHOTOS)
     estimated.add_argument(
         "--only",
         type=console.names(tuple(NEEDED)),
@@ -298,7 +299,7 @@ def _results(options: argparse.Namespace, clone_options: Mapping[str, object]) -
     """Return the results in the output folder, with what this run makes them with."""
     from lime_keras.estimate.results import Results, digest
 
-    masker = _masker(options.masker) if options.masker else None
+    masker = options.masker
     changing: dict[str, object] = {
         "only": options.only and sorted(options.only),
         "full-size": options.full_size,
@@ -307,7 +308,7 @@ def _results(options: argparse.Namespace, clone_options: Mapping[str, object]) -
         "precision": options.precision if options.precision != "float32" else None,
         **clone_options,
     }
-    weights = model_folder.digest(model_folder.find(options.weights or model_folder.FOR_PHOTOS))
+    weights = model_folder.digest(options.weights)
     return Results(options.out, weights, changing, overwrite=options.overwrite)
 
 
@@ -329,10 +330,9 @@ def _check(options: argparse.Namespace, sources: list[_Source], *, clones: bool)
             )
     if options.mask and options.masker:
         raise ValueError("--mask and --masker both say where the object is: leave one out")
-    if options.masker and not _masker(options.masker)[1].is_file():
+    if options.masker and not options.masker[1].is_file():
         raise ValueError(
-            f"{_masker(options.masker)[1]} is no file: pass an ONNX file to --masker; none is "
-            "downloaded"
+            f"{options.masker[1]} is no file: pass an ONNX file to --masker; none is downloaded"
         )
     # Options that exclude each other.
     if options.only and videos and not set(options.only) & set(_OF_A_FRAME):
@@ -348,8 +348,7 @@ def _check(options: argparse.Namespace, sources: list[_Source], *, clones: bool)
     if options.only and (options.normals or clones):
         raise ValueError("--normals and --clone-onto take the whole estimate: leave out --only")
     # What options need.
-    if options.weights:
-        model_folder.files(options.weights)
+    model_folder.files(options.weights)
 
 
 def _estimator(options: argparse.Namespace, only: tuple[str, ...] | None) -> "Estimator":
@@ -359,11 +358,10 @@ def _estimator(options: argparse.Namespace, only: tuple[str, ...] | None) -> "Es
     if options.masker:
         from lime_keras.runtime.masker import Masker
 
-        family, file = _masker(options.masker)
+        family, file = options.masker
         masker = Masker(file, family)
-    weights = options.weights or model_folder.FOR_PHOTOS
     return Estimator(
-        weights,
+        options.weights,
         only,
         options.engine,
         masker,

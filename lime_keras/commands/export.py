@@ -5,7 +5,6 @@ from pathlib import Path
 
 from lime_keras import console
 from lime_keras.commands import model_option
-from lime_keras.model import folder as model_folder
 from lime_keras.outputs import OUTPUTS
 from lime_keras.version import __version__
 
@@ -102,7 +101,7 @@ def _export(options: argparse.Namespace) -> int:
     differences = export(
         options.out,
         options.format,
-        options.weights or model_folder.SHIPPED,
+        options.weights,
         options.only,
         precision=precision,
         corpus=options.corpus,

@@ -77,7 +77,7 @@ def main(argv: list[str] | None = None) -> int:
 
 def _write(options: argparse.Namespace) -> int:
     console.require("lime-live --static", "onnx")
-    run = options.weights or model_folder.SHIPPED
+    run = options.weights
     model_folder.files(run)
     from lime_keras.live import static
     from lime_keras.runtime import engine
@@ -99,8 +99,7 @@ def _serve(options: argparse.Namespace) -> int:
     for option, path in (("--photo", options.photo), ("--video", options.video)):
         if path is not None and not path.is_file():
             raise ValueError(f"{path} is no file: check what is passed to {option}")
-    if options.weights:
-        model_folder.files(options.weights)
+    model_folder.files(options.weights)
     # Threads that wait for the next small product by spinning would take the processor from the
     # networks and from the browser.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -114,9 +113,7 @@ def _serve(options: argparse.Namespace) -> int:
         start = Start("camera")
     elif options.photo or options.video:
         start = Start("photo" if options.photo else "video", options.photo or options.video)
-    estimator = Estimator(
-        options.weights or model_folder.SHIPPED, streaming=True, precision=options.precision
-    )
+    estimator = Estimator(options.weights, streaming=True, precision=options.precision)
     try:
         server = LiveServer(estimator, options.port, start)
     except OSError as error:

@@ -18,22 +18,20 @@ from lime_keras.outputs import OUTPUTS
 _IMAGES = ("image", "mask")
 
 
-def write(folder: Path, graphs: Path) -> tuple[str, ...]:
+def write(folder: Path, graphs: Path, description: Description) -> tuple[str, ...]:
     """Write `mask.onnx`, `material.onnx` and, if something is left for it, `layers.onnx`.
 
     Args:
         folder: existing folder to write to.
         graphs: folder of a model's graphs.
+        description: description of the graphs in it.
 
     Returns:
         The names of the graphs.
 
     Raises:
-        ValueError: if the folder holds no graphs, or a graph is damaged.
+        ValueError: if a graph is damaged.
     """
-    description = graph_folder.read(graphs)
-    if description is None:
-        raise ValueError(f"{graphs} holds no graphs: write them with lime-export")
     rooms = _rooms(description)
     for name, parts in rooms.items():
         models = {part: _opened(graphs, description, part) for part in parts}

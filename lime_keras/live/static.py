@@ -20,9 +20,8 @@ from typing import IO, cast
 
 from lime_keras.io import atomic, untrusted
 from lime_keras.live import page_graphs
-from lime_keras.model import folder as model_folder
 from lime_keras.model import gloss_file
-from lime_keras.model import graphs as graph_folder
+from lime_keras.runtime import onnx_graphs
 from lime_keras.version import __version__
 
 RUNTIME_VERSION = "1.30.0"  # release of onnxruntime-web
@@ -65,31 +64,30 @@ def write(out: Path, run: Path, runtime: Path) -> None:
         runtime: folder with the files of onnxruntime-web, its `dist` (see `fetched_runtime`).
 
     Raises:
-        ValueError: if `out` holds something else than a page, or the model holds no graphs.
+        ValueError: if `out` holds something else than a page, or the model holds no graphs of its
+            weights.
         OSError: if a file cannot be read or written.
     """
     check(out)
-    description = graph_folder.read(model_folder.graphs(run))
-    if description is None:
-        raise ValueError(f"{run} holds no graphs: {graph_folder.export_hint(run)}")
+    engine = onnx_graphs.load(run)
     with atomic.replacing(out) as partial:
         shutil.copytree(_PAGE, partial)
         # A service worker serves the folder that it lies in.
         (partial / _SERVICE_WORKER).rename(partial / _SERVICE_WORKER.name)
         _add_preflight(partial / "index.html")
         (partial / "graphs").mkdir()
-        names = page_graphs.write(partial / "graphs", model_folder.graphs(run))
+        names = page_graphs.write(partial / "graphs", engine.folder, engine.description)
         (partial / "runtime").mkdir()
         for backend in _RUNTIME.values():
             for name in backend.values():
                 shutil.copyfile(runtime / name, partial / "runtime" / name)
         (partial / _LICENCE).rename(partial / "runtime" / "LICENSE")
         _write_headers(partial)
-        engine = {
+        about = {
             "engine": "browser",
             "version": __version__,
-            "system": description.system,
-            "size": description.size,
+            "system": engine.system,
+            "size": engine.size,
             "gloss": gloss_file.read(run)._asdict(),
             "runtime": {name: _placed(partial, backend) for name, backend in _RUNTIME.items()},
             "graphs": {
@@ -98,7 +96,7 @@ def write(out: Path, run: Path, runtime: Path) -> None:
                 for path in [f"graphs/{graph}.onnx"]
             },
         }
-        text = json.dumps(engine, indent=1) + "\n"
+        text = json.dumps(about, indent=1) + "\n"
         (partial / _DESCRIPTION).write_text(text, encoding="utf-8")
 
 

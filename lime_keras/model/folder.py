@@ -15,9 +15,8 @@ from lime_keras.io import untrusted
 
 PRETRAINED = Path(__file__).parents[1] / "pretrained"
 """Folder of the sets of weights that come with the package, a folder each."""
-DEFAULT = "live"
-"""Name of the set that cameras, exports and evaluations use where no model is named."""
-SHIPPED = PRETRAINED / DEFAULT  # folder of that set
+SHIPPED = PRETRAINED / "live"
+"""Folder of the set that cameras, exports and evaluations use where no model is named."""
 FOR_PHOTOS = PRETRAINED / "best"
 """Folder of the set that photos and videos use instead: it takes twice the time, and finds more
 objects whole."""

@@ -14,7 +14,7 @@ from lime_keras.outputs import OUTPUTS
 from lime_keras.runtime.sessions import Session
 
 
-def load(run: Path, precision: str, *, streaming: bool = False) -> "OnnxGraphs":
+def load(run: Path, precision: str = "float32", *, streaming: bool = False) -> "OnnxGraphs":
     """Return the engine of a model's graphs (see `engine.load`)."""
     digest, folder = model_folder.digest(run), model_folder.graphs(run, precision)
     description = graph_folder.read(folder)

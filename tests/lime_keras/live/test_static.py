@@ -71,8 +71,8 @@ def test_a_page_replaces_a_page_and_nothing_else(written, tmp_path):
         static.check(tmp_path / "mine" / "thesis.tex")
 
 
-def test_a_model_without_graphs_is_refused(tmp_path):
-    with pytest.raises(ValueError, match="holds no graphs: run `lime-export"):
+def test_a_folder_without_a_model_is_refused(tmp_path):
+    with pytest.raises(FileNotFoundError, match="holds no trained model"):
         static.write(tmp_path / "site", tmp_path, tmp_path)
     assert not (tmp_path / "site").exists()
 
