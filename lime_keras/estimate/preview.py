@@ -84,13 +84,9 @@ def sheet(image_srgb: np.ndarray, material: Material) -> np.ndarray:
         Picture `(h, 1000, 3)` float32, sRGB in [0, 1].
     """
     shown = tiles(image_srgb, material)
-    cautions = [
-        ("! " if first else "  ") + line
-        for caution in material.warnings
-        for first, line in _lines(caution.message, _WIDTH - 2 * _MARGIN)
-    ]
     written = [(_INK, line) for line in caption(material)]
-    written += [(_CAUTION, line) for line in cautions]
+    for caution in material.warnings:
+        written += [(_CAUTION, line) for line in _lines(caution.message)]
 
     # The tiles, row by row, each below its title.
     below = _MARGIN + math.ceil(len(shown) / _COLUMNS) * (_TITLE + _TILE)
@@ -127,15 +123,20 @@ def tiles(image_srgb: np.ndarray, material: Material) -> dict[str, np.ndarray]:
         that the networks saw; if the material is whole, a sphere of it; and the layers that there
         are. What lies beyond the photo has the colour of the page.
     """
-    shown = {_TITLES["photo"]: _with_outline(image_srgb, material)}
+    size = image_srgb.shape[:2]
+    square = Square(*material.square) if material.square else framing.whole(*size)
+    inside, paper = framing.inside(square, *size, _TILE), np.array(_PAPER, np.float32) / 255
+    edge = rim(_crop(material.layers["mask"], square)[..., 0] >= framing.THRESHOLD)
+    photo = np.where(edge[..., None], _OUTLINE, _crop(image_srgb, square, is_photo=True))
+    shown = {_TITLES["photo"]: np.where(inside, photo, paper)}
     if material.whole() is not None:
         shown["in a studio"] = _sphere_tile(material)
     for name, title in list(_TITLES.items())[1:]:
         if name in material.layers:
-            tile = _crop(material.layers[name], material)
+            tile = _crop(material.layers[name], square)
             # S and M are far brighter than white, so their bright parts are compressed.
             linear = tile / (1 + tile) if tile.shape[-1] == 1 else np.clip(tile, 0, 1)
-            shown[title] = _framed(colour.linear_to_srgb(linear), material, image_srgb)
+            shown[title] = np.where(inside, colour.linear_to_srgb(linear), paper)
     if "reflectance_map" in material.layers:
         tile = colour.linear_to_srgb(np.clip(material.layers["reflectance_map"], 0, 1))
         tile = tile.astype(np.float32)
@@ -180,13 +181,6 @@ def caption(material: Material) -> list[str]:
     return ["    ".join(line) for line in (words, parts, mask) if line]
 
 
-def _with_outline(image_srgb: np.ndarray, material: Material) -> np.ndarray:
-    """Return the photo's square as a tile, with the outline of the mask."""
-    edge = rim(_crop(material.layers["mask"], material)[..., 0] >= framing.THRESHOLD)
-    photo = _resized(*_thinned(image_srgb, _square(material, image_srgb)), is_photo=True)
-    return _framed(np.where(edge[..., None], _OUTLINE, photo), material, image_srgb)
-
-
 def _sphere_tile(material: Material) -> np.ndarray:
     """Return a sphere of the material with some of its background around it, as a tile."""
     tile = np.full((_TILE, _TILE, 3), colour.linear_to_srgb(_BACKGROUND), np.float32)
@@ -194,25 +188,14 @@ def _sphere_tile(material: Material) -> np.ndarray:
     return tile
 
 
-def _framed(tile: np.ndarray, material: Material, image: np.ndarray) -> np.ndarray:
-    """Return a tile with the colour of the page where the square lies beyond the photo."""
-    height, width = image.shape[:2]
-    inside = framing.inside(_square(material, image), height, width, _TILE)
-    if inside.all():
-        return np.broadcast_to(tile, (_TILE, _TILE, 3))
-    return np.where(inside, tile, np.array(_PAPER, np.float32) / 255)
-
-
-def _crop(layer: np.ndarray, material: Material) -> np.ndarray:
-    """Return the square of a linear layer `(H, W, C)` that the networks saw, as a tile."""
-    return _resized(*_thinned(layer, _square(material, layer)))
-
-
-def _resized(image: np.ndarray, square: Square, *, is_photo: bool = False) -> np.ndarray:
+def _crop(image: np.ndarray, square: Square, *, is_photo: bool = False) -> np.ndarray:
     """Return a square of a linear layer, or of a photo in sRGB, as a tile.
 
     Pillow takes a fifth of the time of `framing.cut`, and rounds otherwise.
     """
+    # Of a large image, every n-th pixel: at least two are left per pixel of the tile.
+    step = max(1, square.side // (2 * _TILE))
+    image, square = image[::step, ::step], Square(*(edge // step for edge in square))
     inside, outside = framing.overlap(square, *image.shape[:2])
     part = colour.srgb_to_linear(image[outside]) if is_photo else image[outside]
     beyond = [(edge.start, square.side - edge.stop) for edge in inside]
@@ -224,27 +207,17 @@ def _resized(image: np.ndarray, square: Square, *, is_photo: bool = False) -> np
     return colour.linear_to_srgb(tile) if is_photo else tile
 
 
-def _thinned(image: np.ndarray, square: Square) -> tuple[np.ndarray, Square]:
-    """Return every n-th pixel of a large image, and its square; at least two are left per pixel."""
-    step = max(1, square.side // (2 * _TILE))
-    return image[::step, ::step], Square(*(edge // step for edge in square))
-
-
-def _square(material: Material, image: np.ndarray) -> Square:
-    return Square(*material.square) if material.square else framing.whole(*image.shape[:2])
-
-
 @functools.lru_cache(maxsize=64)
-def _lines(text: str, width: int) -> list[tuple[bool, str]]:
-    """Return the lines of a text on a page, each with whether it is the first."""
+def _lines(text: str) -> list[str]:
+    """Return the lines of a warning on a page."""
     lines: list[str] = []
     for word in text.split():
         longer = f"{lines[-1]} {word}" if lines else word
-        if lines and _font().getlength(f"! {longer}") <= width:
+        if lines and _font().getlength(f"! {longer}") <= _WIDTH - 2 * _MARGIN:
             lines[-1] = longer
         else:
             lines.append(word)
-    return [(index == 0, line) for index, line in enumerate(lines)]
+    return [("  " if index else "! ") + line for index, line in enumerate(lines)]
 
 
 @functools.cache
