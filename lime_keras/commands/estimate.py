@@ -247,7 +247,7 @@ def _write(
     }
     existing = results.existing(provenances)
     for name, content in existing.items():
-        printer.existing(content, results.json(name).parent)
+        printer.show(content, results.json(name).parent)
 
     # Estimate the others.
     left = {name: source for name, source in named.items() if name not in existing}

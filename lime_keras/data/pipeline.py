@@ -142,17 +142,12 @@ def naming_damage(batches: Iterable[Any], shards: list[Path]) -> Iterator[Any]:
         ValueError: if a record is damaged; the message names the shard, its first damaged record
             and the repair.
     """
-    iterator = iter(batches)
-    while True:
-        try:
-            batch = next(iterator)
-        except StopIteration:
-            return
-        except records.DAMAGED:
-            for path in shards:
-                _check_records(path)
-            raise
-        yield batch
+    try:
+        yield from batches
+    except records.DAMAGED:
+        for path in shards:
+            _check_records(path)
+        raise
 
 
 def resize(example: dict[str, tf.Tensor], size: int) -> dict[str, tf.Tensor]:

@@ -123,9 +123,9 @@ def tiles(image_srgb: np.ndarray, material: Material) -> dict[str, np.ndarray]:
         that the networks saw; if the material is whole, a sphere of it; and the layers that there
         are. What lies beyond the photo has the colour of the page.
     """
-    size = image_srgb.shape[:2]
-    square = Square(*material.square) if material.square else framing.whole(*size)
-    inside, paper = framing.inside(square, *size, _TILE), np.array(_PAPER, np.float32) / 255
+    height, width = image_srgb.shape[:2]
+    square = Square(*material.square) if material.square else framing.whole(height, width)
+    inside, paper = framing.inside(square, height, width, _TILE), np.array(_PAPER, np.float32) / 255
     edge = rim(_crop(material.layers["mask"], square)[..., 0] >= framing.THRESHOLD)
     photo = np.where(edge[..., None], _OUTLINE, _crop(image_srgb, square, is_photo=True))
     shown = {_TITLES["photo"]: np.where(inside, photo, paper)}

@@ -256,15 +256,13 @@ def _digest_or_none(path: Path | None) -> str | None:
 
 def _differences(earlier: Mapping[str, Any], provenance: Mapping[str, Any]) -> list[str]:
     """Return in words what a result was made of or with, where that is not `provenance`."""
-    words = []
-    if earlier.get("source") != provenance["source"]:
-        words.append("of another photo or video")
-    if earlier.get("weights") != provenance["weights"]:
-        words.append("with other weights")
-    if earlier.get("beside") != provenance.get("beside"):
-        words.append("with another mask or other normals")
-    if earlier.get("version") != provenance["version"]:
-        words.append(f"by version {earlier.get('version')}")
+    differing = {
+        "source": "of another photo or video",
+        "weights": "with other weights",
+        "beside": "with another mask or other normals",
+        "version": f"by version {earlier.get('version')}",
+    }
+    words = [text for name, text in differing.items() if earlier.get(name) != provenance.get(name)]
     then, now = (each.get("options") or {} for each in (earlier, provenance))
     for name in sorted({*then, *now}):
         if then.get(name) != now.get(name):

@@ -34,13 +34,15 @@ class Printer:
     def __init__(self, *, for_people: bool):
         self._for_people = for_people
 
-    def existing(self, content: Mapping[str, Any], folder: Path) -> None:
-        """Print a result of an earlier run, by the content of its JSON and its files' folder."""
-        self._print(content, folder, ())
+    def show(self, content: Mapping[str, Any], folder: Path, remarks: Sequence[str] = ()) -> None:
+        """Print a result, by the content of its JSON and its files' folder, with `remarks`."""
+        colour = takes_colour(sys.stdout)
+        words = describe(content, folder, remarks, colour=colour) if self._for_people else None
+        tqdm.write(words or json.dumps(content))
 
     def result(self, content: Mapping[str, Any], folder: Path, remarks: Sequence[str] = ()) -> None:
         """Print a result of this run with its warnings, to which `remarks` are added."""
-        self._print(content, folder, remarks)
+        self.show(content, folder, remarks)
         if not self._for_people:
             for part in content.get("scenes") or [content]:
                 where = f", scene {part['scene']}" if "scene" in part else ""
@@ -57,11 +59,6 @@ class Printer:
         """Print an error to standard error, which may not take a name that is no UTF-8."""
         tqdm.write(f"error: {os.fsencode(text).decode(errors='replace')}", file=sys.stderr)
 
-    def _print(self, content: Mapping[str, Any], folder: Path, remarks: Sequence[str]) -> None:
-        colour = takes_colour(sys.stdout)
-        words = describe(content, folder, remarks, colour=colour) if self._for_people else None
-        tqdm.write(words or json.dumps(content))
-
 
 def describe(
     content: Mapping[str, Any], folder: Path, remarks: Sequence[str] = (), *, colour: bool
@@ -72,13 +69,10 @@ def describe(
     """
     lines = [_source(content)]
     scenes = content.get("scenes", ())
-    if len(scenes) > 1:
-        for scene in scenes:
-            lines.append(f"  scene {scene['scene']}  {material(scene, colour=colour)}")
-            lines += [f"  ! {message}" for message in _messages(scene)]
-    else:
-        lines.append(f"  {material(content, colour=colour)}")
-        lines += [f"  ! {message}" for message in _messages(content)]
+    for part in scenes if len(scenes) > 1 else [content]:
+        which = f"scene {part['scene']}  " if part is not content else ""
+        lines.append(f"  {which}{material(part, colour=colour)}")
+        lines += [f"  ! {message}" for message in _messages(part)]
     lines += [f"  ! {remark}" for remark in remarks]
     lines.append(f"  {_places(content['files'], folder)}")
     return "\n".join(lines)

@@ -82,14 +82,11 @@ def files(run: Path) -> list[Path]:
     """
     model = folder(run)
     check_present(model, model / ARCHITECTURE)
-    weights = [path for path in sorted(model.glob(f"*{WEIGHTS}")) if path.is_file()]
-    there = graphs(run)
-    in_graphs = (
-        [there / f"{name}.onnx" for name in sorted(_described(there))]
-        if has_weights_in_graphs(run)
-        else []
-    )
-    return [model / ARCHITECTURE, *weights, *(path for path in in_graphs if path.is_file())]
+    held = model.glob(f"*{WEIGHTS}")
+    if has_weights_in_graphs(run):
+        there = graphs(run)
+        held = (there / f"{name}.onnx" for name in _described(there))
+    return [model / ARCHITECTURE, *(path for path in sorted(held) if path.is_file())]
 
 
 def training_config(run: Path) -> dict[str, Any]:

@@ -88,6 +88,7 @@ def load(model: Path, *, whole: bool = True) -> tuple[Architecture, dict[str, ke
             _read_graph(path, name, graphs(model), subnetworks[name])
         else:
             _read(path, subnetworks[name])
+        _check_finite(path, subnetworks[name])
     return architecture, subnetworks
 
 
@@ -107,10 +108,9 @@ def copy(model: Path, target: Path) -> None:
         architecture, subnetworks = load(model, whole=False)
         save(target, architecture, subnetworks, half=all(map(_is_half, subnetworks.values())))
         return
+    target.mkdir(parents=True, exist_ok=True)
     for path in files(model):
-        copied = target / path.relative_to(model)
-        copied.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(path, copied)
+        shutil.copyfile(path, target / path.name)
 
 
 def read_architecture(model: Path) -> Architecture:
@@ -183,7 +183,6 @@ def _read(path: Path, network: keras.Model) -> None:
     except Exception as error:  # Keras and HDF5 raise whatever a damaged byte leads them to
         reason = str(error).partition("\n")[0] or type(error).__name__
         raise ValueError(f"{path} cannot be read: {reason}; train again") from error
-    _check_finite(path, network)
 
 
 def _check_self_contained(path: Path) -> None:
@@ -232,7 +231,6 @@ def _read_graph(path: Path, name: str, folder: Path, network: keras.Model) -> No
         raise ValueError(
             f"{path} has other layers than {network.name}: {error}; train again"
         ) from error
-    _check_finite(path, network)
 
 
 def _weights_path(model: Path, name: str) -> Path:
