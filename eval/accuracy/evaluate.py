@@ -121,8 +121,12 @@ def evaluate(
             for columns in (measured, with_mask):
                 _check_finite(columns, model_dir, first)
             relit = _relit(example, answers, split.lobe, pool)
-            rows.append(measured | _relit_columns(relit))
-            true_mask.append(with_mask | relit["true_mask"])
+            measured |= _relit_columns(relit)
+            with_mask |= relit["true_mask"]
+            for columns in (measured, with_mask):
+                _check_finite(columns, model_dir, first)
+            rows.append(measured)
+            true_mask.append(with_mask)
     return Evaluation(_joined(rows), _joined(true_mask), architecture)
 
 

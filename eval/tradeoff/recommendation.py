@@ -53,7 +53,13 @@ def score(row: Row, names: Sequence[str]) -> float:
 
 
 def front(points: Sequence[tuple[float, float]]) -> list[bool]:
-    """Return for each point of time and error whether no other is both as fast and as good."""
+    """Return for each point of time and error whether no other is both as fast and as good.
+
+    Raises:
+        ValueError: if a number is NaN or infinite.
+    """
+    if not all(math.isfinite(number) for point in points for number in point):
+        raise ValueError("a time or an error is not finite: measure that case again")
 
     def beaten(point: tuple[float, float]) -> bool:
         time, error = point

@@ -1,5 +1,7 @@
 """Scores, fronts and the advice of rows made by hand."""
 
+import math
+
 import pytest
 import trade
 
@@ -25,6 +27,8 @@ def test_only_what_all_models_have_is_scored():
 def test_the_front_is_what_nothing_beats_in_both():
     points = [(1, 9), (2, 5), (2, 6), (3, 5), (4, 1), (4, 1)]
     assert front(points) == [True, True, False, False, True, True]
+    with pytest.raises(ValueError, match="not finite"):
+        front([(1, math.nan)])
 
 
 def test_the_advice_is_what_is_fast_enough_and_errs_least():
