@@ -110,9 +110,11 @@ class Data:
         replies = self._answers(photos, features, frozen or {}, self._seed("input masks"))
         size, seed = self._config.schedule.batch_size, self._seed(stage.name)
         wanted = (*features, *_ORIGIN)
+        # Longer stages, which other architectures may lack, add photos behind those of this one.
+        count = min(photos.count, stage.steps * size)
 
         def read(step: int) -> Batch:
-            rows = _rows(photos.count, seed, range(step * size, (step + 1) * size))
+            rows = _rows(count, seed, range(step * size, (step + 1) * size))
             batch = _read(photos, replies, rows, wanted)
             if self._config.schedule.flips:
                 flip(batch, np.random.default_rng((seed, step)).random(size) < 0.5)

@@ -49,6 +49,26 @@ def _first(data, step, count, stage=MATERIAL, features=("image", "mask", "ambien
     return list(itertools.islice(data.training(stage, features, step), count))
 
 
+def test_the_batches_of_a_stage_are_the_same_beside_longer_stages(paths, tmp_path):
+    """Though these add photos: with --reuse a stage is taken over from another architecture."""
+
+    def batches(architecture, folder):
+        own = _config(paths / "corpus", photos=100)
+        own = dataclasses.replace(own, architecture=architecture)
+        longest = max(stage.steps for stage in own.schedule.stages(architecture))
+        data = Data([paths / "corpus"], own, tmp_path / folder)
+        return longest, _first(data, 0, 4, dataclasses.replace(MATERIAL, steps=1))
+
+    whole = _config(paths / "corpus").architecture
+    (long, first), (short, second) = (
+        batches(dataclasses.replace(whole, mirror=mirror), str(mirror)) for mirror in (True, False)
+    )
+    assert long != short
+    for expected, batch in zip(first, second, strict=True):
+        for name in expected:
+            np.testing.assert_array_equal(batch[name], expected[name])
+
+
 def test_batches_go_on_from_any_step(paths, run):
     """Six photos, four in a batch: a batch may span two epochs."""
     whole = _first(_data(paths, run), 0, 7)

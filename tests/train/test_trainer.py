@@ -111,7 +111,8 @@ def test_measures_are_pooled_over_the_validation_set(corpus, config, tmp_path):
     errors = metrics.log_exponent_error(batch["shininess"], shininess.log_expected(probabilities))
     distance = metrics.bin_distance(batch["shininess"], probabilities)
     assert abs(errors.mean() - (errors[:2].mean() + errors[2]) / 2) > 1e-3
-    assert float(last["measure_log_exponent_mae"]) == pytest.approx(errors.mean(), rel=1e-4)
+    # Kept photos have eight bits, those of `evaluation` more.
+    assert float(last["measure_log_exponent_mae"]) == pytest.approx(errors.mean(), rel=5e-4)
     assert float(last["measure_exponent_exact"]) == pytest.approx(np.mean(distance == 0), rel=1e-4)
     assert float(last["measure_exponent_within_one"]) == pytest.approx(np.mean(distance <= 1))
 
