@@ -201,7 +201,7 @@ def test_the_tables_of_a_subnetwork_name_the_same():
     from lime_keras.train.stages import SCHEDULES
     from lime_keras.train.terms import MEASURES, TERMS
 
-    options = ({}, {"exponent": "regression"}, {"trunk": True}, {"system": "reflectance-map"})
+    options = ({}, {"exponent": "regression"}, {"system": "reflectance-map"})
     systems = [Architecture(32, 1, 1, 1, 1, **system) for system in options]
     built = list(map(build, systems))
     assert set().union(*map(output_names, built)) == set(OUTPUTS)

@@ -22,7 +22,6 @@ _PARTS = {
     "hue": "architecture.hue",
     "pretrained": "architecture.pretrained",
     "linear": "architecture.linear",
-    "trunk": "architecture.trunk",
 }
 """What `--with` and `--without` name, and the field of the config that says whether it is there."""
 _OPTIONS = {
@@ -36,7 +35,6 @@ _OPTIONS = {
     "size": "architecture.size",
     "width": "architecture.unet_width",
     "encoder_width": "architecture.encoder_width",
-    "encoder_convolutions": "architecture.encoder_convolutions",
     "baseline": "architecture.system",
     "exponent": "architecture.exponent",
     "batch_size": "schedule.batch_size",
@@ -190,12 +188,6 @@ def _add_networks(out: argparse.ArgumentParser) -> None:
         "preset's)",
     )
     networks.add_argument(
-        "--encoder-convolutions",
-        type=console.count,
-        metavar="N",
-        help="in each of the encoders' blocks (default: 1)",
-    )
-    networks.add_argument(
         "--exponent",
         choices=("classification", "regression"),
         help="eight bins, or log10 s (default: classification)",
@@ -209,8 +201,7 @@ def _add_networks(out: argparse.ArgumentParser) -> None:
         help="leave out: perceptual, Eq. 5 in the loss; mirror, MirrorNet; dichromatic, the split "
         "of colours; dichromatic-shading, the same in SpecularNet alone; hue, m_d in the hue of "
         "the pixels; pretrained, the mask's encoder; linear, S and M as linear radiance, which are "
-        "log(1 + x) without; trunk, one encoder with two heads in place of AlbedoNet and "
-        "ExponentNet",
+        "log(1 + x) without",
     )
     networks.add_argument(
         "--with",

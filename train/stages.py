@@ -11,7 +11,6 @@ _JOINED = {
     "mirror": 1,
     "albedo": 3,
     "exponent": 2,
-    "trunk": 2,
     "reflectance_map": 1,
     "material": 1,
 }

@@ -85,8 +85,8 @@ def answers(
         inputs[quantity] = raw * shapes[name]
         out[quantity] = np.expm1(np.clip(inputs[quantity], 0, HIGHEST_COMPRESSED))
         inputs[f"linear_{quantity}"] = out[quantity]
-    if both := {"material", "trunk"}.intersection(subnetworks):
-        exponent, albedos = run(both.pop())
+    if "material" in subnetworks:
+        exponent, albedos = run("material")
     else:
         exponent, albedos = run("exponent"), run("albedo")
     albedos = np.clip(albedos, 0, 1)

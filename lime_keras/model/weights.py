@@ -29,6 +29,8 @@ from lime_keras.model.folder import (
 from lime_keras.networks import Architecture, build, subnetwork_names
 
 _LEAST_COMPRESSED = 256  # number of values from which on it is worth to compress an array
+_RETIRED = ("encoder_convolutions", 1), ("trunk", False)
+"""Settings of models of before that this version does without, with values that change nothing."""
 _OVERHEAD = 8192  # largest number of bytes for each array of a weights file beside its values
 
 
@@ -127,8 +129,9 @@ def read_architecture(model: Path) -> Architecture:
     description = model / ARCHITECTURE
     check_present(model, description)
     try:
-        return Architecture(**untrusted.read_json(description))
-    except (TypeError, ValueError) as error:
+        settings = untrusted.read_json(description).items()
+        return Architecture(**dict(one for one in settings if one not in _RETIRED))
+    except (AttributeError, TypeError, ValueError) as error:
         raise ValueError(f"{description} is not of this version: {error}; train again") from error
 
 

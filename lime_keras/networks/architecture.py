@@ -10,7 +10,6 @@ _RANGES = {
     "unet_width": (1, 1024),
     "unet_depth": (0, 10),
     "encoder_width": (1, 1024),
-    "encoder_convolutions": (1, 8),
     "dense_width": (1, 65536),
 }
 """Least and largest value of each setting, the latter far above all that can be trained."""
@@ -46,9 +45,6 @@ class Architecture:
             (`registry.MASK_CONTRAST`).
         linear: whether SpecularNet and MirrorNet answer, and other subnetworks read, linear
             radiance in place of log(1 + x).
-        encoder_convolutions: number of convolutions of each of an encoder's blocks.
-        trunk: whether one encoder with two heads (TrunkNet) takes the place of AlbedoNet and
-            ExponentNet.
 
     Raises:
         ValueError: if a name is unknown, two settings exclude each other, or the size cannot be
@@ -68,8 +64,6 @@ class Architecture:
     hue: bool = False
     mask_contrast: bool = True
     linear: bool = False
-    encoder_convolutions: int = 1
-    trunk: bool = False
     dichromatic_shading: bool = True
 
     def __post_init__(self) -> None:
@@ -86,10 +80,10 @@ class Architecture:
                 f"{', '.join(SYSTEMS)} and {', '.join(EXPONENTS)}"
             )
         ablated = not self.mirror or self.exponent != "classification"
-        if self.system != "lime" and (ablated or self.dichromatic or self.hue or self.trunk):
+        if self.system != "lime" and (ablated or self.dichromatic or self.hue):
             raise ValueError(
                 "the reflectance-map baseline has no MirrorNet to leave out, no ExponentNet, no "
-                "dichromatic split, no hue of pixels and no trunk: take one ablation at a time"
+                "dichromatic split and no hue of pixels: take one ablation at a time"
             )
         multiple = 2 ** max(ENCODER_BLOCKS, self.unet_depth)
         if self.size % multiple:
@@ -109,7 +103,6 @@ class Architecture:
         parts = {
             "the dichromatic split" + where: self.dichromatic,
             "the hue of the pixels": self.hue,
-            "one trunk of two heads": self.trunk,
         }
         read = " and ".join(name for name, there in parts.items() if there)
         return " ".join(["LIME", *([f"with {read}"] if read else []), *without, *regresses])

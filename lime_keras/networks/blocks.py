@@ -79,7 +79,7 @@ def pretrained_unet(image: KerasTensor, *, channels: int) -> KerasTensor:
     return layers.Conv2D(channels, 1, kernel_initializer="zeros", dtype="float32", name="head")(x)
 
 
-def encoder(x: KerasTensor, *, width: int, dense_width: int, convolutions: int = 1) -> KerasTensor:
+def encoder(x: KerasTensor, *, width: int, dense_width: int) -> KerasTensor:
     """Apply five blocks of convolution, ReLU and max-pooling, then two dense layers with ReLU.
 
     Args:
@@ -87,15 +87,12 @@ def encoder(x: KerasTensor, *, width: int, dense_width: int, convolutions: int =
         width: channels of the first block; each later block doubles the channels, to at most eight
             times this number.
         dense_width: units of each dense layer.
-        convolutions: number of convolutions of each block, each with a ReLU.
 
     Returns:
         `(B, dense_width)` features. The caller adds the last dense layer, the head.
     """
     for block in range(ENCODER_BLOCKS):
         x = _convolution(x, width * min(2**block, 8), f"block{block}_conv")
-        for index in range(1, convolutions):
-            x = _convolution(x, width * min(2**block, 8), f"block{block}_conv{index + 1}")
         x = layers.MaxPooling2D(name=f"block{block}_pool")(x)
     x = layers.Flatten(name="flatten")(x)
     for index in (1, 2):

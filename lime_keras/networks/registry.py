@@ -24,7 +24,6 @@ from lime_keras.networks.subnetworks import (
     mirror_net,
     segmentation_net,
     specular_net,
-    trunk_net,
 )
 from lime_keras.optics.dichromatic import channels
 from lime_keras.optics.dynamic_range import compress, expand
@@ -117,23 +116,16 @@ SUBNETWORKS = {
     "exponent": Subnetwork(
         exponent_net,
         ("exponent_bin_probabilities",),
-        lambda one: _lime(one) and not one.trunk,
+        _lime,
         encoder=True,
         heads=("logits", "log_exponent"),
     ),
     "albedo": Subnetwork(
         albedo_net,
         ("albedos",),
-        lambda one: _lime(one) and not one.trunk,
+        _lime,
         encoder=True,
         heads=("albedos",),
-    ),
-    "trunk": Subnetwork(
-        trunk_net,
-        ("exponent_bin_probabilities", "albedos"),
-        lambda one: _lime(one) and one.trunk,
-        encoder=True,
-        heads=("albedos", "logits", "log_exponent"),
     ),
     "reflectance_map": Subnetwork(reflectance_map_net, ("reflectance_map",), _baseline),
     "material": Subnetwork(

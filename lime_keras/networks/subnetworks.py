@@ -72,8 +72,14 @@ def exponent_net(architecture: Architecture) -> keras.Model:
         layers_read = ["specular_shading", *(["mirror"] if architecture.mirror else [])]
         names = [_radiance(architecture, name) for name in layers_read]
     inputs = _inputs(architecture, *names)
-    answer = _exponent_head(_encoded(inputs, architecture), architecture)
-    return keras.Model(_one_or_all(inputs), answer, name="exponent_net")
+    features = _encoded(inputs, architecture)
+    if architecture.exponent == "classification":
+        head = layers.Dense(BIN_COUNT, dtype="float32", name="logits")
+    else:
+        # Training starts from the middle of the range: a bias of 0 is the dullest material.
+        middle = keras.initializers.Constant((LOG_LOW + LOG_HIGH) / 2)
+        head = layers.Dense(1, dtype="float32", bias_initializer=middle, name="log_exponent")
+    return keras.Model(_one_or_all(inputs), head(features), name="exponent_net")
 
 
 def albedo_net(architecture: Architecture) -> keras.Model:
@@ -86,38 +92,10 @@ def albedo_net(architecture: Architecture) -> keras.Model:
     inputs = _inputs(architecture, "masked_image", *_split(architecture), shading)
     # Made before the other layers: initial weights follow from the seed and the order.
     head = layers.Dense(4, dtype="float32", name="albedos")
-    albedos = _with_hue(head(_encoded(inputs, architecture)), inputs[0], architecture)
+    albedos = head(_encoded(inputs, architecture))
+    if architecture.hue:
+        albedos = HueOfPixels(dtype="float32", name="hue")([albedos, inputs[0]])
     return keras.Model(_one_or_all(inputs), albedos, name="albedo_net")
-
-
-def trunk_net(architecture: Architecture) -> keras.Model:
-    """Build TrunkNet, one encoder in place of two: what AlbedoNet reads → what both answer.
-
-    The outputs are those of ExponentNet, then those of AlbedoNet. The paper has two encoders.
-    """
-    shading = _radiance(architecture, "specular_shading")
-    inputs = _inputs(architecture, "masked_image", *_split(architecture), shading)
-    features = _encoded(inputs, architecture)
-    exponent = _exponent_head(features, architecture)
-    albedos = layers.Dense(4, dtype="float32", name="albedos")(features)
-    answers = [exponent, _with_hue(albedos, inputs[0], architecture)]
-    return keras.Model(inputs, answers, name="trunk_net")
-
-
-def _exponent_head(features: keras.KerasTensor, architecture: Architecture) -> keras.KerasTensor:
-    if architecture.exponent == "classification":
-        return layers.Dense(BIN_COUNT, dtype="float32", name="logits")(features)
-    # Training starts from the middle of the range: a bias of 0 is the dullest material.
-    middle = keras.initializers.Constant((LOG_LOW + LOG_HIGH) / 2)
-    return layers.Dense(1, dtype="float32", bias_initializer=middle, name="log_exponent")(features)
-
-
-def _with_hue(
-    albedos: keras.KerasTensor, masked_image: keras.KerasTensor, architecture: Architecture
-) -> keras.KerasTensor:
-    if not architecture.hue:
-        return albedos
-    return HueOfPixels(dtype="float32", name="hue")([albedos, masked_image])
 
 
 def _encoded(inputs: list[keras.KerasTensor], architecture: Architecture) -> keras.KerasTensor:
@@ -125,7 +103,6 @@ def _encoded(inputs: list[keras.KerasTensor], architecture: Architecture) -> ker
         _joined(inputs),
         width=architecture.encoder_width,
         dense_width=architecture.dense_width,
-        convolutions=architecture.encoder_convolutions,
     )
 
 

@@ -50,8 +50,6 @@ def _first(data, step, count, stage=MATERIAL, features=("image", "mask", "ambien
 
 
 def test_the_batches_of_a_stage_are_the_same_beside_longer_stages(paths, tmp_path):
-    """Though these add photos: with --reuse a stage is taken over from another architecture."""
-
     def batches(architecture, folder):
         own = _config(paths / "corpus", photos=100)
         own = dataclasses.replace(own, architecture=architecture)

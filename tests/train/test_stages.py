@@ -51,15 +51,6 @@ def test_muon_trains_all_but_the_lone_mirror(preset):
     assert next(stage for stage in stages if stage.name == "mirror").optimizer == "adam"
 
 
-def test_one_trunk_takes_the_place_of_two_encoders():
-    assert stage_names("live", trunk=True, mirror=False) == [
-        "segmentation",
-        "specular",
-        "trunk",
-        "specular+trunk",
-    ]
-
-
 def test_set_steps_rates_and_averages_are_those_of_every_stage():
     live = dataclasses.replace(SCHEDULES["live"], steps=7, rate=0.5, average=0.9)
     for stage in live.stages(PRESETS["live"]):

@@ -867,17 +867,6 @@ def _equal(one, other):
     return all(np.array_equal(a, b) for a, b in zip(one, other, strict=True))
 
 
-def test_a_run_with_one_trunk_is_whole(corpus, config, tmp_path):
-    tiny = dataclasses.replace(TINY, dichromatic=True, hue=True, trunk=True)
-    own = dataclasses.replace(config, architecture=tiny)
-    names = ["segmentation", "specular+mirror+trunk"]
-    assert trainer.train([corpus], tmp_path / "run", own, _ignore, only=names) == []
-    found = json.loads((tmp_path / "run" / "evaluation.json").read_text(encoding="utf-8"))
-    assert {"exponent_exact", "diffuse_albedo_mae", "mirror_relative"} < set(found["measures"])
-    weights_before = networks.build(tiny, config.seed)["trunk"].get_weights()
-    assert not _equal(_weights(tmp_path / "run")["trunk"], weights_before)
-
-
 @pytest.mark.slow
 def test_frozen_subnetworks_keep_their_weights(corpus, config, finished, tmp_path):
     held = dataclasses.replace(

@@ -190,11 +190,10 @@ def test_weights_in_half_the_space_are_used_as_any(tiny_model, network, tmp_path
         exporter.export(out, "weights", tiny_model, precision="float32")
 
 
-def test_without_weights_the_packages_own_are_exported(tiny_model, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(model_folder, "SHIPPED", tiny_model)
+def test_without_weights_the_packages_own_are_exported(tmp_path):
     assert export_cli.main([str(tmp_path), "--format", "weights"]) == 0
     found, _ = weights.load(tmp_path)
-    assert found == weights.load(tiny_model)[0]
+    assert found == weights.load(model_folder.SHIPPED)[0]
 
 
 @pytest.mark.slow

@@ -352,40 +352,6 @@ def test_the_ablations_exponent_nets_by_hand(tiny):
     assert both.count_params() == encoder_parameters(tiny, 1, 1)
 
 
-def test_two_convolutions_a_block_by_hand(tiny):
-    once, twice = (
-        build(dataclasses.replace(tiny, encoder_convolutions=n))["albedo"] for n in (1, 2)
-    )
-    added = sum((9 * width + 1) * width for width in (2, 4, 8, 16, 16))
-    assert twice.count_params() - once.count_params() == added
-    names = {layer.name for layer in once.layers}
-    assert names < {layer.name for layer in twice.layers}, "weights of before load"
-
-
-@pytest.mark.parametrize("exponent", ["classification", "regression"])
-def test_one_trunk_answers_what_two_encoders_do(tiny, exponent):
-    split = dataclasses.replace(tiny, dichromatic=True, hue=True, exponent=exponent)
-    shared = dataclasses.replace(split, trunk=True)
-    assert shared.description.startswith(f"{split.description.split(' with')[0]} with")
-    assert "one trunk of two heads" in shared.description
-    two, one = build(split), build(shared)
-    assert list(one) == ["segmentation", "specular", "mirror", "trunk"]
-    answers = 4 + (8 if exponent == "classification" else 1)
-    channels = sum(x.shape[-1] for x in two["albedo"].inputs)
-    assert one["trunk"].count_params() == encoder_parameters(tiny, channels, answers)
-    outputs = output_names(two)
-    assert output_names(one) == outputs
-    found = assemble(one)(images(32))
-    assert {name: found[name].shape for name in outputs} == {
-        name: value.shape for name, value in assemble(two)(images(32)).items()
-    }
-    albedo = assemble(one, ["diffuse_albedo"])
-    names = [layer.name for layer in albedo.layers if isinstance(layer, keras.Model)]
-    assert sorted(names) == ["segmentation_net", "specular_net", "trunk_net"]
-    with pytest.raises(ValueError, match="and no trunk"):
-        dataclasses.replace(tiny, system="reflectance-map", trunk=True)
-
-
 def test_the_baselines_subnetworks_by_hand(tiny):
     """The decoder: 4 features to 16 at 1 pixel, then widths 16, 16, 8, 4, 2 up to 32 pixels."""
     subnetworks = build(dataclasses.replace(tiny, system="reflectance-map"))
