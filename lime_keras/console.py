@@ -3,7 +3,6 @@
 Exit statuses: 0 done, 1 failed (standard error says why), 2 wrong usage, 130 interrupted.
 """
 
-import _thread
 import argparse
 import contextlib
 import errno
@@ -119,7 +118,9 @@ def interrupt_again(lost: Any) -> None:
     Use it as `sys.unraisablehook`. Finalisers are `__del__`, and what `weakref` calls.
     """
     if issubclass(lost.exc_type, KeyboardInterrupt):
-        threading.Timer(0.01, _thread.interrupt_main).start()  # once the finaliser has ended
+        main = threading.main_thread().ident
+        # Once the finaliser has ended; by a signal, as nothing else ends a call that waits.
+        threading.Timer(0.01, signal.pthread_kill, (main, signal.SIGINT)).start()
     else:
         sys.__unraisablehook__(lost)
 

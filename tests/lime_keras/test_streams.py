@@ -130,13 +130,18 @@ class Finalised:
 def work():
     Finalised()
     time.sleep(30)
+    print("slept")
     return 0
 
 sys.exit(console.run(work, "nothing is lost"))
 """
     command = [sys.executable, "-c", code]
     done = subprocess.run(command, capture_output=True, text=True, preexec_fn=ctrl_c.is_heard)
-    assert (done.returncode, done.stderr) == (130, "\ninterrupted: nothing is lost\n")
+    assert (done.returncode, done.stderr, done.stdout) == (
+        130,
+        "\ninterrupted: nothing is lost\n",
+        "",
+    )
 
 
 def test_ctrl_c_while_a_finished_command_ends_changes_nothing(tmp_path):
