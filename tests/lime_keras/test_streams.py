@@ -137,11 +137,8 @@ sys.exit(console.run(work, "nothing is lost"))
 """
     command = [sys.executable, "-c", code]
     done = subprocess.run(command, capture_output=True, text=True, preexec_fn=ctrl_c.is_heard)
-    assert (done.returncode, done.stderr, done.stdout) == (
-        130,
-        "\ninterrupted: nothing is lost\n",
-        "",
-    )
+    told = done.returncode, done.stdout, done.stderr
+    assert told == (130, "", "\ninterrupted: nothing is lost\n")
 
 
 def test_ctrl_c_while_a_finished_command_ends_changes_nothing(tmp_path):
