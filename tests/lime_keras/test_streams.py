@@ -121,7 +121,6 @@ def test_ctrl_c_in_a_finaliser_is_not_lost(tmp_path):
     code = """
 import os, signal, sys, time
 from lime_keras import console
-
 class Finalised:
     def __del__(self):
         os.kill(os.getpid(), signal.SIGINT)
