@@ -170,8 +170,8 @@ def mean_where_lit(error: Any, lit: Any) -> Any:
 class PooledIoU(keras.metrics.Metric):
     """The IoU in [0, 1] of the pixels of all examples together; 1 if all masks are empty."""
 
-    def __init__(self, name: str = "pooled_iou"):
-        super().__init__(name=name)
+    def __init__(self, name: str = "pooled_iou", dtype: Any = None):
+        super().__init__(name=name, dtype=dtype)
         self.intersection = self.add_variable((), "zeros", name="intersection")
         self.union = self.add_variable((), "zeros", name="union")
 
@@ -201,10 +201,11 @@ class WithinBins(keras.metrics.Mean):
         distance: largest distance in bins that counts as right; 0 accepts only the true bin, 1
             accepts its neighbours as well.
         name: name of the metric.
+        dtype: type of the metric's state; by default single precision.
     """
 
-    def __init__(self, distance: int, name: str = "within_bins"):
-        super().__init__(name=name)
+    def __init__(self, distance: int, name: str = "within_bins", dtype: Any = None):
+        super().__init__(name=name, dtype=dtype)
         self._distance = distance
 
     def update_state(self, exponent_bin: Any, predicted: Any, sample_weight: Any = None) -> None:
@@ -217,6 +218,10 @@ class WithinBins(keras.metrics.Mean):
         """
         distance = ops.abs(ops.cast(exponent_bin, self.dtype) - ops.cast(predicted, self.dtype))
         super().update_state(distance <= self._distance, sample_weight)
+
+    def get_config(self) -> dict[str, Any]:
+        """Return the arguments from which Keras makes the same metric again."""
+        return super().get_config() | {"distance": self._distance}
 
 
 class MaskedRelativeError(keras.metrics.Mean):

@@ -177,6 +177,16 @@ def test_an_example_of_weight_one_half_twice_is_that_example(kind):
     assert abs(_streamed(kind, doubled, [4, 8]) - once) > 1e-3
 
 
+@pytest.mark.parametrize("kind", MADE)
+def test_the_same_metric_is_made_from_its_config(kind):
+    metric = MADE[kind]()
+    again = type(metric).from_config(metric.get_config())
+    arguments = _arguments(kind, seed=1)
+    again.update_state(*arguments)
+    assert float(again.result()) == _streamed(kind, arguments)
+    assert again.name == metric.name
+
+
 @pytest.mark.parametrize("kind", ["iou", "relative error"])
 @pytest.mark.parametrize("dtype", [np.float16, np.float64])
 def test_other_precisions_are_judged_in_single(kind, dtype):
