@@ -1,20 +1,24 @@
-"""GLB files as their format means them: what trimesh passes over is put into plain triangles first.
+"""Reading of GLB files: the triangles that a file shows, each in its place.
 
-What changes the shape is applied (normalised and sparse positions, morph targets, instances, fans,
-hidden nodes), said (skeletons), or refused by its name (compression, and whatever else a file
-requires that is not known here).
+What changes the shape is applied (normalised and sparse positions, morph targets, instances, strips
+and fans, hidden nodes), said (skeletons), or refused by its name (compression, and whatever else a
+file requires that is not known here).
 """
 
-import copy
+import base64
 import json
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from trimesh import transformations
+from trimesh.util import triangle_strips_to_faces
 
-_MAGIC, _JSON, _BINARY = b"glTF", b"JSON", b"BIN\0"
+from . import parts
+from .parts import Part
+
+_MAGIC, _JSON, _BINARY = b"glTF\2\0\0\0", b"JSON", b"BIN\0"  # the version follows the name
 _INSTANCES, _DRACO = "EXT_mesh_gpu_instancing", "KHR_draco_mesh_compression"
 _MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 _VISIBILITY = "KHR_node_visibility"
@@ -35,33 +39,21 @@ _LARGEST = 2**28
 _MOST_INSTANCES = 10_000
 
 
-@dataclass(frozen=True)
-class Plain:
-    """A GLB of plain triangles.
+def read(content: bytes) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[str]]:
+    """Read the triangles of a file's default scene.
 
-    Attributes:
-        content: the file's bytes.
-        faces: number of triangles that it holds, in all places where it shows them.
-        notes: what it uses that is not applied.
-    """
+    Args:
+        content: the file's content.
 
-    content: bytes
-    faces: int
-    notes: tuple[str, ...]
-
-
-def plain(content: bytes) -> Plain:
-    """Return a GLB whose shape needs nothing but triangles.
+    Returns:
+        Vertices, triangles and normals, as `obj.read` returns them, and notes on what the file uses
+        that is not applied.
 
     Raises:
         ValueError: if it is no GLB, or requires what is not read.
     """
     document, binary = _chunks(content)
     _check_required(document)
-    if any(
-        not buffer.get("uri", "data:").startswith("data:") for buffer in document.get("buffers", [])
-    ):
-        raise ValueError("a part of it lies in another file: export it as one GLB")
     notes = []
     if any("skin" in node for node in document.get("nodes", [])):
         notes.append("posed by a skeleton, which is not applied: export the pose as a mesh")
@@ -69,37 +61,27 @@ def plain(content: bytes) -> Plain:
     for name in sorted(used):
         if not _is_known(name) and name not in (*_MESHOPT, _DRACO):
             notes.append(f"uses {name}, which is not applied")
-    file = _File(document, bytearray(binary))
-    file.make_plain()
-    faces = sum(file.faces(mesh) for mesh in file.shown())
-    return Plain(_joined(document, bytes(file.binary)), faces, tuple(notes))
+    nowhere = np.full((1, 3), np.nan)
+    shown = _File(document, binary).shown()
+    return *parts.joined([(nowhere, np.zeros((0, 3), int), nowhere), *shown]), notes
 
 
 def _chunks(content: bytes) -> tuple[dict[str, Any], bytes]:
     """Return the document and the binary part of a GLB."""
-    if content[:4] != _MAGIC:
+    if content[:8] != _MAGIC:
         raise ValueError("it is no GLB by its content")
-    parts: dict[bytes, bytes] = {}
+    chunks: dict[bytes, bytes] = {}
     place = 12
     while place + 8 <= len(content):
         size, kind = struct.unpack_from("<I4s", content, place)
-        parts.setdefault(kind, content[place + 8 : place + 8 + size])
+        chunks.setdefault(kind, content[place + 8 : place + 8 + size])
         place += 8 + size
-    document = json.loads(parts.get(_JSON, b"null"))
+    if place > len(content):
+        raise ValueError("it is cut short")
+    document = json.loads(chunks.get(_JSON, b"null"))
     if not isinstance(document, dict):
         raise ValueError("it holds no document")
-    return document, parts.get(_BINARY, b"")
-
-
-def _joined(document: dict[str, Any], binary: bytes) -> bytes:
-    binary += bytes(-len(binary) % 4)
-    if document.get("buffers"):
-        document["buffers"][0]["byteLength"] = len(binary)
-    text = json.dumps(document).encode()
-    text += b" " * (-len(text) % 4)
-    parts = struct.pack("<I4s", len(text), _JSON) + text
-    parts += struct.pack("<I4s", len(binary), _BINARY) + binary
-    return _MAGIC + struct.pack("<II", 2, 12 + len(parts)) + parts
+    return document, chunks.get(_BINARY, b"")
 
 
 def _is_known(name: str) -> bool:
@@ -117,124 +99,108 @@ def _check_required(document: dict[str, Any]) -> None:
 
 
 class _File:
-    """The parts of a GLB, which are changed in place."""
+    """The parts of a GLB."""
 
-    def __init__(self, document: dict[str, Any], binary: bytearray):
-        self.document, self.binary = document, binary
-        for name in ("nodes", "meshes", "accessors", "bufferViews"):
-            document.setdefault(name, [])
-        nodes = document["nodes"]
-        if not document.get("scenes"):
-            below = {child for node in nodes for child in node.get("children", [])}
-            document["scenes"] = [{"nodes": [k for k in range(len(nodes)) if k not in below]}]
-            document["scene"] = 0
+    def __init__(self, document: dict[str, Any], binary: bytes):
+        buffers = document.get("buffers", [])
+        if not all(buffer.get("uri", "data:").startswith("data:") for buffer in buffers):
+            raise ValueError("a part of it lies in another file: export it as one GLB")
+        self.document = document
+        self.buffers = [
+            base64.b64decode(buffer["uri"].partition(",")[2]) if "uri" in buffer else binary
+            for buffer in buffers
+        ]
 
-    def make_plain(self) -> None:
-        """Apply what changes the shape."""
-        meshes = self.document["meshes"]
-        for node in self.document["nodes"]:
-            if "mesh" in node and node.get("weights"):  # these hold for it alone
-                meshes.append(copy.deepcopy(meshes[node["mesh"]]) | {"weights": node["weights"]})
-                node["mesh"] = len(meshes) - 1
-        for mesh in meshes:
-            mesh["primitives"] = [p for p in mesh["primitives"] if "POSITION" in p["attributes"]]
-            for primitive in mesh["primitives"]:
-                primitive.get("extensions", {}).pop(_DRACO, None)  # what is there is a fallback
-                if primitive.get("mode", _TRIANGLES) in (_TRIANGLES, _STRIP, _FAN):
-                    self._make_plain(primitive, mesh.get("weights", []))
-        for node in list(self.document["nodes"]):
-            if _INSTANCES in node.get("extensions", {}):
-                self._show_instances(node)
-        for node in self._hidden():
-            node.pop("mesh", None)
+    def shown(self) -> Iterator[Part]:
+        """Yield the parts of the default scene, each as often and where it is shown."""
+        nodes = self.document.get("nodes", [])
+        below = {child for node in nodes for child in node.get("children", [])}
+        roots = [number for number in range(len(nodes)) if number not in below]
+        if scenes := self.document.get("scenes"):
+            roots = scenes[self.document.get("scene", 0)].get("nodes", [])
+        met = set(roots)
+        left = [(nodes[number], np.eye(4)) for number in roots]
+        while left:
+            node, above = left.pop()
+            told = node.get("extensions", {})
+            if told.get(_VISIBILITY, {}).get("visible") is False:
+                continue  # and so is all below it
+            matrix = above @ _placement(node)
+            children = node.get("children", [])
+            if not met.isdisjoint(children):
+                raise ValueError("its nodes lead to themselves")
+            met.update(children)
+            left += [(nodes[child], matrix) for child in children]
+            if _INSTANCES in told:
+                left += [(place, matrix) for place in self._instances(node)]
+            elif "mesh" in node:
+                yield from self._mesh(node, matrix)
 
-    def shown(self) -> Iterator[dict[str, Any]]:
-        """Yield the meshes of the default scene, each as often as it is shown."""
-        nodes, meshes = self.document["nodes"], self.document["meshes"]
-        left = list(self.document["scenes"][self.document.get("scene", 0)].get("nodes", []))
-        for _ in range(100 * len(nodes) + 1):
-            if not left:
-                return
-            node = nodes[left.pop()]
-            left += node.get("children", [])
-            if "mesh" in node:
-                yield meshes[node["mesh"]]
-        raise ValueError("its nodes lead to themselves")
-
-    def faces(self, mesh: dict[str, Any]) -> int:
-        """Return the number of triangles of a mesh."""
-        count = 0
-        for primitive in mesh["primitives"]:
-            mode = primitive.get("mode", _TRIANGLES)
-            place = primitive.get("indices", primitive["attributes"]["POSITION"])
-            if mode not in (_TRIANGLES, _STRIP):
-                continue
-            corners = self.document["accessors"][place]["count"]
-            count += corners // 3 if mode == _TRIANGLES else max(corners - 2, 0)
-        return count
-
-    def _make_plain(self, primitive: dict[str, Any], weights: list[float]) -> None:
-        """Give a primitive positions that are plain floats, and triangles in place of a fan."""
-        accessors, attributes = self.document["accessors"], primitive["attributes"]
-        accessor = accessors[attributes["POSITION"]]
-        pairs = zip(weights, primitive.get("targets", []), strict=False)
-        moves = [(weight, to["POSITION"]) for weight, to in pairs if weight and "POSITION" in to]
-        if moves or accessor.get("normalized") or "sparse" in accessor:
-            places = self._values(accessor)
-            for weight, target in moves:
-                places = places + weight * self._values(accessors[target])
-            attributes["POSITION"] = self._add(places.astype("<f4"), "VEC3", 5126)
-        elif "bufferView" not in accessor:
-            raise ValueError("its vertices lie nowhere: it was compressed, say")
-        if "sparse" in accessors[primitive.get("indices", 0)] and "indices" in primitive:
-            raise ValueError("its faces are sparse: export it anew")
-        if primitive.get("mode", _TRIANGLES) == _FAN:
-            count = accessors[attributes["POSITION"]]["count"]
-            corners = np.arange(count)
-            if "indices" in primitive:
-                corners = self._values(accessors[primitive["indices"]])[:, 0].astype(int)
-            first = np.full(max(len(corners) - 2, 0), corners[0] if len(corners) else 0)
-            faces = np.stack([first, corners[1:-1], corners[2:]], -1)
-            primitive["indices"] = self._add(faces.astype("<u4").reshape(-1, 1), "SCALAR", 5125)
-            primitive["mode"] = _TRIANGLES
-
-    def _show_instances(self, node: dict[str, Any]) -> None:
-        """Give a node a child for each of its instances."""
-        told = node["extensions"].pop(_INSTANCES).get("attributes", {})
+    def _instances(self, node: dict[str, Any]) -> list[dict[str, Any]]:
+        """Return a node for each instance of a node's mesh."""
+        told = node["extensions"][_INSTANCES].get("attributes", {})
         names = {"TRANSLATION": "translation", "ROTATION": "rotation", "SCALE": "scale"}
-        values = {
-            own: self._values(self.document["accessors"][told[name]])
-            for name, own in names.items()
-            if name in told
-        }
-        mesh, count = node.pop("mesh", None), max((len(v) for v in values.values()), default=0)
-        if mesh is None or not count:
-            return
+        values = {own: self._values(told[name]) for name, own in names.items() if name in told}
+        count = max(map(len, values.values()), default=0)
+        if "mesh" not in node:
+            return []
         if count > _MOST_INSTANCES:
             raise ValueError(f"it shows {count} instances, more than the {_MOST_INSTANCES} taken")
-        for number in range(count):
-            place = {own: list(map(float, value[number])) for own, value in values.items()}
-            node.setdefault("children", []).append(len(self.document["nodes"]))
-            self.document["nodes"].append({"mesh": mesh} | place)
-
-    def _hidden(self) -> Iterator[dict[str, Any]]:
-        """Yield the nodes that are not visible, and all below them."""
-        nodes = self.document["nodes"]
-        left = [
-            k
-            for k, node in enumerate(nodes)
-            if node.get("extensions", {}).get(_VISIBILITY, {}).get("visible") is False
+        mesh = {key: node[key] for key in ("mesh", "weights") if key in node}
+        return [
+            mesh | {own: value[number] for own, value in values.items()} for number in range(count)
         ]
-        visited = set()
-        while left:
-            number = left.pop()
-            if number not in visited:
-                visited.add(number)
-                left += nodes[number].get("children", [])
-                yield nodes[number]
 
-    def _values(self, accessor: dict[str, Any]) -> np.ndarray:
+    def _mesh(self, node: dict[str, Any], matrix: np.ndarray) -> Iterator[Part]:
+        """Yield the parts of a node's mesh; vertex 0 of each replaces those that are not there."""
+        mesh, linear = self.document["meshes"][node["mesh"]], matrix[:3, :3]
+        weights = node.get("weights") or mesh.get("weights", [])
+        for primitive in mesh["primitives"]:
+            attributes, mode = primitive["attributes"], primitive.get("mode", _TRIANGLES)
+            if "POSITION" not in attributes or mode not in (_TRIANGLES, _STRIP, _FAN):
+                continue  # points and lines
+            places = self._places(primitive, weights)
+            faces = self._faces(primitive, mode, len(places))
+            if np.linalg.det(linear) < 0:  # a mirror image turns the winding
+                faces = faces[:, ::-1]
+            faces = np.where((faces >= 0) & (faces < len(places)), faces + 1, 0)
+            normals = np.full(places.shape, np.nan)
+            if "NORMAL" in attributes and np.linalg.matrix_rank(linear) == 3:
+                normals = self._values(attributes["NORMAL"]) @ np.linalg.inv(linear)
+            nowhere = np.full((1, 3), np.nan)
+            yield (
+                np.concatenate([nowhere, places @ linear.T + matrix[:3, 3]]),
+                faces,
+                np.concatenate([nowhere, normals]),
+            )
+
+    def _places(self, primitive: dict[str, Any], weights: list[float]) -> np.ndarray:
+        """Return the vertices of a primitive `(V, 3)`, moved to its morph targets."""
+        number = primitive["attributes"]["POSITION"]
+        pairs = zip(weights, primitive.get("targets", []), strict=False)
+        moves = [(weight, to["POSITION"]) for weight, to in pairs if weight and "POSITION" in to]
+        if not moves and {"bufferView", "sparse"}.isdisjoint(self.document["accessors"][number]):
+            raise ValueError("its vertices lie nowhere: it was compressed, say")
+        places = self._values(number)
+        for weight, target in moves:
+            places = places + weight * self._values(target)
+        return places.astype(np.float32)
+
+    def _faces(self, primitive: dict[str, Any], mode: int, count: int) -> np.ndarray:
+        """Return the triangles `(F, 3)` of a primitive of `count` vertices."""
+        corners = np.arange(count)
+        if "indices" in primitive:
+            corners = self._values(primitive["indices"])[:, 0].astype(int)
+        if mode == _STRIP:
+            return triangle_strips_to_faces([corners])
+        if mode == _FAN:
+            first = np.repeat(corners[:1], max(len(corners) - 2, 0))
+            return np.stack([first, corners[1:-1], corners[2:]], -1)
+        return corners.reshape(-1, 3)
+
+    def _values(self, number: int) -> np.ndarray:
         """Return the values `(N, C)` of an accessor, as floats, its sparse ones in their places."""
+        accessor = self.document["accessors"][number]
         count, columns = accessor["count"], _COLUMNS[accessor["type"]]
         kind = np.dtype(f"<{_TYPES[accessor['componentType']]}")
         if not 0 <= count * columns <= _LARGEST:
@@ -255,31 +221,24 @@ class _File:
     def _stored(
         self, place: dict[str, Any], count: int, columns: int, kind: np.dtype
     ) -> np.ndarray:
-        """Return what a view of the buffer holds, `(count, columns)`."""
+        """Return what a view of a buffer holds, `(count, columns)`."""
         view = self.document["bufferViews"][place["bufferView"]]
-        if view.get("buffer", 0) != 0 or {*_MESHOPT} & view.get("extensions", {}).keys():
-            raise ValueError("its vertices lie in another file, or are compressed: export it anew")
-        row = columns * kind.itemsize
-        start = view.get("byteOffset", 0) + place.get("byteOffset", 0)
+        if {*_MESHOPT} & view.get("extensions", {}).keys():
+            raise ValueError("its vertices are compressed: export it anew")
+        start = view.get("byteOffset", 0)
         return np.ndarray(
             (count, columns),
             kind,
-            bytes(self.binary),
-            start,
-            (view.get("byteStride") or row, kind.itemsize),
+            self.buffers[view.get("buffer", 0)][start : start + view["byteLength"]],
+            place.get("byteOffset", 0),
+            (view.get("byteStride") or columns * kind.itemsize, kind.itemsize),
         )
 
-    def _add(self, values: np.ndarray, kind: str, component: int) -> int:
-        """Append values to the buffer, and return the number of their accessor."""
-        self.binary += bytes(-len(self.binary) % 4)
-        view = {"buffer": 0, "byteOffset": len(self.binary), "byteLength": values.nbytes}
-        self.binary += values.tobytes()
-        self.document["bufferViews"].append(view)
-        accessor = {
-            "bufferView": len(self.document["bufferViews"]) - 1,
-            "componentType": component,
-            "count": len(values),
-            "type": kind,
-        }
-        self.document["accessors"].append(accessor)
-        return len(self.document["accessors"]) - 1
+
+def _placement(node: dict[str, Any]) -> np.ndarray:
+    """Return the matrix `(4, 4)` that places a node's content in the node above."""
+    x, y, z, w = node.get("rotation", (0, 0, 0, 1))
+    matrix = np.reshape(node.get("matrix", np.eye(4)), (4, 4)).T
+    matrix = matrix @ transformations.translation_matrix(node.get("translation", (0, 0, 0)))
+    matrix = matrix @ transformations.quaternion_matrix((w, x, y, z))
+    return matrix @ np.diag([*node.get("scale", (1, 1, 1)), 1])

@@ -146,50 +146,32 @@ def may_cover(mesh: Mesh, share: float) -> bool:
 def _parts(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[str]]:
     """Read vertices, faces and normals of all parts of a file, each part in its place, and notes.
 
-    Normals that the file does not give are NaN. Vertex 0 is NaN: it replaces vertices that a face
+    Normals that the file does not give are NaN. A vertex that is NaN replaces those that a face
     names and the file does not have.
 
     Raises:
         ValueError: if the file requires what is not read, or fewer faces are read than it holds.
     """
-    content, kind, notes, expected = path.read_bytes(), path.suffix[1:].lower(), [], None
-    if kind in ("obj", "ply"):
-        return *(obj if kind == "obj" else ply).read(content), []
-    if kind == "glb":
-        plain = gltf.plain(content)
-        content, expected, notes = plain.content, plain.faces, list(plain.notes)
-    elif kind == "stl" and content.lstrip().startswith(b"solid") and b"facet" in content[:2048]:
+    content, kind = path.read_bytes(), path.suffix.lower()
+    if kind == ".glb":
+        return gltf.read(content)
+    return *{".obj": obj.read, ".ply": ply.read, ".stl": _read_stl}[kind](content), []
+
+
+def _read_stl(content: bytes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Read all solids of an STL, of text or of bytes; its normals, of faces, are not used."""
+    expected = 0
+    if content.lstrip().startswith(b"solid") and b"facet" in content[:2048]:
         # Of two solids of one name, trimesh reads one.
         content = _BETWEEN_SOLIDS.sub(b"\n", content)
         expected = len(_FACET.findall(content))
-    elif kind == "stl":
+    else:
         # Whatever follows the last face lets trimesh take it for text.
         content = content[: 84 + 50 * int.from_bytes(content[80:84], "little")]
-    scene = trimesh.load_scene(io.BytesIO(content), file_type=kind, process=False)
-    nowhere = np.full((1, 3), np.nan)
-    vertices, faces, normals, count = [nowhere], [np.zeros((0, 3), int)], [nowhere], 1
-    for node in scene.graph.nodes_geometry:
-        matrix, name = scene.graph[node]
-        part = scene.geometry[name]
-        if not len(getattr(part, "faces", ())):
-            continue  # points and lines
-        linear = matrix[:3, :3]
-        vertices.append(part.vertices @ linear.T + matrix[:3, 3])
-        turned = -1 if np.linalg.det(linear) < 0 else 1  # a mirror image turns the winding
-        corners = part.faces[:, ::turned].astype(int)
-        there = (corners >= 0) & (corners < len(part.vertices))
-        faces.append(np.where(there, count + corners, 0))
-        # trimesh computes normals that were not read; only its cache shows which were read.
-        has_normals = "vertex_normals" in part._cache.cache and np.linalg.matrix_rank(linear) == 3
-        blank = np.full(part.vertices.shape, np.nan)
-        normals.append(part.vertex_normals @ np.linalg.inv(linear) if has_normals else blank)
-        count += len(part.vertices)
-    corners = np.concatenate(faces)
-    if expected is not None and (
-        len(corners) < expected or (kind == "glb" and len(corners) > expected)
-    ):
-        raise ValueError(f"{len(corners)} faces were read, and it holds {expected}")
-    return np.concatenate(vertices), corners, np.concatenate(normals), notes
+    mesh = trimesh.load_mesh(io.BytesIO(content), file_type="stl", process=False)
+    if len(mesh.faces) < expected:
+        raise ValueError(f"{len(mesh.faces)} faces were read, and it holds {expected}")
+    return np.asarray(mesh.vertices), np.asarray(mesh.faces), np.full(mesh.vertices.shape, np.nan)
 
 
 def _sound(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
