@@ -21,7 +21,7 @@ import trimesh
 
 from lime_keras.optics.shading import normaliser
 from lime_keras.render.mitsuba_setup import variants
-from lime_keras.render.scene import integrals, lights, sampling, sources
+from lime_keras.render.scene import environments, integrals, lights, sampling, sources
 from lime_keras.render.scene.quality import FAST, QUALITIES, Quality
 from lime_keras.render.shapes import meshes
 
@@ -42,7 +42,8 @@ def main() -> None:
     arguments = options.parse_args()
     variants.activate(variants.choose(), threads=1)
     _register_lobe()
-    maps = sources.LightSource(arguments.environments, "train", 0, arguments.cache)
+    files = sources.files(arguments.environments, "train", environments.EXTENSIONS)
+    maps = sources.LightSource(files, "train", 0, arguments.cache)
     ball = trimesh.creation.icosphere(subdivisions=6)
     mesh = meshes.normalised(ball.vertices, ball.faces, ball.vertices)
     print(

@@ -25,8 +25,9 @@ from lime_keras import console
 from lime_keras.optics import shading, shininess
 from lime_keras.optics.blinn_phong import BlinnPhong
 from lime_keras.render.mitsuba_setup import variants
-from lime_keras.render.scene import example, lights, sampling, sources
+from lime_keras.render.scene import environments, example, lights, sampling, sources
 from lime_keras.render.scene.quality import FAST, QUALITIES, Quality
+from lime_keras.render.shapes import meshes
 
 LOBES = {"dull": 2.4, "middle": 42.0, "shiny": 650.0}
 KNOBS: dict[str, tuple] = {
@@ -89,8 +90,10 @@ def _arguments() -> argparse.Namespace:
 
 
 def _scenes(arguments: argparse.Namespace) -> list[Scene]:
-    shapes = sources.ShapeSource(arguments.shapes, "train", 0)
-    maps = sources.LightSource(arguments.environments, "train", 0, arguments.out / "rooms")
+    bodies = sources.files(arguments.shapes, "train", meshes.EXTENSIONS)
+    files = sources.files(arguments.environments, "train", environments.EXTENSIONS)
+    shapes = sources.ShapeSource(bodies, "train", 0)
+    maps = sources.LightSource(files, "train", 0, arguments.out / "rooms")
     rng = np.random.default_rng(0)
     names = sources.random_subset(rng, maps.names(), arguments.maps)
     out = []

@@ -125,14 +125,17 @@ def _work(task: dict[str, Any]) -> None:
 def _sources(task: dict[str, Any], case: str, number: int) -> Any:
     """Return the sources of a round, with an eighth as many shapes and lights as examples."""
     from lime_keras.render.corpus.random_example import Sources
-    from lime_keras.render.scene import sources
+    from lime_keras.render.scene import environments, sources
+    from lime_keras.render.shapes import meshes
 
-    shapes, environments = (Path(task[k]) if task[k] else None for k in _FOLDERS)
+    shapes, hdris = (Path(task[k]) if task[k] else None for k in _FOLDERS)
+    bodies = sources.files(shapes, "train", meshes.EXTENSIONS)
+    maps = sources.files(hdris, "train", environments.EXTENSIONS)
     lights: dict[str, Any] = {} if case == "maps" else {"law": "mixed"}
     found = Sources(
-        sources.ShapeSource(shapes, "train", 0),
-        sources.LightSource(environments, "train", 0, Path(task["rooms"]), **lights),
-        sources.BackgroundSource(None),
+        sources.ShapeSource(bodies, "train", 0),
+        sources.LightSource(maps, "train", 0, Path(task["rooms"]), **lights),
+        sources.BackgroundSource(()),
         **({} if case == "maps" else {"endless": 0.25}),
     )
     most = max(task["count"] // _A_LIGHT, 1)

@@ -25,9 +25,9 @@ def example() -> Example:
     variants.activate(variants.choose(), threads=1)
     with tempfile.TemporaryDirectory() as rooms:
         sources = Sources(
-            ShapeSource(None, "train", SEED),
-            LightSource(None, "train", SEED, Path(rooms), law=MIXED),
-            BackgroundSource(None),
+            ShapeSource((), "train", SEED),
+            LightSource((), "train", SEED, Path(rooms), law=MIXED),
+            BackgroundSource(()),
             endless=0.5,
         )
         return render_example(SEED, INDEX, sources, shard_size=16)

@@ -74,9 +74,9 @@ class Sources:
                 a corpus it is `CORPUS/SPLIT/rooms`.
         """
         return cls(
-            ShapeSource(None, split, seed),
-            LightSource(None, split, seed, rooms),
-            BackgroundSource(None),
+            ShapeSource((), split, seed),
+            LightSource((), split, seed, rooms),
+            BackgroundSource(()),
         )
 
     def names_in_shard(

@@ -61,10 +61,11 @@ def render_split(
     # Check the inputs before the folder is made, so that an unusable file leaves nothing.
     begun = _refuse_another(job)
     known = None if begun is None else inputs.read(job.split.inputs_path)
-    findings = _inspect(job, readers, known, on_input)
+    files = description.files()
+    findings = _inspect(files, readers, known, on_input)
     if begun is None and not skip_unusable:
         inputs.refuse(findings)
-    job = dataclasses.replace(job, usable=inputs.usable(findings))
+    job = dataclasses.replace(job, usable=inputs.usable(files, findings))
     _check_other_split(job, findings)
     renderers: cluster.Cluster | Pool
     if ray:
@@ -79,7 +80,7 @@ def render_split(
         _render_missing(job, renderers, on_room, on_example)
         manifest = _manifest(job, findings)
         # A file that changed meanwhile may be in some shards only.
-        _inspect(job, readers, findings, on_input)
+        _inspect(description.files(), readers, findings, on_input)
         resuming.write_json(job.split.manifest_path, manifest)
     return manifest
 
@@ -104,9 +105,8 @@ def _refuse_another(job: Job) -> dict[str, Any] | None:
 
 
 def _inspect(
-    job: Job, pool: Pool, known: inputs.Findings | None, tell: OnProgress
+    files: dict[str, list[Path]], pool: Pool, known: inputs.Findings | None, tell: OnProgress
 ) -> inputs.Findings:
-    files = job.description.files()
     return inputs.inspect(files, known, lambda task, items: pool.map(task, items, tell))
 
 

@@ -1,7 +1,7 @@
 """The description of a split, on which the split's bytes depend, and the job of rendering it."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -75,9 +75,10 @@ class Description:
         folder = getattr(self, kind)
         return Path(folder) if folder else None
 
-    def split_of(self, kind: str) -> str:
-        """Return the split whose files of a kind of `inputs.KINDS` are used."""
-        return self.light_split or self.split if kind == "environments" else self.split
+    @property
+    def light_from(self) -> str:
+        """The split whose lights are used."""
+        return self.light_split or self.split
 
     def recorded(self) -> dict[str, Any]:
         """Return the description as it is stored in JSON; a built-in kind has no entry.
@@ -100,14 +101,11 @@ class Description:
         Raises:
             ValueError: if a folder is missing or holds too few files.
         """
-        extensions = {"shapes": meshes.EXTENSIONS, "environments": environments.EXTENSIONS}
-        paths = {
-            kind: sources.files(folder, self.split_of(kind), known) if folder else []
-            for kind, known in extensions.items()
-            for folder in [self.folder(kind)]
-        }
-        return paths | {
-            "backgrounds": sources.BackgroundSource(self.folder("backgrounds")).pictures()
+        shapes, maps = self.folder("shapes"), self.folder("environments")
+        return {
+            "shapes": sources.files(shapes, self.split, meshes.EXTENSIONS),
+            "environments": sources.files(maps, self.light_from, environments.EXTENSIONS),
+            "backgrounds": sources.pictures(self.folder("backgrounds")),
         }
 
 
@@ -119,15 +117,14 @@ class Job:
         out: folder of the corpus.
         description: description of the split.
         choice: variant and library of Mitsuba.
-        usable: names of the user's files to use, by kind; None if the folder is to be listed, or if
-            the kind is built in.
+        usable: the user's files to use, by kind; none of a kind that is built in.
     """
 
     out: Path
     description: Description
     choice: variants.Choice
-    usable: Mapping[str, tuple[str, ...] | None] = dataclasses.field(
-        default_factory=lambda: dict.fromkeys(inputs.KINDS)
+    usable: Mapping[str, Sequence[Path]] = dataclasses.field(
+        default_factory=lambda: dict.fromkeys(inputs.KINDS, ())
     )
 
     @property
@@ -138,35 +135,28 @@ class Job:
     @property
     def shapes(self) -> sources.ShapeSource:
         """The source of the split's shapes."""
-        description = self.description
+        asked = self.description
         return sources.ShapeSource(
-            description.folder("shapes"),
-            description.split,
-            description.seed,
-            self.usable["shapes"],
-            description.shape_count,
+            self.usable["shapes"], asked.split, asked.seed, asked.shape_count
         )
 
     @property
     def lights(self) -> sources.LightSource:
         """The source of the split's lights."""
-        description = self.description
+        asked = self.description
         return sources.LightSource(
-            description.folder("environments"),
-            description.split_of("environments"),
-            description.seed,
-            self.split.folder / "rooms",
             self.usable["environments"],
-            description.light_count,
-            description.light_law,
+            asked.light_from,
+            asked.seed,
+            self.split.folder / "rooms",
+            asked.light_count,
+            asked.light_law,
         )
 
     @property
     def backgrounds(self) -> sources.BackgroundSource:
         """The source of the backgrounds."""
-        return sources.BackgroundSource(
-            self.description.folder("backgrounds"), self.usable["backgrounds"]
-        )
+        return sources.BackgroundSource(self.usable["backgrounds"])
 
     def missing(self) -> list[int]:
         """Return the numbers of the shards of which a file is missing."""

@@ -168,8 +168,12 @@ def refuse(findings: Findings) -> None:
         )
 
 
-def usable(findings: Findings) -> dict[str, tuple[str, ...] | None]:
-    """Return the names of the files to use, by kind; None for a built-in kind.
+def usable(files: dict[str, list[Path]], findings: Findings) -> dict[str, list[Path]]:
+    """Return the files to use, by kind; none of a built-in kind.
+
+    Args:
+        files: files by kind, as they were given to `inspect`.
+        findings: what it found.
 
     Raises:
         ValueError: If no usable file of a kind is left.
@@ -181,7 +185,10 @@ def usable(findings: Findings) -> dict[str, tuple[str, ...] | None]:
                 f"none of the split's {kind} can be used:\n  "
                 + _listed(_reasons({kind: problems[kind]}), "\n  ")
             )
-    return {kind: tuple(of_kind) or None for kind, of_kind in digests(findings).items()}
+    return {
+        kind: [path for path in paths if path.name not in problems[kind]]
+        for kind, paths in files.items()
+    }
 
 
 def digests(findings: Findings) -> dict[str, dict[str, str]]:

@@ -8,6 +8,7 @@ if the folder has both.
 
 import hashlib
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -31,6 +32,8 @@ LIGHT_LAWS = ("mixed", "maps")
 """Laws of the lights: mixtures of maps, rooms, skies and lamps (`light_law`); or single maps."""
 MIXED, MAPS = LIGHT_LAWS
 _SKY_ROWS = 512
+_LARGEST_MAP = 512
+"""Largest number of rows of a light; larger maps are averaged down, as they light no better."""
 # Seeds hold the place of a kind: append, and never remove or reorder. `entry`, `order` and
 # `texture` are no longer drawn.
 _KINDS = {
@@ -61,12 +64,14 @@ def random_subset(rng: np.random.Generator, names: list[str], most: int) -> list
     return [names[k] for k in sorted(rng.choice(len(names), most, replace=False))]
 
 
-def files(folder: Path, split: str, extensions: tuple[str, ...]) -> list[Path]:
-    """Return the files of a folder that belong to a split, sorted by name.
+def files(folder: Path | None, split: str, extensions: tuple[str, ...]) -> list[Path]:
+    """Return the files of a folder that belong to a split, sorted by name; none without a folder.
 
     Raises:
         ValueError: if the folder or a split's is missing, or has too few files for two splits.
     """
+    if folder is None:
+        return []
     if not folder.is_dir():
         raise ValueError(f"{folder} is no folder: pass one with {', '.join(extensions)} files")
     dealt = {name: folder / name for name in SPLITS}
@@ -92,30 +97,42 @@ def files(folder: Path, split: str, extensions: tuple[str, ...]) -> list[Path]:
     return [path for path in listed if (path in tests) == (split == "test")]
 
 
+def pictures(folder: Path | None) -> list[Path]:
+    """Return the pictures of a folder, sorted by name; none without a folder.
+
+    Raises:
+        ValueError: if the folder is missing or holds no picture.
+    """
+    if folder is None:
+        return []
+    if not folder.is_dir():
+        raise ValueError(f"{folder} is no folder: pass one with pictures")
+    listed = list_folder(folder, (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp"))
+    if not listed:
+        raise ValueError(f"{folder} holds no picture (PNG, JPEG, TIFF or WebP)")
+    return listed
+
+
 @dataclass(frozen=True)
 class ShapeSource:
     """The meshes of one split, by name.
 
     Args:
-        folder: folder of mesh files, or None for built-in shapes.
+        files: mesh files; none for built-in shapes.
         split: `train` or `test`.
         seed: seed of the corpus.
-        usable: names of the folder's files that were found usable; None to list the folder.
         count: number of built-in shapes; None for `PROCEDURAL_SHAPES`.
     """
 
-    folder: Path | None
+    files: Sequence[Path]
     split: str
     seed: int
-    usable: tuple[str, ...] | None = None
     count: int | None = None
 
     def names(self) -> list[str]:
         """Return the names of all shapes of the split, in a fixed order."""
-        if self.usable is not None:
-            return list(self.usable)
-        if self.folder:
-            return [path.name for path in files(self.folder, self.split, meshes.EXTENSIONS)]
+        if self.files:
+            return [path.name for path in self.files]
         count = self.count or PROCEDURAL_SHAPES[self.split]
         return [f"{self.split}-{index:04d}" for index in range(count)]
 
@@ -125,8 +142,8 @@ class ShapeSource:
         Raises:
             ValueError: if the file of the mesh cannot be used.
         """
-        if self.folder:
-            return meshes.load(_find(self.folder, self.split, name))
+        if self.files:
+            return meshes.load(_named(self.files)[name])
         index = int(name.rsplit("-", 1)[1])
         return procedural.procedural(generator(self.seed, self.split, "shape", index))
 
@@ -136,27 +153,25 @@ class LightSource:
     """The environment maps of one split, by name.
 
     Args:
-        folder: folder of environment maps, or None for built-in ones.
+        files: environment maps; none for built-in ones.
         split: `train` or `test`.
         seed: seed of the corpus.
         cache: folder that keeps the maps of rendered rooms.
-        usable: names of the folder's files that were found usable; None to list the folder.
         count: number of built-in rooms; None for `PROCEDURAL_ROOMS`.
-        law: one of `LIGHT_LAWS`. Single maps are those of the folder, or rooms; mixed lights are
-            made of all: the folder's maps, rooms and skies.
+        law: one of `LIGHT_LAWS`. Single maps are the files, or rooms; mixed lights are made of all:
+            files, rooms and skies.
     """
 
-    folder: Path | None
+    files: Sequence[Path]
     split: str
     seed: int
     cache: Path
-    usable: tuple[str, ...] | None = None
     count: int | None = None
     law: str = MAPS
 
     def names(self) -> list[str]:
         """Return the names of all maps of the split, in a fixed order."""
-        own = self._files()
+        own = [path.name for path in self.files]
         if self.law == MAPS:
             return own or self.rooms()
         skies = [f"sky-{index:04d}" for index in range(SKIES)]
@@ -164,7 +179,7 @@ class LightSource:
 
     def rooms(self) -> list[str]:
         """Return the names of the built-in rooms that light the split; an empty list if none do."""
-        if self.folder and self.law == MAPS:
+        if self.files and self.law == MAPS:
             return []
         count = self.count or PROCEDURAL_ROOMS[self.split]
         return [f"room-{index:04d}.exr" for index in range(count)]
@@ -179,8 +194,8 @@ class LightSource:
 
     def radiance(self, name: str) -> np.ndarray:
         """Return the radiance `(H, W)` of the map of that name, H at most 512; see `load`."""
-        if self.folder and name in self._files():
-            radiance = environments.load(_find(self.folder, self.split, name))
+        if path := _named(self.files).get(name):
+            radiance = environments.load(path)
         elif name.startswith("sky-"):
             # `skies` imports Mitsuba, which must wait until `variants.activate` chose its library.
             from . import skies
@@ -196,14 +211,6 @@ class LightSource:
             height = min(_LARGEST_MAP, radiance.shape[1] // 2)
             radiance = environments.resized(radiance, height)
         return radiance
-
-    def _files(self) -> list[str]:
-        """Return the names of the folder's maps; an empty list without a folder."""
-        if self.usable is not None:
-            return list(self.usable)
-        if self.folder:
-            return [path.name for path in files(self.folder, self.split, environments.EXTENSIONS)]
-        return []
 
     def render_room(self, name: str) -> None:
         """Render one built-in room into the cache; Mitsuba's variant must be set before."""
@@ -221,47 +228,21 @@ class BackgroundSource:
     """The backgrounds of a corpus: random textures, or crops of the user's pictures.
 
     Args:
-        folder: folder of pictures, or None for random textures.
-        usable: names of the folder's files that were found usable; None to list the folder.
+        files: pictures; none for random textures.
     """
 
-    folder: Path | None
-    usable: tuple[str, ...] | None = None
-
-    def pictures(self) -> list[Path]:
-        """Return the user's pictures, sorted by name; an empty list without a folder.
-
-        Raises:
-            ValueError: if the folder is missing or holds no picture.
-        """
-        if not self.folder:
-            return []
-        if self.usable is not None:
-            return [self.folder / name for name in self.usable]
-        if not self.folder.is_dir():
-            raise ValueError(f"{self.folder} is no folder: pass one with pictures")
-        pictures = list_folder(self.folder, (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp"))
-        if not pictures:
-            raise ValueError(f"{self.folder} holds no picture (PNG, JPEG, TIFF or WebP)")
-        return pictures
+    files: Sequence[Path]
 
     def sample(self, rng: np.random.Generator, size: int) -> np.ndarray:
         """Draw a background `(size, size, 3)`, sRGB in [0, 1].
 
         Raises:
-            ValueError: if the folder holds no picture, or a picture cannot be read.
+            ValueError: if a picture cannot be read.
         """
-        pictures = self.pictures()
-        if not pictures:
+        if not self.files:
             return backgrounds.procedural(rng, size)
-        return backgrounds.photograph(pictures[rng.integers(len(pictures))], rng, size)
+        return backgrounds.photograph(self.files[int(rng.integers(len(self.files)))], rng, size)
 
 
-_LARGEST_MAP = 512
-"""Largest number of rows of a light; larger maps are averaged down, as they light no better."""
-
-
-def _find(folder: Path, split: str, name: str) -> Path:
-    """Return the path of a file in a folder, or in its subfolder for the split (see `files`)."""
-    dealt = all((folder / name).is_dir() for name in SPLITS)
-    return (folder / split if dealt else folder) / name
+def _named(paths: Sequence[Path]) -> dict[str, Path]:
+    return {path.name: path for path in paths}

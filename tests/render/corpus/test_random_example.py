@@ -9,6 +9,7 @@ from lime_keras.optics.material_law import sample_material
 from lime_keras.render.corpus import bodies, random_example
 from lime_keras.render.corpus.bodies import Body
 from lime_keras.render.corpus.random_example import Sources, render_example
+from lime_keras.render.scene import environments
 from lime_keras.render.scene.quality import FAST
 from lime_keras.render.scene.sampling import sample_light_rotation, sample_pose
 from lime_keras.render.scene.sources import (
@@ -16,8 +17,10 @@ from lime_keras.render.scene.sources import (
     BackgroundSource,
     LightSource,
     ShapeSource,
+    files,
     generator,
 )
+from lime_keras.render.shapes import meshes
 
 SMALL = {"size": 64, "shard_size": 2}
 
@@ -25,10 +28,11 @@ SMALL = {"size": 64, "shard_size": 2}
 @pytest.fixture(scope="module")
 def sources(tmp_path_factory):
     folder = write_inputs(tmp_path_factory.mktemp("inputs"))
+    maps = files(folder / "environments", "train", environments.EXTENSIONS)
     return Sources(
-        ShapeSource(folder / "shapes", "train", 0),
-        LightSource(folder / "environments", "train", 0, folder / "rooms"),
-        BackgroundSource(None),
+        ShapeSource(files(folder / "shapes", "train", meshes.EXTENSIONS), "train", 0),
+        LightSource(maps, "train", 0, folder / "rooms"),
+        BackgroundSource(()),
     )
 
 
@@ -109,7 +113,7 @@ def test_built_in_sources_are_those_of_a_corpus_of_that_seed(tmp_path):
     [one, other] = (sources.names_in_shard(5, shard, 512)[0] for shard in (0, 1))
     assert len(one) == len(other) == 64 and one != other
     mesh, _ = sources.mesh(one[0], 64, FAST)
-    expected = ShapeSource(None, "train", 5).load(one[0].name)
+    expected = ShapeSource((), "train", 5).load(one[0].name)
     np.testing.assert_array_equal(mesh.vertices, expected.vertices)
     assert sources.mesh(one[0], 64, FAST)[0] is mesh  # held
 
@@ -117,11 +121,11 @@ def test_built_in_sources_are_those_of_a_corpus_of_that_seed(tmp_path):
 @pytest.fixture(scope="module")
 def varied(sources):
     """Two files, a mixture of a map with rooms and skies, and bodies made for each shard."""
-    lights = LightSource(sources._lights.folder, "train", 0, sources._lights.cache, law=MIXED)
+    lights = LightSource(sources._lights.files, "train", 0, sources._lights.cache, law=MIXED)
     lights.cache.mkdir(exist_ok=True)
     for name in lights.rooms():  # any map will do, and rendering takes seconds
         if not (lights.cache / name).is_file():
-            (lights.cache / name).write_bytes((lights.folder / sources.light_names[0]).read_bytes())
+            (lights.cache / name).write_bytes(lights.files[0].read_bytes())
     return Sources(sources._shapes, lights, sources.backgrounds, endless=0.8)
 
 

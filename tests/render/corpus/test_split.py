@@ -154,9 +154,10 @@ def test_a_node_finds_the_files_that_were_checked_skipped_ones_too(
         (tmp_path / name).write_bytes(b"")
     changed = Description(**(vars(description) | {"backgrounds": str(tmp_path)}))
     job = Job(tmp_path / "out", changed, mitsuba_choice)
-    skipping = dataclasses.replace(job, usable=job.usable | {"backgrounds": ("sound.png",)})
+    sound = {"backgrounds": [tmp_path / "sound.png"]}
+    skipping = dataclasses.replace(job, usable=job.usable | sound)
     assert skipping.description.files() == job.description.files()
-    assert [path.name for path in skipping.backgrounds.pictures()] == ["sound.png"]
+    assert skipping.backgrounds.files == sound["backgrounds"]
 
 
 def test_a_finished_split_is_left_alone(rendered, description, mitsuba_choice):
@@ -192,9 +193,10 @@ def test_other_options_in_the_same_folder_are_refused(
 def test_other_options_that_came_while_inputs_were_checked_are_refused(
     description, mitsuba_choice, tmp_path, monkeypatch
 ):
-    def inspected(job, *_):
-        resuming.write_json(job.split.description_path, job.description.recorded() | {"seed": 99})
-        return {}
+    def inspected(files, *_):
+        path = Split(tmp_path, description.split).description_path
+        resuming.write_json(path, description.recorded() | {"seed": 99})
+        return {kind: [] for kind in files}
 
     monkeypatch.setattr(split, "_inspect", inspected)
     with pytest.raises(ValueError, match="seed 99 there, "):
@@ -205,7 +207,7 @@ def test_an_example_alone_is_that_of_the_shard_field_by_field(
     rendered, description, mitsuba_choice
 ):
     """In this process, as a notebook renders it."""
-    job = Job(rendered[0], description, mitsuba_choice)
+    job = Job(rendered[0], description, mitsuba_choice, description.files())
     sources = Sources(job.shapes, job.lights, job.backgrounds)
     shards = tf.data.TFRecordDataset([str(path) for path in job.split.shard_paths()])
     stored = list(shards.as_numpy_iterator())
@@ -305,7 +307,7 @@ def test_a_varied_split_lists_what_it_is_made_of_and_is_sound(
         shutil.copy(folder / rendered[1]["lights"][0], job.lights.cache / name)
     manifest = render(tmp_path, varied, mitsuba_choice)
     assert manifest["description"]["light_law"] == "mixed" and manifest["failures"] == []
-    assert manifest["lights"] == [*rendered[1]["lights"], *job.lights.names()[1:]]
+    assert manifest["lights"] == [*rendered[1]["lights"], *job.lights.names()]
     assert len(manifest["lights"]) == 1 + 40 + 48
     own = rendered[1]["shapes"]
     assert manifest["shapes"][: len(own)] == own

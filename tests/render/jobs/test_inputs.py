@@ -12,7 +12,6 @@ import pytest
 import trimesh
 
 from lime_keras.render.jobs import inputs
-from lime_keras.render.scene import sources
 
 
 def in_turn(function, items):
@@ -52,8 +51,7 @@ def test_usable_files_are_found_usable(files, tmp_path):
     assert [f.name for f in findings["shapes"]] == ["ball.ply", "box.obj"]
     assert all(len(f.sha256) == 64 and f.size > 0 for found in findings.values() for f in found)
     inputs.refuse(findings)
-    used = inputs.usable(findings)
-    assert used == {kind: tuple(p.name for p in paths) for kind, paths in files.items()}
+    assert inputs.usable(files, findings) == files
     assert inputs.repairs(findings) == []
     inputs.write(tmp_path / "inputs.json", findings)
     assert inputs.read(tmp_path / "inputs.json") == findings
@@ -86,18 +84,18 @@ def test_all_unusable_files_are_refused_together(files):
 def test_unusable_files_are_skipped_with_their_reasons(files):
     spoil(files["shapes"][0])
     findings = inputs.inspect(files, None, in_turn)
-    assert inputs.usable(findings)["shapes"] == ("box.obj",)
+    assert inputs.usable(files, findings)["shapes"] == files["shapes"][1:]
     problems = inputs.unusable(findings)
     assert list(problems["shapes"]) == ["ball.ply"] and problems["environments"] == {}
     assert "cannot be read as a mesh" in problems["shapes"]["ball.ply"]
     spoil(files["shapes"][1])
     with pytest.raises(ValueError, match=r"none of the split's shapes can be used:\n  shapes:"):
-        inputs.usable(inputs.inspect(files, None, in_turn))
+        inputs.usable(files, inputs.inspect(files, None, in_turn))
 
 
 def test_a_kind_that_is_built_in_needs_no_files(files):
-    findings = inputs.inspect(files | {"environments": []}, None, in_turn)
-    assert inputs.usable(findings)["environments"] is None
+    files["environments"] = []
+    assert inputs.usable(files, inputs.inspect(files, None, in_turn)) == files
 
 
 def test_a_long_list_is_cut(tmp_path):
@@ -221,28 +219,6 @@ def test_other_processes_can_judge(files):
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
         findings = inputs.inspect(files, None, lambda f, items: list(pool.map(f, items)))
     assert findings == pickle.loads(pickle.dumps(inputs.inspect(files, None, in_turn)))
-
-
-# ---- sources draw from what was found usable --------------------------------------------------
-
-
-def test_sources_name_what_was_found_usable_whatever_comes_later(tmp_path):
-    for k in range(20):
-        for kind in ("obj", "exr", "png"):
-            (tmp_path / f"{k}.{kind}").touch()
-    usable = ("3.obj", "5.obj")
-    assert sources.ShapeSource(tmp_path, "train", 0, usable).names() == list(usable)
-    assert sources.LightSource(tmp_path, "train", 0, tmp_path, usable).names() == list(usable)
-    pictures = sources.BackgroundSource(tmp_path, ("7.png",)).pictures()
-    assert pictures == [tmp_path / "7.png"]
-
-
-def test_a_dealt_file_is_read_from_its_subfolder(tmp_path):
-    for folder, size in ((tmp_path, 1), (tmp_path / "train", 2), (tmp_path / "test", 3)):
-        folder.mkdir(exist_ok=True)
-        trimesh.creation.icosphere(subdivisions=size).export(folder / "ball.ply")
-    for split, faces in (("train", 320), ("test", 1280)):
-        assert len(sources.ShapeSource(tmp_path, split, 0).load("ball.ply").faces) == faces
 
 
 @pytest.mark.parametrize("kind, name", [("shapes", "a.obj"), ("environments", "a.exr")])

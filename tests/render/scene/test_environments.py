@@ -247,10 +247,9 @@ def test_xyze_is_refused_by_name(tmp_path):
 def test_maps_of_any_size_become_lights(tmp_path, size):
     """By the road that the renderer takes, from file to light."""
     rows, columns = size
-    for name in ("a.exr", "b.exr"):
-        write(tmp_path / name, np.full((rows, columns, 1), 5, np.float32))
-    source = sources.LightSource(tmp_path, "train", 0, tmp_path)
-    light = source.load(source.names()[0])
+    write(tmp_path / "a.exr", np.full((rows, columns, 1), 5, np.float32))
+    source = sources.LightSource([tmp_path / "a.exr"], "train", 0, tmp_path)
+    light = source.load("a.exr")
     np.testing.assert_allclose(light.diffuse_shading, lights.MEAN_RADIANCE, rtol=0.01)
 
 

@@ -90,14 +90,14 @@ def test_generators_are_independent_of_one_another():
 
 def test_built_in_names_tell_splits_apart(tmp_path):
     for split, shapes, rooms in (("train", 400, 40), ("test", 100, 12)):
-        shape_names = sources.ShapeSource(None, split, 0).names()
-        room_names = sources.LightSource(None, split, 0, tmp_path).names()
+        shape_names = sources.ShapeSource((), split, 0).names()
+        room_names = sources.LightSource((), split, 0, tmp_path).names()
         assert (len(set(shape_names)), len(set(room_names))) == (shapes, rooms)
 
 
 def test_a_built_in_shape_depends_on_seed_split_and_number():
     meshes = [
-        sources.ShapeSource(None, split, seed).load(f"{split}-{index:04d}")
+        sources.ShapeSource((), split, seed).load(f"{split}-{index:04d}")
         for split, seed, index in (
             ("train", 0, 0),
             ("train", 0, 0),
@@ -118,7 +118,8 @@ def test_meshes_are_found_by_name(tmp_path, dealt):
         folder.mkdir(exist_ok=True)
         trimesh.creation.box((1, 2, 3)).export(folder / f"{split}.obj")
     for split in ("train", "test"):
-        source = sources.ShapeSource(tmp_path, split, 0)
+        files = sources.files(tmp_path, split, EXTENSIONS)
+        source = sources.ShapeSource(files, split, 0)
         [name] = source.names()
         assert len(source.load(name).faces) == 12
 
@@ -126,7 +127,7 @@ def test_meshes_are_found_by_name(tmp_path, dealt):
 def test_a_built_in_room_is_rendered_once_and_read_again(mitsuba_choice, monkeypatch, tmp_path):
     small = functools.partial(renderer.render, height=32, samples=2)
     monkeypatch.setattr(renderer, "render", small)
-    source = sources.LightSource(None, "train", 0, tmp_path / "rooms")
+    source = sources.LightSource((), "train", 0, tmp_path / "rooms")
     first = source.load("room-0003.exr")
     assert [path.name for path in (tmp_path / "rooms").iterdir()] == ["room-0003.exr"]
     monkeypatch.delattr(renderer, "render")
@@ -135,20 +136,19 @@ def test_a_built_in_room_is_rendered_once_and_read_again(mitsuba_choice, monkeyp
 
 
 def test_a_large_map_is_averaged_down(tmp_path):
-    for name in ("a.exr", "b.exr"):
-        image = oiio.ImageBuf(np.ones((600, 1200), np.float16))
-        assert image.write(str(tmp_path / name))
-    source = sources.LightSource(tmp_path, "test", 0, tmp_path)
-    [name] = source.names()
-    assert source.load(name).radiance.shape == (512, 1024)
+    image = oiio.ImageBuf(np.ones((600, 1200), np.float16))
+    assert image.write(str(tmp_path / "a.exr"))
+    source = sources.LightSource([tmp_path / "a.exr"], "test", 0, tmp_path)
+    assert source.names() == ["a.exr"]
+    assert source.load("a.exr").radiance.shape == (512, 1024)
 
 
 def test_backgrounds_are_textures_or_crops_of_pictures(tmp_path):
     rng = np.random.default_rng(0)
-    assert sources.BackgroundSource(None).sample(rng, 32).shape == (32, 32, 3)
+    assert sources.BackgroundSource(()).sample(rng, 32).shape == (32, 32, 3)
     with pytest.raises(ValueError, match=f"{tmp_path.name} holds no picture"):
-        sources.BackgroundSource(tmp_path).sample(rng, 32)
+        sources.pictures(tmp_path)
     image = oiio.ImageBuf(np.full((60, 80, 3), 128, np.uint8))
     assert image.write(str(tmp_path / "grey.png"))
-    picture = sources.BackgroundSource(tmp_path).sample(rng, 32)
+    picture = sources.BackgroundSource(sources.pictures(tmp_path)).sample(rng, 32)
     np.testing.assert_allclose(picture, 0.5, atol=0.01)
