@@ -20,7 +20,8 @@ def sample(rng: np.random.Generator) -> Mesh:
     for change in changes:
         changed = change(rng, solid)
         solid = changed if changed.volume() > _LEAST_LEFT * solid.volume() else solid
-    return normalised(*parts.of_solid(parts.largest(solid)))
+    largest = max(solid.decompose(), key=lambda piece: piece.volume())
+    return normalised(*parts.of_solid(largest))
 
 
 def _piece(rng: np.random.Generator) -> Manifold:
@@ -120,7 +121,7 @@ def _carved(rng: np.random.Generator, solid: Manifold) -> Manifold:
         axis = rng.integers(3)
         shift[axis] = 2 * wall
         inside = solid.translate(tuple(-middle)).scale(tuple(scale))
-        inside = parts.union([inside, inside.translate(tuple(shift))])
+        inside = inside + inside.translate(tuple(shift))
         return solid - inside.translate(tuple(middle))
     count, radius = int(rng.integers(3, 8)), rng.uniform(0.1, 0.25) * least
     cutter = Manifold.cylinder(6.0, radius, radius, 24, True)

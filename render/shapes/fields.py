@@ -16,16 +16,14 @@ import numpy as np
 from .parts import direction
 
 Field = Callable[[np.ndarray], np.ndarray]
+Solid = tuple[Field, float]
+"""The field of a solid, and the radius of a ball around the origin that holds the solid."""
 
 _LEAST_LEFT = 0.015  # least share of the cube of half width one that a carved solid still fills
 
 
-def composition(rng: np.random.Generator) -> tuple[Field, float]:
-    """Draw primitives that grow out of one another, displaced by waves.
-
-    Returns:
-        The field, and the radius of a ball around the origin that holds the solid.
-    """
+def composition(rng: np.random.Generator) -> Solid:
+    """Draw primitives that grow out of one another, displaced by waves."""
     parts: list[Field] = []
     sizes: list[float] = []
     centres = [np.zeros(3)]
@@ -50,12 +48,8 @@ def composition(rng: np.random.Generator) -> tuple[Field, float]:
     return field, float(radius)
 
 
-def blobs(rng: np.random.Generator) -> tuple[Field, float]:
-    """Draw overlapping balls, blended and stretched, often mirrored left to right.
-
-    Returns:
-        The field, and the radius of a ball around the origin that holds the solid.
-    """
+def blobs(rng: np.random.Generator) -> Solid:
+    """Draw overlapping balls, blended and stretched, often mirrored left to right."""
     count = int(rng.integers(3, 10))
     radii = rng.uniform(0.12, 0.45, count).astype(np.float32)
     radii[0] = rng.uniform(0.3, 0.5)
@@ -82,12 +76,8 @@ def blobs(rng: np.random.Generator) -> tuple[Field, float]:
     return field, float(reach / stretch.min()) + 0.5
 
 
-def frame(rng: np.random.Generator) -> tuple[Field, float]:
-    """Draw thin bars, blades and hoops that grow out of a body, often mirrored left to right.
-
-    Returns:
-        The field, and the radius of a ball around the origin that holds the solid.
-    """
+def frame(rng: np.random.Generator) -> Solid:
+    """Draw thin bars, blades and hoops that grow out of a body, often mirrored left to right."""
     mirrored = rng.random() < 0.5
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0].astype(np.float32)  # of the mirror plane
     body = rng.uniform(0.08, 0.35, 3)
@@ -117,12 +107,8 @@ def frame(rng: np.random.Generator) -> tuple[Field, float]:
     return field, max(float(np.linalg.norm(joint)) for joint in joints) + 1.5
 
 
-def carved(rng: np.random.Generator) -> tuple[Field, float]:
-    """Draw a primitive that others cut into, through or off, with rounded edges; some are hollow.
-
-    Returns:
-        The field, and the radius of a ball around the origin that holds the solid.
-    """
+def carved(rng: np.random.Generator) -> Solid:
+    """Draw a primitive that others cut into, through or off, rounded at the edges; some hollow."""
     axis = np.linspace(-1, 1, 16, dtype=np.float32)
     grid = np.stack(np.meshgrid(axis, axis, axis)).reshape(3, -1)
     while True:
@@ -163,12 +149,8 @@ def _scaled(solid: Field, d: np.ndarray, p: np.ndarray) -> np.ndarray:
     return d / np.maximum(np.sqrt(sum(s * s for s in slopes)) / h, np.float32(0.3))
 
 
-def dented(rng: np.random.Generator) -> tuple[Field, float]:
-    """Draw a solid with dents, bumps, grooves or ribs.
-
-    Returns:
-        The field, and the radius of a ball around the origin that holds the solid.
-    """
+def dented(rng: np.random.Generator) -> Solid:
+    """Draw a solid with dents, bumps, grooves or ribs."""
     base = _primitive(rng, 0.8, np.zeros(3))
     marks: list[tuple[Field, bool]] = []
     for _ in range(rng.integers(1, 9)):

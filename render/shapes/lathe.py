@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from . import sweeps
+from . import parts, sweeps
 from .meshes import Mesh, normalised
 
 CORNER = np.radians(33)  # a profile that bends by more has separate normals on either side
@@ -88,14 +88,12 @@ def turned(profile: np.ndarray, rng: np.random.Generator, sides: int = SIDES) ->
     depth = rng.choice([0.0, rng.uniform(0.1, 0.6) / flutes], p=(0.6, 0.4))
     twist = rng.choice([0.0, rng.uniform(-1.0, 1.0)])
     angle = 2 * np.pi * np.arange(sides) / sides
-    vertices, normals, faces, count = [], [], [], 0
+    pieces = []
     for section in _sections(profile):
         points, outward = _revolved(section, angle, flutes, depth, twist)
-        vertices.append(points.reshape(-1, 3))
-        normals.append(outward.reshape(-1, 3))
-        faces.append(count + _strip_faces(section[:, 0], len(angle)))
-        count += len(vertices[-1])
-    return normalised(*(np.concatenate(part) for part in (vertices, faces, normals)))
+        faces = _strip_faces(section[:, 0], len(angle))
+        pieces.append((points.reshape(-1, 3), faces, outward.reshape(-1, 3)))
+    return normalised(*parts.joined(pieces))
 
 
 def _sections(profile: np.ndarray) -> list[np.ndarray]:

@@ -8,7 +8,7 @@ results are closed by construction.
 from collections.abc import Sequence
 
 import numpy as np
-from manifold3d import Manifold, OpType
+from manifold3d import Manifold
 
 Part = tuple[np.ndarray, np.ndarray, np.ndarray]
 
@@ -16,13 +16,7 @@ CREASE = 38.0  # angle in degrees: faces that meet at a larger one keep separate
 
 
 def of_solid(solid: Manifold) -> Part:
-    """Return the surface of a solid, with creases where faces meet at more than `CREASE` degrees.
-
-    Raises:
-        ValueError: If the solid is empty.
-    """
-    if solid.is_empty():
-        raise ValueError("The solid is empty: it has no surface.")
+    """Return the surface of a solid; it has creases between faces at more than `CREASE` degrees."""
     mesh = solid.calculate_normals(0, CREASE).to_mesh()
     values = np.asarray(mesh.vert_properties)
     return values[:, :3], np.asarray(mesh.tri_verts), values[:, 3:6]
@@ -34,16 +28,6 @@ def joined(parts: Sequence[Part]) -> Part:
     vertices, faces, normals = zip(*parts, strict=True)
     shifted = [f.astype(int) + start for f, start in zip(faces, starts, strict=False)]
     return np.concatenate(vertices), np.concatenate(shifted), np.concatenate(normals)
-
-
-def union(solids: Sequence[Manifold]) -> Manifold:
-    """Return the union of solids."""
-    return Manifold.batch_boolean(list(solids), OpType.Add)
-
-
-def largest(solid: Manifold) -> Manifold:
-    """Return the largest connected piece of a solid."""
-    return max(solid.decompose(), key=lambda piece: piece.volume())
 
 
 def direction(rng: np.random.Generator) -> np.ndarray:

@@ -16,17 +16,7 @@ def draw(rng: np.random.Generator) -> CrossSection:
         outline = pierced if pierced.area() > 0.4 * outline.area() else outline
     if rng.random() < 0.35:
         outline = _rounded(outline, rng.uniform(0.02, 0.12))
-    return largest(outline)
-
-
-def largest(outline: CrossSection) -> CrossSection:
-    """Return the largest connected piece of a profile."""
     return max(outline.decompose(), key=lambda piece: piece.area())
-
-
-def polygon(points: np.ndarray) -> CrossSection:
-    """Return the profile inside a closed polyline `(K, 2)`."""
-    return CrossSection([points])
 
 
 def convex(rng: np.random.Generator) -> CrossSection:
@@ -59,14 +49,14 @@ def _polygon(rng: np.random.Generator) -> CrossSection:
     step = angles[1]
     uneven = rng.choice([0.0, rng.uniform(0.1, 0.35)])
     angles = angles + uneven * step * rng.uniform(-1, 1, len(angles))
-    return polygon(_at(1 - uneven * rng.uniform(0, 1, len(angles)), angles))
+    return CrossSection([_at(1 - uneven * rng.uniform(0, 1, len(angles)), angles)])
 
 
 def _radial(rng: np.random.Generator) -> CrossSection:
     """Draw a star of 3 to 14 points."""
     points = int(rng.integers(3, 15))
     radii = np.where(np.arange(2 * points) % 2, rng.uniform(0.3, 0.85), 1.0)
-    return polygon(_at(radii, _angles(2 * points)))
+    return CrossSection([_at(radii, _angles(2 * points))])
 
 
 def _gear(rng: np.random.Generator) -> CrossSection:
@@ -76,7 +66,7 @@ def _gear(rng: np.random.Generator) -> CrossSection:
     edges = np.array([0, slope, share, share + slope]) / 1.0
     angles = (np.arange(teeth)[:, None] + edges) * 2 * np.pi / teeth
     radii = np.broadcast_to([root, 1.0, 1.0, root], angles.shape)
-    return polygon(_at(radii.ravel(), angles.ravel()))
+    return CrossSection([_at(radii.ravel(), angles.ravel())])
 
 
 def _flower(rng: np.random.Generator) -> CrossSection:
@@ -86,7 +76,7 @@ def _flower(rng: np.random.Generator) -> CrossSection:
     for _ in range(3):
         order = int(rng.integers(2, 9))
         radii += rng.uniform(0, 1.2 / order) * np.cos(order * angles + rng.uniform(0, 2 * np.pi))
-    return polygon(_at(np.maximum(radii, 0.2) / radii.max(), angles))
+    return CrossSection([_at(np.maximum(radii, 0.2) / radii.max(), angles)])
 
 
 def _rectangle(rng: np.random.Generator) -> CrossSection:
@@ -119,7 +109,7 @@ def _ring(rng: np.random.Generator) -> CrossSection:
     if rng.random() < 0.6:
         opening = np.radians(rng.uniform(20, 140))
         wedge = [(0.0, 0.0), *_at(3.0, np.linspace(-opening, opening, 5))]
-        outline -= polygon(np.array(wedge))
+        outline -= CrossSection([np.array(wedge)])
     return outline
 
 

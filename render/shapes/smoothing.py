@@ -1,6 +1,7 @@
 """Normals for meshes without normals: consistent winding, sharp at creases, smooth elsewhere."""
 
 import numpy as np
+import trimesh
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
@@ -50,11 +51,8 @@ def smoothed(
 def _joined(vertices: np.ndarray) -> np.ndarray:
     """Return for each vertex the index of the vertex that represents all vertices in its place."""
     rounded = np.round(vertices, _JOINED) + 0.0  # no negative zeros
-    order = np.lexsort(rounded.T)
-    new = (np.diff(rounded[order], axis=0, prepend=np.nan) != 0).any(1)
-    joined = np.empty(len(vertices), int)
-    joined[order] = order[new][np.cumsum(new) - 1]
-    return joined
+    _, first, place = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
+    return first[place.ravel()]
 
 
 def _edges(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -66,12 +64,8 @@ def _edges(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         The two half-edges of each edge, `(E,)` each, and whether both run the same way, `(E,)`.
     """
     start, end = corners.ravel(), np.roll(corners, -1, axis=1).ravel()
-    low, high = np.minimum(start, end), np.maximum(start, end)
-    order = np.lexsort((low, high))
-    new = (np.diff(low[order], prepend=-1) != 0) | (np.diff(high[order], prepend=-1) != 0)
-    begin = np.flatnonzero(new)
-    begin = begin[np.diff(begin, append=len(order)) == 2]
-    one, other = order[begin], order[begin + 1]
+    edges = np.sort(np.stack([start, end], axis=1), axis=1)
+    one, other = trimesh.grouping.group_rows(edges, require_count=2).T
     return one, other, start[one] == start[other]
 
 
@@ -82,7 +76,7 @@ def _against(corners: np.ndarray) -> np.ndarray:
     # Each face is two nodes of a graph: as it is, and turned. Neighbours that agree are joined. A
     # surface with two sides gives two components; that with more unturned faces is taken.
     f, g = one // 3, other // 3 + np.where(same, count, 0)
-    piece = _components(np.r_[f, (f + count)], np.r_[g, (g + count) % (2 * count)], 2 * count)
+    piece = components(np.r_[f, (f + count)], np.r_[g, (g + count) % (2 * count)], 2 * count)
     kept = np.bincount(piece[:count], minlength=piece.max() + 1)
     as_is, turned = piece[:count], piece[count:]
     return (kept[turned] > kept[as_is]) | ((kept[turned] == kept[as_is]) & (turned < as_is))
@@ -95,10 +89,10 @@ def _patches(corners: np.ndarray, normals: np.ndarray) -> np.ndarray:
     smooth = ~same & ((unit[one // 3] * unit[other // 3]).sum(1) > np.cos(CREASE))
     one, other = one[smooth], other[smooth]
     ends = [h - h % 3 + (h + 1) % 3 for h in (one, other)]
-    return _components(np.r_[one, ends[0]], np.r_[ends[1], other], corners.size)
+    return components(np.r_[one, ends[0]], np.r_[ends[1], other], corners.size)
 
 
-def _components(a: np.ndarray, b: np.ndarray, count: int) -> np.ndarray:
+def components(a: np.ndarray, b: np.ndarray, count: int) -> np.ndarray:
     """Number the connected components of a graph of `count` nodes with edges from a to b."""
     graph = coo_array((np.ones(len(a), bool), (a, b)), shape=(count, count))
     return connected_components(graph, directed=False)[1]

@@ -34,26 +34,22 @@ def swept(
     """
     tangent = _tangents(curve, closed)
     first, second = _frames(curve, tangent, closed, 2 * np.pi * turns)
-    vertices, normals, faces, grids, count = [], [], [], [], 0
+    pieces, rows = [], []
     for piece in section:
         u, v = piece.T[..., None]
         offset = u[..., None] * first + v[..., None] * second  # (M, K, 3)
         points = (curve + radius[:, None] * offset).swapaxes(0, 1)  # (K, M, 3)
-        normals.append(_normals(points, piece, first, second, closed).reshape(-1, 3))
-        vertices.append(points.reshape(-1, 3))
-        grids.append(points)
-        faces.append(count + _grid(len(curve), len(piece), closed))
-        count += len(vertices[-1])
+        normals = _normals(points, piece, first, second, closed).reshape(-1, 3)
+        pieces.append((points.reshape(-1, 3), _grid(len(curve), len(piece), closed), normals))
+        rows.append(points[:, :-1])
     if not closed:
         for end, side in ((0, -1), (-1, 1)):
-            ring = np.concatenate([rows[end, :-1] for rows in grids])
-            vertices.append(np.concatenate([curve[end][None], ring]))
-            normals.append(np.repeat(side * tangent[end][None], len(ring) + 1, axis=0))
-            k = np.arange(len(ring))
-            fan = np.stack([0 * k, k + 1, (k + 1) % len(ring) + 1], 1)
-            faces.append(count + fan[:, ::side])
-            count += len(vertices[-1])
-    return np.concatenate(vertices), np.concatenate(faces), np.concatenate(normals)
+            disc = np.concatenate([curve[end][None], *(row[end] for row in rows)])
+            k = np.arange(len(disc) - 1)
+            fan = np.stack([0 * k, k + 1, (k + 1) % len(k) + 1], 1)
+            normals = np.repeat(side * tangent[end][None], len(disc), axis=0)
+            pieces.append((disc, fan[:, ::side], normals))
+    return parts.joined(pieces)
 
 
 def tube(curve: np.ndarray, radius: np.ndarray | float, closed: bool, sides: int = 12) -> Part:

@@ -1,4 +1,4 @@
-"""Parts: solids placed, united and turned into surfaces with normals."""
+"""Parts: solids placed, joined and turned into surfaces with normals."""
 
 import numpy as np
 import pytest
@@ -20,24 +20,12 @@ def test_a_box_has_flat_faces_and_a_ball_none():
     assert (vertices * normals).sum(1).min() > 0.999
 
 
-def test_an_empty_solid_is_refused():
-    with pytest.raises(ValueError, match="empty"):
-        parts.of_solid(Manifold())
-
-
 def test_joined_parts_keep_their_faces():
     near, far = (parts.of_solid(Manifold.cube((1, 1, 1)).translate((x, 0, 0))) for x in (0.0, 5.0))
     both = as_mesh(parts.joined([near, far]))
     assert is_balanced(both)
     assert volume(both) == pytest.approx(2)
     np.testing.assert_allclose(both.vertices.max(0), [6, 1, 1])
-
-
-def test_a_union_counts_an_overlap_once():
-    cubes = [Manifold.cube((1, 1, 1)).translate((x, 0, 0)) for x in (0.0, 0.5)]
-    assert parts.union(cubes).volume() == pytest.approx(1.5)
-    pair = parts.union([cubes[0], Manifold.cube((0.1, 0.1, 0.1)).translate((4, 0, 0))])
-    assert parts.largest(pair).volume() == pytest.approx(1)
 
 
 @pytest.mark.parametrize("seed", range(8))
