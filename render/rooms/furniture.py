@@ -1,10 +1,9 @@
 """Furniture of a room: tables, shelves and blocks, at random places on the floor."""
 
-from collections.abc import Iterable
-
 import numpy as np
+from numpy.typing import ArrayLike
 
-from .panels import Solid, as_vector
+from .panels import Solid
 
 CLEARANCE = 0.3  # metres around the viewpoint that stay empty
 
@@ -31,13 +30,13 @@ def sample(rng: np.random.Generator, size: np.ndarray, viewpoint: np.ndarray) ->
 def _solid(
     rng: np.random.Generator,
     kind: str,
-    centre: Iterable[float],
-    extent: Iterable[float],
+    centre: ArrayLike,
+    extent: ArrayLike,
     turn: float,
 ) -> Solid:
     gloss = float(rng.uniform(0.15, 0.6)) if rng.random() < 0.3 else None
     albedo = float(rng.uniform(0.04, 0.85))
-    return Solid(kind, as_vector(centre), as_vector(extent), float(turn), albedo, gloss)
+    return Solid(kind, centre, extent, float(turn), albedo, gloss)
 
 
 def _block(rng: np.random.Generator, place: np.ndarray, extent: np.ndarray) -> list[Solid]:
@@ -68,8 +67,8 @@ def _table(rng: np.random.Generator, place: np.ndarray, extent: np.ndarray) -> l
     feet = [(sx * (w - 0.05), sz * (d - 0.05)) for sx in (-1, 1) for sz in (-1, 1)]
     half = (0.03, h / 2 - 0.03, 0.03)
     for x, z in feet:
-        centre = as_vector((place[0] + x, h / 2, place[1] + z))
-        solids.append(Solid("box", centre, as_vector(half), 0.0, top.albedo))
+        centre = (place[0] + x, h / 2, place[1] + z)
+        solids.append(Solid("box", centre, half, 0.0, top.albedo))
     return solids
 
 
@@ -80,12 +79,12 @@ def _shelf(rng: np.random.Generator, place: np.ndarray, extent: np.ndarray) -> l
     gap = h / boards
     tone = float(rng.uniform(0.05, 0.8))
     solids = [
-        Solid("box", as_vector((place[0] + s * w, h / 2, place[1])), (0.015, h / 2, d), 0.0, tone)
+        Solid("box", (place[0] + s * w, h / 2, place[1]), (0.015, h / 2, d), 0.0, tone)
         for s in (-1, 1)
     ]
     for k in range(boards):
         y = (k + 0.5) * gap
-        solids.append(Solid("box", as_vector((place[0], y, place[1])), (w, 0.015, d), 0.0, tone))
+        solids.append(Solid("box", (place[0], y, place[1]), (w, 0.015, d), 0.0, tone))
         half = rng.uniform((0.1 * w, 0.1 * gap, 0.3 * d), (0.9 * w, 0.4 * gap, 0.9 * d))
         centre = (place[0] + rng.uniform(-1, 1) * (w - half[0]), y + 0.02 + half[1], place[1])
         solids.append(_solid(rng, "box", centre, half, 0.0))

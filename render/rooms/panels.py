@@ -3,14 +3,12 @@
 Lengths are in metres; Y is up.
 """
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-Vector = tuple[float, float, float]
-Pattern = tuple[tuple[float, ...], ...]
 Piece = tuple[np.ndarray, ...]  # vertices, normals, faces, and each face's albedo and roughness
 
 
@@ -19,16 +17,16 @@ class Panel:
     """A rectangle divided into cells, visible from the side of `across` x `up`.
 
     Attributes:
-        corner: The lower left corner.
+        corner: The lower left corner, `(3,)`.
         across: The edge from the corner to the right.
         up: The edge from the corner upwards.
-        cells: The albedo of each cell, by rows from the bottom; ((0,),) for a light.
+        cells: The albedo of each cell, `(rows, columns)` from the bottom; 0 for a light.
     """
 
-    corner: Vector
-    across: Vector
-    up: Vector
-    cells: Pattern
+    corner: ArrayLike
+    across: ArrayLike
+    up: ArrayLike
+    cells: ArrayLike
 
 
 @dataclass(frozen=True)
@@ -37,16 +35,16 @@ class Solid:
 
     Attributes:
         kind: "box", "cylinder", "tube" or "sphere".
-        centre: Centre of the bounding box.
-        extent: Half extents along the solid's own axes.
+        centre: Centre of the bounding box, `(3,)`.
+        extent: Half extents along the solid's own axes, `(3,)`.
         turn: Rotation about the vertical in radians.
         albedo: Albedo between 0 and 1; 0 for a lamp.
         roughness: Roughness of a glossy coat, between 0 and 1, or None for a matte solid.
     """
 
     kind: str
-    centre: Vector
-    extent: Vector
+    centre: ArrayLike
+    extent: ArrayLike
     turn: float
     albedo: float
     roughness: float | None = None
@@ -86,7 +84,7 @@ def solid_piece(solid: Solid) -> Piece:
 def _unit(kind: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the vertices, normals and faces of a solid of half extents 1."""
     if kind == "box":
-        v, n, f, *_ = panel_piece(Panel((-1, -1, 1), (2, 0, 0), (0, 2, 0), ((0,),)))
+        v, n, f, *_ = panel_piece(Panel((-1, -1, 1), (2, 0, 0), (0, 2, 0), [[0]]))
         turns = [np.eye(3)[list(p)] * np.array(q)[:, None] for p, q in _BOX_TURNS]
         vertices, normals, faces = merged([(v @ t.T, n @ t.T, f) for t in turns])
         return vertices, normals, faces
@@ -144,14 +142,3 @@ def area(piece: Piece) -> float:
     vertices, _, faces, _, _ = piece
     a, b, c = vertices[faces].swapaxes(0, 1)
     return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
-
-
-def as_vector(values: Iterable[float]) -> Vector:
-    """Return three numbers as a tuple of floats, which can be compared."""
-    x, y, z = values
-    return float(x), float(y), float(z)
-
-
-def as_pattern(values: np.ndarray) -> Pattern:
-    """Return rows of numbers as tuples of floats, which can be compared."""
-    return tuple(tuple(float(value) for value in row) for row in values)

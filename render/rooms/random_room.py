@@ -7,9 +7,10 @@ floor is the plane y = 0, and the vertical axis runs through the middle of the r
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from . import furniture
-from .panels import Panel, Pattern, Solid, Vector, area, as_pattern, as_vector, solid_piece
+from .panels import Panel, Solid, area, solid_piece
 
 LIGHTS = 11  # largest number of emitters: sky and ground of three windows, and five lamps
 
@@ -27,8 +28,8 @@ class Light:
 class Room:
     """A room: its size (width, height, depth), viewpoint, panels, solids and lights."""
 
-    size: Vector
-    viewpoint: Vector
+    size: np.ndarray
+    viewpoint: np.ndarray
     panels: tuple[Panel, ...]
     solids: tuple[Solid, ...]
     lights: tuple[Light, ...]
@@ -57,8 +58,8 @@ def sample(rng: np.random.Generator) -> Room:
     lights += [_lamp(rng, size, viewpoint) for _ in range(rng.integers(1, 6))]
     pictures = [_picture(rng, walls[k]) for k in order[glazed:] if rng.random() < 0.6]
     return Room(
-        size=as_vector(size),
-        viewpoint=as_vector(viewpoint),
+        size=size,
+        viewpoint=viewpoint,
         panels=(*walls, *frames, *pictures),
         solids=tuple(furniture.sample(rng, size, viewpoint)),
         lights=tuple(lights),
@@ -77,16 +78,16 @@ def _walls(rng: np.random.Generator, size: np.ndarray) -> list[Panel]:
     plain = [0.55] * 4 + [0.4, 0.85]
     return [
         Panel(
-            as_vector(np.array(corner) / 2),
-            as_vector(across),
-            as_vector(up),
-            ((float(tone),),) if rng.random() < share else _pattern(rng, tone),
+            np.array(corner) / 2,
+            across,
+            up,
+            [[tone]] if rng.random() < share else _pattern(rng, tone),
         )
         for corner, (across, up), tone, share in zip(corners, edges, tones, plain, strict=True)
     ]
 
 
-def _pattern(rng: np.random.Generator, tone: float) -> Pattern:
+def _pattern(rng: np.random.Generator, tone: float) -> np.ndarray:
     """Draw a pattern of albedos around a tone: stripes, checks, a dado or patches."""
     rows, columns = rng.integers(4, 20, 2)
     other = np.clip(tone * np.exp(rng.choice([-1, 1]) * rng.uniform(0.3, 1.5)), 0.03, 0.95)
@@ -102,15 +103,15 @@ def _pattern(rng: np.random.Generator, tone: float) -> Pattern:
         share = i[:, :1] < rows * rng.uniform(0.2, 0.5)
     else:
         share = rng.random((rows, columns))
-    return as_pattern(tone + (other - tone) * share)
+    return tone + (other - tone) * share
 
 
-def _on_wall(wall: Panel, rect: np.ndarray, lift: float, cells: Pattern) -> Panel:
+def _on_wall(wall: Panel, rect: np.ndarray, lift: float, cells: ArrayLike) -> Panel:
     """Return a panel at `rect` (left, bottom, width, height in metres), lifted off the wall."""
     across, up = np.array(wall.across), np.array(wall.up)
     u, v = across / np.linalg.norm(across), up / np.linalg.norm(up)
     corner = np.array(wall.corner) + rect[0] * u + rect[1] * v + lift * np.cross(u, v)
-    return Panel(as_vector(corner), as_vector(rect[2] * u), as_vector(rect[3] * v), cells)
+    return Panel(corner, rect[2] * u, rect[3] * v, cells)
 
 
 def _place(rng: np.random.Generator, wall: Panel, width: tuple, height: tuple) -> np.ndarray:
@@ -125,7 +126,7 @@ def _window(rng: np.random.Generator, wall: Panel) -> tuple[Panel, Light, Light]
     """Draw a window: its frame with bars, the bright sky and the darker ground behind it."""
     rect = _place(rng, wall, (0.6, 3.0), (0.8, 2.0))
     bar, columns, rows = rng.uniform(0.03, 0.08), rng.integers(1, 4), rng.integers(1, 4)
-    frame = _on_wall(wall, rect, 0.01, ((float(rng.uniform(0.05, 0.9)),),))
+    frame = _on_wall(wall, rect, 0.01, [[rng.uniform(0.05, 0.9)]])
     cell = (rect[2:] - bar) / (columns, rows)
     horizon = rect[1] + rect[3] * rng.uniform(0.05, 0.6)
     halves: tuple[list, list] = ([], [])
@@ -135,7 +136,7 @@ def _window(rng: np.random.Generator, wall: Panel) -> tuple[Panel, Light, Light]
             for half, (a, b) in zip(halves, ((split, high), (low, split)), strict=True):
                 if b > a:
                     pane = np.array([left, a, cell[0] - bar, b - a])
-                    half.append(_on_wall(wall, pane, 0.02, ((0.0,),)))
+                    half.append(_on_wall(wall, pane, 0.02, [[0.0]]))
     sky = np.exp(rng.uniform(np.log(2), np.log(40)))
     ground = sky * rng.uniform(0.05, 0.6)
     above, below = halves
@@ -146,7 +147,7 @@ def _picture(rng: np.random.Generator, wall: Panel) -> Panel:
     """Draw a picture, a door or a poster: patches of random albedo in a frame."""
     rect = _place(rng, wall, (0.4, 1.8), (0.4, 1.4))
     cells = np.pad(rng.uniform(0.03, 0.95, rng.integers(1, 8, 2)), 1, constant_values=rng.random())
-    return _on_wall(wall, rect, 0.015, as_pattern(cells))
+    return _on_wall(wall, rect, 0.015, cells)
 
 
 def _lamp(rng: np.random.Generator, size: np.ndarray, viewpoint: np.ndarray) -> Light:
@@ -168,6 +169,6 @@ def _lamp(rng: np.random.Generator, size: np.ndarray, viewpoint: np.ndarray) -> 
         x, z = rng.uniform(-1, 1, 2) * reach[[0, 2]]
         if np.linalg.norm([x - viewpoint[0], y - viewpoint[1], z - viewpoint[2]]) > 1.2:
             break
-    solid = Solid(shape, as_vector((x, y, z)), as_vector(extent), float(rng.uniform(0, np.pi)), 0.0)
+    solid = Solid(shape, (x, y, z), extent, float(rng.uniform(0, np.pi)), 0.0)
     flux = np.exp(rng.uniform(np.log(3), np.log(60)))
     return Light(float(flux / (np.pi * area(solid_piece(solid)))), solids=(solid,))

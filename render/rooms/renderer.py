@@ -11,7 +11,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .panels import Piece, Vector, area, merged, panel_piece, solid_piece
+from .panels import Piece, area, merged, panel_piece, solid_piece
 from .random_room import LIGHTS, Light, Room
 
 FACES = {"matte": 16384, "glossy": 8192, "light": 640}  # number of faces of each mesh
@@ -105,7 +105,7 @@ def _mesh(kind: str, bsdf: dict, emitter: dict | None = None) -> "mi.Mesh":
     mesh.add_attribute("face_albedo", 1, [0.5] * faces)
     mesh.add_attribute("face_roughness", 1, [0.5] * faces)
     parameters = mi.traverse(mesh)
-    for name, values in _buffers(kind, [], (0.0, 0.0, 0.0)).items():
+    for name, values in _buffers(kind, [], np.zeros(3)).items():
         parameters[name] = values
     parameters.update()
     return mesh
@@ -139,7 +139,7 @@ def _furnish(parameters: "mi.SceneParameters", room: Room) -> None:
     parameters.update()
 
 
-def _buffers(kind: str, pieces: list[Piece], origin: Vector) -> dict[str, np.ndarray]:
+def _buffers(kind: str, pieces: list[Piece], origin: np.ndarray) -> dict[str, np.ndarray]:
     """Return Mitsuba's flat buffers of some pieces, filled up to the mesh's number of faces.
 
     The buffers begin with a tiny triangle far below the room, and end with faces without area.
