@@ -6,10 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..scene.sources import ShapeSource, generator
-from ..shapes.endless import endless
-from ..shapes.meshes import Mesh
-
 MOST = 64
 """Largest number of bodies, and of lights, that a shard draws from.
 
@@ -59,14 +55,3 @@ def draw(
         else:
             bodies.append(Body(names[order[place]]))
     return bodies
-
-
-def load(body: Body, shapes: ShapeSource) -> Mesh:
-    """Load or make the mesh of a body.
-
-    Raises:
-        ValueError: if the file of the shape cannot be used.
-    """
-    if body.place is None:
-        return shapes.load(body.name)
-    return endless(generator(shapes.seed, shapes.split, "body", *body.place))

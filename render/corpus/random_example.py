@@ -23,6 +23,7 @@ from ..scene.sources import (
     generator,
     random_subset,
 )
+from ..shapes.endless import endless
 from ..shapes.meshes import Mesh
 from . import bodies
 from .bodies import Body
@@ -102,7 +103,10 @@ class Sources:
         }
 
     def _mesh(self, body: Body, size: int, quality: Quality) -> tuple[Mesh, Tracer]:
-        mesh = bodies.load(body, self._shapes)
+        if body.place is None:
+            mesh = self._shapes.load(body.name)
+        else:
+            mesh = endless(generator(self._shapes.seed, self.split, "body", *body.place))
         # Test splits keep what they show, and so the rays one by one.
         return mesh, Tracer(mesh, size, quality, packets=self.split != "test")
 

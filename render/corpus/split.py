@@ -6,7 +6,7 @@ interruptions. A finished shard is never written again.
 """
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -187,7 +187,11 @@ def _manifest(job: Job, findings: inputs.Findings) -> dict[str, Any]:
     paths = map(job.split.sidecar_path, range(job.description.shards))
     sidecars = [resuming.sidecar(path) for path in paths]
     return {
-        "packages": _packages(sidecars),
+        # Shards may have different versions, if the software was changed in between.
+        "packages": {
+            name: ", ".join(sorted({sidecar["packages"][name] for sidecar in sidecars}))
+            for name in sidecars[0]["packages"]
+        },
         "description": job.description.recorded(),
         "device": variants.device_of(job.description.variant),
         "shards": job.description.shards,
@@ -199,17 +203,6 @@ def _manifest(job: Job, findings: inputs.Findings) -> dict[str, Any]:
         "inputs": inputs.digests(findings),
         "skipped": inputs.unusable(findings),
         "repaired": inputs.repairs(findings),
-    }
-
-
-def _packages(sidecars: Sequence[dict[str, Any]]) -> dict[str, str]:
-    """Return the versions of packages that shards were rendered with, by name.
-
-    Shards may have different versions, if the software was changed in between.
-    """
-    return {
-        name: ", ".join(sorted({sidecar["packages"][name] for sidecar in sidecars}))
-        for name in sidecars[0]["packages"]
     }
 
 

@@ -11,7 +11,7 @@ from ..jobs.description import Job
 from ..jobs.processes import Ticks
 from ..mitsuba_setup import variants
 from ..scene.quality import QUALITIES
-from .random_example import Example, Sources, render_example
+from .random_example import Sources, render_example
 
 PACKAGES = ("mitsuba", "drjit", "numpy", "OpenImageIO", "tensorflow")
 """Packages on whose versions the bytes of a shard may depend."""
@@ -30,20 +30,6 @@ class Worker:
     job: Job
     sources: Sources
     ticks: Ticks
-
-    def example(self, index: int) -> Example:
-        """Render the split's example of that index."""
-        description = self.job.description
-        return render_example(
-            description.seed,
-            index,
-            self.sources,
-            size=description.size,
-            quality=QUALITIES[description.quality],
-            shard_size=description.shard_size,
-            materials=description.materials,
-            lobe=description.shading,
-        )
 
 
 def start(job: Job, ticks: Ticks) -> Worker:
@@ -68,21 +54,30 @@ def render_shard(worker: Worker, shard: int) -> None:
     """
     import tensorflow as tf  # must come after Mitsuba
 
-    split, indices = worker.job.split, worker.job.description.indices(shard)
+    split, asked = worker.job.split, worker.job.description
     failures: list[dict[str, Any]] = []
     path = split.shard_path(shard)
     try:
         # `shared`: a node that was taken for lost may still be writing the same shard.
         with atomic.replacing(path, shared=True) as partial:
             with tf.io.TFRecordWriter(str(partial)) as writer:
-                for index in indices:
-                    example = worker.example(index)
+                for index in asked.indices(shard):
+                    example = render_example(
+                        asked.seed,
+                        index,
+                        worker.sources,
+                        size=asked.size,
+                        quality=QUALITIES[asked.quality],
+                        shard_size=asked.shard_size,
+                        materials=asked.materials,
+                        lobe=asked.shading,
+                    )
                     writer.write(example.record)
                     failures += example.failures
                     worker.ticks.put(1)
             digest = untrusted.sha256(partial)
         sidecar = {
-            "examples": len(indices),
+            "examples": len(asked.indices(shard)),
             "sha256": digest,
             "failures": failures,
             "packages": resuming.versions(PACKAGES),

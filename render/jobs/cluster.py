@@ -84,21 +84,27 @@ class Cluster:
             board = self._board()
             work = self._work(task)
             pending = {work.remote(board, item): item for item in items}
-            progress, losses = _Progress(), Counter[Hashable]()
+            counts, losses = Counter[Hashable](), Counter[Hashable]()
+            where: dict[Hashable, str] = {}
             living: dict[str, str] | None = None
             while pending:
                 finished, _ = ray.wait(list(pending), timeout=0.2)
                 # Read before the news, so that the news holds all reports of nodes lost by now.
                 living, before = self._living(), living
-                if progress.learn(ray.get(board.take.remote())):
-                    tell(done + progress.counts.total(), total)
+                news = ray.get(board.take.remote())
+                for item, (node, count) in news.items():
+                    where[item] = node
+                    # A shard that is rendered again counts from 1 again: the larger count is kept.
+                    counts[item] = max(count, counts[item])
+                if news:
+                    tell(done + counts.total(), total)
                 failures = {ref: failure for ref in finished if (failure := self._failure(ref))}
                 for ref in set(finished) - failures.keys():
                     del pending[ref]
                 lost = _lost(before, living)
                 # If a node was cut off, Ray itself waits for minutes before it reports a failure.
                 for ref, item in pending.items():
-                    if progress.nodes.get(item) in lost:
+                    if where.get(item) in lost:
                         failures.setdefault(ref, "its node was lost")
                 for ref, failure in failures.items():
                     item = pending.pop(ref)
@@ -226,22 +232,6 @@ class _OneThread(io.TextIOBase):
 
     def flush(self) -> None:
         self._stream.flush()
-
-
-class _Progress:
-    """The progress of the items' tasks: the node and the count of each."""
-
-    def __init__(self) -> None:
-        self.nodes: dict[Hashable, str] = {}
-        self.counts: Counter[Hashable] = Counter()
-
-    def learn(self, news: dict[Hashable, tuple[str, int]]) -> bool:
-        """Take up news of items, and return whether there was any."""
-        for item, (node, count) in news.items():
-            self.nodes[item] = node
-            # A shard that is rendered again counts from 1 again: the larger count is kept.
-            self.counts[item] = max(count, self.counts[item])
-        return bool(news)
 
 
 class _Board:

@@ -6,16 +6,16 @@ interruption, unchanged files are not read again, and changed files are noticed.
 """
 
 import dataclasses
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from lime_keras.io import atomic, untrusted
+from lime_keras.io import untrusted
 
 from ..scene import backgrounds, environments
 from ..scene.example import LEAST_COVERAGE
 from ..shapes import meshes
+from . import resuming
 
 KINDS = ("shapes", "environments", "backgrounds")
 _LISTED = 20
@@ -212,7 +212,7 @@ def repairs(findings: Findings) -> list[str]:
 def write(path: Path, findings: Findings) -> None:
     """Write findings to a JSON file."""
     value = {kind: [dataclasses.asdict(f) for f in found] for kind, found in findings.items()}
-    atomic.write(path, json.dumps(value, indent=1) + "\n")
+    resuming.write_json(path, value)
 
 
 def read(path: Path) -> Findings | None:
