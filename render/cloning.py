@@ -24,7 +24,7 @@ from .scene import contact_shadow, lights
 from .scene.example import layers
 from .scene.gbuffer import Tracer
 from .scene.lights import Light
-from .scene.sampling import Pose
+from .scene.sampling import Pose, tilt, turn
 from .shapes import meshes
 from .shapes.meshes import Mesh
 
@@ -33,16 +33,8 @@ _TURN = math.radians(30)
 
 A three-quarter view shows more of the shape than a front view.
 """
-_PITCH = math.radians(12)
-"""Angle by which the camera looks down, in radians, as it does at things on a table."""
-_TILT = np.array(
-    [
-        [1, 0, 0],
-        [0, math.cos(_PITCH), -math.sin(_PITCH)],
-        [0, math.sin(_PITCH), math.cos(_PITCH)],
-    ]
-)
-"""Rotation from upright to camera space."""
+_TILT = tilt(math.radians(12))
+"""Rotation from upright to camera space, which looks down as one does at things on a table."""
 _GROUND = _TILT[:, 1]  # unit normal of the ground in camera space
 _MOST_PIXELS = 1024
 """Largest side of the rendered square in pixels; a larger object is rendered so and enlarged."""
@@ -240,9 +232,7 @@ def _upright_pose(mesh: Mesh, mask: np.ndarray, upright: np.ndarray) -> Pose:
     """Return the pose of the mesh, upright in the object's box; its camera is in photo pixels."""
     top, bottom, left, right = _box(mask)
     focal, _, centre_x, centre_y = shading.assumed_camera(*mask.shape[:2])
-    cosine, sine = math.cos(_TURN), math.sin(_TURN)
-    turned = np.array([[cosine, 0, sine], [0, 1, 0], [-sine, 0, cosine]])
-    rotation = _TILT @ turned @ upright
+    rotation = _TILT @ turn(_TURN) @ upright
     points = mesh.vertices @ rotation.T
     box = np.array([right - left, bottom - top])
     distance = max(np.max(focal * np.ptp(points[:, :2], axis=0) / box), 1.5)

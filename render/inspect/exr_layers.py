@@ -115,17 +115,7 @@ def _attributes(example: dict[str, Any]) -> dict[str, Any]:
 def _write(
     path: Path, channels: list[tuple[str, Any]], pixels: np.ndarray, attributes: dict[str, Any]
 ) -> None:
-    """Write an EXR file.
-
-    Args:
-        path: file to write.
-        channels: name and type of each channel.
-        pixels: values, `(H, W, C)`.
-        attributes: attributes of the file by name.
-
-    Raises:
-        OSError: if the file cannot be written.
-    """
+    """Write values `(H, W, C)` as an EXR file of channels by name and type, with attributes."""
     height, width = pixels.shape[:2]
     spec = oiio.ImageSpec(width, height, len(channels), oiio.FLOAT)
     spec.channelnames = tuple(name for name, _ in channels)

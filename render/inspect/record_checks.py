@@ -157,15 +157,9 @@ def _normals(example: Mapping) -> Iterator[tuple[str, str]]:
 
 
 def _views(example: Mapping, pixels: np.ndarray) -> np.ndarray:
-    """Return the unit directions o to the viewer, `(N, 3)`, of some pixels."""
-    size = len(example["mask"])
-    row, column = np.divmod(pixels, size)
-    # o is along (x, y, 1), in which x depends on the column alone and y on the row.
-    across = shading.view_directions(example["camera"], 1, size)[0, column]
-    down = shading.view_directions(example["camera"], size, 1)[row, 0]
-    x, y = across[:, 0] / across[:, 2], down[:, 1] / down[:, 2]
-    view = np.stack([x, y, np.ones_like(x)], axis=-1) / np.sqrt(x * x + y * y + 1)[:, None]
-    return view.astype(np.float32)
+    """Return the unit directions o to the viewer, `(N, 3)` float32, of some pixels."""
+    views = shading.view_directions(example["camera"], *example["mask"].shape[:2])
+    return pixels_at(views, pixels).astype(np.float32)
 
 
 def _shading_sums(example: Mapping, lobe: str) -> Iterator[tuple[str, str]]:

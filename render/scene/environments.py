@@ -160,28 +160,16 @@ def resized(radiance: np.ndarray, height: int) -> np.ndarray:
 
     Args:
         radiance: `(H, W)` map, W about 2 H.
-        height: Rows of the new map, at most H.
+        height: Rows of the new map, at most H and at most W / 2.
 
     Returns:
         `(height, 2 * height)` float32 with the same integral over the sphere.
-
-    Raises:
-        ValueError: If the new map would be larger.
     """
-    rows, columns = radiance.shape
-    if height > rows or 2 * height > columns:
-        raise ValueError(
-            f"a map of {columns}x{rows} cannot be averaged to {2 * height}x{height}, which is "
-            f"larger; ask for at most {min(rows, columns // 2)} rows."
-        )
     return np.ascontiguousarray(means(radiance, height), np.float32)
 
 
 def means(radiance: np.ndarray, height: int) -> np.ndarray:
-    """Return the float64 means `(height, 2 * height)` that `resized` rounds, of the same arguments.
-
-    The map is not checked.
-    """
+    """Return the float64 means `(height, 2 * height)` that `resized` rounds, of its arguments."""
     rows, columns = radiance.shape
     zenith = np.cos(np.linspace(0, np.pi, rows + 1))
     rings = _averaged(radiance, -zenith, -np.cos(np.linspace(0, np.pi, height + 1)))

@@ -29,9 +29,7 @@ def diffuse(normal: np.ndarray, light: Light) -> np.ndarray:
     return environment.lookup(light.diffuse_shading, normal)
 
 
-def mirror(
-    normal: np.ndarray, view: np.ndarray, light: Light, spacing: np.ndarray | None = None
-) -> np.ndarray:
+def mirror(normal: np.ndarray, view: np.ndarray, light: Light, spacing: np.ndarray) -> np.ndarray:
     """Compute M(n, o), `(N,)`, from the map averaged over what lies between the samples.
 
     A lamp smaller than the distance of two mirror directions would else be seen or missed by
@@ -41,12 +39,9 @@ def mirror(
         normal: n, unit, `(N, 3)`.
         view: o, unit, `(N, 3)`.
         light: environment map in its own frame.
-        spacing: angle in radians between the mirror directions of neighbouring samples, `(N,)`;
-            None for the map at its finest resolution.
+        spacing: angle in radians between the mirror directions of neighbouring samples, `(N,)`.
     """
     mirrored = shading.reflect(normal, view)
-    if spacing is None:
-        return environment.lookup(light.radiance, mirrored)
     # The finest of the maps whose texels are as wide as the spacing.
     level = np.zeros(len(mirrored), np.int8)
     for finer in light.filtered[:-1]:

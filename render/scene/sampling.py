@@ -52,6 +52,18 @@ class Pose:
     camera: np.ndarray
 
 
+def turn(angle: float) -> np.ndarray:
+    """Return the rotation `(3, 3)` about the vertical by an angle in radians, to the right."""
+    cosine, sine = math.cos(angle), math.sin(angle)
+    return np.array([[cosine, 0, sine], [0, 1, 0], [-sine, 0, cosine]])
+
+
+def tilt(angle: float) -> np.ndarray:
+    """Return the rotation `(3, 3)` by the angle in radians by which a camera looks down."""
+    cosine, sine = math.cos(angle), math.sin(angle)
+    return np.array([[1, 0, 0], [0, cosine, -sine], [0, sine, cosine]])
+
+
 def sample_rotation(rng: np.random.Generator) -> np.ndarray:
     """Draw a rotation `(3, 3)`, uniform over all orientations, from a random unit quaternion."""
     w, x, y, z = (q := rng.normal(size=4)) / np.linalg.norm(q)
@@ -111,21 +123,7 @@ def sample_light_rotation(rng: np.random.Generator, strong_direction: np.ndarray
     """
     for _ in range(_LIGHT_TRIES):
         yaw, pitch = rng.uniform(-math.pi, math.pi), rng.uniform(*environment.CAMERA_PITCH)
-        turn = np.array(
-            [
-                [math.cos(yaw), 0, math.sin(yaw)],
-                [0, 1, 0],
-                [-math.sin(yaw), 0, math.cos(yaw)],
-            ]
-        )
-        tilt = np.array(
-            [
-                [1, 0, 0],
-                [0, math.cos(pitch), -math.sin(pitch)],
-                [0, math.sin(pitch), math.cos(pitch)],
-            ]
-        )
-        rotation = tilt @ turn
+        rotation = tilt(pitch) @ turn(yaw)
         if rotation[2] @ strong_direction > 0:
             break
     return rotation
