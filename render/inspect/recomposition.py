@@ -68,12 +68,9 @@ def _composed(example: Mapping, covered: np.ndarray) -> tuple[np.ndarray, np.nda
 def _blended(
     coverage: np.ndarray, low: np.ndarray, high: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the bounds of the radiance after blending with a background in [0, 1].
+    """Return the bounds `(N, 3)` of the radiance after blending with a background in [0, 1].
 
-    Args:
-        coverage: `(N, 1)`, quantised to 8 bits; only 0 and 1 are exact.
-        low: lower bounds of the object's radiance, `(N, 3)`; changed in place.
-        high: upper bounds of the object's radiance, `(N, 3)`; changed in place.
+    They are changed in place. Of the coverage `(N, 1)`, of 8 bits, only 0 and 1 are exact.
     """
     partial = np.flatnonzero(coverage < 1)
     slack = np.float32(0.5 / 255)

@@ -4,9 +4,10 @@ Every shard is read, hashed and decoded; memory holds a few examples at a time. 
 goes on after a fault and reports all faults.
 """
 
-import collections
+import functools
+import itertools
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import tensorflow as tf
@@ -19,7 +20,7 @@ from lime_keras.io import untrusted
 from . import input_checks, record_checks
 from .faults import Faults
 
-_AHEAD = 8  # number of records per thread that are held in memory at once
+_AHEAD = 16  # number of records per thread that are held in memory at once
 _READ = (
     *("shards", "count", "sha256", "shapes", "lights", "inputs"),
     *("seed", "size", "shard_size", "lobe"),
@@ -165,16 +166,18 @@ def _check_records(
     faults: Faults,
 ) -> Iterator[int]:
     """Check the records of a shard in several threads; yield the number of checked records."""
-    window: collections.deque[Future] = collections.deque()
-    done = 0
-    for serialized in _serialized(path, faults):
-        window.append(threads.submit(_check_record, serialized, expected))
-        if len(window) >= _AHEAD * processors.count():
-            _gather(window.popleft(), path, indices, done, faults)
+    read, done = _serialized(path, faults), 0
+    check = functools.partial(_check_record, expected=expected)
+    while some := list(itertools.islice(read, _AHEAD * processors.count())):
+        for index, found in threads.map(check, some):
+            where = f"{path}, record {done}"
+            faults.examples += index is not None
+            if index not in (None, indices.start + done):
+                what = f"is example {index}, expected {indices.start + done}"
+                faults.add("index", where, what)
+            for kind, what in found:
+                faults.add(kind, where, what)
             yield (done := done + 1)
-    while window:
-        _gather(window.popleft(), path, indices, done, faults)
-        yield (done := done + 1)
     if done != len(indices):
         faults.add("count", path, f"holds {done} readable records, expected {len(indices)}")
 
@@ -207,16 +210,3 @@ def _check_record(
 @tf.function(input_signature=[tf.TensorSpec([], tf.string)])
 def _parse(serialized: tf.Tensor) -> dict[str, tf.Tensor]:
     return records.parse(serialized)
-
-
-def _gather(checked: Future, path: Path, indices: range, record: int, faults: Faults) -> None:
-    """Add the faults of a checked record, with the record's place in the shard."""
-    where = f"{path}, record {record}"
-    index, faults_of_record = checked.result()
-    if index is not None:
-        faults.examples += 1
-        expected = indices.start + record
-        if index != expected:
-            faults.add("index", where, f"is example {index}, expected {expected}")
-    for kind, what in faults_of_record:
-        faults.add(kind, where, what)
