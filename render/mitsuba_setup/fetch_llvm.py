@@ -42,12 +42,7 @@ def _fetch() -> int:
 
 
 def _unpack(target: Path) -> None:
-    """Download the newest packaged libLLVM and its missing dependencies, and unpack them.
-
-    Raises:
-        OSError: if there is no `apt-get`, or no package of a usable version.
-        subprocess.SubprocessError: if a package cannot be downloaded in time or unpacked.
-    """
+    """Download the newest packaged libLLVM and its missing dependencies, and unpack them."""
     with tempfile.TemporaryDirectory() as scratch:
         apt = _apt(Path(scratch))
         archives = Path(scratch) / "cache" / "archives"

@@ -64,9 +64,7 @@ def render(room: Room, *, height: int = 128, samples: int = 32, seed: int) -> np
 def _scene(variant: str, side: int) -> tuple["mi.Scene", "mi.SceneParameters", dict]:
     """Build the scene that all rooms share; return it with its parameters and integrators.
 
-    Args:
-        variant: Active variant of Mitsuba; a scene cannot be used in another variant.
-        side: Height and width of the six views in pixels.
+    A scene cannot be used in another variant of Mitsuba. `side` is that of the six views in pixels.
     """
     albedo = {"type": "mesh_attribute", "name": "face_albedo"}
     rough = {"type": "mesh_attribute", "name": "face_roughness"}

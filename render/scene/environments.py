@@ -105,7 +105,8 @@ def _read(path: Path) -> tuple[np.ndarray, tuple[str, ...]]:
     notes = []
     if broken:
         notes.append(f"repaired {broken} texels that were negative or not finite")
-    absent = 1 - _overlap(spec.roi, window) / (window.width * window.height)
+    held = oiio.intersection(spec.roi, window)
+    absent = 1 - max(held.width, 0) * max(held.height, 0) / (window.width * window.height)
     if absent > 0:
         notes.append(f"{absent:.0%} of its display window holds no data: black")
     if spec.nchannels > 4:
@@ -137,13 +138,6 @@ def _repaired(texels: np.ndarray, largest: float) -> np.ndarray:
     """Replace values that are no radiance; `read` states the rule."""
     sound = np.where(texels > 0, texels, 0)  # NaN compares false
     return np.where(np.isposinf(texels), np.float32(largest), sound)
-
-
-def _overlap(data: oiio.ROI, window: oiio.ROI) -> int:
-    """Return the number of texels of a window that hold data."""
-    width = min(data.xend, window.xend) - max(data.xbegin, window.xbegin)
-    height = min(data.yend, window.yend) - max(data.ybegin, window.ybegin)
-    return max(width, 0) * max(height, 0)
 
 
 def _upright(radiance: np.ndarray, orientation: int) -> np.ndarray:
@@ -178,16 +172,10 @@ def means(radiance: np.ndarray, height: int) -> np.ndarray:
 
 
 def _averaged(values: np.ndarray, edges: np.ndarray, coarse: np.ndarray) -> np.ndarray:
-    """Average rows of values over new rows.
+    """Return the means `(K, C)` of values `(R, C)` over new rows.
 
-    Args:
-        values: `(R, C)`; row k is constant between `edges[k]` and `edges[k + 1]`.
-        edges: borders of the rows, `(R + 1,)`, ascending.
-        coarse: borders of the new rows, `(K + 1,)`, ascending; every R/K-th of `edges` where that
-            is a whole number.
-
-    Returns:
-        The means, `(K, C)`.
+    Row k is constant between `edges[k]` and `edges[k + 1]`, `(R + 1,)`, ascending. The borders of
+    the new rows, `(K + 1,)`, are every R/K-th of `edges` where that is a whole number.
     """
     count, folds = len(coarse) - 1, len(values) // (len(coarse) - 1)
     if folds * count == len(values):  # `folds` whole rows in each new one

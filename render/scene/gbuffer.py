@@ -221,11 +221,9 @@ class Tracer:
 def _intersect(
     scene, origin: np.ndarray, directions: np.ndarray, packets: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Find the first hits of rays `(3, M)` from one point.
+    """Return the indices `(N,)` of the rays `(3, M)` from one point that hit, and normals there.
 
-    Returns:
-        The indices `(N,)` of the rays that hit; then the shading and the geometric normals there,
-        `(3, N)` each, in the scene's frame.
+    The shading and the geometric normals, `(3, N)` each, are in the scene's frame.
     """
     import drjit as dr
     import mitsuba as mi
@@ -276,13 +274,7 @@ def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _facing(normal: np.ndarray, geometric: np.ndarray, view: np.ndarray) -> np.ndarray:
-    """Turn unit normals `(3, N)` to the viewer's side, where o·n is about `_LEAST_COSINE` at least.
-
-    Args:
-        normal: unit normals n, `(3, N)`.
-        geometric: unit normals of the triangles, `(3, N)`.
-        view: unit directions o to the viewer, `(3, N)`.
-    """
+    """Turn unit normals `(3, N)` to the viewer: o·n is then at least about `_LEAST_COSINE`."""
     side = np.where(_dot(geometric, view) < 0, np.float32(-1), np.float32(1))
     normal = side * normal
     normal = normal + np.maximum(_LEAST_COSINE - _dot(normal, view), 0) * view

@@ -150,11 +150,7 @@ def sum_lobes_by_drjit(terms: np.ndarray, exponent: float, cuts: Sequence[Cut]) 
 
 
 def _groups(directions: np.ndarray, cells: int) -> tuple[np.ndarray, list[slice]]:
-    """Sort directions `(N, 3)` by the cells of a grid around the sphere.
-
-    Returns:
-        The indices of the directions in their new order, `(N,)`; the part of each cell in it.
-    """
+    """Return the order `(N,)` of directions by the cells of a grid, and each cell's part of it."""
     place = np.floor((directions + 1) * (cells / 2)).astype(np.int64)
     cell = (place[:, 0] * (cells + 1) + place[:, 1]) * (cells + 1) + place[:, 2]
     order = np.argsort(cell, kind="stable")

@@ -61,10 +61,7 @@ def read(data: bytes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def _corner(word: bytes, vertices: int, normals: int) -> tuple[int, int]:
     """Return the indices of a corner's vertex and normal, 0 for none.
 
-    Args:
-        word: the corner in the file: `v`, `v/vt`, `v//vn` or `v/vt/vn`.
-        vertices: number of vertices read so far.
-        normals: number of normals read so far.
+    In the file it is `v`, `v/vt`, `v//vn` or `v/vt/vn`; so many vertices and normals were read.
     """
     vertex, _, rest = word.partition(b"/")
     one, other = int(vertex), int(rest.rpartition(b"/")[2] or 0) if b"/" in rest else 0

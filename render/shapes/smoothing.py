@@ -56,12 +56,9 @@ def _joined(vertices: np.ndarray) -> np.ndarray:
 
 
 def _edges(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Find the edges that belong to exactly two faces.
+    """Return the two half-edges of each edge of exactly two faces, and whether both run alike.
 
-    Half-edge 3 f + k runs from corner k of face f to the next corner.
-
-    Returns:
-        The two half-edges of each edge, `(E,)` each, and whether both run the same way, `(E,)`.
+    Each is `(E,)`. Half-edge 3 f + k runs from corner k of face f to the next corner.
     """
     start, end = corners.ravel(), np.roll(corners, -1, axis=1).ravel()
     edges = np.sort(np.stack([start, end], axis=1), axis=1)
