@@ -11,27 +11,23 @@ class Faults:
 
     Attributes:
         examples: number of records that were read and decoded.
+        kinds: number of faults of each kind.
     """
 
     def __init__(self) -> None:
         self.examples = 0
         self._listed: dict[str, list[str]] = {}
-        self._counts: collections.Counter[str] = collections.Counter()
+        self.kinds: collections.Counter[str] = collections.Counter()
 
     @property
     def count(self) -> int:
         """The number of faults; 0 means that the split is sound."""
-        return self._counts.total()
-
-    @property
-    def kinds(self) -> dict[str, int]:
-        """The number of faults of each kind."""
-        return dict(self._counts)
+        return self.kinds.total()
 
     def add(self, kind: str, where: Path | str, what: str) -> None:
         """Record a fault; only the first few of each kind are kept in words."""
-        self._counts[kind] += 1
-        if self._counts[kind] <= _LISTED:
+        self.kinds[kind] += 1
+        if self.kinds[kind] <= _LISTED:
             self._listed.setdefault(kind, []).append(f"{kind}: {where}: {what}")
 
     def lines(self) -> list[str]:
@@ -39,6 +35,6 @@ class Faults:
         out = []
         for kind, listed in self._listed.items():
             out += listed
-            if self._counts[kind] > len(listed):
-                out.append(f"{kind}: … and {self._counts[kind] - len(listed)} more")
+            if self.kinds[kind] > len(listed):
+                out.append(f"{kind}: … and {self.kinds[kind] - len(listed)} more")
         return out

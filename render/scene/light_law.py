@@ -9,30 +9,9 @@ to right or not, and turned about its vertical by any angle that leaves its stro
 the light among them. A single map, as photographed, makes a quarter of the lights.
 
 Lamps. A light has one of six settings (`_SETTINGS`), which say how many lamps are added, of which
-kinds (`_KINDS`) and with which part of the power:
-
-| setting  | share | lamps | part of the power | kinds                         |
-|----------|-------|-------|-------------------|-------------------------------|
-| maps     | 0.40  | 0     | 0                 |                               |
-| canopies | 0.16  | 1–3   | 0.50–1.00         | canopies                      |
-| lamps    | 0.14  | 1–6   | 0.05–0.80         | any                           |
-| windows  | 0.10  | 1–3   | 0.10–0.90         | windows                       |
-| studio   | 0.10  | 1–4   | 0.30–0.99         | soft boxes, strips, few lamps |
-| night    | 0.10  | 1–4   | 0.50–0.99         | bulbs                         |
-
-The number of lamps and their part of the power are uniform in these ranges; the power is divided
-uniformly among them, as among maps. Half lengths are log-uniform:
-
-| kind     | half length, ° | width : length | edge      | elevation, ° | otherwise             |
-|----------|----------------|----------------|-----------|--------------|-----------------------|
-| bulb     | 0.5–3          | 1              | sharp     | −10–75       | a disc                |
-| lamp     | 0.5–15         | 1              | sharp     | −10–75       | a disc                |
-| window   | 5–25           | 0.4–1          | sharp     | −5–35        | upright; half of them |
-|          |                |                |           |              | with bars             |
-| soft box | 8–30           | 0.5–1          | soft      | −10–75       | half of them round    |
-| strip    | 10–40          | 0.03–0.12      | sharp     | −10–75       | half of them tubes    |
-| canopy   | 35–65          | 0.6–1          | soft      | −45–75       | as a sky, a ceiling,  |
-|          |                |                |           |              | a wall; half round    |
+kinds (`_KINDS`) and with which part of the power. The number of lamps and their part of the power
+are uniform in these ranges; the power is divided uniformly among them, as among maps. Half lengths
+are log-uniform.
 
 So a light may be flatter than most skies (under a canopy) and harder than the sun (one bulb with
 99 % of the power). The shares of the settings were chosen to cover the spread of photographed maps
@@ -127,6 +106,7 @@ _KINDS = {
     "strip": _Kind((10, 40), (-10, 75), (0.03, 0.12), rounded=0.5),
     "canopy": _Kind((35, 65), (-45, 75), (0.6, 1.0), rounded=0.5, soft=True),
 }
+"""Round bulbs and lamps are discs, round strips tubes; a canopy is a sky, a ceiling or a wall."""
 _ANY = {
     **{"bulb": 0.2, "lamp": 0.3, "window": 0.1},
     **{"soft box": 0.15, "strip": 0.15, "canopy": 0.1},
@@ -136,8 +116,8 @@ _SETTINGS = (
     _Setting(0.16, (1, 3), (0.5, 1.0), {"canopy": 1.0}),
     _Setting(0.14, (1, 6), (0.05, 0.8), _ANY),
     _Setting(0.10, (1, 3), (0.1, 0.9), {"window": 1.0}),
-    _Setting(0.10, (1, 4), (0.3, 0.99), {"lamp": 0.1, "soft box": 0.6, "strip": 0.3}),
-    _Setting(0.10, (1, 4), (0.5, 0.99), {"bulb": 1.0}),
+    _Setting(0.10, (1, 4), (0.3, 0.99), {"lamp": 0.1, "soft box": 0.6, "strip": 0.3}),  # a studio
+    _Setting(0.10, (1, 4), (0.5, 0.99), {"bulb": 1.0}),  # night
 )
 _BEHIND = 0.3  # share of the lamps after the first that stand behind
 _RIM, _RIM_CANOPY = 0.25, 0.8  # limits of their energy; a canopy is even over many texels

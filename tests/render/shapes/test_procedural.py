@@ -5,7 +5,7 @@ import pytest
 import trimesh
 from mesh_checks import check, faces_by_position, flat_normals, is_closed, volume
 
-from lime_keras.render.shapes import fields, procedural, solids
+from lime_keras.render.shapes import procedural
 
 SEEDS = range(16)
 FACES = (5_000, 40_000)
@@ -29,22 +29,6 @@ def test_procedural_shapes_are_closed_in_one_piece_and_face_outwards(meshes, see
     joined = trimesh.Trimesh(np.zeros((faces.max() + 1, 3)), faces, process=False)
     labels = trimesh.graph.connected_component_labels(joined.edges, node_count=faces.max() + 1)
     assert labels.max() == 0
-
-
-@pytest.mark.parametrize("seed", SEEDS)
-def test_frames_are_whole_and_thin(seed):
-    mesh = solids.polygonise(*fields.frame(np.random.default_rng(seed)))
-    check(mesh)
-    assert FACES[0] <= len(mesh.faces) <= FACES[1]
-    assert is_closed(mesh)
-    assert 0.005 < volume(mesh) / (4 / 3 * np.pi) < 0.2
-
-
-def test_shapes_are_a_function_of_the_generator():
-    first, again, other = (procedural.procedural(np.random.default_rng(k)) for k in (0, 0, 1))
-    np.testing.assert_array_equal(first.vertices, again.vertices)
-    np.testing.assert_array_equal(first.faces, again.faces)
-    assert first.vertices.shape != other.vertices.shape
 
 
 def test_shapes_vary_from_round_to_thin_and_from_smooth_to_creased(meshes):
