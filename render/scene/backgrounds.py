@@ -28,17 +28,13 @@ LEAST_SIDE = 8
 """Least number of pixels along either side of a picture; smaller pictures show nothing."""
 _BLENDED = 0.4  # share of the varied backgrounds that blend two pictures
 _SURROUNDED = 0.3  # share of those whose first picture is the light's map
-_GAIN, _MAP_GAIN = (
-    (-0.7, 0.4),
-    (-1.0, 1.0),
-)  # stops; at 0 a map is as bright as it lights the object
+_GAIN, _MAP_GAIN = (-0.7, 0.4), (-1.0, 1.0)
+"""Stops; at 0 a map is as bright as it lights the object."""
 _TINT, _MAP_TINT = 0.08, 0.2  # standard deviations of each channel's log gain; light is grey
 _CONTRAST = 1.0, 12.0  # of a blend's border: from a gradual change to an edge
 _LATTICE = 6  # nodes along each side of the smooth field that a blend's border follows
-_FOCUS = (
-    5,
-    9,
-)  # powers of two, the last excluded: rows of the map as it is seen, 5.6° to 0.7° a texel
+_FOCUS = (5, 9)
+"""Powers of two, the last excluded: rows of the map as it is seen, 5.6° to 0.7° a texel."""
 
 
 def procedural(rng: np.random.Generator, size: int) -> np.ndarray:

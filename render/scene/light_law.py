@@ -121,9 +121,8 @@ _SETTINGS = (
 )
 _BEHIND = 0.3  # share of the lamps after the first that stand behind
 _RIM, _RIM_CANOPY = 0.25, 0.8  # limits of their energy; a canopy is even over many texels
-_COARSE = (
-    math.pi / 16
-) ** 2  # solid angle in steradians of the texels that energies are compared in
+_COARSE = (math.pi / 16) ** 2
+"""Solid angle in steradians of the texels that energies are compared in."""
 _REACH = math.radians(15)  # a lamp's middle is as far in front as its half length, this at most
 _BARS = (0.02, 0.06)  # range of the half angle of a window's bars over the window's half length
 _SOFTEST = 1.6  # widest soft edge over the half width: the middle keeps its full radiance

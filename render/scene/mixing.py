@@ -12,9 +12,8 @@ from . import environments
 from .light_law import Lamp, LightDraw
 
 LEAST_ROWS = 256  # least number of rows of a mixture: a texel is then as wide as the smallest lamps
-_SMALLEST = (
-    0.65  # least half length and half width of a lamp, in texels: it covers a texel's middle
-)
+_SMALLEST = 0.65
+"""Least half length and half width of a lamp, in texels: it covers a texel's middle."""
 _COARSE_ROWS = 16
 
 
