@@ -48,6 +48,9 @@ RECIPE = Recipe(
             start_from="light-192",
             materials=("natural",),
         ),
+        "mirror": dataclasses.replace(
+            shared.MIRROR, corpora=_ALL, steps=3_000, materials=("natural",)
+        ),
     },
     validation=dataclasses.replace(shared.VALIDATION, size=192),
     packages=shared.CUTOUTS,

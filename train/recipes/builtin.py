@@ -33,6 +33,7 @@ RECIPE = Recipe(
         "material": dataclasses.replace(
             shared.MATERIAL, corpora=("shapes",), materials=("natural",)
         ),
+        "mirror": dataclasses.replace(shared.MIRROR, corpora=("shapes",), materials=("natural",)),
     },
     validation=dataclasses.replace(shared.VALIDATION, meshes=False, maps=False),
 )

@@ -21,6 +21,7 @@ RECIPE = Recipe(
     | {
         "light": shared.LIGHT_128,
         "material": dataclasses.replace(shared.MATERIAL, materials=("natural",)),
+        "mirror": dataclasses.replace(shared.MIRROR, materials=("natural",)),
     },
     validation=shared.VALIDATION,
     packages=shared.CUTOUTS,

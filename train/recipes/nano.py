@@ -23,6 +23,7 @@ RECIPE = Recipe(
         ),
         "light": dataclasses.replace(shared.LIGHT_128, start_from="mask", size=None, preset=None),
         "material": dataclasses.replace(shared.MATERIAL, materials=("natural",)),
+        "mirror": dataclasses.replace(shared.MIRROR, materials=("natural",)),
     },
     validation=dataclasses.replace(shared.VALIDATION, size=64),
     packages=shared.CUTOUTS,

@@ -96,3 +96,17 @@ MATERIAL = Training(
     freeze=("specular", "mirror"),
 )
 """The encoders, on S as SpecularNet finds it, which stands still."""
+MIRROR = Training(
+    ("specular+mirror",),
+    OF_128,
+    steps=6_000,
+    rate=5e-4,
+    photos=40_000,
+    optimizer="adam",  # Muon lets deep levels of MirrorNet die
+    start_from="material",
+    freeze=("specular",),
+)
+"""M learns on with S as SpecularNet finds it; in `LIGHT_128` it learnt from the true one.
+
+It is the last training, as nothing else reads M.
+"""

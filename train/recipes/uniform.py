@@ -23,6 +23,7 @@ RECIPE = Recipe(
     | {
         "light": dataclasses.replace(shared.LIGHT_128, options=_SPLIT),
         "material": dataclasses.replace(shared.MATERIAL, materials=("uniform",), options=_SPLIT),
+        "mirror": dataclasses.replace(shared.MIRROR, materials=("uniform",), options=_SPLIT),
     },
     validation=dataclasses.replace(shared.VALIDATION, materials="uniform"),
     packages=shared.CUTOUTS,

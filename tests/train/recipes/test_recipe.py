@@ -63,15 +63,16 @@ def test_every_recipe_makes_a_whole_set_of_its_size(name):
 
 def test_live_by_adam_is_live_but_for_the_optimiser():
     live, by_adam = recipes.find("live"), recipes.find("live_adam")
-    assert {one.optimizer for one in live.trainings.values()} == {"muon"}
+    assert [name for name, one in live.trainings.items() if one.optimizer != "muon"] == ["mirror"]
     assert {one.optimizer for one in by_adam.trainings.values()} == {"adam"}
-    assert by_adam.by("muon", 2.0) == live
+    assert by_adam.by("muon", 2.0) == live.by("muon", 1.0)
 
 
 def test_live_and_uniform_share_corpora_and_masks():
     both = [steps.steps(recipes.find(name), 0, cutouts=True) for name in ("live", "uniform")]
     differing = {name for name in both[0] if both[0][name] != both[1][name]}
-    assert differing == {"trainings/light", "trainings/material", "corpora/validation"}
+    own = {f"trainings/{name}" for name in ("light", "material", "mirror")}
+    assert differing == own | {"corpora/validation"}
 
 
 @pytest.mark.parametrize(("name", "reads"), [("live", False), ("uniform", True)])
