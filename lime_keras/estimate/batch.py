@@ -28,10 +28,11 @@ _WAITING = 1 << 20
 
 
 class _Input(NamedTuple):
-    """A photo that was read, its mask if it has one, and the name of its result."""
+    """A photo that was read, its mask if it has one, and its result's name and provenance."""
 
     path: Path
     name: str
+    provenance: dict[str, Any]
     photo: photo.Photo
     mask: np.ndarray | None
 
@@ -140,7 +141,8 @@ class Batch:
         for name, path in photos.items():
             begun = time.perf_counter()
             try:
-                one = _Input(path, name, *self._read(path))
+                # Hashed first: a file that is replaced meanwhile must not pass for what was read.
+                one = _Input(path, name, self.provenance(path), *self._read(path))
             except (ValueError, OSError, MemoryError) as error:
                 self._fail(path, error)
                 continue
@@ -201,7 +203,7 @@ class Batch:
     def _write(self, one: _Input, material: Material) -> tuple[dict[str, Any], list[str]]:
         """Write the files of an estimate; return the content of its JSON, and remarks on it."""
         begun = time.perf_counter()
-        with self._results.writing(one.name, self.provenance(one.path)) as draft:
+        with self._results.writing(one.name, one.provenance) as draft:
             folder, stem = draft.folder, Path(one.name).name
             files.write_pictures(folder, stem, material)
             files.write_formats(folder, stem, material)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from lime_keras.commands import estimate as estimate_cli
+from lime_keras.estimate.estimator import Estimator
 from lime_keras.io import locking
 from lime_keras.io.photo import read_srgb, write
 from lime_keras.render.commands import clone
@@ -138,6 +139,21 @@ def test_other_results_are_refused_before_anything_is_done(folder, tmp_path, cap
     assert "a.json was made with no --full-size, not --full-size" in capsys.readouterr().err
     assert run(folder / "one" / "a.png", "--overwrite", out=out) == 0
     assert json.loads((out / "a.json").read_text())["photo"] == str(folder / "one" / "a.png")
+
+
+def test_a_photo_replaced_while_it_is_estimated_is_not_taken_for_it(tmp_path, capsys, monkeypatch):
+    path, out = tmp_path / "a.png", tmp_path / "out"
+    write(path, photo())
+    estimate_many = Estimator.estimate_many
+
+    def slow(self, photos, masks):
+        write(path, photo(1))
+        return estimate_many(self, photos, masks)
+
+    monkeypatch.setattr(Estimator, "estimate_many", slow)
+    assert run(path, out=out) == 0
+    assert run(path, out=out) == 1
+    assert "a.json was made of another photo or video" in capsys.readouterr().err
 
 
 def test_a_folder_that_cannot_be_made_is_named(folder, tmp_path, monkeypatch, capsys):
