@@ -38,4 +38,4 @@ def test_a_change_touches_few_files_and_all_are_there(change):
             assert path.is_file(), name
         folder = path.parent
         files.append(path)
-    assert 1 <= len(files) <= 6
+    assert 1 <= len(files) <= 8

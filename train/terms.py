@@ -95,8 +95,8 @@ class StageMeasure:
     """A measure, which evaluates the outputs on the validation set and is not trained on.
 
     Attributes:
-        quantity: name of the quantity that the outputs are computed from; that of the probabilities
-            stands for a regressed log10 s, too.
+        quantity: name of the quantity that the outputs are computed from; the
+            probabilities also stand for log10 s of models that regress it.
         metric: function that builds the Keras metric from its name.
         compared: function of a batch and the outputs that returns the metric's arguments, the
             truth first.

@@ -124,10 +124,12 @@ def export(
             else:
                 graphs.write_narrow(partial, subnetworks, precision, plain, calibration)
             engine = onnx_graphs.open_folder(partial)
-        else:
+        elif model_format == ONNX:
             _write_onnx(network, partial, precision, calibration)
             formats.finish_onnx(partial, card)
             engine = OnnxFile(partial)
+        else:
+            raise NotImplementedError(f"nothing writes {model_format}")
 
         # Compare with Keras.
         names = tuple(network.output)
@@ -174,7 +176,9 @@ def target(
     bits = "" if precision == "float32" else f"-{precision}"
     if model_format == GRAPHS:
         return folder / f"onnx{bits}"
-    return folder / f"lime{part}{bits}.onnx"
+    if model_format == ONNX:
+        return folder / f"lime{part}{bits}.onnx"
+    raise NotImplementedError(f"{model_format} has no place in an export's folder")
 
 
 def _check(

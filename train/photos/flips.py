@@ -26,9 +26,14 @@ def flip(batch: Mapping[str, Any], is_flipped: np.ndarray) -> None:
     Args:
         batch: features by name, arrays with the examples along the first axis.
         is_flipped: `(B,)`, true for the examples to flip.
+
+    Raises:
+        ValueError: if it is not known how an image flips.
     """
     for name, value in batch.items():
         if name.removeprefix(PREDICTED) in _IMAGES:
             value[is_flipped] = value[is_flipped][:, :, ::-1]
         elif name == "cast":
             value[is_flipped] *= _CAST
+        elif value.ndim > 2:
+            raise ValueError(f"{name} may have a left and a right: say in {__name__} how it flips")

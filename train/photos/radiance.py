@@ -21,7 +21,7 @@ def scene(
     features: Collection[str],
     materials: tuple[str, ...] = (),
 ) -> dict[str, tf.Tensor]:
-    """Return a record's features and its light, of which none is clipped where the object fills it.
+    """Return a record's features and its light, unclipped in pixels that the object covers fully.
 
     D, S and M do not depend on the albedos, so new albedos give the exact light of the object. What
     is behind it keeps its light: at the silhouette this is the stored image minus the object's

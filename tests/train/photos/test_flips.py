@@ -78,3 +78,9 @@ def test_an_uneven_cast_is_mirrored():
     gains, mirrored = (camera_law.balance(one, places) for one in (cast, flipped))
     np.testing.assert_allclose(mirrored, gains[:, :, ::-1], rtol=1e-6)
     assert np.abs(mirrored - gains).max() > 0.01
+
+
+def test_an_image_of_which_it_is_not_known_how_it_flips_is_refused():
+    flip({"image": np.zeros((1, 4, 4, 3)), "seed": np.zeros(1)}, BOTH)
+    with pytest.raises(ValueError, match=r"tangent may have a left and a right: say in .*flips"):
+        flip({"tangent": np.zeros((1, 4, 4, 3))}, BOTH)
