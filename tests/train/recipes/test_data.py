@@ -76,6 +76,18 @@ def test_too_few_files_are_told(folder):
         data.training_files(folder, "environments")
 
 
+def test_two_files_are_one_for_each_side_and_one_is_refused(tmp_path):
+    (tmp_path / "meshes").mkdir()
+    for name in ("a.ply", "b.ply"):
+        (tmp_path / "meshes" / name).write_bytes(b"ply")
+    data.link_sides(tmp_path, "meshes", 60, tmp_path / "run")
+    train, test = _sides(tmp_path / "run", "meshes")
+    assert len(train) == len(test) == 1 and train | test == {"a.ply", "b.ply"}
+    (tmp_path / "meshes" / "b.ply").unlink()
+    with pytest.raises(FileNotFoundError, match="at least 2 are needed"):
+        data.link_sides(tmp_path, "meshes", 60, tmp_path / "other")
+
+
 def test_digests_are_of_the_training_side_alone(folder):
     steps = []
     files = data.digests(folder, "meshes", lambda done, total: steps.append((done, total)))
