@@ -176,9 +176,7 @@ def target(
     bits = "" if precision == "float32" else f"-{precision}"
     if model_format == GRAPHS:
         return folder / f"onnx{bits}"
-    if model_format == ONNX:
-        return folder / f"lime{part}{bits}.onnx"
-    raise NotImplementedError(f"{model_format} has no place in an export's folder")
+    return folder / f"lime{part}{bits}.onnx"
 
 
 def _check(

@@ -3,7 +3,7 @@
     lime-train --recipe uniform --data DATA --out runs/uniform --reuse runs/live
 
 SpecularNet reads the split of colours, too, which finds S better on renders, and loses highlights
-of prints on photographs. Some 4 hours on two cores as `live`, or 1.5 with --reuse of its run, which
+of prints on photographs. Some 10 hours of one core as `live`, or 5 with --reuse of its run, which
 has the corpora and masks. 20 GB of disk.
 Scores: not trained yet. The set of this name that comes with the package is of before there were
 recipes (lime_keras/pretrained/README.md).
