@@ -13,7 +13,6 @@ from lime_keras.eval.stability import networks
 from lime_keras.eval.stability.precisions import BRAIN, HALF, SINGLE, TENSORS
 from lime_keras.eval.stability.systems import TrialSystem
 from lime_keras.eval.stability.verdicts import Case, Outcome
-from lime_keras.export import exporter
 from lime_keras.model import weights
 from lime_keras.networks import Architecture, build
 
@@ -52,7 +51,6 @@ class FreshSystem(TrialSystem):
         self._kept = tempfile.TemporaryDirectory(prefix="lime-stability-")
         folder = Path(self._kept.name) / "model"
         weights.save(folder, self._architecture, _drawn(self._architecture))
-        exporter.export(folder.parent, exporter.GRAPHS, folder)
         return folder
 
 

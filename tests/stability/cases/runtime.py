@@ -4,6 +4,7 @@ Outputs are compared with `double_precision`, as in `networks`.
 """
 
 import functools
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -55,13 +56,21 @@ def cases() -> list[Case]:
 
 
 @functools.cache
+def _run(system: TrialSystem) -> Path:
+    """Write the system's graphs beside its weights, and return the folder of both."""
+    run = system.folder.parent
+    exporter.export(run, exporter.GRAPHS, system.folder)
+    return run
+
+
+@functools.cache
 def _engine(system: TrialSystem, streaming: bool) -> Engine:
-    return runtime.load(system.folder, streaming=streaming)
+    return runtime.load(_run(system), streaming=streaming)
 
 
 @functools.cache
 def _estimator(system: TrialSystem) -> Estimator:
-    return Estimator(system.folder)
+    return Estimator(_run(system))
 
 
 @functools.cache
