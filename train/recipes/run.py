@@ -239,10 +239,18 @@ class _Run:
             return False
         folder = self._steps[name].folder
         _link_tree(self._reuse / folder, self._folder / folder)
-        record = _record_path(self._reuse, name).read_bytes()
-        atomic.write(_record_path(self._folder, name), record)
+        self._take_records(name, self._reuse)
         _tell(f"{name}: taken over from {self._reuse}")
         return True
+
+    def _take_records(self, name: str, reuse: Path) -> None:
+        """Take over the records of a step and of those before it: the set's record lists all."""
+        path = _record_path(reuse, name)
+        if path.is_file():
+            atomic.write(_record_path(self._folder, name), path.read_bytes())
+        for needed in self._steps[name].needs:
+            if not _record_path(self._folder, needed).is_file():
+                self._take_records(needed, reuse)
 
     def _lay_out(self, final: str) -> None:
         """Lay the last training's model and graphs out as the set, with the record of all steps."""

@@ -238,6 +238,10 @@ def test_cutouts_are_downloaded_once(own, folder, commands, tmp_path, monkeypatc
     commands.ran.clear()
     run.carry_out(own, second, data_folder=folder, reuse=first)
     assert len(fetched) == 1 and commands.ran == ["eval"]
+    # The set's record lists the steps before the one that was taken over, too.
+    made = [json.loads((one / "model" / "training.json").read_text()) for one in (first, second)]
+    assert "trainings/masks" in made[1]["steps"]
+    assert made[0]["steps"].keys() - made[1]["steps"].keys() == {"corpora/validation"}
     (first / "cutouts.json").write_text("[]")
     with pytest.raises(ValueError, match=r"cutouts.json is no record of cut-outs"):
         run.carry_out(own, first, data_folder=folder)
