@@ -63,8 +63,9 @@ An interrupted command, run again, goes on from its last checkpoint, at most a m
 
 The recipes make the sets of weights that come with the package, from nothing: they render corpora,
 train, and evaluate on validation scenes. best, live, nano and uniform train by Muon (MirrorNet by
-Adam, as its deep levels die otherwise), builtin too, without any download; live_adam is live by
-Adam, as the paper trains. The presets smoke and paper train by Adam, nano and live by Muon.
+Adam, as its deep levels die otherwise), builtin too, without any download; live_adam is live
+whose S and encoders learn by Adam, as the paper's do. The presets smoke and paper train by Adam,
+nano and live by Muon.
 
 `tensorboard --logdir runs` shows the curves; KERAS_BACKEND=jax trains under JAX.
 

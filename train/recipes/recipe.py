@@ -155,14 +155,6 @@ class Recipe:
         every = [self.validation, *self.corpora.values()]
         return any(corpus.meshes or corpus.maps for corpus in every)
 
-    def by(self, optimizer: str, rate: float) -> "Recipe":
-        """Return the recipe with another optimiser, and `rate` times the learning rates."""
-        trainings = {
-            name: dataclasses.replace(one, optimizer=optimizer, rate=one.rate * rate)
-            for name, one in self.trainings.items()
-        }
-        return dataclasses.replace(self, trainings=trainings)
-
     def scaled(self, factor: float) -> "Recipe":
         """Return the recipe with `factor` times the batches, photos and examples, for a trial.
 
