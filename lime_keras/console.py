@@ -75,7 +75,11 @@ def run(command: Callable[[], int], interrupted: str) -> int:
         reads standard output or standard error has ended, as `head` does.
     """
     open_streams()
-    with _heard_interrupts() as heard, _told_streams():
+    with (
+        _heard_interrupts() as heard,
+        contextlib.redirect_stdout(_Stream(sys.stdout)),
+        contextlib.redirect_stderr(_Stream(sys.stderr)),
+    ):
         try:
             status = command()
             sys.stdout.flush()
@@ -171,17 +175,6 @@ class _Stream:
             return work(*arguments)
         except OSError as error:
             raise _StreamError(error.errno, error.strerror) from error
-
-
-@contextlib.contextmanager
-def _told_streams() -> Iterator[None]:
-    """Let errors of the standard streams be `_StreamError` in the block."""
-    streams = sys.stdout, sys.stderr
-    sys.stdout, sys.stderr = map(_Stream, streams)  # type: ignore[assignment]
-    try:
-        yield
-    finally:
-        sys.stdout, sys.stderr = streams
 
 
 def _end_streams(error: _StreamError) -> int:
