@@ -7,14 +7,12 @@ Example:
     print(summary.material, summary.table, summary.overlay)
 """
 
-import contextlib
 import csv
 import itertools
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from tqdm import tqdm
@@ -151,7 +149,12 @@ def _follow(
 ) -> None:
     """Estimate and fuse each frame, and write its row and picture."""
     tracker = Tracker()
-    with _table(table) as rows, Movie(overlay) as video:
+    with (
+        atomic.naming_writer(table),
+        table.open("w", newline="", buffering=1, encoding="utf-8") as file,
+        Movie(overlay) as video,
+    ):
+        rows = csv.writer(file)  # line by line, so that the table can be read while it grows
         rows.writerow(COLUMNS)
         for number, frame in enumerate(frames):
             material = estimator.estimate(frame.image_srgb / np.float32(255))
@@ -169,16 +172,6 @@ def _last(with_objects: list[Scene], found: int) -> Material:
     if not with_objects:
         return Material(warnings=() if found else (NO_OBJECT,))
     return replace(with_objects[-1].material, mask_coverage=None, square=None, layers={})
-
-
-@contextlib.contextmanager
-def _table(path: Path) -> Iterator[Any]:
-    """Yield the writer of a CSV file's rows, which can be read while it grows."""
-    with (
-        atomic.naming_writer(path),
-        path.open("w", newline="", buffering=1, encoding="utf-8") as file,
-    ):
-        yield csv.writer(file)
 
 
 def _row(number: int, seconds: float, material: Material, step: Step) -> Iterator[str]:
