@@ -1,11 +1,9 @@
 """The export of a model in one of several formats, each with a parity check against Keras."""
 
 import shutil
-import tempfile
 from collections.abc import Collection
 from pathlib import Path
 
-import keras
 import numpy as np
 
 from lime_keras.export import (
@@ -93,7 +91,7 @@ def export(
     images = {"extremes": parity.images(architecture.size)}
     if corpus is not None:
         images["pictures"] = corpus_images.for_comparison(corpus, architecture.size)
-    calibration = None
+    calibration = np.empty((0, 0, 0, 3), np.float32)
     if precision == "int8" and corpus is not None:
         calibration = corpus_images.for_calibration(corpus, architecture.size)
 
@@ -125,7 +123,10 @@ def export(
                 graphs.write_narrow(partial, subnetworks, precision, plain, calibration)
             engine = onnx_graphs.open_folder(partial)
         elif model_format == ONNX:
-            _write_onnx(network, partial, precision, calibration)
+            formats.write_onnx(network, partial)
+            if precision != "float32":
+                inputs = ({"image": picture[None]} for picture in calibration)
+                quantisation.narrow(partial, precision, inputs)
             formats.finish_onnx(partial, card)
             engine = OnnxFile(partial)
         else:
@@ -209,20 +210,3 @@ def _plain_graphs(folder: Path, weights_folder: Path, digest: str) -> OnnxGraphs
     if description is None or description.weights != digest:
         export(folder, GRAPHS, weights_folder)
     return onnx_graphs.open_folder(path)
-
-
-def _write_onnx(
-    network: keras.Model, path: Path, precision: str, calibration: np.ndarray | None
-) -> None:
-    """Write an ONNX file in one of its `PRECISIONS`."""
-    if precision == "float32":
-        return formats.write_onnx(network, path)
-    with tempfile.TemporaryDirectory() as scratch:
-        whole, prepared = Path(scratch) / "whole.onnx", Path(scratch) / "prepared.onnx"
-        formats.write_onnx(network, whole)
-        quantisation.prepare(whole, prepared)
-        if precision == "float16":
-            quantisation.write_float16(prepared, path)
-        elif calibration is not None:
-            inputs = ({"image": picture[None]} for picture in calibration)
-            quantisation.write_int8(prepared, path, inputs)

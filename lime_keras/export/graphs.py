@@ -5,7 +5,6 @@ the process and walks through sets, so that each file would be another.
 """
 
 import dataclasses
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -71,7 +70,7 @@ def write_narrow(
     subnetworks: Mapping[str, keras.Model],
     precision: str,
     plain: OnnxGraphs,
-    pictures: np.ndarray | None,
+    pictures: np.ndarray,
 ) -> None:
     """Write the graphs of a model in fewer bits, and their description, into a new folder.
 
@@ -82,27 +81,19 @@ def write_narrow(
         subnetworks: subnetworks by name.
         precision: `float16` or `int8`.
         plain: engine of the graphs in float32, which answers what the others read.
-        pictures: for int8, calibration images `(N, S, S, 3)`, sRGB in [0, 1].
+        pictures: for int8, calibration images `(N, S, S, 3)`, sRGB in [0, 1]; else none.
     """
     folder.mkdir(parents=True)
     description, graphs = plain.description, {}
-    with tempfile.TemporaryDirectory() as scratch:
-        whole, prepared = Path(scratch) / "whole.onnx", Path(scratch) / "prepared.onnx"
-        for name, alone in parts(subnetworks).items():
-            path, row = folder / f"{name}.onnx", description.graphs[name]
-            formats.write_onnx(alone, whole)
-            quantisation.prepare(whole, prepared)
-            if name == SPLIT:
-                prepared.replace(path)
-            elif precision == "float16":
-                quantisation.write_float16(prepared, path)
-            elif pictures is not None:
-                inputs = (plain.run(row.inputs, {"image": one[None]}) for one in pictures)
-                quantisation.write_int8(prepared, path, inputs)
-            graph = onnx.load(path)
-            formats.settle(graph)
-            formats.write_checked(graph, path)
-            graphs[name] = Graph(row.inputs, row.outputs, untrusted.sha256(path))
+    for name, alone in parts(subnetworks).items():
+        path, row = folder / f"{name}.onnx", description.graphs[name]
+        inputs = (plain.run(row.inputs, {"image": one[None]}) for one in pictures)
+        formats.write_onnx(alone, path)
+        quantisation.narrow(path, "float32" if name == SPLIT else precision, inputs)
+        graph = onnx.load(path)
+        formats.settle(graph)
+        formats.write_checked(graph, path)
+        graphs[name] = Graph(row.inputs, row.outputs, untrusted.sha256(path))
     graph_folder.write(folder, dataclasses.replace(description, graphs=graphs))
 
 

@@ -40,6 +40,21 @@ _REPEATED = re.compile(f"/{REPEATED}$")
 """Nodes that repeat a channel for arithmetic in float32, by name."""
 
 
+def narrow(path: Path, precision: str, inputs: Iterable[Mapping[str, np.ndarray]]) -> None:
+    """Let an ONNX file, which `formats.write_onnx` wrote, compute in fewer bits.
+
+    Args:
+        path: the file, which is replaced.
+        precision: `float16` or `int8`; in `float32` the model is prepared alone.
+        inputs: for int8, the model's inputs for each calibration image, by name.
+    """
+    prepare(path, path)
+    if precision == "float16":
+        write_float16(path, path)
+    elif precision == "int8":
+        write_int8(path, path, inputs)
+
+
 def prepare(source: Path, target: Path) -> None:
     """Write the model with inferred shapes and fused biases, as the functions below need it.
 
