@@ -234,10 +234,7 @@ def _write(
     gallery.check(options.out)
     named = _named(sources, results, folders=options.folders)
     printer = Printer(for_people=sys.stdout.isatty() and not options.json)
-    light = bool(options.normals or clone)
-    batch = Batch(
-        results, printer, masks=options.mask, light=light, normals=options.normals, clone=clone
-    )
+    batch = Batch(results, printer, masks=options.mask, normals=options.normals, clone=clone)
     batch.check_names([Path(source.text) for source in sources if not source.is_video])
     provenances = {
         name: functools.partial(results.provenance, source.file, {})

@@ -49,10 +49,10 @@ class Batch:
         printer: what prints the results.
         masks: mask of the only photo, or folder with a mask of the same name for each photo; None
             to use `NAME_mask.png` beside a photo, its alpha channel, or else SegmentationNet.
-        light: whether to write the light of each photo as well (`light_files.write`).
         normals: file with the normals of the only photo, or folder with a file of the same name for
-            each photo; None to guess the normals.
-        clone: renderer of another shape in the object's place; used only with `light`.
+            each photo; None to guess them.
+        clone: renderer of another shape in the object's place. With it or with normals, the light
+            of each photo is written as well (`light_files.write`).
 
     Attributes:
         finished: content of the JSON of each photo that this run has estimated, by name.
@@ -64,12 +64,11 @@ class Batch:
         printer: Printer,
         *,
         masks: Path | None = None,
-        light: bool = False,
         normals: Path | None = None,
         clone: light_files.Clone | None = None,
     ):
         self._results, self._printer, self._masks = results, printer, masks
-        self._light, self._normals, self._clone = light, normals, clone
+        self._normals, self._clone = normals, clone
         # One photo's files are written while the networks look at the next.
         self._writer = ThreadPoolExecutor(1)
         self._written: deque[tuple[_Input, Future[tuple[dict[str, Any], list[str]]]]] = deque()
@@ -208,7 +207,7 @@ class Batch:
             files.write_pictures(folder, stem, material)
             files.write_formats(folder, stem, material)
             draft.numbers = {"photo": str(one.path)} | material.to_json()
-            if self._light and material.mask_coverage:
+            if (self._normals or self._clone) and material.mask_coverage:
                 normals = self._normals and _file_for(one.path, self._normals)
                 light_files.write(
                     folder,
