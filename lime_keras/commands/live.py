@@ -106,16 +106,13 @@ def _serve(options: argparse.Namespace) -> int:
     import webbrowser
 
     from lime_keras.estimate.estimator import Estimator
-    from lime_keras.live.server import LiveServer, Start
+    from lime_keras.live.server import LiveServer
 
-    start = None
-    if options.camera:
-        start = Start("camera")
-    elif options.photo or options.video:
-        start = Start("photo" if options.photo else "video", options.photo or options.video)
+    kind = next(filter(vars(options).get, ("camera", "photo", "video")), None)
+    source = options.photo or options.video
     estimator = Estimator(options.weights, streaming=True, precision=options.precision)
     try:
-        server = LiveServer(estimator, options.port, start)
+        server = LiveServer(estimator, options.port, kind, source)
     except OSError as error:
         raise OSError(
             f"port {options.port} cannot be used ({error.strerror}): another lime-live may run "

@@ -13,7 +13,6 @@ import tempfile
 import threading
 import traceback
 from collections.abc import Mapping
-from dataclasses import dataclass
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -50,26 +49,14 @@ _PATIENCE = 30.0  # seconds without a byte after which a connection is closed
 _DIGITS = 20  # largest number of digits of a length that is looked at
 
 
-@dataclass(frozen=True)
-class Start:
-    """The source that the page begins with.
-
-    Attributes:
-        kind: `camera`, `photo` or `video`.
-        path: file of the photo or video; None for the camera.
-    """
-
-    kind: str
-    path: Path | None = None
-
-
 class LiveServer(ThreadingHTTPServer):
     """The server; `serve_forever` runs it, `server_close` frees the port.
 
     Args:
         estimator: model that answers.
         port: port on 127.0.0.1; 0 for any free one.
-        start: source that the page begins with; None to let the user choose.
+        kind: what the page begins with, `camera`, `photo` or `video`; None to let the user choose.
+        source: file of the photo or video.
 
     Attributes:
         url: address of the page.
@@ -82,8 +69,10 @@ class LiveServer(ThreadingHTTPServer):
     # On Windows another program could listen on the same port, too.
     allow_reuse_address = os.name != "nt"
 
-    def __init__(self, estimator: Estimator, port: int, start: Start | None = None):
-        self.session, self.start = Session(estimator), start
+    def __init__(
+        self, estimator: Estimator, port: int, kind: str | None = None, source: Path | None = None
+    ):
+        self.session, self.source = Session(estimator), source
         self.busy = threading.Lock()
         self.pages = _pages()
         self.about: dict[str, Any] = {
@@ -93,7 +82,7 @@ class LiveServer(ThreadingHTTPServer):
             "size": estimator.size,
             "gloss": estimator.gloss_calibration._asdict(),
             "about": "on this computer",
-            "start": start and {"kind": start.kind, "name": start.path and start.path.name},
+            "start": kind and {"kind": kind, "name": source and source.name},
         }
         super().__init__(("127.0.0.1", port), _Handler)
         number = self.server_address[1]
@@ -123,8 +112,8 @@ class _Handler(BaseHTTPRequestHandler):
         if path == "/engine.json":
             content = json.dumps(self.server.about).encode()
             self._send(HTTPStatus.OK, "application/json", content)
-        elif path == "/source" and self.server.start and self.server.start.path:
-            self._send_file(self.server.start.path)
+        elif path == "/source" and self.server.source:
+            self._send_file(self.server.source)
         elif path in self.server.pages:
             kind, content = self.server.pages[path]
             self._send(HTTPStatus.OK, kind, content)

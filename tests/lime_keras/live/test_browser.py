@@ -16,7 +16,7 @@ from live_scenes import ball, write_clip
 from PIL import Image
 
 from lime_keras import Estimator
-from lime_keras.live.server import LiveServer, Start
+from lime_keras.live.server import LiveServer
 from lime_keras.optics import colour, compositing, shading, studio_light
 
 playwright = pytest.importorskip("playwright.sync_api", reason="there is no playwright")
@@ -42,8 +42,8 @@ def estimator():
 
 
 @contextlib.contextmanager
-def serving(estimator, port=0, start=None):
-    with LiveServer(estimator, port, start) as server:
+def serving(estimator, port=0, kind=None, source=None):
+    with LiveServer(estimator, port, kind, source) as server:
         thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.05})
         thread.start()
         try:
@@ -731,7 +731,7 @@ def test_it_begins_with_the_photo_it_was_started_with(browser, estimator, tmp_pa
     path = tmp_path / "my ball.png"
     path.write_bytes(png(FRAME))
     with (
-        serving(estimator, start=Start("photo", path)) as server,
+        serving(estimator, kind="photo", source=path) as server,
         opened(browser, server.url) as page,
     ):
         assert shown(page)["picture"] == "my ball.png"
@@ -743,8 +743,10 @@ def test_a_video_is_followed(browser, estimator, tmp_path):
     with Movie(tmp_path / "clip.mp4") as movie:
         for number in range(10):
             movie.write(ball(240, 320, place=(0.02 * number, 0)), number / 10)
-    start = Start("video", tmp_path / "clip.mp4")
-    with serving(estimator, start=start) as server, opened(browser, server.url) as page:
+    with (
+        serving(estimator, kind="video", source=tmp_path / "clip.mp4") as server,
+        opened(browser, server.url) as page,
+    ):
         found = shown(page)
         assert found["picture"] == "clip.mp4" and found["fused"]
         page.keyboard.press("f")

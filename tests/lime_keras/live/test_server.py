@@ -13,7 +13,7 @@ from PIL import Image
 
 from lime_keras import Estimator
 from lime_keras.live import wire
-from lime_keras.live.server import PAGE, LiveServer, Start
+from lime_keras.live.server import PAGE, LiveServer
 
 FRAME = ball()
 
@@ -22,7 +22,7 @@ FRAME = ball()
 def server(tmp_path_factory):
     video = tmp_path_factory.mktemp("source") / "a clip.mp4"
     video.write_bytes(b"not really a clip" * 1000)
-    with LiveServer(Estimator("live"), 0, Start("video", video)) as running:
+    with LiveServer(Estimator("live"), 0, "video", video) as running:
         thread = threading.Thread(target=running.serve_forever)
         thread.start()
         yield running
@@ -93,7 +93,7 @@ def test_the_page_is_told_what_it_begins_with_and_can_fetch_it(server):
     assert told["engine"] == "server" and told["size"] == 128
     assert told["start"] == {"kind": "video", "name": "a clip.mp4"}
     answer, content = ask(server, "GET", "/source")
-    assert content == server.start.path.read_bytes()
+    assert content == server.source.read_bytes()
     assert answer.headers["Content-Type"] == "video/mp4"
 
 
