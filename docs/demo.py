@@ -34,11 +34,11 @@ def main(out: Path) -> None:
         out: folder of the page; one from an earlier build is replaced, or kept without a network.
     """
     try:
-        with static.fetched_runtime() as runtime:
-            if not (out / _WRITTEN).exists():
-                # A page that says what is missing, which is nobody's work.
-                (out / "index.html").unlink(missing_ok=True)
-            static.write(out, model_folder.SHIPPED, runtime)
+        runtime = static.fetched_runtime()
+        if not (out / _WRITTEN).exists():
+            # A page that says what is missing, which is nobody's work.
+            (out / "index.html").unlink(missing_ok=True)
+        static.write(out, model_folder.SHIPPED, runtime)
     except OSError as error:
         print(f"the demo of the site is not written anew: {error}", file=sys.stderr)
         if not (out / _WRITTEN).exists():

@@ -79,8 +79,7 @@ class Models:
 
 def _write_page(path: Path, run: Path) -> None:
     try:
-        with static.fetched_runtime() as runtime:
-            static.write(path, run, runtime)
+        static.write(path, run, static.fetched_runtime())
     except OSError as error:
         raise Unavailable(str(error)) from error
 

@@ -85,9 +85,9 @@ def _write(options: argparse.Namespace) -> int:
     static.check(options.static)
     engine.load(run)
     print(f"onnxruntime-web {static.RUNTIME_VERSION} is fetched …", file=sys.stderr)
-    with static.fetched_runtime() as runtime:
-        print("the networks are written …", file=sys.stderr)
-        static.write(options.static, run, runtime)
+    runtime = static.fetched_runtime()
+    print("the networks are written …", file=sys.stderr)
+    static.write(options.static, run, runtime)
     print(
         f"{options.static} holds the page, for any web host; to try it here: "
         f"python3 -m http.server -d {options.static}, then http://localhost:8000/ in the browser"

@@ -5,16 +5,14 @@ written, in the one release that was tested.
 """
 
 import base64
-import contextlib
 import hashlib
 import http.client
 import io
 import json
 import shutil
 import tarfile
-import tempfile
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Mapping
 from pathlib import Path
 from typing import IO, cast
 
@@ -55,13 +53,13 @@ _PATIENCE = 60
 _LICENCE = "onnxruntime-LICENSE"
 
 
-def write(out: Path, run: Path, runtime: Path) -> None:
+def write(out: Path, run: Path, runtime: Mapping[str, bytes]) -> None:
     """Write the page, its engine and a model into a folder; replace a page written before.
 
     Args:
         out: folder to write.
         run: folder of the trained model, exported (`model_folder.graphs`).
-        runtime: folder with the files of onnxruntime-web, its `dist` (see `fetched_runtime`).
+        runtime: files of onnxruntime-web by name (see `fetched_runtime`).
 
     Raises:
         ValueError: if `out` holds something else than a page, or the model holds no graphs of its
@@ -78,9 +76,8 @@ def write(out: Path, run: Path, runtime: Path) -> None:
         (partial / "graphs").mkdir()
         names = page_graphs.write(partial / "graphs", engine.folder, engine.description)
         (partial / "runtime").mkdir()
-        for backend in _RUNTIME.values():
-            for name in backend.values():
-                shutil.copyfile(runtime / name, partial / "runtime" / name)
+        for name, content in runtime.items():
+            (partial / "runtime" / name).write_bytes(content)
         (partial / _LICENCE).rename(partial / "runtime" / "LICENSE")
         _write_headers(partial)
         about = {
@@ -115,9 +112,8 @@ def check(out: Path) -> None:
         raise ValueError(f"{out} holds other files, which would be lost: name a new folder")
 
 
-@contextlib.contextmanager
-def fetched_runtime() -> Iterator[Path]:
-    """Yield a temporary folder with the files of onnxruntime-web.
+def fetched_runtime() -> dict[str, bytes]:
+    """Return the files of onnxruntime-web that the page runs, by name.
 
     They come from the npm registry, or from the archive that `npm pack` has left in the current
     folder.
@@ -133,14 +129,13 @@ def fetched_runtime() -> Iterator[Path]:
             f"{_ARCHIVE} is damaged or another file (its SHA-512 is {digest}): delete it if it lies"
             " in this folder, and try again"
         )
-    wanted = {f"package/dist/{name}": name for row in _RUNTIME.values() for name in row.values()}
-    with tempfile.TemporaryDirectory() as scratch:
-        with tarfile.open(fileobj=io.BytesIO(content)) as archive:
-            for member, name in wanted.items():
-                # The archive's checksum says that each member is there, and a file.
-                opened = cast(IO[bytes], archive.extractfile(member))
-                (Path(scratch) / name).write_bytes(opened.read())
-        yield Path(scratch)
+    names = [name for backend in _RUNTIME.values() for name in backend.values()]
+    with tarfile.open(fileobj=io.BytesIO(content)) as archive:
+        # The archive's checksum says that each member is there, and a file.
+        return {
+            name: cast(IO[bytes], archive.extractfile(f"package/dist/{name}")).read()
+            for name in names
+        }
 
 
 def _archive() -> bytes:

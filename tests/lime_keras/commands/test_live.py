@@ -1,6 +1,5 @@
 """`lime-live` from its command line to its page."""
 
-import contextlib
 import http.client
 import json
 import os
@@ -77,8 +76,7 @@ def test_wrong_usage(arguments):
 
 
 def test_the_static_page_is_written(tmp_path, monkeypatch, capsys):
-    runtime = static_page.stand_ins(tmp_path / "runtime")
-    monkeypatch.setattr(static, "fetched_runtime", lambda: contextlib.nullcontext(runtime))
+    monkeypatch.setattr(static, "fetched_runtime", static_page.runtime)
     assert live.main(["--static", str(tmp_path / "site")]) == 0
     told = capsys.readouterr()
     assert f"http.server -d {tmp_path / 'site'}" in told.out
