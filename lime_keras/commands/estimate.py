@@ -382,7 +382,7 @@ def _estimate_video(
     printer: "Printer",
 ) -> dict[str, Any] | None:
     """Estimate a video and print its material; return the content of its JSON, None if it fails."""
-    from lime_keras.estimate import files
+    from lime_keras.estimate import interchange
     from lime_keras.video.estimate_video import estimate_video
 
     target = results.json(name)
@@ -396,7 +396,7 @@ def _estimate_video(
     remarks = [
         f"scene {scene.number}: {remark}"
         for scene in summary.scenes
-        for remark in files.remarks(scene.material)
+        for remark in interchange.remarks(scene.material)
     ]
     for remark in summary.remarks:
         printer.warning(remark)

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from tqdm import tqdm
 
-from lime_keras.estimate import files
+from lime_keras.estimate import files, interchange
 from lime_keras.estimate.estimator import Estimator
 from lime_keras.estimate.results import Results
 from lime_keras.estimate.terminal import Printer
@@ -219,7 +219,7 @@ class Batch:
                     alpha=one.photo.alpha,
                 )
         self._seconds["writing"] += time.perf_counter() - begun
-        return draft.numbers, files.remarks(material)
+        return draft.numbers, interchange.remarks(material)
 
     def _fail(self, path: Path, error: Exception) -> None:
         self._failed += 1

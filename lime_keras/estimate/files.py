@@ -68,13 +68,6 @@ def write_formats(folder: Path, name: str, material: Material) -> list[str]:
     return list(texts)
 
 
-def remarks(material: Material) -> list[str]:
-    """Return warnings of what the files for other programs cannot hold of a material."""
-    if material.whole() is None or not material.mask_coverage:
-        return []
-    return list(filter(None, [interchange.warning(material)]))
-
-
 def distinct_names(sources: Iterable[Path]) -> list[str]:
     """Return a name for the files of each source: its path without the suffix.
 

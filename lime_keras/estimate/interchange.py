@@ -14,7 +14,7 @@ An estimate may reflect more light than arrives, which no material of glTF or Mi
 albedos are then smaller by one factor, `albedo_scale`. Hue and gloss stay. Under a light that is
 brighter by the same factor the whole look stays, for only the product of light and albedo is seen.
 
-The functions raise ValueError if the material lacks an albedo or the exponent.
+All functions but `remarks` raise ValueError if the material lacks an albedo or the exponent.
 """
 
 import base64
@@ -59,16 +59,16 @@ def albedo_scale(material: Material) -> float:
     return 1 / max(float(np.max(diffuse)) + lobe, 1.0)
 
 
-def warning(material: Material) -> str | None:
-    """Return the warning of a material whose albedos are written 1 % smaller or more, or None."""
-    scale = albedo_scale(material)
+def remarks(material: Material) -> list[str]:
+    """Return the warning of a whole material whose albedos are written 1 % smaller or more."""
+    scale = 1.0 if material.whole() is None else albedo_scale(material)
     if scale > _UNSEEN:
-        return None
-    return (
+        return []
+    return [
         f"the material would reflect {1 / scale:.2f} times the light that it gets, so its albedos "
         f"are {scale:.2f} times the estimate in the glTF and Mitsuba files, of the same hue and "
         f"gloss; for the photo's brightness make the light there {1 / scale:.2f} times as bright"
-    )
+    ]
 
 
 def lobe_reflectance(material: Material) -> float:

@@ -114,9 +114,9 @@ def test_what_is_too_bright_keeps_hue_and_gloss():
 
 
 def test_the_warning_tells_the_factor():
-    assert interchange.warning(material([0.3, 0.2, 0.1], 0.4, 100.0)) is None
-    assert interchange.warning(material([0.0] * 3, 0.0, 0.0)) is None
-    told = interchange.warning(material([1.0, 1.0, 1.0], 1.0, 1000.0))
+    assert interchange.remarks(material([0.3, 0.2, 0.1], 0.4, 100.0)) == []
+    assert interchange.remarks(material([0.0] * 3, 0.0, 0.0)) == []
+    (told,) = interchange.remarks(material([1.0, 1.0, 1.0], 1.0, 1000.0))
     assert "0.57 times the estimate" in told and "1.76 times as bright" in told
 
 
@@ -274,6 +274,6 @@ def test_no_material_no_file():
         for lacking in (albedos, Material(exponent=10.0)):
             with pytest.raises(ValueError, match="lacks a number"):
                 write(lacking, "vase")
-    for write in (interchange.mitsuba_scene, interchange.warning):
-        with pytest.raises(ValueError, match="lacks a number"):
-            write(albedos)
+    with pytest.raises(ValueError, match="lacks a number"):
+        interchange.mitsuba_scene(albedos)
+    assert interchange.remarks(albedos) == []
