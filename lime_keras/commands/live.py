@@ -108,8 +108,8 @@ def _serve(options: argparse.Namespace) -> int:
     from lime_keras.estimate.estimator import Estimator
     from lime_keras.live.server import LiveServer
 
-    kind = next(filter(vars(options).get, ("camera", "photo", "video")), None)
-    source = options.photo or options.video
+    kinds = [kind for kind in ("camera", "photo", "video") if getattr(options, kind)]
+    kind, source = kinds[0] if kinds else None, options.photo or options.video
     estimator = Estimator(options.weights, streaming=True, precision=options.precision)
     try:
         server = LiveServer(estimator, options.port, kind, source)
