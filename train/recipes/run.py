@@ -210,7 +210,7 @@ class _Run:
         if not step.is_there(self._folder):
             raise RuntimeError(f"`{words}` left no {step.product} in {self._folder}: see above")
         if name.startswith("trainings/"):
-            shutil.rmtree(self._folder / step.folder / "photos", ignore_errors=True)
+            shutil.rmtree(self._folder / name / "photos", ignore_errors=True)
         record = {
             "command": words,
             "key": self._key(name),
@@ -237,8 +237,7 @@ class _Run:
         """Take a step's result over from the run to reuse, if it is the same step and done."""
         if self._reuse is None or name == steps.EVALUATION or not self._is_done(name, self._reuse):
             return False
-        folder = self._steps[name].folder
-        _link_tree(self._reuse / folder, self._folder / folder)
+        _link_tree(self._reuse / name, self._folder / name)
         self._take_records(name, self._reuse)
         _tell(f"{name}: taken over from {self._reuse}")
         return True
@@ -254,7 +253,7 @@ class _Run:
 
     def _lay_out(self, final: str) -> None:
         """Lay the last training's model and graphs out as the set, with the record of all steps."""
-        trained = self._folder / self._steps[final].folder
+        trained = self._folder / final
         if not (trained / "onnx").is_dir():
             raise RuntimeError(
                 f"{trained} has no graphs: its model lacks a subnetwork, or lime-export failed; "

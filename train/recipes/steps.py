@@ -15,15 +15,15 @@ _PLACES_OF_A_MAP = 10
 class Step:
     """A step: a command, run in the folder of the run, so that its paths are the same anywhere.
 
+    It writes the folder of its name.
+
     Attributes:
         command: the words of the command.
-        folder: folder that it writes.
         product: file or folder whose presence shows, beside the step's record, that it is done.
         needs: names of the steps whose folders it reads.
     """
 
     command: tuple[str, ...]
-    folder: str
     product: str
     needs: tuple[str, ...] = ()
 
@@ -46,13 +46,12 @@ def steps(recipe: Recipe, seed: int, cutouts: bool) -> dict[str, Step]:
     }
     if cutouts:
         views = ("views", f"{DATA}/environments", PLACES, "--count", str(_PLACES_OF_A_MAP))
-        out[PLACES] = Step(("lime-render", *views), PLACES, PLACES)
+        out[PLACES] = Step(("lime-render", *views), PLACES)
     for name, training in recipe.trainings.items():
         out[f"trainings/{name}"] = _training(recipe, name, training, seed, cutouts)
     out[VALIDATION] = _corpus(VALIDATION, recipe.validation, "test")
     out[EVALUATION] = Step(
         ("lime-eval", VALIDATION, "--weights", ".", "--out", EVALUATION),
-        EVALUATION,
         f"{EVALUATION}/metrics.json",
         (VALIDATION, last(recipe)),
     )
@@ -76,9 +75,7 @@ def _corpus(folder: str, corpus: Corpus, split: str) -> Step:
         "--endless": corpus.endless,
         "--light-law": corpus.light_law,
     }
-    return Step(
-        ("lime-render", folder, *_words(options)), folder, f"{folder}/{split}/manifest.json"
-    )
+    return Step(("lime-render", folder, *_words(options)), f"{folder}/{split}/manifest.json")
 
 
 def _training(recipe: Recipe, name: str, training: Training, seed: int, cutouts: bool) -> Step:
@@ -105,7 +102,7 @@ def _training(recipe: Recipe, name: str, training: Training, seed: int, cutouts:
     }
     needs = (*corpora, *([f"trainings/{before}"] if before else []), *([PLACES] if sees else []))
     words = ("lime-train", *corpora, *_words(options), *recipe.options, *training.options)
-    return Step(words, folder, f"{folder}/model/architecture.json", needs)
+    return Step(words, f"{folder}/model/architecture.json", needs)
 
 
 def _words(options: dict[str, object]) -> list[str]:
