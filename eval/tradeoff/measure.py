@@ -67,7 +67,7 @@ def measure(
         )
     for split in SPLITS:  # int8 is calibrated on the train split, which would be missed late
         Split(corpus, split).shard_paths()
-    load, own = os.getloadavg()[0], models.Models(dict(runs), corpus, folder)
+    load = os.getloadavg()[0]
     listed = [case for name in (*runs, PAPER) for case in cases.of_model(name, processors.count())]
     refused: dict[str, str] = {}
     paths: dict[TimedUse, Path] = {}
@@ -75,7 +75,7 @@ def measure(
         variant = f"{case.model} in {case.precision if case.kind != PAGE else 'a browser'}"
         try:
             if variant not in refused:
-                paths[case] = own.path(case)
+                paths[case] = models.path(case, runs, corpus, folder)
         except (ParityError, models.Unavailable) as error:
             refused[variant] = str(error)
             tqdm.write(f"warning: {variant} is left out: {error}", file=sys.stderr)

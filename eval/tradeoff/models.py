@@ -3,6 +3,7 @@
 They are written once into a folder, and again when they are of other weights.
 """
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from lime_keras.export import exporter, graphs
@@ -21,60 +22,54 @@ class Unavailable(RuntimeError):
     """What a case needs is not there, such as a browser."""
 
 
-class Models:
-    """The models, by name.
+def path(case: TimedUse, runs: Mapping[str, Path], corpus: Path, folder: Path) -> Path:
+    """Return what a case runs: the folder of a model, a SavedModel or a page.
+
+    It is written if it is missing.
 
     Args:
+        case: the case.
         runs: folder of each trained model, by name.
         corpus: corpus on whose train split graphs in eight bits are calibrated.
         folder: folder of the files that are written.
+
+    Raises:
+        Unavailable: if the case cannot be run here.
     """
+    home = folder / case.model
+    if case.model == PAPER:
+        return _untrained(home)
+    run = runs[case.model]
+    if case.runtime in (SAVED_MODEL, BROWSER):
+        is_page = case.runtime == BROWSER
+        written = home / "page" if is_page else exporter.target(home, exporter.SAVED_MODEL)
+        mark, digest = home / f"{case.runtime}.weights", model_folder.digest(run)
+        if is_page and (lack := browser.missing()):
+            raise Unavailable(lack)
+        if not (written.is_dir() and mark.is_file() and mark.read_text() == digest):
+            if is_page:
+                _write_page(written, run)
+            else:
+                exporter.export(home, exporter.SAVED_MODEL, run)
+            atomic.write(mark, digest)
+        return written
+    if case.precision == "float32":
+        return run
+    description = graph_folder.read(model_folder.graphs(home, case.precision))
+    if description is None or description.weights != model_folder.digest(run):
+        exporter.export(home, exporter.GRAPHS, run, precision=case.precision, corpus=corpus)
+    return home
 
-    def __init__(self, runs: dict[str, Path], corpus: Path, folder: Path):
-        self._runs, self._corpus, self._folder = runs, corpus, folder
 
-    def path(self, case: TimedUse) -> Path:
-        """Return what a case runs: the folder of a model, a SavedModel or a page.
-
-        It is written if it is missing.
-
-        Raises:
-            Unavailable: if the case cannot be run here.
-        """
-        if case.model == PAPER:
-            return self._paper()
-        run, home = self._runs[case.model], self._folder / case.model
-        if case.runtime in (SAVED_MODEL, BROWSER):
-            is_page = case.runtime == BROWSER
-            path = home / "page" if is_page else exporter.target(home, exporter.SAVED_MODEL)
-            mark, digest = home / f"{case.runtime}.weights", model_folder.digest(run)
-            if is_page and (lack := browser.missing()):
-                raise Unavailable(lack)
-            if not (path.is_dir() and mark.is_file() and mark.read_text() == digest):
-                if is_page:
-                    _write_page(path, run)
-                else:
-                    exporter.export(home, exporter.SAVED_MODEL, run)
-                atomic.write(mark, digest)
-            return path
-        if case.precision == "float32":
-            return run
-        description = graph_folder.read(model_folder.graphs(home, case.precision))
-        if description is None or description.weights != model_folder.digest(run):
-            corpus = self._corpus
-            exporter.export(home, exporter.GRAPHS, run, precision=case.precision, corpus=corpus)
-        return home
-
-    def _paper(self) -> Path:
-        """Return the folder of the preset `paper`, untrained."""
-        home, architecture = self._folder / PAPER, PRESETS[PAPER]
-        if graph_folder.read(model_folder.graphs(home)) is None:
-            subnetworks = build(architecture, seed=0)
-            weights.save(home / "model", architecture, subnetworks, half=True)
-            _, stored = weights.load(home)
-            with atomic.replacing(model_folder.graphs(home)) as partial:
-                graphs.write(partial, architecture, stored, model_folder.digest(home))
-        return home
+def _untrained(home: Path) -> Path:
+    """Return a folder with the preset `paper`, untrained."""
+    if graph_folder.read(model_folder.graphs(home)) is None:
+        architecture = PRESETS[PAPER]
+        weights.save(home / "model", architecture, build(architecture, seed=0), half=True)
+        _, stored = weights.load(home)
+        with atomic.replacing(model_folder.graphs(home)) as partial:
+            graphs.write(partial, architecture, stored, model_folder.digest(home))
+    return home
 
 
 def _write_page(path: Path, run: Path) -> None:

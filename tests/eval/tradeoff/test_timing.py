@@ -95,6 +95,6 @@ def test_every_case_is_there_once_and_the_paper_is_timed_alone():
 
 def test_without_a_browser_a_page_is_left_out(tmp_path, tiny_model, monkeypatch):
     monkeypatch.setattr(browser, "missing", lambda: "there is no Chromium")
-    own = models.Models({"tiny": tiny_model}, tmp_path, tmp_path)
+    use = TimedUse("tiny", cases.PAGE, "mask", cases.BROWSER)
     with pytest.raises(models.Unavailable, match="no Chromium"):
-        own.path(TimedUse("tiny", cases.PAGE, "mask", cases.BROWSER))
+        models.path(use, {"tiny": tiny_model}, tmp_path, tmp_path)
