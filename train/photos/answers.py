@@ -11,8 +11,8 @@ from typing import Any
 import keras
 import numpy as np
 
-from lime_keras.networks.registry import DERIVED, QUANTITIES, estimate, is_plain
-from lime_keras.networks.wiring import Wiring, predictors
+from lime_keras.networks.registry import QUANTITIES, estimate, is_plain
+from lime_keras.networks.wiring import Wiring, predictors, required_inputs
 
 from . import masks
 from .kept import INPUT_MASK, PREDICTED, Kept
@@ -28,19 +28,12 @@ def independent(
     out: dict[str, keras.Model] = {}
     learnt = set(predictors({n: one for n, one in subnetworks.items() if n not in frozen}))
     for name, network in subnetworks.items():
-        read = {tensor.name for tensor in network.inputs}
-        if name in frozen and not read & learnt:
+        if name in frozen and learnt.isdisjoint(required_inputs({name: network})):
             out[name] = network
         else:
             learnt |= set(predictors({name: network}))
     images = {name for name, row in QUANTITIES.items() if row.channels == 1}
     return {name: one for name, one in out.items() if images.issuperset(predictors({name: one}))}
-
-
-def reads(networks: Mapping[str, keras.Model]) -> tuple[str, ...]:
-    """Return the layers that these subnetworks read and none of them predicts."""
-    read = {tensor.name for network in networks.values() for tensor in network.inputs}
-    return tuple(sorted(read - set(predictors(networks)) - {"image", "mask", *DERIVED}))
 
 
 def sha256(networks: Mapping[str, keras.Model]) -> str:
@@ -93,7 +86,7 @@ def make(
     masker, missing = networks.get("segmentation"), answers.begin()
     done = answers.count - sum(map(len, missing))
     for part in missing:
-        batch = photos.read(np.array(part), ("image", "mask", *reads(layers)))
+        batch = photos.read(np.array(part), ("image", *required_inputs(layers)))
         batch["mask"] = _input_masks(batch, part, masker, seed)
         answers.write(part.start, {INPUT_MASK: batch["mask"], **_layers(batch, layers)})
         answers.mark(part)

@@ -1,5 +1,7 @@
 """What frozen subnetworks predict, kept: a stage learns from it as if it were predicted anew."""
 
+import dataclasses
+
 import keras
 import numpy as np
 import pytest
@@ -39,6 +41,8 @@ def test_only_what_reads_no_learning_subnetwork_is_kept(networks):
     # M follows from S, which learns; numbers of the material are no layers.
     assert not answers.independent(stage, ("mirror",))
     assert list(answers.independent(stage, ("specular", "albedo"))) == ["specular"]
+    linear = build(dataclasses.replace(stage_runs.TINY, linear=True))
+    assert not answers.independent(_of(linear, "specular", "mirror"), ("mirror",))
 
 
 def test_a_stage_learns_from_kept_predictions_as_from_fresh_ones(networks, photos, tmp_path):
