@@ -4,7 +4,6 @@ Both are read from kept photos (`train.photos`). The photos of a stage are made 
 first batch, and then seen again and again: in another order each time, flipped or not.
 """
 
-import functools
 import hashlib
 import itertools
 import zlib
@@ -244,15 +243,10 @@ def _rows(count: int, seed: int, positions: range) -> np.ndarray:
     """Return the photos at some positions of a stage: each once an epoch, in an own order."""
     rows: list[int] = []
     for epoch in range(positions.start // count, (positions.stop - 1) // count + 1):
-        order = _order(count, seed, epoch)
+        order = making.order(count, seed, epoch)
         first, last = positions.start - epoch * count, positions.stop - epoch * count
         rows += order[max(first, 0) : min(last, count)].tolist()
     return np.array(rows)
-
-
-@functools.lru_cache(2)  # a batch may span two epochs
-def _order(count: int, seed: int, epoch: int) -> np.ndarray:
-    return np.random.default_rng((seed, epoch)).permutation(count)
 
 
 def _read(photos: Kept, replies: Kept | None, rows: np.ndarray, features: Collection[str]) -> Batch:

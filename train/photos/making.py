@@ -96,7 +96,6 @@ class Scenes:
             raise ValueError(
                 f"no example to train on in {', '.join(map(str, self.shards))}: render more of them"
             )
-        self._order = functools.lru_cache(4)(self._permuted)
 
     def __len__(self) -> int:
         return len(self._records)
@@ -105,14 +104,17 @@ class Scenes:
         """Return the serialised example that a photo shows."""
         epoch, place = divmod(number % 2**62, len(self))
         if self._recipe.validation is None:
-            place = self._order(epoch)[place]
+            place = order(len(self), self._recipe.seed, epoch)[place]
         path, start, length = self._records[place]
         with path.open("rb") as file:
             file.seek(start)
             return file.read(length)
 
-    def _permuted(self, epoch: int) -> np.ndarray:
-        return np.random.default_rng((self._recipe.seed, epoch)).permutation(len(self))
+
+@functools.lru_cache(4)
+def order(count: int, seed: int, epoch: int) -> np.ndarray:
+    """Return the numbers below `count`, `(count,)`, in an order of their own each epoch."""
+    return np.random.default_rng((seed, epoch)).permutation(count)
 
 
 class Studio:
