@@ -64,27 +64,23 @@ def system(architecture: Architecture, run: Path) -> System:
     """Return what a run is, by its record: the paper's recipe, or another one, and its parts."""
     config = model_folder.training_config(run)
     baseline = architecture.system == "reflectance-map"
-    ablations = [
-        name
-        for name, is_so in (
-            ("without perceptual loss", not config.get("compositing", True) and not baseline),
-            ("without MirrorNet", not architecture.mirror),
-            ("exponent regression", architecture.exponent == "regression"),
-            ("reflectance map", baseline),
-        )
-        if is_so
-    ]
+    ablations = _true(
+        {
+            "without perceptual loss": not config.get("compositing", True) and not baseline,
+            "without MirrorNet": not architecture.mirror,
+            "exponent regression": architecture.exponent == "regression",
+            "reflectance map": baseline,
+        }
+    )
     if _is_the_papers(config, architecture) and len(ablations) < 2:
         row = ablations[0] if ablations else FULL
         return System(f"{row}{_scale(config, architecture)}", row)
-    added = [
-        name
-        for name, is_so in (
-            ("with the split of colours", architecture.dichromatic),
-            ("with the hue of pixels", architecture.hue),
-        )
-        if is_so
-    ]
+    added = _true(
+        {
+            "with the split of colours": architecture.dichromatic,
+            "with the hue of pixels": architecture.hue,
+        }
+    )
     recipe = "another recipe" if config else "of an unknown recipe"
     return System(", ".join([recipe, *added, *ablations]))
 
@@ -110,16 +106,18 @@ def _is_the_papers(config: Mapping[str, Any], architecture: Architecture) -> boo
 def _scale(config: Mapping[str, Any], architecture: Architecture) -> str:
     """Return what is smaller than in the paper, in words; nothing for a run of its size."""
     whole, steps = PRESETS["paper"], config.get("steps_scale", 1.0)
-    said = [
-        words
-        for words, differs in (
-            (f"{architecture.size} px", architecture.size != whole.size),
-            (f"{architecture.unet_width} wide", architecture.unet_width != whole.unet_width),
-            (f"{steps:g} of the batches", steps != 1),
-        )
-        if differs
-    ]
+    said = _true(
+        {
+            f"{architecture.size} px": architecture.size != whole.size,
+            f"{architecture.unet_width} wide": architecture.unet_width != whole.unet_width,
+            f"{steps:g} of the batches": steps != 1,
+        }
+    )
     return f" at {', '.join(said)}" if said else ""
+
+
+def _true(said: Mapping[str, bool]) -> list[str]:
+    return [words for words, is_so in said.items() if is_so]
 
 
 def other_system(rows: Mapping[str, np.ndarray]) -> System:
