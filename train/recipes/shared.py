@@ -9,7 +9,6 @@ forgets photographs; then at 128, and at the set's own size. S and M learn at 12
 
 from .recipe import Corpus, Package, Training
 
-BOTH = ("uniform", "natural")
 CORPORA = {
     "meshes": Corpus(36_000, seed=1),
     "shapes": Corpus(24_000, seed=2, meshes=False, endless=0.75),
