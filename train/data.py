@@ -207,10 +207,7 @@ class Data:
             size = self._config.architecture.size
             local = self._devices.local_copies(networks)
             kept = Kept(self._folder / key, photos.count, answers.features(frozen), size)
-            self._complete(
-                kept,
-                lambda: answers.make(photos, kept, local, seed, "input masks", self._on_making),
-            )
+            self._complete(kept, lambda: answers.make(photos, kept, local, seed, self._on_making))
             self._opened[key] = kept
         return self._opened[key]
 

@@ -62,7 +62,6 @@ def make(
     answers: Kept,
     networks: Mapping[str, keras.Model],
     seed: int | None,
-    title: str,
     on_making: OnMaking,
 ) -> None:
     """Compute the answers that are missing.
@@ -74,7 +73,6 @@ def make(
             damaged, and those whose predictions are kept (`independent`).
         seed: seed of the masks; None to cut out each object by `segmentation` alone, as in
             validation.
-        title: name of the answers, for `on_making`.
         on_making: function called as answers are computed.
 
     Raises:
@@ -91,7 +89,7 @@ def make(
         answers.write(part.start, {INPUT_MASK: batch["mask"], **_layers(batch, layers)})
         answers.mark(part)
         done += len(part)
-        on_making(title, done, answers.count)
+        on_making("input masks", done, answers.count)
     answers.finish({})
 
 

@@ -49,7 +49,7 @@ def test_a_stage_learns_from_kept_predictions_as_from_fresh_ones(networks, photo
     names = ("specular", "mirror", "exponent")
     frozen = answers.independent(_of(networks, *names), ("specular", "mirror"))
     told = Kept(tmp_path / "answers", COUNT, answers.features(frozen), SIZE)
-    answers.make(photos, told, frozen, 1, "answers", lambda *progress: None)
+    answers.make(photos, told, frozen, 1, lambda *progress: None)
     rows = np.arange(COUNT)
     batch = photos.read(rows, photos.features) | told.read(rows, told.features)
     fresh = StageModel(_of(networks, *names), losses="robust")
@@ -71,7 +71,7 @@ def test_segmentation_looks_only_at_photos_whose_mask_it_finds(networks, photos,
     told = Kept(tmp_path / "masks", COUNT, answers.features({}), SIZE)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(answers, "predict_mask", found)
-        answers.make(photos, told, _of(networks, "segmentation"), 1, "", lambda *progress: None)
+        answers.make(photos, told, _of(networks, "segmentation"), 1, lambda *progress: None)
     rows = np.arange(COUNT)
     seen = told.read(rows, told.features)[INPUT_MASK]
     batch = photos.read(rows, ("image", "mask"))
@@ -94,7 +94,7 @@ def test_answers_follow_from_photos_and_weights(networks, photos, tmp_path):
     found = []
     for folder in ("one", "two"):
         told = Kept(tmp_path / folder, COUNT, answers.features({}), SIZE)
-        answers.make(photos, told, segmentation, 1, "masks", lambda *progress: None)
+        answers.make(photos, told, segmentation, 1, lambda *progress: None)
         found.append(told.read(np.arange(COUNT), told.features)[INPUT_MASK])
     np.testing.assert_array_equal(*found)
     before = answers.sha256(segmentation)
