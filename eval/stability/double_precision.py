@@ -39,14 +39,10 @@ class Rounding:
 
     def weights(self, values: np.ndarray) -> np.ndarray:
         """Return a layer's weights `(..., outputs)` with random errors of √N ε."""
-        terms = values.size / values.shape[-1]
-        return self._moved(values, np.sqrt(terms))
+        return self.answer(values, np.sqrt(values.size / values.shape[-1]))
 
-    def answer(self, values: np.ndarray) -> np.ndarray:
-        """Return a layer's output with random errors of ε."""
-        return self._moved(values, 1.0)
-
-    def _moved(self, values: np.ndarray, units: float) -> np.ndarray:
+    def answer(self, values: np.ndarray, units: float = 1.0) -> np.ndarray:
+        """Return a layer's output with random errors of ε, or of as many `units` of it."""
         if self.epsilon == 0:
             return values
         return values * (1 + units * self.epsilon * self.rng.uniform(-0.5, 0.5, values.shape))
