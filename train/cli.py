@@ -509,20 +509,18 @@ def _overrides(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _with(config: Any, values: Mapping[str, Any]) -> Any:
-    """Return a dataclass with other values of some fields, given by their dotted names."""
+    """Return a config with other values of some fields, given by their dotted names."""
     import dataclasses
 
-    inner: dict[str, dict[str, Any]] = {}
+    fields: dict[str, dict[str, Any]] = {"": {}}
     for path, value in values.items():
-        name, _, rest = path.partition(".")
-        inner.setdefault(name, {})[rest] = value
-    return dataclasses.replace(
-        config,
-        **{
-            name: fields[""] if "" in fields else _with(getattr(config, name), fields)
-            for name, fields in inner.items()
-        },
-    )
+        part, _, name = path.rpartition(".")
+        fields.setdefault(part, {})[name] = value
+    own = fields.pop("")
+    parts = {
+        part: dataclasses.replace(getattr(config, part), **new) for part, new in fields.items()
+    }
+    return dataclasses.replace(config, **parts, **own)
 
 
 class _Bars:
