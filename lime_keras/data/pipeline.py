@@ -280,7 +280,8 @@ def _prepare(
 
     The photo depends on the example's own seed and index.
     """
-    check_features(features)
+    if unknown := sorted(set(features) - set(FEATURES)):
+        raise ValueError(f"a batch can hold no {', '.join(unknown)}, but {', '.join(FEATURES)}")
     wanted = stored_for(features)
     if camera:
         wanted |= {"seed", "index", *SCENE}
@@ -294,12 +295,6 @@ def _prepare(
         return select(resize(example, size), features)
 
     return prepare
-
-
-def check_features(features: Collection[str]) -> None:
-    """Raise ValueError if a batch cannot hold some of these features."""
-    if unknown := sorted(set(features) - set(FEATURES)):
-        raise ValueError(f"a batch can hold no {', '.join(unknown)}, but {', '.join(FEATURES)}")
 
 
 def stored_for(features: Collection[str]) -> set[str]:
