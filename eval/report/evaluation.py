@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from lime_keras.optics import colour, shininess
+from lime_keras.material import srgb_hex
+from lime_keras.optics import shininess
 
 from ..accuracy import labels, table
 from ..accuracy.evaluate import Evaluation
@@ -123,9 +124,7 @@ def _card(example: Example) -> dict[str, Any]:
 
 def _swatch(albedo_linear: np.ndarray) -> dict[str, str]:
     """Return a linear albedo `(3,)` as a CSS colour and as text."""
-    srgb = np.clip(colour.linear_to_srgb(albedo_linear), 0, 1)
-    red, green, blue = np.round(255 * srgb).astype(int).tolist()
     return {
-        "css": f"rgb({red}, {green}, {blue})",
+        "css": srgb_hex(albedo_linear),
         "text": " ".join(f"{value:.2f}" for value in albedo_linear),
     }
