@@ -256,12 +256,12 @@ def _exponent_errors(
         distance = np.abs(predicted - shininess.bin_of(exponent))
         return errors | {"predicted_bin": predicted, "bin_distance": distance}
     probabilities = estimate["exponent_bin_probabilities"]
-    winning = shininess.log_winning(probabilities)
+    winning = np.argmax(probabilities, axis=-1)
     return errors | {
-        "predicted_bin": np.argmax(probabilities, axis=-1),
+        "predicted_bin": winning,
         "bin_probabilities": probabilities,
         "bin_distance": metrics.bin_distance(exponent, probabilities),
-        "log_error_winning": metrics.log_exponent_error(exponent, winning),
+        "log_error_winning": metrics.log_exponent_error(exponent, shininess.LOG_MEANS[winning]),
     }
 
 

@@ -73,11 +73,6 @@ def log_of_outputs(outputs: Mapping[str, Any]) -> Any:
     return log_expected(outputs["exponent_bin_probabilities"])
 
 
-def log_winning(probabilities: np.ndarray) -> np.ndarray:
-    """Return the log10 s `(...)` of the most probable class, given probabilities `(..., 8)`."""
-    return LOG_MEANS[np.argmax(probabilities, axis=-1)]
-
-
 def entropy(probabilities: np.ndarray) -> np.ndarray:
     """Return the entropy `(...)` in bits of probabilities `(..., 8)` that sum to 1.
 
