@@ -41,11 +41,11 @@ def _fetch(package: Package, out: Path) -> dict[str, Any]:
     try:
         if package.client == "npm":
             _run(work, "npm", "pack", "--silent", f"{package.name}@{package.version}")
-            (archive,) = work.glob("*.tgz")
+            archive = _archive(work)
             shutil.unpack_archive(archive, work / "unpacked", filter="data")
         else:
             _run(work, "apt-get", "download", f"{package.name}={package.version}")
-            (archive,) = work.glob("*.deb")
+            archive = _archive(work)
             _run(work, "dpkg", "-x", str(archive), "unpacked")
         pictures = [
             path
@@ -64,6 +64,14 @@ def _fetch(package: Package, out: Path) -> dict[str, Any]:
 
 def _run(folder: Path, *command: str) -> None:
     subprocess.run(command, cwd=folder, check=True, capture_output=True, text=True)
+
+
+def _archive(folder: Path) -> Path:
+    """Return the archive that a client has left in a folder."""
+    files = [path for path in folder.iterdir() if path.suffix in (".tgz", ".deb")]
+    if len(files) != 1:
+        raise FileNotFoundError(f"the client left {len(files)} archives in place of one")
+    return files[0]
 
 
 def _is_wanted(stem: str, ranges: Sequence[str]) -> bool:
