@@ -11,15 +11,13 @@ import dataclasses
 
 from . import live
 
+_BY_MUON = dict(live.RECIPE.trainings)
+
 RECIPE = dataclasses.replace(
     live.RECIPE,
-    trainings=live.RECIPE.trainings
+    trainings=_BY_MUON
     | {
-        name: dataclasses.replace(
-            live.RECIPE.trainings[name],
-            optimizer="adam",
-            rate=live.RECIPE.trainings[name].rate / 2,
-        )
+        name: dataclasses.replace(_BY_MUON[name], optimizer="adam", rate=_BY_MUON[name].rate / 2)
         for name in ("light", "material")
     },
 )
