@@ -2,7 +2,7 @@
 
     python benchmarks/accuracy.py CORPUS --weights uniform --record accuracy-uniform
 
-Prints the measures of `lime-eval CORPUS --weights SET` for each set. What was measured is kept in
+Prints the measures of `lime-eval CORPUS --weights SET` for each set, also with the true mask. What was measured is kept in
 `results/accuracy`, so that a repeated command goes on where it was stopped.
 """
 
@@ -40,6 +40,10 @@ def main() -> None:
             )
             for measure in measures.MEASURES
             if measure in summary
+        }
+        columns[f"{name}, true mask"] = {
+            measure: record.Figure(value, None, summary["count"])
+            for measure, value in summary["true_mask"].items()
         }
         columns[CHANCE] = {
             measure: record.Figure(value, None, summary["count"])
