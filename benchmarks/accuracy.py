@@ -2,8 +2,8 @@
 
     python benchmarks/accuracy.py CORPUS --weights uniform --record accuracy-uniform
 
-Prints the measures of `lime-eval CORPUS --weights SET` for each set, also with the true mask. What was measured is kept in
-`results/accuracy`, so that a repeated command goes on where it was stopped.
+Prints the measures of `lime-eval CORPUS --weights SET` for each set, also with the true mask. What
+was measured is kept in `results/accuracy`, so that a repeated command goes on where it was stopped.
 """
 
 import argparse
