@@ -6,6 +6,7 @@ import functools
 import json
 import os
 import shutil
+import sys
 from pathlib import Path
 
 import hypothesis
@@ -26,7 +27,6 @@ variants.activate(CHOICE, threads=1)
 hypothesis.settings.register_profile("shared machine", deadline=None)
 hypothesis.settings.load_profile("shared machine")
 
-
 LONGEST = (
     "test_suite.py",
     "test_trainer.py",
@@ -34,8 +34,6 @@ LONGEST = (
     "test_quickstart.py",
     "test_pipeline.py",
 )
-
-
 TESTS = Path(__file__).parent
 QUICK = (
     *("lime_keras/optics", "lime_keras/io", "lime_keras/lighting", "benchmarks"),
@@ -66,6 +64,26 @@ def pytest_collection_modifyitems(items):
         takes_long = item.get_closest_marker("slow") or "wheel" in item.fixturenames
         if _is_quick(item.path) and not takes_long:
             item.add_marker("quick")
+
+
+@pytest.fixture
+def without(monkeypatch):
+    """A function that keeps modules away."""
+
+    class Away:
+        def __init__(self, names):
+            self.names = names
+
+        def find_spec(self, name, path=None, target=None):
+            if name.partition(".")[0] in self.names:
+                raise ModuleNotFoundError(f"No module named {name!r}")
+
+    def keep_away(*names):
+        monkeypatch.setattr(sys, "meta_path", [Away(names), *sys.meta_path])
+        for name in names:
+            monkeypatch.delitem(sys.modules, name, raising=False)
+
+    return keep_away
 
 
 @pytest.fixture(scope="session")

@@ -5,7 +5,6 @@ import functools
 import importlib
 import io
 import os
-import sys
 
 import pytest
 
@@ -148,26 +147,6 @@ def test_a_bar_appears_with_the_first_news_and_ends_with_the_last(capsys):
         assert "rooms:  30%" in told
         assert "40/40" in told and "loss=0.3" in told and told.endswith("\n")
     assert capsys.readouterr() == ("", "")
-
-
-@pytest.fixture
-def without(monkeypatch):
-    """A function that keeps modules away."""
-
-    class Away:
-        def __init__(self, names):
-            self.names = names
-
-        def find_spec(self, name, path=None, target=None):
-            if name in self.names:
-                raise ModuleNotFoundError(f"No module named {name!r}")
-
-    def keep_away(*names):
-        monkeypatch.setattr(sys, "meta_path", [Away(names), *sys.meta_path])
-        for name in names:
-            monkeypatch.delitem(sys.modules, name, raising=False)
-
-    return keep_away
 
 
 @pytest.mark.parametrize(

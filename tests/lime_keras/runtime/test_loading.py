@@ -61,20 +61,8 @@ def test_sets_of_the_package_name_the_command(monkeypatch):
         Estimator("nano", precision="int8")
 
 
-class Without:
-    """A finder of modules that does not have these."""
-
-    def __init__(self, *names):
-        self._names = names
-
-    def find_spec(self, name, path=None, target=None):
-        if name.partition(".")[0] in self._names:
-            raise ImportError(f"{name} is kept away")
-
-
-def test_the_keras_engine_says_what_to_install(run, monkeypatch):
-    monkeypatch.setattr(sys, "meta_path", [Without("keras"), *sys.meta_path])
-    monkeypatch.delitem(sys.modules, "keras", raising=False)
+def test_the_keras_engine_says_what_to_install(run, without):
+    without("keras")
     with pytest.raises(ImportError, match=r"Keras engine needs keras: pip .*\[train\]"):
         runtime.load(run, "keras")
 
