@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from lime_keras.model.folder import shipped
+
 NAMES = ("best", "live", "live_adam", "nano", "uniform", "builtin")
 """The recipes that come with the package, each a module beside this one."""
 
@@ -76,7 +78,8 @@ class Training:
         materials: laws of the albedos.
         optimizer: `muon` or `adam`; under `muon` MirrorNet alone is trained by Adam, and so are
             heads, dense layers and pretrained ones.
-        start_from: name of the earlier training whose weights it begins with; None for fresh ones.
+        start_from: name of the earlier training, or of the set that comes with the package, whose
+            weights it begins with; None for fresh ones.
         freeze: subnetworks that keep these weights.
         average: momentum of the optimiser's moving average of the weights (`use_ema` of Keras),
             which takes their place at the end of a stage; None for the last weights.
@@ -138,7 +141,7 @@ class Recipe:
         for name, training in self.trainings.items():
             for what, named, known in (
                 ("corpus", training.corpora, self.corpora),
-                ("earlier training", filter(None, [training.start_from]), before),
+                ("earlier training", filter(None, [training.start_from]), [*before, *shipped()]),
             ):
                 if unknown := [one for one in named if one not in known]:
                     raise ValueError(

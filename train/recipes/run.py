@@ -28,6 +28,7 @@ from typing import Any
 
 from lime_keras import console
 from lime_keras.io import atomic, locking, untrusted
+from lime_keras.model import folder as model_folder
 from lime_keras.version import __version__, installed
 
 from ..provenance import commit, differences
@@ -223,7 +224,10 @@ class _Run:
     def _key(self, name: str) -> str:
         """Return a hash of all that a step's result follows from, beside the code."""
         step = self._steps[name]
-        read = [self._inputs[kind] for kind in self._inputs if f"{kind}/" in " ".join(step.command)]
+        words = " ".join(step.command)
+        read: list[Any] = [self._inputs[kind] for kind in self._inputs if f"{kind}/" in words]
+        if step.begins_with is not None:
+            read.append(model_folder.digest(model_folder.find(step.begins_with)))
         follows_from = [step.command, read, [self._key(needed) for needed in step.needs]]
         return hashlib.sha256(json.dumps(follows_from).encode()).hexdigest()
 

@@ -21,11 +21,13 @@ class Step:
         command: the words of the command.
         product: file or folder whose presence shows, beside the step's record, that it is done.
         needs: names of the steps whose folders it reads.
+        begins_with: set of the package whose weights it begins with; None for no set.
     """
 
     command: tuple[str, ...]
     product: str
     needs: tuple[str, ...] = ()
+    begins_with: str | None = None
 
     def is_there(self, run: Path) -> bool:
         """Return whether the run holds what the step makes."""
@@ -80,6 +82,7 @@ def _corpus(folder: str, corpus: Corpus, split: str) -> Step:
 
 def _training(recipe: Recipe, name: str, training: Training, seed: int, cutouts: bool) -> Step:
     folder, before = f"trainings/{name}", training.start_from
+    earlier = f"trainings/{before}" if before in recipe.trainings else None
     corpora = tuple(f"corpora/{one}" for one in training.corpora)
     sees = cutouts and training.cutouts
     options = {
@@ -95,14 +98,15 @@ def _training(recipe: Recipe, name: str, training: Training, seed: int, cutouts:
         "--average": training.average,
         "--precision": training.precision,
         "--size": training.size or recipe.size,
-        "--start-from": before and f"./trainings/{before}",
+        "--start-from": f"./{earlier}" if earlier else before,
         "--freeze": training.freeze,
         "--cutouts": (f"{CUTOUTS}/things", PLACES) if sees else (),
         "--seed": seed,
     }
-    needs = (*corpora, *([f"trainings/{before}"] if before else []), *([PLACES] if sees else []))
+    needs = (*corpora, *([earlier] if earlier else []), *([PLACES] if sees else []))
     words = ("lime-train", *corpora, *_words(options), *recipe.options, *training.options)
-    return Step(words, f"{folder}/model/architecture.json", needs)
+    product, begins_with = f"{folder}/model/architecture.json", None if earlier else before
+    return Step(words, product, needs, begins_with)
 
 
 def _words(options: dict[str, object]) -> list[str]:

@@ -5,6 +5,7 @@ import dataclasses
 import pytest
 
 from lime_keras.eval import cli as eval_cli
+from lime_keras.model import folder as model_folder
 from lime_keras.networks import PRESETS
 from lime_keras.render import cli as render_cli
 from lime_keras.train import cli, recipes
@@ -42,17 +43,17 @@ def test_every_command_of_every_recipe_is_one(name):
 
 @pytest.mark.parametrize("name", recipes.NAMES)
 def test_every_recipe_makes_a_whole_set_of_its_size(name):
-    """By its last training, whose weights come from those before."""
+    """By its last training, whose weights come from those before, or from a whole set."""
     recipe = recipes.find(name)
     trained, before = set(), list(recipe.trainings)[-1]
-    while before is not None:
+    while before in recipe.trainings:
         training = recipe.trainings[before]
         trained |= {part for stage in training.stages for part in stage.split("+")}
         before = training.start_from
-    assert trained == {"segmentation", "specular", "mirror", "exponent", "albedo"}
-    last = list(recipe.trainings.values())[-1]
+    whole = {"segmentation", "specular", "mirror", "exponent", "albedo"}
+    assert trained == whole or before in model_folder.shipped()
     size = recipe.size or PRESETS[recipe.preset].size
-    assert recipe.validation.size == (last.size or size)
+    assert recipe.validation.size == size
     seeds = [one.seed for one in (*recipe.corpora.values(), recipe.validation)]
     assert len(set(seeds)) == len(seeds)
     for training in recipe.trainings.values():
@@ -88,12 +89,15 @@ def test_only_uniform_reads_the_split_in_its_shading(name, reads):
     assert (getattr(options, "with") == ["dichromatic-shading"]) == reads
 
 
-def test_nano_and_best_begin_with_the_mask_of_live():
-    masks = [
-        steps.steps(recipes.find(name), 0, cutouts=True)["trainings/mask-192"]
-        for name in ("live", "nano", "best")
-    ]
-    assert masks[0] == masks[1] == masks[2]
+def test_nano_begins_with_the_mask_of_live():
+    live, nano = (steps.steps(recipes.find(name), 0, cutouts=True) for name in ("live", "nano"))
+    assert live["trainings/mask-192"] == nano["trainings/mask-192"]
+
+
+def test_best_begins_with_the_set_that_ships():
+    step = steps.steps(recipes.find("best"), 0, cutouts=True)["trainings/mask"]
+    assert step.begins_with == "live" and step.needs == ("corpora/meshes", steps.PLACES)
+    assert _parsed(step.command).start_from == model_folder.find("live")
 
 
 def test_without_cutouts_the_commands_have_none():

@@ -189,6 +189,20 @@ def test_equal_steps_are_taken_over(own, folder, commands, tmp_path, capsys):
         run.carry_out(own, tmp_path / "fourth", data_folder=folder, reuse=tmp_path)
 
 
+def test_a_step_follows_from_the_set_that_it_begins_with(own, folder, commands, tmp_path):
+    first, made = tmp_path / "first", ["trainings/masks", "trainings/rest", "eval"]
+    Path(own).write_text(RECIPE.replace("materials=(), opt", 'start_from="live", opt'))
+    run.carry_out(own, first, data_folder=folder)
+    commands.ran.clear()
+    run.carry_out(own, tmp_path / "same", data_folder=folder, reuse=first)
+    assert commands.ran == ["eval"]
+    commands.ran.clear()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(run.model_folder, "digest", lambda path: "another")
+        run.carry_out(own, tmp_path / "other", data_folder=folder, reuse=first)
+    assert commands.ran == made
+
+
 def test_a_command_that_fails_ends_the_run(own, folder, tmp_path, capfd):
     Path(own).write_text(RECIPE.replace("seed=1, size=32", "seed=1, size=33"))
     arguments = ["--recipe", own, "--data", str(folder), "--out", str(tmp_path / "run")]
