@@ -165,7 +165,8 @@ def _open(path: Path, check_size: CheckSize) -> Picture:
     # Decode, in the file's own numbers, which take a quarter of the memory of floats.
     if not image.read(image.subimage, force=True):
         raise ValueError(f"{image.geterror().strip()}; export it anew, as PNG say")
-    if kind == "openexr" and not image.roi.contains(window):
+    # What lies outside of the display window is not turned with it.
+    if kind == "openexr" and (turned > 1 or not image.roi.contains(window)):
         image = oiio.ImageBufAlgo.crop(image, roi=window)
     if turned > 1:
         image.orientation = turned
@@ -474,11 +475,9 @@ def _open_heif(path: Path, check_size: CheckSize) -> Picture:
     import pillow_heif
 
     # The image is upright already: the library applies the file's rotation.
-    image = pillow_heif.open_heif(path)
-    check_size(image.size[0], image.size[1], 4)
-    profile = image.info.get("icc_profile")
-    points = None if profile else _points_of_heif(image.info)
-    return of_levels(np.asarray(image), Tags(points, profile))
+    with pillow_heif.HeifImageFile(path) as image:
+        check_size(*image.size, 4)
+        return of_image(image, path)
 
 
 def _points_of_heif(info: Mapping[Any, Any]) -> tuple[int, int] | None:

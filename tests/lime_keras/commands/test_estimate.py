@@ -95,7 +95,7 @@ def test_whatever_one_photo_does_the_others_are_done(
     def opened(path):
         raise MemoryError if Path(path).name == "d.heic" else IndexError("list index out of range")
 
-    monkeypatch.setattr("pillow_heif.open_heif", opened)
+    monkeypatch.setattr("pillow_heif.HeifImageFile", opened)
     monkeypatch.setattr("lime_keras.io.photo.FULL", 3000)
     assert run(folder, weights_folder=tiny_model, out=tmp_path / "out") == 1
     told = capsys.readouterr().err

@@ -5,6 +5,7 @@ import zlib
 
 import numpy as np
 import OpenImageIO as oiio
+import pillow_heif
 import pytest
 from icc_profiles import FORMULA, GAMMA, LINEAR, TABLE, TO_XYZ_D50, profile
 from PIL import Image
@@ -137,6 +138,7 @@ CASES = {
     "ICC, 8 bits": lambda p: png(p, levels(chart(PATCHES) ** (1 / 1.8)), **icc(profile(GAMMA))),
     "EXIF, Adobe RGB": lambda p: exif(p.with_suffix(".jpg"), 0xFFFF, "R03"),
     "EXIF, Adobe RGB by number": lambda p: exif(p.with_suffix(".jpg"), 2, None),
+    "EXIF of a HEIC, Adobe RGB": lambda p: exif(p.with_suffix(".heic"), 0xFFFF, "R03"),
     "EXR, ACEScg": lambda p: exr(
         p.with_suffix(".exr"),
         chart(PATCHES @ TO_AP1.T),
@@ -184,7 +186,10 @@ def exif(path, space, interoperability):
     if interoperability:
         tags[0x8769][0xA005] = {1: interoperability, 2: b"0100"}
     adobe = levels(chart(PATCHES @ TO_ADOBE.T) ** (256 / 563))
-    Image.fromarray(adobe).save(path, quality=98, subsampling=0, exif=tags)
+    pillow_heif.register_heif_opener()
+    whole = {"chroma": 444, "save_nclx_profile": False}
+    whole = whole if path.suffix == ".heic" else {"subsampling": 0}
+    Image.fromarray(adobe).save(path, quality=98, exif=tags, **whole)
     return path
 
 
@@ -246,7 +251,9 @@ def test_a_space_is_converted_from(case, tmp_path):
     """The values are those of the same chart in sRGB; JPEG and CIELab's bytes are coarse."""
     path = CASES[case](tmp_path / "chart.png")
     found = patches(photo.read_srgb(path))
-    coarse = {".jpg": 0.025, ".tif": 0.03, ".hdr": 0.01, ".avif": 0.03}.get(path.suffix, 0.006)
+    coarse = {".jpg": 0.025, ".tif": 0.03, ".hdr": 0.01, ".avif": 0.03, ".heic": 0.025}.get(
+        path.suffix, 0.006
+    )
     np.testing.assert_allclose(found, srgb(PATCHES), atol=coarse)
 
 

@@ -375,7 +375,7 @@ def test_whatever_a_decoder_raises_names_the_file(error, tmp_path, monkeypatch):
     def broken(*_, **__):
         raise error
 
-    monkeypatch.setattr(pillow_heif, "open_heif", broken)
+    monkeypatch.setattr(pillow_heif, "HeifImageFile", broken)
     refused(path, reason="cannot be read as a picture: .")
 
 
@@ -385,7 +385,7 @@ def test_too_little_memory_names_the_file(tmp_path, monkeypatch):
     def large(*_, **__):
         raise MemoryError
 
-    monkeypatch.setattr(pillow_heif, "open_heif", large)
+    monkeypatch.setattr(pillow_heif, "HeifImageFile", large)
     with pytest.raises(MemoryError, match=r"p\.heic does not fit into this machine's memory: make"):
         photo.read(path)
 

@@ -21,13 +21,14 @@ def noise(channels=3):
     return np.random.default_rng(0).uniform(size=(HEIGHT, WIDTH, channels)).astype(np.float32)
 
 
-def exr(path, *layers, window=None, at=(0, 0), part="", append=False):
+def exr(path, *layers, window=None, at=(0, 0), part="", append=False, orientation=1):
     """Write an OpenEXR of layers, each `(H, W, C)` and the names of its channels."""
     pixels = np.concatenate([layer for layer, _ in layers], -1)
     spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], pixels.shape[2], oiio.FLOAT)
     spec.channelnames = [name for _, names in layers for name in names]
     spec.x, spec.y = at
     spec.full_width, spec.full_height = window or pixels.shape[1::-1]
+    spec.attribute("Orientation", orientation)
     if part:
         spec.attribute("oiio:subimagename", part)
     image = oiio.ImageBuf(spec)
@@ -208,6 +209,9 @@ def test_the_display_window_is_the_picture(tmp_path):
     np.testing.assert_allclose(found, expected, atol=1e-5)
     path = exr(tmp_path / "out.exr", (pixels, list("RGB")), window=(30, 20), at=(-4, -3))
     np.testing.assert_allclose(photo.read(path)[0], encoded(pixels[3:23, 4:34]), atol=1e-5)
+    path = exr(path, (pixels, list("RGB")), window=(30, 20), at=(-4, -3), orientation=6)
+    expected = np.rot90(encoded(pixels[3:23, 4:34]), -1)
+    np.testing.assert_allclose(photo.read(path)[0], expected, atol=1e-5)
     path = exr(tmp_path / "off.exr", (pixels, list("RGB")), window=(30, 20), at=(40, 0))
     with pytest.raises(ValueError, match="window holds no data: save it whole"):
         photo.read(path)
