@@ -1,10 +1,13 @@
 """`uniform`, for the paper's materials: as `live`, but m_s uniform from 0 to 1, by Muon.
 
-    lime-train --recipe uniform --data DATA --out runs/uniform --reuse runs/live
+    make weights NAME=uniform DATA=DATA
+    lime-train --recipe uniform --data DATA --out runs/uniform --reuse runs/live    # not shipped
 
-SpecularNet reads the split of colours, too, which finds S better on renders, and loses highlights
-of prints on photographs. Some 10 hours of one core as `live`, or 5 with --reuse of its run, which
-has the corpora and masks. 20 GB of disk.
+Its SpecularNet reads the split of colours, too, which finds S better on renders, and loses
+highlights of prints on photographs; it learns from nothing. The mask is that of `live`, as it comes
+with the package, whose encoders and M are trained on. Some 5 hours of one core, or 4 with --reuse
+of a run of `live`, which has the corpora (estimated from rates, see docs/how-to/recipes.md).
+15 GB of disk.
 Scores: not trained yet. The set of this name that comes with the package is of before there were
 recipes (lime_keras/pretrained/README.md).
 """
@@ -18,13 +21,13 @@ _SPLIT = ("--with", "dichromatic-shading")
 
 RECIPE = Recipe(
     preset="live",
-    corpora=shared.CORPORA,
-    trainings=shared.MASKS
-    | {
-        "light": dataclasses.replace(shared.LIGHT_128, options=_SPLIT),
+    corpora={name: shared.CORPORA[name] for name in shared.OF_128},
+    trainings={
+        "light": dataclasses.replace(
+            shared.LIGHT_128, stages=("specular",), start_from="live", options=_SPLIT
+        ),
         "material": dataclasses.replace(shared.MATERIAL, materials=("uniform",), options=_SPLIT),
         "mirror": dataclasses.replace(shared.MIRROR, materials=("uniform",), options=_SPLIT),
     },
     validation=dataclasses.replace(shared.VALIDATION, materials="uniform"),
-    packages=shared.CUTOUTS,
 )

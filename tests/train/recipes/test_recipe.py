@@ -75,11 +75,11 @@ def test_live_by_adam_is_live_but_for_the_optimiser_and_its_rates():
         assert one == by_muon
 
 
-def test_live_and_uniform_share_corpora_and_masks():
-    both = [steps.steps(recipes.find(name), 0, cutouts=True) for name in ("live", "uniform")]
-    differing = {name for name in both[0] if both[0][name] != both[1][name]}
-    own = {f"trainings/{name}" for name in ("light", "material", "mirror")}
-    assert differing == own | {"corpora/validation"}
+@pytest.mark.parametrize("name", ["nano", "uniform"])
+def test_the_corpora_of_live_can_be_taken_over(name):
+    live, other = (steps.steps(recipes.find(one), 0, cutouts=True) for one in ("live", name))
+    corpora = [one for one in other if one.startswith("corpora/") and one != steps.VALIDATION]
+    assert len(corpora) == 2 and all(other[one] == live[one] for one in corpora)
 
 
 @pytest.mark.parametrize(("name", "reads"), [("live", False), ("uniform", True)])
@@ -89,14 +89,14 @@ def test_only_uniform_reads_the_split_in_its_shading(name, reads):
     assert (getattr(options, "with") == ["dichromatic-shading"]) == reads
 
 
-def test_nano_begins_with_the_mask_of_live():
-    live, nano = (steps.steps(recipes.find(name), 0, cutouts=True) for name in ("live", "nano"))
-    assert live["trainings/mask-192"] == nano["trainings/mask-192"]
-
-
-def test_best_begins_with_the_set_that_ships():
-    step = steps.steps(recipes.find("best"), 0, cutouts=True)["trainings/mask"]
-    assert step.begins_with == "live" and step.needs == ("corpora/meshes", steps.PLACES)
+@pytest.mark.parametrize("name", ["best", "nano", "uniform"])
+def test_the_other_sets_begin_with_live_as_it_ships(name):
+    recipe = recipes.find(name)
+    first = f"trainings/{next(iter(recipe.trainings))}"
+    step = steps.steps(recipe, 0, cutouts=True)[first]
+    assert step.begins_with == "live" and steps.steps(recipe, 0, cutouts=False)[first].needs == (
+        tuple(f"corpora/{corpus}" for corpus in recipe.corpora)
+    )
     assert _parsed(step.command).start_from == model_folder.find("live")
 
 
