@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import tensorflow as tf
-from sphere_corpus import example
+from sphere_corpus import COMPOSED, example
 
 from lime_keras import losses
 from lime_keras.data import camera, records
@@ -130,18 +130,8 @@ def test_the_truth_costs_little_in_a_photo():
     for index in range(6):
         found = photo(records.parse(records.encode(example(index))), index)
         batch = {name: tf.constant(value)[None] for name, value in found.items()}
-        costs.append(
-            losses.compositing_l1(
-                batch["image"],
-                batch["mask"],
-                batch["diffuse_albedo"],
-                batch["specular_albedo"],
-                batch["ambient"],
-                batch["diffuse_shading"],
-                compress(batch["specular_shading"]),
-                batch["clipped"],
-            )[0]
-        )
+        layers, specular = [batch[name] for name in COMPOSED], compress(batch["specular_shading"])
+        costs.append(losses.compositing_l1(*layers, specular, batch["clipped"])[0])
     assert max(costs) < 0.05 and np.mean(costs) < 0.03
 
 

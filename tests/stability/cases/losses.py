@@ -25,8 +25,10 @@ def cases() -> list[Case]:
     """Return the cases of the masked mean and of the losses."""
     masked: dict[str, Callable[[np.ndarray, Precision], Outcome]] = {
         "masked mean": _masked_mean,
-        "loss on masks": _mask_l2,
-        "structure loss on masks": _mask_structure,
+        "loss on masks": functools.partial(_of_mask, _mask_loss, _mask_l2_reference),
+        "structure loss on masks": functools.partial(
+            _of_mask, _structure_loss, _mask_structure_reference
+        ),
         "loss on shading": _shading_l1,
     }
     out = []
@@ -39,8 +41,11 @@ def cases() -> list[Case]:
         measure = functools.partial(_large_mask, precision)
         out.append(Case("masked mean", "full mask of 256 × 256", precision.name, measure))
     for precision in TENSORS:
-        for part, function in (("loss", _albedo), ("absolute loss", _albedo_l1)):
-            measure = functools.partial(function, precision)
+        for part, loss, reference in (
+            ("loss", _albedo_loss, _albedo_reference),
+            ("absolute loss", _absolute_albedo_loss, _albedo_l1_reference),
+        ):
+            measure = functools.partial(judged, loss, reference, precision, *_albedos())
             name = "albedos from -30 to 10000"
             out.append(Case(f"{part} on albedos", name, precision.name, measure))
     return out
@@ -124,14 +129,9 @@ def _large_mask(precision: Precision) -> Outcome:
 # Losses under a mask.
 
 
-def _mask_l2(mask: np.ndarray, precision: Precision) -> Outcome:
-    return judged(
-        _mask_loss,
-        _mask_l2_reference,
-        precision,
-        fields(_PREDICTED),
-        repeated(mask, len(_PREDICTED)),
-    )
+def _of_mask(loss: Any, reference: Any, mask: np.ndarray, precision: Precision) -> Outcome:
+    given = repeated(mask, len(_PREDICTED))
+    return judged(loss, reference, precision, fields(_PREDICTED), given)
 
 
 def _mask_l2_reference(
@@ -143,16 +143,6 @@ def _mask_l2_reference(
     value = np.array([np.square(d).sum() / PIXELS for d in difference])
     slope_size = 2 * (np.abs(predicted) + np.abs(mask)) / PIXELS
     return value, 2 * size.mean((1, 2, 3)), [(slope, slope, slope_size)]
-
-
-def _mask_structure(mask: np.ndarray, precision: Precision) -> Outcome:
-    return judged(
-        _structure_loss,
-        _mask_structure_reference,
-        precision,
-        fields(_PREDICTED),
-        repeated(mask, len(_PREDICTED)),
-    )
 
 
 def _mask_structure_reference(
@@ -207,14 +197,6 @@ def _shading_l1_reference(
     weights = mask / np.maximum(mask.sum((1, 2, 3), keepdims=True), 1e-30)
     value = (np.abs(difference) * weights).sum((1, 2, 3))
     return value, (size * weights).sum((1, 2, 3)), [(low * weights, high * weights, weights)]
-
-
-def _albedo(precision: Precision) -> Outcome:
-    return judged(_albedo_loss, _albedo_reference, precision, *_albedos())
-
-
-def _albedo_l1(precision: Precision) -> Outcome:
-    return judged(_absolute_albedo_loss, _albedo_l1_reference, precision, *_albedos())
 
 
 def _albedos() -> list[np.ndarray]:
