@@ -427,7 +427,7 @@ def _train_here(options: argparse.Namespace) -> int:
             only=options.stages,
             reuse=options.reuse,
             start_from=options.start_from,
-            cutouts=options.cutouts,
+            cutouts=options.cutouts and tuple(options.cutouts),  # of argparse, a list
             devices=options.devices,
             on_making=bars.making if leads else lambda what, done, total: None,
         )
