@@ -65,13 +65,14 @@ class TimedUse:
 def of_model(model: str, cores: int) -> Iterator[TimedUse]:
     """Yield the cases of a model on a machine with a number of cores.
 
-    One core and two are tried; the runtimes that others load, on all that are tried.
+    One core and two are tried; the runtimes that others load, on all that are tried. Of `PAPER`,
+    which takes seconds an answer, only the material and everything are asked for.
     """
     most = min(2, cores)
     for threads in sorted({1, most}):
         for precision in PRECISIONS if model != PAPER else PRECISIONS[:1]:
             for kind in (PHOTO, STREAM):
-                for name in ASKED[kind]:
+                for name in ASKED[kind] if model != PAPER else ("material", WHOLE):
                     yield TimedUse(model, kind, name, ONNX, precision, threads)
         for name in ASKED[PAGE] if model != PAPER else ():
             yield TimedUse(model, PAGE, name, BROWSER, threads=threads)

@@ -46,7 +46,7 @@ class Effort:
     """
 
     warm_up: int = 3
-    seconds: float = 2.0
+    seconds: float = 1.0
     least: int = 5
     most: int = 200
 

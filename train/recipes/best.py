@@ -6,7 +6,9 @@
 The networks of `live`, as it comes with the package, trained on at 192 pixels: the mask, then the
 encoders; S and M stay as they are. Some 1.5 hours on two cores. 10 GB of disk.
 
-Scores on its validation scenes: not measured yet.
+Scores: not trained yet. The set of this name that comes with the package is of before there were
+recipes (lime_keras/pretrained/README.md). A trial of this recipe is ahead of it
+(docs/lab/physics.md, "The same networks at 192 pixels").
 """
 
 import dataclasses

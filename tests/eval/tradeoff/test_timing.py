@@ -90,7 +90,7 @@ def test_every_case_is_there_once_and_the_paper_is_timed_alone():
     assert {case.threads for case in listed} == {1, 2}
     assert len({case.name for case in listed}) == len(listed)
     paper = list(cases.of_model(cases.PAPER, cores=1))
-    assert len(paper) == 8 and {case.precision for case in paper} == {"float32"}
+    assert len(paper) == 4 and {case.precision for case in paper} == {"float32"}
 
 
 def test_without_a_browser_a_page_is_left_out(tmp_path, tiny_model, monkeypatch):
