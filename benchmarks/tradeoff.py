@@ -7,6 +7,7 @@ Stopped, it goes on. It wants quiet cores: an hour or two.
 
 import argparse
 import json
+import math
 from pathlib import Path
 
 import record
@@ -31,8 +32,11 @@ def main() -> None:
     for row in json.loads((arguments.out / "tradeoff.json").read_text())["rows"]:
         use = "{kind}, {asked}, {runtime}, {precision}, {threads}".format(**row)
         of_model = figures.setdefault(row["model"], {})
-        for name in {"ms", "p95_ms", "networks_ms", "score"} & row.keys():
+        for name in {"ms", "p95_ms", "networks_ms"} & row.keys():
             of_model[f"{use}, {name}"] = record.Figure(row[name])
+        scores = row.get("errors", {}) | {"score": row.get("score", math.nan)}
+        for name, value in scores.items():
+            of_model[f"{row['precision']}, {name}"] = record.Figure(value)
     if arguments.record:
         record.write(
             arguments.record,
