@@ -749,9 +749,7 @@ def test_the_baseline_of_every_preset_is_the_papers_kind(corpus, tmp_path):
         assert (found.system, found.dichromatic, found.hue) == ("reflectance-map", False, False)
 
 
-def test_the_command_learns_masks_from_cut_outs(
-    corpus, tmp_path, brief_smoke, capsys, monkeypatch
-):
+def test_the_command_learns_masks_from_cut_outs(corpus, tmp_path, brief_smoke, capsys, monkeypatch):
     make = making.make
     # As processes do, which keep what they have read by the laws of the photos.
     monkeypatch.setattr(making, "make", lambda laws, *rest: (hash(laws), make(laws, *rest)))
