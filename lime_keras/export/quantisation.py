@@ -125,7 +125,8 @@ def write_int8(prepared: Path, target: Path, inputs: Iterable[Mapping[str, np.nd
         nodes_to_exclude=in_float32(onnx.load(prepared)),
         per_channel=True,
         activation_type=quantization.QuantType.QUInt8,
-        weight_type=quantization.QuantType.QInt8,
+        # Not signed: without AVX-512 VNNI, sums of products of both signs would be cut off.
+        weight_type=quantization.QuantType.QUInt8,
         calibrate_method=quantization.CalibrationMethod.MinMax,
     )
 
