@@ -14,7 +14,7 @@ import record
 
 from lime_keras.eval import cli
 
-CODE = 1
+CODE = 2  # since 2, graphs in eight bits have unsigned weights
 
 
 def main() -> None:
