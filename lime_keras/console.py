@@ -10,6 +10,7 @@ import importlib.util
 import itertools
 import math
 import os
+import platform
 import signal
 import sys
 import textwrap
@@ -380,6 +381,9 @@ def import_tensorflow() -> None:
     check_fork()
     _RAN_TENSORFLOW.add(os.getpid())
     os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
+    if platform.machine() in ("x86_64", "AMD64"):
+        # By itself, TensorFlow does without oneDNN where there is no VNNI, as in most desktops.
+        os.environ.setdefault("TF_ENABLE_ONEDNN_OPTS", "1")
     with standard_error_closed():
         import tensorflow as tf
 
