@@ -84,7 +84,8 @@ class Training:
         average: momentum of the optimiser's moving average of the weights (`use_ema` of Keras),
             which takes their place at the end of a stage; None for the last weights.
         cutouts: whether SegmentationNet sees cut-outs of `Recipe.packages`, too.
-        precision: of the inner layers.
+        precision: of the inner layers; in bfloat16 a processor without its instructions takes some
+            sixteen times as long.
         size: height and width of the networks' images; None for the recipe's.
         preset: its preset, where it is not the recipe's.
         options: further options of `lime-train`, after those of the recipe.
@@ -102,7 +103,7 @@ class Training:
     freeze: tuple[str, ...] = ()
     average: float | None = None
     cutouts: bool = False
-    precision: str = "bfloat16"
+    precision: str = "float32"
     size: int | None = None
     preset: str | None = None
     options: tuple[str, ...] = ()

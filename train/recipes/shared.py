@@ -43,7 +43,6 @@ MASKS = {
         rate=2e-3,
         photos=10_000,
         cutouts=True,
-        precision="float32",  # depthwise convolutions are slower in bfloat16
         size=192,
         preset="live",
     ),
@@ -56,7 +55,6 @@ MASKS = {
         start_from="decoder",
         average=0.999,
         cutouts=True,
-        precision="float32",
         size=192,
         preset="live",
     ),
@@ -69,7 +67,6 @@ MASKS = {
         start_from="mask-192",
         average=0.999,
         cutouts=True,
-        precision="float32",
         size=128,
         preset="live",
     ),
