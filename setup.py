@@ -45,7 +45,6 @@ EXTRAS = {
         "scipy>=1.13,<2",
         "matplotlib>=3.9,<4",
     ],
-    "cluster": ["ray>=2.60,<3"],
 }
 
 # The site of the documentation.

@@ -55,7 +55,6 @@ autodoc_mock_imports = [
     "matplotlib",
     "mitsuba",
     "onnx",
-    "ray",
     "scipy",
     "skimage",
     "tensorboard",

@@ -23,10 +23,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Caution", "Estimator", "Material", "__version__", "estimate_video"]
 
-# Estimating and rendering tell nobody. ONNX Runtime reads its switch while its library is loaded,
+# Estimating tells nobody. ONNX Runtime reads its switch while its library is loaded,
 # so it stands here, before any import of it; a user's own setting stays.
 os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
-os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
 
 
 def __getattr__(name: str) -> Any:

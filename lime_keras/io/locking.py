@@ -8,7 +8,7 @@ from pathlib import Path
 
 
 @contextlib.contextmanager
-def lock_folder(folder: Path, work: str) -> Iterator[None]:
+def lock_folder(folder: Path, work: str, *, shared: bool = False) -> Iterator[None]:
     """Lock a folder against a second process; the lock ends with this process, if it is killed.
 
     Missing folders are made, and removed at the end if nothing was written there.
@@ -16,6 +16,7 @@ def lock_folder(folder: Path, work: str) -> Iterator[None]:
     Args:
         folder: the folder.
         work: who does what to it, for the message: `lime-render is rendering`.
+        shared: whether others that pass it may lock the folder, too.
 
     Raises:
         RuntimeError: if another process has locked the folder.
@@ -24,7 +25,7 @@ def lock_folder(folder: Path, work: str) -> Iterator[None]:
     folder.mkdir(parents=True, exist_ok=True)
     handle = os.open(folder, os.O_RDONLY)
     try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(handle, fcntl.LOCK_NB | (fcntl.LOCK_SH if shared else fcntl.LOCK_EX))
     except BlockingIOError as error:
         os.close(handle)
         raise RuntimeError(f"another {work} {folder}: wait for it") from error

@@ -141,18 +141,19 @@ def _add_inputs(out: Any) -> None:
 
 def _add_speed(out: Any) -> None:
     """Add the options of processes, machines and files."""
-    machines = out.add_mutually_exclusive_group()
-    machines.add_argument(
+    out.add_argument(
         "--workers",
         type=console.count,
         default=processors.count(),
         help="processes (default: all cores that this process may use)",
     )
-    machines.add_argument(
-        "--ray",
-        metavar="ADDRESS",
-        help="render on the Ray cluster at this address (HOST:PORT, or auto); its nodes must share "
-        "OUT and the input folders",
+    out.add_argument(
+        "--part",
+        type=_part,
+        default=(1, 1),
+        metavar="K/N",
+        help="render the Kth of N parts of the shards: machines that share OUT and the input "
+        "folders may each render another part (default: all)",
     )
     out.add_argument(
         "--device",
@@ -176,6 +177,14 @@ def _share(text: str) -> float:
     return value
 
 
+def _part(text: str) -> tuple[int, int]:
+    """Parse an option that is a part, K/N: K of 1 … N."""
+    number, _, parts = text.partition("/")
+    if not (number.isdecimal() and parts.isdecimal() and 1 <= int(number) <= int(parts)):
+        raise argparse.ArgumentTypeError(f"{text} is no part K/N, with K of 1 … N, such as 2/4")
+    return int(number), int(parts)
+
+
 def run(options: argparse.Namespace) -> int:
     """Render the split and return the exit status."""
     _check(options)
@@ -183,7 +192,7 @@ def run(options: argparse.Namespace) -> int:
     console.require("lime-render", *console.EXTRAS["render"], "tensorflow")
     from .. import cards
     from ..corpus.split import render_split
-    from ..jobs.description import Description
+    from ..jobs.description import Description, Job
 
     begun = Split(options.out, options.split).description_path
     choice = choose_variant(begun, options.device)
@@ -219,12 +228,19 @@ def run(options: argparse.Namespace) -> int:
             description,
             choice,
             workers=options.workers,
-            ray=options.ray,
+            part=options.part,
             skip_unusable=options.unusable == "skip",
             on_input=checked.move,
             on_room=rooms.move,
             on_example=rendered.move,
         )
+    if manifest is None:
+        left = Job(options.out, description, choice).missing(range(description.shards))
+        print(
+            f"{description.shards - len(left)} of {description.shards} shards are there; the last "
+            "part to end writes the manifest"
+        )
+        return 0
     cards.write(options.out)
     _print_remarks(manifest)
     print(f"{manifest['examples']} examples in {options.out / options.split}")

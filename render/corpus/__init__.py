@@ -1,1 +1,1 @@
-"""The corpus writer: sources, worker processes, cluster nodes, shards."""
+"""The corpus writer: sources, worker processes, shards."""

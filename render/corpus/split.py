@@ -5,20 +5,23 @@ depend on the split's description and the shard's number alone, not on the numbe
 interruptions. A finished shard is never written again.
 """
 
+import contextlib
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 from lime_keras.data.corpus import SPLITS, Split
 from lime_keras.io import locking
 
-from ..jobs import cluster, inputs, resuming
+from ..jobs import inputs, resuming
 from ..jobs.description import Description, Job
 from ..jobs.processes import Pool
 from ..mitsuba_setup import variants
 from . import worker
 from .random_example import Sources
+
+_WORK = "lime-render is rendering"
 
 OnProgress = Callable[[int, int], None]
 """A function that is called with (done, total) as work goes on."""
@@ -30,20 +33,21 @@ def render_split(
     choice: variants.Choice,
     *,
     workers: int,
-    ray: str | None = None,
+    part: tuple[int, int] = (1, 1),
     skip_unusable: bool = False,
     on_input: OnProgress,
     on_room: OnProgress,
     on_example: OnProgress,
-) -> dict[str, Any]:
-    """Render the missing shards of a split and write its manifest.
+) -> dict[str, Any] | None:
+    """Render the missing shards of a split, or of a part of it, and write a whole split's manifest.
 
     Args:
         out: folder of the corpus.
         description: description of the split.
         choice: variant and library of Mitsuba.
         workers: number of worker processes.
-        ray: address of a Ray cluster, which then renders instead of the worker processes.
+        part: (K, N), of which each Nth shard is rendered, from the Kth on. Processes that share the
+            folder may each render another part at once.
         skip_unusable: whether unusable input files are left out; else they are an error.
         on_input: called with (done, total) as input files are checked.
         on_room: called with (done, total) as the built-in rooms are rendered.
@@ -51,12 +55,15 @@ def render_split(
             count from the start.
 
     Returns:
-        The manifest.
+        The manifest; None if shards of other parts are missing.
 
     Raises:
         ValueError: if the folder holds a split of another description, or an input is unusable.
-        RuntimeError: if a worker died, or the cluster cannot be used. Finished shards are kept.
+        RuntimeError: if a worker died, or another process renders the same. Finished shards are
+            kept.
     """
+    number, parts = part
+    shards = range(number - 1, description.shards, parts)
     readers, job = Pool(workers), Job(out.absolute(), description, choice)
     # Check the inputs before the folder is made, so that an unusable file leaves nothing.
     begun = _refuse_another(job)
@@ -67,21 +74,26 @@ def render_split(
         inputs.refuse(findings)
     job = dataclasses.replace(job, usable=inputs.usable(files, findings))
     _check_other_split(job, findings)
-    renderers: cluster.Cluster | Pool
-    if ray:
-        renderers = cluster.Cluster(ray, worker.PACKAGES, worker.start, job)
-    else:
-        renderers = Pool(workers, worker.start, job)
     # Claim the folder, and render what is missing.
-    with locking.lock_folder(job.split.folder, "lime-render is rendering"):
+    folder = job.split.folder
+    own = folder / f"part-{number}-of-{parts}"
+    with (
+        locking.lock_folder(folder, _WORK, shared=parts > 1),
+        locking.lock_folder(own, _WORK) if parts > 1 else contextlib.nullcontext(),
+    ):
+        # Of parts that begin at once, one says what is rendered, and from which files.
+        resuming.claim(job.split.description_path, description.recorded())
         _refuse_another(job)
-        resuming.write_json(job.split.description_path, description.recorded())
-        inputs.write(job.split.inputs_path, findings)
-        _render_missing(job, renderers, on_room, on_example)
-        manifest = _manifest(job, findings)
+        resuming.claim(job.split.inputs_path, inputs.recorded(findings))
+        findings = _inspect(files, readers, inputs.read(job.split.inputs_path), on_input)
+        resuming.write_json(job.split.inputs_path, inputs.recorded(findings), shared=True)
+        _render_missing(job, shards, Pool(workers, worker.start, job), on_room, on_example)
         # A file that changed meanwhile may be in some shards only.
         _inspect(description.files(), readers, findings, on_input)
-        resuming.write_json(job.split.manifest_path, manifest)
+        if job.missing(range(description.shards)):
+            return None
+        manifest = _manifest(job, findings)
+        resuming.write_json(job.split.manifest_path, manifest, shared=True)
     return manifest
 
 
@@ -111,27 +123,39 @@ def _inspect(
 
 
 def _render_missing(
-    job: Job, renderers: cluster.Cluster | Pool, on_room: OnProgress, on_example: OnProgress
+    job: Job, shards: range, renderers: Pool, on_room: OnProgress, on_example: OnProgress
 ) -> None:
-    """Render the rooms and shards that are missing."""
-    _remove_partials(job.split.folder)
-    rooms = _rooms(job)
+    """Render what is missing of some shards, and of the rooms that light these."""
+    _remove_partials(job, shards)
+    unfinished = job.missing(shards)
+    rooms = _rooms(job, unfinished)
     missing = [name for name in rooms if not (job.lights.cache / name).is_file()]
     if missing:
         finished = len(rooms) - len(missing)
         renderers.run(worker.render_room, missing, finished, len(rooms), on_room)
-    count, shards = job.description.count, job.missing()
-    done = count - sum(len(job.description.indices(shard)) for shard in shards)
-    on_example(done, count)
-    if shards:
-        renderers.run(worker.render_shard, shards, done, count, on_example)
-    _remove_partials(job.split.folder)
+    count, left = (
+        sum(len(job.description.indices(shard)) for shard in some) for some in (shards, unfinished)
+    )
+    on_example(count - left, count)
+    if unfinished:
+        renderers.run(worker.render_shard, unfinished, count - left, count, on_example)
+    _remove_partials(job, shards)
 
 
-def _remove_partials(folder: Path) -> None:
-    """Remove what killed processes and lost nodes left in a split's folder."""
-    for partial in [*folder.glob("partial-*"), *folder.glob("rooms/partial-*")]:
-        partial.unlink(missing_ok=True)
+def _remove_partials(job: Job, shards: range) -> None:
+    """Remove what killed processes left of some shards, and the rest once no shard is missing."""
+    split = job.split
+    own = {path(shard).name for shard in shards for path in (split.shard_path, split.sidecar_path)}
+    for partial in split.folder.glob("partial-*"):
+        # Beside a part, others may be writing.
+        if shards.step == 1 or partial.name.rpartition("-")[2] in own:
+            partial.unlink(missing_ok=True)
+    if not job.missing(range(job.description.shards)):
+        for partial in split.folder.glob("rooms/partial-*"):
+            partial.unlink(missing_ok=True)
+        for claim in split.folder.glob("part-*-of-*"):
+            with contextlib.suppress(OSError):
+                claim.rmdir()
 
 
 def _check_other_split(job: Job, findings: inputs.Findings) -> None:
@@ -206,11 +230,11 @@ def _manifest(job: Job, findings: inputs.Findings) -> dict[str, Any]:
     }
 
 
-def _rooms(job: Job) -> list[str]:
-    """Return the names of the built-in rooms that light the missing shards."""
+def _rooms(job: Job, shards: Sequence[int]) -> list[str]:
+    """Return the names of the built-in rooms that light some shards."""
     description, sources = job.description, _sources(job)
     rooms, drawn = job.lights.rooms(), set[str]()
-    for shard in job.missing() if rooms else []:
+    for shard in shards if rooms else []:
         drawn |= sources.maps_in_shard(description.seed, shard, description.shard_size)
     return [name for name in rooms if name in drawn]
 

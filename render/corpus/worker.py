@@ -58,7 +58,7 @@ def render_shard(worker: Worker, shard: int) -> None:
     failures: list[dict[str, Any]] = []
     path = split.shard_path(shard)
     try:
-        # `shared`: a node that was taken for lost may still be writing the same shard.
+        # `shared`: where a folder cannot be locked, another process may write the same shard.
         with atomic.replacing(path, shared=True) as partial:
             with tf.io.TFRecordWriter(str(partial)) as writer:
                 for index in asked.indices(shard):

@@ -1,1 +1,1 @@
-"""Parts of every job of rendering: inputs, resumption, processes and clusters."""
+"""Parts of every job of rendering: inputs, resumption and processes."""

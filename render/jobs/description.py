@@ -1,7 +1,7 @@
 """The description of a split, on which the split's bytes depend, and the job of rendering it."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -158,11 +158,7 @@ class Job:
         """The source of the backgrounds."""
         return sources.BackgroundSource(self.usable["backgrounds"])
 
-    def missing(self) -> list[int]:
-        """Return the numbers of the shards of which a file is missing."""
+    def missing(self, shards: Iterable[int]) -> list[int]:
+        """Return those of some shards of which a file is missing."""
         paths = self.split.shard_path, self.split.sidecar_path
-        return [
-            shard
-            for shard in range(self.description.shards)
-            if not all(path(shard).is_file() for path in paths)
-        ]
+        return [shard for shard in shards if not all(path(shard).is_file() for path in paths)]

@@ -15,7 +15,6 @@ from lime_keras.io import untrusted
 from ..scene import backgrounds, environments
 from ..scene.example import LEAST_COVERAGE
 from ..shapes import meshes
-from . import resuming
 
 KINDS = ("shapes", "environments", "backgrounds")
 _LISTED = 20
@@ -209,10 +208,9 @@ def repairs(findings: Findings) -> list[str]:
     ]
 
 
-def write(path: Path, findings: Findings) -> None:
-    """Write findings to a JSON file."""
-    value = {kind: [dataclasses.asdict(f) for f in found] for kind, found in findings.items()}
-    resuming.write_json(path, value)
+def recorded(findings: Findings) -> dict[str, Any]:
+    """Return findings as they are stored in JSON."""
+    return {kind: [dataclasses.asdict(f) for f in found] for kind, found in findings.items()}
 
 
 def read(path: Path) -> Findings | None:

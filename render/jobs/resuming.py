@@ -1,6 +1,8 @@
 """Resuming: how a folder was begun, and the shards that are finished."""
 
 import json
+import os
+import uuid
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -55,3 +57,15 @@ def versions(packages: Iterable[str]) -> dict[str, str]:
 def write_json(path: Path, value: Any, *, shared: bool = False) -> None:
     """Write a JSON file completely or not at all; `shared` as for `atomic.replacing`."""
     atomic.write(path, json.dumps(value, indent=1) + "\n", shared=shared)
+
+
+def claim(path: Path, value: Any) -> None:
+    """Write a JSON file unless it is there; of several processes that try at once, one does."""
+    own = path.with_name(f"partial-{uuid.uuid4().hex}-{path.name}")
+    write_json(own, value)
+    try:
+        os.link(own, path)
+    except OSError:  # it is there, or the file system has no links
+        if not path.exists():
+            os.replace(own, path)
+    own.unlink(missing_ok=True)

@@ -62,7 +62,7 @@ def test_the_options_reach_the_renderer(render, monkeypatch, tmp_path):
     assert "repaired: environments: b.exr: 3 texels" in progress
     [(out, description, options)] = calls
     assert out == tmp_path / "corpus"
-    assert options == {"workers": 8, "ray": None, "skip_unusable": True}
+    assert options == {"workers": 8, "part": (1, 1), "skip_unusable": True}
     expected = ("train", 9, 3, 64, 4, "reference", "furnace", str(tmp_path / "meshes"), None, None)
     assert tuple(vars(description).values())[: len(expected)] == expected
     assert description.materials == "uniform"
@@ -89,6 +89,23 @@ def test_options_that_contradict_each_other_are_told(render, tmp_path, options, 
     status, _, errors = render("--count", 1, *options)
     assert status == 1 and message in errors
     assert not (tmp_path / "corpus").exists()
+
+
+@pytest.mark.parametrize("part", ["3/2", "0/2", "x", "1/2/3"])
+def test_a_part_that_there_is_not_is_told(render, capsys, part):
+    with pytest.raises(SystemExit):
+        render("--count", 1, "--part", part)
+    assert f"argument --part: {part} is no part K/N, with K of 1 … N" in capsys.readouterr().err
+
+
+def test_the_last_part_to_end_writes_manifest_and_cards(render, inputs, tmp_path):
+    told = ["1 of 2 shards are there; the last part to end writes the manifest"]
+    told += [f"4 examples in {tmp_path / 'corpus' / 'train'}"]
+    options = (*inputs, "--unusable", "skip", "--shard-size", 2)
+    for part, line in enumerate(told, 1):
+        status, printed, _ = render(*options, "--part", f"{part}/2")
+        assert status == 0 and printed == line + "\n"
+        assert (tmp_path / "corpus" / "README.md").exists() == (part == 2)
 
 
 @pytest.mark.parametrize("kind", ["shapes", "environments", "backgrounds"])

@@ -146,18 +146,50 @@ def test_an_interrupted_split_goes_on(rendered, description, mitsuba_choice, tmp
     assert not list((tmp_path / "train").glob("partial-*"))
 
 
-def test_a_node_finds_the_files_that_were_checked_skipped_ones_too(
-    description, mitsuba_choice, tmp_path
+def test_parts_give_the_bytes_of_one_run_though_they_go_on_at_once(
+    rendered, description, mitsuba_choice, tmp_path
 ):
-    """A node of a cluster lists and judges them anew."""
-    for name in ("sound.png", "broken.png"):
-        (tmp_path / name).write_bytes(b"")
-    changed = Description(**(vars(description) | {"backgrounds": str(tmp_path)}))
-    job = Job(tmp_path / "out", changed, mitsuba_choice)
-    sound = {"backgrounds": [tmp_path / "sound.png"]}
-    skipping = dataclasses.replace(job, usable=job.usable | sound)
-    assert skipping.description.files() == job.description.files()
-    assert skipping.backgrounds.files == sound["backgrounds"]
+    """The second part begins and ends while the first one writes its second shard."""
+    folder, told = tmp_path / "train", []
+
+    def another_begins(done, total):
+        told.append((done, total))
+        if done != 3 or len(told) > 4:
+            return
+        [writing] = folder.glob("partial-*-00002.tfrecord")
+        for part, locked in (((1, 1), "train"), ((1, 2), "part-1-of-2")):
+            with pytest.raises(RuntimeError, match=f"another lime-render .*{locked}: wait for it"):
+                render(tmp_path, description, mitsuba_choice, part=part)
+        with pytest.raises(ValueError, match="seed 0 there, 1 asked"):
+            other = dataclasses.replace(description, seed=1)
+            render(tmp_path, other, mitsuba_choice, part=(2, 2))
+        assert render(tmp_path, description, mitsuba_choice, part=(2, 2)) is None
+        assert writing.exists() and not Split(tmp_path, "train").manifest_path.exists()
+
+    manifest = render(tmp_path, description, mitsuba_choice, on_example=another_begins, part=(1, 2))
+    assert told == [(0, 3), (1, 3), (2, 3), (3, 3), (3, 3)]
+    assert manifest == Split(tmp_path, "train").manifest == rendered[1]
+    names = {path.name: path.read_bytes() for path in folder.iterdir()}
+    assert names == {path.name: path.read_bytes() for path in (rendered[0] / "train").iterdir()}
+
+
+def test_a_killed_part_goes_on_and_leaves_the_others_partial_files_alone(
+    rendered, description, mitsuba_choice, tmp_path
+):
+    shutil.copytree(rendered[0], tmp_path, dirs_exist_ok=True)
+    folder = tmp_path / "train"
+    for gone in ("00001.tfrecord", "00001.json", "00002.json", "manifest.json"):
+        (folder / gone).unlink()
+    (folder / "part-2-of-2").mkdir()
+    own, others = (folder / f"partial-1-0000{shard}.tfrecord" for shard in (1, 2))
+    for path in (own, others):
+        path.write_bytes(b"cut off")
+    assert render(tmp_path, description, mitsuba_choice, part=(2, 2)) is None
+    assert others.exists() and not own.exists()
+    assert render(tmp_path, description, mitsuba_choice, part=(1, 2)) == rendered[1]
+    assert {path.name for path in folder.iterdir()} == {
+        path.name for path in (rendered[0] / "train").iterdir()
+    }
 
 
 def test_a_finished_split_is_left_alone(rendered, description, mitsuba_choice):

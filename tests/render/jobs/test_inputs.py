@@ -11,7 +11,7 @@ import OpenImageIO as oiio
 import pytest
 import trimesh
 
-from lime_keras.render.jobs import inputs
+from lime_keras.render.jobs import inputs, resuming
 
 
 def in_turn(function, items):
@@ -53,7 +53,7 @@ def test_usable_files_are_found_usable(files, tmp_path):
     inputs.refuse(findings)
     assert inputs.usable(files, findings) == files
     assert inputs.repairs(findings) == []
-    inputs.write(tmp_path / "inputs.json", findings)
+    resuming.write_json(tmp_path / "inputs.json", inputs.recorded(findings))
     assert inputs.read(tmp_path / "inputs.json") == findings
 
 
@@ -63,7 +63,8 @@ def test_usable_files_are_found_usable(files, tmp_path):
 def test_findings_of_other_types_are_refused(wrong, tmp_path):
     path = tmp_path / "inputs.json"
     sound = inputs.Finding("a.obj", "0" * 64, 3, 5)
-    inputs.write(path, {"shapes": [dataclasses.replace(sound, **wrong)]})
+    findings = {"shapes": [dataclasses.replace(sound, **wrong)]}
+    resuming.write_json(path, inputs.recorded(findings))
     with pytest.raises(ValueError, match=r"inputs\.json holds no findings .*: remove it"):
         inputs.read(path)
 
@@ -143,7 +144,7 @@ def test_a_name_that_is_no_text_is_told(tmp_path):
     (tmp_path / "box.obj").rename(path)
     findings = inputs.inspect({"shapes": [path]}, None, in_turn)
     assert "not UTF-8" in findings["shapes"][0].problem
-    inputs.write(tmp_path / "inputs.json", findings)
+    resuming.write_json(tmp_path / "inputs.json", inputs.recorded(findings))
     assert inputs.read(tmp_path / "inputs.json") == findings
 
 
