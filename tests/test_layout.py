@@ -50,8 +50,8 @@ ROWS = {
     "render": (
         ("mitsuba_setup", "shapes", "rooms"),
         ("scene",),
-        ("jobs", "inspect", "cloning", "cards"),
-        ("corpus",),
+        ("jobs", "cloning", "cards"),
+        ("inspect", "corpus"),
         ("commands",),
         ("cli",),
     ),

@@ -2,15 +2,15 @@
 
 import argparse
 import sys
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from collections import defaultdict
+from typing import Any
 
 from lime_keras import console
+from lime_keras.data.corpus import Split
 
 from . import options as shared
 
-if TYPE_CHECKING:
-    from ..inspect.faults import Faults
+_LISTED = 10  # number of faults of a kind that are told in words
 
 
 def add(subparsers: Any) -> None:
@@ -29,20 +29,29 @@ def add(subparsers: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Check what the folder holds and return the exit status: 1 if anything is wrong."""
     console.import_tensorflow()
+    return max([_verify(split) for split in shared.splits(options.corpus, options.split)])
+
+
+def _verify(split: Split) -> int:
+    """Check a split, print its faults by kind and their number, and return the exit status."""
     from ..inspect import verification
 
-    status = 0
-    for split in shared.splits(options.corpus, options.split):
-        with console.Bar(f"verify {split.name}", "example") as bar:
-            faults = verification.verify(options.corpus, split.name, bar.move)
-        status = max(status, _report(faults, split.folder))
-    return status
+    found, examples = defaultdict[str, list[str]](list), 0
+    with console.Bar(f"verify {split.name}", "example") as bar:
 
+        def on_example(done: int, total: int) -> None:
+            nonlocal examples
+            examples = done
+            bar.move(done, total)
 
-def _report(faults: "Faults", folder: Path) -> int:
-    """Print the faults and their number, and return the exit status."""
-    for line in faults.lines():
-        print(line, file=sys.stderr)
-    count = f"{faults.count} fault{'s' if faults.count > 1 else ''}"
-    print(f"{faults.examples} examples in {folder}: {count if faults.count else 'sound'}")
-    return int(faults.count > 0)
+        for kind, text in verification.verify(split.corpus, split.name, on_example):
+            found[kind].append(text)
+    for kind, texts in found.items():
+        for text in texts[:_LISTED]:
+            print(f"{kind}: {text}", file=sys.stderr)
+        if len(texts) > _LISTED:
+            print(f"{kind}: … and {len(texts) - _LISTED} more", file=sys.stderr)
+    count = sum(map(len, found.values()))
+    told = f"{count} fault{'s' if count > 1 else ''}" if count else "sound"
+    print(f"{examples} examples in {split.folder}: {told}")
+    return int(count > 0)

@@ -73,7 +73,7 @@ def render_split(
     if begun is None and not skip_unusable:
         inputs.refuse(findings)
     job = dataclasses.replace(job, usable=inputs.usable(files, findings))
-    _check_other_split(job, findings)
+    _refuse_clashes(job, findings)
     # Claim the folder, and render what is missing.
     folder = job.split.folder
     own = folder / f"part-{number}-of-{parts}"
@@ -158,52 +158,16 @@ def _remove_partials(job: Job, shards: range) -> None:
                 claim.rmdir()
 
 
-def _check_other_split(job: Job, findings: inputs.Findings) -> None:
-    """Check the inputs of a split against those of the other one, if that was begun.
-
-    Raises:
-        ValueError: if both use a shape or a map with the same contents; or, where one is to have
-            the lights of the other, if it has others.
-    """
+def _refuse_clashes(job: Job, findings: inputs.Findings) -> None:
+    """Raise ValueError if the split may not stand beside the other one, where that was begun."""
     other = Split(job.out, next(name for name in SPLITS if name != job.description.split))
-    theirs, beside = (
-        inputs.read(other.inputs_path),
-        resuming.read_description(other.description_path),
-    )
+    theirs = inputs.read(other.inputs_path)
+    beside = resuming.read_description(other.description_path)
     if theirs is None or beside is None:
         return
-    separate = ["shapes", "environments"]
-    if job.description.light_split or beside.get("light_split"):
-        separate.remove("environments")
-        _check_known_lights(job, findings, other, beside)
-    for kind in separate:
-        names = {digest: name for name, digest in inputs.digests(theirs)[kind].items()}
-        for name, digest in inputs.digests(findings)[kind].items():
-            if digest in names:
-                raise ValueError(
-                    f"{getattr(job.description, kind)}: {name} has the contents of "
-                    f"{names[digest]}, which the {other.name} split is rendered from: remove one "
-                    "of them, or sort the files into subfolders train and test, and render "
-                    f"{other.folder} anew"
-                )
-
-
-def _check_known_lights(
-    job: Job, findings: inputs.Findings, other: Split, beside: dict[str, Any]
-) -> None:
-    """Raise ValueError unless a test split and its train split have the same lights."""
-    recorded = job.description.recorded()
-    maps = [
-        inputs.digests(found)["environments"]
-        for found in (findings, inputs.read(other.inputs_path) or {})
-    ]
-    rooms = [(one.get("seed"), one.get("light_count")) for one in (recorded, beside)]
-    if maps[0] != maps[1] or (not maps[0] and rooms[0] != rooms[1]):
-        raise ValueError(
-            f"{job.split.folder} and {other.folder} are to have the same lights, by --lights "
-            "known, and would have others: pass the same --environments, or the same --seed and "
-            "--light-count"
-        )
+    used = inputs.digests(findings), inputs.digests(theirs)
+    for clash in inputs.clashes((job.description.recorded(), beside), used):
+        raise ValueError(f"{job.split.folder}: {clash}")
 
 
 def _manifest(job: Job, findings: inputs.Findings) -> dict[str, Any]:

@@ -6,7 +6,7 @@ interruption, unchanged files are not read again, and changed files are noticed.
 """
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -196,6 +196,39 @@ def digests(findings: Findings) -> dict[str, dict[str, str]]:
         kind: {finding.name: finding.sha256 for finding in found if finding.problem is None}
         for kind, found in findings.items()
     }
+
+
+def clashes(
+    described: Sequence[Mapping[str, Any]], used: Sequence[Mapping[str, Mapping[str, str]]]
+) -> Iterator[str]:
+    """Yield what a split and its corpus' other split share and may not, or must share and do not.
+
+    Built-in shapes and rooms need no check: they are seeded by split.
+
+    Args:
+        described: descriptions of the split and of the other one, as they are recorded.
+        used: checksums of the files that the two use (see `digests`).
+    """
+    separate = ["shapes", "environments"]
+    if any(one.get("light_split") for one in described):
+        separate.remove("environments")
+        maps = [of_one.get("environments", {}) for of_one in used]
+        rooms = [(one.get("seed"), one.get("light_count")) for one in described]
+        if maps[0] != maps[1] or (not maps[0] and rooms[0] != rooms[1]):
+            yield (
+                "both splits are to have the same lights, by --lights known, and have others: pass "
+                "the same --environments, or the same --seed and --light-count"
+            )
+    for kind in separate:
+        # Contents are compared: files of one name may differ, and one file may have two names.
+        names = {digest: name for name, digest in used[1].get(kind, {}).items()}
+        for name, digest in used[0].get(kind, {}).items():
+            if digest in names:
+                yield (
+                    f"{kind}: {name} has the contents of {names[digest]}, which the "
+                    f"{described[1].get('split')} split is rendered from: remove one of them, or "
+                    "sort the files into subfolders train and test, and render that split anew"
+                )
 
 
 def repairs(findings: Findings) -> list[str]:

@@ -98,7 +98,9 @@ def _corpus(folder: Path) -> None:
     """Read a split as `lime-render verify` does."""
     from lime_keras.render.inspect import verification
 
-    _refuse(verification.verify(folder, "train", lambda done, total: None))
+    faults = list(verification.verify(folder, "train", lambda done, total: None))
+    if faults:
+        raise ValueError("\n".join(map(": ".join, faults)))
 
 
 def _records(folder: Path) -> None:
@@ -121,12 +123,6 @@ def _training(folder: Path) -> None:
     pipeline.training_shards(folder)
     config.corpus_sha256([folder])
     _ = split.count, split.size, split.inputs, split.shard_size
-
-
-def _refuse(faults: object) -> None:
-    """Raise ValueError if a verification found faults."""
-    if faults.count:
-        raise ValueError("\n".join(faults.lines()))
 
 
 # ---- models ----------------------------------------------------------------------------------

@@ -14,6 +14,7 @@ from lime_keras.data.corpus import SPLITS
 from lime_keras.render import cli
 from lime_keras.render.commands import corpus
 from lime_keras.render.corpus import split as rendering
+from lime_keras.render.inspect import verification
 from lime_keras.render.jobs.processes import THREAD_VARIABLES
 from lime_keras.render.mitsuba_setup import variants
 
@@ -186,6 +187,18 @@ def test_a_corpus_with_skipped_files_is_sound_and_can_be_looked_at(
     assert cli.main(["verify", corpus]) == 1
     printed, errors = capsys.readouterr()
     assert "00001.tfrecord" in errors and "faults" in printed
+
+
+def test_ten_faults_of_a_kind_are_told_in_words(monkeypatch, capsys, tmp_path):
+    faults = [("seed", "record 3: is wrong")]
+    faults += [("index", f"record {index}: is wrong") for index in range(25)]
+    monkeypatch.setattr(verification, "verify", lambda *_: faults)
+    assert cli.main(["verify", str(tmp_path), "--split", "test"]) == 1
+    printed, errors = capsys.readouterr()
+    assert printed == f"0 examples in {tmp_path / 'test'}: 26 faults\n"
+    lines = errors.splitlines()
+    assert lines[:2] == ["seed: record 3: is wrong", "index: record 0: is wrong"]
+    assert lines[10:] == ["index: record 9: is wrong", "index: … and 15 more"]
 
 
 def test_the_same_mesh_under_another_name_is_kept_out_of_the_other_split(render, inputs, tmp_path):

@@ -344,7 +344,7 @@ def test_a_varied_split_lists_what_it_is_made_of_and_is_sound(
     own = rendered[1]["shapes"]
     assert manifest["shapes"][: len(own)] == own
     assert all(name.startswith("endless-0000") for name in manifest["shapes"][len(own) :])
-    assert verification.verify(tmp_path, "train", nothing).kinds == {}
+    assert list(verification.verify(tmp_path, "train", nothing)) == []
     by_workers = tmp_path / "again"
     shutil.copytree(job.lights.cache, by_workers / "train" / "rooms")
     assert render(by_workers, varied, mitsuba_choice, 2) == manifest
@@ -388,7 +388,7 @@ def test_a_test_split_under_known_lights_has_the_train_splits_newly_turned(
     assert not set(manifest["shapes"]) & set(rendered[1]["shapes"])
     for name in SPLITS:
         assert Split(out, name).light_split == "train"
-        assert verification.verify(out, name, nothing).lines() == []
+        assert list(verification.verify(out, name, nothing)) == []
     turned = [
         records.parse(serialized)["environment"].numpy()
         for name in SPLITS
@@ -410,7 +410,8 @@ def test_other_lights_than_the_train_splits_are_refused_as_known_ones(
     digests = content["inputs"]["environments"]
     content["inputs"]["environments"] = {name: f"f{digest}" for name, digest in digests.items()}
     manifest.write_text(json.dumps(content), encoding="utf-8")
-    assert verification.verify(out, "train", nothing).kinds == {"split": 1}
+    [(kind, text)] = verification.verify(out, "train", nothing)
+    assert kind == "split" and "the same lights, by --lights known" in text
     shutil.rmtree(out / "train")
     with pytest.raises(ValueError, match="are to have the same lights, by --lights known"):
         render(out, description, mitsuba_choice)
