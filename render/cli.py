@@ -6,16 +6,10 @@ import sys
 from lime_keras import console
 from lime_keras.version import __version__
 
-from .commands import corpus, images, layers, preview, verify, views
+from .commands import corpus, others
 
-COMMANDS = {
-    "verify": verify,
-    "preview": preview,
-    "layers": layers,
-    "images": images,
-    "views": views,
-}
-"""Commands by their first argument; any other first argument is the folder of a corpus."""
+COMMANDS = ("verify", "preview", "layers", "images", "views")
+"""Commands, by their first argument; any other first argument is the folder of a corpus."""
 _GONE = ("bank", "scenes")
 _EXAMPLE = """
 other commands, each with a --help of its own:
@@ -57,14 +51,9 @@ def parser() -> argparse.ArgumentParser:
 
 
 def commands() -> argparse.ArgumentParser:
-    """Return the parser of `COMMANDS`.
-
-    Each command sets two options: `run`, its function, and `interrupted`, its message after Ctrl-C.
-    """
+    """Return the parser of `COMMANDS`."""
     out = argparse.ArgumentParser(prog="lime-render")
-    subparsers = out.add_subparsers(required=True)
-    for command in COMMANDS.values():
-        command.add(subparsers)
+    others.add(out.add_subparsers(required=True))
     return out
 
 
