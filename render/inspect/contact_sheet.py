@@ -1,88 +1,95 @@
-"""The contact sheet of a corpus: images, layers, environments and parameters of examples."""
+"""The contact sheet of a corpus: images, layers, environments and parameters of some examples."""
 
-import math
+import functools
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
-from skimage.transform import resize
+from PIL import Image, ImageDraw, ImageFont
 
+from lime_keras.data.corpus import Split
+from lime_keras.io import atomic
 from lime_keras.optics import colour, shininess
 
-_DPI = 100
+from . import exr_layers
+
+_SHOWN = 24
 _THUMB, _GAP, _MARGIN, _HEAD = 128, 6, 24, 84  # sizes on the page in pixels
-_BLOCKS = 2
 _TEXT_WIDTH = 216
-_LINE = 17
 _SWATCH = 30
 _PAPER, _INK, _FAINT = "#ffffff", "#1d2430", "#6b7482"
 _LONGEST_NAME = 27
 
 
-def draw(examples: Sequence[Mapping], count: int, title: str) -> Figure:
-    """Draw a page of examples.
+def write(corpus: Path, split: str, on_example: Callable[[int, int], None]) -> Path:
+    """Write `preview.png` into a split's folder, and return its path.
 
-    `Figure.savefig` writes the page without resampling: a thumbnail's pixel is a pixel of the file.
+    Args:
+        corpus: folder of a corpus by `lime-render`.
+        split: `train` or `test`.
+        on_example: called with (done, total) as the records that are shown are read.
+
+    Raises:
+        FileNotFoundError: if the split is incomplete.
+        ValueError: if a record that is shown is damaged.
+    """
+    files, shown = Split(corpus, split), []
+    places = np.linspace(0, files.count - 1, min(files.count, _SHOWN)).astype(int).tolist()
+    for place in places:
+        shown.append(exr_layers.read(files, place))
+        on_example(len(shown), len(places))
+    page = draw(shown, files.count, f"{Path(corpus).resolve().name}/{split}")
+    path = files.folder / "preview.png"
+    with atomic.replacing(path) as partial:
+        page.save(partial)
+    return path
+
+
+def draw(examples: Sequence[Mapping], count: int, title: str) -> Image.Image:
+    """Draw a page of examples, one a row.
 
     Args:
         examples: parsed records (see `records.parse`) in NumPy.
         count: number of examples in the split.
         title: name of the corpus and the split.
     """
-    rows = math.ceil(len(examples) / _BLOCKS)
-    width = 2 * _MARGIN + _BLOCKS * _block_width() + (_BLOCKS - 1) * 2 * _MARGIN
-    height = _HEAD + rows * (_THUMB + _GAP) + _MARGIN
-    page = np.full((height, width, 3), 1.0)
-    figure = Figure(figsize=(width / _DPI, height / _DPI), dpi=_DPI, facecolor=_PAPER)
-
-    def write(x: float, y: float, text: str, **style: Any) -> None:
-        """Write text with its top left corner at a pixel."""
-        defaults: dict[str, Any] = {"fontsize": 9, "color": _INK, "va": "top"}
-        figure.text(x / width, 1 - y / height, text, **(defaults | style))
-
-    write(_MARGIN, 16, title, fontsize=15, fontweight="bold")
-    write(
-        _MARGIN,
-        40,
+    width = 2 * _MARGIN + sum(across + _GAP for _, _, across in _PICTURES) + _TEXT_WIDTH
+    height = _HEAD + len(examples) * (_THUMB + _GAP) + _MARGIN
+    page = Image.new("RGB", (width, height), _PAPER)
+    pen = ImageDraw.Draw(page)
+    pen.text((_MARGIN, 12), title, _INK, _font(20))
+    told = (
         f"{len(examples)} of {count} examples. D, S, M and the environment E, seen from the "
-        "camera, as sRGB of x / (1 + x); normals as (n + 1) / 2; the swatch is the diffuse albedo.",
-        color=_FAINT,
+        "camera, as sRGB of x / (1 + x); normals as (n + 1) / 2; the swatch is the diffuse albedo."
     )
-    for position, example in enumerate(examples):
-        block, row = divmod(position, rows)
-        left = _MARGIN + block * (_block_width() + 2 * _MARGIN)
-        top = _HEAD + row * (_THUMB + _GAP)
-        x = left
+    pen.text((_MARGIN, 40), told, _FAINT, _font())
+    for row, example in enumerate(examples):
+        left, top = _MARGIN, _HEAD + row * (_THUMB + _GAP)
         for heading, picture, across in _PICTURES:
             if row == 0:
-                write(x, _HEAD - 20, heading, fontweight="bold")
-            thumb = resize(picture(example), (_THUMB, across), anti_aliasing=True)
-            page[top : top + _THUMB, x : x + across] = thumb
-            x += across + _GAP
-        _describe(write, page, x + 4, top, example)
-    figure.figimage(page, origin="upper")
-    return figure
+                pen.text((left, _HEAD - 20), heading, _INK, _font())
+            thumb = Image.fromarray(_levels(picture(example)))
+            page.paste(thumb.resize((across, _THUMB), Image.Resampling.BILINEAR), (left, top))
+            left += across + _GAP
+        pen.multiline_text((left + 4, top), "\n".join(words(example)), _INK, _font())
+        albedo = colour.linear_to_srgb(example["diffuse_albedo"])
+        corner = width - _MARGIN - _SWATCH, top + 2
+        page.paste(tuple(_levels(albedo).tolist()), (*corner, corner[0] + _SWATCH, top + _SWATCH))
+    return page
 
 
-def _describe(write: Callable, page: np.ndarray, x: int, y: int, example: Mapping) -> None:
-    """Write the parameters of an example, and draw a patch of its diffuse albedo."""
+def words(example: Mapping) -> list[str]:
+    """Return the parameters of an example in lines of text."""
     exponent, m_d = float(example["shininess"]), example["diffuse_albedo"]
-    patch = np.clip(colour.linear_to_srgb(m_d), 0, 1)
-    corner = x + _TEXT_WIDTH - _SWATCH - 4
-    page[y + 2 : y + 2 + _SWATCH, corner : corner + _SWATCH] = patch
     m_s, m_a = float(example["specular_albedo"]), float(example["ambient"])
-    write(x, y + 3, f"{int(example['index'])}", fontweight="bold")
-    lines = (
+    return [
+        f"{int(example['index'])}",
         f"bin {int(shininess.bin_of(exponent)) + 1} of {shininess.BIN_COUNT}   s = {exponent:.3g}",
         "m_d = " + "  ".join(f"{value:.2f}" for value in m_d),
         f"m_s = {m_s:.2f}   m_a = {m_a:.3f}",
         f"coverage {float(example['mask'].mean()):.0%}",
-    )
-    names = [_shortened(example[name].decode()) for name in ("shape", "light")]
-    for number, text in enumerate((*lines, *names)):
-        colour_of_line = _INK if number < len(lines) else _FAINT
-        write(x, y + 3 + (number + 1) * _LINE, text, color=colour_of_line)
+        *(_shortened(example[name].decode()) for name in ("shape", "light")),
+    ]
 
 
 def _shortened(name: str) -> str:
@@ -93,8 +100,13 @@ def _shortened(name: str) -> str:
     return f"{name[: kept - kept // 2]}…{name[-(kept // 2) :]}"
 
 
-def _block_width() -> int:
-    return sum(across + _GAP for _, _, across in _PICTURES) + _TEXT_WIDTH
+def _levels(picture_srgb: np.ndarray) -> np.ndarray:
+    return np.round(np.clip(picture_srgb, 0, 1) * 255).astype(np.uint8)
+
+
+@functools.cache
+def _font(size: int = 13) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+    return ImageFont.load_default(size=size)
 
 
 def _grey(name: str) -> Callable[[Mapping], np.ndarray]:
@@ -109,8 +121,7 @@ def _grey(name: str) -> Callable[[Mapping], np.ndarray]:
 
 def _normals(example: Mapping) -> np.ndarray:
     """Return the normals as colours, white outside the object."""
-    inside = example["mask"] > 0
-    return np.where(inside, np.clip((example["normal"] + 1) / 2, 0, 1), 1.0)
+    return np.where(example["mask"] > 0, (example["normal"] + 1) / 2, 1.0)
 
 
 _PICTURES: tuple[tuple[str, Callable[[Mapping], np.ndarray], int], ...] = (

@@ -66,7 +66,7 @@ def export(corpus: Path, split: str, index: int, out: Path) -> Path:
         ValueError: if there is no such example, or its shard is damaged.
         OSError: if a file cannot be written.
     """
-    example = _read(corpus, split, index)
+    example = read(Split(corpus, split), index)
     channels = [("R", oiio.FLOAT), ("G", oiio.FLOAT), ("B", oiio.FLOAT)]
     images = [colour.srgb_to_linear(example["image"])]
     for name, axes, kind in _LAYERS:
@@ -78,15 +78,19 @@ def export(corpus: Path, split: str, index: int, out: Path) -> Path:
     return out
 
 
-def _read(corpus: Path, split: str, index: int) -> dict[str, Any]:
-    """Read one record as NumPy arrays; only its own shard is opened."""
-    files = Split(corpus, split)
-    if not 0 <= index < files.count:
+def read(split: Split, index: int) -> dict[str, Any]:
+    """Read one record as NumPy arrays; only its own shard is opened.
+
+    Raises:
+        FileNotFoundError: if the split is incomplete.
+        ValueError: if there is no such example, or its shard is damaged.
+    """
+    if not 0 <= index < split.count:
         raise ValueError(
-            f"{corpus}/{split} has no example {index}: pass one of 0 … {files.count - 1}"
+            f"{split.folder} has no example {index}: pass one of 0 … {split.count - 1}"
         )
-    shard, place = divmod(index, files.shard_size)
-    path = files.shard_path(shard)
+    shard, place = divmod(index, split.shard_size)
+    path = split.shard_path(shard)
     if not path.is_file():
         raise FileNotFoundError(f"{path} is missing: run the same `lime-render` command again")
     dataset = tf.data.TFRecordDataset(str(path)).skip(place).take(1).map(records.parse)
@@ -95,7 +99,7 @@ def _read(corpus: Path, split: str, index: int) -> dict[str, Any]:
             return {name: value.numpy() for name, value in example.items()}
     raise ValueError(
         f"{path}: record {place} is not example {index}, the shard is not the manifest's: "
-        f"`lime-render verify {corpus} --split {split}` tells what else is wrong"
+        f"`lime-render verify {split.corpus} --split {split.name}` tells what else is wrong"
     )
 
 
