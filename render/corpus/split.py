@@ -70,9 +70,8 @@ def render_split(
     known = None if begun is None else inputs.read(job.split.inputs_path)
     files = description.files()
     findings = _inspect(files, readers, known, on_input)
-    if begun is None and not skip_unusable:
-        inputs.refuse(findings)
-    job = dataclasses.replace(job, usable=inputs.usable(files, findings))
+    skip = skip_unusable or begun is not None
+    job = dataclasses.replace(job, usable=inputs.usable(files, findings, skip=skip))
     _refuse_clashes(job, findings)
     # Claim the folder, and render what is missing.
     folder = job.split.folder

@@ -152,42 +152,39 @@ def unusable(findings: Findings) -> dict[str, dict[str, str]]:
     }
 
 
-def refuse(findings: Findings) -> None:
-    """Raise ValueError if any file cannot be used.
-
-    Raises:
-        ValueError: The message lists the unusable files with their reasons, at most the first 20.
-    """
-    reasons = _reasons(unusable(findings))
-    if reasons:
-        raise ValueError(
-            f"{len(reasons)} {'file' if len(reasons) == 1 else 'files'} cannot be used:\n  "
-            + _listed(reasons, "\n  ")
-            + "\nmend or remove them, or pass --unusable skip"
-        )
-
-
-def usable(files: dict[str, list[Path]], findings: Findings) -> dict[str, list[Path]]:
+def usable(
+    files: dict[str, list[Path]], findings: Findings, *, skip: bool = False
+) -> dict[str, list[Path]]:
     """Return the files to use, by kind; none of a built-in kind.
 
     Args:
         files: files by kind, as they were given to `inspect`.
         findings: what it found.
+        skip: whether unusable files are left out, as long as others of their kind are usable.
 
     Raises:
-        ValueError: If no usable file of a kind is left.
+        ValueError: If a file cannot be used; the message tells at most 20 of them with the reasons.
     """
     problems = unusable(findings)
-    for kind, found in findings.items():
-        if found and len(problems[kind]) == len(found):
-            raise ValueError(
-                f"none of the split's {kind} can be used:\n  "
-                + _listed(_reasons({kind: problems[kind]}), "\n  ")
-            )
-    return {
+    left = {
         kind: [path for path in paths if path.name not in problems[kind]]
         for kind, paths in files.items()
     }
+    emptied = [kind for kind, paths in files.items() if paths and not left[kind]]
+    reasons = [
+        f"{kind}: {name}: {problem}"
+        for kind in (emptied if skip else problems)
+        for name, problem in problems[kind].items()
+    ]
+    if not reasons:
+        return left
+    told = _listed(reasons, "\n  ")
+    if skip:
+        raise ValueError(f"none of the split's {' and '.join(emptied)} can be used:\n  {told}")
+    raise ValueError(
+        f"{len(reasons)} file{'s' if len(reasons) > 1 else ''} cannot be used:\n  {told}\n"
+        "mend or remove them, or pass --unusable skip"
+    )
 
 
 def digests(findings: Findings) -> dict[str, dict[str, str]]:
@@ -271,14 +268,6 @@ def _sound(finding: Finding) -> Finding:
     if not all(isinstance(x, str) for x in texts) or not all(isinstance(x, int) for x in numbers):
         raise TypeError(f"a finding is {finding}")
     return finding
-
-
-def _reasons(problems: dict[str, dict[str, str]]) -> list[str]:
-    return [
-        f"{kind}: {name}: {problem}"
-        for kind, reasons in problems.items()
-        for name, problem in reasons.items()
-    ]
 
 
 def _listed(items: list[str], separator: str = ", ") -> str:

@@ -50,7 +50,6 @@ def test_usable_files_are_found_usable(files, tmp_path):
     findings = inputs.inspect(files, None, in_turn)
     assert [f.name for f in findings["shapes"]] == ["ball.ply", "box.obj"]
     assert all(len(f.sha256) == 64 and f.size > 0 for found in findings.values() for f in found)
-    inputs.refuse(findings)
     assert inputs.usable(files, findings) == files
     assert inputs.repairs(findings) == []
     resuming.write_json(tmp_path / "inputs.json", inputs.recorded(findings))
@@ -74,7 +73,7 @@ def test_all_unusable_files_are_refused_together(files):
         spoil(path)
     findings = inputs.inspect(files, None, in_turn)
     with pytest.raises(ValueError, match="--unusable skip") as refusal:
-        inputs.refuse(findings)
+        inputs.usable(files, findings)
     told = str(refusal.value).splitlines()
     assert told[0] == "3 files cannot be used:" and len(told) == 5
     starts = ["shapes: ball.ply: ", "environments: map.exr: ", "backgrounds: photo.png: "]
@@ -85,13 +84,13 @@ def test_all_unusable_files_are_refused_together(files):
 def test_unusable_files_are_skipped_with_their_reasons(files):
     spoil(files["shapes"][0])
     findings = inputs.inspect(files, None, in_turn)
-    assert inputs.usable(files, findings)["shapes"] == files["shapes"][1:]
+    assert inputs.usable(files, findings, skip=True)["shapes"] == files["shapes"][1:]
     problems = inputs.unusable(findings)
     assert list(problems["shapes"]) == ["ball.ply"] and problems["environments"] == {}
     assert "cannot be read as a mesh" in problems["shapes"]["ball.ply"]
     spoil(files["shapes"][1])
     with pytest.raises(ValueError, match=r"none of the split's shapes can be used:\n  shapes:"):
-        inputs.usable(files, inputs.inspect(files, None, in_turn))
+        inputs.usable(files, inputs.inspect(files, None, in_turn), skip=True)
 
 
 def test_a_kind_that_is_built_in_needs_no_files(files):
@@ -100,13 +99,14 @@ def test_a_kind_that_is_built_in_needs_no_files(files):
 
 
 def test_a_long_list_is_cut(tmp_path):
-    paths = [spoil(tmp_path / f"{k:03d}.ply") for k in range(50)]
+    files = {"shapes": [spoil(tmp_path / f"{k:03d}.ply") for k in range(50)]}
     with pytest.raises(ValueError, match="50 files") as refusal:
-        inputs.refuse(inputs.inspect({"shapes": paths}, None, in_turn))
+        inputs.usable(files, inputs.inspect(files, None, in_turn))
     assert "019.ply" in str(refusal.value) and "020.ply" not in str(refusal.value)
     assert "and 30 more" in str(refusal.value)
+    del files["shapes"][20:]
     with pytest.raises(ValueError, match="20 files") as refusal:
-        inputs.refuse(inputs.inspect({"shapes": paths[:20]}, None, in_turn))
+        inputs.usable(files, inputs.inspect(files, None, in_turn))
     assert "019.ply" in str(refusal.value) and " more" not in str(refusal.value)
 
 
