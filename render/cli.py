@@ -10,7 +10,6 @@ from .commands import corpus, others
 
 COMMANDS = ("verify", "preview", "layers", "images", "views")
 """Commands, by their first argument; any other first argument is the folder of a corpus."""
-_GONE = ("bank", "scenes")
 _EXAMPLE = """
 other commands, each with a --help of its own:
   lime-render verify CORPUS         check files, checksums and every record
@@ -63,11 +62,5 @@ def main(argv: list[str] | None = None) -> int:
     if arguments and arguments[0] in COMMANDS:
         options = commands().parse_args(arguments)
         return console.run(lambda: options.run(options), options.interrupted)
-    if arguments and arguments[0] in _GONE:
-        parser().error(
-            f"there are no banks any more, and no `lime-render {arguments[0]}`: `lime-render OUT "
-            "--split train --count N` renders exact scenes with mixed lights and endless bodies. "
-            f"For a corpus of this name, write its path: ./{arguments[0]}"
-        )
     options = parser().parse_args(arguments)
     return console.run(lambda: corpus.run(options), corpus.INTERRUPTED)

@@ -210,15 +210,6 @@ def test_the_same_mesh_under_another_name_is_kept_out_of_the_other_split(render,
     assert status == 1 and "copy.ply has the contents of ball-train.ply" in errors
 
 
-@pytest.mark.parametrize("name", ["bank", "scenes"])
-def test_what_took_the_place_of_banks_is_told(capsys, name):
-    with pytest.raises(SystemExit) as stop:
-        cli.main([name, "out", "--split", "train", "--count", "8"])
-    assert stop.value.code == 2
-    assert "there are no banks any more" in (told := capsys.readouterr().err)
-    assert "lime-render OUT --split train --count N" in told and f"./{name}" in told
-
-
 def test_looking_at_nothing_is_an_error(tmp_path, capsys):
     for command in ("verify", "preview"):
         assert cli.main([command, str(tmp_path)]) == 1
