@@ -115,6 +115,7 @@ def _splits(options: argparse.Namespace) -> list[Split]:
 
 def _verify(options: argparse.Namespace) -> int:
     """Check what the folder holds and return the exit status: 1 if anything is wrong."""
+    console.require("lime-render verify", *console.EXTRAS["render"], "tensorflow")
     console.import_tensorflow()
     return max([_verify_split(split) for split in _splits(options)])
 

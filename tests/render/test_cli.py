@@ -210,6 +210,12 @@ def test_the_same_mesh_under_another_name_is_kept_out_of_the_other_split(render,
     assert status == 1 and "copy.ply has the contents of ball-train.ply" in errors
 
 
+def test_verify_tells_the_extra_that_it_lacks(without, tmp_path, capsys):
+    without("trimesh")
+    assert cli.main(["verify", str(tmp_path)]) == 1
+    assert "lime-render verify needs trimesh: pip install '.[render]'" in capsys.readouterr().err
+
+
 def test_looking_at_nothing_is_an_error(tmp_path, capsys):
     for command in ("verify", "preview"):
         assert cli.main([command, str(tmp_path)]) == 1
