@@ -20,6 +20,7 @@ import numpy as np
 import trimesh
 
 from lime_keras.optics.shading import normaliser
+from lime_keras.render.corpus.random_example import Sources
 from lime_keras.render.mitsuba_setup import variants
 from lime_keras.render.scene import environments, integrals, lights, sampling, sources
 from lime_keras.render.scene.quality import FAST, QUALITIES, Quality
@@ -43,7 +44,7 @@ def main() -> None:
     variants.activate(variants.choose(), threads=1)
     _register_lobe()
     files = sources.files(arguments.environments, "train", environments.EXTENSIONS)
-    maps = sources.LightSource(files, "train", 0, arguments.cache)
+    train = Sources("train", 0, arguments.cache, {"environments": files})
     ball = trimesh.creation.icosphere(subdivisions=6)
     mesh = meshes.normalised(ball.vertices, ball.faces, ball.vertices)
     print(
@@ -52,8 +53,8 @@ def main() -> None:
         + " | seconds at our error | ratio | mean over ours |"
     )
     print("|---|---|" + "---:|" * (5 + 2 * len(SAMPLES)))
-    for name in maps.names()[: arguments.maps]:
-        radiance = maps.load(name).radiance
+    for name in train.light_names[: arguments.maps]:
+        radiance = train.light(name).radiance
         for layer, exponent in LOBES.items():
             print(f"| {name} | {layer} | " + _row(mesh, radiance, exponent) + " |", flush=True)
 

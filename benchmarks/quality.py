@@ -24,6 +24,7 @@ from tqdm import tqdm
 from lime_keras import console
 from lime_keras.optics import shading, shininess
 from lime_keras.optics.blinn_phong import BlinnPhong
+from lime_keras.render.corpus.random_example import Sources
 from lime_keras.render.mitsuba_setup import variants
 from lime_keras.render.scene import environments, example, lights, sampling, sources
 from lime_keras.render.scene.quality import FAST, QUALITIES, Quality
@@ -90,25 +91,27 @@ def _arguments() -> argparse.Namespace:
 
 
 def _scenes(arguments: argparse.Namespace) -> list[Scene]:
-    bodies = sources.files(arguments.shapes, "train", meshes.EXTENSIONS)
-    files = sources.files(arguments.environments, "train", environments.EXTENSIONS)
-    shapes = sources.ShapeSource(bodies, "train", 0)
-    maps = sources.LightSource(files, "train", 0, arguments.out / "rooms")
+    files = {
+        "shapes": sources.files(arguments.shapes, "train", meshes.EXTENSIONS),
+        "environments": sources.files(arguments.environments, "train", environments.EXTENSIONS),
+    }
+    train = Sources("train", 0, arguments.out / "rooms", files)
     rng = np.random.default_rng(0)
-    names = sources.random_subset(rng, maps.names(), arguments.maps)
+    names = sources.random_subset(rng, train.light_names, arguments.maps)
     out = []
     for name in tqdm(names, "scenes"):
-        light = maps.load(name)
-        scene = _posed(shapes, light, rng)
+        light = train.light(name)
+        scene = _posed(train, light, rng)
         while _coverage(scene) < example.LEAST_COVERAGE:
-            scene = _posed(shapes, light, rng)
+            scene = _posed(train, light, rng)
         out.append(scene)
     return out
 
 
-def _posed(shapes: Any, light: Any, rng: np.random.Generator) -> Scene:
+def _posed(train: Sources, light: Any, rng: np.random.Generator) -> Scene:
     """Return a scene of a random mesh in a random pose under a map, drawn from `rng`."""
-    mesh = shapes.load(shapes.names()[rng.integers(len(shapes.names()))])
+    name = train.shape_names[rng.integers(len(train.shape_names))]
+    mesh, _ = train.mesh(name, 256)
     rotation = sampling.sample_light_rotation(rng, light.strong_direction)
     pose = sampling.sample_pose(rng, mesh.vertices, 256)
     return Scene(mesh, light.radiance, pose, rotation, 256)

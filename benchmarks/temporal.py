@@ -23,9 +23,9 @@ from tqdm import tqdm
 from lime_keras import console
 from lime_keras.eval.markdown_table import aligned
 from lime_keras.optics import material_law, shininess
+from lime_keras.render.corpus.random_example import Sources
 from lime_keras.render.mitsuba_setup import variants
 from lime_keras.render.scene import environments, example, sampling, sources
-from lime_keras.render.scene.gbuffer import Tracer
 from lime_keras.render.shapes import meshes
 from lime_keras.video import cuts
 from lime_keras.video.fusion import Fusion
@@ -82,17 +82,18 @@ def main() -> None:
 def render(arguments: argparse.Namespace, number: int) -> Sequence:
     """Render a sequence, whose shape, light, material and pose follow from the seed and number."""
     rng = np.random.default_rng([arguments.seed, number])
-    bodies = sources.files(arguments.shapes, "test", meshes.EXTENSIONS)
-    maps = sources.files(arguments.environments, "test", environments.EXTENSIONS)
-    shapes = sources.ShapeSource(bodies, "test", arguments.seed)
-    lights = sources.LightSource(maps, "test", arguments.seed, arguments.cache)
-    shape, light_name = rng.choice(shapes.names()), rng.choice(lights.names())
-    tracer, light = Tracer(shapes.load(shape), arguments.size), lights.load(light_name)
+    files = {
+        "shapes": sources.files(arguments.shapes, "test", meshes.EXTENSIONS),
+        "environments": sources.files(arguments.environments, "test", environments.EXTENSIONS),
+    }
+    test = Sources("test", arguments.seed, arguments.cache, files)
+    shape, light_name = rng.choice(test.shape_names), rng.choice(test.light_names)
+    (_, tracer), light = test.mesh(shape, arguments.size), test.light(light_name)
     exponent = float(10 ** shininess.LOG_MEANS[(2 * number + 1) % shininess.BIN_COUNT])
     material = dataclasses.replace(material_law.sample_material(rng), exponent=exponent)
     start = sampling.sample_rotation(rng)
     light_start = sampling.sample_light_rotation(rng, light.strong_direction)
-    background = sources.BackgroundSource(()).sample(rng, arguments.size)
+    background = test.background(rng, arguments.size)
     camera_moves = number % 2 == 1
     frames = []
     for angle in np.linspace(0, _TURN, arguments.frames):

@@ -20,7 +20,7 @@ from lime_keras.render.mitsuba_setup import variants
 
 out, index = Path(sys.argv[1]), int(sys.argv[2])
 variants.activate(variants.choose(), threads=1)
-features = render_example(0, index, Sources.built_in("train", 0, rooms=out / "rooms")).features
+features = render_example(index, Sources("train", seed=0, rooms=out / "rooms")).features
 pictures = {name: features[name] for name in ("image", "mask")}
 for name in ("diffuse_shading", "specular_shading", "mirror", "environment"):
     pictures[name] = colour.linear_to_srgb(np.clip(features[name], 0, 1))

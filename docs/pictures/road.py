@@ -15,7 +15,7 @@ from scene_model import displayed
 from lime_keras.optics import colour
 from lime_keras.render.corpus.random_example import Example, Sources, render_example
 from lime_keras.render.mitsuba_setup import variants
-from lime_keras.render.scene.sources import MIXED, BackgroundSource, LightSource, ShapeSource
+from lime_keras.render.scene.sources import MIXED
 
 SEED, INDEX, TILE, GAP, HEAD = 5, 5, 150, 34, 44
 
@@ -24,13 +24,8 @@ def example() -> Example:
     """Render the example."""
     variants.activate(variants.choose(), threads=1)
     with tempfile.TemporaryDirectory() as rooms:
-        sources = Sources(
-            ShapeSource((), "train", SEED),
-            LightSource((), "train", SEED, Path(rooms), law=MIXED),
-            BackgroundSource(()),
-            endless=0.5,
-        )
-        return render_example(SEED, INDEX, sources, shard_size=16)
+        sources = Sources("train", SEED, Path(rooms), law=MIXED, endless=0.5)
+        return render_example(INDEX, sources, shard_size=16)
 
 
 def photo(record: bytes) -> dict[str, np.ndarray]:

@@ -22,8 +22,7 @@ def example() -> dict[str, np.ndarray]:
     """Render the example, features as in a record."""
     variants.activate(variants.choose(), threads=1)
     with tempfile.TemporaryDirectory() as rooms:
-        sources = Sources.built_in("train", SEED, rooms=Path(rooms))
-        return render_example(SEED, INDEX, sources).features
+        return render_example(INDEX, Sources("train", SEED, Path(rooms))).features
 
 
 def specular(features: dict[str, np.ndarray], exponent: float) -> np.ndarray:

@@ -7,6 +7,7 @@ interruptions. A finished shard is never written again.
 
 import contextlib
 import dataclasses
+import itertools
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,6 @@ from ..jobs.description import Description, Job
 from ..jobs.processes import Pool
 from ..mitsuba_setup import variants
 from . import worker
-from .random_example import Sources
 
 _WORK = "lime-render is rendering"
 
@@ -86,7 +86,7 @@ def render_split(
         resuming.claim(job.split.inputs_path, inputs.recorded(findings))
         findings = _inspect(files, readers, inputs.read(job.split.inputs_path), on_input)
         resuming.write_json(job.split.inputs_path, inputs.recorded(findings), shared=True)
-        _render_missing(job, shards, Pool(workers, worker.start, job), on_room, on_example)
+        _render_missing(job, shards, Pool(workers, worker.Worker, job), on_room, on_example)
         # A file that changed meanwhile may be in some shards only.
         _inspect(description.files(), readers, findings, on_input)
         if job.missing(range(description.shards)):
@@ -128,16 +128,16 @@ def _render_missing(
     _remove_partials(job, shards)
     unfinished = job.missing(shards)
     rooms = _rooms(job, unfinished)
-    missing = [name for name in rooms if not (job.lights.cache / name).is_file()]
+    missing = [name for name in rooms if not (job.split.folder / "rooms" / name).is_file()]
     if missing:
         finished = len(rooms) - len(missing)
-        renderers.run(worker.render_room, missing, finished, len(rooms), on_room)
+        renderers.run(worker.Worker.render_room, missing, finished, len(rooms), on_room)
     count, left = (
         sum(len(job.description.indices(shard)) for shard in some) for some in (shards, unfinished)
     )
     on_example(count - left, count)
     if unfinished:
-        renderers.run(worker.render_shard, unfinished, count - left, count, on_example)
+        renderers.run(worker.Worker.render_shard, unfinished, count - left, count, on_example)
     _remove_partials(job, shards)
 
 
@@ -173,6 +173,9 @@ def _manifest(job: Job, findings: inputs.Findings) -> dict[str, Any]:
     """Return the manifest of a complete split, put together from the sidecars of its shards."""
     paths = map(job.split.sidecar_path, range(job.description.shards))
     sidecars = [resuming.sidecar(path) for path in paths]
+    sources, size = worker.sources_of(job), job.description.shard_size
+    # The bodies drawn are listed shapes, and endless ones.
+    drawn = [sources.names_in_shard(shard, size)[0] for shard in range(job.description.shards)]
     return {
         # Shards may have different versions, if the software was changed in between.
         "packages": {
@@ -185,8 +188,8 @@ def _manifest(job: Job, findings: inputs.Findings) -> dict[str, Any]:
         "examples": job.description.count,
         "sha256": [sidecar["sha256"] for sidecar in sidecars],
         "failures": [failure for sidecar in sidecars for failure in sidecar["failures"]],
-        "shapes": job.shapes.names() + _endless_bodies(job),
-        "lights": job.lights.names(),
+        "shapes": list(dict.fromkeys(itertools.chain(sources.shape_names, *drawn))),
+        "lights": sources.light_names,
         "inputs": inputs.digests(findings),
         "skipped": inputs.unusable(findings),
         "repaired": inputs.repairs(findings),
@@ -195,23 +198,7 @@ def _manifest(job: Job, findings: inputs.Findings) -> dict[str, Any]:
 
 def _rooms(job: Job, shards: Sequence[int]) -> list[str]:
     """Return the names of the built-in rooms that light some shards."""
-    description, sources = job.description, _sources(job)
-    rooms, drawn = job.lights.rooms(), set[str]()
-    for shard in shards if rooms else []:
-        drawn |= sources.maps_in_shard(description.seed, shard, description.shard_size)
-    return [name for name in rooms if name in drawn]
-
-
-def _endless_bodies(job: Job) -> list[str]:
-    """Return the names of the endless bodies of all shards."""
-    description, sources = job.description, _sources(job)
-    return [
-        body.name
-        for shard in range(description.shards if description.endless else 0)
-        for body in sources.names_in_shard(description.seed, shard, description.shard_size)[0]
-        if body.place is not None
-    ]
-
-
-def _sources(job: Job) -> Sources:
-    return Sources(job.shapes, job.lights, job.backgrounds, job.description.endless)
+    sources, drawn = worker.sources_of(job), set[str]()
+    for shard in shards if sources.room_names else []:
+        drawn |= sources.maps_in_shard(shard, job.description.shard_size)
+    return [name for name in sources.room_names if name in drawn]

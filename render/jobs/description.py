@@ -39,7 +39,7 @@ class Description:
         shape_count: number of built-in shapes; None for that of `sources`.
         light_count: number of built-in rooms; None for that of `sources`.
         light_law: name of the law of the lights (see `sources.LIGHT_LAWS`).
-        endless: share of the bodies that no other shard has (see `corpus.bodies`).
+        endless: share of the bodies that no other shard has (see `corpus.random_example`).
     """
 
     split: str
@@ -131,32 +131,6 @@ class Job:
     def split(self) -> Split:
         """The split on disk that the job writes: the folder that it claims."""
         return Split(self.out, self.description.split)
-
-    @property
-    def shapes(self) -> sources.ShapeSource:
-        """The source of the split's shapes."""
-        asked = self.description
-        return sources.ShapeSource(
-            self.usable["shapes"], asked.split, asked.seed, asked.shape_count
-        )
-
-    @property
-    def lights(self) -> sources.LightSource:
-        """The source of the split's lights."""
-        asked = self.description
-        return sources.LightSource(
-            self.usable["environments"],
-            asked.light_from,
-            asked.seed,
-            self.split.folder / "rooms",
-            asked.light_count,
-            asked.light_law,
-        )
-
-    @property
-    def backgrounds(self) -> sources.BackgroundSource:
-        """The source of the backgrounds."""
-        return sources.BackgroundSource(self.usable["backgrounds"])
 
     def missing(self, shards: Iterable[int]) -> list[int]:
         """Return those of some shards of which a file is missing."""

@@ -20,7 +20,8 @@ from render_scenes import describe, write_inputs
 from lime_keras.data import records
 from lime_keras.data.corpus import SPLITS, Split
 from lime_keras.render.corpus import split
-from lime_keras.render.corpus.random_example import Sources, render_example
+from lime_keras.render.corpus.random_example import render_example
+from lime_keras.render.corpus.worker import sources_of
 from lime_keras.render.inspect import verification
 from lime_keras.render.jobs import processes, resuming
 from lime_keras.render.jobs.description import Description, Job
@@ -240,16 +241,17 @@ def test_an_example_alone_is_that_of_the_shard_field_by_field(
 ):
     """In this process, as a notebook renders it."""
     job = Job(rendered[0], description, mitsuba_choice, description.files())
-    sources = Sources(job.shapes, job.lights, job.backgrounds)
+    sources = sources_of(job)
     shards = tf.data.TFRecordDataset([str(path) for path in job.split.shard_paths()])
     stored = list(shards.as_numpy_iterator())
     for index in (0, 3):
-        example = render_example(0, index, sources, size=64, shard_size=2)
+        example = render_example(index, sources, size=64, shard_size=2)
         assert not example.failures and example.record == stored[index]
         alone, held = records.parse(records.encode(example.features)), records.parse(stored[index])
         for name in records.FEATURES:
             np.testing.assert_array_equal(alone[name], held[name], err_msg=name)
-    other = render_example(1, 0, sources, size=64, shard_size=2)
+    anew = dataclasses.replace(job, description=dataclasses.replace(description, seed=1))
+    other = render_example(0, sources_of(anew), size=64, shard_size=2)
     assert other.record != stored[0]
 
 
@@ -333,20 +335,20 @@ def test_a_varied_split_lists_what_it_is_made_of_and_is_sound(
     changes = {"light_law": "mixed", "endless": 1.0, "shard_size": 8, "count": 10}
     varied = Description(**(vars(description) | changes))
     job = Job(tmp_path, varied, mitsuba_choice)
-    job.lights.cache.mkdir(parents=True)
-    folder = varied.folder("environments")
-    for name in job.lights.rooms():
-        shutil.copy(folder / rendered[1]["lights"][0], job.lights.cache / name)
+    sources, folder = sources_of(job), varied.folder("environments")
+    sources.rooms.mkdir(parents=True)
+    for name in sources.room_names:
+        shutil.copy(folder / rendered[1]["lights"][0], sources.rooms / name)
     manifest = render(tmp_path, varied, mitsuba_choice)
     assert manifest["description"]["light_law"] == "mixed" and manifest["failures"] == []
-    assert manifest["lights"] == [*rendered[1]["lights"], *job.lights.names()]
+    assert manifest["lights"] == [*rendered[1]["lights"], *sources.light_names]
     assert len(manifest["lights"]) == 1 + 40 + 48
     own = rendered[1]["shapes"]
     assert manifest["shapes"][: len(own)] == own
     assert all(name.startswith("endless-0000") for name in manifest["shapes"][len(own) :])
     assert list(verification.verify(tmp_path, "train", nothing)) == []
     by_workers = tmp_path / "again"
-    shutil.copytree(job.lights.cache, by_workers / "train" / "rooms")
+    shutil.copytree(sources.rooms, by_workers / "train" / "rooms")
     assert render(by_workers, varied, mitsuba_choice, 2) == manifest
     assert contents(by_workers) == contents(tmp_path)
 
@@ -434,10 +436,10 @@ def test_known_lights_of_a_test_split_are_the_rooms_of_the_train_split(descripti
         Job(tmp_path, Description(**(vars(description) | built_in | changes)), None)
         for changes in ({}, {"split": "test", "light_split": "train"})
     ]
-    train, test = (job.lights for job in jobs)
-    assert (train.split, len(train.names())) == (test.split, len(test.names())) == ("train", 45)
-    assert train.seed == test.seed
-    names = [job.shapes.names() for job in jobs]
+    train, test = map(sources_of, jobs)
+    assert train.light_names == test.light_names and len(test.light_names) == 45
+    assert train._light_split == test._light_split == "train" and train.seed == test.seed
+    names = [train.shape_names, test.shape_names]
     assert [len(one) for one in names] == [5, 5] and not set(names[0]) & set(names[1])
     # What is not asked for is not recorded, so that a split that was begun goes on.
     assert not {"light_split"} & jobs[0].description.recorded().keys()

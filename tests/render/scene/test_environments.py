@@ -8,7 +8,8 @@ import OpenImageIO as oiio
 import pytest
 
 from lime_keras.optics.environment import solid_angles
-from lime_keras.render.scene import environments, lights, sources
+from lime_keras.render.corpus.random_example import Sources
+from lime_keras.render.scene import environments, lights
 
 
 def integral(radiance):
@@ -248,8 +249,7 @@ def test_maps_of_any_size_become_lights(tmp_path, size):
     """By the road that the renderer takes, from file to light."""
     rows, columns = size
     write(tmp_path / "a.exr", np.full((rows, columns, 1), 5, np.float32))
-    source = sources.LightSource([tmp_path / "a.exr"], "train", 0, tmp_path)
-    light = source.load("a.exr")
+    light = Sources("train", 0, tmp_path, {"environments": [tmp_path / "a.exr"]}).light("a.exr")
     np.testing.assert_allclose(light.diffuse_shading, lights.MEAN_RADIANCE, rtol=0.01)
 
 

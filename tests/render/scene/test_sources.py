@@ -1,14 +1,10 @@
 """Where things come from: no file and no seed serves two ends."""
 
-import functools
 import itertools
 
 import numpy as np
-import OpenImageIO as oiio
 import pytest
-import trimesh
 
-from lime_keras.render.rooms import renderer
 from lime_keras.render.scene import sources
 
 EXTENSIONS = (".obj", ".ply")
@@ -88,67 +84,8 @@ def test_generators_are_independent_of_one_another():
     np.testing.assert_array_equal(sources.generator(*things[0]).random(64), draws[0])
 
 
-def test_built_in_names_tell_splits_apart(tmp_path):
-    for split, shapes, rooms in (("train", 400, 40), ("test", 100, 12)):
-        shape_names = sources.ShapeSource((), split, 0).names()
-        room_names = sources.LightSource((), split, 0, tmp_path).names()
-        assert (len(set(shape_names)), len(set(room_names))) == (shapes, rooms)
-
-
-def test_a_built_in_shape_depends_on_seed_split_and_number():
-    meshes = [
-        sources.ShapeSource((), split, seed).load(f"{split}-{index:04d}")
-        for split, seed, index in (
-            ("train", 0, 0),
-            ("train", 0, 0),
-            ("train", 0, 1),
-            ("train", 1, 0),
-            ("test", 0, 0),
-        )
-    ]
-    np.testing.assert_array_equal(meshes[0].vertices, meshes[1].vertices)
-    for other in meshes[2:]:
-        assert not np.array_equal(meshes[0].vertices, other.vertices)
-
-
-@pytest.mark.parametrize("dealt", [False, True])
-def test_meshes_are_found_by_name(tmp_path, dealt):
-    for split in ("train", "test"):
-        folder = tmp_path / split if dealt else tmp_path
-        folder.mkdir(exist_ok=True)
-        trimesh.creation.box((1, 2, 3)).export(folder / f"{split}.obj")
-    for split in ("train", "test"):
-        files = sources.files(tmp_path, split, EXTENSIONS)
-        source = sources.ShapeSource(files, split, 0)
-        [name] = source.names()
-        assert len(source.load(name).faces) == 12
-
-
-def test_a_built_in_room_is_rendered_once_and_read_again(mitsuba_choice, monkeypatch, tmp_path):
-    small = functools.partial(renderer.render, height=32, samples=2)
-    monkeypatch.setattr(renderer, "render", small)
-    source = sources.LightSource((), "train", 0, tmp_path / "rooms")
-    first = source.load("room-0003.exr")
-    assert [path.name for path in (tmp_path / "rooms").iterdir()] == ["room-0003.exr"]
-    monkeypatch.delattr(renderer, "render")
-    np.testing.assert_array_equal(source.load("room-0003.exr").radiance, first.radiance)
-    assert first.radiance.shape == (32, 64) and first.name == "room-0003.exr"
-
-
-def test_a_large_map_is_averaged_down(tmp_path):
-    image = oiio.ImageBuf(np.ones((600, 1200), np.float16))
-    assert image.write(str(tmp_path / "a.exr"))
-    source = sources.LightSource([tmp_path / "a.exr"], "test", 0, tmp_path)
-    assert source.names() == ["a.exr"]
-    assert source.load("a.exr").radiance.shape == (512, 1024)
-
-
-def test_backgrounds_are_textures_or_crops_of_pictures(tmp_path):
-    rng = np.random.default_rng(0)
-    assert sources.BackgroundSource(()).sample(rng, 32).shape == (32, 32, 3)
+def test_pictures_of_a_folder_are_found(tmp_path):
     with pytest.raises(ValueError, match=f"{tmp_path.name} holds no picture"):
         sources.pictures(tmp_path)
-    image = oiio.ImageBuf(np.full((60, 80, 3), 128, np.uint8))
-    assert image.write(str(tmp_path / "grey.png"))
-    picture = sources.BackgroundSource(sources.pictures(tmp_path)).sample(rng, 32)
-    np.testing.assert_allclose(picture, 0.5, atol=0.01)
+    fill(tmp_path, ["b.png", "a.JPG", "readme.txt"])
+    assert [path.name for path in sources.pictures(tmp_path)] == ["a.JPG", "b.png"]
