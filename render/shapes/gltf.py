@@ -19,18 +19,14 @@ from . import parts
 from .parts import Part
 
 _MAGIC, _JSON, _BINARY = b"glTF\2\0\0\0", b"JSON", b"BIN\0"  # the version follows the name
-_INSTANCES, _DRACO = "EXT_mesh_gpu_instancing", "KHR_draco_mesh_compression"
-_MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
-_VISIBILITY = "KHR_node_visibility"
-_APPLIED = (_INSTANCES, _VISIBILITY, "KHR_mesh_quantization")
-_OF_LOOKS = ("KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_", "KHR_xmp")
-"""Beginnings of the names of extensions that leave the shape as it is."""
-_NO_SHAPE = (
-    "KHR_animation_pointer",
-    "EXT_lights_image_based",
-    "EXT_lights_ies",
-    "MSFT_texture_dds",
+_INSTANCES, _VISIBILITY = "EXT_mesh_gpu_instancing", "KHR_node_visibility"
+_KNOWN = (
+    *(_INSTANCES, _VISIBILITY, "KHR_mesh_quantization"),
+    *("KHR_materials_", "KHR_texture_", "EXT_texture_", "MSFT_texture_", "KHR_lights_"),
+    *("EXT_lights_", "KHR_xmp", "KHR_animation_pointer"),
 )
+"""Beginnings of the names of extensions that are applied, or that leave the shape as it is."""
+_COMPRESSED = ("KHR_draco_mesh_", "EXT_meshopt_", "KHR_meshopt_")
 _TYPES = {5120: "i1", 5121: "u1", 5122: "i2", 5123: "u2", 5125: "u4", 5126: "f4"}
 _COLUMNS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
@@ -53,17 +49,22 @@ def read(content: bytes) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[str]]
         ValueError: if it is no GLB, or requires what is not read.
     """
     document, binary = _chunks(content)
-    _check_required(document)
-    notes = []
+    required, notes = document.get("extensionsRequired", []), []
+    for name in required:
+        if not name.startswith(_KNOWN):
+            raise ValueError(
+                f"it requires {name}, which is not read here: open it in Blender, say, and export "
+                "it without"
+            )
     if any("skin" in node for node in document.get("nodes", [])):
         notes.append("posed by a skeleton, which is not applied: export the pose as a mesh")
-    used = set(document.get("extensionsUsed", [])) - set(document.get("extensionsRequired", []))
-    for name in sorted(used):
-        if not _is_known(name) and name not in (*_MESHOPT, _DRACO):
+    for name in sorted(set(document.get("extensionsUsed", [])) - set(required)):
+        if not name.startswith(_KNOWN + _COMPRESSED):
             notes.append(f"uses {name}, which is not applied")
     nowhere = np.full((1, 3), np.nan)
-    shown = _File(document, binary).shown()
-    return *parts.joined([(nowhere, np.zeros((0, 3), int), nowhere), *shown]), notes
+    nothing = nowhere, np.zeros((0, 3), int), nowhere
+    vertices, faces, normals = parts.joined([nothing, *_File(document, binary).shown()])
+    return vertices, faces, normals, notes
 
 
 def _chunks(content: bytes) -> tuple[dict[str, Any], bytes]:
@@ -82,20 +83,6 @@ def _chunks(content: bytes) -> tuple[dict[str, Any], bytes]:
     if not isinstance(document, dict):
         raise ValueError("it holds no document")
     return document, chunks.get(_BINARY, b"")
-
-
-def _is_known(name: str) -> bool:
-    return name.startswith(_OF_LOOKS) or name in (*_APPLIED, *_NO_SHAPE)
-
-
-def _check_required(document: dict[str, Any]) -> None:
-    for name in document.get("extensionsRequired", []):
-        if name == _DRACO or name in _MESHOPT:
-            raise ValueError(
-                f"it requires {name}: open it in Blender, say, and export it without compression"
-            )
-        if not _is_known(name):
-            raise ValueError(f"it requires {name}, which is not read here")
 
 
 class _File:
@@ -223,7 +210,7 @@ class _File:
     ) -> np.ndarray:
         """Return what a view of a buffer holds, `(count, columns)`."""
         view = self.document["bufferViews"][place["bufferView"]]
-        if {*_MESHOPT} & view.get("extensions", {}).keys():
+        if any(name.startswith(_COMPRESSED) for name in view.get("extensions", {})):
             raise ValueError("its vertices are compressed: export it anew")
         start = view.get("byteOffset", 0)
         return np.ndarray(

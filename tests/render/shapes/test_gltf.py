@@ -11,6 +11,7 @@ from lime_keras.render.shapes import gltf, meshes
 # A tetrahedron, 2 wide, 1 high and deep.
 PLACES = np.array([[0, 0, 0], [2, 0, 0], [0, 1, 0], [0, 0, 1]], "<f4")
 FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], "<u2")
+DRACO = "KHR_draco_mesh_compression"
 _KINDS = {"<f4": 5126, "<u2": 5123, "<i2": 5122, "|i1": 5120, "|u1": 5121}
 _NAMES = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
 
@@ -150,17 +151,9 @@ def test_the_shape_is_that_of_the_file(change, requires, expected, tmp_path):
     assert proportions(glb.write(tmp_path / "a.glb", requires=requires)) == expected
 
 
-@pytest.mark.parametrize(
-    ("name", "words"),
-    [
-        ("KHR_draco_mesh_compression", "KHR_draco_mesh_compression: .* without compression"),
-        ("EXT_meshopt_compression", "EXT_meshopt_compression: .* without compression"),
-        ("KHR_meshopt_compression", "KHR_meshopt_compression: .* without compression"),
-        ("VENDOR_voxels", "requires VENDOR_voxels, which is not read"),
-    ],
-)
-def test_what_a_file_requires_and_is_not_read_is_named(name, words, tmp_path):
-    with pytest.raises(ValueError, match=rf"a\.glb.*{words}"):
+@pytest.mark.parametrize("name", [DRACO, "EXT_meshopt_compression", "VENDOR_voxels"])
+def test_what_a_file_requires_and_is_not_read_is_named(name, tmp_path):
+    with pytest.raises(ValueError, match=rf"a\.glb.*requires {name}, .*export it without"):
         meshes.read(Glb().write(tmp_path / "a.glb", requires=[name]))
 
 
@@ -186,7 +179,7 @@ def _resized(content, more):
 def test_a_fallback_of_compressed_faces_is_read(tmp_path):
     """Draco that a file uses and does not require has plain triangles beside it."""
     glb = Glb()
-    glb.primitive["extensions"] = {gltf._DRACO: {"bufferView": 0, "attributes": {"POSITION": 0}}}
+    glb.primitive["extensions"] = {DRACO: {"bufferView": 0, "attributes": {"POSITION": 0}}}
     assert proportions(glb.write(tmp_path / "a.glb")) == (2, 1, 1, 4)
 
 
