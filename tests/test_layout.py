@@ -48,8 +48,8 @@ ROWS = {
         ("commands",),
     ),
     "render": (
-        ("mitsuba_setup", "shapes", "rooms"),
-        ("scene",),
+        ("mitsuba_setup", "shapes"),
+        ("scene", "rooms"),
         ("jobs", "cloning", "cards"),
         ("inspect", "corpus"),
         ("commands",),

@@ -5,11 +5,25 @@ Lengths are in metres; Y is up.
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-Piece = tuple[np.ndarray, ...]  # vertices, normals, faces, and each face's albedo and roughness
+from ..shapes.parts import Part, joined
+from ..shapes.smoothing import face_normals
+
+MATTE = 1.0  # roughness of what has no glossy coat
+
+
+class Piece(NamedTuple):
+    """The triangles of a part of a room, with each face's albedo and roughness."""
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    normals: np.ndarray
+    albedo: np.ndarray
+    roughness: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -29,27 +43,6 @@ class Panel:
     cells: ArrayLike
 
 
-@dataclass(frozen=True)
-class Solid:
-    """A box, an upright cylinder, a lying cylinder ("tube"), or an ellipsoid.
-
-    Attributes:
-        kind: "box", "cylinder", "tube" or "sphere".
-        centre: Centre of the bounding box, `(3,)`.
-        extent: Half extents along the solid's own axes, `(3,)`.
-        turn: Rotation about the vertical in radians.
-        albedo: Albedo between 0 and 1; 0 for a lamp.
-        roughness: Roughness of a glossy coat, between 0 and 1, or None for a matte solid.
-    """
-
-    kind: str
-    centre: ArrayLike
-    extent: ArrayLike
-    turn: float
-    albedo: float
-    roughness: float | None = None
-
-
 def panel_piece(panel: Panel) -> Piece:
     """Return the triangles of a panel, two for each cell."""
     cells = np.array(panel.cells)
@@ -64,30 +57,43 @@ def panel_piece(panel: Panel) -> Piece:
     first = 4 * np.arange(cells.size)[:, None, None]
     faces = (first + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3)
     albedo = np.repeat(cells.ravel(), 2)
-    return vertices, normals, faces, albedo, np.ones(len(faces))
+    return Piece(vertices, faces, normals, albedo, np.full(len(faces), MATTE))
 
 
-def solid_piece(solid: Solid) -> Piece:
-    """Return the triangles of a solid: those of its unit solid, scaled, turned and moved."""
-    vertices, normals, faces = _unit(solid.kind)
-    c, s = np.cos(solid.turn), np.sin(solid.turn)
-    turn = np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]])
-    normals = normals / np.array(solid.extent)
+def solid(
+    kind: str,
+    centre: ArrayLike,
+    extent: ArrayLike,
+    turn: float = 0.0,
+    albedo: float = 0.0,
+    roughness: float = MATTE,
+) -> Piece:
+    """Return the triangles of a solid: those of its unit solid, scaled, turned and moved.
+
+    Args:
+        kind: "box", "cylinder" (upright), "tube" (lying) or "sphere" (an ellipsoid).
+        centre: Centre of the bounding box, `(3,)`.
+        extent: Half extents along the solid's own axes, `(3,)`.
+        turn: Rotation about the vertical in radians.
+        albedo: Albedo between 0 and 1; 0 for a lamp.
+        roughness: Roughness of a glossy coat, below `MATTE`; by default there is no coat.
+    """
+    vertices, faces, normals = _unit(kind)
+    c, s = np.cos(turn), np.sin(turn)
+    matrix = np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]])
+    normals = normals / np.array(extent)
     normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
-    vertices = (vertices * solid.extent) @ turn + solid.centre
-    roughness = 1.0 if solid.roughness is None else solid.roughness
-    surface = np.full((2, len(faces)), [[solid.albedo], [roughness]])
-    return vertices, normals @ turn, faces, *surface
+    surface = np.full((2, len(faces)), [[albedo], [roughness]])
+    return Piece((vertices * extent) @ matrix + centre, faces, normals @ matrix, *surface)
 
 
 @lru_cache
-def _unit(kind: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the vertices, normals and faces of a solid of half extents 1."""
+def _unit(kind: str) -> Part:
+    """Return the vertices, faces and normals of a solid of half extents 1."""
     if kind == "box":
-        v, n, f, *_ = panel_piece(Panel((-1, -1, 1), (2, 0, 0), (0, 2, 0), [[0]]))
+        v, f, n, *_ = panel_piece(Panel((-1, -1, 1), (2, 0, 0), (0, 2, 0), [[0]]))
         turns = [np.eye(3)[list(p)] * np.array(q)[:, None] for p, q in _BOX_TURNS]
-        vertices, normals, faces = merged([(v @ t.T, n @ t.T, f) for t in turns])
-        return vertices, normals, faces
+        return joined([(v @ t.T, f, n @ t.T) for t in turns])
     columns = 24
     if kind == "sphere":
         angle = np.linspace(0, np.pi, 13)
@@ -97,11 +103,11 @@ def _unit(kind: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     wall = _lathed(np.array([[1.0, -1.0], rim]), np.array([[1.0, 0.0]] * 2), columns)
     top = _lathed(np.array([rim, zero + one[0]]), np.repeat(one, 2, 0), columns)
     bottom = _lathed(np.array([-one[0], [1.0, -1.0]]), np.repeat(-one, 2, 0), columns)
-    vertices, normals, faces = merged([wall, top, bottom])
+    vertices, faces, normals = joined([wall, top, bottom])
     if kind == "tube":  # lies along x
         axes = [1, 2, 0]
-        return vertices[:, axes], normals[:, axes], faces
-    return vertices, normals, faces
+        return vertices[:, axes], faces, normals[:, axes]
+    return vertices, faces, normals
 
 
 _BOX_TURNS = (
@@ -114,9 +120,7 @@ _BOX_TURNS = (
 )  # permutation and signs of the rotations that turn the front of a box to each of its sides
 
 
-def _lathed(
-    rings: np.ndarray, slopes: np.ndarray, columns: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _lathed(rings: np.ndarray, slopes: np.ndarray, columns: int) -> Part:
     """Revolve points `(K, 2)` of radius and height, and their normals, about y."""
     angle = 2 * np.pi * np.arange(columns) / columns
     around = np.stack([np.cos(angle), np.ones(columns), -np.sin(angle)], 1)
@@ -126,19 +130,10 @@ def _lathed(
     a, b = i * columns + j, i * columns + (j + 1) % columns
     lower = np.stack([a, b, b + columns], 1)[rings[i, 0] > 1e-9]
     upper = np.stack([a, b + columns, a + columns], 1)[rings[i + 1, 0] > 1e-9]
-    return vertices, normals, np.concatenate([lower, upper])
-
-
-def merged(pieces: list[tuple[np.ndarray, ...]]) -> tuple[np.ndarray, ...]:
-    """Join pieces; arrays after vertices, normals and faces are concatenated along their rows."""
-    vertices, normals, faces, *values = zip(*pieces, strict=True)
-    starts = np.cumsum([0] + [len(v) for v in vertices[:-1]])
-    faces = [f + start for f, start in zip(faces, starts, strict=True)]
-    return tuple(np.concatenate(part) for part in (vertices, normals, faces, *values))
+    return vertices, np.concatenate([lower, upper]), normals
 
 
 def area(piece: Piece) -> float:
     """Return the area of all faces of a piece."""
-    vertices, _, faces, _, _ = piece
-    a, b, c = vertices[faces].swapaxes(0, 1)
-    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+    doubled = np.linalg.norm(face_normals(piece.vertices, piece.faces), axis=1)
+    return float(doubled.sum() / 2)

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import furniture
-from .panels import Panel, Solid, area, solid_piece
+from . import furniture, panels
+from .panels import Panel, Piece
 
 LIGHTS = 11  # largest number of emitters: sky and ground of three windows, and five lamps
 
@@ -21,7 +21,7 @@ class Light:
 
     radiance: float
     panels: tuple[Panel, ...] = ()
-    solids: tuple[Solid, ...] = ()
+    solids: tuple[Piece, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Room:
     size: np.ndarray
     viewpoint: np.ndarray
     panels: tuple[Panel, ...]
-    solids: tuple[Solid, ...]
+    solids: tuple[Piece, ...]
     lights: tuple[Light, ...]
 
 
@@ -169,6 +169,6 @@ def _lamp(rng: np.random.Generator, size: np.ndarray, viewpoint: np.ndarray) -> 
         x, z = rng.uniform(-1, 1, 2) * reach[[0, 2]]
         if np.linalg.norm([x - viewpoint[0], y - viewpoint[1], z - viewpoint[2]]) > 1.2:
             break
-    solid = Solid(shape, (x, y, z), extent, float(rng.uniform(0, np.pi)), 0.0)
+    solid = panels.solid(shape, (x, y, z), extent, rng.uniform(0, np.pi))
     flux = np.exp(rng.uniform(np.log(3), np.log(60)))
-    return Light(float(flux / (np.pi * area(solid_piece(solid)))), solids=(solid,))
+    return Light(float(flux / (np.pi * panels.area(solid))), solids=(solid,))

@@ -11,7 +11,8 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .panels import Piece, area, merged, panel_piece, solid_piece
+from ..shapes.parts import joined
+from .panels import MATTE, Piece, area, panel_piece
 from .random_room import LIGHTS, Light, Room
 
 FACES = {"matte": 16384, "glossy": 8192, "light": 640}  # number of faces of each mesh
@@ -44,9 +45,6 @@ def render(room: Room, *, height: int = 128, samples: int = 32, seed: int) -> np
     Returns:
         `(height, 2 * height)` float32 radiance, non-negative, one channel: equirectangular,
         direction(u, v) = (sin(pi v) sin(2 pi u), cos(pi v), -sin(pi v) cos(2 pi u)).
-
-    Raises:
-        ValueError: If the room has more faces or lights than the scene holds.
     """
     side = 3 * height // 4  # pixels in the middle of a view are then about as wide as texels
     scene = _scene(mi.variant(), side)
@@ -111,19 +109,12 @@ def _mesh(kind: str, bsdf: dict, emitter: dict | None = None) -> "mi.Mesh":
 
 def _furnish(parameters: "mi.SceneParameters", room: Room) -> None:
     """Write a room into the scene's buffers, with the viewpoint at the origin."""
-    if len(room.lights) > LIGHTS:
-        raise ValueError(
-            f"the room has {len(room.lights)} lights, expected at most {LIGHTS}; "
-            f"leave some out or raise LIGHTS."
-        )
-    meshes = {
-        "matte": [panel_piece(panel) for panel in room.panels]
-        + [solid_piece(solid) for solid in room.solids if solid.roughness is None],
-        "glossy": [solid_piece(solid) for solid in room.solids if solid.roughness is not None],
-    }
+    meshes: dict[str, list[Piece]] = {"matte": [*map(panel_piece, room.panels)], "glossy": []}
+    for solid in room.solids:
+        meshes["matte" if solid.roughness[0] == MATTE else "glossy"].append(solid)
     for k in range(LIGHTS):
         light = room.lights[k] if k < len(room.lights) else Light(0.0)
-        pieces = [*map(panel_piece, light.panels), *map(solid_piece, light.solids)]
+        pieces = [*map(panel_piece, light.panels), *light.solids]
         meshes[f"light{k}"] = pieces
         parameters[f"light{k}.emitter.radiance.value"] = light.radiance
         flux = light.radiance * sum(map(area, pieces))
@@ -144,13 +135,8 @@ def _buffers(kind: str, pieces: list[Piece], origin: np.ndarray) -> dict[str, np
     """
     room = FACES[kind]
     far = np.array([[0, 0, 0], [0, 0, 1e-3], [1e-3, 0, 0]]) - (0, 100, 0)
-    tiny = (far + origin, np.tile([0.0, 1.0, 0.0], (3, 1)), np.arange(3)[None], *np.ones((2, 1)))
-    vertices, normals, faces, albedo, roughness = merged([tiny, *pieces])
-    if len(faces) > room:
-        raise ValueError(
-            f"the room has {len(faces)} {kind} faces, expected at most {room}; "
-            f"use fewer cells or solids, or raise FACES."
-        )
+    tiny = (far + origin, np.arange(3)[None], np.tile([0.0, 1.0, 0.0], (3, 1)), *np.ones((2, 1)))
+    vertices, faces, normals, albedo, roughness = joined([tiny, *pieces])
     return {
         "vertex_positions": _filled(vertices - origin, far[0], 2 * room),
         "vertex_normals": _filled(normals, (0, 1, 0), 2 * room),

@@ -1,6 +1,7 @@
 """Parts of a mesh: surfaces of exact solids, placed and joined.
 
-A part is what `meshes.normalised` takes: vertices `(V, 3)`, faces `(F, 3)` and normals `(V, 3)`.
+A part is what `meshes.normalised` takes: vertices `(V, 3)`, faces `(F, 3)` and normals `(V, 3)`;
+parts of rooms have more (`rooms.panels.Piece`).
 Unions, differences and intersections of solids with sharp edges are left to Manifold, whose
 results are closed by construction.
 """
@@ -10,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from manifold3d import Manifold
 
-Part = tuple[np.ndarray, np.ndarray, np.ndarray]
+Part = tuple[np.ndarray, ...]
 
 CREASE = 38.0  # angle in degrees: faces that meet at a larger one keep separate normals
 
@@ -23,11 +24,14 @@ def of_solid(solid: Manifold) -> Part:
 
 
 def joined(parts: Sequence[Part]) -> Part:
-    """Return several parts as one; they may overlap or lie apart."""
-    starts = np.cumsum([0, *(len(vertices) for vertices, _, _ in parts)])
-    vertices, faces, normals = zip(*parts, strict=True)
+    """Return several parts as one; they may overlap or lie apart.
+
+    What comes after vertices and faces, normals and more, is only put in a row.
+    """
+    vertices, faces, *values = zip(*parts, strict=True)
+    starts = np.cumsum([0, *map(len, vertices)])
     shifted = [f.astype(int) + start for f, start in zip(faces, starts, strict=False)]
-    return np.concatenate(vertices), np.concatenate(shifted), np.concatenate(normals)
+    return tuple(map(np.concatenate, (vertices, shifted, *values)))
 
 
 def direction(rng: np.random.Generator) -> np.ndarray:
