@@ -104,23 +104,11 @@ def read(path: str | Path) -> tuple[oiio.ImageBuf, tuple[str, ...]]:
     path = Path(path)
     untrusted.check(path, "a picture")
     with untrusted.naming(path, "a picture"):
-        return _read(path)
-
-
-def _read(path: Path) -> tuple[oiio.ImageBuf, tuple[str, ...]]:
-    try:
         picture = picture_file.open_image(path)
         size = picture.spec().width, picture.spec().height, picture.spec().nchannels
         untrusted.check_size(path, *size, largest=LARGEST)
         if not picture.read(force=True):
-            raise ValueError(picture.geterror())
-    except ValueError as error:
-        if str(error).startswith(str(path)):
-            raise
-        raise ValueError(
-            f"{path}: cannot be read as a picture ({error}); check the path, or save it again as "
-            "PNG or JPEG."
-        ) from error
+            raise ValueError(f"{picture.geterror().strip()}; copy it again, or export it anew")
     spec = picture.spec()
     if min(spec.width, spec.height) < LEAST_SIDE:
         raise ValueError(

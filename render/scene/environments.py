@@ -56,10 +56,7 @@ def read(path: str | Path) -> tuple[np.ndarray, tuple[str, ...]]:
 
 def _read(path: Path) -> tuple[np.ndarray, tuple[str, ...]]:
     # Open: kind, size and layout of the file.
-    try:
-        image = picture_file.open_image(path)
-    except ValueError as error:
-        raise _unreadable(path, str(error)) from error
+    image = picture_file.open_image(path)
     if image.file_format_name not in ("openexr", "hdr"):
         raise ValueError(
             f"{path}: is a {image.file_format_name.upper()} file by its content, whose numbers are "
@@ -82,7 +79,7 @@ def _read(path: Path) -> tuple[np.ndarray, tuple[str, ...]]:
         )
     # Repair: what is not a number of light takes the largest that is.
     largest, broken = 0.0, 0
-    for texels in _bands(image, channels, path):
+    for texels in _bands(image, channels):
         sound = np.isfinite(texels) & (texels >= 0)
         largest = max(largest, float(texels.max(where=sound, initial=0)))
         broken += int(np.sum(~sound.all(-1)))
@@ -94,10 +91,7 @@ def _read(path: Path) -> tuple[np.ndarray, tuple[str, ...]]:
             weights = (weights @ colour_space.matrix(primaries)).astype(np.float32)
     # Colours beyond those of the film may sum up to less than nothing.
     radiance = np.concatenate(
-        [
-            np.maximum(_repaired(texels, largest) @ weights, 0)
-            for texels in _bands(image, channels, path)
-        ]
+        [np.maximum(_repaired(band, largest) @ weights, 0) for band in _bands(image, channels)]
     )
     if not radiance.any():
         raise ValueError(f"{path}: is black everywhere, expected some light; use another map.")
@@ -115,22 +109,14 @@ def _read(path: Path) -> tuple[np.ndarray, tuple[str, ...]]:
     return _upright(radiance, orientation), tuple(notes)
 
 
-def _unreadable(path: Path, message: str) -> ValueError:
-    reason = message.strip().splitlines()
-    return ValueError(
-        f"{path}: cannot be read as an image ({reason[0] if reason else 'no reason given'}); check "
-        "the path, or save it again as OpenEXR or Radiance HDR."
-    )
-
-
-def _bands(image: oiio.ImageBuf, channels: list[int], path: Path) -> Iterator[np.ndarray]:
+def _bands(image: oiio.ImageBuf, channels: list[int]) -> Iterator[np.ndarray]:
     """Yield the display window's texels in `(h, W, C)` bands, to save memory with large maps."""
     window = image.roi_full
     for top in range(window.ybegin, window.yend, _BAND):
         bottom = min(top + _BAND, window.yend)
         texels = image.get_pixels(oiio.FLOAT, oiio.ROI(window.xbegin, window.xend, top, bottom))
         if texels is None or image.has_error:
-            raise _unreadable(path, image.geterror())
+            raise ValueError(f"{image.geterror().strip()}; copy it again, or export it anew")
         yield texels[..., channels]
 
 

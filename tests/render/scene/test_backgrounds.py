@@ -153,11 +153,11 @@ def test_unreadable_photographs_are_refused_by_name(tmp_path):
     with pytest.raises(ValueError, match=r"none\.png cannot be read"):
         backgrounds.photograph(tmp_path / "none.png", rng, 32)
     (tmp_path / "broken.png").write_bytes(b"not a picture")
-    with pytest.raises(ValueError, match=r"broken\.png: cannot be read"):
+    with pytest.raises(ValueError, match=r"broken\.png cannot be read"):
         backgrounds.photograph(tmp_path / "broken.png", rng, 32)
     whole = write(tmp_path / "whole.png", np.random.default_rng(0).random((99, 99, 3)))
     (tmp_path / "cut.png").write_bytes(whole.read_bytes()[:9000])
-    with pytest.raises(ValueError, match=r"cut\.png: cannot be read"):
+    with pytest.raises(ValueError, match=r"cut\.png cannot be read"):
         backgrounds.photograph(tmp_path / "cut.png", rng, 32)
 
 
@@ -192,7 +192,7 @@ def test_a_map_that_cannot_be_looked_into_is_named(tmp_path, capsys):
         (tmp_path / split).mkdir()
         (tmp_path / split / "broken.hdr").write_bytes(b"not a map")
     assert cli.main(["views", str(tmp_path), str(tmp_path / "views")]) == 1
-    assert "broken.hdr: cannot be read" in capsys.readouterr().err
+    assert "broken.hdr cannot be read" in capsys.readouterr().err
 
 
 def test_pipes_and_huge_headers_are_refused_at_once(tmp_path):

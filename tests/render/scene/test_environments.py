@@ -240,7 +240,7 @@ def test_radiance_files_are_turned_upright(tmp_path, resolution, rows, runs):
 
 def test_xyze_is_refused_by_name(tmp_path):
     radiance_file(tmp_path / "xyz.hdr", "-Y 16 +X 32", form="32-bit_rle_xyze")
-    with pytest.raises(ValueError, match=r"xyz\.hdr: cannot be read"):
+    with pytest.raises(ValueError, match=r"xyz\.hdr cannot be read"):
         environments.load(tmp_path / "xyz.hdr")
 
 
@@ -258,7 +258,7 @@ def test_maps_of_any_size_become_lights(tmp_path, size):
 def test_maps_that_are_cut_short_are_refused_by_name(tmp_path, extension, share):
     path = write(tmp_path / f"cut{extension}", noise(64))
     path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
-    with pytest.raises(ValueError, match=rf"cut\{extension}: cannot be read"):
+    with pytest.raises(ValueError, match=rf"cut\{extension} cannot be read"):
         environments.load(path)
 
 
