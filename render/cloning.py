@@ -73,7 +73,7 @@ def clone(
 
     Args:
         photo_srgb: the photo, `(H, W, 3)` sRGB in [0, 1].
-        mask: mask of the photographed object, `(H, W, 1)` in [0, 1].
+        mask: mask of the photographed object, `(H, W, 1)` in [0, 1], somewhere 0.5 or more.
         material: m_d, m_s and s, furnace-normalised.
         radiance: environment map `(h, 2 h)` in camera space, linear (see `illumination.estimate`).
         mesh_path: mesh file, in one of the formats `meshes.EXTENSIONS`.
@@ -89,11 +89,9 @@ def clone(
         is black of the shadow's opacity.
 
     Raises:
-        ValueError: if the shapes of photo, mask and alpha differ, the mask is empty, the material
-            lacks a number, the light is black or not finite, the mesh cannot be read, or `up` is no
-            known axis.
+        ValueError: if the material lacks a number, the light is black or not finite, or the mesh
+            cannot be read.
     """
-    _check(photo_srgb, mask, alpha, up)
     whole = material.whole()
     if whole is None:
         raise ValueError(
@@ -189,23 +187,6 @@ def without_object(photo_linear: np.ndarray, mask: np.ndarray) -> np.ndarray:
     filled = oiio.ImageBufAlgo.fillholes_pushpull(oiio.ImageBuf(holed))
     colours = np.asarray(filled.get_pixels(oiio.FLOAT))[..., :3]
     return np.where(kept > 0, photo_linear, np.maximum(colours, 0))
-
-
-def _check(photo: np.ndarray, mask: np.ndarray, alpha: np.ndarray | None, up: str) -> None:
-    """Raise ValueError if the images do not fit each other, the mask is empty or `up` unknown."""
-    if up not in UPRIGHT:
-        raise ValueError(f"a mesh's up is {' or '.join(UPRIGHT)}, not {up!r}")
-    if photo.ndim != 3 or photo.shape[-1] != 3 or mask.shape != (*photo.shape[:2], 1):
-        raise ValueError(
-            f"a photo (H, W, 3) and its mask (H, W, 1) are expected, got {photo.shape} and "
-            f"{mask.shape}"
-        )
-    if alpha is not None and alpha.shape != mask.shape:
-        raise ValueError(
-            f"the photo's alpha is (H, W, 1) as its mask {mask.shape}, got {alpha.shape}"
-        )
-    if not np.any(mask >= 0.5):
-        raise ValueError("the mask is empty: there is no object to replace; pass another mask")
 
 
 def _light(radiance: np.ndarray) -> Light:
