@@ -21,7 +21,7 @@ from ..scene.lights import Light, prepare
 from ..scene.quality import FAST, Quality
 from ..scene.sampling import NARROW, WIDE, sample_light_rotation, sample_pose
 from ..scene.sources import MAPS, MIXED, generator, random_subset
-from ..shapes import endless, meshes, procedural
+from ..shapes import endless, meshes
 
 SHAPES = {"train": 400, "test": 100}
 ROOMS = {"train": 40, "test": 12}
@@ -129,7 +129,7 @@ class Sources:
         elif name.startswith("endless-"):
             mesh = endless.endless(_generator(self.seed, self.split, "body", name))
         else:
-            mesh = procedural.procedural(_generator(self.seed, self.split, "shape", name))
+            mesh = endless.procedural(_generator(self.seed, self.split, "shape", name))
         # Test splits keep what they show, and so the rays one by one.
         return mesh, Tracer(mesh, size, quality, packets=self.split != "test")
 

@@ -15,7 +15,7 @@ from lime_keras.render.rooms import renderer
 from lime_keras.render.scene import environments
 from lime_keras.render.scene.sampling import sample_light_rotation, sample_pose
 from lime_keras.render.scene.sources import MIXED, files, generator
-from lime_keras.render.shapes import meshes, procedural
+from lime_keras.render.shapes import endless, meshes
 
 SMALL = {"size": 64, "shard_size": 2}
 
@@ -108,7 +108,7 @@ def test_built_in_sources_are_those_of_a_corpus_of_that_seed(tmp_path):
     [one, other] = (sources.names_in_shard(shard, 512)[0] for shard in (0, 1))
     assert len(one) == len(other) == 64 and one != other
     mesh, _ = sources.mesh(one[0], 64)
-    expected = procedural.procedural(generator(5, "train", "shape", int(one[0][-4:])))
+    expected = endless.procedural(generator(5, "train", "shape", int(one[0][-4:])))
     np.testing.assert_array_equal(mesh.vertices, expected.vertices)
     assert sources.mesh(one[0], 64)[0] is mesh  # held
 

@@ -10,7 +10,7 @@ from render_scenes import sphere
 from lime_keras.optics.shading import reflect, view_directions
 from lime_keras.render.scene import gbuffer, sampling
 from lime_keras.render.scene.quality import FAST, QUALITIES
-from lime_keras.render.shapes import meshes, procedural
+from lime_keras.render.shapes import endless, meshes
 
 SIZE = 64
 CENTRED = np.array([0.0, 0.0, -6.0]), np.array([150.0, 150.0, 32.0, 32.0])
@@ -217,7 +217,7 @@ def test_up_is_up_and_right_is_right(ball, shift, expected):
 @pytest.mark.parametrize("seed", range(4))
 def test_a_posed_shape_covers_the_box_of_its_projected_vertices(mitsuba_choice, seed):
     rng = np.random.default_rng(seed)
-    mesh = procedural.procedural(rng)
+    mesh = endless.procedural(rng)
     pose = sampling.sample_pose(rng, mesh.vertices, SIZE)
     seen = gbuffer.Tracer(mesh, SIZE).trace(pose.rotation, pose.translation, pose.camera)
     fx, fy, cx, cy = pose.camera
@@ -239,7 +239,7 @@ def test_a_tracer_remembers_nothing_of_the_last_look(ball):
 @pytest.mark.parametrize("garbled", [False, True])
 def test_every_normal_faces_the_viewer(mitsuba_choice, garbled):
     rng = np.random.default_rng(3)
-    mesh = procedural.procedural(rng)
+    mesh = endless.procedural(rng)
     if garbled:
         noise = rng.normal(size=mesh.normals.shape).astype(np.float32)
         noise /= np.linalg.norm(noise, axis=1, keepdims=True)

@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 from lime_keras.render.scene import sampling
-from lime_keras.render.shapes import procedural
+from lime_keras.render.shapes import endless
 
 PLAUSIBLE = 1e-3  # p-value, at fixed seeds
 
@@ -27,7 +27,7 @@ def projections():
     out = []
     for seed in range(60):
         rng = np.random.default_rng(seed)
-        mesh = procedural.procedural(np.random.default_rng(seed % 6))
+        mesh = endless.procedural(np.random.default_rng(seed % 6))
         pose = sampling.sample_pose(rng, mesh.vertices, 96)
         x, y, z = pose.rotation @ mesh.vertices.T + pose.translation[:, None]
         fx, fy, cx, cy = pose.camera

@@ -1,12 +1,16 @@
-"""Shapes without end: every family is drawn, closed, outwards, and what its name says."""
+"""Random shapes: every family is drawn, closed, outwards, and what its name says."""
 
 import collections
 
 import numpy as np
 import pytest
+import trimesh
 from mesh_checks import (
     check,
+    faces_by_position,
+    flat_normals,
     is_balanced,
+    is_closed,
     share_on_the_side_of_the_normals,
     volume,
 )
@@ -74,3 +78,30 @@ def test_shapes_are_a_function_of_the_generator_and_go_on():
             np.testing.assert_array_equal(one, other)
         seen.add(mesh.vertices.tobytes())
     assert len(seen) == 6
+
+
+@pytest.fixture(scope="module")
+def listed():
+    return [endless.procedural(np.random.default_rng(seed)) for seed in range(16)]
+
+
+@pytest.mark.parametrize("seed", range(16))
+def test_listed_shapes_are_closed_in_one_piece_and_face_outwards(listed, seed):
+    mesh = listed[seed]
+    check(mesh)
+    assert 5_000 <= len(mesh.faces) <= 40_000
+    assert is_closed(mesh)
+    assert volume(mesh) > 1e-3
+    side = (flat_normals(mesh)[:, None] * mesh.normals[mesh.faces]).sum(-1)
+    assert (side > 0).mean() > 0.98
+    faces = faces_by_position(mesh)
+    joined = trimesh.Trimesh(np.zeros((faces.max() + 1, 3)), faces, process=False)
+    labels = trimesh.graph.connected_component_labels(joined.edges, node_count=faces.max() + 1)
+    assert labels.max() == 0
+
+
+def test_shapes_vary_from_round_to_thin_and_from_smooth_to_creased(listed):
+    volumes = np.array([volume(mesh) for mesh in listed]) / (4 / 3 * np.pi)
+    assert volumes.min() < 0.1 and volumes.max() > 0.3
+    creased = [len(np.unique(m.vertices, axis=0)) < len(m.vertices) for m in listed]
+    assert 0.1 < np.mean(creased) < 0.6
