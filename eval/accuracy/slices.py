@@ -1,8 +1,6 @@
 """The measures on parts of the test images, to show for which images a system is good or bad."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -29,43 +27,39 @@ _QUARTERS = (
 )
 
 
-@dataclass(frozen=True)
-class Slice:
-    """The measures on a part of the test images.
+def rows(columns: Mapping[str, np.ndarray]) -> list[tuple[str, ...]]:
+    """Return the cells of a header, and of a row for each part of an `Evaluation`'s rows.
 
-    Attributes:
-        by: property by which the images are divided, such as "coverage".
-        label: value or range of the property in this part.
-        count: number of images in this part.
-        value: measures by name: those of `SHOWN` that the system has.
-        interval: 95 % bootstrap interval `[low, high]` of each measure, by name.
+    The parts are by bin, coverage, light contrast, saturation, shape and light. Coverage, light
+    contrast and saturation are continuous and are divided at their quartiles. Equal values stay
+    together, so there may be fewer than four parts. No part is empty.
+
+    Returns:
+        The part, the number of its images, and with their intervals the measures of `SHOWN` that
+        the system has.
     """
-
-    by: str
-    label: str
-    count: int
-    value: dict[str, float]
-    interval: dict[str, list[float]]
-
-
-def slices(rows: Mapping[str, np.ndarray]) -> list[Slice]:
-    """Divide an `Evaluation`'s rows by bin, coverage, light contrast, saturation, shape, light.
-
-    Coverage, light contrast and saturation are continuous and are divided at their quartiles. Equal
-    values stay together, so there may be fewer than four parts. No part is empty.
-    """
-    return [_slice(rows, *part) for part in _parts(rows) if part[-1].size]
+    measured = measures.values(columns)
+    shown = {name: measures.MEASURES[name] for name in SHOWN if name in measured}
+    out = [("Part", "images", *(measure.short for measure in shown.values()))]
+    for by, label, chosen in _parts(columns):
+        if not chosen.size:
+            continue
+        part = {name: column[chosen] for name, column in columns.items()}
+        value, interval = measures.values(part), measures.intervals(part)
+        cells = (m.unit.with_interval(value[name], interval[name]) for name, m in shown.items())
+        out.append((f"{by}: {label}", str(chosen.size), *cells))
+    return out
 
 
-def _parts(rows: Mapping[str, np.ndarray]) -> Iterator[tuple[str, str, np.ndarray]]:
+def _parts(columns: Mapping[str, np.ndarray]) -> Iterator[tuple[str, str, np.ndarray]]:
     """Yield `by`, `label` and the positions of the images of each part; some may be empty."""
     for k in range(shininess.BIN_COUNT):
-        yield "exponent", bin_label(k), np.flatnonzero(rows["bin"] == k)
+        yield "exponent", bin_label(k), np.flatnonzero(columns["bin"] == k)
     for title, name, style in _QUARTERS:
-        yield from _quarters(title, rows[name], style)
+        yield from _quarters(title, columns[name], style)
     for name in ("shape", "light"):
-        for value in np.unique(rows[name]):
-            yield name, value.decode(), np.flatnonzero(rows[name] == value)
+        for value in np.unique(columns[name]):
+            yield name, value.decode(), np.flatnonzero(columns[name] == value)
 
 
 def _quarters(title: str, values: np.ndarray, style: str) -> Iterator[tuple[str, str, np.ndarray]]:
@@ -76,13 +70,3 @@ def _quarters(title: str, values: np.ndarray, style: str) -> Iterator[tuple[str,
         if chosen.size:
             ends = [style.format(end(values[chosen])) for end in (np.min, np.max)]
             yield title, " to ".join(dict.fromkeys(ends)), chosen
-
-
-def _slice(rows: Mapping[str, np.ndarray], by: str, label: str, chosen: np.ndarray) -> Slice:
-    part = {name: column[chosen] for name, column in rows.items()}
-    value, interval = measures.values(part), measures.intervals(part)
-
-    def shown(numbers: Mapping[str, Any]) -> dict[str, Any]:
-        return {name: numbers[name] for name in SHOWN if name in numbers}
-
-    return Slice(by, label, len(chosen), shown(value), shown(interval))

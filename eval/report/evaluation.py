@@ -9,13 +9,12 @@ import numpy as np
 from lime_keras.material import srgb_hex
 from lime_keras.optics import shininess
 
-from ..accuracy import labels, table
+from ..accuracy import labels, slices, table
 from ..accuracy.evaluate import Evaluation
-from ..accuracy.measures import DECIBEL, MEASURES
-from ..accuracy.slices import slices
+from ..accuracy.measures import DECIBEL
 from . import renders
 from .examples import Example
-from .page import data_uri, rendered
+from .page import rendered
 
 
 def evaluation(
@@ -41,8 +40,7 @@ def evaluation(
         corpus: folder of the corpus with the test split.
         run: folder of the weights.
     """
-    parts = slices(evaluated.rows)
-    shown = {name: MEASURES[name] for name in parts[0].value}
+    relit = evaluated.rows["relit"]
     return rendered(
         "evaluation.html",
         command=command,
@@ -52,79 +50,31 @@ def evaluation(
         exponent=labels.exponent(evaluated.architecture),
         header=table.HEADER,
         rows=table.rows(summary),
-        pictures={name: data_uri(png) for name, png in pictures.items()},
-        slice_header=("Part", "images", *(measure.short for measure in shown.values())),
-        slices=[
-            (
-                f"{part.by}: {part.label}",
-                str(part.count),
-                *(
-                    measure.unit.with_interval(part.value[name], part.interval[name])
-                    for name, measure in shown.items()
-                ),
-            )
-            for part in parts
-        ],
-        examples=[_card(example) for example in examples],
-        worst=[_small_card(example, evaluated) for example in worst],
+        pictures=pictures,
+        slices=slices.rows(evaluated.rows),
+        examples=[_card(example, relit) for example in examples],
+        worst=[_card(example, relit) for example in worst],
     )
 
 
-def _small_card(example: Example, evaluated: Evaluation) -> dict[str, Any]:
-    """Return the template's values for one of the worst relit examples."""
-    truth = example.truth
-    return _material(example) | {
-        "source": f"{truth['shape'].decode()} under {truth['light'].decode()}, "
-        f"index {truth['index']}",
-        "psnr": DECIBEL.number(evaluated.rows["relit"][example.choice.position]),
-        "photo": data_uri(renders.png(truth["image"])),
-        "true": data_uri(renders.png(renders.true_render(example))),
-        "estimated": data_uri(renders.png(renders.estimated_render(example))),
-    }
-
-
-def _material(example: Example) -> dict[str, Any]:
-    """Return the true and the estimated m_d, m_s and s as the template prints them."""
-    truth, estimate = example.truth, example.estimate
-    return {
-        "diffuse": [_swatch(material["diffuse_albedo"]) for material in (truth, estimate)],
-        "specular": [f"{float(m['specular_albedo'].item()):.2f}" for m in (truth, estimate)],
-        "exponent": [f"{s:.1f}" for s in (float(truth["shininess"]), example.exponent)],
-    }
-
-
-def _card(example: Example) -> dict[str, Any]:
-    """Return the template's values for one of the examples shown with their layers."""
+def _card(example: Example, relit: np.ndarray) -> dict[str, Any]:
+    """Return the template's values for one example, given the PSNR `(N,)` of all of them."""
     truth, estimate = example.truth, example.estimate
     probabilities = estimate.get("exponent_bin_probabilities", ())
     true_bin = int(shininess.bin_of(truth["shininess"]))
-    return _material(example) | {
+    albedos = truth["diffuse_albedo"], estimate["diffuse_albedo"]
+    return {
         "reason": example.choice.reason,
         "source": f"{truth['shape'].decode()} under {truth['light'].decode()}, "
         f"seed {truth['seed']}, index {truth['index']}",
-        "photo": data_uri(renders.png(truth["image"])),
-        "pairs": [
-            {
-                "title": pair.title,
-                "truth": data_uri(renders.png(pair.truth)),
-                "estimate": data_uri(renders.png(pair.estimate)),
-            }
-            for pair in renders.pairs(example)
-        ],
+        "psnr": DECIBEL.number(relit[example.choice.position]),
+        "photo": truth["image"],
+        "pairs": renders.pairs(example),
+        "diffuse": [(srgb_hex(m_d), " ".join(f"{value:.2f}" for value in m_d)) for m_d in albedos],
+        "specular": [f"{float(m['specular_albedo'].item()):.2f}" for m in (truth, estimate)],
+        "exponent": [f"{s:.1f}" for s in (float(truth["shininess"]), example.exponent)],
         "bars": [
-            {
-                "height": round(100 * float(p), 1),
-                "label": labels.bin_label(k),
-                "is_true": k == true_bin,
-            }
+            (round(100 * float(p), 1), labels.bin_label(k), k == true_bin)
             for k, p in enumerate(probabilities)
         ],
-    }
-
-
-def _swatch(albedo_linear: np.ndarray) -> dict[str, str]:
-    """Return a linear albedo `(3,)` as a CSS colour and as text."""
-    return {
-        "css": srgb_hex(albedo_linear),
-        "text": " ".join(f"{value:.2f}" for value in albedo_linear),
     }

@@ -1,14 +1,17 @@
 """The report as one self-contained HTML page: sections of numbers, figures and examples."""
 
 import base64
+import io
 from collections.abc import Iterable, Sequence
 from datetime import date
 from pathlib import Path
 from typing import Any
 
 import jinja2
+import numpy as np
 from markdown_it import MarkdownIt
 from markupsafe import Markup
+from matplotlib import image as png_writer
 
 from lime_keras.version import __version__, installed
 
@@ -36,7 +39,7 @@ def measured(title: str, text: str, pictures: Iterable[Picture], *, command: str
         "measured.html",
         title=title,
         command=command,
-        figures=[(data_uri(png), *words) for png, *words in pictures],
+        figures=pictures,
         text=Markup(html.replace("</table>", "</table></div>")),
     )
 
@@ -52,7 +55,10 @@ def whole(sections: Sequence[tuple[str, str, str]]) -> str:
 
 
 def rendered(template: str, **values: Any) -> str:
-    """Return a file of `templates/`, filled with values by name, as HTML."""
+    """Return a file of `templates/`, filled with values by name, as HTML.
+
+    Its filter `uri` takes PNGs, and images `(H, W, 3)`, sRGB in [0, 1].
+    """
     known = installed(_VERSIONS)
     versions = [f"{name} {known[package]}" for package, name in _VERSIONS.items() if known[package]]
     environment = jinja2.Environment(
@@ -62,6 +68,7 @@ def rendered(template: str, **values: Any) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters["uri"] = _uri
     return environment.get_template(template).render(
         made=date.today().isoformat(),
         versions=", ".join([f"lime_keras {__version__}", *versions]),
@@ -69,6 +76,10 @@ def rendered(template: str, **values: Any) -> str:
     )
 
 
-def data_uri(data: bytes) -> str:
-    """Return a PNG as a data URI."""
-    return f"data:image/png;base64,{base64.b64encode(data).decode()}"
+def _uri(picture: bytes | np.ndarray) -> str:
+    """Return a PNG, or an image as PNG, as a data URI."""
+    if not isinstance(picture, bytes):
+        buffer = io.BytesIO()
+        png_writer.imsave(buffer, np.clip(picture, 0.0, 1.0), format="png")
+        picture = buffer.getvalue()
+    return f"data:image/png;base64,{base64.b64encode(picture).decode()}"

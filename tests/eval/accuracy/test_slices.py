@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 from evaluations import four
 
-from lime_keras.eval.accuracy import measures
-from lime_keras.eval.accuracy.slices import SHOWN, slices
+from lime_keras.eval.accuracy import measures, slices
 
 
 @pytest.fixture(scope="module")
-def rows():
+def columns():
     more = {
         "light_contrast": np.array([10.0, 20.0, 3000.0, 40000.0]),
         "saturated": np.zeros(4),
@@ -20,37 +19,40 @@ def rows():
 
 
 @pytest.fixture(scope="module")
-def found(rows):
-    return slices(rows)
+def found(columns):
+    """The cells of each part, by its name."""
+    return {cells[0]: cells[1:] for cells in slices.rows(columns)[1:]}
 
 
-def test_each_kind_holds_every_example_once(found, rows):
-    kinds = dict.fromkeys(part.by for part in found)
+def test_each_kind_holds_every_example_once(found):
+    kinds = {}
+    for name, (count, *_) in found.items():
+        kinds.setdefault(name.partition(":")[0], []).append(int(count))
     assert len(kinds) == 6
-    for kind in kinds:
-        assert sum(part.count for part in found if part.by == kind) == len(rows["bin"])
-    assert all(part.count > 0 for part in found)
+    assert all(sum(counts) == 4 and min(counts) > 0 for counts in kinds.values())
 
 
-def test_a_part_has_the_measures_of_its_own_examples(found, rows):
-    [spoon] = [part for part in found if part.label == "spoon"]
-    assert spoon.count == 1
-    assert spoon.value["log_exponent_mae"] == pytest.approx(0.2)
-    assert spoon.interval["relighting_psnr"] == [30.0, 30.0]
-    [cups] = [part for part in found if part.label == "cup"]
-    chosen = {name: column[[0, 2, 3]] for name, column in rows.items()}
-    assert cups.value == {name: measures.values(chosen)[name] for name in SHOWN}
+def test_a_part_has_the_measures_of_its_own_examples(found, columns):
+    count, *cells = found["shape: cup"]
+    cups = measures.values({name: column[[0, 2, 3]] for name, column in columns.items()})
+    assert count == "3"
+    for name, cell in zip(slices.SHOWN, cells, strict=True):
+        number = measures.MEASURES[name].unit.number(cups[name])
+        assert cell.startswith(f"{number.partition(' ')[0]} ± ")
 
 
 def test_quarters_keep_equal_values_together_and_say_their_ends(found):
-    saturated = [part for part in found if part.by.startswith("saturated")]
-    assert [(part.count, part.label) for part in saturated] == [(4, "0.0%")]
-    contrast = [part.label for part in found if part.by.startswith("light's contrast")]
-    assert contrast == ["10", "20", "3,000", "40,000"]
-    coverage = [part.label for part in found if part.by.startswith("coverage")]
-    assert coverage == ["10%", "30%"]
+    parts = {
+        "saturated": {"0.0%": "4"},
+        "light's contrast": dict.fromkeys(("10", "20", "3,000", "40,000"), "1"),
+        "coverage": {"10%": "2", "30%": "2"},
+    }
+    for kind, labels in parts.items():
+        counts = {f"{kind}: {label}": count for label, count in labels.items()}
+        assert {name: found[name][0] for name in found if name.startswith(kind)} == counts
 
 
-def test_what_a_system_lacks_is_left_out(rows):
-    without = {name: column for name, column in rows.items() if name != "relit"}
-    assert all("relighting_psnr" not in part.value for part in slices(without))
+def test_what_a_system_lacks_is_left_out(columns):
+    without = {name: column for name, column in columns.items() if name != "relit"}
+    with_all, without_one = slices.rows(columns), slices.rows(without)
+    assert [cells[:-1] for cells in with_all] == without_one

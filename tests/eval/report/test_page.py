@@ -1,6 +1,11 @@
 """Sections of Markdown, and the page that holds them."""
 
+import base64
+import io
+
 import numpy as np
+import pytest
+from matplotlib import image as png_reader
 
 from lime_keras.eval.report import figures, page
 
@@ -23,3 +28,11 @@ def test_the_page_has_its_sections_in_order_and_stands_alone():
     assert html.index("<p>one</p>") < html.index("<p>two</p>")
     assert "Second &amp; last" in html
     assert "http://" not in html and "https://" not in html and "src=" not in html
+
+
+def test_images_become_pngs_in_the_page():
+    picture = np.linspace(0, 1, 4 * 5 * 3).reshape(4, 5, 3)
+    html = page.measured("A", "", [(picture, "", "")], command="")
+    data = base64.b64decode(html.partition("base64,")[2].partition('"')[0])
+    back = png_reader.imread(io.BytesIO(data), format="png")[..., :3]
+    assert back == pytest.approx(picture, abs=1 / 255)
