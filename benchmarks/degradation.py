@@ -21,8 +21,8 @@ from tqdm import tqdm
 
 from lime_keras import Estimator, console
 from lime_keras.eval.markdown_table import aligned
-from lime_keras.metrics import bin_distance, overlap, overlap_ratio
-from lime_keras.optics import camera_law, colour
+from lime_keras.metrics import overlap, overlap_ratio
+from lime_keras.optics import camera_law, colour, shininess
 from lime_keras.train.photos import paint
 
 matplotlib.use("Agg")
@@ -151,10 +151,11 @@ def _measured(
         if material.exponent is None or material.specular_albedo is None or probabilities is None:
             rows.append((np.nan, np.nan, np.nan, np.nan, 0.0))
             continue
+        distance = np.argmax(probabilities) - shininess.bin_of(scene["shininess"])
         rows.append(
             (
                 abs(np.log10(material.exponent) - np.log10(scene["shininess"])),
-                float(bin_distance(scene["shininess"], probabilities)) <= 1,
+                abs(int(distance)) <= 1,
                 np.abs(np.asarray(material.diffuse_albedo) - scene["diffuse_albedo"]).mean(),
                 abs(material.specular_albedo - float(scene["specular_albedo"])),
                 overlap_ratio(*overlap(photo.mask[None], material.layers["mask"][None]))[0],

@@ -1,4 +1,4 @@
-"""The measures of Table 1: functions for each example's error, and Keras metrics over batches.
+"""Measures of Table 1: functions for each example's error, and Keras metrics over batches.
 
 The functions return one number per example, `(B,)`. They take NumPy arrays; the functions that the
 Keras metrics use take Keras tensors, too. The result of a metric does not depend on how the
@@ -13,7 +13,6 @@ import keras
 import numpy as np
 from keras import ops
 
-from lime_keras.optics import microfacets, shininess
 from lime_keras.optics.namespace import namespace
 
 _BLACK = 1e-12
@@ -47,75 +46,6 @@ def overlap_ratio(intersection: Any, union: Any) -> Any:
     """
     xp = namespace(intersection, union)
     return xp.where(union > 0, intersection / xp.maximum(union, 1e-9), 1.0)
-
-
-def albedo_absolute_error(albedo: np.ndarray, predicted: np.ndarray) -> np.ndarray:
-    """Return the mean absolute error of an albedo over its channels, `(B,)` in [0, 1].
-
-    Args:
-        albedo: true linear reflectance `(B, C)` in [0, 1].
-        predicted: predicted linear reflectance `(B, C)` in [0, 1].
-
-    Example:
-        >>> albedo_absolute_error(np.full((1, 3), 0.5), np.array([[0.75, 0.25, 0.25]])).tolist()
-        [0.25]
-    """
-    return np.mean(np.abs(predicted - albedo), axis=-1)
-
-
-def albedo_squared_error(albedo: np.ndarray, predicted: np.ndarray) -> np.ndarray:
-    """Return the mean squared error of an albedo over its channels, `(B,)` in [0, 1].
-
-    Args:
-        albedo: true linear reflectance `(B, C)` in [0, 1].
-        predicted: predicted linear reflectance `(B, C)` in [0, 1].
-    """
-    return np.mean(np.square(predicted - albedo), axis=-1)
-
-
-def bin_distance(exponent: np.ndarray, probabilities: np.ndarray) -> np.ndarray:
-    """Return the distance in bins from the most probable class to the true one, `(B,)`, 0…7.
-
-    Args:
-        exponent: true exponents s `(B,)`, at least 0.
-        probabilities: predicted probabilities of the classes `(B, 8)`.
-
-    Raises:
-        ValueError: if an exponent is negative or NaN.
-
-    Example:
-        >>> bin_distance(np.array([1.0, 1000.0]), np.eye(8)[[1, 7]]).tolist()
-        [1, 0]
-    """
-    return np.abs(np.argmax(probabilities, axis=-1) - shininess.bin_of(exponent))
-
-
-def log_exponent_error(exponent: np.ndarray, log_predicted: np.ndarray) -> np.ndarray:
-    """Return the absolute error of log10 s in decades, `(B,)`, at least 0.
-
-    Args:
-        exponent: true exponents s `(B,)`, above 0.
-        log_predicted: predicted log10 s `(B,)`.
-
-    Example:
-        >>> log_exponent_error(np.array([100.0]), np.array([1.5])).tolist()
-        [0.5]
-    """
-    return np.abs(np.log10(exponent) - log_predicted)
-
-
-def ggx_alpha_error(exponent: np.ndarray, log_predicted: np.ndarray) -> np.ndarray:
-    """Return the absolute error of the GGX lobe's α that stands for s, `(B,)` in [0, 0.6].
-
-    Args:
-        exponent: true exponents s `(B,)`, above 0.
-        log_predicted: predicted log10 s `(B,)`.
-
-    Example:
-        >>> ggx_alpha_error(np.array([1000.0]), np.array([1.5])).round(3).tolist()
-        [0.151]
-    """
-    return np.abs(microfacets.ggx_alpha(exponent) - microfacets.ggx_alpha(10.0**log_predicted))
 
 
 def masked_relative_error(shading: Any, predicted: Any, mask: Any) -> tuple[Any, Any]:

@@ -19,7 +19,7 @@ from lime_keras.data import pipeline, records
 from lime_keras.data.corpus import Split
 from lime_keras.model import weights
 from lime_keras.networks import Architecture
-from lime_keras.optics import environment, shininess
+from lime_keras.optics import environment, microfacets, shininess
 from lime_keras.optics.blinn_phong import BlinnPhong
 from lime_keras.runtime.engine import Engine
 from lime_keras.runtime.keras_engine import KerasEngine
@@ -228,9 +228,9 @@ def _errors(
     for name in ("diffuse", "specular"):
         if f"{name}_albedo" in estimate:
             predicted = estimate[f"{name}_albedo"]
-            pair = np.reshape(example[f"{name}_albedo"], predicted.shape), predicted
-            errors[f"{name}_absolute"] = metrics.albedo_absolute_error(*pair)
-            errors[f"{name}_squared"] = metrics.albedo_squared_error(*pair)
+            error = predicted - np.reshape(example[f"{name}_albedo"], predicted.shape)
+            errors[f"{name}_absolute"] = np.mean(np.abs(error), axis=-1)
+            errors[f"{name}_squared"] = np.mean(np.square(error), axis=-1)
     return errors
 
 
@@ -246,22 +246,26 @@ def _exponent_errors(
     The predicted bin is the winning class, or without classes the bin that contains s.
     """
     exponent = np.maximum(example["shininess"], _LEAST_EXPONENT)
+    true_log, true_bin = np.log10(exponent), shininess.bin_of(exponent)
     log = shininess.log_of_outputs(estimate)
-    error = metrics.log_exponent_error(exponent, log)
-    errors = {"log_error": error, "log_squared": np.square(error)}
-    errors["ggx_alpha_error"] = metrics.ggx_alpha_error(exponent, log)
+    error = np.abs(true_log - log)
+    alpha, true_alpha = microfacets.ggx_alpha(10.0**log), microfacets.ggx_alpha(exponent)
+    errors = {
+        "log_error": error,
+        "log_squared": np.square(error),
+        "ggx_alpha_error": np.abs(true_alpha - alpha),
+    }
     if "exponent_bin_probabilities" not in estimate:
         # A NaN prediction stays NaN in `log_error`, which `_check_finite` refuses.
         predicted = shininess.bin_of(10.0 ** np.nan_to_num(log))
-        distance = np.abs(predicted - shininess.bin_of(exponent))
-        return errors | {"predicted_bin": predicted, "bin_distance": distance}
+        return errors | {"predicted_bin": predicted, "bin_distance": np.abs(predicted - true_bin)}
     probabilities = estimate["exponent_bin_probabilities"]
     winning = np.argmax(probabilities, axis=-1)
     return errors | {
         "predicted_bin": winning,
         "bin_probabilities": probabilities,
-        "bin_distance": metrics.bin_distance(exponent, probabilities),
-        "log_error_winning": metrics.log_exponent_error(exponent, shininess.LOG_MEANS[winning]),
+        "bin_distance": np.abs(winning - true_bin),
+        "log_error_winning": np.abs(true_log - shininess.LOG_MEANS[winning]),
     }
 
 

@@ -10,7 +10,6 @@ from sklearn.metrics import accuracy_score, confusion_matrix, jaccard_score, mea
 
 from lime_keras import metrics
 from lime_keras.metrics import MaskedRelativeError, PooledIoU, WithinBins
-from lime_keras.optics import shininess
 
 
 @given(st.integers(0, 2**31))
@@ -23,28 +22,6 @@ def test_iou_counts_pixels(seed):
         union = sum(t or p for t, p in pairs)
         expected = sum(t and p for t, p in pairs) / union if union else 1
         assert found[b] == pytest.approx(expected)
-
-
-@pytest.mark.parametrize("channels", [1, 3])
-def test_albedo_errors(channels):
-    true, predicted = np.random.default_rng(0).uniform(size=(2, 6, channels))
-    np.testing.assert_allclose(
-        metrics.albedo_absolute_error(true, predicted),
-        [
-            sum(abs(t - p) for t, p in zip(*row, strict=True)) / channels
-            for row in zip(true, predicted, strict=True)
-        ],
-    )
-    squares = metrics.albedo_squared_error(true, predicted)
-    assert squares == pytest.approx(np.linalg.norm(true - predicted, axis=1) ** 2 / channels)
-    assert (metrics.albedo_absolute_error(true, true) == 0).all()
-
-
-def test_bin_distance_of_every_pair():
-    exponents = 10.0 ** np.repeat(shininess.LOG_MEANS, 8)
-    probabilities = np.tile(np.eye(8), (8, 1))
-    expected = np.abs(np.arange(8)[:, None] - np.arange(8)).reshape(-1)
-    np.testing.assert_array_equal(metrics.bin_distance(exponents, probabilities), expected)
 
 
 def test_relative_error_is_compaction_and_scale_free():

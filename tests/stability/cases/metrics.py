@@ -1,4 +1,4 @@
-"""Cases for the measures of Table 1 with empty masks, black layers, or exponents of 0."""
+"""Cases for the measures of Table 1 with empty masks or black layers."""
 
 import functools
 
@@ -35,12 +35,6 @@ _LAYERS = {
     "black layer, answered with 1e30": (_FULL, _EMPTY, 1e30 * _FULL, None),
     "radiance 1e-20, answered with 1": (_FULL, 1e-20 * _FULL, _FULL, None),
 }
-# True exponent, log10 of the prediction, their distance in log10.
-_EXPONENTS = {
-    "s = 0": (0.0, 1.5, np.inf),
-    "s = 1": (1.0, 0.0, 0.0),
-    "s = 1e6, answer 1": (1e6, 0.0, 6.0),
-}
 
 
 def cases() -> list[Case]:
@@ -53,9 +47,6 @@ def cases() -> list[Case]:
         for name, layer in _LAYERS.items():
             measure = functools.partial(_relative, *layer, precision)
             out.append(Case("measures", f"relative error, {name}", precision.name, measure))
-        for name, exponent in _EXPONENTS.items():
-            measure = functools.partial(_log_error, *exponent, precision)
-            out.append(Case("measures", f"error of log s, {name}", precision.name, measure))
     return out
 
 
@@ -89,10 +80,3 @@ def _relative(
     found, _ = precision.evaluate(mean, *with_another)
     right = 0.5 if error is None else (error + 0.5) / 2
     return Outcome(precision.compare(found, right, right, right, terms=mask[0].size))
-
-
-def _log_error(exponent: float, answer: float, right: float, precision: Precision) -> Outcome:
-    found, _ = precision.evaluate(
-        metrics.log_exponent_error, np.full(2, exponent), np.full(2, answer)
-    )
-    return Outcome(precision.compare(found, right, right, np.nan_to_num(right, posinf=0.0)))
