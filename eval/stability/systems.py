@@ -75,16 +75,6 @@ class TrialSystem:
         """Return the network's outputs for images `(B, S, S, 3)` in a precision."""
         return _numpy(self._network(precision)(tf.constant(batch, tf.float32)))
 
-    @functools.cache  # noqa: B019 - lives as long as the suite runs
-    def served_batch(self, model_format: str) -> Answers:
-        """Return the exported model's outputs for `batch`."""
-        return self.served(model_format, self.batch[1])
-
-    def served(self, model_format: str, batch: np.ndarray) -> Answers:
-        """Return the exported model's outputs for images `(B, S, S, 3)`."""
-        engine = self._exported(model_format)
-        return _numpy(engine.run(engine.outputs, {"image": batch.astype(np.float32)}))
-
     def exact(self, image: str) -> Answers:
         """Return the outputs in double precision for one of `images`."""
         return self._exact(0.0, 0)[image]
@@ -103,22 +93,16 @@ class TrialSystem:
             out[name] = _MARGIN * moved + formula
         return out
 
-    def compared(
-        self, image: str, found: Answers, epsilon: float, other: Answers | None = None
-    ) -> Compared:
+    def compared(self, image: str, found: Answers, epsilon: float) -> Compared:
         """Compare all outputs for one of `images` with those in double precision, joined into one.
-
-        Where there are `other` outputs, they are compared with these; both may have errors.
 
         Raises:
             ValueError: if these are other outputs.
         """
-        right, errors = (self.exact(image), 1) if other is None else (other, 2)
+        right, tolerance = self.exact(image), self.tolerance(image, epsilon)
         if set(found) != set(right):
             raise ValueError(f"answers {sorted(found)}, expected {sorted(right)}")
-        tolerance = self.tolerance(image, epsilon)
-        parts = (Compared(found[name], x, x, errors * tolerance[name]) for name, x in right.items())
-        return joined(parts)
+        return joined(Compared(found[name], x, x, tolerance[name]) for name, x in right.items())
 
     def steepest(self, precision: Precision) -> np.ndarray:
         """Return the largest absolute derivative of the mean outputs by each weight tensor, `(W,)`.
@@ -133,7 +117,7 @@ class TrialSystem:
         gradients = tape.gradient(total, [v.value for v in network.trainable_variables])
         return np.array([np.max(np.abs(np.float64(g))) for g in gradients])
 
-    @functools.cache  # noqa: B019 - as above
+    @functools.cache  # noqa: B019 - lives as long as the suite runs
     def _exact(self, epsilon: float, seed: int) -> dict[str, Answers]:
         rounding = double_precision.Rounding(epsilon, np.random.default_rng(seed))
         photos = np.stack(list(self.images.values()))
@@ -145,6 +129,14 @@ class TrialSystem:
 
     @functools.cache  # noqa: B019 - as above
     def _network(self, precision: Precision) -> Any:
+        """Return the function of images in a precision; without XLA or a format, a Keras model."""
+        if precision.format:
+            exporter.export(self._scratch, precision.format, self.folder)
+            path = exporter.target(self._scratch, precision.format)
+            engine: Engine = (
+                OnnxFile(path) if precision.format == exporter.ONNX else SavedModel(path)
+            )
+            return lambda batch: engine.run(engine.outputs, {"image": np.asarray(batch)})
         architecture, trained = self._loaded
         with computing_in(precision.dtype):
             subnetworks = build(architecture)
@@ -154,13 +146,6 @@ class TrialSystem:
         if not precision.compiled:
             return network
         return tf.function(lambda batch: network(batch, training=False), jit_compile=True)
-
-    @functools.cache  # noqa: B019 - as above
-    def _exported(self, model_format: str) -> Engine:
-        """Export the model to a format, and return the engine that runs it."""
-        exporter.export(self._scratch, model_format, self.folder)
-        path = exporter.target(self._scratch, model_format)
-        return OnnxFile(path) if model_format == exporter.ONNX else SavedModel(path)
 
 
 def _numpy(answer: Mapping[str, Any]) -> Answers:

@@ -10,7 +10,7 @@ import keras
 import numpy as np
 
 from lime_keras.eval.stability import networks
-from lime_keras.eval.stability.precisions import BRAIN, HALF, SINGLE, TENSORS
+from lime_keras.eval.stability.precisions import BRAIN, EXPORTED, HALF, SINGLE, XLA
 from lime_keras.eval.stability.systems import TrialSystem
 from lime_keras.eval.stability.verdicts import Case, Outcome
 from lime_keras.model import weights
@@ -60,12 +60,12 @@ def cases() -> list[Case]:
     out = []
     for part, system in systems.items():
         # The baseline has the same kinds of layers, so compiling and exporting one is enough.
-        whole = part == "fresh LIME"
-        out += networks.cases(part, system, TENSORS if whole else (SINGLE, HALF, BRAIN))
+        more = (XLA, *EXPORTED) if part == "fresh LIME" else ()
+        out += networks.cases(part, system, (SINGLE, HALF, BRAIN, *more))
         for name, spoil in _UNSOUND.items():
             measure = functools.partial(_refused, system, spoil)
             out.append(Case(part, f"{name}, refused", SINGLE.name, measure))
-    return out + networks.exports("fresh LIME", systems["fresh LIME"])
+    return out
 
 
 def _refused(system: TrialSystem, spoil: Callable[[np.ndarray], np.ndarray]) -> Outcome:
