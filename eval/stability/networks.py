@@ -8,11 +8,9 @@ import functools
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import numpy as np
-
 from .photos import extreme_photos
-from .precisions import EXPORTED, SINGLE, TENSORS, Precision
-from .systems import BATCH, Answers, TrialSystem
+from .precisions import EXPORTED, TENSORS, Precision
+from .systems import BATCH, TrialSystem
 from .verdicts import Case, Compared, Outcome, joined
 
 _SQUARABLE = 1e15
@@ -39,8 +37,6 @@ def cases(
         add(in_a_batch, precision, _in_a_batch, precision)
         if not precision.compiled:
             add("derivatives by the weights, all images", precision, _derivatives, precision)
-    for image in extreme_photos(2):
-        add(f"{image}, estimated", SINGLE, _estimated, image)
     return out
 
 
@@ -68,24 +64,3 @@ def _in_a_batch(system: TrialSystem, precision: Precision) -> Outcome:
             for k, image in enumerate(names)
         )
     )
-
-
-def _estimated(system: TrialSystem, image: str) -> Outcome:
-    """Try the public interface: its outputs must be correct and within their ranges."""
-    material = system.estimator.estimate(system.images[image])
-    found: Answers = {name: np.asarray(layer)[None] for name, layer in material.layers.items()}
-    # Where no object is found, nothing else is estimated.
-    if material.mask_coverage:
-        found["diffuse_albedo"] = np.asarray(material.diffuse_albedo)[None]
-        found["specular_albedo"] = np.array([[material.specular_albedo]])
-    exact, tolerance = system.exact(image), system.tolerance(image, SINGLE.epsilon)
-    parts = [
-        Compared(found[name], exact[name], exact[name], tolerance[name])
-        for name in exact.keys() & found.keys()
-    ]
-    if "diffuse" in found:
-        parts.append(Compared(found["diffuse"], 0.0, 1.0, 0.0))
-    parts.append(Compared(np.array(material.mask_coverage), 0.0, 1.0, 0.0))
-    if material.mask_coverage:
-        parts.append(Compared(np.array(material.exponent), 1.0, 1000.0, 1e-3))
-    return Outcome(joined(parts))

@@ -10,7 +10,6 @@ import keras
 import numpy as np
 import tensorflow as tf
 
-from lime_keras.estimate.estimator import Estimator
 from lime_keras.export import exporter
 from lime_keras.model import weights
 from lime_keras.networks import Architecture, assemble, build
@@ -65,11 +64,6 @@ class TrialSystem:
         names = [list(self.images)[k % len(self.images)] for k in range(BATCH - 1)]
         photos = [self.images[name] for name in names]
         return names, np.stack([*photos, np.full_like(photos[0], np.nan)])
-
-    @functools.cached_property
-    def estimator(self) -> Estimator:
-        """The estimator of the public interface with these weights."""
-        return Estimator(self.folder, engine="keras")
 
     def answers(self, precision: Precision, batch: np.ndarray) -> Answers:
         """Return the network's outputs for images `(B, S, S, 3)` in a precision."""

@@ -9,6 +9,7 @@ from pathlib import Path
 import keras
 import numpy as np
 
+from lime_keras.estimate.estimator import Estimator
 from lime_keras.eval.stability import networks
 from lime_keras.eval.stability.precisions import BRAIN, EXPORTED, HALF, SINGLE, XLA
 from lime_keras.eval.stability.systems import TrialSystem
@@ -70,7 +71,12 @@ def cases() -> list[Case]:
 
 def _refused(system: TrialSystem, spoil: Callable[[np.ndarray], np.ndarray]) -> Outcome:
     photo = spoil(system.images["in steps of 16 bits"])
-    return refusal(lambda: system.estimator.estimate(photo), "photo")
+    return refusal(lambda: _estimator(system).estimate(photo), "photo")
+
+
+@functools.cache
+def _estimator(system: TrialSystem) -> Estimator:
+    return Estimator(system.folder, engine="keras")
 
 
 def _with_pixel(image: np.ndarray, value: float) -> np.ndarray:
