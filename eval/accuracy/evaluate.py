@@ -4,7 +4,7 @@ The same networks are evaluated with the true mask, too: the difference is what 
 SegmentationNet cost.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -91,11 +91,9 @@ def evaluate(
     engine = engine or KerasEngine(model_dir)
     split = Split(corpus, "test")
     units.check_lobe(model_dir, split)
-    shards = pipeline.verified_shards(split)
-    count, stored = _count(shards), split.size
-    if stored % architecture.size:
+    if split.size % architecture.size:
         raise ValueError(
-            f"{shards[0]} holds images of {stored} pixels, which cannot be averaged to the "
+            f"{split.folder} holds images of {split.size} pixels, which cannot be averaged to the "
             f"model's {architecture.size}: render a corpus with --size {architecture.size} or a "
             "multiple of it"
         )
@@ -104,29 +102,22 @@ def evaluate(
     others = [name for name in engine.outputs if name != "mask"]
     rows: list[dict[str, np.ndarray]] = []
     true_mask: list[dict[str, np.ndarray]] = []
-    dataset = pipeline.evaluation(
-        shards, size=architecture.size, batch_size=_AT_ONCE, camera=camera
-    )
-    with ThreadPoolExecutor(processors.count()) as pool:
-        for first, example in _batches(dataset, shards, count):
-            given = {name: example[name] for name in ("image", "mask")}
-            answers = {
-                "own_mask": engine.run(engine.outputs, {"image": given["image"]}),
-                "true_mask": engine.run(others, given),
-            }
-            measured = measure(example, answers["own_mask"])
-            measured |= _layers_flip(example, answers["own_mask"], pool)
-            with_mask = _errors(example, answers["true_mask"])
-            # Values that are not finite cannot be rendered.
-            for columns in (measured, with_mask):
-                _check_finite(columns, model_dir, first)
-            relit = _relit(example, answers, split.lobe, pool)
-            measured |= _relit_columns(relit)
-            with_mask |= relit["true_mask"]
-            for columns in (measured, with_mask):
-                _check_finite(columns, model_dir, first)
-            rows.append(measured)
-            true_mask.append(with_mask)
+    for first, example, pool in _batches(split, architecture.size, camera=camera):
+        given = {name: example[name] for name in ("image", "mask")}
+        own = engine.run(engine.outputs, {"image": given["image"]})
+        known = engine.run(others, given)
+        measured = measure(example, own) | _layers_flip(example, own, pool)
+        with_mask = _errors(example, known)
+        # Values that are not finite cannot be rendered.
+        for columns in (measured, with_mask):
+            _check_finite(columns, model_dir, first)
+        relit, relit_with_mask, average = _relit(example, [own, known], split.lobe, pool)
+        measured |= relit | average
+        with_mask |= relit_with_mask
+        for columns in (measured, with_mask):
+            _check_finite(columns, model_dir, first)
+        rows.append(measured)
+        true_mask.append(with_mask)
     return Evaluation(_joined(rows), _joined(true_mask), architecture)
 
 
@@ -146,20 +137,15 @@ def evaluate_predictions(predictions: Predictions, corpus: Path) -> dict[str, np
             range, or belongs to no image.
     """
     split = Split(corpus, "test")
-    shards = pipeline.verified_shards(split)
-    count, size = _count(shards), split.size
-    answers = Answers(predictions, count, size, _constant_answer(shards, size))
+    answers = Answers(predictions, split.count, split.size, _constant_answer(split))
     rows: list[dict[str, np.ndarray]] = []
-    dataset = pipeline.evaluation(shards, size=size, batch_size=_AT_ONCE)
-    with ThreadPoolExecutor(processors.count()) as pool:
-        for first, example in _batches(dataset, shards, count):
-            predicted = answers.batch(first, len(example["mask"]))
-            columns = measure(example, predicted) | _layers_flip(example, predicted, pool)
-            if {"diffuse_found", "specular_found", "log_exponent_found"} <= columns.keys():
-                columns |= _relit_columns(
-                    _relit(example, {"own_mask": predicted}, split.lobe, pool)
-                )
-            rows.append(columns)
+    for first, example, pool in _batches(split, split.size):
+        predicted = answers.batch(first, len(example["mask"]))
+        columns = measure(example, predicted) | _layers_flip(example, predicted, pool)
+        if {"diffuse_found", "specular_found", "log_exponent_found"} <= columns.keys():
+            relit, average = _relit(example, [predicted], split.lobe, pool)
+            columns |= relit | average
+        rows.append(columns)
     return _joined(rows) | {"answered": answers.answered}
 
 
@@ -302,35 +288,32 @@ def _layers_flip(
 
 def _relit(
     example: Mapping[str, np.ndarray],
-    answers: Mapping[str, Mapping[str, np.ndarray]],
+    answers: Sequence[Mapping[str, np.ndarray]],
     lobe: str,
     pool: ThreadPoolExecutor,
-) -> dict[str, dict[str, np.ndarray]]:
-    """Return `relit` and `relit_unseen`, `(B,)` decibel, of each answer and of `average`."""
+) -> list[dict[str, np.ndarray]]:
+    """Return `relit` and `relit_unseen`, `(B,)` decibel, of each answer.
 
-    def one(row: int) -> dict[str, dict[str, float]]:
-        materials = {
-            name: BlinnPhong(
+    The last are `average_relit` and `average_relit_unseen`.
+    """
+
+    def one(row: int) -> list[list[float]]:
+        materials = [
+            BlinnPhong(
                 answer["diffuse_albedo"][row],
                 float(answer["specular_albedo"][row, 0]),
                 float(10.0 ** shininess.log_of_outputs(answer)[row]),
             )
-            for name, answer in answers.items()
-        }
+            for answer in answers
+        ]
         scene = {name: example[name][row] for name in relighting.FEATURES}
-        return relighting.relight(scene, materials | {"average": relighting.AVERAGE}, lobe)
+        return relighting.relight(scene, [*materials, relighting.AVERAGE], lobe)
 
-    each = list(pool.map(one, range(len(example["mask"]))))
-    return {
-        name: {column: np.array([row[name][column] for row in each]) for column in columns}
-        for name, columns in each[0].items()
-    }
-
-
-def _relit_columns(relit: Mapping[str, Mapping[str, np.ndarray]]) -> dict[str, np.ndarray]:
-    """Return the columns of the answer `own_mask` in the result of `_relit`, and of `average`."""
-    average = {f"average_{name}": column for name, column in relit["average"].items()}
-    return {**relit["own_mask"], **average}
+    each = np.array(list(pool.map(one, range(len(example["mask"])))))
+    *found, average = (
+        {"relit": relit, "relit_unseen": unseen} for relit, unseen in np.moveaxis(each, 0, -1)
+    )
+    return [*found, {f"average_{name}": column for name, column in average.items()}]
 
 
 def _relative_errors(
@@ -349,41 +332,45 @@ def _relative_errors(
     return columns
 
 
-def _count(shards: list[Path]) -> int:
-    """Return the number of examples in the shards, of which none may be cut off."""
-    count = sum(len(pipeline.record_spans(path)) for path in shards)
-    if not count:
-        folder = shards[0].parent if shards else "the test split"
-        raise ValueError(f"{folder} holds no examples: render the split again with --count above 0")
-    return count
+def _shards(split: Split) -> list[Path]:
+    """Return the paths of a split's shards, whose bytes are checked; there must be an example."""
+    if not split.count:
+        raise ValueError(
+            f"{split.folder} holds no examples: render the split again with --count above 0"
+        )
+    return pipeline.verified_shards(split)
 
 
 def _batches(
-    dataset: tf.data.Dataset, shards: list[Path], count: int
-) -> Iterator[tuple[int, dict[str, np.ndarray]]]:
-    """Yield the batches of a dataset with the position of their first example, with progress."""
+    split: Split, size: int, *, camera: bool = False
+) -> Iterator[tuple[int, dict[str, np.ndarray], ThreadPoolExecutor]]:
+    """Yield batches with the position of their first example and a pool, with progress."""
+    shards = _shards(split)
+    dataset = pipeline.evaluation(shards, size=size, batch_size=_AT_ONCE, camera=camera)
     with (
-        tqdm(total=count, desc="evaluate", unit="image", **console.bar_options()) as progress,
+        ThreadPoolExecutor(processors.count()) as pool,
+        tqdm(total=split.count, desc="evaluate", unit="image", **console.bar_options()) as progress,
         # BLAS threads inside each thread of a pool make the sums over lights 5 times as slow.
         threadpool_limits(1, user_api="blas"),
     ):
         for example in pipeline.naming_damage(dataset.as_numpy_iterator(), shards):
-            yield int(progress.n), example
+            yield int(progress.n), example, pool
             progress.update(len(example["mask"]))
 
 
-def _constant_answer(shards: list[Path], size: int) -> dict[str, np.ndarray]:
+def _constant_answer(split: Split) -> dict[str, np.ndarray]:
     """Return the answer that ignores the image: no object, and medians of this split's numbers.
 
     Its outputs are named and shaped as a system's, without the batch axis.
     """
+    shards = _shards(split)
     names = ("diffuse_albedo", "specular_albedo", "shininess")
     dataset = tf.data.TFRecordDataset([str(path) for path in shards])
     dataset = dataset.map(lambda serialized: records.parse(serialized, names)).batch(_AT_ONCE)
     truth = _joined(list(pipeline.naming_damage(dataset.as_numpy_iterator(), shards)))
     log = np.log10(np.maximum(truth["shininess"], _LEAST_EXPONENT))
     bins = np.bincount(shininess.bin_of(truth["shininess"]), minlength=shininess.BIN_COUNT)
-    nothing = np.zeros((size, size, 1), np.float32)
+    nothing = np.zeros((split.size, split.size, 1), np.float32)
     return {
         "mask": nothing,
         "specular_shading": nothing,

@@ -6,7 +6,7 @@ so its errors count as far as they are visible: the exponent matters where there
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -92,32 +92,28 @@ def psnr(true: np.ndarray, estimated: np.ndarray) -> float:
 
 
 def relight(
-    example: Mapping[str, np.ndarray], materials: Mapping[str, BlinnPhong], lobe: str = "furnace"
-) -> dict[str, dict[str, float]]:
+    example: Mapping[str, np.ndarray], materials: Sequence[BlinnPhong], lobe: str = "furnace"
+) -> list[list[float]]:
     """Compute the PSNR in decibel of each material under the two lights.
 
     Args:
         example: record, resized to the model's size, with `FEATURES`.
-        materials: materials by name, to be compared with the true one.
+        materials: materials to be compared with the true one.
         lobe: lobe of the record and of the materials, one of `corpus.LOBES`.
 
     Returns:
-        By material, `relit` (light of the photo) and `relit_unseen` (`_SOFT_BOXES`).
+        Of each material the PSNR under the light of the photo, and under `_SOFT_BOXES`.
     """
     truth = BlinnPhong(
         example["diffuse_albedo"], float(example["specular_albedo"]), float(example["shininess"])
     )
-    out: dict[str, dict[str, float]] = {name: {} for name in materials}
-    lights = {
-        "relit": example["environment"][..., 0],
-        "relit_unseen": studio_light.light(_SOFT_BOXES),
-    }
-    for column, radiance in lights.items():
-        lit = Lit(example, radiance, lobe)
-        true = lit.photo(truth)
-        for name, material in materials.items():
-            out[name][column] = psnr(true, lit.photo(material))
-    return out
+    lights = example["environment"][..., 0], studio_light.light(_SOFT_BOXES)
+    lit = [Lit(example, radiance, lobe) for radiance in lights]
+    true = [one.photo(truth) for one in lit]
+    return [
+        [psnr(right, one.photo(material)) for one, right in zip(lit, true, strict=True)]
+        for material in materials
+    ]
 
 
 def _pixels(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
