@@ -27,54 +27,22 @@ from .accuracy.predictions import Predictions
 _DIGITS = 16
 
 
-class Kept:
-    """A folder of results, each of them complete or absent.
+def value(folder: Path, name: str, inputs: Mapping[str, Any], make: Callable[[], Any]) -> Any:
+    """Return a JSON result, read from its file, or made by `make` and kept.
 
     Args:
         folder: folder of the results; it is created with the first of them.
+        name: beginning of the file's name.
+        inputs: what the result follows from beside the version of the package, as JSON.
+        make: function that makes the result.
     """
-
-    def __init__(self, folder: Path):
-        self._folder = folder
-
-    def value(self, name: str, inputs: Mapping[str, Any], make: Callable[[], Any]) -> Any:
-        """Return a JSON result, read from its file, or made by `make` and kept.
-
-        Args:
-            name: beginning of the file's name.
-            inputs: what the result follows from beside the version of the package, as JSON.
-            make: function that makes the result.
-        """
-        path = self._path(name, inputs, ".json")
-        held = untrusted.json_or_none(path)
-        if held is not None and held.get("inputs") == json.loads(json.dumps(inputs)):
-            return held["result"]
-        content = {"inputs": inputs, "result": make()}
-        atomic.write(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
-        return json.loads(json.dumps(content["result"]))
-
-    def arrays(
-        self,
-        name: str,
-        inputs: Mapping[str, Any],
-        make: Callable[[], Mapping[str, np.ndarray]],
-    ) -> dict[str, np.ndarray]:
-        """Return arrays by name, of numbers, truth values or text; arguments as for `value`."""
-        path = self._path(name, inputs, ".npz")
-        try:
-            with path.open("rb") as stored, np.load(stored) as held:
-                return dict(held)
-        except (OSError, EOFError, ValueError, zipfile.BadZipFile):
-            pass  # not there, or damaged after it was written
-        arrays: Any = make()
-        with atomic.replacing(path) as partial, partial.open("wb") as file:
-            np.savez(file, **arrays)
-        return dict(arrays)
-
-    def _path(self, name: str, inputs: Mapping[str, Any], suffix: str) -> Path:
-        text = json.dumps({"version": __version__, "inputs": inputs}, sort_keys=True)
-        digest = hashlib.sha256(text.encode()).hexdigest()[:_DIGITS]
-        return self._folder / f"{name}-{digest}{suffix}"
+    path = _path(folder, name, inputs, ".json")
+    held = untrusted.json_or_none(path)
+    if held is not None and held.get("inputs") == json.loads(json.dumps(inputs)):
+        return held["result"]
+    content = {"inputs": inputs, "result": make()}
+    atomic.write(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
+    return json.loads(json.dumps(content["result"]))
 
 
 def weights_of(run: Path) -> dict[str, str]:
@@ -93,7 +61,7 @@ def corpus_of(corpus: Path) -> dict[str, str]:
     return {"corpus": untrusted.sha256(split.manifest_path)}
 
 
-def evaluation(kept: Kept, run: Path, corpus: Path, *, camera: bool = False) -> Evaluation:
+def evaluation(folder: Path, run: Path, corpus: Path, *, camera: bool = False) -> Evaluation:
     """Return the evaluation kept for the same weights and images, or run `evaluate`.
 
     Raises:
@@ -101,9 +69,8 @@ def evaluation(kept: Kept, run: Path, corpus: Path, *, camera: bool = False) -> 
         ValueError: if `evaluate` refuses the split or the model's outputs.
     """
     inputs = weights_of(run) | corpus_of(corpus) | {"camera": camera}
-    arrays = kept.arrays(
-        "evaluation", inputs, lambda: _as_arrays(evaluate(run, corpus, camera=camera))
-    )
+    path = _path(folder, "evaluation", inputs, ".npz")
+    arrays = _arrays(path, lambda: _as_arrays(evaluate(run, corpus, camera=camera)))
     rows, true_mask = (
         {n.partition(".")[2]: column for n, column in arrays.items() if n.startswith(f"{kind}.")}
         for kind in ("rows", "true_mask")
@@ -111,7 +78,7 @@ def evaluation(kept: Kept, run: Path, corpus: Path, *, camera: bool = False) -> 
     return Evaluation(rows, true_mask, Architecture(**json.loads(str(arrays["architecture"]))))
 
 
-def predictions(kept: Kept, answers: Predictions, corpus: Path) -> dict[str, np.ndarray]:
+def predictions(folder: Path, answers: Predictions, corpus: Path) -> dict[str, np.ndarray]:
     """Return the rows kept for the same answers and images, or run `evaluate_predictions`.
 
     Raises:
@@ -119,7 +86,27 @@ def predictions(kept: Kept, answers: Predictions, corpus: Path) -> dict[str, np.
         ValueError: if `evaluate_predictions` refuses the split or an answer.
     """
     inputs = {"predictions": answers.digest()} | corpus_of(corpus)
-    return kept.arrays("predictions", inputs, lambda: evaluate_predictions(answers, corpus))
+    path = _path(folder, "predictions", inputs, ".npz")
+    return _arrays(path, lambda: evaluate_predictions(answers, corpus))
+
+
+def _arrays(path: Path, make: Callable[[], Mapping[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    """Return arrays of numbers, truth values or text by name, read from their file, or made."""
+    try:
+        with path.open("rb") as stored, np.load(stored) as held:
+            return dict(held)
+    except (OSError, EOFError, ValueError, zipfile.BadZipFile):
+        pass  # not there, or damaged after it was written
+    arrays: Any = make()
+    with atomic.replacing(path) as partial, partial.open("wb") as file:
+        np.savez(file, **arrays)
+    return dict(arrays)
+
+
+def _path(folder: Path, name: str, inputs: Mapping[str, Any], suffix: str) -> Path:
+    text = json.dumps({"version": __version__, "inputs": inputs}, sort_keys=True)
+    digest = hashlib.sha256(text.encode()).hexdigest()[:_DIGITS]
+    return folder / f"{name}-{digest}{suffix}"
 
 
 def _as_arrays(found: Evaluation) -> dict[str, np.ndarray]:

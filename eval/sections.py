@@ -21,7 +21,6 @@ from lime_keras.io.atomic import write
 from .report import page
 
 if TYPE_CHECKING:
-    from .kept import Kept
     from .stability.verdicts import Case
 
 _TITLES = {
@@ -40,7 +39,7 @@ def evaluation(out: Path, run: Path, corpus: Path, *, camera: bool, command: str
     from .report import evaluation as report
     from .report import examples, figures
 
-    found = kept.evaluation(_results(out), run, corpus, camera=camera)
+    found = kept.evaluation(out / "kept", run, corpus, camera=camera)
     lobe = Split(corpus, "test").lobe
     summary = measures.summarise(found) | {"camera": camera, "lobe": lobe}
     choices, worst = examples.choose(found.rows), examples.worst(found.rows)
@@ -82,7 +81,7 @@ def compare(
     from .report import figures
 
     # Evaluate.
-    named, results = names([*runs, *answers]), _results(out)
+    named, results = names([*runs, *answers]), out / "kept"
     of_runs, of_answers = list(named.items())[: len(runs)], list(named.items())[len(runs) :]
     rows: dict[str, Mapping[str, np.ndarray]] = {}
     systems: dict[str, comparison.System] = {}
@@ -125,7 +124,7 @@ def trade(out: Path, runs: Sequence[Path], corpus: Path, *, camera: bool, comman
     from .tradeoff.table import markdown
 
     models = out / "models"
-    result = measure(names(runs), corpus, _results(out), models, camera=camera)
+    result = measure(names(runs), corpus, out / "kept", models, camera=camera)
     text = markdown(result)
     picture = (
         pareto(result),
@@ -182,12 +181,6 @@ def names(runs: Sequence[Path]) -> dict[str, Path]:
             f"two runs have the same name: rename a folder of {', '.join(map(str, runs))}"
         )
     return named
-
-
-def _results(out: Path) -> "Kept":
-    from .kept import Kept
-
-    return Kept(out / "kept")
 
 
 def _section(out: Path, name: str) -> Path:

@@ -26,7 +26,6 @@ from lime_keras.runtime import engine as runtime
 from .. import kept
 from ..accuracy import measures
 from ..accuracy.evaluate import evaluate
-from ..kept import Kept
 from . import cases, machine, models, recommendation, timing
 from .cases import ONNX, PAGE, PAPER, TimedUse
 
@@ -36,14 +35,14 @@ PICTURE = server.PAGE / "sample.jpg"  # the first photo that the live page offer
 
 
 def measure(
-    runs: Mapping[str, Path], corpus: Path, results: Kept, folder: Path, *, camera: bool = False
+    runs: Mapping[str, Path], corpus: Path, results: Path, folder: Path, *, camera: bool = False
 ) -> dict[str, Any]:
     """Measure the trade of trained runs; continue where an earlier call was stopped.
 
     Args:
         runs: folder of each trained model, by the name that the tables show.
         corpus: folder with complete `train` and `test` splits.
-        results: measurements so far.
+        results: folder of the measurements so far.
         folder: folder for the models in other precisions and as SavedModel.
         camera: show photos of the scenes (`lime_keras.data.camera`) instead of clean images.
 
@@ -110,7 +109,7 @@ def measure(
 
 
 def _errors(
-    run: Path, path: Path, precision: str, corpus: Path, results: Kept, *, camera: bool
+    run: Path, path: Path, precision: str, corpus: Path, results: Path, *, camera: bool
 ) -> dict[str, Any]:
     """Return `errors`, `interval` and `chance` by measure, and the `count` of images.
 
@@ -131,11 +130,11 @@ def _errors(
 
     of_what = kept.weights_of(run) | kept.corpus_of(corpus)
     inputs: dict[str, Any] = {**of_what, "camera": camera, "precision": precision}
-    return results.value("errors", inputs, make)
+    return kept.value(results, "errors", inputs, make)
 
 
 def _timed(
-    paths: Mapping[TimedUse, Path], runs: Mapping[str, Path], results: Kept
+    paths: Mapping[TimedUse, Path], runs: Mapping[str, Path], results: Path
 ) -> list[dict[str, Any]]:
     """Time all cases in turns, and return a row for each case with its rounds pooled."""
     about = machine.describe()
@@ -151,7 +150,8 @@ def _timed(
         }
         path = paths[case]
         rounds[case].append(
-            results.value(
+            kept.value(
+                results,
                 f"times/{case.name}",
                 inputs,
                 functools.partial(timing.measure, case, path, PICTURE, EFFORT),

@@ -6,7 +6,6 @@ import sphere_corpus
 
 from lime_keras.eval import kept
 from lime_keras.eval.accuracy.evaluate import evaluate
-from lime_keras.eval.kept import Kept
 
 
 @pytest.fixture
@@ -22,8 +21,8 @@ def counted(monkeypatch):
 
 
 def test_a_second_call_measures_nothing_and_answers_the_same(corpus, tiny_model, tmp_path, counted):
-    first = kept.evaluation(Kept(tmp_path), tiny_model, corpus)
-    again = kept.evaluation(Kept(tmp_path), tiny_model, corpus)
+    first = kept.evaluation(tmp_path, tiny_model, corpus)
+    again = kept.evaluation(tmp_path, tiny_model, corpus)
     assert len(counted) == 1 and again.architecture == first.architecture
     for kind in ("rows", "true_mask"):
         one, other = getattr(first, kind), getattr(again, kind)
@@ -31,14 +30,14 @@ def test_a_second_call_measures_nothing_and_answers_the_same(corpus, tiny_model,
         assert all(np.array_equal(one[name], other[name]) for name in one)
     [file] = tmp_path.iterdir()
     file.write_bytes(file.read_bytes()[:100])
-    kept.evaluation(Kept(tmp_path), tiny_model, corpus)
+    kept.evaluation(tmp_path, tiny_model, corpus)
     assert len(counted) == 2
 
 
 def test_other_images_are_measured_anew(corpus, tiny_model, tmp_path, counted):
     other = sphere_corpus.write_split(tmp_path / "other", "test", [range(3)], seed=2, size=32)
     for images in (corpus, other, corpus, other):
-        kept.evaluation(Kept(tmp_path / "kept"), tiny_model, images)
+        kept.evaluation(tmp_path / "kept", tiny_model, images)
     assert len(counted) == 2
 
 
@@ -50,17 +49,17 @@ def test_a_value_follows_from_its_inputs_and_the_version(tmp_path, monkeypatch):
         return {"pair": (len(made), 2)}
 
     for _ in range(2):
-        assert Kept(tmp_path).value("x/y", {"a": (1, 2)}, make) == {"pair": [1, 2]}
-    assert Kept(tmp_path).value("x/y", {"a": 2}, make) == {"pair": [2, 2]}
+        assert kept.value(tmp_path, "x/y", {"a": (1, 2)}, make) == {"pair": [1, 2]}
+    assert kept.value(tmp_path, "x/y", {"a": 2}, make) == {"pair": [2, 2]}
     monkeypatch.setattr(kept, "__version__", "of another day")
-    assert Kept(tmp_path).value("x/y", {"a": 2}, make) == {"pair": [3, 2]}
+    assert kept.value(tmp_path, "x/y", {"a": 2}, make) == {"pair": [3, 2]}
     for path in (tmp_path / "x").iterdir():
         path.write_text("{", encoding="utf-8")
-    assert Kept(tmp_path).value("x/y", {"a": 2}, make) == {"pair": [4, 2]}
+    assert kept.value(tmp_path, "x/y", {"a": 2}, make) == {"pair": [4, 2]}
     with pytest.raises(ValueError):
-        Kept(tmp_path).value("nan", {}, lambda: float("nan"))
+        kept.value(tmp_path, "nan", {}, lambda: float("nan"))
 
 
 def test_a_folder_without_a_model_is_named(corpus, tmp_path):
     with pytest.raises(FileNotFoundError, match="lime-train"):
-        kept.evaluation(Kept(tmp_path), tmp_path / "none", corpus)
+        kept.evaluation(tmp_path, tmp_path / "none", corpus)
