@@ -73,8 +73,7 @@ def _panel(axes: Axes, rows: Sequence[Mapping[str, Any]], tones: Mapping[str, st
     """Draw every case as a marker, and the Pareto front of the material as a stepped line."""
     known = [row for row in rows if row["model"] != PAPER]
     points = [(row["ms"], row["score"]) for row in known if row["asked"] == "material"]
-    best = sorted(point for point, on in zip(points, front(points), strict=True) if on)
-    axes.step(*zip(*best, strict=True), where="post", color=INK, linewidth=0.9, alpha=0.5)
+    axes.step(*zip(*front(points), strict=True), where="post", color=INK, linewidth=0.9, alpha=0.5)
     for row in known:
         axes.plot(
             row["ms"],

@@ -55,20 +55,19 @@ def score(row: Row, names: Sequence[str]) -> float:
     return sum(row["errors"][name] / row["chance"][name] for name in names) / len(names)
 
 
-def front(points: Sequence[tuple[float, float]]) -> list[bool]:
-    """Return for each point of time and error whether no other is both as fast and as good.
+def front(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Return the points of time and error that no other beats, by rising time.
 
     Raises:
         ValueError: if a number is NaN or infinite.
     """
     if not all(math.isfinite(number) for point in points for number in point):
         raise ValueError("a time or an error is not finite: measure that case again")
-
-    def beaten(point: tuple[float, float]) -> bool:
-        time, error = point
-        return any(t <= time and e <= error and (t, e) != point for t, e in points)
-
-    return [not beaten(point) for point in points]
+    best: list[tuple[float, float]] = []
+    for point in sorted(points):
+        if not best or point[1] < best[-1][1]:
+            best.append(point)
+    return best
 
 
 def advise(rows: Sequence[Row]) -> list[dict[str, Any]]:

@@ -25,8 +25,7 @@ def test_only_what_all_models_have_is_scored():
 
 
 def test_the_front_is_what_nothing_beats_in_both():
-    points = [(1, 9), (2, 5), (2, 6), (3, 5), (4, 1), (4, 1)]
-    assert front(points) == [True, True, False, False, True, True]
+    assert front([(4, 1), (2, 6), (1, 9), (3, 5), (2, 5), (4, 1)]) == [(1, 9), (2, 5), (4, 1)]
     with pytest.raises(ValueError, match="not finite"):
         front([(1, math.nan)])
 
