@@ -67,7 +67,7 @@ def measure(
         frames: frames `(H, W, 3)`, uint8 sRGB, that are shown in turn.
         options: what is asked for, as in `FrameRequest`.
         threads: number of processors that the page is asked of.
-        effort: a `timing.Effort` as a dictionary.
+        effort: as in `timing.EFFORT`.
     """
     from playwright.sync_api import sync_playwright
 

@@ -30,7 +30,6 @@ from . import cases, machine, models, recommendation, timing
 from .cases import ONNX, PAGE, PAPER, TimedUse
 
 ROUNDS = 3
-EFFORT = timing.Effort()
 PICTURE = server.PAGE / "sample.jpg"  # the first photo that the live page offers
 
 
@@ -145,7 +144,7 @@ def _timed(
         weights = model_folder.digest(runs[case.model]) if case.model in runs else PAPER
         inputs = {
             **dataclasses.asdict(case),
-            **dataclasses.asdict(EFFORT),
+            **timing.EFFORT,
             **{"weights": weights, "machine": hardware, "round": number},
         }
         path = paths[case]
@@ -154,7 +153,7 @@ def _timed(
                 results,
                 f"times/{case.name}",
                 inputs,
-                functools.partial(timing.measure, case, path, PICTURE, EFFORT),
+                functools.partial(timing.measure, case, path, PICTURE),
             )
         )
     return [

@@ -32,33 +32,21 @@ _QUIET = {
 _SIZE = 640, 480  # width and height of the picture in pixels: a camera's
 _STEPS = (0, 3, 6, 9, 6, 3)
 """Pixels by which the frames of a stream are shifted in turn, so that none is like the last."""
+EFFORT = {"warm_up": 3, "seconds": 1.0, "least": 5, "most": 200}
+"""Calls of one process: some before the timed ones, which trace and allocate; then as many as fit
+into the seconds, but at least and at most so many."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Effort:
-    """The number and duration of the calls that one process times.
-
-    Attributes:
-        warm_up: number of calls before the timed ones; the first calls trace and allocate.
-        seconds: duration after which the process stops timing calls.
-        least: least number of timed calls, even if they take longer than `seconds`.
-        most: greatest number of timed calls.
-    """
-
-    warm_up: int = 3
-    seconds: float = 1.0
-    least: int = 5
-    most: int = 200
-
-
-def measure(case: TimedUse, path: Path, picture: Path, effort: Effort) -> dict[str, Any]:
+def measure(
+    case: TimedUse, path: Path, picture: Path, effort: Mapping[str, Any] = EFFORT
+) -> dict[str, Any]:
     """Measure a case in a new process.
 
     Args:
         case: the case.
         path: what it runs (`models.Models.path`).
         picture: photo of an object.
-        effort: number and duration of the calls.
+        effort: number and duration of the calls, as in `EFFORT`.
 
     Returns:
         `seconds` of each timed call, and `cold_start_s`, from the start of the process to its first
@@ -72,7 +60,7 @@ def measure(case: TimedUse, path: Path, picture: Path, effort: Effort) -> dict[s
         "case": dataclasses.asdict(case),
         "path": str(path),
         "picture": str(picture),
-        "effort": dataclasses.asdict(effort),
+        "effort": dict(effort),
         "began": time.monotonic(),
     }
     child = subprocess.run(
@@ -121,7 +109,7 @@ def pooled(rounds: Sequence[Mapping[str, Any]]) -> dict[str, float]:
 def main() -> None:
     """Read a job from standard input, measure it, and print the result."""
     task = json.load(sys.stdin)
-    case, effort = TimedUse(**task["case"]), Effort(**task["effort"])
+    case, effort = TimedUse(**task["case"]), task["effort"]
     if hasattr(os, "sched_setaffinity"):
         # ONNX Runtime takes a thread for each core that the process may use (`processors`).
         os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[: case.threads])
@@ -130,18 +118,18 @@ def main() -> None:
         from . import browser
 
         answered, seconds = browser.measure(
-            path, _stream(frame), ASKED[PAGE][case.asked], case.threads, task["effort"]
+            path, _stream(frame), ASKED[PAGE][case.asked], case.threads, effort
         )
         result: dict[str, Any] = {"seconds": seconds}
     else:
         call, networks = _prepared(case, path, frame)
         call()
         answered = time.monotonic()
-        for _ in range(effort.warm_up - 1):
+        for _ in range(effort["warm_up"] - 1):
             call()
         seconds, busy = _repeated(call, effort)
         result = {"seconds": seconds, "busy": busy, "peak_memory_mib": _peak_memory() / 2**20}
-        for _ in range(effort.warm_up):
+        for _ in range(effort["warm_up"]):
             networks()
         result["networks_s"] = _repeated(networks, effort)[0]
     print(json.dumps(result | {"cold_start_s": answered - task["began"]}))
@@ -224,12 +212,12 @@ def _whole(
     return call, call
 
 
-def _repeated(call: Callable[[], Any], effort: Effort) -> tuple[list[float], float]:
+def _repeated(call: Callable[[], Any], effort: Mapping[str, Any]) -> tuple[list[float], float]:
     """Time repeated calls; return the seconds of each, and processor seconds a second overall."""
     seconds: list[float] = []
     processor, began = time.process_time(), time.perf_counter()
-    while len(seconds) < effort.most and (
-        len(seconds) < effort.least or time.perf_counter() - began < effort.seconds
+    while len(seconds) < effort["most"] and (
+        len(seconds) < effort["least"] or time.perf_counter() - began < effort["seconds"]
     ):
         before = time.perf_counter()
         call()
