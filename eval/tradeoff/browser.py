@@ -7,10 +7,8 @@ import http.server
 import importlib.util
 import shutil
 import threading
-import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -32,18 +30,6 @@ async ({ frames, width, height, options }) => {
   await window.answer();
 }
 """
-_REPEAT = """
-async ({ warm_up, seconds, least, most }) => {
-  for (let count = 1; count < warm_up; count++) await window.answer();
-  const times = [];
-  const begun = performance.now();
-  while (times.length < most
-    && (times.length < least || performance.now() - begun < 1000 * seconds)) {
-    times.push(await window.answer());
-  }
-  return times;
-}
-"""
 
 
 def missing() -> str | None:
@@ -53,21 +39,17 @@ def missing() -> str | None:
     return None if _program() else "there is no Chromium (apt-get install chromium)"
 
 
-def measure(
-    site: Path,
-    frames: list[np.ndarray],
-    options: Mapping[str, bool],
-    threads: int,
-    effort: Mapping[str, Any],
-) -> tuple[float, list[float]]:
-    """Return the moment of the first answer (`time.monotonic`), and the seconds of later ones.
+@contextlib.contextmanager
+def opened(
+    site: Path, frames: list[np.ndarray], options: Mapping[str, bool], threads: int
+) -> Iterator[Callable[[], float]]:
+    """Open the page until it has answered once; yield what answers, and returns its seconds.
 
     Args:
         site: folder that `static.write` wrote.
         frames: frames `(H, W, 3)`, uint8 sRGB, that are shown in turn.
         options: what is asked for, as in `FrameRequest`.
         threads: number of processors that the page is asked of.
-        effort: as in `timing.EFFORT`.
     """
     from playwright.sync_api import sync_playwright
 
@@ -86,10 +68,8 @@ def measure(
             "options": dict(options),
         }
         page.evaluate(_START, asked)
-        answered = time.monotonic()
-        seconds = page.evaluate(_REPEAT, effort)
+        yield lambda: page.evaluate("answer()")
         browser.close()
-    return answered, seconds
 
 
 def _program() -> str | None:

@@ -117,9 +117,14 @@ def main() -> None:
     if case.kind == PAGE:
         from . import browser
 
-        answered, seconds = browser.measure(
-            path, _stream(frame), ASKED[PAGE][case.asked], case.threads, effort
-        )
+        asked = ASKED[PAGE][case.asked]
+        seconds: list[float] = []
+        with browser.opened(path, _stream(frame), asked, case.threads) as answer:
+            answered = time.monotonic()
+            for _ in range(effort["warm_up"] - 1):
+                answer()
+            # The page's own seconds, without the way to it.
+            _repeated(lambda: seconds.append(answer()), effort)
         result: dict[str, Any] = {"seconds": seconds}
     else:
         call, networks = _prepared(case, path, frame)
