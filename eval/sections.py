@@ -18,7 +18,10 @@ from lime_keras.data.corpus import Split
 from lime_keras.io import photo
 from lime_keras.io.atomic import write
 
-from .report import page
+from . import kept
+from .accuracy import comparison, evaluate, measures, predictions, table
+from .report import evaluation as report
+from .report import examples, figures, page
 
 if TYPE_CHECKING:
     from .stability.verdicts import Case
@@ -34,11 +37,6 @@ _TITLES = {
 
 def evaluation(out: Path, run: Path, corpus: Path, *, camera: bool, command: str) -> str:
     """Measure one run, write its files and its section, and return its table in Markdown."""
-    from . import kept
-    from .accuracy import evaluate, measures, table
-    from .report import evaluation as report
-    from .report import examples, figures
-
     found = kept.evaluation(out / "kept", run, corpus, camera=camera)
     lobe = Split(corpus, "test").lobe
     summary = measures.summarise(found) | {"camera": camera, "lobe": lobe}
@@ -75,11 +73,6 @@ def compare(
     command: str,
 ) -> str:
     """Compare runs and folders of answers, write the files, and return Table 1 in Markdown."""
-    from . import kept
-    from .accuracy import comparison, predictions
-    from .accuracy.evaluate import confusion
-    from .report import figures
-
     # Evaluate.
     named, results = names([*runs, *answers]), out / "kept"
     of_runs, of_answers = list(named.items())[: len(runs)], list(named.items())[len(runs) :]
@@ -102,7 +95,7 @@ def compare(
     compared = comparison.compare(in_order, systems, lobe) | {"camera": camera}
     text = comparison.markdown(compared)
     matrices = {
-        f"{name}: {systems[name].name}": confusion(rows[name])
+        f"{name}: {systems[name].name}": evaluate.confusion(rows[name])
         for name in compared["runs"]
         if "predicted_bin" in rows[name]
     }

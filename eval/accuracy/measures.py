@@ -65,9 +65,6 @@ class Measure:
         more_is_better: whether a higher value is better; None if neither direction is better (the
             neighbouring bin is half right).
         paper: value of the paper's "full approach" in Table 1, if it is printed.
-        chance: value for a prediction that ignores the image, or the name of a column of
-            `Evaluation.rows` whose mean is that value; None if the truths decide it
-            (`constant_answers`), or if there is none.
         floor: error that remains with perfect classification into bins (quantisation).
     """
 
@@ -78,7 +75,6 @@ class Measure:
     unit: Unit = PLAIN
     more_is_better: bool | None = False
     paper: float | None = None
-    chance: float | str | None = None
     floor: float | None = None
 
 
@@ -158,7 +154,6 @@ MEASURES = {
         "S error",
         ("specular_shading_relative", "specular_shading_lit"),
         metrics.mean_where_lit,
-        chance=1.0,
     ),
     "specular_shading_flip": Measure(
         "Specular shading S, ꟻLIP", "S ꟻLIP", ("specular_shading_flip",)
@@ -168,17 +163,13 @@ MEASURES = {
         "M error",
         ("mirror_relative", "mirror_lit"),
         metrics.mean_where_lit,
-        chance=1.0,
     ),
     "mirror_flip": Measure("Mirror image M, ꟻLIP", "M ꟻLIP", ("mirror_flip",)),
-    "relighting_psnr": Measure(
-        "Relit under the photo's light, PSNR", "relit", ("relit",), chance="average_relit", **_PSNR
-    ),
+    "relighting_psnr": Measure("Relit under the photo's light, PSNR", "relit", ("relit",), **_PSNR),
     "relighting_psnr_unseen": Measure(
         "Relit under a light not seen, PSNR",
         "relit, unseen light",
         ("relit_unseen",),
-        chance="average_relit_unseen",
         **_PSNR,
     ),
     "calibration_error": Measure(
@@ -207,15 +198,13 @@ def summarise(evaluation: Evaluation) -> dict[str, Any]:
     summary["system"] = evaluation.architecture.description
     summary["interval"] = intervals(evaluation.rows)
     summary["true_mask"] = values(evaluation.true_mask) if evaluation.true_mask else {}
-    for kind in ("paper", "chance", "floor"):
-        known = {name: getattr(MEASURES[name], kind) for name in measured}
-        summary[kind] = {
-            name: float(np.mean(evaluation.rows[value])) if isinstance(value, str) else value
-            for name, value in known.items()
-            if value is not None
-        }
-    constant = constant_answers(evaluation.rows)
-    summary["chance"] |= {name: value for name, value in constant.items() if name in measured}
+    compared: dict[str, Mapping[str, float | None]] = {
+        "paper": {name: measure.paper for name, measure in MEASURES.items()},
+        "chance": constant_answers(evaluation.rows),
+        "floor": {name: measure.floor for name, measure in MEASURES.items()},
+    }
+    for kind, numbers in compared.items():
+        summary[kind] = {n: numbers[n] for n in measured if numbers.get(n) is not None}
     return summary
 
 
@@ -256,7 +245,10 @@ def resampled(rows: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def constant_answers(rows: Mapping[str, np.ndarray]) -> dict[str, float]:
-    """Compute the measures of the best constant predictions for these examples, by name."""
+    """Compute the measures of the best constant predictions for these examples, by name.
+
+    Of layers that is black, and of relighting the material in the middle of all ranges.
+    """
     shares = np.bincount(rows["bin"], minlength=shininess.BIN_COUNT) / len(rows["bin"])
     padded = np.pad(shares, 1)
     adjacent = padded[:-2] + padded[2:]
@@ -276,6 +268,10 @@ def constant_answers(rows: Mapping[str, np.ndarray]) -> dict[str, float]:
         "diffuse_albedo_rmse": np.sqrt(np.mean(np.var(diffuse, axis=0))),
         "specular_albedo_mae": np.mean(np.abs(specular - np.median(specular))),
         "specular_albedo_rmse": np.std(specular),
+        "specular_shading_relative": 1.0,
+        "mirror_relative": 1.0,
+        "relighting_psnr": np.mean(rows["average_relit"]),
+        "relighting_psnr_unseen": np.mean(rows["average_relit_unseen"]),
     }
     return {name: float(value) for name, value in constant.items()}
 
