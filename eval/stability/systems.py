@@ -14,8 +14,8 @@ from lime_keras.export import exporter
 from lime_keras.model import weights
 from lime_keras.networks import Architecture, assemble, build
 from lime_keras.networks.precision import computing_in
-from lime_keras.runtime.engine import Engine
-from lime_keras.runtime.onnx_file import OnnxFile
+from lime_keras.runtime import onnx_graphs
+from lime_keras.runtime.engine import Answering
 from lime_keras.runtime.saved_model import SavedModel
 
 from . import double_precision
@@ -127,9 +127,8 @@ class TrialSystem:
         if precision.format:
             exporter.export(self._scratch, precision.format, self.folder)
             path = exporter.target(self._scratch, precision.format)
-            engine: Engine = (
-                OnnxFile(path) if precision.format == exporter.ONNX else SavedModel(path)
-            )
+            onnx = precision.format == exporter.ONNX
+            engine: Answering = onnx_graphs.open_file(path) if onnx else SavedModel(path)
             return lambda batch: engine.run(engine.outputs, {"image": np.asarray(batch)})
         architecture, trained = self._loaded
         with computing_in(precision.dtype):

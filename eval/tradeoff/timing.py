@@ -203,11 +203,11 @@ def _whole(
     tf.config.threading.set_intra_op_parallelism_threads(case.threads)
     tf.config.threading.set_inter_op_parallelism_threads(1)
     from lime_keras.estimate import framing
-    from lime_keras.runtime.engine import Engine
     from lime_keras.runtime.keras_engine import KerasEngine
     from lime_keras.runtime.saved_model import SavedModel
 
-    engine: Engine = KerasEngine(path) if case.runtime == KERAS else SavedModel(path)
+    engine: KerasEngine | SavedModel
+    engine = KerasEngine(path) if case.runtime == KERAS else SavedModel(path)
     square = framing.whole(*frame.shape[:2])
     inputs = {"image": framing.cut(frame, square, engine.size)[None]}
 

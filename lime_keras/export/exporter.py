@@ -23,9 +23,8 @@ from lime_keras.model.folder import ARCHITECTURE
 from lime_keras.networks import assemble
 from lime_keras.outputs import OUTPUTS
 from lime_keras.runtime import onnx_graphs
-from lime_keras.runtime.engine import Engine
+from lime_keras.runtime.engine import Answering
 from lime_keras.runtime.keras_engine import KerasEngine
-from lime_keras.runtime.onnx_file import OnnxFile
 from lime_keras.runtime.onnx_graphs import OnnxGraphs
 from lime_keras.runtime.saved_model import CARD, SavedModel
 
@@ -102,7 +101,7 @@ def export(
         if precision != "float32":
             plain = _plain_graphs(folder, weights_folder, digest)
     path = target(folder, model_format, precision, only)
-    engine: Engine
+    engine: Answering
     # Two commands may export the same run at once.
     with atomic.replacing(path, shared=model_format == GRAPHS) as partial:
         if model_format == SAVED_MODEL:
@@ -128,7 +127,7 @@ def export(
                 inputs = ({"image": picture[None]} for picture in calibration)
                 quantisation.narrow(partial, precision, inputs)
             formats.finish_onnx(partial, card)
-            engine = OnnxFile(partial)
+            engine = onnx_graphs.open_file(partial)
         else:
             raise NotImplementedError(f"nothing writes {model_format}")
 
@@ -145,13 +144,12 @@ def export(
                 outputs = parity.predictions(engine, images["extremes"], [name])
                 alone = parity.check({name: whole}, outputs, precision)
                 differences["extremes"][name] = max(differences["extremes"][name], alone[name])
-        elif model_format in (ONNX, GRAPHS):
+        elif isinstance(engine, OnnxGraphs):
             # onnx's own evaluator computes in the precision that a file promises; ONNX Runtime
             # computes float16 in float32 on a processor, and sees no overflow. The evaluator is
             # slow, a second for a GFLOP.
             image = images["extremes"][:1]
-            evaluator = reference.open_engine(partial, engine)
-            outputs = parity.predictions(evaluator, image)
+            outputs = parity.predictions(reference.ReferenceGraphs(engine), image)
             parity.check_against(keras_engine, image, names, outputs, precision)
     return differences
 

@@ -6,7 +6,7 @@ import numpy as np
 import tensorflow as tf
 
 from lime_keras.export.quantisation import relative_error
-from lime_keras.runtime.engine import Engine
+from lime_keras.runtime.engine import Answering
 
 TOLERANCE = 1e-3
 """Largest accepted difference in float32: absolute, but relative for values above 1."""
@@ -54,7 +54,7 @@ def _ball(size: int, exponent: float) -> np.ndarray:
 
 
 def predictions(
-    engine: Engine,
+    engine: Answering,
     images: np.ndarray,
     outputs: Collection[str] | None = None,
     masks: np.ndarray | None = None,
@@ -79,7 +79,7 @@ def predictions(
 
 
 def check_against(
-    keras_engine: Engine,
+    keras_engine: Answering,
     images: np.ndarray,
     outputs: Collection[str],
     predicted: Mapping[str, np.ndarray],

@@ -5,7 +5,6 @@ nodes in a wrong order, and values that overflow float16, which ONNX Runtime wid
 """
 
 from collections.abc import Callable, Collection, Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,6 @@ from onnx.reference import ReferenceEvaluator
 from onnx.reference.ops.op_dequantize_linear import DequantizeLinear_19
 from onnx.reference.ops.op_quantize_linear import QuantizeLinear_19
 
-from lime_keras.runtime.engine import Engine
 from lime_keras.runtime.onnx_graphs import OnnxGraphs
 
 
@@ -36,39 +34,19 @@ class QuantizeLinear(QuantizeLinear_19):
         return super()._run(*operands, axis=axis)  # type: ignore[misc]
 
 
-def _evaluator(model: onnx.ModelProto) -> ReferenceEvaluator:
-    return ReferenceEvaluator(model, new_ops=[DequantizeLinear, QuantizeLinear])
-
-
-def open_engine(path: Path, engine: Engine) -> Engine:
-    """Return the engine that runs an ONNX file or a folder of graphs as `engine` does."""
-    if isinstance(engine, OnnxGraphs):
-        return _Graphs(engine)
-    return _File(path, engine)
-
-
-class _Graphs(OnnxGraphs):
+class ReferenceGraphs(OnnxGraphs):
     """The graphs of another engine."""
 
     def __init__(self, engine: OnnxGraphs):
         super().__init__(engine.folder, engine.description)
 
-    def _open(self, content: Callable[[], bytes]) -> Any:
-        return _evaluator(onnx.load_from_string(content()))
-
-
-class _File:
-    """One ONNX file of a whole model."""
-
-    def __init__(self, path: Path, engine: Engine):
-        self._evaluator = _evaluator(onnx.load(path))
-        self.size, self.system, self.outputs = engine.size, engine.system, engine.outputs
-        self.subnetworks = engine.subnetworks
-
     def run(
         self, outputs: Collection[str], inputs: Mapping[str, np.ndarray]
     ) -> dict[str, np.ndarray]:
-        names = list(outputs)
+        """Return outputs by name for a batch (see `Answering`)."""
         with np.errstate(over="ignore", invalid="ignore"):
-            answer = self._evaluator.run(names, dict(inputs))
-        return dict(zip(names, answer, strict=True))
+            return super().run(outputs, inputs)
+
+    def _open(self, content: Callable[[], bytes]) -> Any:
+        model = onnx.load_from_string(content())
+        return ReferenceEvaluator(model, new_ops=[DequantizeLinear, QuantizeLinear])

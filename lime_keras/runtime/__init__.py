@@ -1,1 +1,1 @@
-"""The engines that run a trained model: its graphs, Keras, a SavedModel, or one ONNX file."""
+"""What runs a trained model: ONNX Runtime its graphs, Keras, or TensorFlow a SavedModel."""

@@ -10,26 +10,14 @@ ENGINES = ("onnx", "keras")  # names of the engines that run a model's folder, t
 PRECISIONS = ("float32", "float16", "int8")  # precisions of a model's graphs, the default first
 
 
-class Engine(Protocol):
-    """A loaded model that computes the outputs that are asked for.
+class Answering(Protocol):
+    """A model in one file or folder that computes the outputs that are asked for.
 
     Attributes:
-        size: height and width of the images in pixels.
-        system: name of the system in words, such as `LIME without MirrorNet`.
         outputs: names of the outputs that the model has, out of `outputs.OUTPUTS`.
     """
 
-    size: int
-    system: str
     outputs: tuple[str, ...]
-
-    def subnetworks(self, outputs: Iterable[str], inputs: Collection[str]) -> tuple[str, ...]:
-        """Return the names of the subnetworks that outputs need, each after those it reads.
-
-        Args:
-            outputs: names out of `self.outputs`.
-            inputs: names of what `run` is to get: `image`, or `image` and `mask`.
-        """
 
     def run(
         self, outputs: Collection[str], inputs: Mapping[str, np.ndarray]
@@ -42,9 +30,29 @@ class Engine(Protocol):
                 float32 in [0, 1], unless SegmentationNet finds the object.
 
         Raises:
-            ValueError: if the model's files are damaged, or the model takes no mask.
+            ValueError: if the model's files are damaged.
             MemoryError: if memory is used up.
             RuntimeError: if TensorFlow is run in a forked child (`console.check_fork`).
+        """
+
+
+class Engine(Answering, Protocol):
+    """A loaded model of subnetworks.
+
+    Attributes:
+        size: height and width of the images in pixels.
+        system: name of the system in words, such as `LIME without MirrorNet`.
+    """
+
+    size: int
+    system: str
+
+    def subnetworks(self, outputs: Iterable[str], inputs: Collection[str]) -> tuple[str, ...]:
+        """Return the names of the subnetworks that outputs need, each after those it reads.
+
+        Args:
+            outputs: names out of `self.outputs`.
+            inputs: names of what `run` is to get: `image`, or `image` and `mask`.
         """
 
 
@@ -86,11 +94,3 @@ def load(
     from lime_keras.runtime import onnx_graphs
 
     return onnx_graphs.load(run, precision, streaming=streaming)
-
-
-def refuse_mask(inputs: Collection[str], path: Path) -> None:
-    """Raise ValueError if a mask is among the inputs of a model that lies in one file."""
-    if "mask" in inputs:
-        raise ValueError(
-            f"{path} finds the object itself and takes no mask: pass the folder of the model"
-        )

@@ -1,15 +1,17 @@
 """The graphs of a model in ONNX Runtime, one for each subnetwork, opened when first needed."""
 
+import json
 from collections.abc import Callable, Collection, Iterable, Mapping
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+from lime_keras.io import untrusted
 from lime_keras.model import folder as model_folder
 from lime_keras.model import graphs as graph_folder
 from lime_keras.model.folder import DESCRIPTION
-from lime_keras.model.graphs import SPLIT, Description
+from lime_keras.model.graphs import SPLIT, Description, Graph
 from lime_keras.outputs import OUTPUTS
 from lime_keras.runtime.sessions import Session
 
@@ -34,6 +36,20 @@ def open_folder(folder: Path) -> "OnnxGraphs":
     if description is None:
         raise ValueError(f"{folder} holds no graphs: write them with lime-export")
     return OnnxGraphs(folder, description)
+
+
+def open_file(path: Path) -> "OnnxGraphs":
+    """Return the engine of the one ONNX file of a whole model, by the card in it.
+
+    Args:
+        path: file that `lime_keras.export.formats.finish_onnx` wrote.
+    """
+    import onnx
+
+    card = {one.key: one.value for one in onnx.load(path).metadata_props}
+    graph = Graph(("image",), tuple(json.loads(card["outputs"])), untrusted.sha256(path))
+    size = json.loads(card["input_shape"])[1]
+    return OnnxGraphs(path.parent, Description("", size, card["description"], {path.stem: graph}))
 
 
 class OnnxGraphs:

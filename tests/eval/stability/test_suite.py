@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from lime_keras.estimate import pictures
-from lime_keras.eval.stability import suite, systems
+from lime_keras.eval.stability import suite
 from lime_keras.eval.stability.verdicts import Verdict
 from lime_keras.export import exporter
 from lime_keras.networks import registry, wiring
+from lime_keras.runtime import onnx_graphs
 from lime_keras.runtime.keras_engine import KerasEngine
 from tests.stability.cases import networks
 
@@ -121,7 +122,7 @@ def test_an_export_that_answers_otherwise_turns_verdicts(monkeypatch):
     [case] = [c for c in networks.cases() if c.precision == "ONNX" and c.name == "constant"]
     trial = case.measure.args[0]
     monkeypatch.setattr(exporter, "export", lambda *_: None)
-    monkeypatch.setattr(systems, "OnnxFile", lambda path: Shifted(trial.folder))
+    monkeypatch.setattr(onnx_graphs, "open_file", lambda path: Shifted(trial.folder))
     assert suite.failures([case.judge()])
 
 

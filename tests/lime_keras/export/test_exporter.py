@@ -15,7 +15,7 @@ from lime_keras.model import folder as model_folder
 from lime_keras.model import weights
 from lime_keras.networks import assemble, output_names
 from lime_keras.outputs import OUTPUTS
-from lime_keras.runtime.onnx_file import OnnxFile
+from lime_keras.runtime import onnx_graphs
 from lime_keras.runtime.saved_model import SERVED, SavedModel
 
 FORMATS = ("savedmodel", "onnx")
@@ -29,7 +29,7 @@ def opened(folder, model_format, only=None):
     """What answers everything in an exported model."""
     path = exporter.target(folder, model_format, only=only)
     if model_format == "onnx":
-        return OnnxFile(path)
+        return onnx_graphs.open_file(path)
     return SavedModel(path)
 
 
@@ -135,7 +135,7 @@ def test_fewer_bits_are_compared_on_pictures_and_on_extremes(
     images = parity.images(32)
     expected = {name: np.array(value) for name, value in network(images).items()}
     expected = {name: expected[name] for name in ("mask", "mirror")}
-    harm = quantisation.relative_error(expected, answers(OnnxFile(path), images))
+    harm = quantisation.relative_error(expected, answers(onnx_graphs.open_file(path), images))
     assert harm == pytest.approx(differences["extremes"], rel=0.05)
 
 

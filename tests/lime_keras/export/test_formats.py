@@ -118,8 +118,6 @@ def test_a_saved_model_answers_one_image_and_several(tiny_export, subnetworks):
         found = parity.predictions(engine, images, outputs)
         alone = {output: expected[output] for output in outputs}
         assert max(parity.check(alone, found, "float32").values()) < 1e-4, outputs
-    with pytest.raises(ValueError, match="takes no mask"):
-        engine.run(["mirror"], {"image": images, "mask": images[..., :1]})
 
 
 def test_the_description_lies_in_a_saved_models_extra_assets(saved_model):

@@ -7,7 +7,6 @@ import pytest
 from lime_keras import Estimator
 from lime_keras.export import exporter, formats, parity, quantisation, reference
 from lime_keras.runtime import onnx_graphs
-from lime_keras.runtime.onnx_file import OnnxFile
 
 
 def test_graphs_in_eight_bits_lie_beside_a_copy_of_the_model(tiny_model, corpus, tmp_path):
@@ -50,10 +49,11 @@ def test_a_file_is_sorted_and_the_second_runtime_sees_an_overflow(tmp_path):
     for scale, fits in ((100.0, True), (60000.0, False)):
         path = tmp_path / f"{scale}.onnx"
         overflowing(path, scale=scale)
-        formats.finish_onnx(path, {"description": "LIME", "input_shape": ["batch", 8, 8, 3]})
-        engine = OnnxFile(path)
+        card = {"description": "LIME", "input_shape": ["batch", 8, 8, 3], "outputs": {"mask": {}}}
+        formats.finish_onnx(path, card)
+        engine = onnx_graphs.open_file(path)
         assert parity.predictions(engine, images)["mask"] == pytest.approx(images)
-        found = parity.predictions(reference.open_engine(path, engine), images)["mask"]
+        found = parity.predictions(reference.ReferenceGraphs(engine), images)["mask"]
         assert np.isfinite(found).all() == fits
 
 
@@ -82,5 +82,5 @@ def test_the_reference_runs_folders_of_graphs(tiny_model):
     engine = onnx_graphs.open_folder(tiny_model.parent / "onnx")
     images = parity.images(32)[:1]
     expected = parity.predictions(engine, images)
-    found = parity.predictions(reference.open_engine(tiny_model.parent / "onnx", engine), images)
+    found = parity.predictions(reference.ReferenceGraphs(engine), images)
     parity.check(expected, found, "float32")

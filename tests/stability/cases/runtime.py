@@ -15,8 +15,8 @@ from lime_keras.eval.stability.systems import BATCH, Answers, TrialSystem
 from lime_keras.eval.stability.verdicts import Case, Compared, Outcome, joined
 from lime_keras.export import exporter
 from lime_keras.runtime import engine as runtime
+from lime_keras.runtime import onnx_graphs
 from lime_keras.runtime.engine import Engine
-from lime_keras.runtime.onnx_file import OnnxFile
 
 from ..precisions import HALF, SINGLE
 from .networks import FRESH, FreshSystem
@@ -79,7 +79,7 @@ def _narrow(system: TrialSystem) -> Answers:
     folder = system.folder.parent / "narrow"
     folder.mkdir()
     exporter.export(folder, exporter.ONNX, system.folder, precision="float16")
-    engine = OnnxFile(exporter.target(folder, exporter.ONNX, "float16"))
+    engine = onnx_graphs.open_file(exporter.target(folder, exporter.ONNX, "float16"))
     images = np.stack(list(system.images.values()))
     return _double(engine.run(engine.outputs, {"image": images}))
 
