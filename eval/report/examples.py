@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tensorflow as tf
 
 from lime_keras.data import pipeline, records
 from lime_keras.data.camera import photograph, radiance
@@ -99,23 +98,15 @@ def read(
         FileNotFoundError: if the weights or the test split are missing.
     """
     engine = KerasEngine(model_dir)
-    wanted = {choice.position for choice in choices}
-    found: dict[int, dict[str, Any]] = {}
-    photos: dict[int, np.ndarray] = {}
     split = Split(corpus, "test")
-    shards = pipeline.verified_shards(split)
-    records_of_all = tf.data.TFRecordDataset([str(path) for path in shards])
-    for position, serialized in enumerate(pipeline.naming_damage(records_of_all, shards)):
-        # Only the chosen examples are decoded.
-        if position in wanted:
-            stored = records.parse(serialized)
-            stored = photograph(stored, radiance(stored)) if camera else stored
-            photos[position] = stored["image"].numpy()
-            example = pipeline.resize(stored, engine.size)
-            found[position] = {name: value.numpy() for name, value in example.items()}
-        if len(found) == len(wanted):
-            break
-    truths = [found[choice.position] for choice in choices]
+    spans = pipeline.record_spans(pipeline.verified_shards(split))
+    photos, truths = [], []
+    for choice in choices:
+        stored = records.parse(pipeline.read_record(spans[choice.position]))
+        stored = photograph(stored, radiance(stored)) if camera else stored
+        photos.append(stored["image"].numpy())
+        example = pipeline.resize(stored, engine.size)
+        truths.append({name: value.numpy() for name, value in example.items()})
     images = np.stack([truth["image"] for truth in truths])
     estimates = engine.run(engine.outputs, {"image": images})
     return [
@@ -123,7 +114,7 @@ def read(
             choice,
             truth,
             {name: values[row] for name, values in estimates.items()},
-            photos[choice.position],
+            photos[row],
             split.lobe,
         )
         for row, (choice, truth) in enumerate(zip(choices, truths, strict=True))

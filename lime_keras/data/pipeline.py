@@ -86,12 +86,10 @@ def verified_shards(split: Split) -> list[Path]:
         for path, size, digest, wanted in zip(paths, sizes, digests, expected, strict=True):
             bar.update(size)
             if digest != wanted:
-                record_spans(path)
-                _check_records(path)
                 raise ValueError(
-                    f"{path} is not the shard of {split.manifest_path.name}: its records can be "
-                    "read, but some were changed, removed, repeated or exchanged; delete the file "
-                    "and its .json, and run the same `lime-render` command again"
+                    f"{path} is not the shard of {split.manifest_path.name}: it is damaged, or "
+                    "records were changed, removed, repeated or exchanged; delete the file and its "
+                    ".json, and run the same `lime-render` command again"
                 )
     return paths
 
@@ -121,10 +119,8 @@ def evaluation(
         features: names of the features in a batch.
 
     Raises:
-        ValueError: if a shard is cut off or a feature is unknown.
+        ValueError: if a feature is unknown.
     """
-    for path in shards:
-        record_spans(path)
     dataset = tf.data.TFRecordDataset([str(path) for path in shards])
     dataset = dataset.map(
         _prepare(size, features, camera), num_parallel_calls=tf.data.AUTOTUNE, deterministic=True
@@ -213,31 +209,31 @@ def _as_float(values: tf.Tensor) -> tf.Tensor:
     return tf.cast(values, tf.float32)
 
 
-def record_spans(path: Path) -> list[tuple[int, int]]:
-    """Return where a shard's records begin, and their lengths, in bytes.
-
-    TensorFlow reports no error if a record is cut off within its first 12 bytes. Only the lengths
-    are read here; what the records hold is checked when it is decoded.
-
-    Raises:
-        ValueError: if the shard is cut off.
-    """
-    spans, size, end = [], path.stat().st_size, 0
-    with path.open("rb") as file:
-        while end < size:
-            file.seek(end)
-            # Length (8 bytes), its checksum (4), the record, its checksum (4).
-            length = int.from_bytes(file.read(8), "little")
-            spans.append((end + 12, length))
-            end += 16 + length
-    if end != size:
-        whole = _check_records(path)
-        raise _broken(path, whole, f"the file ends within it, after {size} bytes")
+def record_spans(shards: Iterable[Path]) -> list[tuple[Path, int, int]]:
+    """Return where the records of shards lie, in order: the shard, the first byte, the length."""
+    spans = []
+    for path in shards:
+        size, end = path.stat().st_size, 0
+        with path.open("rb") as file:
+            while end < size:
+                file.seek(end)
+                # Length (8 bytes), its checksum (4), the record, its checksum (4).
+                length = int.from_bytes(file.read(8), "little")
+                spans.append((path, end + 12, length))
+                end += 16 + length
     return spans
 
 
-def _check_records(path: Path) -> int:
-    """Decode all records of a shard and return their number.
+def read_record(span: tuple[Path, int, int]) -> bytes:
+    """Return the serialised example at one of `record_spans`."""
+    path, start, length = span
+    with path.open("rb") as file:
+        file.seek(start)
+        return file.read(length)
+
+
+def _check_records(path: Path) -> None:
+    """Decode all records of a shard.
 
     Raises:
         ValueError: if a record is damaged; the message names the first damaged record.
@@ -248,8 +244,11 @@ def _check_records(path: Path) -> int:
             _refuse_non_finite(records.parse(serialized))
             count += 1
     except records.DAMAGED as error:
-        raise _broken(path, count, records.words(error)) from error
-    return count
+        raise ValueError(
+            f"{path} is broken: record {count} (the first is 0) cannot be read: "
+            f"{records.words(error)}; delete the file and its .json, and run the same "
+            "`lime-render` command again"
+        ) from error
 
 
 def _refuse_non_finite(example: dict[str, tf.Tensor]) -> dict[str, tf.Tensor]:
@@ -263,14 +262,6 @@ def _refuse_non_finite(example: dict[str, tf.Tensor]) -> dict[str, tf.Tensor]:
         else tf.debugging.check_numerics(value, f"{name} is not finite")
         for name, value in example.items()
     }
-
-
-def _broken(path: Path, record: int, reason: str) -> ValueError:
-    """Return the error for a damaged record; records are counted from 0."""
-    return ValueError(
-        f"{path} is broken: record {record} (the first is 0) cannot be read: {reason}; delete the "
-        "file and its .json, and run the same `lime-render` command again"
-    )
 
 
 def _prepare(

@@ -599,21 +599,6 @@ def test_a_weight_that_is_no_number_is_blamed_on_no_example(corpus, config, tmp_
     assert not (tmp_path / "stages" / "2-specular.npz").exists()
 
 
-@pytest.mark.parametrize("shard, record", [(0, 4), (1, 0)])
-def test_damage_stops_the_run_by_name(corpus, config, tmp_path, shard, record):
-    """In an example to train on, and in one of the validation set."""
-    shutil.copytree(corpus, tmp_path / "corpus")
-    path = tmp_path / "corpus" / "train" / f"{shard:05d}.tfrecord"
-    whole = [serialized.numpy() for serialized in tf.data.TFRecordDataset(str(path))]
-    position = sum(16 + len(serialized) for serialized in whole[:record]) + len(whole[record]) // 2
-    data = bytearray(path.read_bytes())
-    data[position] ^= 1
-    path.write_bytes(data)
-    expected = rf"{path} is broken: record {record} .*delete the file.*lime-render"
-    with pytest.raises(ValueError, match=expected):
-        trainer.train([tmp_path / "corpus"], tmp_path / "run", config, _ignore, only=["exponent"])
-
-
 def test_the_camera_is_on_unless_refused(corpus, config, finished, tmp_path, monkeypatch):
     assert _of_options(corpus, tmp_path, "--preset", "smoke").schedule.camera
     refused = _of_options(corpus, tmp_path, "--preset", "smoke", "--no-camera")

@@ -89,8 +89,7 @@ class Scenes:
         for corpus in recipe.corpora:
             training, validation = pipeline.training_shards(corpus)
             shards = training if recipe.validation is None else validation
-            spans = [(path, *span) for path in shards for span in pipeline.record_spans(path)]
-            self._records += spans[: recipe.validation]
+            self._records += pipeline.record_spans(shards)[: recipe.validation]
             self.shards += shards
         if not self._records:
             raise ValueError(
@@ -102,13 +101,12 @@ class Scenes:
 
     def record(self, number: int) -> bytes:
         """Return the serialised example that a photo shows."""
+        from lime_keras.data import pipeline
+
         epoch, place = divmod(number % 2**62, len(self))
         if self._recipe.validation is None:
             place = order(len(self), self._recipe.seed, epoch)[place]
-        path, start, length = self._records[place]
-        with path.open("rb") as file:
-            file.seek(start)
-            return file.read(length)
+        return pipeline.read_record(self._records[place])
 
 
 @functools.lru_cache(4)
