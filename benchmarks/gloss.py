@@ -11,6 +11,7 @@ answers that name a side, and how many of those are right. `--write` fits all sc
 """
 
 import argparse
+import json
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -20,6 +21,7 @@ import record
 import scenes
 
 from lime_keras import Estimator
+from lime_keras.io import atomic
 from lime_keras.model import folder as model_folder
 from lime_keras.model import gloss_file
 from lime_keras.optics import gloss
@@ -61,10 +63,12 @@ def main() -> None:
             corpus=arguments.corpus,
         )
     if arguments.write:
-        run = model_folder.find(arguments.weights)
+        path = model_folder.folder(model_folder.find(arguments.weights)) / gloss_file.NAME
+        content = {name: round(value, 3) for name, value in calibration._asdict().items()}
         shares = {name: round(figure.value, 3) for name, figure in measured.items()}
-        facts = {"scenes": len(levels), "held_out_half": shares}
-        print(f"written to {gloss_file.write(run, calibration, facts)}")
+        content |= {"scenes": len(levels), "held_out_half": shares}
+        atomic.write(path, json.dumps(content, indent=1) + "\n")
+        print(f"written to {path}")
 
 
 def fit(levels: np.ndarray, glossy: np.ndarray) -> gloss.Calibration:

@@ -111,7 +111,7 @@ def _measured(
     evidence = observed(truth["mirror"], truth["diffuse_shading"], truth["mask"])
     lights = {
         "true": illumination.estimate(evidence),
-        "true, as printed": illumination.as_printed(evidence),
+        "true, as printed": as_printed(evidence),
     }
     if estimate is not None:
         mask = estimate["mask"] * (estimate["mask"] >= 0.5)
@@ -121,13 +121,35 @@ def _measured(
         found = observed(np.maximum(estimate["mirror"], 0), diffuse, mask)
         if found.diffuse_weight.any() or found.mirror_weight.any():
             lights["estimated"] = illumination.estimate(found)
-            lights["estimated, as printed"] = illumination.as_printed(found)
+            lights["estimated, as printed"] = as_printed(found)
     lights["constant"] = np.full(true.shape, environment.spherical_mean(true))
-    seen = illumination.is_observed(evidence)
+    seen = is_observed(evidence)
     return {
         name: [*_errors(light, true, seen), *_relit(truth, light, true)]
         for name, light in lights.items()
     }
+
+
+def as_printed(evidence: illumination.Evidence) -> np.ndarray:
+    """Return the light `(64, 128)` of section 7 as printed: M's map plus the harmonics of D, added.
+
+    M counts at the texels that a pixel mirrors, and nowhere else; the spherical harmonics up to
+    order 2 that explain D count everywhere. So light that shows in both counts twice, and gaps
+    between mirrored texels stay. `illumination.estimate`, which is compared with this, counts no
+    light twice. The light is 0 without evidence.
+    """
+    mirrored = evidence.mirror / np.where(evidence.mirror_weight > 0, evidence.mirror_weight, 1)
+    shaded = evidence.diffuse_weight > 0
+    if not shaded.any():
+        return mirrored
+    weight = evidence.diffuse_weight[shaded]
+    values = evidence.diffuse[shaded] / weight
+    return np.maximum(mirrored + illumination.explaining(values, weight, shaded), 0)
+
+
+def is_observed(evidence: illumination.Evidence) -> np.ndarray:
+    """Return the directions, `(64, 128)` bool, of which more than half of the light was seen."""
+    return illumination.filled(evidence)[1] < 0.5
 
 
 def _errors(light: np.ndarray, true: np.ndarray, seen: np.ndarray) -> list[float]:

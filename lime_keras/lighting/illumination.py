@@ -135,7 +135,7 @@ def _gather(
     )
 
 
-def _filled(evidence: Evidence) -> tuple[np.ndarray, np.ndarray]:
+def filled(evidence: Evidence) -> tuple[np.ndarray, np.ndarray]:
     """Return the mirrored light `(64, 128)` and the share of each direction that was not seen.
 
     The scales are combined from coarse to fine. At each scale, the light seen is averaged with the
@@ -200,7 +200,7 @@ def estimate(evidence: Evidence) -> np.ndarray:
             "no pixel shows the light: the mask is empty, or inside it no normal, or neither M nor "
             "D, is known; pass the mask and the normals of the same photo"
         )
-    mirrored, unseen = _filled(evidence)
+    mirrored, unseen = filled(evidence)
     shaded = evidence.diffuse_weight > 0
     if not shaded.any():
         solid_angle = environment.solid_angles(*STORED_SHAPE)
@@ -208,35 +208,13 @@ def estimate(evidence: Evidence) -> np.ndarray:
         return mirrored + unseen * even
     weight = evidence.diffuse_weight[shaded]
     shading_seen = evidence.diffuse[shaded] / weight
-    low = _explaining(shading_seen, weight, shaded)
+    low = explaining(shading_seen, weight, shaded)
     light = mirrored + unseen * np.maximum(low, 0)
     missing = shading_seen - _shading(light)[shaded]
     return np.maximum(light + _low_frequencies(missing, weight, shaded), 0)
 
 
-def as_printed(evidence: Evidence) -> np.ndarray:
-    """Return the light as section 7 prints it: M's map plus the harmonics of D, added.
-
-    M counts at the texels that a pixel mirrors, and nowhere else; the spherical harmonics up to
-    order 2 that explain D count everywhere. So light that shows in both counts twice, and gaps
-    between mirrored texels stay. `estimate` counts no light twice; this is what it is compared
-    with.
-
-    Args:
-        evidence: evidence of an image.
-
-    Returns:
-        Light in camera space, linear radiance `(64, 128)`, at least 0; 0 without evidence.
-    """
-    mirrored = evidence.mirror / np.where(evidence.mirror_weight > 0, evidence.mirror_weight, 1)
-    shaded = evidence.diffuse_weight > 0
-    if not shaded.any():
-        return mirrored
-    weight = evidence.diffuse_weight[shaded]
-    return np.maximum(mirrored + _explaining(evidence.diffuse[shaded] / weight, weight, shaded), 0)
-
-
-def _explaining(values: np.ndarray, weight: np.ndarray, shaded: np.ndarray) -> np.ndarray:
+def explaining(values: np.ndarray, weight: np.ndarray, shaded: np.ndarray) -> np.ndarray:
     """Return the light of order 2 that best fits D `(N,)`; it is uniform where D says little."""
     even = np.average(values, weights=weight)
     return even + _low_frequencies(values - even, weight, shaded)
@@ -266,11 +244,6 @@ def _cosines() -> tuple[np.ndarray, np.ndarray]:
     # In double precision, as each product would convert it anew.
     weights = np.maximum(directions @ directions.T, 0).astype(np.float64)
     return weights, weights @ environment.solid_angles(*_NORMALS_SHAPE).reshape(-1)
-
-
-def is_observed(evidence: Evidence) -> np.ndarray:
-    """Return the directions, `(64, 128)` bool, of which more than half of the light was seen."""
-    return _filled(evidence)[1] < 0.5
 
 
 def from_material(

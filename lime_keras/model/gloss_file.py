@@ -4,12 +4,10 @@
 model's digest.
 """
 
-import json
 import math
-from collections.abc import Mapping
 from pathlib import Path
 
-from lime_keras.io import atomic, untrusted
+from lime_keras.io import untrusted
 from lime_keras.model import folder as model_folder
 from lime_keras.optics.gloss import DEFAULT, Calibration
 
@@ -38,11 +36,3 @@ def read(run: Path) -> Calibration:
             f"{path} is damaged ({error}): delete it, or write it with benchmarks/gloss.py"
         ) from error
     return calibration
-
-
-def write(run: Path, calibration: Calibration, measured: Mapping[str, object]) -> Path:
-    """Write the calibration of a model, with what was measured of it, and return its path."""
-    path = model_folder.folder(run) / NAME
-    content = {"even": round(calibration.even, 3), "slope": round(calibration.slope, 3)}
-    atomic.write(path, json.dumps(content | dict(measured), indent=1) + "\n")
-    return path

@@ -3,6 +3,7 @@
 import dataclasses
 import math
 
+import illumination as benchmark
 import numpy as np
 import pytest
 
@@ -59,7 +60,7 @@ def _unknown():
 def test_a_mirror_ball_gives_back_what_it_mirrors():
     truth = _smooth_light()
     evidence = _observed(truth)
-    found, seen = illumination.estimate(evidence), illumination.is_observed(evidence)
+    found, seen = illumination.estimate(evidence), benchmark.is_observed(evidence)
     assert found.shape == SHAPE
     assert np.sum(environment.solid_angles(*SHAPE)[seen]) > 0.85 * 4 * np.pi
     assert np.median(np.abs(found / truth - 1)[seen]) < 0.03
@@ -134,7 +135,7 @@ def test_light_is_not_counted_twice():
 def test_as_printed_a_furnace_counts_twice_where_m_shows_it(level):
     """Section 7 adds M's map and the harmonics of D: what both show is twice as bright."""
     evidence = _observed(np.full(SHAPE, level))
-    light = illumination.as_printed(evidence)
+    light = benchmark.as_printed(evidence)
     shown = evidence.mirror_weight > 0
     np.testing.assert_allclose(light[shown], 2 * level, rtol=0.02)
     np.testing.assert_allclose(light[~shown], level, rtol=0.02)
@@ -147,8 +148,8 @@ def test_as_printed_d_alone_and_m_alone_are_finite():
     of_d = dataclasses.replace(evidence, mirror=nothing, mirror_weight=nothing)
     none = np.zeros_like(evidence.diffuse)
     of_m = dataclasses.replace(evidence, diffuse=none, diffuse_weight=none)
-    both = illumination.as_printed(evidence)
-    apart = illumination.as_printed(of_d), illumination.as_printed(of_m)
+    both = benchmark.as_printed(evidence)
+    apart = benchmark.as_printed(of_d), benchmark.as_printed(of_m)
     assert np.isfinite(both).all() and (both >= 0).all()
     # Only harmonics below 0 are cut, so the sum is that of its parts.
     assert np.mean(np.isclose(both, sum(apart), rtol=1e-6, atol=1e-9)) > 0.9
