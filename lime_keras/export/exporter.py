@@ -116,10 +116,7 @@ def export(
                 shutil.copyfile(record, partial / record.name)
             engine = KerasEngine(partial)
         elif model_format == GRAPHS:
-            if plain is None:
-                graphs.write(partial, architecture, subnetworks, digest)
-            else:
-                graphs.write_narrow(partial, subnetworks, precision, plain, calibration)
+            graphs.write(partial, architecture, subnetworks, digest, precision, plain, calibration)
             engine = onnx_graphs.open_folder(partial)
         elif model_format == ONNX:
             formats.write_onnx(network, partial)

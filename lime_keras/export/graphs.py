@@ -4,8 +4,7 @@ The same weights always give the same bytes. The converter, left alone, numbers 
 the process and walks through sets, so that each file would be another.
 """
 
-import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import keras
@@ -26,75 +25,55 @@ _LEAST_NARROWED = 256  # number of values from which a constant is stored in hal
 
 
 def write(
-    folder: Path, architecture: Architecture, subnetworks: Mapping[str, keras.Model], digest: str
+    folder: Path,
+    architecture: Architecture,
+    subnetworks: Mapping[str, keras.Model],
+    digest: str,
+    precision: str = "float32",
+    plain: OnnxGraphs | None = None,
+    pictures: Iterable[np.ndarray] = (),
 ) -> None:
     """Write a graph for each part of a model, and their description, into a new folder.
 
-    Weights that float16 holds exactly, such as those that were stored in float16, are stored in
-    float16 and computed with in float32. `model.weights_in_graphs` reads them back for Keras.
+    In float32, weights that float16 holds exactly, such as those that were stored in float16, are
+    stored in float16 and computed with in float32. `model.weights_in_graphs` reads them back for
+    Keras. In fewer bits, the split of colours, which takes small differences and has no weights,
+    stays float32.
 
     Args:
         folder: path of the folder.
         architecture: architecture of the subnetworks.
         subnetworks: subnetworks by name.
         digest: digest of their weights (`model.folder.digest`).
+        precision: `float32`, `float16` or `int8`.
+        plain: in fewer bits, the engine of the graphs in float32, which answers what others read.
+        pictures: for int8, calibration images `(S, S, 3)`, sRGB in [0, 1]; else none.
     """
     folder.mkdir(parents=True)
     graphs = {}
     for name, alone in parts(subnetworks).items():
-        path = folder / f"{name}.onnx"
+        path, inputs = folder / f"{name}.onnx", tuple(tensor.name for tensor in alone.inputs)
         formats.write_onnx(alone, path)
+        if plain is not None:
+            fed = (plain.run(inputs, {"image": one[None]}) for one in pictures)
+            quantisation.narrow(path, "float32" if name == SPLIT else precision, fed)
         graph = onnx.load(path)
-        _narrow(graph)
+        if plain is None:
+            _narrow(graph)
         formats.settle(graph)
         for tensor in graph.graph.output:  # of which the converter forgets some channels
             sizes = alone.output[tensor.name].shape[1:]
             for dimension, size in zip(tensor.type.tensor_type.shape.dim[1:], sizes, strict=True):
                 dimension.dim_value = size
-        stored = subnetworks[name].weights if name in subnetworks else []
-        values = {weight.path: keras.ops.convert_to_numpy(weight) for weight in stored}
-        weights_in_graphs.describe(graph, values)
+        if plain is None:
+            stored = subnetworks[name].weights if name in subnetworks else []
+            values = {weight.path: keras.ops.convert_to_numpy(weight) for weight in stored}
+            weights_in_graphs.describe(graph, values)
         formats.write_checked(graph, path)
-        graphs[name] = Graph(
-            inputs=tuple(tensor.name for tensor in alone.inputs),
-            outputs=tuple(alone.output),
-            sha256=untrusted.sha256(path),
-        )
+        graphs[name] = Graph(inputs, tuple(alone.output), untrusted.sha256(path))
     graph_folder.write(
         folder, Description(digest, architecture.size, architecture.description, graphs)
     )
-
-
-def write_narrow(
-    folder: Path,
-    subnetworks: Mapping[str, keras.Model],
-    precision: str,
-    plain: OnnxGraphs,
-    pictures: np.ndarray,
-) -> None:
-    """Write the graphs of a model in fewer bits, and their description, into a new folder.
-
-    The split of colours, which takes small differences and has no weights, stays float32.
-
-    Args:
-        folder: path of the folder.
-        subnetworks: subnetworks by name.
-        precision: `float16` or `int8`.
-        plain: engine of the graphs in float32, which answers what the others read.
-        pictures: for int8, calibration images `(N, S, S, 3)`, sRGB in [0, 1]; else none.
-    """
-    folder.mkdir(parents=True)
-    description, graphs = plain.description, {}
-    for name, alone in parts(subnetworks).items():
-        path, row = folder / f"{name}.onnx", description.graphs[name]
-        inputs = (plain.run(row.inputs, {"image": one[None]}) for one in pictures)
-        formats.write_onnx(alone, path)
-        quantisation.narrow(path, "float32" if name == SPLIT else precision, inputs)
-        graph = onnx.load(path)
-        formats.settle(graph)
-        formats.write_checked(graph, path)
-        graphs[name] = Graph(row.inputs, row.outputs, untrusted.sha256(path))
-    graph_folder.write(folder, dataclasses.replace(description, graphs=graphs))
 
 
 def _narrow(model: onnx.ModelProto) -> None:

@@ -43,44 +43,43 @@ _REPEATED = re.compile(f"/{REPEATED}$")
 def narrow(path: Path, precision: str, inputs: Iterable[Mapping[str, np.ndarray]]) -> None:
     """Let an ONNX file, which `formats.write_onnx` wrote, compute in fewer bits.
 
+    In float16, weights and activations have 16 bits, but for the guided filter and sums. S and M
+    have the 11 significant bits of float16, and their largest value, 59,873, is below its largest,
+    65,504. In int8, they have eight bits, but for `in_float32`.
+
     Args:
         path: the file, which is replaced.
-        precision: `float16` or `int8`; in `float32` the model is prepared alone.
+        precision: `float16` or `int8`; in `float32` shapes are inferred and biases fused alone.
         inputs: for int8, the model's inputs for each calibration image, by name.
     """
-    prepare(path, path)
+    quantization.quant_pre_process(str(path), str(path), skip_symbolic_shape=True)
+    model = onnx.load(path)
     if precision == "float16":
-        write_float16(path, path)
+        exact = [node.name for node in model.graph.node if _GUIDED.search(node.name)]
+        narrowed = float16.convert_float_to_float16(
+            model,
+            keep_io_types=True,
+            op_block_list=[*float16.DEFAULT_OP_BLOCK_LIST, *_SUMS],
+            node_block_list=exact,
+        )
+        _keep_between(narrowed)
+        onnx.save(narrowed, path)
     elif precision == "int8":
-        write_int8(path, path, inputs)
-
-
-def prepare(source: Path, target: Path) -> None:
-    """Write the model with inferred shapes and fused biases, as the functions below need it.
-
-    Args:
-        source: ONNX file that `lime_keras.export.formats.write_onnx` wrote.
-        target: path to write to.
-    """
-    quantization.quant_pre_process(str(source), str(target), skip_symbolic_shape=True)
-
-
-def write_float16(prepared: Path, target: Path) -> None:
-    """Write the model with float16 weights and activations, but for the guided filter and sums.
-
-    Its S and M have the 11 significant bits of float16. Their largest value, 59,873, is below
-    float16's largest value, 65,504.
-    """
-    model = onnx.load(prepared)
-    exact = [node.name for node in model.graph.node if _GUIDED.search(node.name)]
-    narrow = float16.convert_float_to_float16(
-        model,
-        keep_io_types=True,
-        op_block_list=[*float16.DEFAULT_OP_BLOCK_LIST, *_SUMS],
-        node_block_list=exact,
-    )
-    _keep_between(narrow)
-    onnx.save(narrow, target)
+        # Scales are from the extremes over all images; what else was tried:
+        # docs/how-to/exporting.md.
+        quantization.quantize_static(
+            str(path),
+            str(path),
+            _Reader(inputs),
+            quant_format=quantization.QuantFormat.QDQ,
+            op_types_to_quantize=list(_INTEGER),
+            nodes_to_exclude=in_float32(model),
+            per_channel=True,
+            activation_type=quantization.QuantType.QUInt8,
+            # Not signed: without AVX-512 VNNI, sums of products of both signs would be cut off.
+            weight_type=quantization.QuantType.QUInt8,
+            calibrate_method=quantization.CalibrationMethod.MinMax,
+        )
 
 
 def _keep_between(model: onnx.ModelProto) -> None:
@@ -107,32 +106,8 @@ def _keep_between(model: onnx.ModelProto) -> None:
         nodes.remove(node)
 
 
-def write_int8(prepared: Path, target: Path, inputs: Iterable[Mapping[str, np.ndarray]]) -> None:
-    """Write the model with eight-bit weights and activations, but for `in_float32`.
-
-    Args:
-        prepared: ONNX file that `prepare` wrote.
-        target: path to write to.
-        inputs: the model's inputs for each calibration image, by name.
-    """
-    # Scales are from the extremes over all images; what else was tried: docs/how-to/exporting.md.
-    quantization.quantize_static(
-        str(prepared),
-        str(target),
-        _Reader(inputs),
-        quant_format=quantization.QuantFormat.QDQ,
-        op_types_to_quantize=list(_INTEGER),
-        nodes_to_exclude=in_float32(onnx.load(prepared)),
-        per_channel=True,
-        activation_type=quantization.QuantType.QUInt8,
-        # Not signed: without AVX-512 VNNI, sums of products of both signs would be cut off.
-        weight_type=quantization.QuantType.QUInt8,
-        calibrate_method=quantization.CalibrationMethod.MinMax,
-    )
-
-
 def in_float32(model: onnx.ModelProto) -> list[str]:
-    """Return the names of the nodes that `write_int8` leaves in float32.
+    """Return the names of the nodes that int8 leaves in float32.
 
     They are the last layers, SpecularNet's way up, the guided filter, repeated channels, which no
     convolution reads, and `Clip` where it is not the ReLU6 of a convolution in eight bits. Other
