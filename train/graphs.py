@@ -11,7 +11,6 @@ from pathlib import Path
 
 from lime_keras import console
 from lime_keras.model import folder as model_folder
-from lime_keras.model import graphs as graph_folder
 
 _EXPORT = "import sys; from lime_keras.commands.export import main; sys.exit(main())"
 
@@ -19,7 +18,7 @@ _EXPORT = "import sys; from lime_keras.commands.export import main; sys.exit(mai
 def write(run: Path) -> str:
     """Write the graphs of a run with a whole model, if it has none; return what to tell of them."""
     folder = model_folder.graphs(run)
-    description = graph_folder.read(folder)
+    description = model_folder.read_description(folder)
     if description is not None and description.weights == model_folder.digest(run):
         return f"its graphs, which lime-estimate runs, in {folder}"
     arguments = [str(run), "--format", "graphs", "--weights", str(run)]

@@ -10,7 +10,6 @@ from lime_keras.export import exporter, graphs
 from lime_keras.io import atomic
 from lime_keras.live import static
 from lime_keras.model import folder as model_folder
-from lime_keras.model import graphs as graph_folder
 from lime_keras.model import weights
 from lime_keras.networks import PRESETS, build
 
@@ -55,7 +54,7 @@ def path(case: TimedUse, runs: Mapping[str, Path], corpus: Path, folder: Path) -
         return written
     if case.precision == "float32":
         return run
-    description = graph_folder.read(model_folder.graphs(home, case.precision))
+    description = model_folder.read_description(model_folder.graphs(home, case.precision))
     if description is None or description.weights != model_folder.digest(run):
         exporter.export(home, exporter.GRAPHS, run, precision=case.precision, corpus=corpus)
     return home
@@ -63,7 +62,7 @@ def path(case: TimedUse, runs: Mapping[str, Path], corpus: Path, folder: Path) -
 
 def _untrained(home: Path) -> Path:
     """Return a folder with the preset `paper`, untrained."""
-    if graph_folder.read(model_folder.graphs(home)) is None:
+    if model_folder.read_description(model_folder.graphs(home)) is None:
         architecture = PRESETS[PAPER]
         weights.save(home / "model", architecture, build(architecture, seed=0), half=True)
         _, stored = weights.load(home)

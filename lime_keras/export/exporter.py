@@ -17,7 +17,6 @@ from lime_keras.export import (
 )
 from lime_keras.io import atomic
 from lime_keras.model import folder as model_folder
-from lime_keras.model import graphs as graph_folder
 from lime_keras.model import weights
 from lime_keras.model.folder import ARCHITECTURE
 from lime_keras.networks import assemble
@@ -201,7 +200,7 @@ def _complete(folder: Path, weights_folder: Path) -> None:
 def _plain_graphs(folder: Path, weights_folder: Path, digest: str) -> OnnxGraphs:
     """Return the engine of the graphs in float32, written before if they are not there."""
     path = target(folder, GRAPHS)
-    description = graph_folder.read(path)
+    description = model_folder.read_description(path)
     if description is None or description.weights != digest:
         export(folder, GRAPHS, weights_folder)
     return onnx_graphs.open_folder(path)

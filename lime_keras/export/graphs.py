@@ -15,9 +15,9 @@ from onnx import numpy_helper
 from lime_keras.export import formats, quantisation
 from lime_keras.export.standalone import parts
 from lime_keras.io import untrusted
-from lime_keras.model import graphs as graph_folder
+from lime_keras.model import folder as model_folder
 from lime_keras.model import weights_in_graphs
-from lime_keras.model.graphs import SPLIT, Description, Graph
+from lime_keras.model.folder import SPLIT, Description, Graph
 from lime_keras.networks.architecture import Architecture
 from lime_keras.runtime.onnx_graphs import OnnxGraphs
 
@@ -71,7 +71,7 @@ def write(
             weights_in_graphs.describe(graph, values)
         formats.write_checked(graph, path)
         graphs[name] = Graph(inputs, tuple(alone.output), untrusted.sha256(path))
-    graph_folder.write(
+    model_folder.write_description(
         folder, Description(digest, architecture.size, architecture.description, graphs)
     )
 

@@ -16,7 +16,7 @@ from typing import Any
 import keras
 from keras import layers
 
-from lime_keras.model.graphs import SPLIT
+from lime_keras.model.folder import SPLIT
 from lime_keras.networks.registry import DERIVED, OUTPUT_ROWS, QUANTITIES, predicted_quantities
 from lime_keras.networks.wiring import Wiring
 from lime_keras.optics import dichromatic

@@ -1,6 +1,6 @@
 """The graphs that the page runs without Python: `mask`, `material` and `layers`.
 
-They join the graphs of a model (`lime_keras.model.graphs`). `mask` is SegmentationNet, from
+They join the graphs of a model (`lime_keras.model.folder`). `mask` is SegmentationNet, from
 `image`. `material` is what the numbers need, from `image` and `mask`. `layers` is what is left,
 which only pictures and the light need: it reads what `material` answers, too. All give exactly the
 numbers of the model, of one image at a time.
@@ -11,8 +11,8 @@ from pathlib import Path
 
 import onnx
 
-from lime_keras.model import graphs as graph_folder
-from lime_keras.model.graphs import Description
+from lime_keras.model import folder as model_folder
+from lime_keras.model.folder import Description
 from lime_keras.outputs import OUTPUTS
 
 _IMAGES = ("image", "mask")
@@ -57,7 +57,7 @@ def _rooms(description: Description) -> dict[str, list[str]]:
 
 def _opened(graphs: Path, description: Description, part: str) -> onnx.ModelProto:
     """Return a subnetwork's graph, for one image at a time."""
-    content = graph_folder.read_verified(graphs, part, description.graphs[part])
+    content = model_folder.read_verified(graphs, part, description.graphs[part])
     model = onnx.load_from_string(content)
     for tensor in (*model.graph.input, *model.graph.output):
         tensor.type.tensor_type.shape.dim[0].dim_value = 1

@@ -1,17 +1,27 @@
-"""The folder of a trained model: where its files lie, and the digest that identifies its weights.
+"""The folder of a trained model: its files, the digest of its weights, and its exported graphs.
 
 A model's weights lie in files of Keras, one for each subnetwork; or, as in the sets that come with
 the package, in its exported graphs alone, which Keras reads, too, so that nothing lies there twice.
+
+The folder of the graphs holds `SUBNETWORK.onnx` for each; for subnetworks that read the split of
+colours `dichromatic.onnx`, too; and `graphs.json`. It names the weights that the graphs were
+exported from, so graphs of other weights are noticed, and what each graph reads and answers, so
+that only those are opened that are needed.
 
 `lime_keras.model.weights` writes and reads the files. This module imports neither Keras nor
 NumPy, so that the estimator, which runs the exported graphs, finds its model without them.
 """
 
+import dataclasses
 import hashlib
+import json
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from lime_keras.io import untrusted
+from lime_keras.version import __version__
 
 PRETRAINED = Path(__file__).parents[1] / "pretrained"
 """Folder of the sets of weights that come with the package, a folder each."""
@@ -23,8 +33,61 @@ objects whole."""
 ARCHITECTURE = "architecture.json"
 """File of the architecture; only a folder that has one holds a model."""
 WEIGHTS = ".weights.h5"  # end of the name of each subnetwork's file
-DESCRIPTION = "graphs.json"
-"""File that describes the exported graphs, beside them (`lime_keras.model.graphs`)."""
+DESCRIPTION = "graphs.json"  # file that describes the exported graphs, beside them
+LAYOUT = 1  # version of the graphs' names and meanings; it rises when earlier graphs no longer fit
+SPLIT = "dichromatic"
+"""Name of the graph that is no subnetwork, and of its only answer: the split of colours, which
+several subnetworks read (`lime_keras.optics.dichromatic`)."""
+
+
+@dataclass(frozen=True)
+class Graph:
+    """The description of one graph.
+
+    Attributes:
+        inputs: names of what it reads (see `lime_keras.export.standalone`).
+        outputs: names of what it answers.
+        sha256: checksum of its file.
+    """
+
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    sha256: str
+
+
+@dataclass(frozen=True)
+class Description:
+    """The content of `graphs.json`.
+
+    Attributes:
+        weights: digest of the weights that were exported (`digest`).
+        size: height and width of the images in pixels.
+        system: name of the system in words, such as `LIME without MirrorNet`.
+        graphs: description of each graph by name; each comes after those whose outputs it reads.
+    """
+
+    weights: str
+    size: int
+    system: str
+    graphs: Mapping[str, Graph]
+
+    def needed(self, quantities: Iterable[str], given: Collection[str]) -> list[str]:
+        """Return the names of the graphs that quantities need, each after those it reads.
+
+        Args:
+            quantities: names out of the graphs' outputs, or of what is given.
+            given: names of the quantities that need no graph.
+        """
+        answering = {
+            output: name for name, graph in self.graphs.items() for output in graph.outputs
+        }
+        needed, open_names = set(), set(quantities) - set(given)
+        while open_names:
+            name = answering[open_names.pop()]
+            if name not in needed:
+                needed.add(name)
+                open_names |= set(self.graphs[name].inputs) - set(given)
+        return [name for name in self.graphs if name in needed]
 
 
 def shipped() -> dict[str, Path]:
@@ -85,7 +148,8 @@ def files(run: Path) -> list[Path]:
     held = model.glob(f"*{WEIGHTS}")
     if has_weights_in_graphs(run):
         there = graphs(run)
-        held = (there / f"{name}.onnx" for name in _described(there))
+        description = read_description(there)
+        held = (there / f"{name}.onnx" for name in (description.graphs if description else ()))
     return [model / ARCHITECTURE, *(path for path in sorted(held) if path.is_file())]
 
 
@@ -129,7 +193,13 @@ def digest(run: Path) -> str:
     """
     paths, total = files(run), hashlib.sha256()
     if has_weights_in_graphs(run):
-        return _described_digest(graphs(run) / DESCRIPTION)
+        description = read_description(graphs(run))
+        if description is None:
+            raise ValueError(
+                f"{graphs(run) / DESCRIPTION} is damaged, and the graphs beside it hold the only "
+                "weights: take this folder from where it came from again"
+            )
+        return description.weights
     for path in paths:
         total.update(f"{path.name} {path.stat().st_size}\n".encode())
         total.update(path.read_bytes())
@@ -151,19 +221,83 @@ def _holds_model(run: Path) -> bool:
     return (folder(run) / ARCHITECTURE).is_file()
 
 
-def _described(graphs: Path) -> list[str]:
-    """Return the names of the described graphs; none without a description that can be read."""
-    try:
-        return list(untrusted.read_json(graphs / DESCRIPTION)["graphs"])
-    except (OSError, ValueError, LookupError, TypeError):
-        return []
+def write_description(folder: Path, description: Description) -> None:
+    """Write `graphs.json` into a folder that holds the graphs."""
+    about = {"package": "lime-keras", "version": __version__, "layout": LAYOUT}
+    text = json.dumps(about | dataclasses.asdict(description), indent=1)
+    (folder / DESCRIPTION).write_text(text + "\n", encoding="utf-8")
 
 
-def _described_digest(description: Path) -> str:
+def read_description(folder: Path) -> Description | None:
+    """Return the description of a folder's graphs; None if it holds none of this layout."""
     try:
-        return str(untrusted.read_json(description)["weights"])
-    except (ValueError, LookupError, TypeError) as error:
-        raise ValueError(
-            f"{description} is damaged, and the graphs beside it hold the only weights: take this "
-            "folder from where it came from again"
-        ) from error
+        content = untrusted.read_json(folder / DESCRIPTION)
+        if content["layout"] != LAYOUT:
+            return None
+        graphs = {
+            name: Graph(tuple(row["inputs"]), tuple(row["outputs"]), row["sha256"])
+            for name, row in content["graphs"].items()
+        }
+        description = Description(content["weights"], content["size"], content["system"], graphs)
+        return description if _is_sound(description) else None
+    except (AttributeError, LookupError, TypeError, ValueError):
+        return None  # a description that cannot be read counts as none
+
+
+def _is_sound(description: Description) -> bool:
+    """Return whether the fields have their types, and no graph reads what a later one answers."""
+    texts = (description.weights, description.system, *description.graphs)
+    answered: set[str] = set()
+    for graph in description.graphs.values():
+        texts += (*graph.inputs, *graph.outputs, graph.sha256)
+        if not set(graph.inputs) <= {"image", "mask"} | answered:
+            return False
+        answered |= set(graph.outputs)
+    is_size = type(description.size) is int and description.size > 0
+    return is_size and "mask" in answered and all(isinstance(text, str) for text in texts)
+
+
+def read_verified(folder: Path, name: str, graph: Graph) -> bytes:
+    """Return the content of a graph's file.
+
+    Args:
+        folder: folder of the graphs.
+        name: name of the subnetwork.
+        graph: its graph, as the folder's description says.
+
+    Raises:
+        ValueError: if the file is missing or is not the one described.
+    """
+    file = folder / f"{name}.onnx"
+    content = file.read_bytes() if file.is_file() else b""
+    if hashlib.sha256(content).hexdigest() != graph.sha256:
+        raise ValueError(f"{file} is missing or damaged: {repair_hint(folder)}")
+    return content
+
+
+def repair_hint(folder: Path) -> str:
+    """Return what to do about a damaged folder of graphs, as the end of an error's sentence."""
+    if folder.is_relative_to(PRETRAINED):
+        return "install the package again"
+    if has_weights_in_graphs(folder.parent) and folder == graphs(folder.parent):
+        return f"take {folder}, which holds the only weights, from where it came from again"
+    precision = folder.name.removeprefix("onnx").lstrip("-") or "float32"
+    return export_hint(folder.parent, precision)
+
+
+def export_hint(run: Path, precision: str = "float32") -> str:
+    """Return which command writes a model's graphs, as the end of an error's sentence.
+
+    Args:
+        run: folder of the trained model (see `folder`).
+        precision: precision of the graphs.
+    """
+    more = "" if precision == "float32" else f" --precision {precision}"
+    more += " --corpus CORPUS" if precision == "int8" else ""
+    home = graphs(run).parent
+    if not home.is_relative_to(PRETRAINED):
+        return f"run `lime-export {home} --format graphs --weights {run}{more}`"
+    if precision == "float32":
+        return "install the package again"
+    command = f"lime-export OUT --format graphs --weights {home.name}{more}"
+    return f"run `{command}`, and pass OUT as the weights"

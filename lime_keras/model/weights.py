@@ -15,7 +15,7 @@ import keras
 import numpy as np
 
 from lime_keras.io import atomic, untrusted
-from lime_keras.model import graphs as graph_folder
+from lime_keras.model import folder as model_folder
 from lime_keras.model.folder import (
     ARCHITECTURE,
     DESCRIPTION,
@@ -219,14 +219,14 @@ def _read_graph(path: Path, name: str, folder: Path, network: keras.Model) -> No
     # Only models whose weights lie in graphs take the package `onnx`.
     from lime_keras.model import weights_in_graphs
 
-    description = graph_folder.read(folder)
+    description = model_folder.read_description(folder)
     if description is None or name not in description.graphs:
         raise ValueError(
             f"{folder / DESCRIPTION} does not describe {path.name}: "
-            f"{graph_folder.repair_hint(folder)}"
+            f"{model_folder.repair_hint(folder)}"
         )
     stored = weights_in_graphs.read(
-        graph_folder.read_verified(folder, name, description.graphs[name]), path
+        model_folder.read_verified(folder, name, description.graphs[name]), path
     )
     try:
         network.set_weights([stored[weight.path] for weight in network.weights])

@@ -9,9 +9,7 @@ import numpy as np
 
 from lime_keras.io import untrusted
 from lime_keras.model import folder as model_folder
-from lime_keras.model import graphs as graph_folder
-from lime_keras.model.folder import DESCRIPTION
-from lime_keras.model.graphs import SPLIT, Description, Graph
+from lime_keras.model.folder import DESCRIPTION, SPLIT, Description, Graph
 from lime_keras.outputs import OUTPUTS
 from lime_keras.runtime.sessions import Session
 
@@ -19,10 +17,10 @@ from lime_keras.runtime.sessions import Session
 def load(run: Path, precision: str = "float32", *, streaming: bool = False) -> "OnnxGraphs":
     """Return the engine of a model's graphs (see `engine.load`)."""
     digest, folder = model_folder.digest(run), model_folder.graphs(run, precision)
-    description = graph_folder.read(folder)
+    description = model_folder.read_description(folder)
     if description is None or description.weights != digest:
         lack = "holds no graphs" if description is None else "holds graphs of other weights"
-        raise ValueError(f"{folder} {lack}: {graph_folder.export_hint(run, precision)}")
+        raise ValueError(f"{folder} {lack}: {model_folder.export_hint(run, precision)}")
     return OnnxGraphs(folder, description, streaming=streaming)
 
 
@@ -32,7 +30,7 @@ def open_folder(folder: Path) -> "OnnxGraphs":
     Raises:
         ValueError: if the folder holds no graphs.
     """
-    description = graph_folder.read(folder)
+    description = model_folder.read_description(folder)
     if description is None:
         raise ValueError(f"{folder} holds no graphs: write them with lime-export")
     return OnnxGraphs(folder, description)
@@ -56,7 +54,7 @@ class OnnxGraphs:
     """An `Engine` that opens and runs only the graphs that the outputs need.
 
     Args:
-        folder: folder of the graphs (`model.graphs`).
+        folder: folder of the graphs (`model.folder.graphs`).
         description: description of the graphs in it.
         streaming: whether the memory of a run is kept for the next one.
 
@@ -97,14 +95,14 @@ class OnnxGraphs:
             except ValueError as error:
                 raise ValueError(
                     f"{self.folder / DESCRIPTION} describes {name} as it is not ({error}): "
-                    f"{graph_folder.repair_hint(self.folder)}"
+                    f"{model_folder.repair_hint(self.folder)}"
                 ) from error
             values |= zip(graph.outputs, results, strict=True)
         return {output: values[output] for output in outputs}
 
     def _session(self, name: str) -> Session:
         if name not in self._sessions:
-            content = partial(graph_folder.read_verified, self.folder, name, self._graphs[name])
+            content = partial(model_folder.read_verified, self.folder, name, self._graphs[name])
             self._sessions[name] = self._open(content)
         return self._sessions[name]
 

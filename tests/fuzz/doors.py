@@ -140,10 +140,9 @@ def _graphs(folder: Path) -> None:
 
     from lime_keras.estimate.estimator import Estimator
     from lime_keras.model import folder as model_folder
-    from lime_keras.model import graphs as graph_folder
 
     model_folder.digest(folder)
-    if graph_folder.read(model_folder.graphs(folder)):
+    if model_folder.read_description(model_folder.graphs(folder)):
         Estimator(folder).estimate(np.full((64, 64, 3), 99, np.uint8))
 
 

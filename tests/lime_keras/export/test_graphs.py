@@ -15,7 +15,6 @@ from whole_engines import Network
 from lime_keras.commands import export as export_cli
 from lime_keras.export import formats, graphs, parity
 from lime_keras.model import folder as model_folder
-from lime_keras.model import graphs as graph_folder
 from lime_keras.model import weights
 from lime_keras.networks import Architecture, assemble, build, subnetwork_names
 from lime_keras.runtime.onnx_graphs import OnnxGraphs
@@ -46,7 +45,7 @@ def test_the_command_writes_a_graph_for_each_subnetwork(tiny, tiny_model, tmp_pa
     assert str(tmp_path / "onnx") in capsys.readouterr().out
     found = {path.name for path in (tmp_path / "onnx").iterdir()}
     assert found == {"graphs.json", *(f"{name}.onnx" for name in subnetwork_names(tiny))}
-    description = graph_folder.read(tmp_path / "onnx")
+    description = model_folder.read_description(tmp_path / "onnx")
     assert description.weights == model_folder.digest(tiny_model)
     assert (description.size, description.system) == (32, "LIME")
     for name, graph in description.graphs.items():
@@ -64,7 +63,7 @@ def test_a_model_with_the_split_has_one_graph_for_it_that_keras_needs_not(tiny, 
     graphs.write(tmp_path / "onnx", architecture, subnetworks, "digest")
     for path in (tmp_path / "model").glob("*.weights.h5"):
         path.unlink()
-    engine = OnnxGraphs(tmp_path / "onnx", graph_folder.read(tmp_path / "onnx"))
+    engine = OnnxGraphs(tmp_path / "onnx", model_folder.read_description(tmp_path / "onnx"))
     images = parity.images(32)
     found = parity.predictions(engine, images)
     joined = assemble(weights.load(tmp_path)[1])  # from the graphs, which alone hold weights now
@@ -79,7 +78,7 @@ def test_weights_that_float16_holds_are_stored_in_it_at_no_loss(tmp_path):
     types = constants(folder / "segmentation.onnx")
     assert types and set(types.values()) == {onnx.TensorProto.FLOAT16}
     images = parity.images(32)
-    engine = OnnxGraphs(folder, graph_folder.read(folder))
+    engine = OnnxGraphs(folder, model_folder.read_description(folder))
     found = engine.run(["mask"], {"image": images})["mask"]
     raw = network.predict_on_batch(images)
     np.testing.assert_allclose(found, np.clip((raw - 0.5) * 1.5 + 0.5, 0, 1), atol=1e-5)

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from lime_keras.model import folder as model_folder
+from lime_keras.model.folder import Description, Graph
 
 
 @pytest.fixture
@@ -112,8 +113,9 @@ def test_the_defaults_are_sets_that_are_there():
 def exported(run):
     """A run whose weights lie in its graphs alone."""
     (run / "onnx").mkdir()
-    (run / "onnx" / "graphs.json").write_text('{"weights": "of before", "graphs": {"albedo": {}}}')
-    (run / "onnx" / "albedo.onnx").write_text("graph")
+    graphs = {"segmentation": Graph(("image",), ("mask",), "of its file")}
+    model_folder.write_description(run / "onnx", Description("of before", 32, "LIME", graphs))
+    (run / "onnx" / "segmentation.onnx").write_text("graph")
     assert not model_folder.has_weights_in_graphs(run)
     for path in (run / "model").glob("*.h5"):
         path.unlink()
@@ -126,7 +128,7 @@ def test_weights_in_graphs_are_the_models_files_and_keep_its_digest(exported):
         assert model_folder.has_weights_in_graphs(path) and model_folder.digest(path) == "of before"
         assert model_folder.files(path) == [
             model / "architecture.json",
-            exported / "onnx" / "albedo.onnx",
+            exported / "onnx" / "segmentation.onnx",
         ]
 
 

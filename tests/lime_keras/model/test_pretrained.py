@@ -9,7 +9,6 @@ from whole_engines import Network
 from lime_keras import Estimator
 from lime_keras.export import parity
 from lime_keras.model import folder as model_folder
-from lime_keras.model import graphs as graph_folder
 from lime_keras.model import weights
 from lime_keras.model.folder import SHIPPED
 from lime_keras.networks import assemble
@@ -45,7 +44,7 @@ def test_a_set_is_whole_described_and_there_once(name):
 def test_its_graphs_answer_what_keras_answers(name):
     """After a change of what connects the subnetworks: `make graphs`."""
     folder = model_folder.graphs(SETS[name])
-    description = graph_folder.read(folder)
+    description = model_folder.read_description(folder)
     assert description is not None and description.weights == model_folder.digest(SETS[name])
     engine, images = OnnxGraphs(folder, description), parity.images(description.size)
     joined = assemble(weights.load(SETS[name])[1])

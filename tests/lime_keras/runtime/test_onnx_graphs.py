@@ -9,7 +9,6 @@ from whole_engines import Network
 
 from lime_keras.export import parity
 from lime_keras.model import folder as model_folder
-from lime_keras.model import graphs as graph_folder
 from lime_keras.model import weights
 from lime_keras.networks import assemble
 from lime_keras.runtime.onnx_graphs import OnnxGraphs
@@ -17,7 +16,7 @@ from lime_keras.runtime.sessions import Session
 
 
 def opened(folder):
-    return OnnxGraphs(folder, graph_folder.read(folder))
+    return OnnxGraphs(folder, model_folder.read_description(folder))
 
 
 @pytest.fixture(scope="module")
@@ -153,11 +152,11 @@ def test_a_description_that_cannot_be_read_counts_as_none(text, copy):
     path = copy / "graphs.json"
     if text == "layout":
         held = json.loads(path.read_text(encoding="utf-8"))
-        text = json.dumps(held | {"layout": graph_folder.LAYOUT + 1})
-    assert graph_folder.read(copy) is not None
+        text = json.dumps(held | {"layout": model_folder.LAYOUT + 1})
+    assert model_folder.read_description(copy) is not None
     path.write_text(text, encoding="utf-8")
-    assert graph_folder.read(copy) is None
-    assert graph_folder.read(copy / "none") is None
+    assert model_folder.read_description(copy) is None
+    assert model_folder.read_description(copy / "none") is None
 
 
 MISFITS = {
@@ -177,4 +176,4 @@ def test_a_description_of_graphs_that_do_not_fit_counts_as_none(misfit, copy):
     held = json.loads(path.read_text(encoding="utf-8"))
     MISFITS[misfit](held)
     path.write_text(json.dumps(held), encoding="utf-8")
-    assert graph_folder.read(copy) is None
+    assert model_folder.read_description(copy) is None
