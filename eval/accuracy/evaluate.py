@@ -91,12 +91,7 @@ def evaluate(
     engine = engine or KerasEngine(model_dir)
     split = Split(corpus, "test")
     units.check_lobe(model_dir, split)
-    if split.size % architecture.size:
-        raise ValueError(
-            f"{split.folder} holds images of {split.size} pixels, which cannot be averaged to the "
-            f"model's {architecture.size}: render a corpus with --size {architecture.size} or a "
-            "multiple of it"
-        )
+    split.check_size(architecture.size)
 
     # Rows, batch by batch, and the same without SegmentationNet.
     others = [name for name in engine.outputs if name != "mask"]

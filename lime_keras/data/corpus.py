@@ -145,6 +145,14 @@ class Split:
         """The height and width of the images in pixels."""
         return self._described("size", int)
 
+    def check_size(self, size: int) -> None:
+        """Raise ValueError if the images cannot be reduced to the size that networks see."""
+        if self.size % size:
+            raise ValueError(
+                f"{self.corpus} has images of {self.size} pixels, and these weights see {size}: "
+                f"pass a corpus of `lime-render --size {size}`, or of a multiple of it"
+            )
+
     @property
     def lobe(self) -> str:
         """The lobe of S, one of `corpus.LOBES`, which decides the unit of m_s."""

@@ -15,11 +15,12 @@ from lime_keras.data.corpus import Split
 _COUNT = 64
 
 
-def for_calibration(corpus: Path, size: int) -> np.ndarray:
-    """Return images that networks were trained on, for the calibration of a quantised model.
+def pictures(corpus: Path, split_name: str, size: int) -> np.ndarray:
+    """Return the first images of a split; of `train`, of those shards that are trained on.
 
     Args:
-        corpus: folder with a complete train split.
+        corpus: folder with the complete split.
+        split_name: `train` to calibrate a quantised model, `test` to compare.
         size: height and width of the images; a divisor of the stored size.
 
     Returns:
@@ -27,28 +28,14 @@ def for_calibration(corpus: Path, size: int) -> np.ndarray:
 
     Raises:
         FileNotFoundError: if the split is incomplete.
-        ValueError: if the images are of another size, there are fewer than two shards, or a shard
-            is empty or damaged.
+        ValueError: if the images are of another size, there are fewer than two shards to train on,
+            or a shard is empty or damaged.
     """
-    check_size(Split(corpus, "train"), size)
-    shards, _ = pipeline.training_shards(corpus)
+    split = Split(corpus, split_name)
+    split.check_size(size)
+    is_train = split_name == "train"
+    shards = pipeline.training_shards(corpus)[0] if is_train else pipeline.verified_shards(split)
     return first(shards, size)
-
-
-def for_comparison(corpus: Path, size: int) -> np.ndarray:
-    """Return images of the test split; arguments, result and errors as of `for_calibration`."""
-    split = Split(corpus, "test")
-    check_size(split, size)
-    return first(pipeline.verified_shards(split), size)
-
-
-def check_size(split: Split, size: int) -> None:
-    """Raise ValueError if the images of a split cannot be reduced to the size that networks see."""
-    if split.size % size:
-        raise ValueError(
-            f"{split.corpus} has images of {split.size} pixels, and these weights see {size}: pass "
-            f"a corpus of `lime-render --size {size}`, or of a multiple of it"
-        )
 
 
 def first(shards: list[Path], size: int, count: int = _COUNT) -> np.ndarray:

@@ -88,10 +88,10 @@ def export(
     card = model_card.card(architecture, network, precision)
     images = {"extremes": parity.images(architecture.size)}
     if corpus is not None:
-        images["pictures"] = corpus_images.for_comparison(corpus, architecture.size)
+        images["pictures"] = corpus_images.pictures(corpus, "test", architecture.size)
     calibration = np.empty((0, 0, 0, 3), np.float32)
     if precision == "int8" and corpus is not None:
-        calibration = corpus_images.for_calibration(corpus, architecture.size)
+        calibration = corpus_images.pictures(corpus, "train", architecture.size)
 
     # Write.
     plain = None

@@ -135,3 +135,10 @@ def test_values_of_another_kind_are_refused(content, name, tmp_path):
     split = write(tmp_path, "test", 1, **content)
     with pytest.raises(ValueError, match=r"manifest\.json is no manifest of `lime-render`"):
         getattr(split, name)
+
+
+def test_images_that_networks_cannot_take_are_refused_with_their_mend(tmp_path):
+    split = write(tmp_path, "test", 1)
+    split.check_size(32)
+    with pytest.raises(ValueError, match=r"images of 64 pixels.*lime-render --size 48"):
+        split.check_size(48)

@@ -150,7 +150,7 @@ def test_eight_bits_are_calibrated_on_what_was_trained_on(
     monkeypatch.setattr(quantisation.quantization, "quantize_static", unchanged)
     exporter.export(tmp_path, "onnx", tiny_model, ["mask"], precision="int8", corpus=corpus)
     [images] = seen
-    np.testing.assert_array_equal(images, exporter.corpus_images.for_calibration(corpus, 32))
+    np.testing.assert_array_equal(images, exporter.corpus_images.pictures(corpus, "train", 32))
     # The second shard is held out.
     assert images.shape == (4, 32, 32, 3)
 
@@ -415,12 +415,3 @@ def test_a_part_of_a_model_takes_the_place_of_no_other(tiny_model, tmp_path, sta
         "lime-int8.onnx",
         *("lime-mask+exponent_bin_probabilities-int8.onnx", "lime-mask-int8.onnx"),
     ]
-
-
-def test_a_corpus_of_another_size_is_refused_with_its_mend(corpus):
-    from lime_keras.export import corpus_images
-
-    split = Split(corpus, "train")
-    corpus_images.check_size(split, split.size)
-    with pytest.raises(ValueError, match=r"images of \d+ pixels.*lime-render --size 3000"):
-        corpus_images.check_size(split, 3000)
