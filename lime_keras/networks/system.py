@@ -11,7 +11,7 @@ import keras
 from keras import layers
 
 from lime_keras.networks.architecture import Architecture
-from lime_keras.networks.registry import OUTPUT_ROWS, QUANTITIES, SUBNETWORKS
+from lime_keras.networks.registry import OUTPUT_ROWS, SUBNETWORKS
 from lime_keras.networks.wiring import Wiring, predictors
 
 
@@ -55,7 +55,7 @@ def assemble(
     subnetworks: Mapping[str, keras.Model],
     outputs: Collection[str] | None = None,
     *,
-    given: Collection[str] = (),
+    with_mask: bool = False,
 ) -> keras.Model:
     """Join subnetworks into one functional model from the image to the named outputs.
 
@@ -63,29 +63,20 @@ def assemble(
         subnetworks: subnetworks by name, as `build` returns them; a subnetwork that no output needs
             may be missing.
         outputs: names out of `output_names(subnetworks)`; by default all of them.
-        given: names of quantities that are inputs of the model beside the image and replace a
-            subnetwork's prediction: `mask` `(B, S, S, 1)` in [0, 1], `specular_shading` and
-            `mirror` `(B, S, S, 1)` or `reflectance_map` `(B, S, S, 3)` in linear radiance. A given
-            quantity cannot be an output.
+        with_mask: whether the mask is an input, and so no output, in place of SegmentationNet's.
 
     Returns:
         A model from images to a dictionary of the named outputs. Its input is `image`
-        `(B, S, S, 3)` sRGB in [0, 1] or, if quantities are given, a dictionary of the image and
-        these quantities. The outputs of LIME are `mask` `(B, S, S, 1)` in [0, 1];
+        `(B, S, S, 3)` sRGB in [0, 1] or, with the mask, a dictionary of the image and `mask`
+        `(B, S, S, 1)` in [0, 1]. The outputs of LIME are `mask` `(B, S, S, 1)` in [0, 1];
         `specular_shading` and `mirror` `(B, S, S, 1)` linear radiance, 0 outside the mask;
         `diffuse_albedo` `(B, 3)` linear; `specular_albedo` `(B, 1)`; and
         `exponent_bin_probabilities` `(B, 8)`. See `output_names` for the outputs of the ablations.
 
     Raises:
-        ValueError: if no output is named, an output is unknown, or a given quantity is not an image
-            that subnetworks see.
+        ValueError: if no output is named, or an output is unknown.
     """
-    channels = {name: row.channels for name, row in QUANTITIES.items() if row.channels}
-    if unknown := sorted(set(given) - set(channels)):
-        raise ValueError(f"{unknown} cannot be given: choose from {', '.join(channels)}")
-    known = tuple(
-        name for name in output_names(subnetworks) if OUTPUT_ROWS[name].quantity not in given
-    )
+    known = tuple(name for name in output_names(subnetworks) if name != "mask" or not with_mask)
     outputs = known if outputs is None else outputs
     unknown = sorted(set(outputs) - set(known))
     if unknown or not outputs:
@@ -93,10 +84,10 @@ def assemble(
     size = next(iter(subnetworks.values())).inputs[0].shape[1]
     image = keras.Input((size, size, 3), name="image")
     inputs = {"image": image}
-    for name in filter(set(given).__contains__, channels):
-        inputs[name] = keras.Input((size, size, channels[name]), name=name)
+    if with_mask:
+        inputs["mask"] = keras.Input((size, size, 1), name="mask")
     graph = Wiring(subnetworks, inputs)
     tensors = {
         name: layers.Identity(dtype="float32", name=name)(graph.output(name)) for name in outputs
     }
-    return keras.Model(inputs if given else image, tensors, name="lime")
+    return keras.Model(inputs if with_mask else image, tensors, name="lime")

@@ -35,7 +35,7 @@ class KerasEngine:
         from lime_keras.networks import output_names
 
         self.architecture, self.parts = weights.load(run)
-        self._joined: dict[tuple[frozenset[str], ...], keras.Model] = {}
+        self._joined: dict[tuple[frozenset[str], bool], keras.Model] = {}
         self.size, self.system = self.architecture.size, self.architecture.description
         self.outputs = output_names(self.parts)
 
@@ -57,7 +57,7 @@ class KerasEngine:
     def _network(self, outputs: Collection[str], inputs: Collection[str]) -> "keras.Model":
         from lime_keras.networks import assemble
 
-        key = frozenset(outputs), frozenset(inputs)
+        key = frozenset(outputs), "mask" in inputs
         if key not in self._joined:
-            self._joined[key] = assemble(self.parts, sorted(outputs), given=set(inputs) - {"image"})
+            self._joined[key] = assemble(self.parts, sorted(outputs), with_mask="mask" in inputs)
         return self._joined[key]

@@ -57,7 +57,7 @@ def test_a_given_mask_replaces_segmentation(tiny_model, graphs):
     images, engine = parity.images(32), opened(graphs)
     mask = np.random.default_rng(0).uniform(size=(8, 32, 32, 1)).astype(np.float32)
     outputs = ["mirror", "diffuse_albedo"]
-    expected = assemble(weights.load(tiny_model)[1], outputs, given={"mask"})
+    expected = assemble(weights.load(tiny_model)[1], outputs, with_mask=True)
     expected = expected.predict_on_batch({"image": images, "mask": mask})
     found = engine.run(outputs, {"image": images, "mask": mask})
     parity.check(expected, found, "float32")
