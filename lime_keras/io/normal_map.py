@@ -15,7 +15,7 @@ _UNIT_WITHIN = 0.1
 Only half of the pixels have to keep it: where surfaces meet, averaged normals are shorter.
 """
 _NAMES = (("normal.X", "normal.Y", "normal.Z"), ("X", "Y", "Z"), ("R", "G", "B"))
-"""Names of the channels to look for, in this order; `lime-render --export` writes the first."""
+"""Names of the channels to look for, in this order; `lime-render layers` writes the first."""
 
 
 def read(path: str | Path) -> np.ndarray:

@@ -172,12 +172,17 @@ def read_coverage(path: str | os.PathLike[str], height: int, width: int) -> np.n
     factor = 1 if is_full else _factor(picture.height, picture.width)
     image, alpha, _ = _read(path, picture, factor)
     mask = image.mean(-1, keepdims=True) if alpha is None else alpha
-    if mask.shape[:2] != (height, width):
-        raise ValueError(
-            f"{path} has {mask.shape[1]}×{mask.shape[0]} pixels and its photo {width}×{height}: "
-            "a mask has its photo's size"
-        )
+    check_fits(path, "a mask", mask.shape, height, width)
     return mask
+
+
+def check_fits(path: Path, what: str, shape: tuple[int, ...], height: int, width: int) -> None:
+    """Raise ValueError if what lies in a file has another height and width than its photo."""
+    if shape[:2] != (height, width):
+        raise ValueError(
+            f"{path} has {shape[1]}×{shape[0]} pixels and its photo {width}×{height}: {what} must "
+            "have its photo's size"
+        )
 
 
 def read_radiance(path: str | Path, height: int, width: int) -> np.ndarray:
@@ -200,11 +205,7 @@ def read_radiance(path: str | Path, height: int, width: int) -> np.ndarray:
     picture = _opened(path)
     if not picture.is_radiance:
         raise ValueError(f"{path} is no OpenEXR: write linear radiance as one")
-    if (picture.height, picture.width) != (height, width):
-        raise ValueError(
-            f"{path} has {picture.width}×{picture.height} pixels and its photo {width}×{height}: "
-            "a layer has its photo's size"
-        )
+    check_fits(path, "a layer", (picture.height, picture.width), height, width)
     with untrusted.naming(path, "a picture"):
         values = picture.rows(0, height)
     if values.shape[-1] != 1:

@@ -54,7 +54,8 @@ def write(
     if normals is None:
         light = guessed_light.estimate(image_srgb, material)
     else:
-        normal = _read(normals, mask)
+        normal = normal_map.read(normals)
+        photo.check_fits(normals, "a normal map", normal.shape, *mask.shape[:2])
         light = illumination.estimate(illumination.from_material(material, normal))
     photo.write(folder / f"{name}-environment.exr", light[..., None])
     mapped = colour.linear_to_srgb(light / (1 + light))
@@ -62,13 +63,3 @@ def write(
     if clone is not None:
         shown = clone(image_srgb, mask, material, light, alpha=alpha)
         photo.write(folder / f"{name}-clone.png", shown)
-
-
-def _read(path: Path, mask: np.ndarray) -> np.ndarray:
-    normal = normal_map.read(path)
-    if normal.shape[:2] != mask.shape[:2]:
-        raise ValueError(
-            f"{path} has {normal.shape[1]}×{normal.shape[0]} pixels and its photo "
-            f"{mask.shape[1]}×{mask.shape[0]}: normals have their photo's size"
-        )
-    return normal
