@@ -1,17 +1,13 @@
-"""Measures of Table 1: functions for each example's error, and Keras metrics over batches.
+"""The measures of Table 1: functions for each example's error.
 
-The functions return one number per example, `(B,)`. They take NumPy arrays; the functions that the
-Keras metrics use take Keras tensors, too. The result of a metric does not depend on how the
-examples are divided into batches; an example of weight one half counts half. For albedos and
-log10 s `keras.metrics.MeanAbsoluteError` is enough. Shapes are not checked: a shape that does not
-fit raises an error of NumPy or of the backend.
+They return one number per example, `(B,)`, of NumPy arrays; those that training's validation uses
+take Keras tensors, too. Shapes are not checked: a shape that does not fit raises an error of NumPy
+or of the backend.
 """
 
 from typing import Any
 
-import keras
 import numpy as np
-from keras import ops
 
 from lime_keras.optics.namespace import namespace
 
@@ -95,80 +91,3 @@ def mean_where_lit(error: Any, lit: Any) -> Any:
         [0.5, 0.0]
     """
     return np.where(np.greater(lit, 0), error / np.where(np.greater(lit, 0), lit, 1.0), 0.0)
-
-
-class PooledIoU(keras.metrics.Metric):
-    """The IoU in [0, 1] of the pixels of all examples together; 1 if all masks are empty."""
-
-    def __init__(self, name: str = "pooled_iou", dtype: Any = None):
-        super().__init__(name=name, dtype=dtype)
-        self.intersection = self.add_variable((), "zeros", name="intersection")
-        self.union = self.add_variable((), "zeros", name="union")
-
-    def update_state(self, mask: Any, predicted: Any, sample_weight: Any = None) -> None:
-        """Add a batch to the metric.
-
-        Args:
-            mask: true coverage `(B, H, W, 1)`; pixels of at least one half belong to the mask.
-            predicted: predicted coverage `(B, H, W, 1)`, cut at one half as well.
-            sample_weight: weight of each example, `(B,)`; by default 1.
-        """
-        mask, predicted = (ops.convert_to_tensor(one, self.dtype) for one in (mask, predicted))
-        weight = ops.convert_to_tensor(1.0 if sample_weight is None else sample_weight, self.dtype)
-        intersection, union = overlap(mask, predicted)
-        self.intersection.assign_add(ops.sum(weight * intersection))
-        self.union.assign_add(ops.sum(weight * union))
-
-    def result(self) -> Any:
-        """Return Σ intersection / Σ union over the examples, a number in [0, 1]."""
-        return overlap_ratio(*map(ops.convert_to_tensor, (self.intersection, self.union)))
-
-
-class WithinBins(keras.metrics.Mean):
-    """The share in [0, 1] of exponents predicted within `distance` bins of the true bin.
-
-    Args:
-        distance: largest distance in bins that counts as right; 0 accepts only the true bin, 1
-            accepts its neighbours as well.
-        name: name of the metric.
-        dtype: type of the metric's state; by default single precision.
-    """
-
-    def __init__(self, distance: int, name: str = "within_bins", dtype: Any = None):
-        super().__init__(name=name, dtype=dtype)
-        self._distance = distance
-
-    def update_state(self, exponent_bin: Any, predicted: Any, sample_weight: Any = None) -> None:
-        """Add a batch to the metric.
-
-        Args:
-            exponent_bin: true classes 0…7 `(B,)` (see `shininess.bin_of`).
-            predicted: predicted classes 0…7 `(B,)`; NaN counts as wrong at any distance.
-            sample_weight: weight of each example, `(B,)`; by default 1.
-        """
-        distance = ops.abs(ops.cast(exponent_bin, self.dtype) - ops.cast(predicted, self.dtype))
-        super().update_state(distance <= self._distance, sample_weight)
-
-    def get_config(self) -> dict[str, Any]:
-        """Return the arguments from which Keras makes the same metric again."""
-        return super().get_config() | {"distance": self._distance}
-
-
-class MaskedRelativeError(keras.metrics.Mean):
-    """The mean of `masked_relative_error` over the examples that have one, at least 0."""
-
-    def update_state(
-        self, shading: Any, predicted: Any, mask: Any, sample_weight: Any = None
-    ) -> None:
-        """Add a batch to the metric.
-
-        Args:
-            shading: true linear radiance `(B, H, W, 1)`, at least 0.
-            predicted: predicted linear radiance `(B, H, W, 1)`.
-            mask: coverage `(B, H, W, 1)` in [0, 1]; pixels of at least one half count.
-            sample_weight: weight of each example, `(B,)`; by default 1.
-        """
-        images = (ops.convert_to_tensor(one, self.dtype) for one in (shading, predicted, mask))
-        error, lit = masked_relative_error(*images)
-        weight = ops.convert_to_tensor(1.0 if sample_weight is None else sample_weight, self.dtype)
-        super().update_state(error, weight * lit)

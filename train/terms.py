@@ -1,6 +1,6 @@
 """The loss terms, with their weights, and the measures of what subnetworks predict.
 
-The measures are those of Table 1, each a Keras metric with the name that `lime-eval` uses. Losses
+The measures are those of Table 1, each a weighted mean with the name that `lime-eval` uses. Losses
 and measures use the true mask, whatever the objects are cut out with (`photos.kept.INPUT_MASK`).
 """
 
@@ -12,7 +12,7 @@ import keras
 from keras import ops
 
 from lime_keras import losses
-from lime_keras.metrics import MaskedRelativeError, PooledIoU, WithinBins
+from lime_keras.metrics import masked_relative_error, overlap, overlap_ratio
 from lime_keras.networks import SUBNETWORKS
 from lime_keras.optics import camera_law, shininess
 from lime_keras.optics.dynamic_range import compress
@@ -97,14 +97,12 @@ class StageMeasure:
     Attributes:
         quantity: name of the quantity that the outputs are computed from; the
             probabilities also stand for log10 s of models that regress it.
-        metric: function that builds the Keras metric from its name.
-        compared: function of a batch and the outputs that returns the metric's arguments, the
-            truth first.
+        of_examples: function of a batch and the outputs that returns the measure of each example
+            and its weight in the mean, each `(B,)` or the same number for all.
     """
 
     quantity: str
-    metric: Callable[[str], keras.metrics.Metric]
-    compared: Callable[[Batch, Mapping[str, Any]], tuple[Any, ...]]
+    of_examples: Callable[[Batch, Mapping[str, Any]], tuple[Any, Any]]
 
 
 def terms_of(subnetworks: Iterable[str], losses: str, compositing: bool = True) -> list[str]:
@@ -135,7 +133,7 @@ def features_of(names: Iterable[str]) -> tuple[str, ...]:
 def metrics_of(subnetworks: Iterable[str]) -> dict[str, keras.metrics.Metric]:
     """Build the metrics of these subnetworks' measures, by name."""
     return {
-        name: row.metric(name)
+        name: keras.metrics.Mean(name=name)
         for part in subnetworks
         for name, row in MEASURES.items()
         if row.quantity in SUBNETWORKS[part].predicts
@@ -150,7 +148,8 @@ def update(
 ) -> None:
     """Update metrics with a batch, its `StageOutputs.outputs`, and the examples' weights `(B,)`."""
     for name, metric in metrics.items():
-        metric.update_state(*MEASURES[name].compared(batch, outputs), sample_weight=weights)
+        value, weight = MEASURES[name].of_examples(batch, outputs)
+        metric.update_state(value, sample_weight=weights * weight)
 
 
 def truth(quantity: str, batch: Batch, units: Units) -> Any:
@@ -280,49 +279,60 @@ PERCEPTUAL = ("compositing", "compositing_printed")
 """The terms of Eq. 5."""
 
 
-def _log_exponents(batch: Batch, outputs: Mapping[str, Any]) -> tuple[Any, Any]:
-    """Return true and estimated log10 s, each `(B, 1)`; expected value of probabilities."""
-    least = 10.0**shininess.LOG_LOW
-    true = ops.log10(ops.maximum(batch["shininess"], least))
-    estimated = shininess.log_of_outputs(outputs)
-    return ops.expand_dims(true, -1), ops.expand_dims(estimated, -1)
+def _iou(batch: Batch, outputs: Mapping[str, Any]) -> tuple[Any, Any]:
+    """Return the IoU of each mask and its union: the mean is the IoU of all pixels together."""
+    both, either = overlap(batch["mask"], outputs["mask"])
+    return overlap_ratio(both, either), ops.maximum(either, 1e-9)
 
 
-def _bins(batch: Batch, outputs: Mapping[str, Any]) -> tuple[Any, Any]:
-    """Return the true bins `(B,)`, and the most probable ones or those of a regressed log10 s."""
-    if "log_exponent" in outputs:
-        return batch["exponent_bin"], shininess.bin_of_log(shininess.log_of_outputs(outputs))
-    return batch["exponent_bin"], ops.argmax(outputs["exponent_bin_probabilities"], axis=-1)
+def _relative(name: str) -> StageMeasure:
+    return StageMeasure(
+        name,
+        lambda batch, outputs: masked_relative_error(batch[name], outputs[name], batch["mask"]),
+    )
 
 
-def _layers(name: str) -> Callable[[Batch, Mapping[str, Any]], tuple[Any, Any, Any]]:
-    return lambda batch, outputs: (batch[name], outputs[name], batch["mask"])
+def _within(distance: int) -> StageMeasure:
+    """Return the share of exponents within so many bins of the true one; NaN is within none."""
+
+    def of_examples(batch: Batch, outputs: Mapping[str, Any]) -> tuple[Any, float]:
+        if "log_exponent" in outputs:
+            found = shininess.bin_of_log(shininess.log_of_outputs(outputs))
+        else:
+            found = ops.argmax(outputs["exponent_bin_probabilities"], axis=-1)
+        error = ops.abs(ops.cast(batch["exponent_bin"], "float32") - ops.cast(found, "float32"))
+        return error <= distance, 1.0
+
+    return StageMeasure("exponent_bin_probabilities", of_examples)
 
 
-_ERROR = keras.metrics.MeanAbsoluteError
-_EXPONENT = "exponent_bin_probabilities"
+def _log_exponent_error(batch: Batch, outputs: Mapping[str, Any]) -> tuple[Any, float]:
+    """Return the absolute error of log10 s, or of the expected value of probabilities."""
+    true = ops.log10(ops.maximum(batch["shininess"], 10.0**shininess.LOG_LOW))
+    return ops.abs(shininess.log_of_outputs(outputs) - true), 1.0
+
+
 MEASURES = {
-    "mask_iou_pooled": StageMeasure(
-        "mask", PooledIoU, lambda batch, outputs: (batch["mask"], outputs["mask"])
-    ),
-    "specular_shading_relative": StageMeasure(
-        "specular_shading", MaskedRelativeError, _layers("specular_shading")
-    ),
-    "mirror_relative": StageMeasure("mirror", MaskedRelativeError, _layers("mirror")),
-    "exponent_exact": StageMeasure(_EXPONENT, lambda name: WithinBins(0, name), _bins),
-    "exponent_within_one": StageMeasure(_EXPONENT, lambda name: WithinBins(1, name), _bins),
-    "log_exponent_mae": StageMeasure(_EXPONENT, _ERROR, _log_exponents),
+    "mask_iou_pooled": StageMeasure("mask", _iou),
+    "specular_shading_relative": _relative("specular_shading"),
+    "mirror_relative": _relative("mirror"),
+    "exponent_exact": _within(0),
+    "exponent_within_one": _within(1),
+    "log_exponent_mae": StageMeasure("exponent_bin_probabilities", _log_exponent_error),
     "diffuse_albedo_mae": StageMeasure(
         "albedos",
-        _ERROR,
-        lambda batch, outputs: (batch["diffuse_albedo"], outputs["diffuse_albedo"]),
+        lambda batch, outputs: (
+            losses.albedo_l1(batch["diffuse_albedo"], outputs["diffuse_albedo"]),
+            1.0,
+        ),
     ),
     "specular_albedo_mae": StageMeasure(
         "albedos",
-        _ERROR,
         lambda batch, outputs: (
-            ops.expand_dims(batch["specular_albedo"], -1),
-            outputs["specular_albedo"],
+            losses.albedo_l1(
+                ops.expand_dims(batch["specular_albedo"], -1), outputs["specular_albedo"]
+            ),
+            1.0,
         ),
     ),
 }

@@ -149,6 +149,13 @@ def test_compiled_they_are_the_same(jit_compile):
     )
 
 
+@pytest.mark.parametrize("name", ["exponent_exact", "exponent_within_one"])
+def test_a_bin_that_is_no_number_is_wrong(name):
+    outputs = {"log_exponent": tf.constant([[np.nan], [1.5]])}
+    right, _ = terms.MEASURES[name].of_examples({"exponent_bin": tf.constant([4, 4])}, outputs)
+    assert right.numpy().tolist() == [False, True]
+
+
 def test_weights_count():
     rng = np.random.default_rng(0)
     batch, answer = _batch(rng), _answer(rng)
