@@ -13,7 +13,6 @@ from lime_keras.optics import colour
 from lime_keras.optics.compositing import compose
 from lime_keras.optics.dynamic_range import compress, expand
 from lime_keras.optics.masking import masked_mean
-from lime_keras.optics.shininess import LOG_LOW
 
 _NEVER = -1e30  # logit of a class that cannot be: finite, so that no gradient is NaN
 _EDGES = 15
@@ -26,18 +25,36 @@ _LOGIT = 4.0
 """Factor from coverage less one half to a logit: the sigmoid then rises by 1 per unit at 0.5."""
 
 
-def mask_l2(mask: Any, predicted: Any) -> Any:
-    """Return the mean squared error of the mask over the whole image, `(B,)` in [0, 1].
+def squared(true: Any, predicted: Any) -> Any:
+    """Return the mean squared error over all axes but the first, `(B,)`, at least 0.
 
     Args:
-        mask: true coverage `(B, H, W, 1)` in [0, 1].
-        predicted: predicted coverage `(B, H, W, 1)` in [0, 1].
+        true: true values `(B, ...)`: a mask, an albedo, or log10 s.
+        predicted: predicted values of the same shape.
 
     Example:
-        >>> float(mask_l2(ops.ones((1, 2, 2, 1)), ops.full((1, 2, 2, 1), 0.5))[0])
+        >>> float(squared(ops.ones((1, 2, 2, 1)), ops.full((1, 2, 2, 1), 0.5))[0])
         0.25
     """
-    return ops.mean(ops.square(predicted - mask), axis=(1, 2, 3))
+    return _mean(ops.square(predicted - true))
+
+
+def absolute(true: Any, predicted: Any) -> Any:
+    """Return the mean absolute error over all axes but the first, `(B,)`, at least 0.
+
+    Of an albedo it is what Table 1 measures. Its best answer is the median of what a photo leaves
+    possible: of most objects the m_s of dielectrics, where the mean lies between dielectrics and
+    metals.
+
+    Args:
+        true: true values `(B, ...)`: an albedo, or log10 s.
+        predicted: predicted values of the same shape.
+
+    Example:
+        >>> float(absolute(ops.ones((1, 3)), ops.full((1, 3), 0.75))[0])
+        0.25
+    """
+    return _mean(ops.abs(predicted - true))
 
 
 def mask_structure(mask: Any, predicted: Any) -> Any:
@@ -96,37 +113,6 @@ def shading_l1(shading: Any, predicted: Any, mask: Any, linear: bool = False) ->
     return masked_mean(ops.abs(predicted - (shading if linear else compress(shading))), mask)
 
 
-def albedo_l2(albedo: Any, predicted: Any) -> Any:
-    """Return the mean squared error of an albedo over its channels, `(B,)` in [0, 1].
-
-    Args:
-        albedo: true linear reflectance `(B, C)` in [0, 1].
-        predicted: predicted linear reflectance `(B, C)` in [0, 1].
-
-    Example:
-        >>> float(albedo_l2(ops.ones((1, 3)), ops.zeros((1, 3)))[0])
-        1.0
-    """
-    return ops.mean(ops.square(predicted - albedo), axis=-1)
-
-
-def albedo_l1(albedo: Any, predicted: Any) -> Any:
-    """Return the mean absolute error of an albedo over its channels, `(B,)` in [0, 1].
-
-    It is what Table 1 measures. Its best answer is the median of what a photo leaves possible: of
-    most objects the m_s of dielectrics, where the mean lies between dielectrics and metals.
-
-    Args:
-        albedo: true linear reflectance `(B, C)` in [0, 1].
-        predicted: predicted linear reflectance `(B, C)` in [0, 1].
-
-    Example:
-        >>> float(albedo_l1(ops.ones((1, 3)), ops.full((1, 3), 0.75))[0])
-        0.25
-    """
-    return ops.mean(ops.abs(predicted - albedo), axis=-1)
-
-
 def exponent_cross_entropy(exponent_bin: Any, logits: Any) -> Any:
     """Return the cross-entropy of the true class of the exponent in nats, `(B,)`, at least 0.
 
@@ -168,34 +154,6 @@ def exponent_binary_cross_entropy(exponent_bin: Any, logits: Any) -> Any:
     others = ops.logsumexp(ops.where(alone, _NEVER, ops.expand_dims(logits, -2)), axis=-1)
     true = ops.one_hot(exponent_bin, count, dtype=logits.dtype)
     return -ops.mean(true * (logits - total) + (1 - true) * (others - total), axis=-1)
-
-
-def log_exponent_l1(exponent: Any, log_predicted: Any) -> Any:
-    """Return the absolute error of log10 s in decades, `(B,)`, at least 0.
-
-    Args:
-        exponent: true exponents s `(B,)`, at least 0; below 1 they count as 1, as in the classes.
-        log_predicted: predicted log10 s, `(B, 1)`.
-
-    Example:
-        >>> float(log_exponent_l1(ops.array([10.0]), ops.array([[3.0]]))[0])
-        2.0
-    """
-    return ops.abs(log_predicted[:, 0] - _log_exponent(exponent))
-
-
-def log_exponent_l2(exponent: Any, log_predicted: Any) -> Any:
-    """Return the squared error of log10 s in squared decades, `(B,)`, at least 0.
-
-    Args:
-        exponent: true exponents s `(B,)`, at least 0; below 1 they count as 1, as in the classes.
-        log_predicted: predicted log10 s, `(B, 1)`.
-
-    Example:
-        >>> float(log_exponent_l2(ops.array([10.0]), ops.array([[3.0]]))[0])
-        4.0
-    """
-    return ops.square(log_predicted[:, 0] - _log_exponent(exponent))
 
 
 def compositing_l2(
@@ -284,5 +242,5 @@ def compositing_l1(
     return masked_mean(error, full)
 
 
-def _log_exponent(exponent: Any) -> Any:
-    return ops.log10(ops.maximum(exponent, 10.0**LOG_LOW))
+def _mean(values: Any) -> Any:
+    return ops.mean(values, axis=tuple(range(1, len(values.shape))))

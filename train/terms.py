@@ -180,6 +180,12 @@ def _compare_shading(quantity: str) -> Comparison:
     )
 
 
+def _true_log_exponent(batch: Batch) -> Any:
+    """Return true log10 s `(B, 1)`; exponents below 1 count as 1, as in the classes."""
+    least = 10.0**shininess.LOG_LOW
+    return ops.expand_dims(ops.log10(ops.maximum(batch["shininess"], least)), -1)
+
+
 def _compare_maps(batch: Batch, answer: StageOutputs, units: Units) -> tuple[Any, Any]:
     """Return the difference of the maps, compressed, and where the sphere is."""
     true = compress(truth("reflectance_map", batch, units))
@@ -229,7 +235,7 @@ _BINS = Comparison(
 _LOG = Comparison(
     "log_exponent",
     ("exponent_bin", "shininess"),
-    lambda batch, answer, units: (batch["shininess"], answer.raw["log_exponent"]),
+    lambda batch, answer, units: (_true_log_exponent(batch), answer.raw["log_exponent"]),
 )
 _DIFFUSE_ALBEDO = Comparison(
     "albedos",
@@ -253,24 +259,24 @@ _MAP = Comparison(
 )
 TERMS = {
     # The paper's. It gives no weights.
-    "mask": Term(1.0, _MASK, losses.mask_l2, "printed"),
+    "mask": Term(1.0, _MASK, losses.squared, "printed"),
     "specular": Term(1.0, _SPECULAR, losses.shading_l1),
     "mirror": Term(1.0, _MIRROR, losses.shading_l1),
-    "diffuse_albedo": Term(1.0, _DIFFUSE_ALBEDO, losses.albedo_l2, "printed"),
-    "specular_albedo": Term(1.0, _SPECULAR_ALBEDO, losses.albedo_l2, "printed"),
+    "diffuse_albedo": Term(1.0, _DIFFUSE_ALBEDO, losses.squared, "printed"),
+    "specular_albedo": Term(1.0, _SPECULAR_ALBEDO, losses.squared, "printed"),
     "compositing_printed": Term(1.0, _EQ5, losses.compositing_l2, "printed"),
     "exponent_binary": Term(1.0, _BINS, losses.exponent_binary_cross_entropy, "printed"),
-    "log_exponent_l1": Term(1.0, _LOG, losses.log_exponent_l1, "printed"),
+    "log_exponent_l1": Term(1.0, _LOG, losses.absolute, "printed"),
     "reflectance_map_l2": Term(
         1.0, _MAP, lambda error, inside: masked_mean(ops.square(error), inside), "printed"
     ),
     # Those in their place.
     "structure": Term(1.0, _MASK, losses.mask_structure, "robust"),
-    "diffuse_albedo_l1": Term(1.0, _DIFFUSE_ALBEDO, losses.albedo_l1, "robust"),
-    "specular_albedo_l1": Term(1.0, _SPECULAR_ALBEDO, losses.albedo_l1, "robust"),
+    "diffuse_albedo_l1": Term(1.0, _DIFFUSE_ALBEDO, losses.absolute, "robust"),
+    "specular_albedo_l1": Term(1.0, _SPECULAR_ALBEDO, losses.absolute, "robust"),
     "compositing": Term(1.0, _EQ5_OF_PHOTO, losses.compositing_l1, "robust"),
     "exponent": Term(0.1, _BINS, losses.exponent_cross_entropy, "robust"),
-    "log_exponent": Term(0.3, _LOG, losses.log_exponent_l2, "robust"),
+    "log_exponent": Term(0.3, _LOG, losses.squared, "robust"),
     "reflectance_map": Term(
         1.0, _MAP, lambda error, inside: masked_mean(ops.abs(error), inside), "robust"
     ),
@@ -308,8 +314,8 @@ def _within(distance: int) -> StageMeasure:
 
 def _log_exponent_error(batch: Batch, outputs: Mapping[str, Any]) -> tuple[Any, float]:
     """Return the absolute error of log10 s, or of the expected value of probabilities."""
-    true = ops.log10(ops.maximum(batch["shininess"], 10.0**shininess.LOG_LOW))
-    return ops.abs(shininess.log_of_outputs(outputs) - true), 1.0
+    found = ops.expand_dims(shininess.log_of_outputs(outputs), -1)
+    return losses.absolute(_true_log_exponent(batch), found), 1.0
 
 
 MEASURES = {
@@ -322,14 +328,14 @@ MEASURES = {
     "diffuse_albedo_mae": StageMeasure(
         "albedos",
         lambda batch, outputs: (
-            losses.albedo_l1(batch["diffuse_albedo"], outputs["diffuse_albedo"]),
+            losses.absolute(batch["diffuse_albedo"], outputs["diffuse_albedo"]),
             1.0,
         ),
     ),
     "specular_albedo_mae": StageMeasure(
         "albedos",
         lambda batch, outputs: (
-            losses.albedo_l1(
+            losses.absolute(
                 ops.expand_dims(batch["specular_albedo"], -1), outputs["specular_albedo"]
             ),
             1.0,

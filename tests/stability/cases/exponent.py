@@ -150,15 +150,14 @@ def _cross_entropy(name: str, precision: Precision) -> Outcome:
     )
 
 
-def _log_exponent_loss(log_predicted: Any, exponent: Any) -> Any:
-    return losses.log_exponent_l2(exponent, log_predicted)
+def _squared_loss(predicted: Any, true: Any) -> Any:
+    return losses.squared(true, predicted)
 
 
 def _log_loss(precision: Precision) -> Outcome:
-    held = [s for s in (0.0, 1e-6, 1.0, 1e3, 65504.0) if precision.holds(s)]
-    exponents, predicted = pairs(held, (-100.0, 0.0, 1.5, 3.0, 100.0))
-    found, gradients = precision.evaluate(_log_exponent_loss, predicted[:, None], exponents)
-    log = np.log10(np.maximum(precision.rounded(exponents), 1.0))
+    logs, predicted = pairs((0.0, 1.0, 3.0, 4.8), (-100.0, 0.0, 1.5, 3.0, 100.0))
+    found, gradients = precision.evaluate(_squared_loss, predicted[:, None], logs[:, None])
+    log = precision.rounded(logs)
     answer = precision.rounded(predicted)
     size = np.abs(answer) + log + 1
     slope, right = 2 * (answer - log), (answer - log) ** 2

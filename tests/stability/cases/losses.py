@@ -60,7 +60,7 @@ def _mean(values: Any, mask: Any) -> Any:
 
 
 def _mask_loss(predicted: Any, mask: Any) -> Any:
-    return losses.mask_l2(mask, predicted)
+    return losses.squared(mask, predicted)
 
 
 def _structure_loss(predicted: Any, mask: Any) -> Any:
@@ -72,11 +72,11 @@ def _shading_loss(predicted: Any, mask: Any, shading: Any) -> Any:
 
 
 def _albedo_loss(predicted: Any, albedo: Any) -> Any:
-    return losses.albedo_l2(albedo, predicted)
+    return losses.squared(albedo, predicted)
 
 
 def _absolute_albedo_loss(predicted: Any, albedo: Any) -> Any:
-    return losses.albedo_l1(albedo, predicted)
+    return losses.absolute(albedo, predicted)
 
 
 # The masked mean.
