@@ -212,7 +212,7 @@ def test_the_tables_of_a_subnetwork_name_the_same():
     assert set().union(*(stage.subnetworks for stage in stages)) == set(SUBNETWORKS)
     predicted = set().union(*(row.predicts for row in SUBNETWORKS.values()))
     assert {row.quantity for row in MEASURES.values()} == predicted - {"reflectance_map"}
-    assert {term.comparison.quantity for term in TERMS.values()} == set(QUANTITIES)
+    assert {term.quantity for term in TERMS.values()} == set(QUANTITIES)
     fed = {x.name for part in built for network in part.values() for x in network.inputs}
     assert fed <= {"image", "masked_image", *QUANTITIES}
 

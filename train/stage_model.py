@@ -58,7 +58,7 @@ class StageModel(keras.Model):
         self.terms = [
             name
             for name in terms.terms_of(subnetworks, losses, compositing)
-            if TERMS[name].comparison.quantity in self._answered
+            if TERMS[name].quantity in self._answered
         ]
         self._means = {term: keras.metrics.Mean(name=term) for term in self.terms}
         self._measures = terms.metrics_of(subnetworks)

@@ -21,6 +21,7 @@ from lime_keras.optics.reflectance_map import disc, true_reflectance_map
 from lime_keras.optics.shading import lobe_factor
 
 Batch = Mapping[str, Any]  # features of a batch by name, as `data.pipeline` names them
+Error = Callable[[Any, Any], Any]  # function of a truth and a prediction: the loss, `(B,)`
 
 
 class StageOutputs(NamedTuple):
@@ -52,42 +53,25 @@ class Units:
 
 
 @dataclass(frozen=True)
-class Comparison:
-    """What losses of a prediction are computed from.
-
-    Attributes:
-        quantity: name of the quantity that is predicted.
-        features: names of the features that losses and measures of the quantity read, beside
-            `image` and `mask`.
-        arguments: function of a batch, `StageOutputs` and the `Units` of the stage that returns the
-            arguments of a loss, the truth first.
-    """
-
-    quantity: str
-    features: tuple[str, ...]
-    arguments: Callable[[Batch, StageOutputs, Units], tuple[Any, ...]]
-
-
-@dataclass(frozen=True)
 class Term:
     """A loss term.
 
     Attributes:
         weight: factor of the term in the total loss; the paper gives none
             (docs/explanation/decisions.md).
-        comparison: what it compares.
-        error: function of the comparison's arguments; returns the loss of each example, `(B,)`.
+        quantity: name of the quantity that is predicted.
+        features: names of the features that losses and measures of the quantity read, beside
+            `image` and `mask`.
+        loss: function of a batch, `StageOutputs` and the `Units` of the stage; returns the loss of
+            each example, `(B,)`, without the weight.
         losses: value of `Schedule.losses` that has the term; None if every schedule has it.
     """
 
     weight: float
-    comparison: Comparison
-    error: Callable[..., Any]
+    quantity: str
+    features: tuple[str, ...]
+    loss: Callable[[Batch, StageOutputs, Units], Any]
     losses: str | None = None
-
-    def loss(self, batch: Batch, answer: StageOutputs, units: Units) -> Any:
-        """Return the loss of each example, `(B,)`, without the weight."""
-        return self.error(*self.comparison.arguments(batch, answer, units))
 
 
 @dataclass(frozen=True)
@@ -117,8 +101,7 @@ def terms_of(subnetworks: Iterable[str], losses: str, compositing: bool = True) 
         name
         for part in subnetworks
         for name, term in TERMS.items()
-        if _REGRESSED.get(term.comparison.quantity, term.comparison.quantity)
-        in SUBNETWORKS[part].predicts
+        if _REGRESSED.get(term.quantity, term.quantity) in SUBNETWORKS[part].predicts
         and term.losses in (None, losses)
         and (name not in PERCEPTUAL or (compositing and part not in _WITHOUT_S))
     ]
@@ -126,7 +109,7 @@ def terms_of(subnetworks: Iterable[str], losses: str, compositing: bool = True) 
 
 def features_of(names: Iterable[str]) -> tuple[str, ...]:
     """Return the names of the features that loss terms read, and the measures beside them."""
-    read = (feature for name in names for feature in TERMS[name].comparison.features)
+    read = (feature for name in names for feature in TERMS[name].features)
     return tuple(dict.fromkeys(("image", "mask", *read)))
 
 
@@ -164,20 +147,7 @@ def truth(quantity: str, batch: Batch, units: Units) -> Any:
 
 def features_of_truth(quantity: str) -> tuple[str, ...]:
     """Return the names of the features that `truth` reads."""
-    return _MAP.features if quantity == "reflectance_map" else (quantity,)
-
-
-def _compare_shading(quantity: str) -> Comparison:
-    return Comparison(
-        quantity,
-        (quantity,),
-        lambda batch, answer, units: (
-            batch[quantity],
-            answer.raw[quantity],
-            batch["mask"],
-            units.linear,
-        ),
-    )
+    return _OF_MAP if quantity == "reflectance_map" else (quantity,)
 
 
 def _true_log_exponent(batch: Batch) -> Any:
@@ -186,15 +156,52 @@ def _true_log_exponent(batch: Batch) -> Any:
     return ops.expand_dims(ops.log10(ops.maximum(batch["shininess"], least)), -1)
 
 
-def _compare_maps(batch: Batch, answer: StageOutputs, units: Units) -> tuple[Any, Any]:
-    """Return the difference of the maps, compressed, and where the sphere is."""
-    true = compress(truth("reflectance_map", batch, units))
-    shape = (ops.shape(true)[0], *true.shape[1:3], 1)
-    inside = ops.broadcast_to(disc(true.shape[1])[None], shape)
-    return answer.raw["reflectance_map"] - true, inside
+def _direct(quantity: str, error: Error, schedules: str, weight: float = 1.0) -> Term:
+    """Return the term of a prediction that is compared as it is."""
+    features, true = _TRUE[quantity]
+    return Term(
+        weight,
+        quantity,
+        features,
+        lambda batch, answer, units: error(true(batch), answer.raw[quantity]),
+        schedules,
+    )
 
 
-def _compose(batch: Batch, answer: StageOutputs, units: Units) -> tuple[Any, ...]:
+def _shading(quantity: str) -> Term:
+    return Term(
+        1.0,
+        quantity,
+        (quantity,),
+        lambda batch, answer, units: losses.shading_l1(
+            batch[quantity], answer.raw[quantity], batch["mask"], units.linear
+        ),
+    )
+
+
+def _albedo(name: str, error: Error, schedules: str) -> Term:
+    def loss(batch: Batch, answer: StageOutputs, units: Units) -> Any:
+        albedos = answer.raw["albedos"]
+        if name == "diffuse_albedo":
+            return error(batch[name], albedos[:, :3])
+        return error(ops.expand_dims(batch[name], -1), albedos[:, 3:])
+
+    return Term(1.0, "albedos", (name,), loss, schedules)
+
+
+def _map(error: Callable[[Any], Any], schedules: str) -> Term:
+    """Return the term of the error of maps, compressed, where the sphere is."""
+
+    def loss(batch: Batch, answer: StageOutputs, units: Units) -> Any:
+        true = compress(truth("reflectance_map", batch, units))
+        shape = (ops.shape(true)[0], *true.shape[1:3], 1)
+        inside = ops.broadcast_to(disc(true.shape[1])[None], shape)
+        return masked_mean(error(answer.raw["reflectance_map"] - true), inside)
+
+    return Term(1.0, "reflectance_map", _OF_MAP, loss, schedules)
+
+
+def _compose(batch: Batch, answer: StageOutputs) -> tuple[Any, ...]:
     """Return what both forms of Eq. 5 compare: the photo, and Eq. 4 of what is estimated."""
     # Eq. 4 knows nothing of paint, so painted pixels do not count.
     albedos, unpainted = answer.raw["albedos"], batch["mask"] * (1.0 - batch["painted"])
@@ -209,77 +216,51 @@ def _compose(batch: Batch, answer: StageOutputs, units: Units) -> tuple[Any, ...
     )
 
 
-def _compose_photo(batch: Batch, answer: StageOutputs, units: Units) -> tuple[Any, ...]:
-    """Return what `_compose` does, where the photo is clipped, and its white balance."""
+def _compositing_printed(batch: Batch, answer: StageOutputs, units: Units) -> Any:
+    return losses.compositing_l2(*_compose(batch, answer))
+
+
+def _compositing(batch: Batch, answer: StageOutputs, units: Units) -> Any:
     balance = camera_law.balance(batch["cast"], camera_law.places(batch["image"].shape[1]))
-    return (*_compose(batch, answer, units), batch["clipped"], balance)
+    return losses.compositing_l1(*_compose(batch, answer), batch["clipped"], balance)
 
 
 _PERCEIVED = ("painted", "ambient", "diffuse_shading")
-_REGRESSED = {"log_exponent": "exponent_bin_probabilities"}
+_BINS = "exponent_bin_probabilities"
+_REGRESSED = {"log_exponent": _BINS}
 """What the registry of subnetworks calls a quantity that a regressing one predicts instead."""
 
 _WITHOUT_S = ("material",)
 """Subnetworks that predict albedos and read no S, and so do not learn by Eq. 5."""
 
-_MASK = Comparison("mask", (), lambda batch, answer, units: (batch["mask"], answer.raw["mask"]))
-_SPECULAR, _MIRROR = _compare_shading("specular_shading"), _compare_shading("mirror")
-_BINS = Comparison(
-    "exponent_bin_probabilities",
-    ("exponent_bin", "shininess"),
-    lambda batch, answer, units: (
-        batch["exponent_bin"],
-        answer.raw["exponent_bin_probabilities"],
-    ),
-)
-_LOG = Comparison(
-    "log_exponent",
-    ("exponent_bin", "shininess"),
-    lambda batch, answer, units: (_true_log_exponent(batch), answer.raw["log_exponent"]),
-)
-_DIFFUSE_ALBEDO = Comparison(
-    "albedos",
-    ("diffuse_albedo",),
-    lambda batch, answer, units: (batch["diffuse_albedo"], answer.raw["albedos"][:, :3]),
-)
-_SPECULAR_ALBEDO = Comparison(
-    "albedos",
-    ("specular_albedo",),
-    lambda batch, answer, units: (
-        ops.expand_dims(batch["specular_albedo"], -1),
-        answer.raw["albedos"][:, 3:],
-    ),
-)
-_EQ5 = Comparison("albedos", _PERCEIVED, _compose)
-_EQ5_OF_PHOTO = Comparison("albedos", (*_PERCEIVED, "clipped", "cast"), _compose_photo)
-_MAP = Comparison(
-    "reflectance_map",
-    ("environment", "shininess", "diffuse_albedo", "specular_albedo", "ambient"),
-    _compare_maps,
-)
+_OF_EXPONENT = ("exponent_bin", "shininess")
+_TRUE: Mapping[str, tuple[tuple[str, ...], Callable[[Batch], Any]]] = {
+    "mask": ((), lambda batch: batch["mask"]),
+    _BINS: (_OF_EXPONENT, lambda batch: batch["exponent_bin"]),
+    "log_exponent": (_OF_EXPONENT, _true_log_exponent),
+}
+"""Features and truth of the quantities that are compared as they are."""
+
+_OF_MAP = ("environment", "shininess", "diffuse_albedo", "specular_albedo", "ambient")
 TERMS = {
     # The paper's. It gives no weights.
-    "mask": Term(1.0, _MASK, losses.squared, "printed"),
-    "specular": Term(1.0, _SPECULAR, losses.shading_l1),
-    "mirror": Term(1.0, _MIRROR, losses.shading_l1),
-    "diffuse_albedo": Term(1.0, _DIFFUSE_ALBEDO, losses.squared, "printed"),
-    "specular_albedo": Term(1.0, _SPECULAR_ALBEDO, losses.squared, "printed"),
-    "compositing_printed": Term(1.0, _EQ5, losses.compositing_l2, "printed"),
-    "exponent_binary": Term(1.0, _BINS, losses.exponent_binary_cross_entropy, "printed"),
-    "log_exponent_l1": Term(1.0, _LOG, losses.absolute, "printed"),
-    "reflectance_map_l2": Term(
-        1.0, _MAP, lambda error, inside: masked_mean(ops.square(error), inside), "printed"
-    ),
+    "mask": _direct("mask", losses.squared, "printed"),
+    "specular": _shading("specular_shading"),
+    "mirror": _shading("mirror"),
+    "diffuse_albedo": _albedo("diffuse_albedo", losses.squared, "printed"),
+    "specular_albedo": _albedo("specular_albedo", losses.squared, "printed"),
+    "compositing_printed": Term(1.0, "albedos", _PERCEIVED, _compositing_printed, "printed"),
+    "exponent_binary": _direct(_BINS, losses.exponent_binary_cross_entropy, "printed"),
+    "log_exponent_l1": _direct("log_exponent", losses.absolute, "printed"),
+    "reflectance_map_l2": _map(ops.square, "printed"),
     # Those in their place.
-    "structure": Term(1.0, _MASK, losses.mask_structure, "robust"),
-    "diffuse_albedo_l1": Term(1.0, _DIFFUSE_ALBEDO, losses.absolute, "robust"),
-    "specular_albedo_l1": Term(1.0, _SPECULAR_ALBEDO, losses.absolute, "robust"),
-    "compositing": Term(1.0, _EQ5_OF_PHOTO, losses.compositing_l1, "robust"),
-    "exponent": Term(0.1, _BINS, losses.exponent_cross_entropy, "robust"),
-    "log_exponent": Term(0.3, _LOG, losses.squared, "robust"),
-    "reflectance_map": Term(
-        1.0, _MAP, lambda error, inside: masked_mean(ops.abs(error), inside), "robust"
-    ),
+    "structure": _direct("mask", losses.mask_structure, "robust"),
+    "diffuse_albedo_l1": _albedo("diffuse_albedo", losses.absolute, "robust"),
+    "specular_albedo_l1": _albedo("specular_albedo", losses.absolute, "robust"),
+    "compositing": Term(1.0, "albedos", (*_PERCEIVED, "clipped", "cast"), _compositing, "robust"),
+    "exponent": _direct(_BINS, losses.exponent_cross_entropy, "robust", 0.1),
+    "log_exponent": _direct("log_exponent", losses.squared, "robust", 0.3),
+    "reflectance_map": _map(ops.abs, "robust"),
 }
 PERCEPTUAL = ("compositing", "compositing_printed")
 """The terms of Eq. 5."""
@@ -305,11 +286,11 @@ def _within(distance: int) -> StageMeasure:
         if "log_exponent" in outputs:
             found = shininess.bin_of_log(shininess.log_of_outputs(outputs))
         else:
-            found = ops.argmax(outputs["exponent_bin_probabilities"], axis=-1)
+            found = ops.argmax(outputs[_BINS], axis=-1)
         error = ops.abs(ops.cast(batch["exponent_bin"], "float32") - ops.cast(found, "float32"))
         return error <= distance, 1.0
 
-    return StageMeasure("exponent_bin_probabilities", of_examples)
+    return StageMeasure(_BINS, of_examples)
 
 
 def _log_exponent_error(batch: Batch, outputs: Mapping[str, Any]) -> tuple[Any, float]:
@@ -324,7 +305,7 @@ MEASURES = {
     "mirror_relative": _relative("mirror"),
     "exponent_exact": _within(0),
     "exponent_within_one": _within(1),
-    "log_exponent_mae": StageMeasure("exponent_bin_probabilities", _log_exponent_error),
+    "log_exponent_mae": StageMeasure(_BINS, _log_exponent_error),
     "diffuse_albedo_mae": StageMeasure(
         "albedos",
         lambda batch, outputs: (
