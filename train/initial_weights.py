@@ -1,8 +1,4 @@
-"""The weights of a trained model that a run begins with, in place of fresh weights.
-
-The run keeps a copy of the model in `RUN/begun-from/`, so that it can be resumed without the
-original.
-"""
+"""The weights of a trained model that a run begins with, in place of fresh weights."""
 
 import hashlib
 from collections.abc import Mapping
@@ -12,12 +8,9 @@ import keras
 import numpy as np
 from keras import ops
 
-from lime_keras.io import atomic
 from lime_keras.model import folder as model_folder
 from lime_keras.model import weights
 from lime_keras.networks.architecture import ENCODER_BLOCKS
-
-_FOLDER = "begun-from"
 
 
 def sha256(model: Path) -> str:
@@ -32,27 +25,22 @@ def sha256(model: Path) -> str:
     return digest.hexdigest()
 
 
-def keep(model: Path, run: Path) -> None:
-    """Copy a trained model into the run that begins with it, unless the run holds a copy."""
-    if (run / _FOLDER).is_dir():
-        return
-    with atomic.replacing(run / _FOLDER) as partial:
-        weights.copy(model, partial)
-
-
-def load(run: Path, subnetworks: Mapping[str, keras.Model]) -> list[str]:
-    """Set the weights of those subnetworks that have the same layers in the copied model.
+def load(model: Path | None, subnetworks: Mapping[str, keras.Model]) -> list[str]:
+    """Set the weights of those subnetworks that have the same layers in a trained model.
 
     A U-Net's layers are the same for any image size. An encoder's first dense layer depends on it:
-    if the copied model sees images of another size, its kernel is resampled.
+    if the trained model sees images of another size, its kernel is resampled.
 
     Returns:
         Names of the subnetworks that were set.
 
     Raises:
+        FileNotFoundError: if no model is given, or the folder holds none.
         ValueError: if no subnetwork fits, or a file is broken.
     """
-    _, others = weights.load(run / _FOLDER, whole=False)
+    if model is None:
+        raise FileNotFoundError("this run began with another model: pass its --start-from again")
+    _, others = weights.load(model, whole=False)
     fitting = {
         name: values
         for name, network in subnetworks.items()
@@ -60,7 +48,7 @@ def load(run: Path, subnetworks: Mapping[str, keras.Model]) -> list[str]:
     }
     if not fitting:
         raise ValueError(
-            f"none of the subnetworks in {run / _FOLDER} has the layers of {run}'s: leave out "
+            f"none of the subnetworks in {model} has the layers of this run's: leave out "
             "--start-from, or pass the --width and --preset that it was trained with"
         )
     for name, values in fitting.items():

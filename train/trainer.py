@@ -8,8 +8,7 @@ A run's folder holds:
 - `evaluation.json`: measures of the whole system on the validation set;
 - `tensorboard/`: the same, with gradient norms;
 - `photos/`: the photos that it learns from (`train.photos`);
-- `model/`: the trained model with a copy of the record;
-- `begun-from/`: a copy of the trained model that the run began with, if it did.
+- `model/`: the trained model with a copy of the record.
 """
 
 import contextlib
@@ -69,7 +68,7 @@ def train(
         only: names of the stages to train; by default all. Of the other stages, finished ones are
             loaded and unfinished ones skipped.
         reuse: folder of another run, whose finished stages are copied if they are the same stages.
-        start_from: trained model whose hash is `config.begun_from`; not needed to resume a run.
+        start_from: trained model whose hash is `config.begun_from`.
         cutouts: folders of photographs whose hash is `config.cutouts`.
         devices: number of devices of each process that each batch is split between.
         on_making: function called with what is made before a stage, how much of it is there, and
@@ -81,7 +80,8 @@ def train(
         is also evaluated on the validation set, each subnetwork on the predictions of the others.
 
     Raises:
-        FileNotFoundError: if a corpus is incomplete, or there is no run to reuse.
+        FileNotFoundError: if a corpus is incomplete, there is no run to reuse, or the model that
+            the run began with is not given.
         ValueError: if the folder holds a run of another config; if a corpus is too small,
             damaged, or of an image size that does not fit; if a stage's name is unknown; if a
             subnetwork is to be frozen that the run does not begin with; or if several processes are
@@ -145,11 +145,8 @@ class _Run:
         with split.scope():
             with computing_in(config.precision):
                 self._subnetworks = build(config.architecture, config.seed)
-            if start_from is not None and split.leads:
-                initial_weights.keep(start_from, folder)
-            hosts.assert_same({"--start-from": start_from is not None})
             if config.begun_from is not None:
-                begun = initial_weights.load(folder, self._subnetworks)
+                begun = initial_weights.load(start_from, self._subnetworks)
             if config.architecture.pretrained and "segmentation" not in begun:
                 backbone.begin(self._subnetworks["segmentation"])
         if begun and split.leads:

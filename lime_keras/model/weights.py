@@ -6,7 +6,6 @@ weights are then read from the graphs.
 
 import dataclasses
 import json
-import shutil
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -21,7 +20,6 @@ from lime_keras.model.folder import (
     DESCRIPTION,
     WEIGHTS,
     check_present,
-    files,
     folder,
     graphs,
     has_weights_in_graphs,
@@ -94,27 +92,6 @@ def load(model: Path, *, whole: bool = True) -> tuple[Architecture, dict[str, ke
     return architecture, subnetworks
 
 
-def copy(model: Path, target: Path) -> None:
-    """Copy a trained model; weights that lie in its graphs become files of their own in the copy.
-
-    Args:
-        model: folder of the trained model (see `load`).
-        target: folder to write to.
-
-    Raises:
-        FileNotFoundError: if the folder holds no model.
-        ValueError: if a file is broken.
-    """
-    model = folder(model)
-    if has_weights_in_graphs(model):
-        architecture, subnetworks = load(model, whole=False)
-        save(target, architecture, subnetworks, half=all(map(_is_half, subnetworks.values())))
-        return
-    target.mkdir(parents=True, exist_ok=True)
-    for path in files(model):
-        shutil.copyfile(path, target / path.name)
-
-
 def read_architecture(model: Path) -> Architecture:
     """Return the architecture of a trained model.
 
@@ -133,12 +110,6 @@ def read_architecture(model: Path) -> Architecture:
         return Architecture(**dict(one for one in settings if one not in _RETIRED))
     except (AttributeError, TypeError, ValueError) as error:
         raise ValueError(f"{description} is not of this version: {error}; train again") from error
-
-
-def _is_half(network: keras.Model) -> bool:
-    """Return whether float16 holds all weights of a network exactly."""
-    with np.errstate(over="ignore"):
-        return all(np.array_equal(np.float16(one), one) for one in network.get_weights())
 
 
 def _write(target: Path, name: str, network: keras.Model, half: bool) -> None:

@@ -402,9 +402,9 @@ def test_a_run_begins_with_another_models_weights(corpus, config, finished, tmp_
         seen["segmentation"], _weights(finished)["segmentation"], strict=True
     ):
         np.testing.assert_array_equal(found, expected)
-    # It is resumed without them.
-    shutil.rmtree(given)
-    left = trainer.train([corpus], run, on, _ignore, only=["segmentation"])
+    with pytest.raises(FileNotFoundError, match="began with another model: pass its --start-from"):
+        trainer.train([corpus], run, on, _ignore)
+    left = trainer.train([corpus], run, on, _ignore, only=["segmentation"], start_from=given)
     assert left == []
     # What it does not train stays as it was.
     kept, before = _weights(run), _weights(finished)

@@ -8,11 +8,9 @@ import onnx
 import pytest
 from onnx import numpy_helper
 
-from lime_keras.export import graphs
 from lime_keras.model import folder as model_folder
 from lime_keras.model import weights, weights_in_graphs
 from lime_keras.model.weights_in_graphs import describe
-from lime_keras.networks import Architecture, build
 
 
 def held(**constants):
@@ -122,36 +120,6 @@ def test_a_model_is_loaded_from_its_graphs(bare, tiny_model):
 def test_it_is_the_same_model(bare, tiny_model):
     assert model_folder.digest(bare) == model_folder.digest(tiny_model)
     assert [path.suffix for path in model_folder.files(bare)] == [".json"] + [".onnx"] * 5
-
-
-def test_a_copy_has_files_of_its_own(bare, tiny_model, tmp_path):
-    weights.copy(bare, tmp_path / "copy")
-    assert not model_folder.has_weights_in_graphs(tmp_path / "copy")
-    found, expected = (weights.load(path)[1] for path in (tmp_path / "copy", tiny_model))
-    for name, network in expected.items():
-        pairs = zip(found[name].get_weights(), network.get_weights(), strict=True)
-        assert all(np.array_equal(one, other) for one, other in pairs), name
-
-
-@pytest.mark.slow
-def test_a_copy_of_weights_in_half_the_space_takes_half_the_space(tmp_path):
-    wide = Architecture(size=32, unet_width=8, unet_depth=3, encoder_width=8, dense_width=32)
-    for half in (True, False):
-        run, copy = tmp_path / f"run {half}", tmp_path / f"copy {half}"
-        one = {"segmentation": build(wide, seed=1)["segmentation"]}
-        weights.save(run / "model", wide, one, half=half)
-        expected = weights.load(run, whole=False)[1]
-        graphs.write(run / "onnx", wide, expected, "digest")
-        (run / "model" / "segmentation.weights.h5").unlink()
-        weights.copy(run, copy)
-        found = weights.load(copy, whole=False)[1]["segmentation"].get_weights()
-        for one, other in zip(found, expected["segmentation"].get_weights(), strict=True):
-            assert np.array_equal(one, other)
-    sizes = [
-        (tmp_path / f"copy {half}" / "segmentation.weights.h5").stat().st_size
-        for half in (True, False)
-    ]
-    assert sizes[0] < 0.7 * sizes[1]
 
 
 def test_a_part_of_it_is_loaded_or_told(bare):
