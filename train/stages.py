@@ -5,17 +5,15 @@ from dataclasses import dataclass
 
 from lime_keras.networks import SUBNETWORKS, Architecture, subnetwork_names
 
-_JOINED = {
-    "segmentation": None,
-    "specular": 1,
-    "mirror": 1,
-    "albedo": 3,
-    "exponent": 2,
-    "reflectance_map": 1,
-    "material": 1,
-}
-"""Number of the first joined stage of each subnetwork, None if it is only trained alone; in the
-order in which subnetworks are trained alone."""
+_STAGES = (
+    *("segmentation", "specular", "mirror", "albedo", "exponent", "reflectance_map", "material"),
+    "specular+mirror",
+    "specular+mirror+exponent",
+    "specular+mirror+exponent+albedo",
+    "reflectance_map+material",
+)
+"""All stages in their order; a system leaves out the subnetworks that it does not have."""
+
 # Under Muon its deep levels grew by a factor of five each, until a level above them died.
 _OPTIMIZERS = {"mirror": "adam"}  # what trains a subnetwork alone, whatever the schedule says
 WARM_UP = 0.02  # share of a stage in which Muon's learning rate rises from nearly 0
@@ -129,38 +127,24 @@ class Schedule:
     def stages(self, architecture: Architecture) -> list[Stage]:
         """Return all stages of a system, in the order of training."""
         here = subnetwork_names(architecture)
-        rounds = {name: _JOINED[name] for name in here}
-        out = [
-            self._stage(
-                (name,),
-                self.encoder_steps if SUBNETWORKS[name].encoder else self.single_steps,
-                self.single_learning_rate,
-                _OPTIMIZERS.get(name),
-            )
-            for name in _JOINED
-            if name in here
-        ]
-        numbers = sorted({number for number in rounds.values() if number is not None})
-        joined = [
-            tuple(name for name, number in rounds.items() if number is not None and number <= last)
-            for last in numbers
-        ]
-        joined = [names for names in joined if len(names) > 1]
-        for names in joined:
-            steps = max(1, round(self.joint_steps / len(joined)))
-            out.append(self._stage(names, steps, self.joint_learning_rate))
-        return out
+        rows = (tuple(part for part in name.split("+") if part in here) for name in _STAGES)
+        every = dict.fromkeys(filter(None, rows))
+        joint_steps = self.joint_steps / max(1, sum(len(names) > 1 for names in every))
+        return [self._stage(names, max(1, round(joint_steps))) for names in every]
 
-    def _stage(
-        self, names: tuple[str, ...], steps: int, rate: float, optimizer: str | None = None
-    ) -> Stage:
-        """Return a stage; its optimiser is the schedule's where none is passed."""
+    def _stage(self, names: tuple[str, ...], joint_steps: int) -> Stage:
+        """Return the stage of some subnetworks."""
+        steps, rate, optimizer = joint_steps, self.joint_learning_rate, self.optimizer
+        if len(names) == 1:
+            is_encoder, rate = SUBNETWORKS[names[0]].encoder, self.single_learning_rate
+            steps = self.encoder_steps if is_encoder else self.single_steps
+            optimizer = _OPTIMIZERS.get(names[0], optimizer)
         return Stage(
             names,
             self.steps or steps,
             self.rate or rate,
             self.cosine,
-            optimizer or self.optimizer,
+            optimizer,
             self.epsilon,
             self.decay,
             self.average,
