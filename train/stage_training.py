@@ -154,9 +154,10 @@ class StageTraining:
         """Evaluate on the validation set and record its losses with the training losses."""
         batches = self._data.validation(self._features, self._part.kept)
         validation, measured, _ = evaluate(self._part.model, batches, self._devices)
+        groups = {"training": training, "validation": validation, "measure": measured}
         if self._devices.leads:
-            curve.add(step, training, validation, measured)
-        board.scalars(step, {"training": training, "validation": validation, "measure": measured})
+            curve.add(step, groups)
+        board.scalars(step, groups)
 
     def _stop(
         self, step: int, batch: Batch, losses: Mapping[str, float], norms: Mapping[str, float]

@@ -112,26 +112,19 @@ class Curve:
             self._rows = [row for row in rows if step > 0 and int(row["step"]) <= step]
         self._earlier = float(self._rows[-1]["seconds"]) if self._rows else 0.0
 
-    def add(
-        self,
-        step: int,
-        training: Mapping[str, float],
-        validation: Mapping[str, float],
-        measures: Mapping[str, float],
-    ) -> None:
-        """Append a row and write the file.
+    def add(self, step: int, groups: Mapping[str, Mapping[str, float]]) -> None:
+        """Append a row of numbers by group, the columns `group_name`, and write the file.
 
         Args:
             step: number of batches done.
-            training: mean training losses since the row before.
-            validation: mean losses on the validation set.
-            measures: measures on the validation set, which are errors or shares.
+            groups: `training`, mean losses since the row before, whose columns begin with `train_`;
+                `validation`, mean losses on the validation set; `measure`, measures on it.
         """
         seconds = self._earlier + time.monotonic() - self._began
         row = {"step": str(step), "seconds": f"{seconds:.1f}"}
-        groups = {"train": training, "validation": validation, "measure": measures}
         for group, values in groups.items():
-            row |= {f"{group}_{name}": f"{value:.6g}" for name, value in values.items()}
+            prefix = "train" if group == "training" else group
+            row |= {f"{prefix}_{name}": f"{value:.6g}" for name, value in values.items()}
         self._rows.append(row)
         columns = dict.fromkeys(name for one in self._rows for name in one)
         with (
