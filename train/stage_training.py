@@ -15,7 +15,7 @@ from .devices import Devices
 from .optimizer import gradient_norms
 from .stage_model import StageModel
 from .stages import Stage
-from .state import Checkpoint, Curve, Means
+from .state import Checkpoint, Curve, means
 from .tensorboard_log import Board
 
 _SECONDS_BETWEEN_CHECKPOINTS = 60
@@ -115,7 +115,9 @@ class StageTraining:
         if step == 0:
             self._validate(0, {}, curve, board)
         batches = self._data.training(stage, self._features, step, self._part.kept)
-        losses, norms, waited, began = Means(), Means(), 0.0, monotonic()
+        losses: list[dict[str, float]] = []
+        norms: list[dict[str, float]] = []
+        waited, began = 0.0, monotonic()
         saved, first = began, step
         while step < stage.steps:
             # Learn from a batch.
@@ -128,17 +130,17 @@ class StageTraining:
             if not _finite(batch_losses) or not _finite(batch_norms):
                 self._stop(step, batch, batch_losses, batch_norms)
             # Tell, and look at the validation set.
-            losses.add(batch_losses)
-            norms.add(batch_norms)
+            losses.append(batch_losses)
+            norms.append(batch_norms)
             if step == stage.steps:
                 model.optimizer.finalize_variable_values(model.trainable_variables)
             elapsed = monotonic() - began
-            self._tell(Progress(stage, step, losses.means(), waited / max(elapsed, 1e-9)))
+            self._tell(Progress(stage, step, means(losses), waited / max(elapsed, 1e-9)))
             if step % interval == 0 or step == stage.steps:
                 rates = {"steps a second": (step - first) / elapsed, "data wait": waited / elapsed}
-                self._validate(step, losses.means(), curve, board)
-                board.scalars(step, {"gradient norm": norms.means(), "throughput": rates})
-                losses, norms, waited, began, first = Means(), Means(), 0.0, monotonic(), step
+                self._validate(step, means(losses), curve, board)
+                board.scalars(step, {"gradient norm": means(norms), "throughput": rates})
+                losses, norms, waited, began, first = [], [], 0.0, monotonic(), step
             # Keep.
             if step == stage.steps or monotonic() - saved > _SECONDS_BETWEEN_CHECKPOINTS:
                 if self._devices.leads:
@@ -191,13 +193,14 @@ def evaluate(
     model: StageModel, batches: Iterable[Batch], devices: Devices
 ) -> tuple[dict[str, float], dict[str, float], int]:
     """Return mean losses and measures of a compiled model by name, and the number of examples."""
-    losses, examples = Means(), 0
+    losses: list[dict[str, float]] = []
+    examples = 0
     model.reset_measures()
     for batch in batches:
         examples += len(batch["mask"])
         shares, weights = devices.split(batch), devices.weights(batch)
-        losses.add(model.test_on_batch(shares, sample_weight=weights, return_dict=True))
-    return losses.means(), model.measured() if examples else {}, examples
+        losses.append(model.test_on_batch(shares, sample_weight=weights, return_dict=True))
+    return means(losses), model.measured() if examples else {}, examples
 
 
 def _finite(values: Mapping[str, float]) -> bool:

@@ -2,7 +2,7 @@
 
 import csv
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import keras
@@ -76,22 +76,10 @@ def _variables(model: StageModel) -> list[keras.Variable]:
     return [*weights, *(model.optimizer.variables if model.compiled else [])]
 
 
-class Means:
-    """Running means over several batches; Keras' `train_on_batch` returns one batch's losses."""
-
-    def __init__(self):
-        self._sums: dict[str, float] = {}
-        self._count = 0
-
-    def add(self, values: Mapping[str, float]) -> None:
-        """Add the numbers of one batch."""
-        self._count += 1
-        for name, value in values.items():
-            self._sums[name] = self._sums.get(name, 0.0) + float(value)
-
-    def means(self) -> dict[str, float]:
-        """Return the mean of each number over the batches so far."""
-        return {name: total / self._count for name, total in self._sums.items()}
+def means(batches: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    """Return the mean of each number over batches, which all have the same; {} without batches."""
+    names = batches[0] if batches else ()
+    return {name: sum(float(one[name]) for one in batches) / len(batches) for name in names}
 
 
 class Curve:

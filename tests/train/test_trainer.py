@@ -35,7 +35,7 @@ from lime_keras.train.data import Data
 from lime_keras.train.devices import Devices
 from lime_keras.train.photos import making
 from lime_keras.train.stages import SCHEDULES, Stage
-from lime_keras.train.state import Means
+from lime_keras.train.state import means
 
 TINY = Architecture(size=32, unet_width=2, unet_depth=1, encoder_width=2, dense_width=4)
 BRIEF = dataclasses.replace(
@@ -827,10 +827,7 @@ def test_the_bars_show_losses_and_the_wait_for_data(capsys):
 
 
 def test_means():
-    means = Means()
-    for value in (1.0, 2.0, 6.0):
-        means.add({"mask": value})
-    assert means.means() == {"mask": 3.0}
+    assert means([{"mask": value} for value in (1.0, 2.0, 6.0)]) == {"mask": 3.0}
 
 
 def test_a_stage_ends_with_the_optimisers_average(corpus, config, tmp_path):
