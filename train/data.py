@@ -238,12 +238,7 @@ def without_origin(batch: Batch) -> Batch:
 
 def _rows(count: int, seed: int, positions: range) -> np.ndarray:
     """Return the photos at some positions of a stage: each once an epoch, in an own order."""
-    rows: list[int] = []
-    for epoch in range(positions.start // count, (positions.stop - 1) // count + 1):
-        order = making.order(count, seed, epoch)
-        first, last = positions.start - epoch * count, positions.stop - epoch * count
-        rows += order[max(first, 0) : min(last, count)].tolist()
-    return np.array(rows)
+    return np.array([making.order(count, seed, at // count)[at % count] for at in positions])
 
 
 def _read(photos: Kept, replies: Kept | None, rows: np.ndarray, features: Collection[str]) -> Batch:

@@ -5,11 +5,10 @@ A recipe is data. `train.recipes.run` carries it out.
 
 import dataclasses
 import importlib
-import importlib.util
+import runpy
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from lime_keras.model.folder import shipped
 
@@ -207,14 +206,10 @@ def find(name: str) -> Recipe:
 
 
 def _read(path: Path) -> Recipe:
-    spec = importlib.util.spec_from_file_location("recipe_of_a_user", path)
-    if spec is None or spec.loader is None:
-        raise ValueError(f"{path} is no Python file: pass one that defines RECIPE")
-    module: Any = importlib.util.module_from_spec(spec)
     try:
-        spec.loader.exec_module(module)
+        recipe = runpy.run_path(str(path)).get("RECIPE")
     except Exception as error:  # whatever a user's lines raise
         raise ValueError(f"{path} is no recipe: {type(error).__name__}: {error}") from error
-    if not isinstance(getattr(module, "RECIPE", None), Recipe):
+    if not isinstance(recipe, Recipe):
         raise ValueError(f"{path} defines no RECIPE: see docs/how-to/recipes.md for what it is")
-    return module.RECIPE
+    return recipe
