@@ -12,7 +12,7 @@ import csv
 import hashlib
 import os
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from lime_keras import console
@@ -79,14 +79,10 @@ def link_sides(data: Path, kind: str, count: int, out: Path) -> None:
             os.symlink(path, link)
 
 
-def digests(data: Path, kind: str, on_file: Callable[[int, int], None]) -> dict[str, str]:
+def digests(data: Path, kind: str) -> dict[str, str]:
     """Return the SHA-256 of each of `training_files`, by its place in the folder."""
-    files, out = training_files(data, kind), {}
-    for number, path in enumerate(files):
-        on_file(number, len(files))
-        out[path.relative_to(data).as_posix()] = untrusted.sha256(path)
-    on_file(len(files), len(files))
-    return out
+    files = training_files(data, kind)
+    return {path.relative_to(data).as_posix(): untrusted.sha256(path) for path in files}
 
 
 def total(files: Mapping[str, str]) -> str:
@@ -101,7 +97,7 @@ def listed() -> dict[str, str]:
         return {row["file"]: row["sha256"] for row in csv.DictReader(file)}
 
 
-def faults(data: Path, on_file: Callable[[int, int], None]) -> list[str]:
+def faults(data: Path) -> list[str]:
     """Return a line for each file of the list that is missing or has other bytes, or is beside it.
 
     Raises:
@@ -110,13 +106,12 @@ def faults(data: Path, on_file: Callable[[int, int], None]) -> list[str]:
     if not data.is_dir():
         raise FileNotFoundError(f"{data} is no folder: pass one with {' and '.join(SUFFIXES)}")
     known, out = listed(), []
-    for number, (name, digest) in enumerate(known.items(), 1):
+    for name, digest in known.items():
         path = data / name
         if not path.is_file():
             out.append(f"{name} is missing")
         elif untrusted.sha256(path) != digest:
             out.append(f"{name} has other bytes")
-        on_file(number, len(known))
     for kind, suffixes in SUFFIXES.items():
         there = scanner.walk(data / kind, suffixes) if (data / kind).is_dir() else ()
         names = (path.relative_to(data).as_posix() for path in there)
@@ -139,8 +134,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _check(data: Path) -> int:
-    with console.Bar("files", "file") as bar:
-        wrong = faults(data, bar.move)
+    wrong = faults(data)
     for line in wrong[:_NAMED]:
         print(line)
     if len(wrong) > _NAMED:

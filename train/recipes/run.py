@@ -26,7 +26,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from lime_keras import console
 from lime_keras.io import atomic, locking, untrusted
 from lime_keras.model import folder as model_folder
 from lime_keras.version import __version__, installed
@@ -101,8 +100,7 @@ class _Run:
         files: dict[str, str] = {}
         if chosen.reads_data and data_folder is not None:
             for kind in data.SUFFIXES:
-                with console.Bar(kind, "file") as bar:
-                    files |= data.digests(data_folder, kind, bar.move)
+                files |= data.digests(data_folder, kind)
         self._record = self._begin(name, seed, files)
         if data_folder is not None and files:
             for kind, count in zip(data.SUFFIXES, chosen.held_out, strict=True):
